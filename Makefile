@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+# `make` alone lists what there is. Live runs need root: they are started through sudo where needed.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help packages setup build experiment paper plots test test-netem data images doctor clean
+# The Python environment and the C++ programs are made side by side: one loads, the other computes.
+MAKEFLAGS += -j2
+
+NAME ?= quickstart
+DATASET ?= quickstart
+ENGINE ?= auto
+PAPER ?= all
+BUILD := build
+VENV := .venv/bin
+SLAMBED := $(VENV)/slambed
+# Kept through sudo: where data and caches lie.
+SUDO := $(if $(filter 0,$(shell id -u)),,sudo --preserve-env=SLAMBED_DATA,SLAMBED_CACHE,HOME)
+
+help: ## This list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+	@echo
+	@echo "  Start with: make experiment NAME=quickstart [RUNS=1] [ENGINE=docker|local]"
+
+packages:
+	@tools/setup.sh run
+
+setup: packages ## Install what is missing (apt, .venv)
+	@tools/venv.sh
+
+build: packages ## Compile the C++ programs (inside the image build where Docker is)
+	@tools/build.sh $(ENGINE)
+
+experiment: setup build ## Run an experiment and show its report: NAME=quickstart [RUNS=3] [ENGINE=auto]
+	@$(SUDO) $(SLAMBED) run $(NAME) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
+
+paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=paper]
+	@$(SUDO) $(SLAMBED) paper $(PAPER) $(if $(RUNS),--runs $(RUNS))
+
+plots: setup ## Draw all reports again without running anything
+	@$(SLAMBED) plots all
+
+test: setup ## All tests and checks: ctest, pytest, ruff, mypy
+	@tools/setup.sh build test
+	@tools/test.sh $(BUILD)
+
+test-netem: setup build ## The kernel's own netem, in a small virtual machine (user-mode Linux)
+	@tools/netem_vm.sh
+
+data: setup build ## Prepare a sequence: DATASET=quickstart (see 'slambed data list')
+	@$(SUDO) $(SLAMBED) data prepare $(DATASET)
+
+images: packages ## Build the node image
+	@tools/build.sh docker
+
+doctor: setup ## Say what this machine can do
+	@$(SUDO) $(SLAMBED) doctor
+
+clean: ## Remove build products and what killed campaigns left; results stay
+	@if [ -x $(SLAMBED) ]; then $(SUDO) $(SLAMBED) clean; fi
+	@rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache

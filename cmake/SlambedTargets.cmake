@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+# One helper per kind of target, so that every floor, test and program is built with the same flags.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE_PROGRAM})
+endif()
+
+add_library(slambed_flags INTERFACE)
+# No contraction into FMA and no -march: the same source gives the same bytes on every machine.
+# Hot integer kernels choose their instruction set at run time (target_clones) instead.
+target_compile_options(slambed_flags INTERFACE -Wall -Wextra -Wshadow -ffp-contract=off)
+target_include_directories(slambed_flags INTERFACE ${PROJECT_SOURCE_DIR}/systems/core)
+foreach(sanitizer IN LISTS SLAMBED_SANITIZE)
+  target_compile_options(slambed_flags INTERFACE -fsanitize=${sanitizer} -fno-omit-frame-pointer -g)
+  target_link_options(slambed_flags INTERFACE -fsanitize=${sanitizer})
+endforeach()
+
+# slambed_floor(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>.
+# Arrows point only downwards; CMake refuses static-library cycles because order of definition is kept.
+function(slambed_floor name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  set(target slambed_${name})
+  if(ARG_SOURCES)
+    add_library(${target} STATIC ${ARG_SOURCES})
+    target_link_libraries(${target} PUBLIC slambed_flags ${ARG_DEPENDS})
+  else()
+    add_library(${target} INTERFACE)
+    target_link_libraries(${target} INTERFACE slambed_flags ${ARG_DEPENDS})
+  endif()
+  foreach(dependency IN LISTS ARG_DEPENDS)
+    if(dependency MATCHES "^slambed_" AND NOT TARGET ${dependency})
+      message(FATAL_ERROR "${target} depends on ${dependency}, which is not below it")
+    endif()
+  endforeach()
+endfunction()
+
+# slambed_test(name SOURCES ... DEPENDS ...): one GoogleTest program, one ctest entry per test case.
+function(slambed_test name)
+  if(NOT SLAMBED_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
+  include(GoogleTest)
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300)
+endfunction()
+
+function(slambed_benchmark name)
+  if(NOT SLAMBED_BENCHMARKS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} benchmark::benchmark benchmark::benchmark_main)
+endfunction()

@@ -1,0 +1,35 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# Makes sure that the base image is there: found, pulled, or made with debootstrap.
+set -euo pipefail
+
+image=debian:bookworm-slim
+suite=bookworm
+mirror=${SLAMBED_DEBIAN_MIRROR:-http://deb.debian.org/debian}
+pull_timeout_s=120
+
+if docker image inspect "$image" >/dev/null 2>&1; then
+  exit 0
+fi
+echo "pulling $image"
+if timeout "$pull_timeout_s" docker pull -q "$image"; then
+  exit 0
+fi
+echo "cannot pull $image: making it with debootstrap (about a minute)"
+if [ "$(id -u)" -ne 0 ]; then
+  echo "error: debootstrap needs root, $image cannot be pulled; run 'sudo make images'" >&2
+  exit 3
+fi
+"$(dirname "$0")/setup.sh" image
+folder=$(mktemp -d /var/tmp/slambed-base.XXXXXX)
+trap 'rm -rf "$folder"' EXIT
+debootstrap --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1 || {
+  tail -n 5 "$folder.log" >&2
+  rm -f "$folder.log"
+  echo "error: debootstrap failed, $mirror; check the network or set SLAMBED_DEBIAN_MIRROR" >&2
+  exit 3
+}
+rm -f "$folder.log"
+# What apt keeps for itself is dead weight in an image.
+rm -rf "$folder"/var/cache/apt/archives/*.deb "$folder"/var/lib/apt/lists/*
+tar -C "$folder" -c . | docker import - "$image"

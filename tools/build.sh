@@ -1,0 +1,33 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# build.sh [auto|docker|local]: the C++ programs in build/bin, once per state of the sources.
+# Where a Docker daemon answers they are compiled inside the image build, else on this host.
+set -euo pipefail
+
+engine=${1:-auto}
+root=$(cd "$(dirname "$0")/.." && pwd)
+programs="slambed-node slambed-sim slambed-relay slambed-synth"
+bin=$root/build/bin
+hash=$(PYTHONPATH="$root/harness" python3 -m slambed.spec.software)
+tag=slambed-node:$hash
+
+if [ "$engine" = auto ]; then
+  if docker info >/dev/null 2>&1; then engine=docker; else engine=local; fi
+fi
+
+built() {
+  [ "$(cat "$bin/sources.sha256" 2>/dev/null)" = "$hash" ] || return 1
+  for program in $programs; do [ -x "$bin/$program" ] || return 1; done
+}
+
+if [ "$engine" = docker ]; then
+  if built && docker image inspect "$tag" >/dev/null 2>&1; then exit 0; fi
+  exec "$root/tools/build_image.sh" "$tag"
+fi
+if built; then exit 0; fi
+"$root/tools/setup.sh" build
+cmake -S "$root" -B "$root/build" -G Ninja -DSLAMBED_TESTS=OFF >/dev/null
+rm -f "$bin/sources.sha256"
+# shellcheck disable=SC2086
+ninja -C "$root/build" $programs
+echo "$hash" >"$bin/sources.sha256"

@@ -1,0 +1,50 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# Runs a command as root inside a small virtual machine whose kernel has netem: user-mode Linux, an ordinary
+# program, booted on this host's own files (read-only). For kernels that were built without sch_netem.
+#
+#   tools/netem_vm.sh [--out FOLDER] [command ...]     default command: the netem tests
+#
+# The command finds FOLDER, writable, as /run/out. Exit status: the command's; 3 when the machine cannot start.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+repository=$PWD
+cache=${SLAMBED_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/slambed}/uml
+memory=${SLAMBED_VM_MEMORY:-1024M}
+limit_s=${SLAMBED_VM_SECONDS:-170}
+
+fail() { echo "error: $1" >&2; exit 3; }
+
+out=
+if [ "${1:-}" = --out ]; then out=$(mkdir -p "$2" && cd "$2" && pwd); shift 2; fi
+if [ $# -eq 0 ]; then
+  set -- .venv/bin/python -m pytest -q --color=no -p no:cacheprovider harness/tests/test_link_backends.py
+fi
+
+# The package is unpacked, not installed: it starts nothing and touches nothing.
+if [ ! -x "$cache/usr/bin/linux.uml" ]; then
+  mkdir -p "$cache"
+  (cd "$cache" && apt-get -qq download user-mode-linux 2>/dev/null) ||
+    fail "cannot download the package user-mode-linux; run 'apt-get update' on a Debian machine"
+  dpkg -x "$cache"/user-mode-linux_*.deb "$cache"
+  rm "$cache"/user-mode-linux_*.deb
+fi
+modules=$(echo "$cache"/usr/lib/uml/modules/*/kernel)
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+out=${out:-$scratch/out}
+mkdir -p "$out"
+printf '%q ' "$@" > "$scratch/command"
+log=$scratch/console
+
+# Its consoles are our standard output; it exits 0 whatever happens inside, so the result is a line of the console.
+TMPDIR=$scratch timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.uml" \
+  "mem=$memory" root=none rootfstype=hostfs rootflags=/ ro quiet \
+  con=null con0=null,fd:1 ssl=null "umid=slambed$$" "uml_dir=$scratch" \
+  "init=$repository/tools/netem_vm_init.sh" "VM_SCRATCH=$scratch" "VM_OUT=$out" \
+  "VM_MODULES=$modules" "VM_PYTHON=$repository/.venv/bin/python" "VM_BIN=${SLAMBED_BIN:-}" \
+  < /dev/null 2>&1 | tee "$log" | grep -v -e '^SLAMBED_VM_RESULT ' || true
+result=$(sed -n 's/^SLAMBED_VM_RESULT \([0-9]*\).*/\1/p' "$log" | tail -1)
+[ -n "$result" ] || fail "the virtual machine ended without a result (limit: $limit_s s)"
+exit "$result"

@@ -1,0 +1,27 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# Process 1 of the virtual machine of netem_vm.sh: devices, modules, the command, off.
+export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/run PYTHONDONTWRITEBYTECODE=1
+mount -t proc proc /proc
+mount -t sysfs sysfs /sys
+mount -t devtmpfs dev /dev 2>/dev/null
+# The command lies below the host's /tmp, which this hides.
+command=$(cat "$VM_SCRATCH/command")
+mount -t tmpfs tmpfs /run
+mkdir -p /run/out /run/netns
+mount -t hostfs none /run/out -o "$VM_OUT"
+mount -t tmpfs tmpfs /tmp
+ip link set lo up
+[ -n "$VM_BIN" ] && export SLAMBED_BIN="$VM_BIN"
+cd "$(dirname "$0")/.." || exit 1
+"$VM_PYTHON" - "$VM_MODULES" <<'END'
+import ctypes, os, sys
+FINIT_MODULE = 313  # x86-64; there may be no insmod
+for name in ("net/sched/sch_netem.ko", "drivers/net/veth.ko"):
+    fd = os.open(f"{sys.argv[1]}/{name}", os.O_RDONLY)
+    if ctypes.CDLL(None, use_errno=True).syscall(FINIT_MODULE, fd, b"", 0) != 0:
+        print("cannot load", name, os.strerror(ctypes.get_errno()))
+END
+sh -c "$command"
+echo "SLAMBED_VM_RESULT $?"
+"$VM_PYTHON" -c 'import ctypes, os; os.sync(); ctypes.CDLL(None).reboot(0x4321FEDC)'

@@ -1,0 +1,50 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# setup.sh run|build|test|image: installs the Debian/Ubuntu packages that are missing, nothing else.
+set -euo pipefail
+
+packages_for() {
+  case $1 in
+    run) echo python3 python3-venv iproute2 ca-certificates ;;
+    build) echo g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev ;;
+    # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
+    # the whole of it only.
+    test) echo libgtest-dev libopencv-dev libceres-dev ;;
+    image) echo debootstrap debian-archive-keyring ;;
+    *) echo "error: setup.sh $1: not one of run, build, test, image" >&2; exit 2 ;;
+  esac
+}
+
+installed() {
+  [ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+}
+
+# A Python outside of dpkg does as well.
+python_is_good() {
+  python3 -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
+}
+
+missing=()
+for group in "$@"; do
+  packages=$(packages_for "$group")
+  for package in $packages; do
+    case $package in
+      python3 | python3-venv) python_is_good && continue ;;
+    esac
+    installed "$package" || missing+=("$package")
+  done
+done
+[ ${#missing[@]} -eq 0 ] && exit 0
+
+if ! command -v apt-get >/dev/null; then
+  echo "error: no apt-get on this system; install the equivalent of: ${missing[*]}" >&2
+  exit 3
+fi
+sudo=
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || { echo "error: no sudo; as root: apt-get install ${missing[*]}" >&2; exit 3; }
+  sudo=sudo
+fi
+echo "installing: ${missing[*]}"
+$sudo apt-get update -qq
+$sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
