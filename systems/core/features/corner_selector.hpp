@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "features/corner_detector.hpp"
+#include "features/orb_extractor.hpp"
+
+namespace slambed {
+
+/// Thins the corners of a level out to a quota, spread over the image. Equal responses are decided
+/// by raster order, so the same corners always give the same choice.
+class CornerSelector {
+ public:
+  explicit CornerSelector(Distribution distribution) : distribution_(distribution) {}
+
+  /// Makes room, so that select() need not allocate for up to these numbers.
+  void reserve(std::size_t most_corners, int largest_quota);
+
+  /// Keeps at most quota corners (the quadtree: at most quota + 3), in raster order, in place.
+  void select(const DetectionRegion& region, int quota, std::vector<Corner>& corners);
+
+ private:
+  void select_by_grid(const DetectionRegion& region, int quota, std::vector<Corner>& corners);
+  void select_by_quadtree(const DetectionRegion& region, int quota, std::vector<Corner>& corners);
+
+  struct Node {
+    int x0, y0, x1, y1;        ///< half open
+    std::uint32_t begin, end;  ///< its corners in order_
+    std::uint32_t count() const { return end - begin; }
+  };
+  void split(const std::vector<Corner>& corners, Node node);
+
+  Distribution distribution_;
+  std::vector<std::uint32_t> order_, scratch_, cell_begin_;
+  std::vector<std::uint64_t> keys_;
+  std::vector<Node> nodes_, expandable_, final_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "features/image.hpp"
+#include "features/kernels.hpp"
+
+namespace slambed {
+
+/// An image plane whose rows have room around them: kBorder mirrored pixels on each side, and
+/// enough beyond for kernels that work in whole vectors.
+class PaddedPlane {
+ public:
+  static constexpr int kBorder = 8;
+
+  void resize(int width, int height);
+  std::uint8_t* row(int y) { return bytes_.data() + offset_ + y * stride_; }
+  GreyView view() const { return {bytes_.data() + offset_, width_, height_, stride_}; }
+  /// Fills the border by reflection about the outermost pixel (OpenCV's reflect-101).
+  void mirror_border();
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+  std::ptrdiff_t stride_ = 0, offset_ = 0;
+  int width_ = 0, height_ = 0;
+};
+
+/// Shrinks an axis of `from` pixels to `to` pixels (to <= from <= 2 * to).
+class ResizeAxis {
+ public:
+  ResizeAxis() = default;
+  ResizeAxis(int from, int to);
+  int size() const { return static_cast<int>(first_.size()); }
+  ResizeTable table() const;
+
+ private:
+  std::vector<std::uint16_t> first_, weight_[3], block_first_;
+  std::vector<std::uint8_t> place_;
+  bool fits_window_ = true;
+};
+
+/// The image and its ever smaller copies. Level i has 1 / scale[i] of the size of level 0, rounded,
+/// and is made from level i - 1.
+class ImagePyramid {
+ public:
+  /// scale: size of level 0 over size of each level, ascending from 1, each step at most 2.
+  ImagePyramid(std::vector<float> scale, const Kernels& kernels);
+
+  void build(GreyView image);
+  /// Number of levels the last image was large enough for (each side at least min_side_px).
+  int levels() const { return usable_; }
+  GreyView level(int i) const { return planes_[i].view(); }
+  static constexpr int kMinSide = 33;  ///< one pixel that is 16 px from every border
+
+ private:
+  struct Step {
+    ResizeAxis x, y;
+  };
+  void prepare(int width, int height);
+
+  std::vector<float> scale_;
+  const Kernels& kernels_;
+  std::vector<PaddedPlane> planes_;
+  std::vector<Step> steps_;  ///< steps_[i] makes level i + 1
+  std::vector<std::uint8_t> row_;
+  int width_ = 0, height_ = 0, usable_ = 0;
+};
+
+}  // namespace slambed

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "features/stereo_matcher.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "base/error.hpp"
+#include "features/pyramid.hpp"
+
+namespace slambed {
+namespace {
+
+// ORB-SLAM2's constants.
+constexpr float kRowTolerance = 2;  ///< px on the level of the right keypoint
+constexpr int kHammingLimit = (kHammingHigh + kHammingLow) / 2;
+constexpr int kPatchRadius = 5;            ///< px on the level of the left keypoint
+constexpr int kSlide = 5;                  ///< px that the patch is moved either way
+constexpr float kLeastDisparity = 0.01f;   ///< px; what a disparity of 0 becomes
+constexpr float kPoorPatch = 1.5f * 1.4f;  ///< times the median difference
+
+/// Whole pixel of a level that a level-0 coordinate falls on.
+int level_pixel(float value, int level_size, int full_size) {
+  const float ratio = static_cast<float>(level_size) / static_cast<float>(full_size);
+  return static_cast<int>(std::floor((value + 0.5f) * ratio));
+}
+
+struct Difference {
+  int absolute = 0;    ///< each image relative to the pixel in the middle of its patch (ORB-SLAM2)
+  double squared = 0;  ///< each image relative to its mean, times the number of pixels
+};
+
+/// Compares a patch of the left image with one of the right, summed over all pixels.
+Difference patch_difference(GreyView left, int left_x, GreyView right, int right_x, int y) {
+  const int middles = left.at(left_x, y) - right.at(right_x, y);
+  int absolute = 0, total = 0, squares = 0;  // 121 * 255^2 fits
+  for (int dy = -kPatchRadius; dy <= kPatchRadius; ++dy) {
+    const std::uint8_t* l = left.row(y + dy) + left_x;
+    const std::uint8_t* r = right.row(y + dy) + right_x;
+    for (int dx = -kPatchRadius; dx <= kPatchRadius; ++dx) {
+      const int difference = l[dx] - r[dx];
+      absolute += std::abs(difference - middles);
+      total += difference;
+      squares += difference * difference;
+    }
+  }
+  constexpr double kPixels = (2 * kPatchRadius + 1) * (2 * kPatchRadius + 1);
+  return {absolute, squares * kPixels - static_cast<double>(total) * total};
+}
+
+struct Slide {
+  float offset;  ///< left column minus right column, px of the level
+  int difference;
+};
+
+/// The best place of the left patch around right_x, refined by a parabola.
+std::optional<Slide> slide_patch(GreyView left, int left_x, GreyView right, int right_x, int y) {
+  const int reach = kPatchRadius + kSlide;
+  if (left_x < kPatchRadius || left_x >= left.width - kPatchRadius || right_x < reach ||
+      right_x >= right.width - reach || y < kPatchRadius || y >= left.height - kPatchRadius)
+    return std::nullopt;
+  Difference difference[2 * kSlide + 1];
+  int best = 0;
+  for (int i = 0; i <= 2 * kSlide; ++i) {
+    difference[i] = patch_difference(left, left_x, right, right_x + i - kSlide, y);
+    if (difference[i].absolute < difference[best].absolute) best = i;
+  }
+  if (best == 0 || best == 2 * kSlide) return std::nullopt;  // the true minimum may lie beyond
+  // Squares are smooth at their minimum, where absolute differences have a kink that pulls a
+  // parabola towards the whole pixel.
+  const double before = difference[best - 1].squared;
+  const double at = difference[best].squared;
+  const double after = difference[best + 1].squared;
+  const double curvature = before + after - 2 * at;
+  if (!(curvature > 0)) return std::nullopt;
+  const float top = static_cast<float>(0.5 * (before - after) / curvature);
+  if (std::abs(top) > 1) return std::nullopt;
+  return Slide{static_cast<float>(left_x - (right_x + best - kSlide)) - top,
+               difference[best].absolute};
+}
+
+}  // namespace
+
+StereoMatcher::StereoMatcher(std::shared_ptr<const Sensor> sensor) : sensor_(std::move(sensor)) {
+  if (!sensor_) throw bad_input("stereo matcher: no sensor given");
+  const Camera& camera = sensor_->camera;
+  if (!(camera.bf > 0)) throw bad_input("stereo matcher: the camera has no baseline, set bf");
+  if (camera.distorted())
+    throw bad_input("stereo matcher: the camera has distortion, give rectified images");
+}
+
+void StereoMatcher::sort_into_rows(const Side& right) {
+  const int rows = sensor_->camera.height;
+  const auto each_row = [&](auto&& visit) {
+    for (int i = 0; i < static_cast<int>(right.keypoints.size()); ++i) {
+      const RawKeyPoint& p = right.keypoints[i];
+      const float reach = kRowTolerance * sensor_->pyramid.scale[p.octave];
+      const int first = std::max(0, static_cast<int>(std::floor(p.y - reach)));
+      const int last = std::min(rows - 1, static_cast<int>(std::ceil(p.y + reach)));
+      for (int row = first; row <= last; ++row) visit(row, i);
+    }
+  };
+  row_begin_.assign(rows + 1, 0);
+  each_row([&](int row, int) { ++row_begin_[row + 1]; });
+  for (int row = 0; row < rows; ++row) row_begin_[row + 1] += row_begin_[row];
+  row_items_.resize(row_begin_.back());
+  next_.assign(row_begin_.begin(), row_begin_.end() - 1);
+  each_row([&](int row, int i) { row_items_[next_[row]++] = i; });
+}
+
+int StereoMatcher::best_descriptor(const RawKeyPoint& point, const Descriptor& descriptor,
+                                   const Side& right) const {
+  const int row = std::clamp(static_cast<int>(point.y + 0.5f), 0, sensor_->camera.height - 1);
+  // Nothing is nearer than one baseline, where the disparity is fx; points far away scatter around
+  // 0.
+  const float least_x = point.x - static_cast<float>(sensor_->camera.fx);
+  const float most_x = point.x + sensor_->pyramid.scale[point.octave];
+  int best = -1, least = kHammingLimit;
+  for (int k = row_begin_[row]; k < row_begin_[row + 1]; ++k) {
+    const int i = row_items_[k];
+    const RawKeyPoint& candidate = right.keypoints[i];
+    if (std::abs(candidate.octave - point.octave) > 1) continue;
+    if (candidate.x < least_x || candidate.x > most_x) continue;
+    const int distance = hamming(descriptor, right.descriptors[i]);
+    if (distance < least) least = distance, best = i;
+  }
+  return best;
+}
+
+void StereoMatcher::match(const Side& left, const Side& right, std::vector<float>& disparity) {
+  disparity.assign(left.keypoints.size(), -1.0f);
+  matches_.clear();
+  const int levels = sensor_->pyramid.levels();
+  for (const Side* side : {&left, &right})
+    for (const RawKeyPoint& p : side->keypoints)
+      if (p.octave >= levels || p.octave >= side->pyramid.levels())
+        throw bad_input("stereo matcher: a keypoint is on octave " + std::to_string(p.octave) +
+                        ", which the sensor or the image does not have");
+  sort_into_rows(right);
+  const Camera& camera = sensor_->camera;
+  for (int i = 0; i < static_cast<int>(left.keypoints.size()); ++i) {
+    const RawKeyPoint& point = left.keypoints[i];
+    const int partner = best_descriptor(point, left.descriptors[i], right);
+    if (partner < 0 || point.octave >= right.pyramid.levels()) continue;
+    const GreyView left_level = left.pyramid.level(point.octave);
+    const GreyView right_level = right.pyramid.level(point.octave);
+    const auto column = [&](float x) { return level_pixel(x, left_level.width, camera.width); };
+    const auto slide =
+        slide_patch(left_level, column(point.x), right_level, column(right.keypoints[partner].x),
+                    level_pixel(point.y, left_level.height, camera.height));
+    if (!slide) continue;
+    const float ratio = static_cast<float>(camera.width) / static_cast<float>(left_level.width);
+    const float found = slide->offset * ratio;
+    if (found < 0 || found >= static_cast<float>(camera.fx)) continue;
+    disparity[i] = std::max(found, kLeastDisparity);
+    matches_.push_back({i, slide->difference});
+  }
+  drop_poor_matches(disparity);
+}
+
+void StereoMatcher::drop_poor_matches(std::vector<float>& disparity) {
+  if (matches_.empty()) return;
+  const auto middle = matches_.begin() + static_cast<std::ptrdiff_t>(matches_.size() / 2);
+  std::nth_element(matches_.begin(), middle, matches_.end(),
+                   [](const Match& a, const Match& b) { return a.difference < b.difference; });
+  const float limit = kPoorPatch * static_cast<float>(middle->difference);
+  for (const Match& m : matches_)
+    if (static_cast<float>(m.difference) > limit) disparity[m.left] = -1;
+}
+
+}  // namespace slambed

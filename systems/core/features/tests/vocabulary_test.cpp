@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// The vocabulary tree: training, words, weights, similarity, files good and bad.
+#include "features/vocabulary.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <random>
+#include <string>
+
+#include "base/error.hpp"
+#include "features/default_vocabulary.hpp"
+
+namespace slambed {
+namespace {
+
+namespace fs = std::filesystem;
+
+Descriptor random_descriptor(std::mt19937_64& random) {
+  return {random(), random(), random(), random()};
+}
+
+Descriptor flip_bits(Descriptor d, int bits, std::mt19937_64& random) {
+  for (int i = 0; i < bits; ++i) {
+    const auto bit = random() % 256;
+    d[bit / 64] ^= std::uint64_t{1} << (bit % 64);
+  }
+  return d;
+}
+
+/// A world of landmarks; an image of a place sees that place's landmarks with a few bits wrong.
+struct World {
+  explicit World(int places, int per_place = 80) {
+    for (int p = 0; p < places; ++p) {
+      landmarks.emplace_back();
+      for (int i = 0; i < per_place; ++i) landmarks.back().push_back(random_descriptor(random));
+    }
+  }
+  std::vector<Descriptor> image(int place, int bits = 12) {
+    std::vector<Descriptor> seen;
+    for (const Descriptor& d : landmarks[place]) seen.push_back(flip_bits(d, bits, random));
+    return seen;
+  }
+  std::mt19937_64 random{5};
+  std::vector<std::vector<Descriptor>> landmarks;
+};
+
+Vocabulary trained(World& world, int depth = 3) {
+  std::vector<std::vector<Descriptor>> images;
+  for (std::size_t p = 0; p < world.landmarks.size(); ++p) {
+    for (int i = 0; i < 3; ++i) images.push_back(world.image(static_cast<int>(p)));
+  }
+  return Vocabulary::train(images, {.branching = 10, .depth = depth});
+}
+
+class VocabularyFile : public ::testing::Test {
+ protected:
+  VocabularyFile()
+      : folder_(fs::temp_directory_path() / ("slambed_voc_" + std::to_string(::getpid()))) {
+    fs::create_directories(folder_);
+  }
+  ~VocabularyFile() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+TEST(Vocabulary, ASecondLookAtAPlaceIsMoreSimilarThanAnyOtherPlace) {
+  World world(30);
+  const Vocabulary vocabulary = trained(world);
+  std::vector<BagOfWords> first, second;
+  for (int p = 0; p < 30; ++p) {
+    first.push_back(vocabulary.transform(world.image(p)));
+    second.push_back(vocabulary.transform(world.image(p)));
+  }
+  for (int p = 0; p < 30; ++p) {
+    const double same = similarity(first[p], second[p]);
+    for (int q = 0; q < 30; ++q) {
+      if (q == p) continue;
+      EXPECT_GT(same, 2 * similarity(first[p], second[q])) << p << " against " << q;
+    }
+  }
+}
+
+TEST(Vocabulary, BagsAreNormalisedOrderedAndCompleteAndSimilarityIsBounded) {
+  World world(10);
+  const Vocabulary vocabulary = trained(world);
+  const BagOfWords bag = vocabulary.transform(world.image(4));
+  double sum = 0;
+  for (const auto& word : bag.words) sum += word.second;
+  EXPECT_NEAR(sum, 1, 1e-5);
+  EXPECT_TRUE(std::is_sorted(bag.words.begin(), bag.words.end()));
+  std::size_t features = 0;
+  for (const auto& node : bag.nodes) features += node.second.size();
+  EXPECT_EQ(features, 80u);
+  EXPECT_NEAR(similarity(bag, bag), 1, 1e-5);
+  EXPECT_EQ(similarity(bag, {}), 0);
+}
+
+TEST(Vocabulary, NoFeaturesGiveAnEmptyBag) {
+  World world(4);
+  const BagOfWords bag = trained(world).transform({});
+  EXPECT_TRUE(bag.words.empty());
+  EXPECT_TRUE(bag.nodes.empty());
+}
+
+TEST(Vocabulary, EqualSeedsTrainEqualTrees) {
+  World a(10), b(10);
+  World query(10);
+  const auto image = query.image(3);
+  EXPECT_EQ(trained(a).transform(image).words, trained(b).transform(image).words);
+}
+
+TEST(Vocabulary, TrainingRefusesNothingAndNonsense) {
+  EXPECT_THROW(Vocabulary::train({}), Error);
+  World world(1);
+  const std::vector<std::vector<Descriptor>> images{world.image(0)};
+  EXPECT_THROW(Vocabulary::train(images, {.branching = 1}), Error);
+  EXPECT_THROW(Vocabulary::train(images, {.depth = 0}), Error);
+}
+
+TEST_F(VocabularyFile, RoundTripKeepsEveryAnswer) {
+  World world(10);
+  const Vocabulary before = trained(world);
+  before.save(folder_ / "v.slv");
+  const Vocabulary after = Vocabulary::load(folder_ / "v.slv");
+  EXPECT_EQ(after.words(), before.words());
+  const auto image = world.image(2);
+  EXPECT_EQ(after.transform(image).words, before.transform(image).words);
+  EXPECT_EQ(after.transform(image).nodes, before.transform(image).nodes);
+}
+
+TEST_F(VocabularyFile, EveryFlippedByteAndEveryCutIsNoticed) {
+  World world(3, 20);
+  trained(world, 2).save(folder_ / "v.slv");
+  std::ifstream in(folder_ / "v.slv", std::ios::binary);
+  const std::string good((std::istreambuf_iterator<char>(in)), {});
+  const auto write = [&](const std::string& bytes) {
+    std::ofstream(folder_ / "bad.slv", std::ios::binary) << bytes;
+  };
+  for (std::size_t i = 0; i < good.size(); i += i < 24 ? 1 : 37) {
+    if (i == 10 || i == 11) continue;  // reserved bytes of the header carry nothing
+    std::string bad = good;
+    bad[i] = static_cast<char>(bad[i] ^ 0x41);
+    write(bad);
+    if (i >= 6 && i < 10) continue;  // branching and depth are only informative
+    EXPECT_THROW(Vocabulary::load(folder_ / "bad.slv"), Error) << "byte " << i;
+  }
+  for (const std::size_t cut :
+       {std::size_t{0}, std::size_t{10}, std::size_t{24}, good.size() - 1}) {
+    write(good.substr(0, cut));
+    EXPECT_THROW(Vocabulary::load(folder_ / "bad.slv"), Error) << "cut at " << cut;
+  }
+  EXPECT_THROW(Vocabulary::load(folder_ / "absent.slv"), Error);
+}
+
+TEST(DefaultVocabulary, IsBuiltInAndTellsPlacesApart) {
+  const auto vocabulary = default_vocabulary();
+  EXPECT_EQ(vocabulary->words(), 10000u);
+  EXPECT_EQ(vocabulary->depth(), 4);
+  World world(5, 300);
+  const BagOfWords here = vocabulary->transform(world.image(0));
+  EXPECT_GT(similarity(here, vocabulary->transform(world.image(0))),
+            2 * similarity(here, vocabulary->transform(world.image(1))));
+}
+
+TEST_F(VocabularyFile, ReadsDbow2Text) {
+  // Two children of the root, the first of them with two leaves of its own.
+  const auto line = [](int parent, bool leaf, int byte, const char* weight) {
+    std::string text = std::to_string(parent) + (leaf ? " 1" : " 0");
+    for (int i = 0; i < 32; ++i) text += " " + std::to_string(byte);
+    return text + " " + weight + "\n";
+  };
+  std::ofstream(folder_ / "orb.txt") << "2 2 0 0\n"
+                                     << line(0, false, 0, "0") << line(0, true, 255, "1.5")
+                                     << line(1, true, 1, "2") << line(1, true, 15, "0.5");
+  const Vocabulary vocabulary = Vocabulary::load_dbow2_text(folder_ / "orb.txt");
+  EXPECT_EQ(vocabulary.words(), 3u);
+  const Descriptor low{0x0101010101010101u, 0x0101010101010101u, 0x0101010101010101u,
+                       0x0101010101010101u};
+  const Descriptor high{~std::uint64_t{0}, ~std::uint64_t{0}, ~std::uint64_t{0}, ~std::uint64_t{0}};
+  const BagOfWords bag = vocabulary.transform(std::vector<Descriptor>{low, high});
+  ASSERT_EQ(bag.words.size(), 2u);
+  EXPECT_NEAR(std::max(bag.words[0].second, bag.words[1].second), 2 / 3.5, 1e-6);
+
+  std::ofstream(folder_ / "bad.txt") << "2 2 0 0\n" << line(7, true, 1, "1");
+  EXPECT_THROW(Vocabulary::load_dbow2_text(folder_ / "bad.txt"), Error);
+  std::ofstream(folder_ / "worse.txt") << "hello\n";
+  EXPECT_THROW(Vocabulary::load_dbow2_text(folder_ / "worse.txt"), Error);
+}
+
+}  // namespace
+}  // namespace slambed

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "geometry/pnp_ransac.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "geometry/p3p.hpp"
+
+namespace slambed {
+namespace {
+
+/// SplitMix64: the same seed draws the same samples on every machine.
+std::uint64_t next_random(std::uint64_t& state) {
+  std::uint64_t x = state += 0x9E3779B97F4A7C15u;
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;
+  return x ^ (x >> 31);
+}
+
+std::array<std::size_t, 4> draw(std::uint64_t& state, std::size_t count) {
+  std::array<std::size_t, 4> sample{};
+  for (std::size_t i = 0; i < sample.size(); ++i) {
+    do {
+      sample[i] = next_random(state) % count;
+    } while (std::find(sample.begin(), sample.begin() + i, sample[i]) != sample.begin() + i);
+  }
+  return sample;
+}
+
+double chi2(const Camera& camera, const SE3& T_cw, const PnpCorrespondence& match) {
+  const Eigen::Vector3d p_c = T_cw * match.p_w;
+  if (!(p_c.z() > 0)) return INFINITY;
+  const Eigen::Vector2d pixel = camera.project(p_c);
+  const double du = pixel.x() - match.u, dv = pixel.y() - match.v;
+  return (du * du + dv * dv) / match.sigma2;
+}
+
+int count_inliers(const Camera& camera, const SE3& T_cw, std::span<const PnpCorrespondence> matches,
+                  double limit, std::vector<std::uint8_t>& inlier) {
+  int count = 0;
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    inlier[i] = chi2(camera, T_cw, matches[i]) <= limit;
+    count += inlier[i];
+  }
+  return count;
+}
+
+/// Samples needed to draw four inliers once with the wanted confidence.
+int samples_needed(double inlier_share, const PnpOptions& options) {
+  const double all_good = std::pow(inlier_share, 4);
+  if (all_good >= 1) return 1;
+  if (all_good <= 0) return options.max_iterations;
+  const double needed = std::log(1 - options.confidence) / std::log1p(-all_good);
+  return static_cast<int>(std::min<double>(options.max_iterations, std::ceil(needed)));
+}
+
+}  // namespace
+
+std::optional<PnpResult> solve_pnp_ransac(const Camera& camera,
+                                          std::span<const PnpCorrespondence> matches,
+                                          const PnpOptions& options) {
+  if (matches.size() < 4) return std::nullopt;
+  PnpResult best;
+  std::vector<std::uint8_t> inlier(matches.size());
+  std::uint64_t state = options.seed;
+  int limit = options.max_iterations;
+  for (int iteration = 0; iteration < limit; ++iteration) {
+    const auto sample = draw(state, matches.size());
+    std::array<Eigen::Vector3d, 3> points, directions;
+    for (int i = 0; i < 3; ++i) {
+      const PnpCorrespondence& match = matches[sample[i]];
+      points[i] = match.p_w;
+      directions[i] = camera.unproject(match.u, match.v, 1).normalized();
+    }
+    const auto poses = solve_p3p(points, directions);
+    const auto chosen =
+        std::min_element(poses.begin(), poses.end(), [&](const SE3& a, const SE3& b) {
+          return chi2(camera, a, matches[sample[3]]) < chi2(camera, b, matches[sample[3]]);
+        });
+    if (chosen == poses.end()) continue;
+    const int count = count_inliers(camera, *chosen, matches, options.chi2_limit, inlier);
+    if (count <= best.inliers) continue;
+    best = {*chosen, inlier, count};
+    const double share = static_cast<double>(count) / static_cast<double>(matches.size());
+    limit = std::min(limit, std::max(iteration + 1, samples_needed(share, options)));
+  }
+  if (best.inliers < options.min_inliers) return std::nullopt;
+  return best;
+}
+
+}  // namespace slambed

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "geometry/triangulation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace slambed {
+namespace {
+
+const SE3 kFirst =
+    SE3::exp((Eigen::Matrix<double, 6, 1>() << 0, 0, 0, 0.02, -0.1, 0.03).finished());
+const SE3 kSecond =
+    SE3::exp((Eigen::Matrix<double, 6, 1>() << -0.3, 0.05, 0.1, -0.05, 0.1, 0.0).finished());
+
+Eigen::Vector2d view(const SE3& T_cw, const Eigen::Vector3d& p_w) {
+  return (T_cw * p_w).hnormalized();
+}
+
+TEST(TriangulationTest, RecoversExactPoints) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> side(-1.5, 1.5), depth(1, 8);
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector3d p(side(random), side(random), depth(random));
+    const auto got = triangulate(kFirst, kSecond, view(kFirst, p), view(kSecond, p));
+    ASSERT_TRUE(got);
+    EXPECT_LT((*got - p).norm(), 1e-9);
+  }
+}
+
+TEST(TriangulationTest, NoiseOfHalfAPixelMovesThePointLittle) {
+  std::mt19937 random(8);
+  std::normal_distribution<double> noise(0, 0.5 / 500);
+  const Eigen::Vector3d p(0.2, -0.3, 2);
+  double sum = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector2d e1(noise(random), noise(random)), e2(noise(random), noise(random));
+    const auto got = triangulate(kFirst, kSecond, view(kFirst, p) + e1, view(kSecond, p) + e2);
+    ASSERT_TRUE(got);
+    sum += (*got - p).squaredNorm();
+  }
+  // z^2 / baseline * sigma * sqrt(2) = 18 mm for this pair; twice that is a broken solver.
+  EXPECT_LT(std::sqrt(sum / 200), 0.036);
+}
+
+TEST(TriangulationTest, RefusesPointsBehindTheCameras) {
+  const Eigen::Vector3d p(0.2, 0.1, -3);
+  EXPECT_FALSE(triangulate(kFirst, kSecond, view(kFirst, p), view(kSecond, p)));
+}
+
+TEST(TriangulationTest, RefusesParallelRaysAndBadNumbers) {
+  const SE3 shifted(Eigen::Matrix3d::Identity(), Eigen::Vector3d(-1, 0, 0));
+  EXPECT_FALSE(triangulate(SE3(), shifted, {0.1, 0.2}, {0.1, 0.2}));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(triangulate(kFirst, kSecond, {nan, 0}, {0, 0}));
+}
+
+TEST(TriangulationTest, ParallaxOfAKnownTriangle) {
+  // The point (0, 0, 1) seen from the origin and from one metre to the right: 45 degrees.
+  const SE3 right(Eigen::Matrix3d::Identity(), Eigen::Vector3d(-1, 0, 0));
+  EXPECT_NEAR(cos_parallax(SE3(), right, {0, 0}, {-1, 0}), std::sqrt(0.5), 1e-14);
+}
+
+}  // namespace
+}  // namespace slambed

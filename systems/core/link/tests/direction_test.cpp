@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "link/direction.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "base/error.hpp"
+
+namespace slambed::link {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kSecond = 1000 * kMs;
+
+DirectionOptions delays(std::vector<std::int64_t> delays_ns) {
+  DirectionOptions options;
+  options.delays_ns = std::move(delays_ns);
+  return options;
+}
+
+TEST(DelaySchedule, InterpolatesBetweenStepsAndHoldsOutside) {
+  const DelaySchedule linear({10 * kMs, 20 * kMs, 0}, 10 * kMs, Interpolation::kLinear);
+  EXPECT_EQ(linear.at(-5 * kSecond), 10 * kMs);
+  EXPECT_EQ(linear.at(0), 10 * kMs);
+  EXPECT_EQ(linear.at(5 * kMs), 15 * kMs);
+  EXPECT_EQ(linear.at(15 * kMs), 10 * kMs);
+  EXPECT_EQ(linear.at(20 * kMs), 0);
+  EXPECT_EQ(linear.at(kSecond), 0);
+}
+
+TEST(DelaySchedule, StepsHoldTheirValue) {
+  const DelaySchedule stepped({10 * kMs, 20 * kMs}, 10 * kMs, Interpolation::kStep);
+  EXPECT_EQ(stepped.at(10 * kMs - 1), 10 * kMs);
+  EXPECT_EQ(stepped.at(10 * kMs), 20 * kMs);
+}
+
+TEST(DelaySchedule, RefusesAnEmptyTable) {
+  EXPECT_THROW(DelaySchedule({}, kMs, Interpolation::kLinear), Error);
+}
+
+TEST(Direction, AddsNothingUntilTheProfileIsApplied) {
+  DirectionModel model(delays({40 * kMs}), 1, 0);
+  EXPECT_EQ(model.admit(kSecond, 100).due_ns, kSecond);
+  model.apply_profile();
+  EXPECT_EQ(model.admit(2 * kSecond, 100).due_ns, 2 * kSecond + 40 * kMs);
+}
+
+TEST(Direction, TheProfileAtZeroHoldsUntilItsStart) {
+  DirectionModel model(delays({40 * kMs, 50 * kMs}), 1, 0);
+  model.start(10 * kSecond);
+  EXPECT_EQ(model.admit(5 * kSecond, 100).due_ns, 5 * kSecond + 40 * kMs);
+  EXPECT_EQ(model.admit(10 * kSecond + 5 * kMs, 100).due_ns, 10 * kSecond + 50 * kMs);
+}
+
+TEST(Direction, NeverReordersWhenTheDelayFalls) {
+  DirectionModel model(delays({40 * kMs, 0}), 1, 0);  // 40 ms less within 10 ms
+  model.start(0);
+  std::int64_t last = 0;
+  for (std::int64_t now = 0; now < 60 * kMs; now += kMs / 10) {
+    const std::int64_t due = model.admit(now, 1500).due_ns;
+    ASSERT_GE(due, last) << "at " << now;
+    ASSERT_GE(due, now);
+    last = due;
+  }
+}
+
+TEST(Direction, PacketsInAGapWaitForItsEnd) {
+  DirectionOptions options = delays({10 * kMs});
+  options.gaps = {{kSecond, kSecond + 300 * kMs}};
+  DirectionModel model(options, 1, 0);
+  model.start(0);
+  EXPECT_EQ(model.admit(900 * kMs, 100).due_ns, 910 * kMs);
+  EXPECT_EQ(model.admit(995 * kMs, 100).due_ns, 1300 * kMs);  // would arrive in the gap
+  EXPECT_EQ(model.admit(1200 * kMs, 100).due_ns, 1300 * kMs);
+  EXPECT_EQ(model.admit(1295 * kMs, 100).due_ns, 1305 * kMs);
+}
+
+TEST(Direction, AGapCanDropInstead) {
+  DirectionOptions options = delays({10 * kMs});
+  options.gaps = {{kSecond, kSecond + 300 * kMs}};
+  options.gap_drops = true;
+  DirectionModel model(options, 1, 0);
+  model.start(0);
+  EXPECT_EQ(model.admit(1100 * kMs, 100).fate, Fate::kInGap);
+  EXPECT_EQ(model.admit(1400 * kMs, 100).fate, Fate::kDelivered);
+}
+
+TEST(Direction, AConstantRateSpacesPacketsAndDropsWhatTheQueueCannotHold) {
+  DirectionOptions options = delays({0});
+  options.rate = RateOptions{.bits_per_s = 12e6, .queue_bytes = 4500};  // 1,500 bytes in 1 ms
+  DirectionModel model(options, 1, 0);
+  model.start(0);
+  EXPECT_EQ(model.admit(0, 1500).due_ns, kMs);
+  EXPECT_EQ(model.admit(0, 1500).due_ns, 2 * kMs);
+  EXPECT_EQ(model.admit(0, 1500).due_ns, 3 * kMs);
+  EXPECT_EQ(model.admit(0, 1500).fate, Fate::kQueueFull);
+  const Admission later = model.admit(kMs, 1500);  // the first one has left
+  EXPECT_EQ(later.queue_bytes, 3000);
+  EXPECT_EQ(later.due_ns, 4 * kMs);
+}
+
+TEST(Direction, ARateTraceGivesOnePacketPerOpportunityAndRepeats) {
+  DirectionOptions options = delays({0});
+  options.rate = RateOptions{.opportunities_ns = {2 * kMs, 5 * kMs, 10 * kMs},
+                             .period_ns = 10 * kMs,
+                             .queue_bytes = 100000};
+  DirectionModel model(options, 1, 0);
+  model.start(0);
+  EXPECT_EQ(model.admit(0, 1500).due_ns, 2 * kMs);
+  EXPECT_EQ(model.admit(0, 700).due_ns, 5 * kMs);
+  EXPECT_EQ(model.admit(0, 700).due_ns, 5 * kMs);  // shares the opportunity with the one before
+  EXPECT_EQ(model.admit(0, 1500).due_ns,
+            10 * kMs);  // 100 bytes left do not hold it: the next one does
+  EXPECT_EQ(model.admit(13 * kMs, 1500).due_ns, 15 * kMs);  // the one at 12 ms passed unused
+}
+
+TEST(Direction, ARateTraceBeginsAnewAtRunTimeZero) {
+  DirectionOptions options = delays({0});
+  options.rate = RateOptions{
+      .opportunities_ns = {2 * kMs, 100 * kMs}, .period_ns = 100 * kMs, .queue_bytes = 100000};
+  DirectionModel model(options, 1, 0);
+  model.apply_profile();
+  for (int i = 0; i < 20; ++i) model.admit(50 * kMs, 1500);  // uses up a second of the trace
+  model.start(10 * kSecond);
+  EXPECT_EQ(model.admit(10 * kSecond, 1500).due_ns, 10 * kSecond + 2 * kMs);
+}
+
+TEST(Direction, ARateTraceDeliversItsMeanRate) {
+  DirectionOptions options = delays({0});
+  RateOptions rate{.queue_bytes = 1'000'000};
+  for (int ms = 3; ms <= 999; ms += 3) rate.opportunities_ns.push_back(ms * kMs);  // 333 a second
+  rate.period_ns = 999 * kMs;
+  options.rate = rate;
+  DirectionModel model(options, 1, 0);
+  model.start(0);
+  std::int64_t bytes = 0;
+  for (std::int64_t now = 0; now < 20 * kSecond; now += kMs) {
+    const Admission admission = model.admit(now, 1000);
+    if (admission.fate == Fate::kDelivered && admission.due_ns <= 20 * kSecond) bytes += 1000;
+  }
+  const double expected = 20e9 / (3.0 * kMs) * 1500;
+  EXPECT_NEAR(static_cast<double>(bytes), expected, 0.01 * expected);
+}
+
+std::vector<int> lost_numbers(const LossOptions& loss, std::uint64_t seed, int count, bool jitter) {
+  DirectionOptions options = delays({0});
+  options.loss = loss;
+  if (jitter) options.jitter = JitterOptions{.scale_ns = 1.0 * kMs};
+  DirectionModel model(options, seed, 0);
+  model.start(0);
+  std::vector<int> lost;
+  for (int i = 0; i < count; ++i) {
+    if (model.admit(i * kMs, 100).fate == Fate::kLost) lost.push_back(i);
+  }
+  return lost;
+}
+
+TEST(Direction, SameSeedSameDropsWhateverElseIsOn) {
+  const LossOptions loss{.loss_good = 0.1};
+  const auto first = lost_numbers(loss, 7, 1000, false);
+  EXPECT_FALSE(first.empty());
+  EXPECT_EQ(first, lost_numbers(loss, 7, 1000, false));
+  EXPECT_EQ(first, lost_numbers(loss, 7, 1000, true));
+  EXPECT_NE(first, lost_numbers(loss, 8, 1000, false));
+}
+
+TEST(Direction, DirectionsHaveTheirOwnLuck) {
+  LossModel up({.loss_good = 0.5}, 3, 0);
+  LossModel down({.loss_good = 0.5}, 3, 1);
+  int same = 0;
+  for (int i = 0; i < 1000; ++i) same += up.drop() == down.drop();
+  EXPECT_NEAR(same, 500, 3 * std::sqrt(1000 * 0.25));
+}
+
+}  // namespace
+}  // namespace slambed::link

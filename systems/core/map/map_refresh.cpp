@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "map/map_state.hpp"
+
+namespace slambed {
+namespace {
+
+/// Covisibility edges weaker than this are listed only when there is no stronger one.
+constexpr int kStrongCovisibility = 15;
+/// A point that lost an observation and keeps no more than one stereo or two mono ones is dropped.
+constexpr int kMinWeight = 2;
+
+}  // namespace
+
+void MapState::finish() {
+  // Indices, because culling a point touches others' keyframes but never adds points.
+  for (std::size_t i = 0; i < touched_points_.size(); ++i) {
+    const Touch touched = touched_points_[i];
+    PointSlot& slot = *points_.find(touched.id);
+    if (slot.live && slot.live->weight < touched.weight_before && slot.live->weight <= kMinWeight)
+      cull(touched.id);
+    if (slot.live) refresh_point(touched);
+    slot.touch = 0;
+  }
+  touched_points_.clear();
+
+  for (const KeyFrameId id : touched_keyframes_)
+    if (Node* keyframe = node(id)) refresh_covisibles(*keyframe);
+  adopt_orphans();
+  for (const KeyFrameId id : touched_keyframes_)
+    if (Node* keyframe = node(id)) keyframe->touched = false;
+  touched_keyframes_.clear();
+}
+
+void MapState::refresh_point(const Touch& touched) {
+  MapPoint& point = *live_point(touched.id);
+  Appearance& appearance = point.appearance;
+  const bool given = touched.fresh && appearance.max_distance_m > 0;
+  if (given || point.observations.empty()) return;
+  if (!touched.observations && !touched.position) return;
+
+  Eigen::Vector3d directions = Eigen::Vector3d::Zero();
+  seen_as_.clear();
+  for (const Observation& seen : point.observations) {
+    const Node& keyframe = *node(seen.keyframe);
+    // Camera centre without inverting the whole pose.
+    const Eigen::Vector3d ray = point.p_w + keyframe.T_cw.R.transpose() * keyframe.T_cw.t;
+    const double distance_m = ray.norm();
+    if (distance_m > 0) directions += ray / distance_m;
+    seen_as_.push_back(&keyframe.features->descriptor(seen.feature));
+    if (seen.keyframe == point.reference) {
+      const DistanceRange range =
+          distance_range(distance_m, keyframe.features->keypoint(seen.feature).octave,
+                         keyframe.features->sensor().pyramid);
+      appearance.min_distance_m = range.min_m;
+      appearance.max_distance_m = range.max_m;
+    }
+  }
+  appearance.normal = (directions / static_cast<double>(point.observations.size())).cast<float>();
+  if (touched.observations) appearance.descriptor = *seen_as_[chooser_.choose(seen_as_)];
+}
+
+void MapState::refresh_covisibles(Node& keyframe) {
+  // Heaviest first; of equals the newest, which is likely the closest in time.
+  const auto heavier = [](const Covisible& a, const Covisible& b) {
+    return a.weight != b.weight ? a.weight > b.weight : a.id > b.id;
+  };
+  auto& list = keyframe.covisibles;
+  list.clear();
+  for (const Covisible& other : keyframe.shared)
+    if (other.weight >= kStrongCovisibility) list.push_back(other);
+  if (list.empty() && !keyframe.shared.empty())
+    list.push_back(*std::min_element(keyframe.shared.begin(), keyframe.shared.end(), heavier));
+  std::sort(list.begin(), list.end(), heavier);
+}
+
+}  // namespace slambed

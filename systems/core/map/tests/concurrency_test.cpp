@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Readers beside a writer always see whole commits. Run with the thread sanitizer to mean more.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "map_fixture.hpp"
+
+namespace slambed::testing {
+namespace {
+
+TEST(Concurrency, ReadersSeeWholeCommitsOnly) {
+  Map map;
+  std::atomic<bool> done{false};
+  std::atomic<int> broken{0};
+  const auto reader = [&] {
+    std::uint64_t last = 0;
+    while (!done) {
+      const std::uint64_t hint = map.revision();
+      map.read([&](const MapView& view) {
+        broken += view.revision() < hint || view.revision() < last;
+        last = view.revision();
+        // Each commit adds one keyframe and ten points, and moves all points to its number.
+        broken += view.point_count() != 10 * view.keyframe_count();
+        const auto at = static_cast<double>(view.keyframe_count());
+        for (const MapPointId id : view.point_ids()) broken += view.point(id)->p_w.x() != at;
+        return 0;
+      });
+    }
+  };
+  std::thread a(reader), b(reader);
+  for (std::uint64_t n = 1; n <= 60; ++n) {
+    MapDelta delta;
+    const auto number = static_cast<double>(n);
+    for (std::uint64_t p = 10 * n - 9; p <= 10 * n; ++p)
+      delta.points.push_back(new_point(p, {number, 0, 2}));
+    delta.keyframes = {new_keyframe(n, points_from(10 * n - 9, 10))};
+    for (std::uint64_t p = 1; p <= 10 * n - 10; ++p)
+      delta.positions.push_back({pt(p), {number, 0, 2}, static_cast<std::uint32_t>(n)});
+    map.commit(delta);
+  }
+  done = true;
+  a.join();
+  b.join();
+  EXPECT_EQ(broken, 0);
+}
+
+}  // namespace
+}  // namespace slambed::testing

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include "map_fixture.hpp"
+
+namespace slambed::testing {
+namespace {
+
+/// Chain of keyframes with forty points each; neighbours share twenty, next but one share `far`.
+MapDelta chain(int keyframes, int far) {
+  MapDelta delta;
+  const int step = 20;
+  for (int n = 1; n <= keyframes * step + 40; ++n) delta.points.push_back(new_point(n));
+  for (int k = 1; k <= keyframes; ++k) {
+    auto numbers = points_from(1 + (k - 1) * step, 40);
+    if (k > 2)  // replaces own points by points of the keyframe before the last
+      for (int i = 0; i < far; ++i) numbers[39 - i] = 1 + (k - 3) * step + i;
+    delta.keyframes.push_back(new_keyframe(k, numbers));
+  }
+  return delta;
+}
+
+std::vector<Covisible> covisibles(const Map& map, std::uint64_t n) {
+  return map.read([&](const MapView& view) { return view.keyframe(kf(n))->covisibles; });
+}
+
+TEST(Covisibility, CountsSharedPointsHeaviestFirst) {
+  Map map;
+  map.commit(chain(3, 18));
+  const auto of_first = covisibles(map, 1);
+  ASSERT_EQ(of_first.size(), 2u);
+  EXPECT_EQ(of_first[0].id, kf(2));
+  EXPECT_EQ(of_first[0].weight, 20);
+  EXPECT_EQ(of_first[1].id, kf(3));
+  EXPECT_EQ(of_first[1].weight, 18);
+}
+
+TEST(Covisibility, WeakLinksAreListedOnlyWhenThereIsNothingBetter) {
+  Map map;
+  map.commit(chain(3, 10));
+  EXPECT_EQ(covisibles(map, 1).size(), 1u);
+  MapDelta weak;
+  weak.keyframes = {new_keyframe(9, {1, 2, 3, 4, 5, 21})};  // five of 1, six of 2 with point 21
+  map.commit(weak);
+  const auto of_weak = covisibles(map, 9);
+  ASSERT_EQ(of_weak.size(), 1u);
+  EXPECT_EQ(of_weak[0].id, kf(1));
+  EXPECT_EQ(of_weak[0].weight, 6);
+}
+
+TEST(Covisibility, FallsBackWhenTheStrongLinkIsCulled) {
+  Map map;
+  map.commit(chain(3, 10));
+  MapDelta cull;
+  cull.culled_keyframes = {kf(2)};
+  map.commit(cull);
+  const auto of_first = covisibles(map, 1);
+  ASSERT_EQ(of_first.size(), 1u);
+  EXPECT_EQ(of_first[0].id, kf(3));
+  // Points only keyframes 1 and 2 had seen without depth are gone, so fewer than ten can remain.
+  EXPECT_LE(of_first[0].weight, 10);
+}
+
+}  // namespace
+}  // namespace slambed::testing

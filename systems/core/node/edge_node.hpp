@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "node/event_log.hpp"
+#include "node/policy.hpp"
+#include "wire/hello.hpp"
+
+namespace slambed {
+
+/// What the greeting told this node of its peer. Thread-safe.
+class PeerInfo {
+ public:
+  void set(const wire::SensorInfo& sensor) {
+    std::lock_guard lock(mutex_);
+    if (!sensor_) {
+      sensor_ = sensor.make_sensor();
+      played_fps_ = sensor.played_fps;
+    }
+  }
+  /// Null until a mobile has connected; then it stays the same.
+  std::shared_ptr<const Sensor> sensor() const {
+    std::lock_guard lock(mutex_);
+    return sensor_;
+  }
+  double played_fps() const {
+    std::lock_guard lock(mutex_);
+    return played_fps_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::shared_ptr<const Sensor> sensor_;
+  double played_fps_ = 30;
+};
+
+/// The greeting of this node; what the peer shows goes into peer.
+Greeting make_greeting(NodeRole role, const std::string& run_key, const std::string& system,
+                       std::optional<wire::SensorInfo> sensor, PeerInfo& peer);
+
+struct EdgeParts {
+  Runtime& runtime;
+  Network& network;
+  EventLog& log;
+  const PeerInfo& peer;
+};
+
+/// The edge node: nothing but the system's policy and a way to end.
+class EdgeNode {
+ public:
+  EdgeNode(EdgeParts parts, const System& system, const Parameters& parameters);
+  ~EdgeNode();
+
+  void start();
+  MapCounts counts() const { return policy_->counts(); }
+  /// Why the run ended: "bye", "peer_lost"; empty while it goes on or was stopped from outside.
+  std::string end_reason() const;
+
+  // The verbs of a policy.
+  Runtime& runtime() { return parts_.runtime; }
+  Network& network() { return parts_.network; }
+  EventLog& log() { return parts_.log; }
+  const PeerInfo& peer() const { return parts_.peer; }
+  void end(const std::string& reason);
+
+ private:
+  EdgeParts parts_;
+  std::unique_ptr<EdgePolicy> policy_;
+  mutable std::mutex mutex_;
+  std::string end_reason_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/event_log.hpp"
+
+#include <cerrno>
+#include <cstring>
+
+#include "base/error.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+Error cannot_write(const std::filesystem::path& path) {
+  return environment_error(path.string() + ": " + std::strerror(errno) +
+                           "; check the output folder's rights and the free space");
+}
+
+}  // namespace
+
+EventLog::EventLog(const std::filesystem::path& path, NodeRole role)
+    : path_(path), role_(role), file_(std::fopen(path.c_str(), "w"), &std::fclose) {
+  if (!file_) throw cannot_write(path);
+}
+
+EventLog::~EventLog() {
+  try {
+    flush();
+  } catch (const Error&) {  // said by whoever flushed before
+  }
+}
+
+void EventLog::set_clock(Clock clock) {
+  std::lock_guard lock(mutex_);
+  clock_ = std::move(clock);
+}
+
+void EventLog::start(Duration shift, const std::function<void()>& change) {
+  std::lock_guard lock(mutex_);
+  change();
+  for (const Held& held : held_) append(held.when - shift, held.fields);
+  held_.clear();
+  started_ = true;
+}
+
+void EventLog::write(const JsonLine& line) {
+  std::lock_guard lock(mutex_);
+  const RunTime now = clock_();
+  if (started_) {
+    append(now, line.fields());
+  } else {
+    held_.push_back({now, line.fields()});
+  }
+}
+
+void EventLog::append(RunTime when, const std::string& fields) {
+  pending_ += "{\"t_ns\":";
+  pending_ += std::to_string(when.count());
+  pending_ += ',';
+  pending_ += fields;
+  pending_ += "}\n";
+}
+
+void EventLog::stage(const StageRecord& record) {
+  write(JsonLine("stage")
+            .add("name", record.name)
+            .add("worker", record.worker)
+            .add_ms("wall_ms", record.wall)
+            .add_ms("cpu_ms", record.cpu)
+            .add("n1", record.units.n1)
+            .add("n2", record.units.n2));
+}
+
+void EventLog::message(const MessageRecord& record) {
+  const bool up = (role_ == NodeRole::kEdge) == record.incoming;
+  JsonLine line("message");
+  line.add("channel", record.channel)
+      .add("direction", up ? "up" : "down")
+      .add("message", wire::message_name(record.type))
+      .add("bytes", record.bytes)
+      .add("sequence", record.sequence)
+      .add_ns("queued_ns", record.queued);
+  if (record.incoming) line.add_ns("sent_ns", record.sent).add_ns("received_ns", record.received);
+  if (record.dropped) line.add("dropped", true);
+  write(line);
+}
+
+void EventLog::link(const LinkRecord& record) {
+  write(JsonLine("link")
+            .add("channel", record.channel)
+            .add("event", record.event)
+            .add("detail", record.detail));
+}
+
+void EventLog::flush() {
+  std::string text;
+  std::lock_guard file_lock(file_mutex_);  // before the swap: blocks stay in order
+  {
+    std::lock_guard lock(mutex_);
+    text.swap(pending_);
+  }
+  if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size() ||
+      std::fflush(file_.get()) != 0) {
+    throw cannot_write(path_);
+  }
+}
+
+}  // namespace slambed

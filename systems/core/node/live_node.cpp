@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/live_node.hpp"
+
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "base/error.hpp"
+#include "node/edge_node.hpp"
+#include "node/json_reader.hpp"
+#include "node/mobile_node.hpp"
+#include "node/node_files.hpp"
+#include "node/prepared_sequence.hpp"
+#include "node/run_config.hpp"
+#include "runtime/live/live_runtime.hpp"
+#include "runtime/live/stop_signals.hpp"
+#include "runtime/live/tcp_network.hpp"
+
+namespace slambed {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr Duration kLookForStart = std::chrono::milliseconds(5);
+/// Whoever starts the run waits for the other node too; after so long nobody will.
+constexpr double kStartPatienceS = 120;
+constexpr Duration kLinger = std::chrono::seconds(2);
+
+/// What every node has, in the order in which it may be destroyed.
+class LiveNode {
+ public:
+  LiveNode(const LiveNodeOptions& options, std::span<const System> systems)
+      : role_(options.role),
+        config_(read_run_config(options.config)),
+        system_(find_system(systems, config_.system)),
+        parameters_(config_.params, system_.parameters, options.config.string() + ": params."),
+        folder_(prepare_node_folder(config_.output, role_)),
+        log_(folder_ / "events.jsonl", role_),
+        runtime_(log_) {
+    log_.set_clock([this] { return runtime_.now(); });
+    check_network(system_, config_, options.config.string());
+    if (role_ == NodeRole::kEdge && system_.channels.empty()) {
+      throw bad_input("--role edge: " + system_.name + " runs on the mobile node alone");
+    }
+  }
+
+  void run(const LiveNodeOptions& options) {
+    if (role_ == NodeRole::kMobile) {
+      open_sequence(options.verify);
+    } else {
+      open_network(std::nullopt);
+      edge_.emplace(EdgeParts{runtime_, *network_, log_, peer_}, system_, parameters_);
+    }
+    signals_.watch([this] { runtime_.stop(); });
+    if (network_) {
+      network_->start();
+      if (role_ == NodeRole::kMobile) await_peer();
+    }
+    write_by_rename(folder_ / "ready.json", {{"role", role_name(role_)}});
+    if (const auto t0 = await_start()) {
+      log_.start(*t0, [&] { runtime_.set_origin(*t0); });
+      live();
+    }
+    finish();
+  }
+
+  ~LiveNode() { signals_.unwatch(); }
+
+ private:
+  void open_sequence(bool verify) {
+    sequence_.emplace(config_.sequence);
+    if (verify) sequence_->verify_all();
+    playlist_.emplace(sequence_->timestamps_ns(), sequence_->fps(), config_.playback);
+    const OrbOptions orb = system_.orb(parameters_);
+    wire::SensorInfo info{.camera = sequence_->camera(),
+                          .close_depth_m = static_cast<float>(sequence_->close_depth_m()),
+                          .levels = orb.levels,
+                          .scale_factor = orb.scale_factor,
+                          .played_fps = playlist_->played_fps()};
+    features_.emplace(*sequence_, info.make_sensor(), orb);
+    if (config_.playback.mode == PlaybackMode::kRealtime) {
+      feed_ = std::make_unique<RealtimeFeed>(runtime_, *playlist_, log_);
+    } else {
+      feed_ = std::make_unique<EveryFrameFeed>(*playlist_, !system_.sequential(parameters_));
+    }
+    if (config_.network) open_network(info);
+    mobile_.emplace(MobileParts{.runtime = runtime_,
+                                .network = network_ ? &*network_ : nullptr,
+                                .log = log_,
+                                .features = *features_,
+                                .feed = *feed_,
+                                .played_fps = playlist_->played_fps(),
+                                .timestamps_ns = sequence_->timestamps_ns(),
+                                .time_origin_ns = sequence_->time_origin_ns()},
+                    system_, parameters_);
+  }
+
+  void open_network(std::optional<wire::SensorInfo> sensor) {
+    network_.emplace(runtime_, log_,
+                     TcpNetworkOptions{.listens = role_ == NodeRole::kEdge,
+                                       .address = config_.network->edge_address,
+                                       .ports = config_.network->ports},
+                     make_greeting(role_, config_.run_key, system_.name, std::move(sensor), peer_));
+  }
+
+  void await_peer() {
+    if (network_->wait_connected(from_seconds(config_.connect_timeout_s)) || runtime_.stopping()) {
+      return;
+    }
+    throw Error(ExitCode::kPeer, "no edge node at " + config_.network->edge_address + " within " +
+                                     std::to_string(static_cast<int>(config_.connect_timeout_s)) +
+                                     " s; start it first or raise connect_timeout_s");
+  }
+
+  /// Run time zero on the monotonic clock; nothing when stopped before.
+  std::optional<Duration> await_start() {
+    const fs::path path = config_.output / "start.json";
+    const Duration patience = from_seconds(config_.connect_timeout_s + kStartPatienceS);
+    const RunTime deadline = monotonic_now() + patience;
+    while (!fs::exists(path)) {
+      if (runtime_.stopping()) return std::nullopt;
+      if (monotonic_now() >= deadline) {
+        throw Error(ExitCode::kPeer, path.string() + ": did not appear within " +
+                                         std::to_string(static_cast<int>(to_seconds(patience))) +
+                                         " s; whoever starts the run must write it");
+      }
+      std::this_thread::sleep_for(kLookForStart);
+    }
+    const nlohmann::json json = read_json(path);
+    JsonReader in(json, path.string() + ": ");
+    const Duration t0(in.integer("t0_ns", 0, INT64_MAX));
+    in.done();
+    return t0;
+  }
+
+  void live() {
+    try {
+      spawn_log_writer(runtime_, log_);
+      if (mobile_) mobile_->start();
+      if (edge_) edge_->start();
+      runtime_.join();
+    } catch (const std::exception& error) {
+      // What was recorded is worth keeping, whatever went wrong.
+      runtime_.stop();
+      runtime_.join();
+      log_.warning(error.what());
+      log_.flush();
+      throw;
+    }
+  }
+
+  void finish() {
+    if (network_) network_->close(kLinger);
+    NodeEnd end;
+    end.role = role_;
+    if (mobile_) {
+      mobile_->write_trajectories(folder_);
+      end.counts = mobile_->counts();
+      end.frames_total = feed_->offered();
+      if (mobile_->finished()) end.reason = "completed";
+    } else {
+      end.counts = edge_->counts();
+      end.reason = edge_->end_reason();
+    }
+    log_.flush();
+    write_node_end(folder_, end);
+  }
+
+  StopSignals signals_;  ///< first: every later thread inherits the blocked signals
+  NodeRole role_;
+  RunConfig config_;
+  const System& system_;
+  Parameters parameters_;
+  fs::path folder_;
+  EventLog log_;
+  LiveRuntime runtime_;
+  PeerInfo peer_;
+  std::optional<PreparedSequence> sequence_;
+  std::optional<Playlist> playlist_;
+  std::optional<ExtractingSource> features_;
+  std::optional<TcpNetwork> network_;
+  std::unique_ptr<FrameFeed> feed_;
+  std::optional<MobileNode> mobile_;
+  std::optional<EdgeNode> edge_;
+};
+
+}  // namespace
+
+void run_live_node(const LiveNodeOptions& options, std::span<const System> systems) {
+  LiveNode node(options, systems);
+  node.run(options);
+}
+
+}  // namespace slambed

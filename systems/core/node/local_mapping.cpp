@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/local_mapping.hpp"
+
+#include <algorithm>
+
+#include "node/counts.hpp"
+
+namespace slambed {
+namespace {
+
+/// What mapping one keyframe works on.
+struct WindowSize {
+  double covisibles = 0;  ///< keyframes that share points with it
+  double shared = 0;      ///< observations shared with them
+  double unmatched = 0;   ///< features without a point
+};
+
+WindowSize window_size(const Map& map, KeyFrameId id) {
+  return map.read([&](const MapView& view) {
+    WindowSize size;
+    const KeyFrame* keyframe = view.keyframe(id);
+    if (!keyframe) return size;
+    size.covisibles = static_cast<double>(keyframe->covisibles.size());
+    for (const Covisible& covisible : keyframe->covisibles) size.shared += covisible.weight;
+    for (const MapPointId point : keyframe->points) size.unmatched += point ? 0 : 1;
+    return size;
+  });
+}
+
+}  // namespace
+
+LocalMapping::LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions options,
+                           std::shared_ptr<Map> map, IdSpace ids, Mode mode)
+    : runtime_(runtime),
+      log_(log),
+      map_(map),
+      neighbours_(options.neighbours),
+      mapper_(options, map, ids),
+      mode_(mode),
+      queue_(runtime),
+      settled_(runtime.make_signal()) {}
+
+void LocalMapping::start(const std::string& worker_name) {
+  if (mode_ == Mode::kSequential) return;
+  runtime_.spawn(worker_name, [this](Worker& worker) { run(worker); });
+}
+
+void LocalMapping::submit(Worker& worker, KeyFrameId keyframe) {
+  if (mode_ == Mode::kSequential) return map_keyframe(worker, keyframe);
+  ++waiting_;
+  queue_.put(keyframe);
+}
+
+MapperStatus LocalMapping::status() const {
+  return {.idle = waiting_ == 0 && !busy_, .queued = waiting_, .accepts = !parked_ && !resetting_ && !held_};
+}
+
+void LocalMapping::reset(Worker& worker, std::shared_ptr<Map> map) {
+  if (mode_ == Mode::kSequential) {
+    map_ = map;
+    mapper_.replace_map(std::move(map));
+    return;
+  }
+  next_map_ = std::move(map);
+  resetting_ = true;
+  queue_.signal().notify();
+  while (resetting_ && !worker.stopping()) {
+    const auto ticket = settled_->ticket();
+    if (!resetting_) break;
+    worker.wait(*settled_, ticket, kNever);
+  }
+}
+
+void LocalMapping::drain(Worker& worker) {
+  while (!status().idle && !parked_ && !worker.stopping()) {
+    const auto ticket = settled_->ticket();
+    if (status().idle) break;
+    worker.wait(*settled_, ticket, kNever);
+  }
+}
+
+void LocalMapping::park(bool parked) {
+  parked_ = parked;
+  queue_.signal().notify();
+}
+
+void LocalMapping::run(Worker& worker) {
+  while (!worker.stopping()) {
+    const auto ticket = queue_.signal().ticket();
+    if (resetting_) {
+      while (queue_.try_take()) --waiting_;
+      map_ = next_map_;
+      mapper_.replace_map(std::move(next_map_));
+      resetting_ = false;
+      settled_->notify();
+      continue;
+    }
+    if (!parked_) {
+      busy_ = true;  // before the count falls: never idle in between
+      if (const auto keyframe = queue_.try_take()) {
+        --waiting_;
+        map_keyframe(worker, *keyframe);
+        busy_ = false;
+        settled_->notify();
+        continue;
+      }
+      busy_ = false;
+    }
+    worker.wait(queue_.signal(), ticket, idle_ ? idle_(worker) : kNever);
+  }
+  settled_->notify();
+}
+
+template <typename Stage>
+void LocalMapping::commit_stage(Worker& worker, std::string_view name, StageUnits size,
+                                Stage stage) {
+  worker.stage(
+      name,
+      [&](StageUnits& units) {
+        units = size;
+        return stage();
+      },
+      [&](const MapDelta& delta) { map_->commit(delta); });
+}
+
+void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
+  if (prepare_ && !prepare_(worker, keyframe)) return;
+  const WindowSize window = window_size(*map_, keyframe);
+  const StageUnits size{window.covisibles, window.shared};
+  worker.stage("insert", [&](StageUnits& units) {
+    units = size;
+    mapper_.insert(keyframe);
+  });
+  commit_stage(worker, "cull_points", size, [&] { return mapper_.cull_points(); });
+  // Every unmatched feature is looked for in each neighbour.
+  const double neighbours = std::min<double>(neighbours_, window.covisibles);
+  commit_stage(worker, "triangulate", {neighbours, neighbours * window.unmatched},
+               [&] { return mapper_.triangulate(); });
+  if (!interrupted()) commit_stage(worker, "fuse", size, [&] { return mapper_.fuse(); });
+  if (!interrupted()) {
+    bundle(worker);
+    commit_stage(worker, "cull_keyframes", size, [&] { return mapper_.cull_keyframes(); });
+  }
+  if (resetting_) return;
+  const MapCounts counts = count(*map_);
+  log_.write(JsonLine("keyframe_mapped")
+                 .add("keyframe", keyframe.value)
+                 .add("keyframes", counts.keyframes)
+                 .add("points", counts.points));
+  if (done_) done_(worker, keyframe);
+}
+
+void LocalMapping::bundle(Worker& worker) {
+  // n1: observations collected, n2: observations solved for. Both take time, but not equally much.
+  const auto size = [&] { return static_cast<double>(mapper_.bundle_observations()); };
+  const bool begun = worker.stage("bundle", [&](StageUnits& units) {
+    const bool usable = mapper_.begin_bundle();
+    units.n1 = size();
+    return usable;
+  });
+  if (!begun) return;
+  const auto step = [&] {
+    return worker.stage("bundle", [&](StageUnits& units) {
+      units.n2 = size();
+      return mapper_.step_bundle();
+    });
+  };
+  while (step()) {
+    if (interrupted()) break;  // finish_bundle knows what of it is worth keeping
+  }
+  if (resetting_) return;
+  commit_stage(worker, "bundle", {0, size()}, [&] { return mapper_.finish_bundle(); });
+}
+
+}  // namespace slambed

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+
+#include "node/event_log.hpp"
+#include "runtime/mailbox.hpp"
+#include "slam/local_mapper.hpp"
+#include "slam/tracker.hpp"
+
+namespace slambed {
+
+/// Runs the mapper's stages for one keyframe after the other (ORB-SLAM2's order): insert,
+/// cull_points, triangulate, fuse, bundle, cull_keyframes. A keyframe that waits cuts the later
+/// stages short, a running bundle between two iterations. Each stage's delta is committed when the
+/// stage is over.
+///
+/// Either on a worker of its own (start) or, sequentially, inside submit().
+class LocalMapping {
+ public:
+  enum class Mode { kWorker, kSequential };
+  /// Called on the mapping side after a keyframe was worked in, before the next is taken.
+  using Done = std::function<void(Worker&, KeyFrameId)>;
+
+  LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions options,
+               std::shared_ptr<Map> map, IdSpace ids, Mode mode);
+
+  void on_done(Done done) { done_ = std::move(done); }
+  /// What must be in the map before the stages run is committed by prepare, on the mapping side; it
+  /// returns false when the keyframe is not to be mapped after all.
+  void on_take(std::function<bool(Worker&, KeyFrameId)> prepare) { prepare_ = std::move(prepare); }
+
+  /// Called when nothing waits; returns when it wants to be called again (kNever: after the next
+  /// keyframe).
+  void on_idle(std::function<RunTime(Worker&)> idle) { idle_ = std::move(idle); }
+
+  void start(const std::string& worker_name = "mapping");
+  /// Queues a keyframe (sequential: maps it now).
+  void submit(Worker& worker, KeyFrameId keyframe);
+  MapperStatus status() const;
+  /// Drops what waits, ends what runs and continues on another map; returns when that has happened.
+  void reset(Worker& worker, std::shared_ptr<Map> map);
+  /// Returns when nothing waits or runs any more.
+  void drain(Worker& worker);
+  /// A parked mapper finishes its keyframe and then leaves the queue alone.
+  void park(bool parked);
+  /// No keyframe is accepted while the map is being put right.
+  void hold(bool held) { held_ = held; }
+  /// Lets the mapping side come round to on_idle. From any worker.
+  void wake() { queue_.signal().notify(); }
+
+ private:
+  void run(Worker& worker);
+  void map_keyframe(Worker& worker, KeyFrameId keyframe);
+  void bundle(Worker& worker);
+  template <typename Stage>
+  void commit_stage(Worker& worker, std::string_view name, StageUnits size, Stage stage);
+  bool interrupted() const { return mode_ == Mode::kWorker && (waiting_ > 0 || resetting_); }
+
+  Runtime& runtime_;
+  EventLog& log_;
+  std::shared_ptr<Map> map_;  ///< changed on the mapping side only
+  int neighbours_;
+  LocalMapper mapper_;
+  Mode mode_;
+  Done done_;
+  std::function<bool(Worker&, KeyFrameId)> prepare_;
+  std::function<RunTime(Worker&)> idle_;
+  Mailbox<KeyFrameId> queue_;
+  std::unique_ptr<Signal> settled_;  ///< a keyframe is done, or a reset
+  std::atomic<int> waiting_{0};
+  std::atomic<bool> busy_{false}, resetting_{false}, parked_{false}, held_{false};
+  std::shared_ptr<Map> next_map_;  ///< handed over through resetting_
+};
+
+}  // namespace slambed

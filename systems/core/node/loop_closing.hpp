@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include "node/event_log.hpp"
+#include "node/local_mapping.hpp"
+#include "runtime/mailbox.hpp"
+#include "slam/global_bundle.hpp"
+#include "slam/loop_closer.hpp"
+
+namespace slambed {
+
+/// Closes loops behind a LocalMapping. Everything that changes the map happens on the mapping side,
+/// between two keyframes; the global bundle computes on a worker of its own and is taken over there
+/// when it is done. While a loop is being closed no keyframe is accepted. A newer loop or a reset
+/// makes a running bundle worthless: it stops at its next step.
+///
+/// Takes LocalMapping's on_idle for itself; whoever uses on_done calls mapped() from there.
+class LoopClosing {
+ public:
+  LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options, std::shared_ptr<Map> map,
+              std::shared_ptr<PlaceIndex> places, LocalMapping& mapping, LocalMapping::Mode mode);
+
+  /// Starts the bundle's worker (not in sequential mode: there the bundle runs at once).
+  void start();
+  /// On the mapping side, after a keyframe was worked in.
+  void mapped(Worker& worker, KeyFrameId keyframe);
+  /// On the mapping side, when nothing waits: takes over a bundle that is done.
+  void idle(Worker& worker);
+  /// The map was thrown away. From any worker, once mapping has come to rest (LocalMapping::reset).
+  void reset();
+  /// Returns when no bundle runs or waits to be taken over; mapping must have been drained before.
+  void drain(Worker& worker);
+
+ private:
+  struct Finished {
+    int generation = 0;
+    std::unique_ptr<GlobalBundle> bundle;
+  };
+
+  void close(Worker& worker);
+  std::unique_ptr<GlobalBundle> adjust(Worker& worker, int generation);
+  void take_over(Worker& worker, const GlobalBundle& bundle);
+  void work(Worker& worker);
+
+  Runtime& runtime_;
+  EventLog& log_;
+  BundleOptions bundle_options_;
+  std::shared_ptr<Map> map_;
+  LoopCloser closer_;
+  LocalMapping& mapping_;
+  LocalMapping::Mode mode_;
+  std::atomic<int> generation_{0};  ///< of the map as loops and resets left it
+  std::atomic<bool> reset_{false};
+  std::atomic<int> open_{0};  ///< bundles asked for and not yet taken over or dropped
+  Mailbox<int> wanted_;       ///< generations to adjust
+  Mailbox<Finished> finished_;
+  std::unique_ptr<Signal> settled_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/node_files.hpp"
+
+#include <fstream>
+
+#include "base/error.hpp"
+
+namespace slambed {
+
+namespace fs = std::filesystem;
+
+const char* version() { return SLAMBED_VERSION; }
+
+const char* role_name(NodeRole role) { return role == NodeRole::kMobile ? "mobile" : "edge"; }
+
+const System& find_system(std::span<const System> systems, const std::string& name) {
+  std::string known;
+  for (const System& system : systems) {
+    if (system.name == name) return system;
+    known += (known.empty() ? "" : ", ") + system.name;
+  }
+  throw bad_input("system '" + name + "' is unknown; choose one of: " + known);
+}
+
+void check_network(const System& system, const RunConfig& config, const std::string& where) {
+  const bool alone = system.channels.empty();
+  if (alone != config.network.has_value()) return;
+  throw bad_input(where + ": network must be " + (alone ? "null: " : "given: ") + system.name +
+                  (alone ? " has no edge" : " needs an edge"));
+}
+
+fs::path prepare_node_folder(const fs::path& output, NodeRole role) {
+  const fs::path folder = output / role_name(role);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) {
+    throw environment_error(folder.string() + ": " + error.message() +
+                            "; give an output folder that can be written");
+  }
+  for (const char* name : {"ready.json", "node.json"}) fs::remove(folder / name, error);
+  return folder;
+}
+
+void write_by_rename(const fs::path& path, const nlohmann::json& content) {
+  const fs::path partial = path.string() + ".partial";
+  {
+    std::ofstream file(partial);
+    file << content.dump(1) << '\n';
+    if (!file.flush()) {
+      throw environment_error(
+          path.string() + ": cannot be written; check the output folder's rights and free space");
+    }
+  }
+  fs::rename(partial, path);
+}
+
+void write_node_end(const fs::path& folder, const NodeEnd& end) {
+  nlohmann::json node{{"role", role_name(end.role)}, {"version", version()}};
+  if (end.frames_total) node["frames_total"] = *end.frames_total;
+  node["stopped"] = end.reason.empty();
+  node["exit_reason"] = end.reason.empty() ? "stopped" : end.reason;
+  node["keyframes"] = end.counts.keyframes;
+  node["map_points"] = end.counts.points;
+  write_by_rename(folder / "node.json", node);
+}
+
+}  // namespace slambed

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "base/ids.hpp"
+#include "node/policy.hpp"
+#include "node/run_config.hpp"
+
+namespace slambed {
+
+/// "mobile" or "edge".
+const char* role_name(NodeRole role);
+
+/// bad_input naming the known ones.
+const System& find_system(std::span<const System> systems, const std::string& name);
+
+/// bad_input unless a network is given exactly where the system has an edge.
+void check_network(const System& system, const RunConfig& config, const std::string& where);
+
+/// Creates <output>/<role> and removes what an earlier run said there; environment_error.
+std::filesystem::path prepare_node_folder(const std::filesystem::path& output, NodeRole role);
+
+/// Writes JSON whole or not at all: readers poll for these files. environment_error.
+void write_by_rename(const std::filesystem::path& path, const nlohmann::json& content);
+
+/// How a node ended; written as node.json, the last thing of its life.
+struct NodeEnd {
+  NodeRole role = NodeRole::kMobile;
+  std::string reason;                       ///< empty: stopped from outside
+  std::optional<std::size_t> frames_total;  ///< offered by playback
+  MapCounts counts;
+};
+void write_node_end(const std::filesystem::path& folder, const NodeEnd& end);
+
+/// The version that node.json and --version show.
+const char* version();
+
+}  // namespace slambed

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/time.hpp"
+#include "node/event_log.hpp"
+#include "node/run_config.hpp"
+#include "runtime/mailbox.hpp"
+#include "runtime/runtime.hpp"
+
+namespace slambed {
+
+/// One frame to play. due: sequence time, counted from the first played frame, which is run time
+/// zero.
+struct PlayedFrame {
+  std::uint64_t index = 0;  ///< in the prepared sequence
+  RunTime due{};
+  double seq_s() const { return to_seconds(due); }
+};
+
+/// Which frames are played and when.
+class Playlist {
+ public:
+  /// Asked fps below the recorded one keeps every k-th frame, k = recorded / asked, rounded.
+  /// bad_input when no frame is left.
+  Playlist(std::span<const std::int64_t> timestamps_ns, double recorded_fps,
+           const PlaybackConfig& playback);
+
+  const std::vector<PlayedFrame>& frames() const { return frames_; }
+  double played_fps() const { return played_fps_; }
+
+ private:
+  std::vector<PlayedFrame> frames_;
+  double played_fps_ = 0;
+};
+
+/// A frame as tracking takes it.
+struct OfferedFrame {
+  PlayedFrame played;
+  RunTime offered{};
+  RunTime taken{};
+};
+
+/// Offers frames to the tracking worker.
+class FrameFeed {
+ public:
+  virtual ~FrameFeed() = default;
+  /// Starts what the feed needs beside the tracking worker.
+  virtual void start() = 0;
+  /// The next frame, waiting for it; nothing when playback is over or the run stops.
+  virtual std::optional<OfferedFrame> next(Worker& worker) = 0;
+  /// Frames offered so far, taken or not.
+  virtual std::size_t offered() const = 0;
+};
+
+/// As a camera would: each frame comes at its time; one that waits is replaced by a newer one.
+class RealtimeFeed final : public FrameFeed {
+ public:
+  RealtimeFeed(Runtime& runtime, const Playlist& playlist, EventLog& log);
+  void start() override;
+  std::optional<OfferedFrame> next(Worker& worker) override;
+  std::size_t offered() const override { return offered_; }
+
+ private:
+  void play(Worker& worker);
+
+  Runtime& runtime_;
+  const Playlist& playlist_;
+  EventLog& log_;
+  Mailbox<OfferedFrame> box_;
+  std::atomic<std::size_t> offered_{0};
+  std::atomic<bool> over_{false};
+};
+
+/// Waits for tracking: the next frame is offered when the last is done; paced: not before its time.
+class EveryFrameFeed final : public FrameFeed {
+ public:
+  EveryFrameFeed(const Playlist& playlist, bool paced) : playlist_(playlist), paced_(paced) {}
+  void start() override {}
+  std::optional<OfferedFrame> next(Worker& worker) override;
+  std::size_t offered() const override { return next_; }
+
+ private:
+  const Playlist& playlist_;
+  bool paced_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace slambed

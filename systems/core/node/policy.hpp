@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "node/counts.hpp"
+#include "node/parameters.hpp"
+#include "node/playback.hpp"
+#include "node/pose_log.hpp"
+#include "runtime/network.hpp"
+#include "slam/tracker.hpp"
+
+namespace slambed {
+
+class MobileNode;
+class EdgeNode;
+
+/// One frame after tracking.
+struct TrackedFrame {
+  OfferedFrame offered;
+  TrackOutcome outcome;
+  std::shared_ptr<const FeatureSet> features;
+  bool relocalised_now = false;
+};
+
+/// What a system decides on the mobile node. Calls come from the tracking worker unless said
+/// otherwise; the verbs to act with are MobileNode's.
+class MobilePolicy {
+ public:
+  virtual ~MobilePolicy() = default;
+  /// Before the run: spawn workers.
+  virtual void start() {}
+  /// Between two frames: the place where an update may change the map.
+  virtual void before_frame(Worker&, const OfferedFrame&) {}
+  /// After each frame: whether to make a keyframe, and what becomes of it.
+  virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
+  /// Playback is over: let work end, say goodbye.
+  virtual void finish(Worker& worker) = 0;
+  /// After all workers have ended: enters the keyframe poses it knows of.
+  virtual void place_keyframes(PoseBook& book) = 0;
+  /// Of the global map, as far as it is known here.
+  virtual MapCounts counts() const = 0;
+};
+
+/// What a system decides on the edge node.
+class EdgePolicy {
+ public:
+  virtual ~EdgePolicy() = default;
+  /// Before the run: spawn workers. The run ends when one of them calls EdgeNode::end.
+  virtual void start() = 0;
+  virtual MapCounts counts() const = 0;
+};
+
+/// A system as the programs know it. Factories run before the start: they open their channels.
+struct System {
+  std::string name;
+  std::vector<ParameterSpec> parameters;
+  std::vector<std::string> channels;  ///< none: everything runs on the mobile
+  std::function<OrbOptions(const Parameters&)> orb;
+  std::function<TrackerOptions(const Parameters&)> tracker;
+  std::function<bool(const Parameters&)> sequential;  ///< frames as fast as they can be tracked
+  std::function<std::unique_ptr<MobilePolicy>(MobileNode&, const Parameters&)> mobile;
+  std::function<std::unique_ptr<EdgePolicy>(EdgeNode&, const Parameters&)> edge;
+};
+
+}  // namespace slambed

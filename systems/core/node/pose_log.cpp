@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/pose_log.hpp"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+
+#include "base/error.hpp"
+
+namespace slambed {
+namespace {
+
+class TumFile {
+ public:
+  explicit TumFile(const std::filesystem::path& path)
+      : path_(path), file_(std::fopen(path.c_str(), "w"), &std::fclose) {
+    check(file_ != nullptr);
+    check(std::fprintf(file_.get(), "# timestamp tx ty tz qx qy qz qw (camera to world)\n") > 0);
+  }
+
+  void add(std::int64_t ns, const SE3& T_cw) {
+    const SE3 T_wc = T_cw.inverse();
+    Eigen::Quaterniond q = T_wc.quaternion();
+    if (q.w() < 0) q.coeffs() = -q.coeffs();
+    constexpr std::int64_t kSecond = 1'000'000'000;
+    check(std::fprintf(file_.get(), "%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
+                       static_cast<long long>(ns / kSecond), static_cast<long long>(ns % kSecond),
+                       T_wc.t.x(), T_wc.t.y(), T_wc.t.z(), q.x(), q.y(), q.z(), q.w()) > 0);
+  }
+
+  void close() { check(std::fclose(file_.release()) == 0); }
+
+ private:
+  void check(bool good) const {
+    if (!good) {
+      throw environment_error(path_.string() + ": " + std::strerror(errno) +
+                              "; check the output folder's rights and the free space");
+    }
+  }
+  std::filesystem::path path_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+};
+
+}  // namespace
+
+void PoseBook::created(KeyFrameId keyframe, KeyFrameId reference, const SE3& T_cr,
+                       const SE3& T_cw) {
+  entries_[keyframe] = {T_cw, false, reference, T_cr};
+}
+
+void PoseBook::placed(KeyFrameId keyframe, const SE3& T_cw) {
+  Entry& entry = entries_[keyframe];
+  entry.T_cw = T_cw;
+  entry.placed = true;
+}
+
+std::vector<KeyFrameId> PoseBook::keyframes() const {
+  std::vector<KeyFrameId> ids;
+  ids.reserve(entries_.size());
+  for (const auto& [id, entry] : entries_) ids.push_back(id);
+  return ids;
+}
+
+std::optional<SE3> PoseBook::pose(KeyFrameId keyframe) const {
+  // Down the chain of keyframes that were only created, to one that was placed or was the first.
+  SE3 T_ck;
+  for (;;) {
+    const auto found = entries_.find(keyframe);
+    if (found == entries_.end()) return std::nullopt;
+    const Entry& entry = found->second;
+    const bool end = entry.placed || !entry.reference || entry.reference == keyframe ||
+                     !entries_.contains(entry.reference);
+    if (end) return T_ck * entry.T_cw;
+    T_ck = T_ck * entry.T_cr;
+    keyframe = entry.reference;
+  }
+}
+
+void PoseLog::add(std::int64_t recorded_ns, const SE3& T_cw, KeyFrameId reference,
+                  const SE3& T_cr) {
+  poses_.push_back({recorded_ns, T_cw, reference, T_cr});
+}
+
+void PoseLog::write_live(const std::filesystem::path& path) const {
+  TumFile file(path);
+  for (const Entry& entry : poses_) file.add(entry.recorded_ns, entry.T_cw);
+  file.close();
+}
+
+void PoseLog::write_final(const std::filesystem::path& path, const PoseBook& book) const {
+  TumFile file(path);
+  for (const Entry& entry : poses_) {
+    const auto T_rw = book.pose(entry.reference);
+    file.add(entry.recorded_ns, T_rw ? (entry.T_cr * *T_rw).normalized() : entry.T_cw);
+  }
+  file.close();
+}
+
+}  // namespace slambed

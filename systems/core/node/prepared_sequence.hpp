@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "features/image.hpp"
+#include "geometry/camera.hpp"
+
+namespace slambed {
+
+/// A prepared sequence (docs/formats.md), mapped read-only: frames cost nothing until looked at.
+class PreparedSequence {
+ public:
+  struct Frame {
+    std::uint64_t index = 0;
+    std::int64_t timestamp_ns = 0;  ///< since time_origin
+    GreyView grey;
+    DepthView depth;
+  };
+
+  /// Checks header, sizes, time stamps and the first frame's checksum. bad_input when the folder is
+  /// no such sequence or is damaged.
+  explicit PreparedSequence(std::filesystem::path folder);
+  ~PreparedSequence();
+  PreparedSequence(const PreparedSequence&) = delete;
+  PreparedSequence& operator=(const PreparedSequence&) = delete;
+
+  const std::string& id() const { return id_; }
+  const Camera& camera() const { return camera_; }
+  double depth_unit_m() const { return depth_unit_m_; }
+  double close_depth_m() const { return close_depth_baselines_ * camera_.baseline_m(); }
+  double fps() const { return fps_; }
+  std::int64_t time_origin_ns() const { return time_origin_ns_; }
+  std::uint64_t frames() const { return timestamps_ns_.size(); }
+  std::span<const std::int64_t> timestamps_ns() const { return timestamps_ns_; }
+  Frame frame(std::uint64_t index) const;
+
+  /// Compares one frame with its checksum; bad_input when it differs.
+  void verify(std::uint64_t index) const;
+  void verify_all() const;
+
+ private:
+  void read_header();
+  void read_index();
+  void map_frames();
+  std::size_t block_bytes() const;
+
+  std::filesystem::path folder_;
+  std::string id_;
+  Camera camera_;
+  double depth_unit_m_ = 0, close_depth_baselines_ = 0, fps_ = 0;
+  std::int64_t time_origin_ns_ = 0;
+  std::uint64_t frame_count_ = 0;
+  std::size_t stride_bytes_ = 0;
+  std::vector<std::int64_t> timestamps_ns_;
+  std::vector<std::uint32_t> checksums_;
+  const std::uint8_t* data_ = nullptr;
+  std::size_t data_bytes_ = 0;
+};
+
+}  // namespace slambed

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/run_config.hpp"
+
+#include "node/json_reader.hpp"
+
+namespace slambed {
+namespace {
+
+PlaybackConfig read_playback(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  PlaybackConfig playback;
+  const std::string mode = in.text("mode");
+  if (mode == "every_frame") {
+    playback.mode = PlaybackMode::kEveryFrame;
+  } else if (mode != "realtime") {
+    in.fail("mode", "is '" + mode + "'; it must be realtime or every_frame");
+  }
+  playback.fps = in.number_or_null("fps");
+  if (playback.fps && *playback.fps <= 0) in.fail("fps", "must be above 0");
+  playback.start_s = in.number("start_s");
+  if (playback.start_s < 0) in.fail("start_s", "must not be negative");
+  playback.end_s = in.number_or_null("end_s");
+  if (playback.end_s && *playback.end_s <= playback.start_s)
+    in.fail("end_s", "must be after start_s");
+  in.done();
+  return playback;
+}
+
+NetworkConfig read_network(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  NetworkConfig network;
+  network.edge_address = in.text("edge_address");
+  const auto& ports = in.any("ports");
+  JsonReader names(ports, in.where() + "ports.");
+  for (const auto& [channel, port] : ports.items()) {
+    network.ports[channel] = static_cast<std::uint16_t>(names.integer(channel, 1, UINT16_MAX));
+  }
+  in.done();
+  return network;
+}
+
+}  // namespace
+
+RunConfig read_run_config(const std::filesystem::path& path) {
+  const nlohmann::json json = read_json(path);
+  const std::string where = path.string() + ": ";
+  JsonReader in(json, where);
+  RunConfig config;
+  if (in.text("format") != "slambed-run") in.fail("format", "must be 'slambed-run'");
+  in.integer("version", 1, 1);
+  config.run_key = in.text("run_key");
+  config.seed = static_cast<std::uint64_t>(in.integer("seed", 0, INT64_MAX));
+  config.system = in.text("system");
+  config.variant = in.text("variant");
+  config.params = in.any("params");
+  if (!config.params.is_object()) in.fail("params", "must be an object");
+  config.sequence = in.text("sequence");
+  config.playback = read_playback(in.any("playback"), where + "playback.");
+  if (const auto* network = in.object_or_null("network")) {
+    config.network = read_network(*network, where + "network.");
+  }
+  config.output = in.text("output");
+  config.connect_timeout_s = in.number("connect_timeout_s");
+  if (config.connect_timeout_s < 0) in.fail("connect_timeout_s", "must not be negative");
+  in.done();
+  return config;
+}
+
+}  // namespace slambed

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+namespace slambed {
+
+enum class PlaybackMode { kRealtime, kEveryFrame };
+
+struct PlaybackConfig {
+  PlaybackMode mode = PlaybackMode::kRealtime;
+  std::optional<double> fps{};    ///< nothing: as recorded
+  double start_s = 0;             ///< sequence time
+  std::optional<double> end_s{};  ///< nothing: to the last frame
+};
+
+struct NetworkConfig {
+  std::string edge_address;
+  std::map<std::string, std::uint16_t> ports;  ///< by channel
+};
+
+/// run.json (docs/formats.md, "Run configuration"). params are checked by the system's own list.
+struct RunConfig {
+  std::string run_key;
+  std::uint64_t seed = 0;
+  std::string system, variant;
+  nlohmann::json params;
+  std::filesystem::path sequence;
+  PlaybackConfig playback;
+  std::optional<NetworkConfig> network;
+  std::filesystem::path output;
+  double connect_timeout_s = 20;
+};
+
+/// bad_input naming the key for anything missing, wrong or unknown.
+RunConfig read_run_config(const std::filesystem::path& path);
+
+}  // namespace slambed

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/sim_config.hpp"
+
+#include "link/direction_config.hpp"
+#include "node/json_reader.hpp"
+
+namespace slambed {
+namespace {
+
+constexpr int kMaxCores = 1024;
+constexpr int kMtu = 1500;  ///< as live; a queue must hold at least one packet
+
+StageCost read_stage(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  StageCost cost;
+  cost.a_us = in.number("a_us");
+  cost.b_us = in.number("b_us");
+  cost.c_us = in.number("c_us");
+  cost.jitter = in.number("jitter");
+  in.done();
+  return cost;
+}
+
+DeviceModel read_device(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  DeviceModel device;
+  device.cores = static_cast<int>(in.integer("cores", 1, kMaxCores));
+  device.speed = in.number("speed");
+  const nlohmann::json& stages = in.any("stages");
+  if (!stages.is_object()) in.fail("stages", "must be an object: stage name to costs");
+  for (const auto& [name, cost] : stages.items()) {
+    device.stages[name] = read_stage(cost, where + "stages." + name + ".");
+  }
+  in.done();
+  device.check();
+  return device;
+}
+
+}  // namespace
+
+SimConfig read_sim_config(const std::filesystem::path& path) {
+  const nlohmann::json json = read_json(path);
+  const std::string where = path.string() + ": ";
+  JsonReader in(json, where);
+  if (in.text("format") != "slambed-sim") in.fail("format", "must be \"slambed-sim\"");
+  in.integer("version", 1, 1);
+  SimConfig config;
+  config.run = read_run_config(path.parent_path() / in.text("run"));
+
+  const nlohmann::json* devices = in.object_or_null("devices");
+  if (!devices) in.fail("devices", "must be an object");
+  JsonReader device(*devices, where + "devices.");
+  config.mobile = read_device(device.any("mobile"), where + "devices.mobile.");
+  if (const auto* edge = device.object_or_null("edge")) {
+    config.edge = read_device(*edge, where + "devices.edge.");
+  }
+  device.done();
+
+  if (const auto* json_link = in.object_or_null("link")) {
+    const link::Section root(*json_link, where + "link");
+    root.only({"step_ms", "interpolation", "up", "down"});
+    config.up = link::read_direction(root.section("up"), root, kMtu);
+    config.down = link::read_direction(root.section("down"), root, kMtu);
+  }
+  if (const auto* cache = in.object_or_null("feature_cache")) {
+    JsonReader file(*cache, where + "feature_cache.");
+    config.features = SimConfig::Cache{file.text("path"), file.text("key")};
+    file.done();
+  }
+  in.done();
+  if (config.run.network.has_value() != config.edge.has_value()) {
+    in.fail("devices", "edge must be given exactly where run.json has a network");
+  }
+  return config;
+}
+
+}  // namespace slambed

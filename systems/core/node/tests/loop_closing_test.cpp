@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Loops closed behind a mapper, in virtual time: order of work, the bundle in the background,
+// resets.
+#include "node/loop_closing.hpp"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "node/tests/temporary_folder.hpp"
+#include "runtime/virtual/virtual_runtime.hpp"
+#include "slam/tests/drifted_laps.hpp"
+
+namespace slambed::testing {
+namespace {
+
+using namespace std::chrono_literals;
+
+DeviceModel device() {
+  DeviceModel model;
+  model.cores = 2;
+  for (const char* stage : {"loop_detect", "loop_close"}) model.stages[stage] = {.a_us = 1000};
+  model.stages["global_bundle"] = {.a_us = 20'000};
+  return model;
+}
+
+/// A mapper without work of its own and loops behind it; keyframes come every 100 ms, the last one
+/// some time after the loop.
+class LoopClosingTest : public ::testing::Test {
+ protected:
+  using Mode = LocalMapping::Mode;
+  using OnClosed = std::function<void(Worker&, LoopClosing&)>;
+
+  void run(Mode mode, int limit, const OnClosed& on_closed = {}) {
+    TemporaryFolder folder;
+    laps = std::make_unique<DriftedLaps>(DriftedLaps::Drift());
+    {
+      Simulator simulator;
+      EventLog log(folder.path() / "events.jsonl", NodeRole::kMobile);
+      log.set_clock([&simulator] { return simulator.now(); });
+      log.start(Duration::zero(), [] {});
+      VirtualRuntime runtime(simulator, device(), 1, log);
+      LocalMapping mapping(runtime, log, {}, laps->map, IdSpace::kMobileMapper, mode);
+      LoopClosing loops(runtime, log, {}, laps->map, laps->places, mapping, mode);
+      mapping.start();
+      loops.start();
+      runtime.spawn("driver", [&](Worker& worker) {
+        int left = limit;
+        bool closed = false;
+        while (left-- > 0) {
+          loops.mapped(worker, laps->add());
+          EXPECT_TRUE(mapping.status().accepts) << "held only while closing";
+          log.flush();
+          if (!closed &&
+              read_text(folder.path() / "events.jsonl").find("loop_closed") != std::string::npos) {
+            closed = true;
+            left = 2;
+            if (on_closed) on_closed(worker, loops);
+          }
+          worker.sleep_until(worker.now() + 100ms);
+        }
+        loops.drain(worker);
+        runtime.stop();
+      });
+      simulator.run();
+      runtime.join();
+    }
+    std::istringstream lines(read_text(folder.path() / "events.jsonl"));
+    for (std::string line; std::getline(lines, line);)
+      events.push_back(nlohmann::json::parse(line));
+  }
+  std::vector<nlohmann::json> of(const std::string& type, const std::string& stage = {}) const {
+    std::vector<nlohmann::json> found;
+    for (const auto& event : events)
+      if (event["type"] == type && (stage.empty() || event["name"] == stage))
+        found.push_back(event);
+    return found;
+  }
+
+  std::unique_ptr<DriftedLaps> laps;
+  std::vector<nlohmann::json> events;
+};
+
+TEST_F(LoopClosingTest, ALoopIsClosedAndTheBundleFollowsInTheBackground) {
+  run(Mode::kWorker, 70);
+  const auto closed = of("loop_closed");
+  ASSERT_EQ(closed.size(), 1u);
+  EXPECT_GE(closed[0]["matches"], 40);
+  EXPECT_GT(closed[0]["fused"], 30);
+  const auto bundle = of("stage", "global_bundle");
+  ASSERT_GE(bundle.size(), 3u);
+  for (const auto& stage : bundle) EXPECT_GT(stage["t_ns"], closed[0]["t_ns"]);
+  // Computed aside, taken over on the mapping side.
+  for (std::size_t i = 0; i + 1 < bundle.size(); ++i)
+    EXPECT_EQ(bundle[i]["worker"], "global-bundle");
+  EXPECT_EQ(bundle.back()["worker"], "mapping");
+  for (int k = 0; k < 45; ++k) EXPECT_LT(laps->error_m(k), 0.05) << k;
+}
+
+TEST_F(LoopClosingTest, SequentiallyTheBundleRunsAtOnce) {
+  run(Mode::kSequential, 70);
+  ASSERT_EQ(of("loop_closed").size(), 1u);
+  for (const auto& stage : of("stage")) EXPECT_EQ(stage["worker"], "driver");
+  EXPECT_GE(of("stage", "global_bundle").size(), 3u);
+  for (int k = 0; k < 45; ++k) EXPECT_LT(laps->error_m(k), 0.05) << k;
+}
+
+TEST_F(LoopClosingTest, AResetMakesARunningBundleWorthless) {
+  run(Mode::kWorker, 70, [](Worker& worker, LoopClosing& loops) {
+    worker.sleep_until(worker.now() + 30ms);  // the bundle is at its second step
+    loops.reset();
+  });
+  ASSERT_EQ(of("loop_closed").size(), 1u);
+  const auto bundle = of("stage", "global_bundle");
+  EXPECT_LE(bundle.size(), 3u);
+  for (const auto& stage : bundle)
+    EXPECT_EQ(stage["worker"], "global-bundle") << "never taken over";
+}
+
+TEST_F(LoopClosingTest, WithoutALoopNothingButDetectionIsDone) {
+  run(Mode::kWorker, 30);
+  EXPECT_TRUE(of("loop_closed").empty());
+  EXPECT_EQ(of("stage").size(), of("stage", "loop_detect").size());
+}
+
+}  // namespace
+}  // namespace slambed::testing

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/virtual_run.hpp"
+
+#include <memory>
+#include <optional>
+
+#include "base/error.hpp"
+#include "node/edge_node.hpp"
+#include "node/feature_cache.hpp"
+#include "node/mobile_node.hpp"
+#include "node/node_files.hpp"
+#include "node/sim_config.hpp"
+#include "node/virtual_sampler.hpp"
+#include "runtime/virtual/random.hpp"
+#include "runtime/virtual/virtual_network.hpp"
+
+namespace slambed {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What both nodes have; destroyed in the reverse order.
+struct NodeWorld {
+  NodeWorld(Simulator& simulator, const SimConfig& config, NodeRole node_role, DeviceModel device)
+      : role(node_role),
+        folder(prepare_node_folder(config.run.output, node_role)),
+        log(folder / "events.jsonl", node_role),
+        runtime(simulator, std::move(device),
+                mix(config.run.seed) ^ hash_name(role_name(node_role)), log) {
+    log.set_clock([&simulator] { return simulator.now(); });
+    log.start(Duration::zero(), [] {});
+  }
+
+  void end(NodeEnd how) {
+    log.flush();
+    how.role = role;
+    write_node_end(folder, how);
+  }
+
+  NodeRole role;
+  fs::path folder;
+  EventLog log;
+  VirtualRuntime runtime;
+};
+
+class VirtualRun {
+ public:
+  VirtualRun(const fs::path& path, std::span<const System> systems)
+      : config_(read_sim_config(path)),
+        system_(find_system(systems, config_.run.system)),
+        parameters_(config_.run.params, system_.parameters, path.string() + ": params."),
+        sequence_(config_.run.sequence),
+        playlist_(sequence_.timestamps_ns(), sequence_.fps(), config_.run.playback),
+        link_(simulator_, config_.up, config_.down, config_.run.seed),
+        mobile_(simulator_, config_, NodeRole::kMobile, config_.mobile) {
+    check_network(system_, config_.run, path.string());
+    if (config_.edge) edge_.emplace(simulator_, config_, NodeRole::kEdge, *config_.edge);
+    make_nodes();
+  }
+
+  void run() {
+    std::vector<SampledNode> sampled{{"mobile", &mobile_.runtime}};
+    if (edge_) sampled.push_back({"edge", &edge_->runtime});
+    VirtualSampler sampler(simulator_, std::move(sampled), config_.run.output / "samples.jsonl");
+    if (edge_) {
+      mobile_.runtime.on_failure([this] { edge_->runtime.stop(); });
+      edge_->runtime.on_failure([this] { mobile_.runtime.stop(); });
+    }
+    mobile_node_->start();
+    if (edge_node_) edge_node_->start();
+    simulator_.run();
+    sampler.finish();
+    mobile_.runtime.join();
+    if (edge_) edge_->runtime.join();
+    finish();
+  }
+
+ private:
+  void make_nodes() {
+    const OrbOptions orb = system_.orb(parameters_);
+    const wire::SensorInfo info{.camera = sequence_.camera(),
+                                .close_depth_m = static_cast<float>(sequence_.close_depth_m()),
+                                .levels = orb.levels,
+                                .scale_factor = orb.scale_factor,
+                                .played_fps = playlist_.played_fps()};
+    const auto sensor = info.make_sensor();
+    if (config_.features) {
+      features_ = std::make_unique<FeatureCache>(config_.features->path, config_.features->key,
+                                                 sequence_, sensor, orb);
+    } else {
+      features_ = std::make_unique<ExtractingSource>(sequence_, sensor, orb);
+    }
+    if (config_.run.playback.mode == PlaybackMode::kRealtime) {
+      feed_ = std::make_unique<RealtimeFeed>(mobile_.runtime, playlist_, mobile_.log);
+    } else {
+      feed_ = std::make_unique<EveryFrameFeed>(playlist_, !system_.sequential(parameters_));
+    }
+    // Both ends of every channel must be there before the first message.
+    if (edge_) {
+      peer_.set(info);
+      edge_node_.emplace(EdgeParts{edge_->runtime, link_.edge_side(edge_->log), edge_->log, peer_},
+                         system_, parameters_);
+    }
+    mobile_node_.emplace(MobileParts{.runtime = mobile_.runtime,
+                                     .network = edge_ ? &link_.mobile_side(mobile_.log) : nullptr,
+                                     .log = mobile_.log,
+                                     .features = *features_,
+                                     .feed = *feed_,
+                                     .played_fps = playlist_.played_fps(),
+                                     .timestamps_ns = sequence_.timestamps_ns(),
+                                     .time_origin_ns = sequence_.time_origin_ns()},
+                         system_, parameters_);
+  }
+
+  void finish() {
+    mobile_node_->write_trajectories(mobile_.folder);
+    NodeEnd end;
+    end.frames_total = feed_->offered();
+    end.counts = mobile_node_->counts();
+    if (mobile_node_->finished()) end.reason = "completed";
+    mobile_.end(end);
+    if (!edge_) return;
+    NodeEnd edge_end;
+    edge_end.counts = edge_node_->counts();
+    edge_end.reason = edge_node_->end_reason();
+    edge_->end(edge_end);
+  }
+
+  SimConfig config_;
+  const System& system_;
+  Parameters parameters_;
+  PreparedSequence sequence_;
+  Playlist playlist_;
+  Simulator simulator_;
+  VirtualLink link_;
+  NodeWorld mobile_;
+  std::optional<NodeWorld> edge_;
+  PeerInfo peer_;
+  std::unique_ptr<FeatureSource> features_;
+  std::unique_ptr<FrameFeed> feed_;
+  std::optional<EdgeNode> edge_node_;
+  std::optional<MobileNode> mobile_node_;
+};
+
+}  // namespace
+
+void run_virtually(const fs::path& sim_config, std::span<const System> systems) {
+  VirtualRun(sim_config, systems).run();
+}
+
+}  // namespace slambed

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "runtime/virtual/virtual_runtime.hpp"
+
+namespace slambed {
+
+struct SampledNode {
+  std::string name;
+  const VirtualRuntime* runtime = nullptr;
+};
+
+/// Writes samples.jsonl (docs/formats.md, "Samples") of a virtual run: charged compute time at 10
+/// Hz of virtual time. Memory and throttling are not modelled and left out.
+class VirtualSampler {
+ public:
+  VirtualSampler(Simulator& simulator, std::vector<SampledNode> nodes,
+                 const std::filesystem::path& path);
+  /// A last sample; environment_error when the disk refused.
+  void finish();
+
+ private:
+  void sample();
+  void plan();
+
+  Simulator& simulator_;
+  std::vector<SampledNode> nodes_;
+  std::vector<Duration> last_cpu_;
+  RunTime last_{};
+  std::filesystem::path path_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+};
+
+}  // namespace slambed

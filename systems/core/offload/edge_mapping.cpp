@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/edge_mapping.hpp"
+
+#include <algorithm>
+
+#include "offload/update_content.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+constexpr double kKilo = 1000;
+
+bool same_pose(const SE3& a, const SE3& b) { return a.R == b.R && a.t == b.t; }
+
+}  // namespace
+
+EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& keyframes,
+                         Channel& map)
+    : node_(node),
+      options_(options),
+      keyframe_channel_(keyframes),
+      map_channel_(map),
+      mapping_(node.runtime(), node.log(), {}, map_, IdSpace::kEdgeMapper,
+               LocalMapping::Mode::kWorker),
+      received_(node.runtime().make_signal()) {
+  mapping_.on_take([this](Worker&, KeyFrameId id) { return take(id); });
+  mapping_.on_done([this](Worker& worker, KeyFrameId id) { mapped(worker, id); });
+  mapping_.on_idle([this](Worker& worker) { return update_if_due(worker); });
+}
+
+void EdgeMapping::start() {
+  mapping_.start();
+  node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
+}
+
+void EdgeMapping::receive(Worker& worker) {
+  while (const auto message = keyframe_channel_.receive(worker, kNever)) {
+    if (message->type == static_cast<std::uint8_t>(wire::MessageType::kKeyFrame)) {
+      admit(worker, *message);
+    }
+    {
+      std::lock_guard lock(mutex_);
+      received_sequence_ = message->sequence;
+    }
+    received_->notify();
+  }
+}
+
+void EdgeMapping::admit(Worker& worker, const Message& raw) {
+  Pending pending;
+  AdmissionState state;
+  std::optional<std::string> declined;
+  const bool parsed = worker.stage("parse", [&](StageUnits& units) {
+    units.n1 = static_cast<double>(raw.payload.size()) / kKilo;
+    try {
+      pending.message = wire::decode_keyframe(raw.payload, node_.peer().sensor());
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string("KEYFRAME refused: ") + error.what());
+      return false;
+    }
+    {
+      std::lock_guard lock(mutex_);
+      state.last_accepted_s = last_accepted_s_;
+    }
+    state = {.mapper = mapping_.status(),
+             .keyframes = count(*map_).keyframes,
+             .last_accepted_s = state.last_accepted_s,
+             .played_fps = node_.peer().played_fps(),
+             .queue_limit = options_.queue_limit};
+    declined = decline_reason(pending.message, state);
+    return true;
+  });
+  if (!parsed) return;
+  const KeyFrameId id = pending.message.keyframe;
+  if (declined) {
+    node_.log().write(
+        JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *declined));
+    return;
+  }
+  if (pending.message.first && state.last_accepted_s >= 0) begin_again(worker);
+  node_.log().write(JsonLine("keyframe_received").add("keyframe", id.value));
+  pending.times.captured = pending.message.captured;
+  pending.times.queued = raw.queued;
+  pending.times.received = raw.received;
+  pending.times.accepted = worker.now();
+  {
+    std::lock_guard lock(mutex_);
+    last_accepted_s_ = pending.message.delta.keyframes.front().timestamp_s;
+    accepted_.push_back(id);
+    pending_[id] = std::move(pending);
+  }
+  mapping_.submit(worker, id);
+}
+
+/// The mobile lost itself early and starts a new map.
+void EdgeMapping::begin_again(Worker& worker) {
+  mapping_.reset(worker, map_);
+  map_->clear();
+  std::lock_guard lock(mutex_);
+  pending_.clear();
+  accepted_.clear();
+  mapped_keyframes_.clear();
+  told_.clear();
+  news_ = false;
+}
+
+bool EdgeMapping::take(KeyFrameId keyframe) {
+  MapDelta delta;
+  {
+    std::lock_guard lock(mutex_);
+    const auto found = pending_.find(keyframe);
+    if (found == pending_.end()) return false;
+    delta = std::move(found->second.message.delta);
+  }
+  delta = map_->read([&](const MapView& view) { return rebase_keyframe(view, std::move(delta)); });
+  map_->commit(delta);
+  return true;
+}
+
+void EdgeMapping::mapped(Worker& worker, KeyFrameId keyframe) {
+  {
+    std::lock_guard lock(mutex_);
+    const auto found = pending_.find(keyframe);
+    if (found == pending_.end()) return;
+    newest_times_ = found->second.times;
+    newest_times_.mapped = worker.now();
+    pending_.erase(found);
+    mapped_keyframes_.push_back(keyframe);
+    news_ = true;
+  }
+  if (mapped_) mapped_(worker, keyframe);
+  update_if_due(worker);
+}
+
+RunTime EdgeMapping::update_if_due(Worker& worker) {
+  wire::UpdateTimes times;
+  KeyFrameId newest;
+  {
+    std::lock_guard lock(mutex_);
+    if (!news_ || held_) return kNever;
+    // The first update is due one period after the start.
+    const RunTime due = std::max(last_sent_, RunTime::zero()) + options_.update_period;
+    if (worker.now() < due) return due;
+    times = newest_times_;
+    newest = mapped_keyframes_.back();
+  }
+  auto keyframes = latest(options_.update_keyframes);
+  if (options_.update_neighbours > 0 && !keyframes.empty()) {
+    const auto around = map_->read([&](const MapView& view) {
+      return with_covisibles(view, {keyframes.front()}, options_.update_neighbours);
+    });
+    for (const KeyFrameId id : around) {
+      if (std::find(keyframes.begin(), keyframes.end(), id) == keyframes.end()) {
+        keyframes.push_back(id);
+      }
+    }
+  }
+  send_update(worker, times, newest, keyframes, false);
+  return kNever;
+}
+
+void EdgeMapping::send_update(Worker& worker, wire::UpdateTimes times, KeyFrameId newest,
+                              const std::vector<KeyFrameId>& keyframes, bool relocalisation) {
+  wire::MapUpdate update;
+  update.newest = newest;
+  update.times = times;
+  update.times.due = worker.now();
+  Bytes payload = worker.stage("prepare_update", [&](StageUnits& units) {
+    {
+      std::lock_guard lock(mutex_);
+      update.update = ++updates_;
+    }
+    update.map =
+        map_->read([&](const MapView& view) { return extract_keyframes(view, keyframes); });
+    update.map.epoch = update.update;
+    if (options_.update_poses) update.poses = moved_poses(update.map);
+    units.n1 = static_cast<double>(update.map.keyframes.size());
+    units.n2 = static_cast<double>(update.map.points.size());
+    return update.map.keyframes.empty() ? Bytes() : encode(update);
+  });
+  if (payload.empty()) return;
+  const std::size_t bytes = payload.size();
+  map_channel_.send(static_cast<std::uint8_t>(relocalisation ? wire::MessageType::kRelocMap
+                                                             : wire::MessageType::kMapUpdate),
+                    std::move(payload));
+  {
+    std::lock_guard lock(mutex_);
+    last_sent_ = worker.now();
+    if (!relocalisation) news_ = false;
+  }
+  node_.log().write(JsonLine("update_sent")
+                        .add("update", update.update)
+                        .add("newest_keyframe", newest.value)
+                        .add("keyframes", update.map.keyframes.size())
+                        .add("points", update.map.points.size())
+                        .add("bytes", bytes)
+                        .add("relocalisation", relocalisation));
+}
+
+std::vector<KeyFramePose> EdgeMapping::moved_poses(const MapDelta& update) {
+  std::vector<KeyFramePose> moved;
+  const auto poses = all_poses();
+  std::lock_guard lock(mutex_);
+  for (const KeyFramePose& pose : poses) {
+    const auto inside = std::any_of(update.keyframes.begin(), update.keyframes.end(),
+                                    [&](const NewKeyFrame& k) { return k.id == pose.id; });
+    const auto [told, fresh] = told_.try_emplace(pose.id, pose.T_cw);
+    const bool changed = fresh || !same_pose(told->second, pose.T_cw);
+    told->second = pose.T_cw;
+    if (changed && !inside) moved.push_back(pose);
+  }
+  return moved;
+}
+
+std::vector<KeyFramePose> EdgeMapping::all_poses() const {
+  std::vector<KeyFrameId> ids;
+  {
+    std::lock_guard lock(mutex_);
+    ids = accepted_;
+  }
+  return map_->read([&](const MapView& view) {
+    std::vector<KeyFramePose> poses;
+    for (const KeyFrameId id : ids) {
+      const KeyFrame* keyframe = view.keyframe(id);
+      if (const auto pose = view.pose_of(id)) {
+        poses.push_back({id, *pose, keyframe ? keyframe->version : 0});
+      }
+    }
+    return poses;
+  });
+}
+
+std::vector<KeyFrameId> EdgeMapping::latest(int count) const {
+  std::vector<KeyFrameId> mapped;
+  {
+    std::lock_guard lock(mutex_);
+    mapped = mapped_keyframes_;
+  }
+  return map_->read([&](const MapView& view) {
+    std::vector<KeyFrameId> found;
+    for (auto id = mapped.rbegin(); id != mapped.rend() && std::ssize(found) < count; ++id) {
+      if (view.keyframe(*id)) found.push_back(*id);
+    }
+    return found;
+  });
+}
+
+void EdgeMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime deadline) {
+  for (;;) {
+    const auto ticket = received_->ticket();
+    {
+      std::lock_guard lock(mutex_);
+      if (received_sequence_ >= last_sequence) break;
+    }
+    if (worker.stopping() || worker.now() >= deadline) break;
+    worker.wait(*received_, ticket, deadline);
+  }
+  mapping_.drain(worker);
+}
+
+RunTime EdgeMapping::last_sent() const {
+  std::lock_guard lock(mutex_);
+  return last_sent_;
+}
+
+void EdgeMapping::hold_updates(bool held) {
+  std::lock_guard lock(mutex_);
+  held_ = held;
+}
+
+}  // namespace slambed

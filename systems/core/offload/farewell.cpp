@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/farewell.hpp"
+
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+/// A slow link may still carry keyframes, and the mapper may have a few to work in.
+constexpr Duration kAnswerPatience = std::chrono::seconds(15);
+/// Without a connection nothing will come.
+constexpr Duration kAwayPatience = std::chrono::seconds(2);
+constexpr Duration kTransitPatience = std::chrono::seconds(5);
+constexpr Duration kLookEvery = std::chrono::milliseconds(200);
+
+constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
+
+}  // namespace
+
+void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
+  control_.send(type_of(wire::MessageType::kBye),
+                encode(wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence}));
+  if (worker.stopping()) return;  // stopped from outside: the edge hears it, nobody waits
+  const RunTime begin = worker.now();
+  RunTime heard = begin;
+  while (!worker.stopping() && worker.now() < begin + kAnswerPatience) {
+    if (const auto message = control_.receive(worker, worker.now() + kLookEvery)) {
+      if (take(*message)) return;
+    }
+    if (control_.path().connected) heard = worker.now();
+    if (worker.now() - heard > kAwayPatience) break;
+  }
+  node_.log().warning("the edge did not answer BYE; its last corrections are missing");
+}
+
+bool MobileFarewell::take(const Message& message) {
+  try {
+    if (message.type == type_of(wire::MessageType::kPoses)) {
+      poses_ = wire::decode_poses(message.payload);
+    }
+    if (message.type == type_of(wire::MessageType::kBye)) {
+      const auto bye = wire::decode_bye(message.payload);
+      counts_ = {bye.keyframes, bye.points};
+      return true;
+    }
+  } catch (const wire::DecodeError& error) {
+    node_.log().warning(std::string("BYE refused: ") + error.what());
+  }
+  return false;
+}
+
+void EdgeFarewell::start() {
+  node_.runtime().spawn("control", [this](Worker& worker) { listen(worker); });
+}
+
+void EdgeFarewell::listen(Worker& worker) {
+  RunTime seen = worker.now();
+  while (!worker.stopping()) {
+    if (const auto message = control_.receive(worker, worker.now() + kLookEvery)) {
+      if (answer(worker, *message)) return;
+    }
+    if (control_.path().connected) seen = worker.now();
+    if (worker.now() - seen > options_.patience) return node_.end("peer_lost");
+  }
+}
+
+bool EdgeFarewell::answer(Worker& worker, const Message& message) {
+  if (message.type != type_of(wire::MessageType::kBye)) return false;
+  wire::ByeMessage bye;
+  try {
+    bye = wire::decode_bye(message.payload);
+  } catch (const wire::DecodeError& error) {
+    node_.log().warning(std::string("BYE refused: ") + error.what());
+    return false;
+  }
+  mapping_.drain(worker, bye.last_keyframe_sequence, worker.now() + kTransitPatience);
+  if (options_.final_poses) {
+    control_.send(type_of(wire::MessageType::kPoses), wire::encode_poses(mapping_.all_poses()));
+  }
+  const MapCounts counts = count(*mapping_.map());
+  control_.send(type_of(wire::MessageType::kBye),
+                encode(wire::ByeMessage{.keyframes = counts.keyframes, .points = counts.points}));
+  node_.end("bye");
+  return true;
+}
+
+}  // namespace slambed

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "node/edge_node.hpp"
+#include "node/mobile_node.hpp"
+#include "offload/edge_mapping.hpp"
+#include "wire/messages.hpp"
+
+namespace slambed {
+
+/// The mobile's last words: BYE, then the edge's final poses and counts, as far as they come in
+/// time.
+class MobileFarewell {
+ public:
+  MobileFarewell(MobileNode& node, Channel& control) : node_(node), control_(control) {}
+
+  void say(Worker& worker, std::uint64_t last_keyframe_sequence);
+  const MapCounts& counts() const { return counts_; }  ///< of the global map; zero when unheard
+  const std::vector<KeyFramePose>& poses() const { return poses_; }
+
+ private:
+  bool take(const Message& message);
+
+  MobileNode& node_;
+  Channel& control_;
+  MapCounts counts_;
+  std::vector<KeyFramePose> poses_;
+};
+
+struct EdgeFarewellOptions {
+  bool final_poses = true;
+  /// The mobile must be away for so long before the edge gives up.
+  Duration patience = std::chrono::seconds(30);
+};
+
+/// The edge's control worker: ends the node after BYE or when the mobile is gone for good.
+class EdgeFarewell {
+ public:
+  EdgeFarewell(EdgeNode& node, Channel& control, EdgeMapping& mapping, EdgeFarewellOptions options)
+      : node_(node), control_(control), mapping_(mapping), options_(options) {}
+
+  void start();
+
+ private:
+  void listen(Worker& worker);
+  bool answer(Worker& worker, const Message& message);
+
+  EdgeNode& node_;
+  Channel& control_;
+  EdgeMapping& mapping_;
+  EdgeFarewellOptions options_;
+};
+
+}  // namespace slambed

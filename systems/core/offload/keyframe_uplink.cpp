@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/keyframe_uplink.hpp"
+
+#include "wire/message_type.hpp"
+#include "wire/messages.hpp"
+
+namespace slambed {
+
+void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta delta,
+                          KeyFrameNeed need, bool after_relocalisation,
+                          std::uint64_t applied_update) {
+  if (delta.keyframes.size() != 1) return;
+  wire::KeyFrameMessage message;
+  message.keyframe = delta.keyframes.front().id;
+  message.captured = frame.offered.offered;
+  message.urgent = need == KeyFrameNeed::kUrgent;
+  message.first = frame.outcome.initialised_now;
+  message.after_relocalisation = after_relocalisation;
+  message.applied_update = applied_update;
+  message.delta = std::move(delta);
+  Bytes payload = worker.stage("serialise", [&](StageUnits& units) {
+    Bytes bytes = encode(message);
+    units.n1 = static_cast<double>(bytes.size()) / 1000;
+    return bytes;
+  });
+  last_sequence_ =
+      channel_.send(static_cast<std::uint8_t>(wire::MessageType::kKeyFrame), std::move(payload));
+  node_.log().write(JsonLine("keyframe_sent").add("keyframe", message.keyframe.value));
+}
+
+}  // namespace slambed

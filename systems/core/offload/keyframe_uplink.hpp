@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "node/mobile_node.hpp"
+
+namespace slambed {
+
+/// Sends keyframes from the tracking worker: serialising counts as tracking time, as Edge-SLAM
+/// does.
+class KeyFrameUplink {
+ public:
+  KeyFrameUplink(MobileNode& node, Channel& channel) : node_(node), channel_(channel) {}
+
+  /// The first delta of a map has one keyframe; an empty delta sends nothing.
+  void send(Worker& worker, const TrackedFrame& frame, MapDelta delta, KeyFrameNeed need,
+            bool after_relocalisation, std::uint64_t applied_update);
+  /// Of the last message on the channel, 0 when there was none.
+  std::uint64_t last_sequence() const { return last_sequence_; }
+
+ private:
+  MobileNode& node_;
+  Channel& channel_;
+  std::uint64_t last_sequence_ = 0;
+};
+
+}  // namespace slambed

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "node/mobile_node.hpp"
+#include "offload/update_rules.hpp"
+#include "runtime/mailbox.hpp"
+#include "wire/messages.hpp"
+
+namespace slambed {
+
+/// Takes map updates over on the mobile: the received map replaces the local one between two
+/// frames.
+///
+/// serial: everything (parsing, building the new map, disposing of the old one) happens on the
+/// tracking worker, as in Edge-SLAM. parallel: a worker parses and builds; tracking only swaps, and
+/// the worker disposes of the old map.
+class MapDownlink {
+ public:
+  enum class Mode { kSerial, kParallel };
+
+  MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRules rules);
+
+  void start();
+  /// On the tracking worker, between two frames.
+  void before_frame(Worker& worker);
+  /// On the tracking worker: a keyframe was added to the local map.
+  void keyframe_created(RunTime when);
+  std::uint64_t applied_update() const { return applied_; }
+
+ private:
+  /// An update on its way into the tracker.
+  struct Arrival {
+    Message raw;
+    wire::MapUpdate update;
+    std::shared_ptr<Map> map;
+  };
+
+  void work(Worker& worker);
+  bool parse(Worker& worker, Arrival& arrival);
+  void build(Arrival& arrival);
+  std::optional<std::string_view> refused(Worker& worker, const Message& raw,
+                                          std::uint64_t update) const;
+  void apply(Worker& worker, Arrival arrival);
+  void record_declined(std::uint64_t update, KeyFrameId newest, std::string_view reason);
+  void record_received(const Arrival& arrival);
+
+  MobileNode& node_;
+  Channel& channel_;
+  Mode mode_;
+  UpdateRules rules_;
+  Mailbox<Arrival> ready_;                 ///< parallel: built by the worker
+  Mailbox<std::shared_ptr<Map>> disused_;  ///< parallel: to be disposed of by the worker
+
+  // The tracking worker's.
+  std::uint64_t applied_ = 0;
+  std::size_t keyframes_created_ = 0;
+  bool new_keyframe_ = false;
+  RunTime last_keyframe_{};
+};
+
+}  // namespace slambed

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/update_rules.hpp"
+
+#include <utility>
+
+namespace slambed {
+namespace {
+
+// Edge-SLAM: 300 ms / (keyframes / 6 + 1), and nothing below 50 ms.
+constexpr std::int64_t kKeyframesPerStep = 6;
+constexpr Duration kShortest = std::chrono::milliseconds(50);
+
+}  // namespace
+
+std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
+  if (state.update <= state.applied) return "older than the map";
+  if (state.relocalisation) {
+    if (!state.lost) return "not lost any more";
+    return std::nullopt;
+  }
+  if (std::cmp_less(state.local_keyframes, rules.min_local_keyframes)) return "few keyframes";
+  if (!state.new_keyframe) return "up to date";
+  const Duration limit =
+      rules.fast_motion /
+      (static_cast<std::int64_t>(state.keyframes_created) / kKeyframesPerStep + 1);
+  if (limit >= kShortest && state.since_keyframe < limit) return "fast motion";
+  return std::nullopt;
+}
+
+}  // namespace slambed

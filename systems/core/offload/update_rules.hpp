@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "base/time.hpp"
+
+namespace slambed {
+
+/// When the mobile takes over a map update.
+struct UpdateRules {
+  int min_local_keyframes = 6;  ///< declined while the local map has fewer
+  Duration fast_motion{};       ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
+};
+
+/// What the mobile knows when an update lies ready.
+struct UpdateState {
+  bool relocalisation = false;  ///< RELOC_MAP rather than MAP_UPDATE
+  bool lost = false;
+  std::uint64_t update = 0, applied = 0;
+  std::size_t local_keyframes = 0;
+  std::size_t keyframes_created = 0;  ///< since the run began
+  bool new_keyframe = false;          ///< one was created since the last update was taken over
+  Duration since_keyframe{};
+};
+
+/// Nothing when the update is welcome, else why it is declined.
+std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state);
+
+}  // namespace slambed

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/time.hpp"
+#include "runtime/runtime.hpp"
+
+namespace slambed {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// One framed message: what the wire floor encodes and verifies. type: wire::MessageType.
+struct Message {
+  std::uint8_t type = 0;
+  std::uint64_t sequence = 0;  ///< per channel and direction, from 1
+  RunTime queued{};            ///< on the sender's run clock
+  RunTime sent{};              ///< first byte handed to the transport
+  RunTime received{};          ///< last byte taken from it
+  Bytes payload;
+};
+
+/// What the transport knows about the path; absent while unknown.
+struct PathStats {
+  std::optional<Duration> smoothed_rtt;  ///< tcpi_rtt, or its model
+  std::uint64_t unacknowledged_bytes = 0;
+  bool connected = false;
+};
+
+struct ChannelOptions {
+  std::string name;       ///< "keyframe", "map", "frame"
+  int send_queue = 0;     ///< messages waiting to be sent; 0: unbounded. When full, drop the oldest
+  int receive_queue = 0;  ///< likewise for messages not yet taken
+  std::size_t max_payload = 64u << 20;
+};
+
+/// A bidirectional, ordered message connection to the peer node. Sending never blocks the caller;
+/// losing the peer is a recorded outcome, the channel reconnects by itself.
+class Channel {
+ public:
+  virtual ~Channel() = default;
+  virtual const ChannelOptions& options() const = 0;
+  /// Returns the message's sequence.
+  virtual std::uint64_t send(std::uint8_t type, Bytes payload) = 0;
+  virtual std::optional<Message> try_receive() = 0;
+  /// Notified on arrival, connect and disconnect.
+  virtual Signal& signal() = 0;
+  virtual PathStats path() const = 0;
+
+  /// Blocks the worker until a message, the deadline or the end of the run.
+  std::optional<Message> receive(Worker& worker, RunTime deadline) {
+    for (;;) {
+      const auto ticket = signal().ticket();
+      if (auto message = try_receive()) return message;
+      if (worker.stopping() || worker.now() >= deadline) return std::nullopt;
+      worker.wait(signal(), ticket, deadline);
+    }
+  }
+};
+
+}  // namespace slambed

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "runtime/channel.hpp"
+#include "runtime/frame_header.hpp"
+#include "runtime/live/socket.hpp"
+
+namespace slambed {
+
+/// Frames on one connected, non-blocking socket. Used by the I/O thread only.
+class TcpConnection {
+ public:
+  /// Why a connection ends; rejected: the peer sent what we do not accept.
+  struct End {
+    bool rejected = false;
+    std::string reason;
+  };
+  using Clock = std::function<RunTime()>;
+  /// Takes a whole, verified frame; returns the reason when its content is not acceptable.
+  using FrameHandler =
+      std::function<std::optional<std::string>(const FrameHeader& header, Bytes payload)>;
+  using MessageSource = std::function<std::optional<Message>()>;
+
+  TcpConnection(FileDescriptor fd, std::size_t max_payload, RunTime opened);
+
+  int fd() const { return fd_.get(); }
+  RunTime opened() const { return opened_; }
+  bool greeted() const { return greeted_; }
+  bool wants_write() const { return sending_.has_value() || unsent_greeting_; }
+  bool sending() const { return sending_.has_value(); }
+
+  /// Queues our greeting; messages wait until the peer's has been accepted.
+  void greet(std::uint64_t session, Bytes payload);
+
+  /// Once nothing is left to send, tells the peer that the connection will end.
+  void part() { parting_ = true; }
+  bool parted() const { return parted_; }            ///< ours was handed to the kernel
+  bool peer_parted() const { return peer_parted_; }  ///< what follows is no loss
+
+  std::optional<End> read_some(const FrameHandler& on_greeting, const FrameHandler& on_message);
+  std::optional<End> write_some(const Clock& clock, const MessageSource& next);
+  /// The message that was not handed to the kernel whole.
+  std::optional<Message> take_unfinished();
+
+ private:
+  /// Nothing: no more bytes now.
+  std::optional<std::size_t> receive(std::uint8_t* into, std::size_t want, std::optional<End>& end);
+  std::optional<End> begin_payload();
+  std::optional<End> finish_frame(const FrameHandler& on_greeting, const FrameHandler& on_message);
+  void load(const Clock& clock, Message message, std::uint8_t flags);
+
+  FileDescriptor fd_;
+  std::size_t max_payload_;
+  RunTime opened_;
+  bool greeted_ = false;
+
+  std::array<std::uint8_t, FrameHeader::kSize> header_bytes_{};
+  std::size_t header_read_ = 0;
+  std::optional<FrameHeader> header_;
+  Bytes payload_;
+  std::size_t payload_read_ = 0;
+
+  bool unsent_greeting_ = false;
+  bool parting_ = false, parted_ = false, peer_parted_ = false;
+  std::optional<Message> sending_;
+  std::array<std::uint8_t, FrameHeader::kSize> sending_header_{};
+  std::size_t sent_ = 0;
+};
+
+}  // namespace slambed

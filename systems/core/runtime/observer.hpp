@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+#include "base/time.hpp"
+#include "runtime/runtime.hpp"
+
+namespace slambed {
+
+/// One finished stage of a worker.
+struct StageRecord {
+  std::string_view name, worker;
+  RunTime start{};
+  Duration wall{}, cpu{};
+  StageUnits units;
+};
+
+/// The end of a message's life: taken by the receiver, or dropped from a full queue on either side.
+struct MessageRecord {
+  std::string_view channel;
+  bool incoming = false;
+  bool dropped = false;
+  std::uint8_t type = 0;
+  std::size_t bytes = 0;  ///< payload and header
+  std::uint64_t sequence = 0;
+  RunTime queued{}, sent{}, received{};
+};
+
+/// A change of a connection: connected, lost, reconnected, rejected.
+struct LinkRecord {
+  std::string_view channel, event, detail;
+};
+
+/// Where runtimes and channels report what happened. Called from any thread.
+class Observer {
+ public:
+  virtual ~Observer() = default;
+  virtual void stage(const StageRecord& record) = 0;
+  virtual void message(const MessageRecord& record) = 0;
+  virtual void link(const LinkRecord& record) = 0;
+};
+
+}  // namespace slambed

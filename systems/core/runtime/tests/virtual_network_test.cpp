@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// The modelled link: delays, serialisation, slow start, smoothed RTT, loss, queues.
+#include "runtime/virtual/virtual_network.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace slambed {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct CountingObserver final : Observer {
+  void stage(const StageRecord&) override {}
+  void message(const MessageRecord& r) override { (r.dropped ? dropped : taken) += 1; }
+  void link(const LinkRecord&) override { ++links; }
+  int taken = 0, dropped = 0, links = 0;
+};
+
+using link::DirectionOptions;
+
+constexpr std::int64_t kMs = 1'000'000;
+
+DirectionOptions constant(std::int64_t delay_ms, double rate_mbit = 0, double loss = 0) {
+  DirectionOptions options;
+  options.delays_ns = {delay_ms * kMs};
+  if (rate_mbit > 0) {
+    options.rate = link::RateOptions{.bits_per_s = rate_mbit * 1e6, .queue_bytes = 10'000'000};
+  }
+  if (loss > 0) options.loss = link::LossOptions{.loss_good = loss};
+  return options;
+}
+
+/// Two nodes without compute cost, joined by one channel.
+struct Nodes {
+  Nodes(const DirectionOptions& up, const DirectionOptions& down,
+        ChannelOptions options = {.name = "map"})
+      : link(simulator, up, down, 7),
+        mobile(simulator, {}, 1, observer),
+        edge(simulator, {}, 2, observer),
+        near(link.mobile_side(observer).open(options)),
+        far(link.edge_side(observer).open(options)) {}
+
+  Simulator simulator;
+  CountingObserver observer;
+  VirtualLink link;
+  VirtualRuntime mobile, edge;
+  Channel& near;
+  Channel& far;
+};
+
+/// Sends messages of the given size at the given times; returns when each was received.
+std::vector<Duration> deliver(Nodes& nodes, std::size_t bytes, const std::vector<RunTime>& times) {
+  std::vector<Duration> received;
+  nodes.mobile.spawn("sender", [&](Worker& w) {
+    for (const RunTime t : times) {
+      w.sleep_until(t);
+      nodes.near.send(1, Bytes(bytes));
+    }
+  });
+  nodes.edge.spawn("receiver", [&](Worker& w) {
+    while (received.size() < times.size()) {
+      auto message = nodes.far.receive(w, w.now() + 100s);
+      if (!message) break;
+      received.push_back(message->received);
+    }
+  });
+  nodes.simulator.run();
+  return received;
+}
+
+TEST(VirtualNetwork, ASmallMessageTakesTheOneWayDelay) {
+  Nodes nodes(constant(20), constant(30));
+  EXPECT_EQ(deliver(nodes, 100, {0ms, 1s}), (std::vector<Duration>{20ms, 1020ms}));
+  EXPECT_EQ(nodes.link.rtt_now(), 50ms);
+  EXPECT_EQ(nodes.observer.links, 2);
+}
+
+TEST(VirtualNetwork, SlowStartCostsRoundTrips) {
+  Nodes nodes(constant(10), constant(10));
+  // 10 segments leave at once, then 20, then 40: 70 segments arrive in the third flight.
+  const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
+  EXPECT_EQ(deliver(nodes, bytes, {0ms}), std::vector<Duration>{10ms + 2 * 20ms});
+}
+
+TEST(VirtualNetwork, TheWindowStaysOpenWhileBusyAndClosesWhenIdle) {
+  Nodes nodes(constant(10), constant(10));
+  const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
+  const auto received = deliver(nodes, bytes, {0ms, 100ms, 5s});
+  EXPECT_EQ(received[1], 110ms);      // within the time-out: one flight
+  EXPECT_EQ(received[2], 5s + 50ms);  // idle: slow start again
+}
+
+TEST(VirtualNetwork, TheRateSerialisesAllChannelsTogether) {
+  Nodes nodes(constant(0, 8), constant(0));
+  // 8 Mbit/s are 1 byte per microsecond: one message of 1,000 bytes and 96 of headers.
+  const auto received = deliver(nodes, 1000 - 44, {0ms, 0ms});
+  EXPECT_EQ(received[0], 1052us);
+  EXPECT_EQ(received[1], 2104us);
+}
+
+TEST(VirtualNetwork, FallingDelayNeverReorders) {
+  DirectionOptions up;
+  up.delays_ns.clear();
+  for (int i = 0; i < 100; ++i) up.delays_ns.push_back((100 - i) * kMs);  // 1 ms less per 10 ms
+  Nodes nodes(up, constant(0));
+  std::vector<RunTime> times;
+  for (int i = 0; i < 200; ++i) times.push_back(i * 5ms);
+  const auto received = deliver(nodes, 100, times);
+  ASSERT_EQ(received.size(), times.size());
+  EXPECT_TRUE(std::is_sorted(received.begin(), received.end()));
+  EXPECT_EQ(received.back(), times.back() + 1ms);
+}
+
+TEST(VirtualNetwork, DelayIsLinearBetweenItsSteps) {
+  DirectionOptions up;
+  up.delays_ns = {10 * kMs, 20 * kMs, 20 * kMs, 40 * kMs};  // at 0, 10, 20, 30 ms
+  Nodes nodes(up, constant(0));
+  EXPECT_EQ(deliver(nodes, 100, {0ms, 4ms, 15ms, 25ms, 1s}),
+            (std::vector<Duration>{10ms, 18ms, 35ms, 55ms, 1040ms}));
+}
+
+TEST(VirtualNetwork, SmoothedRttLagsBehindAStepWithGainOneEighth) {
+  DirectionOptions up;
+  up.delays_ns.assign(100, 5 * kMs);
+  up.delays_ns.resize(1000, 45 * kMs);  // up by 40 ms in the 10 ms before 1 s
+  Nodes nodes(up, constant(5));
+  std::vector<double> rtt;
+  nodes.mobile.spawn("sender", [&](Worker& w) {
+    for (int i = 0; i < 30; ++i) {
+      w.sleep_until(i * 100ms);
+      rtt.push_back(to_ms(*nodes.near.path().smoothed_rtt));
+      nodes.near.send(1, Bytes(10));
+    }
+  });
+  nodes.edge.spawn("receiver", [&](Worker& w) {
+    for (int i = 0; i < 30; ++i) nodes.far.receive(w, w.now() + 10s);
+  });
+  nodes.simulator.run();
+  EXPECT_NEAR(rtt[10], 10, 1e-6);
+  EXPECT_NEAR(rtt[11], 10 + 40.0 / 8, 1e-3);
+  EXPECT_NEAR(rtt[12], 15 + 35.0 / 8, 1e-3);
+  EXPECT_NEAR(rtt[29], 50, 5);
+}
+
+TEST(VirtualNetwork, LossIsRepairedAndEverythingArrivesInOrder) {
+  Nodes nodes(constant(10, 0, 0.05), constant(10, 0, 0.05));
+  std::vector<RunTime> times;
+  for (int i = 0; i < 50; ++i) times.push_back(i * 100ms);
+  const auto received = deliver(nodes, 30'000, times);
+  ASSERT_EQ(received.size(), times.size());
+  EXPECT_TRUE(std::is_sorted(received.begin(), received.end()));
+  EXPECT_GT(nodes.link.up().dropped(), 20u);
+}
+
+TEST(VirtualNetwork, AFullSendQueueDropsTheOldest) {
+  Nodes nodes(constant(10, 1), constant(10), {.name = "keyframe", .send_queue = 2});
+  // At 1 Mbit/s one message of 200 kB takes 1.6 s: of ten at once, what the transport already holds
+  // and the two newest survive.
+  std::vector<std::uint64_t> sequences;
+  nodes.mobile.spawn("sender", [&](Worker&) {
+    for (int i = 0; i < 10; ++i) nodes.near.send(1, Bytes(200'000));
+  });
+  nodes.edge.spawn("receiver", [&](Worker& w) {
+    while (auto m = nodes.far.receive(w, w.now() + 20s)) sequences.push_back(m->sequence);
+  });
+  nodes.simulator.run();
+  EXPECT_EQ(sequences, (std::vector<std::uint64_t>{1, 9, 10}));
+  EXPECT_EQ(nodes.observer.dropped, 7);
+}
+
+TEST(VirtualNetwork, AGapHoldsWhatWouldArriveInIt) {
+  DirectionOptions up = constant(10);
+  up.gaps = {{.start_ns = 100 * kMs, .end_ns = 300 * kMs}};
+  Nodes nodes(up, constant(10));
+  EXPECT_EQ(deliver(nodes, 100, {0ms, 95ms, 400ms}), (std::vector<Duration>{10ms, 300ms, 410ms}));
+}
+
+TEST(VirtualNetwork, EqualSeedsLoseTheSamePackets) {
+  const auto run = [] {
+    Nodes nodes(constant(10, 20, 0.1), constant(10, 0, 0.1));
+    return deliver(nodes, 50'000, {0ms, 200ms, 700ms});
+  };
+  EXPECT_EQ(run(), run());
+}
+
+}  // namespace
+}  // namespace slambed

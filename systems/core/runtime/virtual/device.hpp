@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <list>
+
+#include "base/time.hpp"
+#include "runtime/virtual/simulator.hpp"
+
+namespace slambed {
+
+/// The processor of a node: its cores are shared equally among the stages that run, as a fair
+/// scheduler does; one stage never gets more than one core.
+class Device {
+ public:
+  Device(Simulator& simulator, int cores) : simulator_(simulator), cores_(cores) {}
+
+  /// Keeps the task busy for the given amount of undisturbed compute time.
+  void execute(Task& task, Duration work);
+  /// Compute time spent so far, over all cores.
+  Duration cpu_time() const;
+
+ private:
+  struct Job {
+    Task* task;
+    double remaining_ns;
+  };
+  double rate() const;
+  void advance();
+  void plan();
+
+  Simulator& simulator_;
+  int cores_;
+  std::list<Job> jobs_;
+  RunTime updated_{};
+  double spent_ns_ = 0;
+  std::uint64_t plan_ = 0;  ///< completions planned before the jobs changed are void
+};
+
+}  // namespace slambed

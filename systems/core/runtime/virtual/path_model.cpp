@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "runtime/virtual/path_model.hpp"
+
+#include <utility>
+
+namespace slambed {
+
+PathModel::PathModel(Simulator& simulator, const link::DirectionOptions& options,
+                     std::uint64_t seed, std::uint64_t direction)
+    : simulator_(simulator), model_(options, seed, direction) {
+  model_.start(0);  // run time is the model's clock
+}
+
+Duration PathModel::delay_now() const {
+  return Duration(model_.profile_ns(simulator_.now().count()));
+}
+
+void PathModel::transmit(std::uint32_t bytes, std::function<void()> on_arrival) {
+  const link::Admission admission = model_.admit(simulator_.now().count(), bytes);
+  if (admission.fate != link::Fate::kDelivered) {
+    ++dropped_;
+    return;
+  }
+  simulator_.at(RunTime(admission.due_ns), std::move(on_arrival));
+}
+
+}  // namespace slambed

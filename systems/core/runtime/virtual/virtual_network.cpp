@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "runtime/virtual/virtual_network.hpp"
+
+#include <utility>
+
+#include "base/error.hpp"
+#include "runtime/frame_header.hpp"
+#include "runtime/message_queue.hpp"
+
+namespace slambed {
+namespace {
+
+/// Bytes that the live channel leaves unsent in the kernel before it hands over the next message.
+constexpr std::uint64_t kUnsentLimit = 128 * 1024;
+
+}  // namespace
+
+class VirtualLink::VirtualChannel final : public Channel {
+ public:
+  VirtualChannel(Simulator& simulator, Observer& observer, ChannelOptions options)
+      : simulator_(simulator), observer_(observer), options_(std::move(options)) {}
+
+  /// Joins the two ends; the handshake gives both their first RTT.
+  void connect(VirtualChannel& peer, PathModel& outward, PathModel& inward) {
+    flow_ = std::make_unique<TcpFlow>(
+        simulator_, outward, inward, [&peer](std::uint64_t upto) { peer.take_in(upto); },
+        [this] { hand_over(); });
+    peer_ = &peer;
+    flow_->start(outward.delay_now() + inward.delay_now());
+    record_link("connected");
+    hand_over();
+    signal_.notify();
+  }
+
+  const ChannelOptions& options() const override { return options_; }
+
+  std::uint64_t send(std::uint8_t type, Bytes payload) override {
+    if (payload.size() > options_.max_payload) {
+      throw Error(ExitCode::kInternal, "channel " + options_.name + ": message of " +
+                                           std::to_string(payload.size()) +
+                                           " bytes is over the limit; raise max_payload");
+    }
+    Message message;
+    message.type = type;
+    message.sequence = next_sequence_++;
+    message.queued = simulator_.now();
+    message.payload = std::move(payload);
+    const std::uint64_t sequence = message.sequence;
+    auto dropped = push_newest_wins(outgoing_, std::move(message), options_.send_queue);
+    if (dropped) record(*dropped, false, true);
+    hand_over();
+    return sequence;
+  }
+
+  std::optional<Message> try_receive() override {
+    if (incoming_.empty()) return std::nullopt;
+    Message message = std::move(incoming_.front());
+    incoming_.pop_front();
+    record(message, true, false);
+    return message;
+  }
+
+  Signal& signal() override { return signal_; }
+
+  PathStats path() const override {
+    PathStats stats;
+    stats.connected = flow_ != nullptr;
+    if (flow_) {
+      stats.smoothed_rtt = flow_->smoothed_rtt();
+      stats.unacknowledged_bytes = flow_->unacknowledged();
+    }
+    return stats;
+  }
+
+ private:
+  static std::uint64_t size_on_wire(const Message& m) {
+    return m.payload.size() + FrameHeader::kSize;
+  }
+
+  void hand_over() {
+    while (flow_ && !outgoing_.empty() && flow_->unsent() < kUnsentLimit) {
+      Message message = std::move(outgoing_.front());
+      outgoing_.pop_front();
+      message.sent = simulator_.now();
+      const std::uint64_t bytes = size_on_wire(message);
+      peer_->expected_ += bytes;
+      peer_->under_way_.emplace_back(peer_->expected_, std::move(message));
+      flow_->write(bytes);
+    }
+  }
+
+  void take_in(std::uint64_t upto) {
+    bool arrived = false;
+    while (!under_way_.empty() && under_way_.front().first <= upto) {
+      Message message = std::move(under_way_.front().second);
+      under_way_.pop_front();
+      message.received = simulator_.now();
+      auto dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
+      if (dropped) record(*dropped, true, true);
+      arrived = true;
+    }
+    if (arrived) signal_.notify();
+  }
+
+  void record(const Message& m, bool incoming, bool dropped) const {
+    observer_.message({.channel = options_.name,
+                       .incoming = incoming,
+                       .dropped = dropped,
+                       .type = m.type,
+                       .bytes = static_cast<std::size_t>(size_on_wire(m)),
+                       .sequence = m.sequence,
+                       .queued = m.queued,
+                       .sent = m.sent,
+                       .received = m.received});
+  }
+  void record_link(std::string_view event) const {
+    observer_.link({.channel = options_.name, .event = event, .detail = ""});
+  }
+
+  Simulator& simulator_;
+  Observer& observer_;
+  ChannelOptions options_;
+  VirtualSignal signal_;
+  VirtualChannel* peer_ = nullptr;
+  std::unique_ptr<TcpFlow> flow_;
+  std::deque<Message> outgoing_, incoming_;
+  std::deque<std::pair<std::uint64_t, Message>> under_way_;  ///< to us, by end in the byte stream
+  std::uint64_t expected_ = 0;
+  std::uint64_t next_sequence_ = 1;
+};
+
+class VirtualLink::Side final : public Network {
+ public:
+  Side(VirtualLink& link, Observer& observer) : link_(link), observer_(observer) {}
+
+  Channel& open(const ChannelOptions& options) override {
+    auto [slot, added] = channels_.try_emplace(options.name);
+    if (!added) throw Error(ExitCode::kInternal, "channel " + options.name + " is opened twice");
+    slot->second = std::make_unique<VirtualChannel>(link_.simulator_, observer_, options);
+    link_.connect(options.name);
+    return *slot->second;
+  }
+
+  VirtualChannel* find(const std::string& name) const {
+    const auto slot = channels_.find(name);
+    return slot == channels_.end() ? nullptr : slot->second.get();
+  }
+
+ private:
+  VirtualLink& link_;
+  Observer& observer_;
+  std::map<std::string, std::unique_ptr<VirtualChannel>> channels_;
+};
+
+VirtualLink::VirtualLink(Simulator& simulator, const link::DirectionOptions& up,
+                         const link::DirectionOptions& down, std::uint64_t seed)
+    : simulator_(simulator), up_(simulator, up, seed, 0), down_(simulator, down, seed, 1) {}
+
+VirtualLink::~VirtualLink() = default;
+
+VirtualLink::Side& VirtualLink::side(int index, Observer& observer) {
+  if (!sides_[index]) sides_[index] = std::make_unique<Side>(*this, observer);
+  return *sides_[index];
+}
+
+Network& VirtualLink::mobile_side(Observer& observer) { return side(0, observer); }
+Network& VirtualLink::edge_side(Observer& observer) { return side(1, observer); }
+
+void VirtualLink::connect(const std::string& name) {
+  if (!sides_[0] || !sides_[1]) return;
+  VirtualChannel* mobile = sides_[0]->find(name);
+  VirtualChannel* edge = sides_[1]->find(name);
+  if (!mobile || !edge) return;
+  mobile->connect(*edge, up_, down_);
+  edge->connect(*mobile, down_, up_);
+}
+
+}  // namespace slambed

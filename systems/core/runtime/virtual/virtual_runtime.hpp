@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <exception>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "runtime/observer.hpp"
+#include "runtime/runtime.hpp"
+#include "runtime/virtual/cost_model.hpp"
+#include "runtime/virtual/device.hpp"
+#include "runtime/virtual/simulator.hpp"
+
+namespace slambed {
+
+/// A signal whose notify wakes its waiters, in the order of their arrival, at the current instant.
+class VirtualSignal final : public Signal {
+ public:
+  std::uint64_t ticket() const override { return count_; }
+  void notify() override;
+
+ private:
+  friend class VirtualRuntime;
+  struct Waiter;
+  std::uint64_t count_ = 0;
+  std::vector<std::shared_ptr<Waiter>> waiters_;
+};
+
+/// One node of a virtual run: its workers take turns under the simulator's clock and every stage is
+/// charged to the node's device.
+class VirtualRuntime final : public Runtime {
+ public:
+  VirtualRuntime(Simulator& simulator, DeviceModel model, std::uint64_t seed, Observer& observer);
+
+  RunTime now() const override { return simulator_.now(); }
+  std::unique_ptr<Signal> make_signal() override { return std::make_unique<VirtualSignal>(); }
+  void spawn(std::string name, std::function<void(Worker&)> body) override;
+  void stop() override;
+  /// After Simulator::run: rethrows the first exception that left a worker.
+  void join() override;
+
+  /// Called at the first exception that leaves a worker: the other node must not wait for ever for
+  /// one that is gone without a word.
+  void on_failure(std::function<void()> hook) { failed_ = std::move(hook); }
+
+  /// Compute time charged so far.
+  Duration cpu_time() const { return device_.cpu_time(); }
+
+ private:
+  class VirtualWorker;
+  bool wait(Task& task, VirtualSignal* signal, std::uint64_t ticket, RunTime deadline);
+
+  Simulator& simulator_;
+  DeviceModel model_;
+  Device device_;
+  std::uint64_t seed_;
+  Observer& observer_;
+  bool stopping_ = false;
+  std::exception_ptr error_;
+  std::function<void()> failed_ = [] {};
+  std::vector<std::weak_ptr<VirtualSignal::Waiter>> waiting_;
+  std::map<std::string, std::uint64_t, std::less<>> executions_;  ///< per stage
+};
+
+}  // namespace slambed

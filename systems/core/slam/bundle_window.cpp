@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "slam/bundle_window.hpp"
+
+#include <algorithm>
+#include <functional>
+#include <utility>
+
+namespace slambed {
+namespace {
+
+constexpr std::size_t kLeastKeyFrames = 3;
+
+}  // namespace
+
+std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyframe,
+                                                 const BundleOptions& options, Scratch& scratch) {
+  BundleWindow window;
+  BundleProblem problem;
+  const std::uint32_t run = ++scratch.run;
+  auto& features = scratch.features;
+  features.clear();
+  const bool usable = map.read([&](const MapView& view) {
+    const KeyFrame* current = view.keyframe(keyframe);
+    if (!current || view.keyframe_count() < kLeastKeyFrames) return false;
+    window.epoch_ = view.epoch();
+    problem.camera = current->features->sensor().camera;
+
+    /// Place of a keyframe among the poses; a new one is appended.
+    const auto place_of = [&](KeyFrameId id) {
+      Scratch::Mark& mark = *scratch.keyframes.make(id);
+      if (mark.run != run) {
+        const KeyFrame& k = *view.keyframe(id);
+        mark = {run, static_cast<std::uint32_t>(window.poses_.size())};
+        window.poses_.push_back({id, k.version});
+        problem.T_cw.push_back(k.T_cw);
+        features.push_back(k.features.get());
+      }
+      return mark.place;
+    };
+    // The free ones first, newest to oldest.
+    std::vector<KeyFrameId> moving{keyframe};
+    for (const Covisible& near : current->covisibles) moving.push_back(near.id);
+    std::sort(moving.begin(), moving.end(), std::greater<>());
+    for (const KeyFrameId id : moving)
+      if (id != view.origin()) place_of(id);
+    const std::size_t free = window.poses_.size();
+    // The origin, if it is among them, comes next: it never moves.
+    for (const KeyFrameId id : moving) place_of(id);
+
+    for (const KeyFrameId id : moving) {
+      for (const MapPointId point_id : view.keyframe(id)->points) {
+        if (!point_id) continue;
+        Scratch::Mark& mark = *scratch.points.make(point_id);
+        if (mark.run == run) continue;
+        mark = {run, static_cast<std::uint32_t>(window.points_.size())};
+        const MapPoint& point = *view.point(point_id);
+        window.points_.push_back({point_id, point.version});
+        problem.p_w.push_back(point.p_w);
+        for (const Observation& at : point.observations) {
+          const std::uint32_t pose = place_of(at.keyframe);
+          const KeyPoint& p = features[pose]->keypoint(at.feature);
+          problem.observations.push_back({pose, mark.place, p.u, p.v,
+                                          p.has_depth() ? p.right_u : -1.0f,
+                                          features[pose]->inv_sigma2(at.feature)});
+          window.features_.push_back(at.feature);
+        }
+      }
+    }
+    // Without any fixed keyframe the oldest one, which is the last, holds the rest in place.
+    const bool held = window.poses_.size() > free;
+    problem.free_poses = static_cast<int>(held ? free : free - 1);
+    return problem.free_poses > 0 && !problem.p_w.empty();
+  });
+  if (!usable) return std::nullopt;
+  window.adjuster_ = std::make_unique<BundleAdjuster>(std::move(problem), options);
+  return window;
+}
+
+bool BundleWindow::step() { return adjuster_->step(); }
+
+MapDelta BundleWindow::result() const {
+  MapDelta delta;
+  delta.epoch = epoch_;
+  // Half-solved, a window bends the map and takes good observations for outliers.
+  if (!adjuster_->robust_stage_done()) return delta;
+  const BundleProblem& solved = adjuster_->problem();
+  const std::vector<std::uint8_t> outlier = adjuster_->outliers();
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
+    if (!outlier[i]) continue;
+    const BundleObservation& seen = solved.observations[i];
+    delta.detach.push_back({poses_[seen.pose].id, features_[i], points_[seen.point].id});
+  }
+  delta.positions.reserve(points_.size());
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    delta.positions.push_back({points_[i].id, solved.p_w[i], points_[i].version + 1});
+  for (int i = 0; i < solved.free_poses; ++i)
+    delta.poses.push_back({poses_[i].id, solved.T_cw[i].normalized(), poses_[i].version + 1});
+  return delta;
+}
+
+}  // namespace slambed

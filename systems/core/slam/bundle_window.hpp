@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "map/map.hpp"
+#include "map/slot_table.hpp"
+#include "optimize/bundle_adjuster.hpp"
+
+namespace slambed {
+
+/// The part of the map that a local bundle adjustment moves: a keyframe, all its covisibles, the
+/// points they see; every other keyframe that sees those points is held fixed, as is the origin.
+class BundleWindow {
+ public:
+  /// Memory that is worth keeping from one window to the next.
+  struct Scratch {
+    struct Mark {
+      std::uint32_t run = 0, place = 0;
+    };
+    std::uint32_t run = 0;
+    SlotTable<KeyFrameId, Mark> keyframes;
+    SlotTable<MapPointId, Mark> points;
+    std::vector<const FeatureSet*> features;  ///< per pose, while the map is read
+  };
+
+  /// Nothing when the keyframe is gone or the map has fewer than three keyframes.
+  static std::optional<BundleWindow> around(const Map& map, KeyFrameId keyframe,
+                                            const BundleOptions& options, Scratch& scratch);
+
+  bool step();
+  /// Size of the problem, for the cost model of virtual time.
+  std::size_t observations() const { return features_.size(); }
+  /// What it found so far: poses and positions one version on from those that were read, outliers
+  /// detached. Empty before the robust stage is done.
+  MapDelta result() const;
+
+ private:
+  struct Pose {
+    KeyFrameId id;
+    std::uint32_t version;
+  };
+  struct Point {
+    MapPointId id;
+    std::uint32_t version;
+  };
+
+  std::vector<Pose> poses_;
+  std::vector<Point> points_;
+  std::vector<std::uint16_t> features_;  ///< per observation of the problem
+  std::uint64_t epoch_ = 0;
+  std::unique_ptr<BundleAdjuster> adjuster_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "map/map.hpp"
+
+namespace slambed {
+
+/// What a mapping stage works on instead of the map: taken in one short read.
+struct KeyFrameCopy {
+  KeyFrameId id;
+  std::shared_ptr<const FeatureSet> features;
+  SE3 T_cw;
+  std::vector<MapPointId> points;
+};
+
+inline KeyFrameCopy copy_of(const KeyFrame& keyframe) {
+  return {keyframe.id, keyframe.features, keyframe.T_cw, keyframe.points};
+}
+
+/// The `count` keyframes that share most points with one.
+inline std::vector<KeyFrameId> best_covisibles(const KeyFrame& keyframe, int count) {
+  std::vector<KeyFrameId> best;
+  const std::size_t n =
+      std::min(keyframe.covisibles.size(), static_cast<std::size_t>(std::max(0, count)));
+  for (std::size_t i = 0; i < n; ++i) best.push_back(keyframe.covisibles[i].id);
+  return best;
+}
+
+}  // namespace slambed

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "map/map.hpp"
+#include "slam/frame.hpp"
+
+namespace slambed {
+
+/// Which features of a keyframe become points.
+enum class NewPoints {
+  kAllWithDepth,    ///< the first keyframe
+  kCloseOrNearest,  ///< all close ones, and at least the hundred nearest
+};
+
+/// Counts and hands out ids of everything a tracker creates.
+struct TrackerIds {
+  explicit TrackerIds(IdSpace space) : keyframes(space), points(space) {}
+  IdSource<KeyFrameId> keyframes;
+  IdSource<MapPointId> points;
+};
+
+/// The delta that makes a keyframe of the frame at T_cw: its matches, and new points from depth for
+/// features without a match. New points are entered in frame.points too.
+MapDelta make_keyframe(const Map& map, Frame& frame, const SE3& T_cw, NewPoints rule,
+                       TrackerIds& ids);
+
+}  // namespace slambed

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "slam/local_mapper.hpp"
+
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "slam/bundle_window.hpp"
+#include "slam/keyframe_culling.hpp"
+#include "slam/point_merging.hpp"
+#include "slam/point_triangulation.hpp"
+
+namespace slambed {
+namespace {
+
+// ORB-SLAM2's probation of new points: found in at least a quarter of the frames that should see
+// them, and after two keyframes observed with more than weight three; free after three.
+constexpr double kLeastFoundShare = 0.25;
+constexpr int kProbation = 2, kGraduation = 3;  ///< keyframes
+constexpr int kLeastWeight = 3;
+
+}  // namespace
+
+struct LocalMapper::Impl {
+  Impl(LocalMapperOptions o, std::shared_ptr<Map> m, IdSpace ids)
+      : options(o), map(std::move(m)), point_ids(ids) {}
+
+  struct Recent {
+    MapPointId id;
+    int since = 0;  ///< number of the keyframe it came with
+  };
+
+  LocalMapperOptions options;
+  std::shared_ptr<Map> map;
+  IdSource<MapPointId> point_ids;
+  KeyFrameId current;
+  int keyframes = 0;  ///< inserted so far
+  std::vector<Recent> recent;
+  PointTriangulation triangulation;
+  PointMerging merging;
+  BundleWindow::Scratch window_scratch;
+  std::optional<BundleWindow> window;
+};
+
+LocalMapper::LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids)
+    : impl_(std::make_unique<Impl>(options, std::move(map), ids)) {}
+LocalMapper::~LocalMapper() = default;
+
+void LocalMapper::insert(KeyFrameId keyframe) {
+  impl_->current = keyframe;
+  impl_->window.reset();
+  ++impl_->keyframes;
+  impl_->map->read([&](const MapView& view) {
+    const KeyFrame* added = view.keyframe(keyframe);
+    if (!added) return 0;
+    for (const MapPointId id : added->points)
+      if (id && view.point(id)->first_keyframe == keyframe)
+        impl_->recent.push_back({id, impl_->keyframes});
+    return 0;
+  });
+}
+
+MapDelta LocalMapper::cull_points() {
+  MapDelta delta;
+  impl_->map->read([&](const MapView& view) {
+    delta.epoch = view.epoch();
+    std::erase_if(impl_->recent, [&](const Impl::Recent& recent) {
+      const MapPoint* point = view.point(recent.id);
+      if (!point) return true;
+      const int age = impl_->keyframes - recent.since;
+      const bool hardly_found = point->found < kLeastFoundShare * point->visible;
+      const bool hardly_seen = age >= kProbation && point->weight <= kLeastWeight;
+      if (hardly_found || hardly_seen) {
+        delta.culled_points.push_back(recent.id);
+        return true;
+      }
+      return age >= kGraduation;
+    });
+    return 0;
+  });
+  return delta;
+}
+
+MapDelta LocalMapper::triangulate() {
+  MapDelta delta = impl_->triangulation.run(*impl_->map, impl_->current, impl_->options.neighbours,
+                                            impl_->point_ids);
+  for (const NewPoint& point : delta.points) impl_->recent.push_back({point.id, impl_->keyframes});
+  return delta;
+}
+
+MapDelta LocalMapper::fuse() {
+  return impl_->merging.run(*impl_->map, impl_->current, impl_->options.neighbours,
+                            impl_->options.second_neighbours);
+}
+
+bool LocalMapper::begin_bundle() {
+  impl_->window = BundleWindow::around(*impl_->map, impl_->current, impl_->options.bundle,
+                                       impl_->window_scratch);
+  return impl_->window.has_value();
+}
+
+bool LocalMapper::step_bundle() { return impl_->window && impl_->window->step(); }
+
+std::size_t LocalMapper::bundle_observations() const {
+  return impl_->window ? impl_->window->observations() : 0;
+}
+
+MapDelta LocalMapper::finish_bundle() {
+  if (!impl_->window) return {};
+  MapDelta delta = impl_->window->result();
+  impl_->window.reset();
+  return delta;
+}
+
+MapDelta LocalMapper::cull_keyframes() {
+  return redundant_keyframes(*impl_->map, impl_->current, impl_->options.redundant_share);
+}
+
+void LocalMapper::replace_map(std::shared_ptr<Map> map) {
+  impl_->map = std::move(map);
+  impl_->map->read([&](const MapView& view) {
+    for (const MapPointId id : view.point_ids()) impl_->point_ids.skip(id);
+    return 0;
+  });
+  impl_->current = {};
+  impl_->recent.clear();
+  impl_->window.reset();
+}
+
+}  // namespace slambed

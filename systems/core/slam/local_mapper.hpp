@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "base/ids.hpp"
+#include "map/map.hpp"
+#include "optimize/bundle_adjuster.hpp"
+
+namespace slambed {
+
+struct LocalMapperOptions {
+  int neighbours = 10;           ///< best covisibles used for triangulation and fusion
+  int second_neighbours = 5;     ///< of each neighbour, for fusion
+  double redundant_share = 0.9;  ///< keyframe culling
+  BundleOptions bundle;
+};
+
+/// ORB-SLAM2's local mapping, one call per stage. Each call reads the map, computes without holding
+/// it and returns the delta; the caller commits it, so that in virtual time effects appear when the
+/// work is done. Order per keyframe: insert, cull_points, triangulate, fuse, begin_bundle /
+/// step_bundle / finish_bundle, cull_keyframes.
+class LocalMapper {
+ public:
+  LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids);
+  ~LocalMapper();
+
+  /// The keyframe is already in the map; its new points enter the list of recent ones.
+  void insert(KeyFrameId keyframe);
+  MapDelta cull_points();
+  MapDelta triangulate();
+  MapDelta fuse();
+  /// False when there is nothing to optimise (fewer than three keyframes).
+  bool begin_bundle();
+  /// One iteration; false when finished. Stop calling it to interrupt; before the robust stage is
+  /// done there is no result then.
+  bool step_bundle();
+  MapDelta finish_bundle();
+  /// Observations in the bundle at hand: what its steps cost time for.
+  std::size_t bundle_observations() const;
+  MapDelta cull_keyframes();
+
+  /// Continues on another map (hand-over); pending work is dropped.
+  void replace_map(std::shared_ptr<Map> map);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace slambed

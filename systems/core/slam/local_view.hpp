@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "map/map.hpp"
+#include "map/slot_table.hpp"
+#include "slam/frame.hpp"
+
+namespace slambed {
+
+/// The tracker's copy of the part of the map around the current frame: keyframes that share points
+/// with it, their neighbours, and all their points. It is copied again only when the map or the set
+/// of keyframes has changed, and counts sightings until a delta carries them away.
+class LocalView {
+ public:
+  /// Largest list of keyframes that still grows by neighbours (ORB-SLAM2).
+  static constexpr std::size_t kMaxKeyFrames = 80;
+
+  /// A point and the tracker's notes on it.
+  struct Mark {
+    std::uint32_t collected = 0;           ///< number of the copy that holds it
+    std::uint32_t frame = 0;               ///< last frame in which it was matched or looked for
+    std::uint32_t visible = 0, found = 0;  ///< sightings not yet handed on
+  };
+
+  /// What one look at the map found.
+  struct Update {
+    KeyFrameId reference;  ///< most votes, none when nothing in the frame is known
+    SE3 T_rw;
+    bool copied = false;
+  };
+
+  /// Chooses the keyframes by the frame's votes and copies their points. Matches of the frame whose
+  /// points are gone are taken away. may_refer tells which keyframes can become the reference.
+  template <typename MayRefer>
+  Update update(const Map& map, Frame& frame, MayRefer&& may_refer) {
+    return map.read([&](const MapView& view) {
+      vote(view, frame);
+      Update result;
+      int most = 0;
+      for (const Vote& v : votes_) {
+        if (v.count < most || !may_refer(v.id)) continue;  // of equals the newest
+        most = v.count;
+        result.reference = v.id;
+      }
+      if (result.reference) result.T_rw = view.keyframe(result.reference)->T_cw;
+      result.copied = collect(view);
+      return result;
+    });
+  }
+
+  std::span<const PointSketch> points() const { return points_; }
+  /// The tracker's notes on points()[i].
+  Mark& mark(std::size_t i) { return *marks_of_points_[i]; }
+  Mark* mark(MapPointId id) { return marks_.make(id); }
+
+  /// Notes sightings of points()[i] in this frame.
+  void count_visible(std::size_t i) { note(points_[i].id, mark(i)).visible += 1; }
+  void count_visible(MapPointId id) {
+    if (Mark* m = mark(id)) note(id, *m).visible += 1;
+  }
+  void count_found(MapPointId id) {
+    if (Mark* m = mark(id)) note(id, *m).found += 1;
+  }
+  /// All sightings since the last call as absolute counters, ascending by id.
+  std::vector<PointSightings> take_sightings(const Map& map);
+
+  void clear();
+
+ private:
+  struct Vote {
+    KeyFrameId id;
+    int count = 0;
+  };
+  Mark& note(MapPointId id, Mark& m) {
+    if (m.visible == 0 && m.found == 0) sighted_.push_back(id);
+    return m;
+  }
+  void vote(const MapView& view, Frame& frame);
+  bool collect(const MapView& view);
+  void add_neighbours(const MapView& view);
+
+  struct KeyFrameMark {
+    std::uint32_t round = 0;
+    std::int32_t votes = 0;
+  };
+  SlotTable<KeyFrameId, KeyFrameMark> keyframe_marks_;
+  std::uint32_t round_ = 0;
+  std::vector<Vote> votes_;            ///< ascending by id
+  std::vector<KeyFrameId> chosen_;     ///< keyframes wanted now
+  std::vector<KeyFrameId> keyframes_;  ///< keyframes copied
+  std::uint64_t revision_ = 0;         ///< of the map when copied
+  std::uint32_t copy_ = 0;
+  std::vector<PointSketch> points_;
+  std::vector<Mark*> marks_of_points_;
+  SlotTable<MapPointId, Mark> marks_;
+  std::vector<MapPointId> sighted_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "slam/loop_verifier.hpp"
+
+namespace slambed {
+
+/// A closed loop: the new keyframe and its neighbours put where the old part of the map says.
+struct LoopCorrection {
+  struct Moved {
+    KeyFrameId id;
+    Sim3 before, after;
+    std::vector<KeyFrameId> connected_before;  ///< shared a point with it; ascending
+  };
+  KeyFrameId keyframe, matched;
+  std::vector<Moved> moved;              ///< the new keyframe and its covisibles, ascending
+  std::vector<MapPointId> moved_points;  ///< went with the new keyframe; ascending
+  MapDelta delta;  ///< poses, positions, new observations of old points, fusions into them
+};
+
+/// Reads the map, which must not change until the delta is committed. An empty delta when one of
+/// the keyframes is gone.
+class LoopCorrector {
+ public:
+  LoopCorrection correct(const Map& map, const LoopMatch& match);
+
+ private:
+  struct Target {
+    KeyFrameCopy keyframe;
+    SE3 T_cw;  ///< corrected
+  };
+
+  void move_points(const MapView& view, const LoopMatch& match, LoopCorrection& loop);
+  void join_matches(const LoopMatch& match, LoopCorrection& loop);
+  void join_projected(Target& target, LoopCorrection& loop);
+  void join(Target& target, int feature, MapPointId old_point, LoopCorrection& loop);
+  MapPointId alive(MapPointId id) const;
+
+  std::vector<Target> targets_;
+  std::vector<PointSketch> loop_points_;
+  std::map<MapPointId, MapPointId> survivors_;  ///< of points fused in this correction
+  Matcher matcher_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "slam/loop_detector.hpp"
+
+#include <algorithm>
+
+namespace slambed {
+namespace {
+
+bool share_one(const std::vector<KeyFrameId>& a, const std::vector<KeyFrameId>& b) {
+  auto i = a.begin(), j = b.begin();
+  while (i != a.end() && j != b.end()) {
+    if (*i == *j) return true;
+    *i < *j ? ++i : ++j;
+  }
+  return false;
+}
+
+void insert(std::vector<KeyFrameId>& ascending, KeyFrameId id) {
+  const auto place = std::lower_bound(ascending.begin(), ascending.end(), id);
+  if (place == ascending.end() || *place != id) ascending.insert(place, id);
+}
+
+}  // namespace
+
+std::vector<KeyFrameId> connected_keyframes(const MapView& map, const KeyFrame& keyframe) {
+  std::vector<KeyFrameId> connected;
+  for (const MapPointId id : keyframe.points) {
+    const MapPoint* point = id ? map.point(id) : nullptr;
+    if (!point) continue;
+    for (const Observation& seen : point->observations) connected.push_back(seen.keyframe);
+  }
+  std::sort(connected.begin(), connected.end());
+  connected.erase(std::unique(connected.begin(), connected.end()), connected.end());
+  std::erase(connected, keyframe.id);
+  return connected;
+}
+
+std::vector<KeyFrameId> LoopDetector::detect(const Map& map, KeyFrameId id) {
+  places_->follow(map);
+  const auto bag = places_->bag(id);
+  if (!bag) return {};
+  if (quiet_ > 0) {
+    --quiet_;
+    groups_.clear();
+    return {};
+  }
+  return map.read([&](const MapView& view) -> std::vector<KeyFrameId> {
+    const KeyFrame* keyframe = view.keyframe(id);
+    if (!keyframe) return {};
+    double least = 1;
+    for (const Covisible& near : keyframe->covisibles)
+      if (const auto other = places_->bag(near.id))
+        least = std::min(least, similarity(*bag, *other));
+    std::vector<KeyFrameId> exclude = connected_keyframes(view, *keyframe);
+    insert(exclude, id);
+
+    std::vector<Group> groups;
+    std::vector<KeyFrameId> consistent;
+    for (const KeyFrameId candidate : places_->candidates(*bag, view, exclude, least)) {
+      Group group;
+      group.keyframes = connected_keyframes(view, *view.keyframe(candidate));
+      insert(group.keyframes, candidate);
+      for (const Group& before : groups_)
+        if (share_one(before.keyframes, group.keyframes))
+          group.seen = std::max(group.seen, before.seen + 1);
+      if (group.seen >= options_.consistency) consistent.push_back(candidate);
+      groups.push_back(std::move(group));
+    }
+    groups_ = std::move(groups);
+    return consistent;
+  });
+}
+
+void LoopDetector::closed() {
+  groups_.clear();
+  quiet_ = options_.quiet_keyframes - 1;
+}
+
+void LoopDetector::reset() {
+  groups_.clear();
+  quiet_ = 0;
+}
+
+}  // namespace slambed

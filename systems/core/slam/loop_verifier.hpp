@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "geometry/sim3.hpp"
+#include "map/map.hpp"
+#include "slam/keyframe_copy.hpp"
+#include "slam/matching.hpp"
+#include "slam/place_index.hpp"
+
+namespace slambed {
+
+/// Two keyframes that show the same place, and what follows from it.
+struct LoopMatch {
+  KeyFrameId keyframe;  ///< the new one
+  KeyFrameId matched;   ///< the old one
+  Sim3 S_cw;            ///< where the new one should be, seen from the old part of the map
+  std::vector<MapPointId> points;       ///< per feature of the new one: old point it sees, or none
+  std::vector<MapPointId> loop_points;  ///< all points of the old part, ascending
+  int matches = 0;                      ///< of the new keyframe with old points
+};
+
+/// ORB-SLAM2's limits.
+struct LoopVerifierOptions {
+  float word_ratio = 0.75f;
+  int least_matches = 20;       ///< by words, and inliers of every estimate
+  int least_total = 40;         ///< with the points of the old keyframe's neighbours
+  float pair_radius_px = 7.5f;  ///< guided search between the two keyframes
+  float points_radius_px = 10;  ///< ... for all points of the old part
+};
+
+/// Decides whether a candidate really closes a loop: matches by words, a similarity that holds in
+/// both images, a guided search for more matches.
+class LoopVerifier {
+ public:
+  LoopVerifier(LoopVerifierOptions options, std::shared_ptr<PlaceIndex> places)
+      : options_(options), places_(std::move(places)) {}
+
+  std::optional<LoopMatch> verify(const Map& map, KeyFrameId keyframe, KeyFrameId candidate);
+
+ private:
+  /// A keyframe and its points.
+  struct Side {
+    KeyFrameCopy keyframe;
+    std::vector<PointSketch> points;
+    std::vector<int> of_feature;  ///< place in points or -1
+    std::vector<std::uint8_t> has_point;
+  };
+  using Pairs = std::vector<std::pair<int, int>>;  ///< feature of the new one, of the old one
+
+  bool copy(const Map& map, KeyFrameId keyframe, KeyFrameId candidate);
+  /// Similarity of the pairs, from scratch or from a start; keeps the pairs that fit.
+  bool estimate(Pairs& pairs, Sim3& S_12, bool from_scratch) const;
+  void add_pairs(const Sim3& S_12, Pairs& pairs);
+  std::vector<int> project(const Side& from, const Side& into, const Sim3& S_into_from,
+                           std::span<const std::uint8_t> taken_from,
+                           std::span<const std::uint8_t> taken_into);
+  void add_points(LoopMatch& match);
+
+  LoopVerifierOptions options_;
+  std::shared_ptr<PlaceIndex> places_;
+  Matcher matcher_;
+  Side current_, matched_;
+  std::vector<PointSketch> loop_points_;  ///< ascending by id
+};
+
+/// Sketches of the points with these ids that are alive, in the same order.
+std::vector<PointSketch> sketch_points(const MapView& view, std::span<const MapPointId> ids);
+
+}  // namespace slambed

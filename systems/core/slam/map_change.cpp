@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "slam/map_change.hpp"
+
+#include <vector>
+
+namespace slambed {
+
+MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference) {
+  struct Known {
+    KeyFrameId id;
+    SE3 T_cw;
+  };
+  // In order of preference: the reference itself, its covisibles, then everything from the newest.
+  const std::vector<Known> known = old_map.read([&](const MapView& view) {
+    std::vector<Known> list;
+    if (const auto pose = view.pose_of(old_reference)) list.push_back({old_reference, *pose});
+    if (const KeyFrame* keyframe = view.keyframe(old_reference))
+      for (const Covisible& near : keyframe->covisibles)
+        list.push_back({near.id, view.keyframe(near.id)->T_cw});
+    const std::vector<KeyFrameId> all = view.keyframe_ids();
+    for (auto id = all.rbegin(); id != all.rend(); ++id)
+      list.push_back({*id, view.keyframe(*id)->T_cw});
+    return list;
+  });
+  return new_map.read([&](const MapView& view) {
+    MapChange change;
+    for (const Known& old : known) {
+      const KeyFrame* keyframe = view.keyframe(old.id);
+      if (!keyframe) continue;
+      change.reference = old.id;
+      change.T_rw = keyframe->T_cw;
+      change.T_old_new = (old.T_cw.inverse() * keyframe->T_cw).normalized();
+      change.shared = true;
+      return change;
+    }
+    if (view.keyframe_count() > 0) {
+      change.reference = view.keyframe_ids().back();
+      change.T_rw = view.keyframe(change.reference)->T_cw;
+    }
+    return change;
+  });
+}
+
+void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId> points) {
+  std::vector<std::size_t> missing;
+  new_map.read([&](const MapView& view) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (!points[i]) continue;
+      if (const MapPointId id = view.resolve(points[i]))
+        points[i] = id;
+      else
+        missing.push_back(i);
+    }
+    return 0;
+  });
+  std::vector<std::vector<Observation>> seen(missing.size());
+  old_map.read([&](const MapView& view) {
+    for (std::size_t k = 0; k < missing.size(); ++k)
+      if (const MapPoint* point = view.point(view.resolve(points[missing[k]])))
+        seen[k] = point->observations;
+    return 0;
+  });
+  new_map.read([&](const MapView& view) {
+    for (std::size_t k = 0; k < missing.size(); ++k) {
+      MapPointId& id = points[missing[k]];
+      id = {};
+      for (const Observation& at : seen[k]) {
+        const KeyFrame* keyframe = view.keyframe(at.keyframe);
+        if (keyframe && at.feature < keyframe->points.size() && keyframe->points[at.feature])
+          id = keyframe->points[at.feature];
+      }
+    }
+    return 0;
+  });
+}
+
+}  // namespace slambed

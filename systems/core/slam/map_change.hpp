@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "map/map.hpp"
+
+namespace slambed {
+
+/// How poses carry over from one map to another that shares keyframes with it.
+struct MapChange {
+  /// Keyframe of the new map to be relative to: the old reference where the new map knows it, else
+  /// a neighbour of it or the newest keyframe both know, else the newest of the new map. None when
+  /// the new map is empty.
+  KeyFrameId reference;
+  SE3 T_rw;       ///< its pose in the new map
+  SE3 T_old_new;  ///< maps new world coordinates to old ones, as seen from the shared keyframe
+  bool shared = false;
+};
+
+MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference);
+
+/// Renames points of the old map to those of the new one: the same id where it lives there, else
+/// what a keyframe of both maps now sees as the same feature (the point was fused over there), else
+/// none.
+void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId> points);
+
+}  // namespace slambed

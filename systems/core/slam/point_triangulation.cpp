@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "slam/point_triangulation.hpp"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <optional>
+
+#include "geometry/triangulation.hpp"
+#include "map/descriptor_distance.hpp"
+#include "optimize/pose_optimizer.hpp"
+
+namespace slambed {
+namespace {
+
+/// Squared distance to the epipolar line in units of the octave's variance: chi-square, one degree
+/// of freedom, 5 %.
+constexpr float kChi2Line = 3.84f;
+/// Without depth a match nearer than ten scaled pixels to the epipole says nothing about depth.
+constexpr float kEpipole_px2 = 100;
+/// Rays of a purely monocular pair must be further apart than this (about 1.15 degrees).
+constexpr double kParallelCosine = 0.9998;
+/// Distances and octave scales of the two views must agree within 1.5 scale steps of 1.2.
+constexpr double kScaleTolerance = 1.5;
+constexpr double kChi2StereoNewPoint = 7.8;  ///< ORB-SLAM2 rounds 7.815 here
+
+Eigen::Vector2d normalised(const Camera& camera, const KeyPoint& p) {
+  return {(p.u - camera.cx) / camera.fx, (p.v - camera.cy) / camera.fy};
+}
+
+/// Cosine of the angle under which the baseline is seen from a point at this depth.
+double stereo_cosine(const Camera& camera, const KeyPoint& p) {
+  return std::cos(2 * std::atan2(0.5 * camera.baseline_m(), static_cast<double>(p.depth_m)));
+}
+
+bool reprojects(const KeyFrameCopy& keyframe, int feature, const Eigen::Vector3d& p_w) {
+  const Eigen::Vector3d p_c = keyframe.T_cw * p_w;
+  if (!(p_c.z() > 0)) return false;
+  const Camera& camera = keyframe.features->sensor().camera;
+  const KeyPoint& seen = keyframe.features->keypoint(feature);
+  const Eigen::Vector2d uv = camera.project(p_c);
+  double e2 = (uv - Eigen::Vector2d(seen.u, seen.v)).squaredNorm();
+  double limit = kChi2Mono;
+  if (seen.right_u >= 0) {
+    const double right = uv.x() - camera.bf / p_c.z() - seen.right_u;
+    e2 += right * right;
+    limit = kChi2StereoNewPoint;
+  }
+  return e2 * keyframe.features->inv_sigma2(feature) <= limit;
+}
+
+/// The point behind two matching features, from the better of parallax and measured depth.
+std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, const KeyFrameCopy& b,
+                                      int feature_b) {
+  const Camera& camera = a.features->sensor().camera;
+  const KeyPoint& seen_a = a.features->keypoint(feature_a);
+  const KeyPoint& seen_b = b.features->keypoint(feature_b);
+  const Eigen::Vector2d xa = normalised(camera, seen_a), xb = normalised(camera, seen_b);
+  const bool stereo_a = seen_a.right_u >= 0, stereo_b = seen_b.right_u >= 0;
+  const double rays = cos_parallax(a.T_cw, b.T_cw, xa, xb);
+  const double from_a = stereo_a ? stereo_cosine(camera, seen_a) : 2;
+  const double from_b = stereo_b ? stereo_cosine(camera, seen_b) : 2;
+  const auto unproject = [&](const KeyFrameCopy& k, const KeyPoint& p) {
+    return k.T_cw.inverse() * camera.unproject(p.u, p.v, p.depth_m);
+  };
+  if (rays > 0 && rays < std::min(from_a, from_b) &&
+      (stereo_a || stereo_b || rays < kParallelCosine))
+    return triangulate(a.T_cw, b.T_cw, xa, xb);
+  if (stereo_a && from_a <= from_b) return unproject(a, seen_a);
+  if (stereo_b) return unproject(b, seen_b);
+  return std::nullopt;
+}
+
+bool scales_agree(const KeyFrameCopy& a, int feature_a, const KeyFrameCopy& b, int feature_b,
+                  const Eigen::Vector3d& p_w) {
+  const ScalePyramid& pyramid = a.features->sensor().pyramid;
+  const double distance_a = (a.T_cw * p_w).norm(), distance_b = (b.T_cw * p_w).norm();
+  if (!(distance_a > 0) || !(distance_b > 0)) return false;
+  const double ratio = distance_b / distance_a;
+  const double octaves = pyramid.scale[a.features->keypoint(feature_a).octave] /
+                         pyramid.scale[b.features->keypoint(feature_b).octave];
+  const double tolerance =
+      kScaleTolerance * (pyramid.levels() > 1 ? pyramid.scale[1] : pyramid.scale[0]);
+  // A feature further away in b is found on a lower octave there: ratio and octaves go together.
+  return ratio * tolerance >= octaves && ratio <= octaves * tolerance;
+}
+
+}  // namespace
+
+void PointTriangulation::match(const KeyFrameCopy& a, const KeyFrameCopy& b) {
+  matches_.clear();
+  const FeatureSet& fa = *a.features;
+  const FeatureSet& fb = *b.features;
+  const Camera& camera = fa.sensor().camera;
+  const ScalePyramid& pyramid = fb.sensor().pyramid;
+
+  loose_.feature.clear();
+  loose_.u.clear();
+  loose_.v.clear();
+  loose_.limit.clear();
+  for (int j = 0; j < fb.size(); ++j) {
+    if (b.points[j]) continue;
+    const KeyPoint& p = fb.keypoint(j);
+    loose_.feature.push_back(j);
+    loose_.u.push_back(p.u);
+    loose_.v.push_back(p.v);
+    loose_.limit.push_back(kChi2Line * pyramid.sigma2[p.octave]);
+  }
+  const std::size_t n = loose_.feature.size();
+  loose_.near.resize(n);
+  loose_.taken.assign(n, 0);
+
+  // Line of x_a in image b: F^T-like product of K^-T [t]x R K^-1, all points in pixels.
+  const SE3 T_ba = b.T_cw * a.T_cw.inverse();
+  Eigen::Matrix3d K_inverse;
+  K_inverse << 1 / camera.fx, 0, -camera.cx / camera.fx, 0, 1 / camera.fy, -camera.cy / camera.fy,
+      0, 0, 1;
+  Eigen::Matrix3d cross;
+  cross << 0, -T_ba.t.z(), T_ba.t.y(), T_ba.t.z(), 0, -T_ba.t.x(), -T_ba.t.y(), T_ba.t.x(), 0;
+  const Eigen::Matrix3d F = K_inverse.transpose() * cross * T_ba.R * K_inverse;
+  const Eigen::Vector2f epipole = camera.project(T_ba.t).cast<float>();
+  const bool epipole_ahead = T_ba.t.z() > 0;
+
+  for (int i = 0; i < fa.size(); ++i) {
+    if (a.points[i]) continue;
+    const KeyPoint& pa = fa.keypoint(i);
+    const Eigen::Vector3f line = (F * Eigen::Vector3d(pa.u, pa.v, 1)).cast<float>();
+    const float norm2 = line.x() * line.x() + line.y() * line.y();
+    if (!(norm2 > 0)) continue;
+    const float x = line.x(), y = line.y(), z = line.z();
+    for (std::size_t k = 0; k < n; ++k) {
+      const float d = x * loose_.u[k] + y * loose_.v[k] + z;
+      loose_.near[k] = static_cast<std::uint8_t>(d * d < loose_.limit[k] * norm2);
+    }
+    candidates_.clear();
+    for (std::size_t k = 0; k < n; ++k)
+      if (loose_.near[k] && !loose_.taken[k]) candidates_.push_back(static_cast<int>(k));
+    int best = -1, best_distance = kHammingLow + 1;
+    for (const int k : candidates_) {
+      const int j = loose_.feature[k];
+      const int distance = hamming(fa.descriptor(i), fb.descriptor(j));
+      if (distance >= best_distance) continue;
+      const KeyPoint& pb = fb.keypoint(j);
+      if (pa.right_u < 0 && pb.right_u < 0 && epipole_ahead) {
+        const float du = epipole.x() - pb.u, dv = epipole.y() - pb.v;
+        if (du * du + dv * dv < kEpipole_px2 * pyramid.scale[pb.octave]) continue;
+      }
+      best = k;
+      best_distance = distance;
+    }
+    if (best < 0) continue;
+    loose_.taken[best] = 1;
+    matches_.emplace_back(i, loose_.feature[best]);
+  }
+}
+
+MapDelta PointTriangulation::run(const Map& map, KeyFrameId keyframe, int neighbours,
+                                 IdSource<MapPointId>& ids) {
+  MapDelta delta;
+  std::vector<KeyFrameCopy> copies = map.read([&](const MapView& view) {
+    std::vector<KeyFrameCopy> list;
+    delta.epoch = view.epoch();
+    if (const KeyFrame* current = view.keyframe(keyframe)) {
+      list.push_back(copy_of(*current));
+      for (const KeyFrameId id : best_covisibles(*current, neighbours))
+        list.push_back(copy_of(*view.keyframe(id)));
+    }
+    return list;
+  });
+  if (copies.size() < 2) return delta;
+  KeyFrameCopy& a = copies.front();
+  const Eigen::Vector3d centre_a = a.T_cw.inverse().t;
+  for (std::size_t n = 1; n < copies.size(); ++n) {
+    const KeyFrameCopy& b = copies[n];
+    if ((b.T_cw.inverse().t - centre_a).norm() < a.features->sensor().camera.baseline_m()) continue;
+    match(a, b);
+    for (const auto& [i, j] : matches_) {
+      const auto p_w = locate(a, i, b, j);
+      if (!p_w || !reprojects(a, i, *p_w) || !reprojects(b, j, *p_w) ||
+          !scales_agree(a, i, b, j, *p_w))
+        continue;
+      NewPoint point;
+      point.id = ids.next();
+      point.p_w = *p_w;
+      point.reference = point.first_keyframe = a.id;
+      a.points[i] = point.id;
+      delta.points.push_back(point);
+      delta.attach.push_back({a.id, static_cast<std::uint16_t>(i), point.id});
+      delta.attach.push_back({b.id, static_cast<std::uint16_t>(j), point.id});
+    }
+  }
+  return delta;
+}
+
+}  // namespace slambed

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "slam/keyframe_copy.hpp"
+
+namespace slambed {
+
+/// Makes new points from features that no point explains yet, seen by a keyframe and its best
+/// covisibles. Correspondences are searched along the epipolar line.
+class PointTriangulation {
+ public:
+  /// The delta adds points and attaches them to both keyframes; empty when the keyframe is gone.
+  MapDelta run(const Map& map, KeyFrameId keyframe, int neighbours, IdSource<MapPointId>& ids);
+
+ private:
+  /// Features of the neighbour without a point, as arrays the line search runs over.
+  struct Loose {
+    std::vector<int> feature;
+    std::vector<float> u, v, limit;  ///< limit: of the squared distance to the line, px^2
+    std::vector<std::uint8_t> near, taken;
+  };
+  void match(const KeyFrameCopy& a, const KeyFrameCopy& b);
+
+  Loose loose_;
+  std::vector<int> candidates_;
+  std::vector<std::uint16_t> distances_;
+  std::vector<std::pair<int, int>> matches_;  ///< features of a and b
+};
+
+}  // namespace slambed

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// Hand-over to another map: what Edge-SLAM's update does to a tracker in the middle of a walk.
+#include <gtest/gtest.h>
+
+#include "slam/tracker.hpp"
+#include "synthetic_world.hpp"
+
+namespace slambed::testing {
+namespace {
+
+/// The newest `keyframes` of a map with their points as a new map, moved by T_new_old.
+std::shared_ptr<Map> excerpt(const Map& map, std::size_t keyframes, const SE3& T_new_old = {}) {
+  MapDelta delta = map.read([&](const MapView& view) {
+    MapDelta all;
+    auto ids = view.keyframe_ids();
+    if (ids.size() > keyframes) ids.erase(ids.begin(), ids.end() - keyframes);
+    for (const MapPointId id : view.point_ids()) {
+      const MapPoint& p = *view.point(id);
+      all.points.push_back({id, T_new_old * p.p_w, p.appearance, p.reference, p.first_keyframe,
+                            p.visible, p.found, p.version});
+    }
+    for (const KeyFrameId id : ids) {
+      const KeyFrame& k = *view.keyframe(id);
+      all.keyframes.push_back({id, k.frame_index, k.timestamp_s, k.features,
+                               k.T_cw * T_new_old.inverse(), k.points, k.parent, k.version});
+    }
+    return all;
+  });
+  auto copy = std::make_shared<Map>();
+  copy->commit(delta);
+  return copy;
+}
+
+class ReplaceMap : public ::testing::Test {
+ protected:
+  ReplaceMap() : tracker({}, std::make_shared<Map>(), IdSpace::kTracker) {}
+
+  TrackOutcome show(int i, bool keyframe = false) {
+    const TrackOutcome outcome = tracker.track(i, i / 30.0, world.look(walk(i)));
+    if (keyframe || outcome.initialised_now) tracker.create_keyframe();
+    return outcome;
+  }
+  void expect_tracked(int i, const SE3& T_new_old = {}) {
+    const TrackOutcome outcome = show(i);
+    ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
+    EXPECT_TRUE(outcome.by_motion_model) << "frame " << i;
+    const SE3 truth = walk(i) * walk(0).inverse() * T_new_old.inverse();
+    EXPECT_LT(centre_error(outcome.T_cw, truth), 2e-3) << "frame " << i;
+  }
+
+  SyntheticWorld world;
+  Tracker tracker;
+};
+
+const SE3 kMoved(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX()).toRotationMatrix(), {5, 1, -2});
+
+TEST_F(ReplaceMap, SameKeyFramesInOtherCoordinates) {
+  for (int i = 0; i < 40; ++i) show(i, i % 8 == 7);
+  tracker.replace_map(excerpt(*tracker.map(), 99, kMoved));
+  for (int i = 40; i < 50; ++i) expect_tracked(i, kMoved);
+}
+
+TEST_F(ReplaceMap, TheReferenceIsMissingButANeighbourIsThere) {
+  for (int i = 0; i < 33; ++i) show(i, i % 8 == 7);
+  const auto older = excerpt(*tracker.map(), 3, kMoved);
+  tracker.create_keyframe();  // becomes the reference, unknown to the older copy
+  show(33);
+  tracker.replace_map(older);
+  for (int i = 34; i < 44; ++i) expect_tracked(i, kMoved);
+}
+
+TEST_F(ReplaceMap, PointsFusedOverThereAreFoundThroughTheirFeatures) {
+  for (int i = 0; i < 40; ++i) show(i, i % 8 == 7);
+  // The other side knows all points under other numbers.
+  MapDelta renamed = tracker.map()->read([&](const MapView& view) {
+    MapDelta all;
+    const auto other = [](MapPointId id) {
+      return id ? MapPointId{id.value + (std::uint64_t{1} << 56)} : id;
+    };
+    for (const MapPointId id : view.point_ids()) {
+      const MapPoint& p = *view.point(id);
+      all.points.push_back({other(id), p.p_w, p.appearance, p.reference, p.first_keyframe});
+    }
+    for (const KeyFrameId id : view.keyframe_ids()) {
+      const KeyFrame& k = *view.keyframe(id);
+      auto points = k.points;
+      for (MapPointId& point : points) point = other(point);
+      all.keyframes.push_back(
+          {id, k.frame_index, k.timestamp_s, k.features, k.T_cw, points, k.parent, k.version});
+    }
+    return all;
+  });
+  auto fresh = std::make_shared<Map>();
+  fresh->commit(renamed);
+  tracker.replace_map(fresh);
+  for (int i = 40; i < 50; ++i) expect_tracked(i);
+}
+
+TEST_F(ReplaceMap, NothingInCommonMeansRelocalisation) {
+  for (int i = 0; i < 20; ++i) show(i, i % 8 == 7);
+  Tracker other({}, std::make_shared<Map>(), IdSpace::kEdgeMapper);
+  for (int i = 0; i < 30; ++i) {
+    const auto outcome = other.track(i, i / 30.0, world.look(walk(i)));
+    if (outcome.initialised_now || i % 8 == 7) other.create_keyframe();
+  }
+  tracker.replace_map(other.map());
+  int tracked = 0;
+  for (int i = 20; i < 30; ++i) tracked += show(i).state == TrackingState::kOk;
+  EXPECT_GE(tracked, 8);
+}
+
+TEST_F(ReplaceMap, AnEmptyMapMeansStartingOver) {
+  for (int i = 0; i < 10; ++i) show(i);
+  tracker.replace_map(std::make_shared<Map>());
+  EXPECT_EQ(tracker.state(), TrackingState::kNotInitialised);
+  EXPECT_TRUE(show(10).initialised_now);
+}
+
+TEST_F(ReplaceMap, AMapFromElsewhereBeforeTheFirstFrame) {
+  Tracker other({}, std::make_shared<Map>(), IdSpace::kEdgeMapper);
+  for (int i = 0; i < 60; ++i) {
+    const auto outcome = other.track(i, i / 30.0, world.look(walk(i)));
+    if (outcome.initialised_now || i % 8 == 7) other.create_keyframe();
+  }
+  tracker.replace_map(other.map());
+  EXPECT_EQ(tracker.state(), TrackingState::kLost);
+  EXPECT_EQ(show(60).state, TrackingState::kOk);
+}
+
+}  // namespace
+}  // namespace slambed::testing

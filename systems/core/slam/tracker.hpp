@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "base/ids.hpp"
+#include "features/feature_set.hpp"
+#include "geometry/se3.hpp"
+#include "map/map.hpp"
+
+namespace slambed {
+
+class PlaceIndex;
+
+enum class TrackingState { kNotInitialised, kOk, kLost };
+
+/// ORB-SLAM2's constants; frames counted at the played rate.
+struct TrackerOptions {
+  int min_init_features = 500;
+  int max_frames_between_keyframes = 30;  ///< one second at the played rate
+  int min_frames_between_keyframes = 0;
+  int min_local_map_inliers = 30;
+  int min_inliers_after_relocalisation = 50;
+  float motion_window_px = 15;
+  int close_points_wanted = 100;    ///< needClose: fewer tracked than this ...
+  int close_points_available = 70;  ///< ... and more untracked than this
+  float reference_ratio = 0.75f;
+  int reset_below_keyframes = 6;  ///< lost with fewer keyframes: start over
+};
+
+struct TrackOutcome {
+  TrackingState state = TrackingState::kNotInitialised;
+  bool initialised_now = false;  ///< this frame became the first keyframe
+  bool reset_now = false;        ///< map was thrown away (lost too early)
+  SE3 T_cw;                      ///< valid when state is kOk
+  KeyFrameId reference;          ///< keyframe the pose is relative to
+  SE3 T_cr;                      ///< camera from reference keyframe
+  int matches = 0;               ///< after the local-map search
+  int inliers = 0;               ///< after the last pose optimisation
+  int local_points = 0;
+  bool by_motion_model = false;
+};
+
+/// What the keyframe decision asks of the mapper's side.
+struct MapperStatus {
+  bool idle = true;
+  int queued = 0;
+  bool accepts = true;  ///< false while stopped or parked
+};
+
+/// Outcome of ORB-SLAM2's rule, cut as Edge-SLAM cuts it (docs/slam.md).
+enum class KeyFrameNeed {
+  kNone,
+  kIfMapperAgrees,  ///< c2 only: needs c1a (time) or c1b (mapper idle)
+  kUrgent,          ///< c2 and c1c: few inliers or close points wanted
+};
+
+/// Tracks one camera against a map. A plain module: knows no thread, clock, socket or file.
+class Tracker {
+ public:
+  /// places: to find lost frames again with; without one the tracker keeps its own.
+  Tracker(TrackerOptions options, std::shared_ptr<Map> map, IdSpace ids,
+          std::shared_ptr<PlaceIndex> places = nullptr);
+  ~Tracker();
+
+  TrackOutcome track(std::uint64_t frame_index, double timestamp_s,
+                     std::shared_ptr<const FeatureSet> features);
+
+  /// The rule for the frame just tracked, without what the mapper's side knows.
+  KeyFrameNeed keyframe_need() const;
+  /// The whole ORB-SLAM2 decision with a mapper in the same node.
+  bool wants_keyframe(const MapperStatus& mapper) const;
+  /// Makes a keyframe (and points for its unmatched close features) of the frame just tracked,
+  /// commits it to the map and returns the committed delta. The first keyframe comes the same way:
+  /// track() has committed it already, the next call hands its delta out. Empty without a pose.
+  /// becomes_reference false: not a reference either until the map is replaced (Edge-SLAM's
+  /// keyframes that the edge has yet to accept).
+  MapDelta create_keyframe(bool becomes_reference = true);
+
+  /// Continues on another map (Edge-SLAM's update): point ids of the last frame are looked up in
+  /// it, the last pose is re-expressed through the reference keyframe when that is known there.
+  void replace_map(std::shared_ptr<Map> map);
+  std::shared_ptr<Map> map() const;
+  TrackingState state() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace slambed

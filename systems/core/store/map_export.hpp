@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+
+#include "map/map.hpp"
+
+namespace slambed {
+
+/// Points (grey, brighter the more keyframes see them) and keyframe centres (red) as an ASCII PLY
+/// cloud, world frame, metres.
+void export_ply(const Map& map, const std::filesystem::path& path);
+
+/// Keyframes as a TUM trajectory: recorded time, camera to world. In the order of time.
+void export_tum(const Map& map, double time_origin_s, const std::filesystem::path& path);
+
+/// Keyframes in KITTI's form: twelve numbers of the 3x4 matrix camera to world, row by row, one
+/// keyframe a line, in the order of time.
+void export_kitti(const Map& map, const std::filesystem::path& path);
+
+}  // namespace slambed

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "synth/generator.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "base/error.hpp"
+#include "synth/sequence_writer.hpp"
+
+namespace slambed::synth {
+namespace {
+
+/// Recorded time of frame 0 of a named path; recorded paths keep their own.
+constexpr double kTimeOrigin_s = 1000;
+/// Room between the camera path and the walls.
+constexpr double kWallMargin_m = 1.5;
+/// Larger rooms would need more texture memory than a development machine has.
+constexpr double kLargestHalf_m = 15;
+
+struct ChosenPath {
+  std::unique_ptr<CameraPath> path;
+  double origin_s = kTimeOrigin_s;
+};
+
+ChosenPath choose_path(const GeneratorOptions& options) {
+  const auto names = path_names();
+  if (std::find(names.begin(), names.end(), options.trajectory) != names.end() ||
+      options.trajectory.find_first_of("./") == std::string::npos)
+    return {make_path(options.trajectory, options.seconds, options.seed)};
+  RecordedPath recorded = read_path(options.trajectory);
+  return {std::move(recorded.path), recorded.start_s};
+}
+
+RoomOptions room_for(const GeneratorOptions& options, const std::vector<Vec3>& path, int threads) {
+  RoomOptions room;
+  room.seed = options.seed;
+  room.moving_objects = options.moving_objects;
+  room.texel_scale = options.texel_scale;
+  room.threads = threads;
+  for (const Vec3& p : path) {
+    room.half_x_m = std::max(room.half_x_m, std::abs(p.x()) + kWallMargin_m);
+    room.half_y_m = std::max(room.half_y_m, std::abs(p.y()) + kWallMargin_m);
+    room.height_m = std::max(room.height_m, p.z() + 0.6);
+    if (p.z() < 0.1)
+      throw bad_input(options.trajectory +
+                      ": the path leaves the room through the floor; its heights "
+                      "must lie within 1.3 m of their mean (is z up?)");
+  }
+  if (std::max(room.half_x_m, room.half_y_m) > kLargestHalf_m)
+    throw bad_input(options.trajectory +
+                    ": the path is too long for a room (limit 27 m across); "
+                    "cut it into pieces");
+  return room;
+}
+
+nlohmann::json describe(const GeneratorOptions& o) {
+  const SensorOptions& s = o.sensor_model;
+  const auto slash = o.trajectory.find_last_of('/');
+  return {
+      {"generator", "slambed-synth"},
+      {"generator_version", kGeneratorVersion},
+      {"trajectory", slash == std::string::npos ? o.trajectory : o.trajectory.substr(slash + 1)},
+      {"seed", o.seed},
+      {"moving_objects", o.moving_objects},
+      {"texel_scale", o.texel_scale},
+      {"motion_blur_s", s.motion_blur_s},
+      {"noise", s.noise},
+      {"depth_noise", s.depth_noise},
+      {"depth_holes", s.depth_holes},
+      {"blackout_start_s", s.blackout_start_s},
+      {"blackout_end_s", s.blackout_end_s}};
+}
+
+}  // namespace
+
+Camera generator_camera(const GeneratorOptions& o) {
+  Camera camera;
+  camera.width = o.width;
+  camera.height = o.height;
+  camera.fx = camera.fy = 525.0 * o.width / 640;
+  camera.cx = (o.width - 1) / 2.0;
+  camera.cy = (o.height - 1) / 2.0;
+  camera.bf = o.sensor == "stereo" ? camera.fx * 0.11 : 40.0 * o.width / 640;
+  return camera;
+}
+
+bool generate(const GeneratorOptions& options, const std::filesystem::path& folder, int threads,
+              const Progress& progress, const std::string& extra_source) {
+  const bool stereo = options.sensor == "stereo";
+  if (!stereo && options.sensor != "rgbd")
+    throw bad_input("sensor '" + options.sensor + "' is not known; choose rgbd or stereo");
+  if (!(options.fps > 0) || options.width < 32 || options.height < 32)
+    throw bad_input("fps must be positive and the image at least 32x32");
+  const ChosenPath chosen = choose_path(options);
+  const double path_s = chosen.path->duration_s();
+  const double seconds = options.seconds > 0 ? std::min(options.seconds, path_s) : path_s;
+  const int frames = std::max(1, static_cast<int>(std::floor(seconds * options.fps + 0.5)));
+
+  std::vector<Vec3> places;
+  for (double t = 0; t <= seconds; t += 0.1) places.push_back(chosen.path->at(t).t);
+  const auto scene = make_room(room_for(options, places, threads), places);
+  const Camera camera = generator_camera(options);
+  SensorOptions sensor = options.sensor_model;
+  sensor.seed = options.seed;
+  sensor.baseline_m = camera.baseline_m();
+
+  SequenceHeader header{options.id, options.title,  options.sensor,
+                        camera,     options.fps,    stereo ? 0 : sensor.depth_unit_m,
+                        40,         chosen.origin_s};
+  SequenceWriter writer(folder, header);
+  std::vector<SensorModel> sensors;
+  for (int i = 0; i < threads; ++i) sensors.emplace_back(scene, camera, sensor);
+  const auto time_ns = [&](int i) {
+    return static_cast<std::int64_t>(std::floor(i * 1e9 / options.fps + 0.5));
+  };
+  std::vector<FrameBlock> blocks(threads);
+  for (int first = 0; first < frames; first += threads) {
+    const int count = std::min(threads, frames - first);
+    const auto take = [&](int k) {
+      const double t = static_cast<double>(time_ns(first + k)) * 1e-9;
+      FrameBlock& block = blocks[k];
+      block.bytes.clear();
+      const Shot shot = stereo ? sensors[k].capture_stereo(*chosen.path, first + k, t)
+                               : sensors[k].capture_rgbd(*chosen.path, first + k, t);
+      block.append(shot.grey.data(), shot.grey.size());
+      if (stereo)
+        block.append(shot.right.data(), shot.right.size());
+      else
+        block.append(shot.depth.data(), shot.depth.size() * 2);
+      block.seal();
+    };
+    {
+      std::vector<std::jthread> pool;
+      for (int k = 1; k < count; ++k) pool.emplace_back(take, k);
+      take(0);
+    }
+    for (int k = 0; k < count; ++k) {
+      const std::int64_t ns = time_ns(first + k);
+      writer.add(ns, blocks[k], chosen.path->at(static_cast<double>(ns) * 1e-9));
+      if (!progress(first + k + 1, frames)) return false;
+    }
+  }
+  nlohmann::json source = nlohmann::json::parse(extra_source, nullptr, false);
+  if (!source.is_object()) throw bad_input("--source must be a JSON object");
+  source.update(describe(options));
+  writer.finish(source);
+  return true;
+}
+
+}  // namespace slambed::synth

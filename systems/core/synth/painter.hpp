@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "synth/random.hpp"
+#include "synth/texture.hpp"
+
+namespace slambed::synth {
+
+/// Look of a surface: opaque shapes of all sizes thrown over each other ("dead leaves", Lee,
+/// Mumford and Huang 2001). Their size law is scale-free, so corners exist at every distance.
+struct Material {
+  double grey = 128;          ///< mean, 0..255
+  double contrast = 60;       ///< grey levels either side of the mean
+  double smallest_m = 0.004;  ///< half size of the smallest leaf
+  double largest_m = 0.25;    ///< half size of the largest leaf
+  double coverage = 2.5;      ///< how often the surface is covered on average
+  double grid_m = 0;          ///< joints of tiles or planks; 0: none
+  double texel_m = 0.003;
+};
+
+void paint(Texture& texture, const Material& material, Random random);
+
+}  // namespace slambed::synth

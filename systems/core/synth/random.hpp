@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+namespace slambed::synth {
+
+// Everything random or periodic in the generator comes from here and uses only IEEE + - * / and
+// integers, so that a seed gives the same bytes with any compiler, libm or processor.
+
+/// Mixes a 64-bit value (finaliser of SplitMix64, Steele et al. 2014).
+constexpr std::uint64_t mix(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15ull;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ull;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebull;
+  return x ^ (x >> 31);
+}
+
+/// SplitMix64 stream.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed, std::uint64_t stream = 0)
+      : state_(mix(seed) ^ mix(~stream)) {}
+
+  std::uint64_t bits() { return mix(state_ += 0x9e3779b97f4a7c15ull); }
+  double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
+  double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  int below(int n) {
+    return static_cast<int>((bits() >> 32) * static_cast<std::uint64_t>(n) >> 32);
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// About normal with mean 0 and deviation 1: the four bytes of a hash summed.
+constexpr float bell(std::uint32_t hash) {
+  const int sum =
+      static_cast<int>((hash & 255) + (hash >> 8 & 255) + (hash >> 16 & 255) + (hash >> 24));
+  return static_cast<float>(sum - 510) *
+         (1.0f / 147.8f);  // 4 bytes: sd = sqrt(4 * (256^2 - 1) / 12)
+}
+
+struct SinCos {
+  double sin = 0, cos = 1;
+};
+
+/// Sine and cosine of an angle in full turns; exact to about 1e-15.
+inline SinCos sincos_turns(double turns) {
+  const double quarter = turns * 4;
+  const auto nearest = static_cast<std::int64_t>(quarter + (quarter < 0 ? -0.5 : 0.5));
+  const double a = (quarter - static_cast<double>(nearest)) * 1.5707963267948966;
+  const double a2 = a * a;
+  const double s =
+      a * (1 - a2 / 6 *
+                   (1 - a2 / 20 * (1 - a2 / 42 * (1 - a2 / 72 * (1 - a2 / 110 * (1 - a2 / 156))))));
+  const double c =
+      1 - a2 / 2 * (1 - a2 / 12 * (1 - a2 / 30 * (1 - a2 / 56 * (1 - a2 / 90 * (1 - a2 / 132)))));
+  switch (nearest & 3) {
+    case 0:
+      return {s, c};
+    case 1:
+      return {c, -s};
+    case 2:
+      return {-s, -c};
+    default:
+      return {-c, s};
+  }
+}
+
+inline SinCos sincos_deg(double degrees) { return sincos_turns(degrees / 360); }
+
+}  // namespace slambed::synth

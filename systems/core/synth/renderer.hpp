@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "geometry/camera.hpp"
+#include "geometry/se3.hpp"
+#include "synth/scene.hpp"
+
+namespace slambed::synth {
+
+/// One ideal picture: unquantised grey and depth along the optical axis (0: nothing there).
+struct Picture {
+  int width = 0, height = 0;
+  std::vector<float> grey;
+  std::vector<float> depth_m;
+};
+
+/// Draws a scene as an ideal pinhole camera sees it: z-buffered polygons, then one filtered texture
+/// read per pixel. Not thread-safe; every thread has its own renderer on the shared scene.
+class Renderer {
+ public:
+  Renderer(std::shared_ptr<const Scene> scene, const Camera& camera);
+
+  /// Camera to world at a time of the sequence. The sub-pixel offset shifts the sample point in
+  /// every pixel. Adds to grey, so that several samples can be averaged.
+  void accumulate(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
+                  std::vector<float>& grey);
+  /// Depth through the pixel centres.
+  void render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m);
+  /// Grey (one sample per pixel) and depth.
+  Picture render(const SE3& T_wc, double time_s);
+
+  const Camera& camera() const { return camera_; }
+
+ private:
+  /// 1/z, s/z and t/z of a face's plane are linear in the pixel: value = c[0] + c[1] x + c[2] y.
+  struct Plane {
+    float w[3], s[3], t[3];
+    int texture = 0;
+  };
+
+  void rasterise(const SE3& T_wc, double time_s, double offset_x, double offset_y);
+  void draw_face(const Face& face, const SE3& T_cb, double offset_x, double offset_y);
+  void shade(std::vector<float>& grey) const;
+  void shade_run(const Plane& plane, int y, int begin, int end, float* out) const;
+
+  std::shared_ptr<const Scene> scene_;
+  Camera camera_;
+  std::vector<float> inverse_depth_;
+  std::vector<std::uint16_t> face_at_;  ///< 1 + index into planes_; 0: nothing
+  std::vector<Plane> planes_;
+};
+
+}  // namespace slambed::synth

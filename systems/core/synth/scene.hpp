@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "geometry/se3.hpp"
+#include "synth/painter.hpp"
+#include "synth/texture.hpp"
+
+namespace slambed::synth {
+
+using Vec3 = Eigen::Vector3d;
+
+/// A flat convex polygon, visible from the side that its normal (axis_s x axis_t) points to.
+struct Face {
+  Vec3 origin;          ///< where (s, t) = (0, 0), in the body's frame
+  Vec3 axis_s, axis_t;  ///< unit vectors
+  std::vector<Vec3> corners;
+  int texture = 0;
+};
+
+/// A rigid group of faces. Static things are one body at rest; a moving one walks an ellipse.
+struct Body {
+  int first_face = 0, last_face = 0;  ///< [first, last)
+  bool moving = false;
+  Vec3 centre = Vec3::Zero();
+  double radius_x_m = 0, radius_y_m = 0;
+  double period_s = 1, phase = 0;  ///< phase in turns
+
+  /// Body to world at a time of the sequence.
+  SE3 pose(double time_s) const;
+};
+
+/// Axis-aligned box of a piece of furniture, to keep camera paths out of it.
+struct Extent {
+  Vec3 low, high;
+  double distance_m(const Vec3& p) const;
+};
+
+/// Light of the room, baked into the textures: ambient plus lamps below the ceiling.
+struct Light {
+  double ambient = 0.68;
+  double lamp_strength = 1.5;
+  std::vector<Vec3> lamps;
+  double at(const Vec3& p, const Vec3& normal) const;
+};
+
+/// Faces with their textures. Built once, then only read; rendering threads share it.
+class Scene {
+ public:
+  /// A box turned by yaw (degrees) about the vertical through the middle of its base.
+  void add_box(const Vec3& base_centre, const Vec3& size, const Material& material,
+               double yaw_deg = 0);
+  /// Faces pointing inwards: floor, ceiling, four walls.
+  void add_room(const Vec3& half, double height, const Material& floor, const Material& wall,
+                const Material& ceiling);
+  /// A vertical prism of many sides.
+  void add_cylinder(const Vec3& base_centre, double radius, double height, const Material& material,
+                    int sides = 12);
+  /// Faces added from now on until end_body belong to one moving body.
+  void begin_body(const Body& motion);
+  void end_body();
+  /// Paints all textures; the result does not depend on the number of threads.
+  void finish(const Light& light, std::uint64_t seed, int threads);
+
+  const std::vector<Face>& faces() const { return faces_; }
+  const std::vector<Texture>& textures() const { return textures_; }
+  const std::vector<Body>& bodies() const { return bodies_; }
+
+ private:
+  void add_face(const Vec3& origin, const Vec3& edge_s, const Vec3& edge_t,
+                const Material& material);
+  void paint_face(int face, const Light& light, std::uint64_t seed);
+
+  std::vector<Face> faces_;
+  std::vector<Material> materials_;  ///< per face
+  std::vector<Texture> textures_;
+  std::vector<Body> bodies_;
+  bool in_body_ = false;
+};
+
+}  // namespace slambed::synth

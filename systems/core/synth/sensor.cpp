@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "synth/sensor.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace slambed::synth {
+namespace {
+
+/// Samples per pixel of a still picture, and at most; blur is sampled about every pixel of motion.
+constexpr int kMinSamples = 3, kMaxSamples = 12;
+/// Grey of a covered lens.
+constexpr float kBlackLevel = 3;
+/// Depth jumps by this share of the depth count as an edge, where a structured-light sensor is
+/// blind.
+constexpr float kEdgeJump = 0.08f;
+/// Cosine of the steepest slant that still gives depth.
+constexpr float kSlantLimit = 0.09f;
+/// Side of the patches in which depth is lost, pixels.
+constexpr int kPatch = 16;
+
+std::uint32_t pixel_hash(std::uint64_t frame_seed, std::size_t i) {
+  auto x = static_cast<std::uint32_t>(frame_seed) + static_cast<std::uint32_t>(i) * 0x9e3779b9u;
+  x = (x ^ (x >> 16)) * 0x7feb352du;
+  x = (x ^ (x >> 15)) * 0x846ca68bu;
+  return x ^ (x >> 16) ^ static_cast<std::uint32_t>(frame_seed >> 32);
+}
+
+/// The optics: a slight blur with [1 6 1]/8 in both directions.
+void soften(std::vector<float>& image, int width, int height) {
+  const auto mix3 = [](float a, float b, float c) { return 0.75f * b + 0.125f * (a + c); };
+  std::vector<float> line(image.begin(), image.begin() + width);  // the row above, unchanged
+  std::vector<float> next(width);
+  for (int y = 0; y < height; ++y) {
+    float* row = image.data() + static_cast<std::size_t>(y) * width;
+    const float* below = y + 1 < height ? row + width : row;
+    std::copy_n(row, width, next.begin());
+    for (int x = 0; x < width; ++x) row[x] = mix3(line[x], row[x], below[x]);
+    std::swap(line, next);
+    float left = row[0];
+    for (int x = 0; x + 1 < width; ++x) {
+      const float here = row[x];
+      row[x] = mix3(left, here, row[x + 1]);
+      left = here;
+    }
+  }
+}
+
+}  // namespace
+
+SensorModel::SensorModel(std::shared_ptr<const Scene> scene, const Camera& camera,
+                         SensorOptions options)
+    : renderer_(std::move(scene), camera), options_(options) {
+  sum_.resize(static_cast<std::size_t>(camera.width) * camera.height);
+}
+
+Shot SensorModel::capture_rgbd(const CameraPath& path, int frame, double time_s) {
+  Shot shot;
+  shot.grey = expose(path, frame, time_s, 0, 0);
+  renderer_.render_depth(path.at(time_s), time_s, depth_m_);
+  if (covered(time_s)) std::fill(depth_m_.begin(), depth_m_.end(), 0.0f);
+  shot.depth = measure_depth(frame);
+  return shot;
+}
+
+Shot SensorModel::capture_stereo(const CameraPath& path, int frame, double time_s) {
+  Shot shot;
+  shot.grey = expose(path, frame, time_s, 0, 0);
+  shot.right = expose(path, frame, time_s, options_.baseline_m, 1);
+  return shot;
+}
+
+bool SensorModel::covered(double time_s) const {
+  return time_s >= options_.blackout_start_s && time_s < options_.blackout_end_s;
+}
+
+int SensorModel::samples_for(const CameraPath& path, double time_s) const {
+  if (options_.motion_blur_s <= 0) return kMinSamples;
+  const SE3 a = path.at(time_s - 0.5 * options_.motion_blur_s);
+  const SE3 b = path.at(time_s + 0.5 * options_.motion_blur_s);
+  // How far something 1.5 m ahead moves in the picture: turning, and walking sideways.
+  const double turn = (a.R.col(2) - b.R.col(2)).norm() + (a.t - b.t).norm() / 1.5;
+  const auto wanted = static_cast<int>(std::ceil(turn * renderer_.camera().fx));
+  return std::clamp(wanted, kMinSamples, kMaxSamples);
+}
+
+std::vector<std::uint8_t> SensorModel::expose(const CameraPath& path, int frame, double time_s,
+                                              double baseline_m, std::uint32_t stream) {
+  const Camera& camera = renderer_.camera();
+  const int samples = samples_for(path, time_s);
+  std::fill(sum_.begin(), sum_.end(), covered(time_s) ? kBlackLevel : 0.0f);
+  if (!covered(time_s)) {
+    for (int i = 0; i < samples; ++i) {
+      // Times evenly over the exposure; offsets inside the pixel from a low-discrepancy lattice.
+      const double at = (i + 0.5) / samples;
+      const double across = at - 0.5, down = 0.618034 * (i + 0.5);
+      const double t = time_s + options_.motion_blur_s * (at - 0.5);
+      SE3 T_wc = path.at(t);
+      T_wc.t += baseline_m * T_wc.R.col(0);
+      renderer_.accumulate(T_wc, t, across, down - std::floor(down) - 0.5, sum_);
+    }
+    const float share = 1.0f / static_cast<float>(samples);
+    for (float& value : sum_) value *= share;
+    soften(sum_, camera.width, camera.height);
+  }
+  std::vector<std::uint8_t> grey(sum_.size());
+  const std::uint64_t seed =
+      mix(options_.seed ^ mix(static_cast<std::uint64_t>(frame) * 2 + stream));
+  const auto sigma = static_cast<float>(options_.noise);
+  for (std::size_t i = 0; i < grey.size(); ++i) {
+    const float noisy = sum_[i] + sigma * bell(pixel_hash(seed, i)) + 0.5f;
+    grey[i] = static_cast<std::uint8_t>(std::clamp(noisy, 0.0f, 255.0f));
+  }
+  return grey;
+}
+
+std::vector<std::uint16_t> SensorModel::measure_depth(int frame) const {
+  const Camera& camera = renderer_.camera();
+  const int width = camera.width, height = camera.height;
+  const std::uint64_t seed =
+      mix(options_.seed ^ 0xdeb7ull ^ mix(static_cast<std::uint64_t>(frame)));
+  const auto noise = static_cast<float>(options_.depth_noise);
+  const auto per_m = static_cast<float>(1 / options_.depth_unit_m);
+  const auto farthest =
+      static_cast<float>(std::min(options_.max_depth_m, 65535 * options_.depth_unit_m));
+  const bool holes = options_.depth_holes > 0;
+  const auto lost = static_cast<std::uint32_t>(options_.depth_holes * 4294967295.0);
+  std::vector<std::uint16_t> raw(depth_m_.size(), 0);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const std::size_t i = static_cast<std::size_t>(y) * width + x;
+      float z = depth_m_[i];
+      if (z <= 0 || z > farthest) continue;
+      if (holes) {
+        const float right = depth_m_[x + 1 < width ? i + 1 : i];
+        const float below = depth_m_[y + 1 < height ? i + width : i];
+        const float jump = std::max(std::abs(right - z), std::abs(below - z));
+        if (jump > kEdgeJump * z) continue;
+        // Across one pixel a surface at slant angle a changes depth by z tan(a) / f.
+        if (jump * static_cast<float>(camera.fx) * kSlantLimit > z) continue;
+        // Patches drift slowly: the same place stays lost for several frames.
+        const std::uint64_t patch = mix(options_.seed + static_cast<std::uint64_t>(frame / 8));
+        if (pixel_hash(patch, static_cast<std::size_t>(y / kPatch) * 4096 + x / kPatch) < lost)
+          continue;
+      }
+      if (noise > 0) {
+        const float d = z - 0.4f;
+        z += noise * (0.0012f + 0.0019f * d * d) * bell(pixel_hash(seed, i));
+      }
+      raw[i] = static_cast<std::uint16_t>(std::clamp(z * per_m + 0.5f, 0.0f, 65535.0f));
+    }
+  }
+  return raw;
+}
+
+}  // namespace slambed::synth

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "features/image.hpp"
+#include "synth/camera_path.hpp"
+#include "synth/renderer.hpp"
+
+namespace slambed::synth {
+
+/// What a real sensor does to the ideal picture.
+struct SensorOptions {
+  std::uint64_t seed = 1;
+  double motion_blur_s = 0;  ///< exposure time; the time stamp is its middle
+  double noise = 0;          ///< standard deviation, grey levels
+  double depth_noise = 0;    ///< 1: a Kinect's axial noise (Nguyen, Izadi, Lovell 2012)
+  double depth_holes =
+      0;  ///< share of pixels lost in patches; above 0 edges and slants are lost too
+  double depth_unit_m = 0.0002;
+  double max_depth_m = 10;
+  double baseline_m = 0;                            ///< of the right camera, for stereo
+  double blackout_start_s = 0, blackout_end_s = 0;  ///< lens covered in [start, end)
+};
+
+/// One frame as recorded; depth or right is empty, as asked for.
+struct Shot {
+  std::vector<std::uint8_t> grey, right;
+  std::vector<std::uint16_t> depth;
+};
+
+/// Takes pictures along a path. One per thread: it owns a renderer and scratch memory.
+class SensorModel {
+ public:
+  SensorModel(std::shared_ptr<const Scene> scene, const Camera& camera, SensorOptions options);
+
+  /// Grey and depth of the frame with this number and time (mid-exposure).
+  Shot capture_rgbd(const CameraPath& path, int frame, double time_s);
+  /// Left and right grey of a rectified pair.
+  Shot capture_stereo(const CameraPath& path, int frame, double time_s);
+
+ private:
+  std::vector<std::uint8_t> expose(const CameraPath& path, int frame, double time_s,
+                                   double baseline_m, std::uint32_t stream);
+  int samples_for(const CameraPath& path, double time_s) const;
+  std::vector<std::uint16_t> measure_depth(int frame) const;
+  bool covered(double time_s) const;
+
+  Renderer renderer_;
+  SensorOptions options_;
+  std::vector<float> sum_, depth_m_;
+};
+
+}  // namespace slambed::synth

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "geometry/camera.hpp"
+#include "geometry/se3.hpp"
+
+namespace slambed::synth {
+
+/// Header of a prepared sequence (docs/formats.md, "Prepared sequence").
+struct SequenceHeader {
+  std::string id, title;
+  std::string sensor;  ///< "rgbd" or "stereo"
+  Camera camera;
+  double fps = 30;
+  double depth_unit_m = 0;
+  double close_depth_baselines = 40;
+  double time_origin_s = 0;
+};
+
+/// The planes of one frame in file order, and their CRC; made by the rendering threads.
+struct FrameBlock {
+  std::vector<std::uint8_t> bytes;
+  std::uint32_t crc32 = 0;
+
+  void append(const void* data, std::size_t size);
+  void seal();
+};
+
+/// Writes a prepared sequence into a hidden sibling folder and renames it when complete; an
+/// unfinished one is removed.
+class SequenceWriter {
+ public:
+  SequenceWriter(std::filesystem::path folder, SequenceHeader header);
+  ~SequenceWriter();
+  SequenceWriter(const SequenceWriter&) = delete;
+  SequenceWriter& operator=(const SequenceWriter&) = delete;
+
+  /// Frames come in order; T_wc is the true pose.
+  void add(std::int64_t timestamp_ns, const FrameBlock& block, const SE3& T_wc);
+  /// source: what `source` in sequence.json shall say.
+  void finish(const nlohmann::json& source);
+
+ private:
+  struct Entry {
+    std::int64_t timestamp_ns;
+    std::uint32_t crc32, flags;
+  };
+
+  std::filesystem::path folder_, partial_;
+  SequenceHeader header_;
+  std::size_t block_bytes_ = 0, stride_bytes_ = 0;
+  std::ofstream frames_;
+  std::string groundtruth_;
+  std::vector<Entry> index_;
+  std::vector<std::uint8_t> previous_;
+  bool finished_ = false;
+};
+
+}  // namespace slambed::synth

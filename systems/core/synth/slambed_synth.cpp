@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// slambed-synth: writes a generated sequence in the prepared form (docs/formats.md).
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <thread>
+
+#include "base/error.hpp"
+#include "synth/generator.hpp"
+
+namespace {
+
+volatile std::sig_atomic_t stop_asked = 0;
+void ask_stop(int) { stop_asked = 1; }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace slambed;
+  synth::GeneratorOptions options;
+  synth::SensorOptions& sensor = options.sensor_model;
+  std::string out, extra_source = "{}";
+  int threads = 0;
+  bool show_progress = false;
+
+  CLI::App app{"Renders a furnished room along a camera path into a prepared sequence."};
+  app.set_version_flag("--version", std::string("slambed-synth ") + synth::kGeneratorVersion);
+  app.add_option("--out", out, "folder to write; appears when complete")->required();
+  app.add_option("--id", options.id, "id of the sequence");
+  app.add_option("--title", options.title, "title of the sequence");
+  app.add_option("--sensor", options.sensor, "rgbd or stereo");
+  app.add_option("--trajectory", options.trajectory,
+                 "still, spline, office, two_laps, or a TUM-format file (with . or / in its name)");
+  app.add_option("--seconds", options.seconds, "length; default: the whole path")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--fps", options.fps, "frames per second")->check(CLI::PositiveNumber);
+  app.add_option("--seed", options.seed, "of scene, path and noise");
+  app.add_option("--width", options.width, "pixels");
+  app.add_option("--height", options.height, "pixels");
+  app.add_option("--moving-objects", options.moving_objects, "figures that walk around")
+      ->check(CLI::Range(0, 20));
+  app.add_option("--texel-scale", options.texel_scale, "larger: coarser textures")
+      ->check(CLI::Range(0.5, 50.0));
+  app.add_option("--motion-blur-s", sensor.motion_blur_s, "exposure time")
+      ->check(CLI::Range(0.0, 0.1));
+  app.add_option("--noise", sensor.noise, "grey noise, standard deviation")
+      ->check(CLI::Range(0.0, 50.0));
+  app.add_option("--depth-noise", sensor.depth_noise, "1: as a Kinect")
+      ->check(CLI::Range(0.0, 20.0));
+  app.add_option("--depth-holes", sensor.depth_holes, "share of depth lost in patches")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--blackout-start-s", sensor.blackout_start_s, "lens covered from here")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--blackout-end-s", sensor.blackout_end_s, "to here")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--source", extra_source, "JSON object added to 'source' of sequence.json");
+  app.add_option("--threads", threads, "default: all cores; does not change the result")
+      ->check(CLI::Range(1, 256));
+  app.add_flag("--progress", show_progress, "print 'progress DONE TOTAL' lines");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& wrong) {
+    if (wrong.get_exit_code() == 0) return app.exit(wrong);
+    std::fprintf(stderr, "error: %s; see slambed-synth --help\n", wrong.what());
+    return static_cast<int>(ExitCode::kBadInput);
+  }
+  if (threads == 0) threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  std::signal(SIGINT, ask_stop);
+  std::signal(SIGTERM, ask_stop);
+  try {
+    const auto progress = [&](int done, int total) {
+      if (show_progress && (done % 10 == 0 || done == total)) {
+        std::printf("progress %d %d\n", done, total);
+        std::fflush(stdout);
+      }
+      return stop_asked == 0;
+    };
+    if (!synth::generate(options, out, threads, progress, extra_source)) {
+      std::fprintf(stderr, "error: stopped before %s was complete; nothing was written\n",
+                   out.c_str());
+      return static_cast<int>(ExitCode::kEnvironment);
+    }
+  } catch (const Error& error) {
+    std::fprintf(stderr, "error: %s\n", error.what());
+    return static_cast<int>(error.code());
+  } catch (const std::exception& bug) {
+    std::fprintf(stderr, "error: unexpected: %s\n", bug.what());
+    return static_cast<int>(ExitCode::kInternal);
+  }
+  return 0;
+}

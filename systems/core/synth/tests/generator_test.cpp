@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "synth/generator.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/error.hpp"
+#include "synth/sha256.hpp"
+
+namespace slambed::synth {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string slurp(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+class Generator : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) / ("synth_" + std::to_string(getpid()));
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  static GeneratorOptions small() {
+    GeneratorOptions options;
+    options.width = 160;
+    options.height = 120;
+    options.texel_scale = 10;
+    options.seconds = 0.5;
+    options.fps = 10;
+    options.moving_objects = 1;
+    options.sensor_model = {
+        .motion_blur_s = 0.01, .noise = 2, .depth_noise = 1, .depth_holes = 0.05};
+    return options;
+  }
+
+  /// The checksum written into sequence.json.
+  std::string make(const GeneratorOptions& options, const std::string& name, int threads) {
+    EXPECT_TRUE(generate(options, folder_ / name, threads, [](int, int) { return true; }));
+    return nlohmann::json::parse(slurp(folder_ / name / "sequence.json")).at("checksum");
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(Generator, BytesDoNotDependOnThreads) {
+  const std::string one = make(small(), "one", 1), three = make(small(), "three", 3);
+  EXPECT_EQ(one, three);
+  for (const char* file : {"frames.bin", "index.bin", "groundtruth.txt", "sequence.json"})
+    EXPECT_EQ(slurp(folder_ / "one" / file), slurp(folder_ / "three" / file)) << file;
+  EXPECT_EQ(fs::file_size(folder_ / "one" / "frames.bin"), 5u * 61440u);  // 57,600 padded
+}
+
+TEST_F(Generator, SeedAndOptionsChangeTheBytes) {
+  const std::string base = make(small(), "base", 2);
+  GeneratorOptions other = small();
+  other.seed = 2;
+  EXPECT_NE(make(other, "seed", 2), base);
+  other = small();
+  other.sensor_model.noise = 3;
+  EXPECT_NE(make(other, "noise", 2), base);
+}
+
+// The same bytes on every machine. When a change of the generator is meant, raise
+// kGeneratorVersion and put the new checksums here.
+TEST_F(Generator, BytesAreTheKnownOnes) {
+  EXPECT_STREQ(kGeneratorVersion, "2");
+  EXPECT_EQ(make(small(), "rgbd", 2),
+            "33b89c2a7c36a20bb34c66a23a7cd080f007b1d5a1e3848d3a0bcb7d73ca6ece");
+  GeneratorOptions stereo = small();
+  stereo.sensor = "stereo";
+  stereo.trajectory = "two_laps";
+  EXPECT_EQ(make(stereo, "stereo", 2),
+            "d7132e4d4b10b6be7526dd4b483fb076bde4455bddb0100d469fb6956b056095");
+}
+
+TEST_F(Generator, StoppingLeavesNothing) {
+  EXPECT_FALSE(generate(small(), folder_ / "stopped", 2, [](int done, int) { return done < 3; }));
+  EXPECT_TRUE(fs::is_empty(folder_));
+}
+
+TEST_F(Generator, BadOptionsAreOneLine) {
+  const auto rejects = [&](const GeneratorOptions& options) {
+    try {
+      generate(options, folder_ / "bad", 1, [](int, int) { return true; });
+      return std::string("accepted");
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+  };
+  GeneratorOptions options = small();
+  options.trajectory = "spiral";
+  EXPECT_NE(rejects(options).find("'spiral'"), std::string::npos);
+  options = small();
+  options.sensor = "lidar";
+  EXPECT_NE(rejects(options).find("'lidar'"), std::string::npos);
+  options = small();
+  options.trajectory = (folder_ / "none.txt").string();
+  EXPECT_NE(rejects(options).find("none.txt"), std::string::npos);
+  EXPECT_TRUE(fs::is_empty(folder_));
+}
+
+TEST(Sha256, KnownDigests) {  // FIPS 180-4 examples
+  EXPECT_EQ(sha256_hex(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(sha256_hex("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(sha256_hex("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+}
+
+}  // namespace
+}  // namespace slambed::synth

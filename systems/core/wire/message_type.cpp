@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "wire/message_type.hpp"
+
+namespace slambed::wire {
+
+std::string_view message_name(std::uint8_t type) {
+  switch (static_cast<MessageType>(type)) {
+    case MessageType::kKeyFrame:
+      return "KEYFRAME";
+    case MessageType::kMapUpdate:
+      return "MAP_UPDATE";
+    case MessageType::kFrame:
+      return "FRAME";
+    case MessageType::kRelocMap:
+      return "RELOC_MAP";
+    case MessageType::kAck:
+      return "ACK";
+    case MessageType::kProbe:
+      return "PROBE";
+    case MessageType::kBye:
+      return "BYE";
+    case MessageType::kPoses:
+      return "POSES";
+    case MessageType::kState:
+      return "STATE";
+    case MessageType::kStart:
+      return "START";
+    case MessageType::kStop:
+      return "STOP";
+    case MessageType::kMapHandover:
+      return "MAP_HANDOVER";
+    case MessageType::kHandoverAck:
+      return "HANDOVER_ACK";
+  }
+  return "UNKNOWN";
+}
+
+}  // namespace slambed::wire

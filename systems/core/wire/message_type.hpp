@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace slambed::wire {
+
+/// Version of every payload layout below this folder; both nodes must have the same.
+inline constexpr std::uint16_t kWireVersion = 1;
+
+/// Message::type. Numbers are never reused.
+enum class MessageType : std::uint8_t {
+  kKeyFrame = 1,   ///< mobile -> edge: a keyframe with its new points
+  kMapUpdate = 2,  ///< edge -> mobile: keyframes and points that become the local map
+  kFrame = 3,      ///< mobile -> edge: a frame that needs relocalisation
+  kRelocMap = 4,   ///< edge -> mobile: MAP_UPDATE with the candidates
+  kAck = 5,        ///< receiver -> sender: a message arrived
+  kProbe = 6,      ///< keeps RTT samples coming; content is ignored
+  kBye = 7,        ///< last message of a node
+  kPoses = 8,      ///< edge -> mobile: where all keyframes ended up
+  // DynNetSLAM
+  kState = 16,
+  kStart = 17,
+  kStop = 18,
+  kMapHandover = 19,
+  kHandoverAck = 20,
+};
+
+/// "KEYFRAME", "MAP_UPDATE" ...; "UNKNOWN" for numbers that name nothing.
+std::string_view message_name(std::uint8_t type);
+
+}  // namespace slambed::wire

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "wire/messages.hpp"
+
+#include <array>
+
+#include "wire/delta_codec.hpp"
+#include "wire/feature_codec.hpp"
+#include "wire/id_codec.hpp"
+
+namespace slambed::wire {
+namespace {
+
+/// Decodes a whole payload; nothing may be left over.
+template <typename Get>
+auto whole(std::span<const std::uint8_t> bytes, Get get) {
+  ByteReader in(bytes);
+  auto message = get(in);
+  in.expect_end();
+  return message;
+}
+
+void put_time(ByteWriter& out, RunTime time) { out.i64(time.count()); }
+RunTime get_time(ByteReader& in) { return RunTime(in.i64()); }
+
+constexpr std::array kTimes = {&UpdateTimes::captured, &UpdateTimes::queued, &UpdateTimes::received,
+                               &UpdateTimes::accepted, &UpdateTimes::mapped, &UpdateTimes::due};
+
+}  // namespace
+
+Bytes encode(const KeyFrameMessage& message) {
+  ByteWriter out;
+  IdStream().put(out, message.keyframe);
+  put_time(out, message.captured);
+  out.u8(message.urgent);
+  out.u8(message.first);
+  out.u8(message.after_relocalisation);
+  out.varint(message.applied_update);
+  put_delta(out, message.delta);
+  return out.take();
+}
+
+KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
+  return whole(bytes, [&](ByteReader& in) {
+    KeyFrameMessage message;
+    message.keyframe = IdStream().get<KeyFrameId>(in);
+    message.captured = get_time(in);
+    message.urgent = in.flag();
+    message.first = in.flag();
+    message.after_relocalisation = in.flag();
+    message.applied_update = in.varint();
+    message.delta = get_delta(in, sensor);
+    if (message.delta.keyframes.size() != 1 ||
+        message.delta.keyframes.front().id != message.keyframe) {
+      throw DecodeError("KEYFRAME does not hold its keyframe");
+    }
+    return message;
+  });
+}
+
+Bytes encode(const MapUpdate& message) {
+  ByteWriter out;
+  out.varint(message.update);
+  IdStream().put(out, message.newest);
+  for (const auto time : kTimes) put_time(out, message.times.*time);
+  put_delta(out, message.map);
+  put_poses(out, message.poses);
+  return out.take();
+}
+
+MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
+  return whole(bytes, [&](ByteReader& in) {
+    MapUpdate message;
+    message.update = in.varint();
+    message.newest = IdStream().get<KeyFrameId>(in);
+    for (const auto time : kTimes) message.times.*time = get_time(in);
+    message.map = get_delta(in, sensor);
+    message.poses = get_poses(in);
+    if (message.map.keyframes.empty()) throw DecodeError("update holds no keyframe");
+    return message;
+  });
+}
+
+Bytes encode(const FrameMessage& message) {
+  ByteWriter out;
+  out.varint(message.frame_index);
+  out.f64(message.timestamp_s);
+  put_features(out, *message.features);
+  return out.take();
+}
+
+FrameMessage decode_frame(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
+  return whole(bytes, [&](ByteReader& in) {
+    if (!sensor) throw DecodeError("frame from an unknown camera");
+    FrameMessage message;
+    message.frame_index = in.varint();
+    message.timestamp_s = in.f64();
+    message.features = get_features(in, sensor);
+    return message;
+  });
+}
+
+Bytes encode(const AckMessage& message) {
+  ByteWriter out;
+  out.varint(message.sequence);
+  return out.take();
+}
+
+AckMessage decode_ack(std::span<const std::uint8_t> bytes) {
+  return whole(bytes, [](ByteReader& in) { return AckMessage{in.varint()}; });
+}
+
+Bytes encode(const ByeMessage& message) {
+  ByteWriter out;
+  out.varint(message.last_keyframe_sequence);
+  out.varint(message.keyframes);
+  out.varint(message.points);
+  return out.take();
+}
+
+ByeMessage decode_bye(std::span<const std::uint8_t> bytes) {
+  return whole(bytes, [](ByteReader& in) {
+    ByeMessage message;
+    message.last_keyframe_sequence = in.varint();
+    message.keyframes = in.varint();
+    message.points = in.varint();
+    return message;
+  });
+}
+
+Bytes encode_poses(const std::vector<KeyFramePose>& poses) {
+  ByteWriter out;
+  put_poses(out, poses);
+  return out.take();
+}
+
+std::vector<KeyFramePose> decode_poses(std::span<const std::uint8_t> bytes) {
+  return whole(bytes, [](ByteReader& in) { return get_poses(in); });
+}
+
+}  // namespace slambed::wire

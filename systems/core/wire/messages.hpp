@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/time.hpp"
+#include "map/map_delta.hpp"
+#include "wire/byte_io.hpp"
+
+namespace slambed::wire {
+
+using SensorPtr = std::shared_ptr<const Sensor>;
+
+/// KEYFRAME, mobile -> edge.
+struct KeyFrameMessage {
+  KeyFrameId keyframe;
+  RunTime captured{};                 ///< when playback offered its frame
+  bool urgent = false;                ///< Edge-SLAM's flag 2: c1c holds, the edge need not agree
+  bool first = false;                 ///< the map starts (again) with it
+  bool after_relocalisation = false;  ///< within a second of one: Edge-SLAM's passedF is false
+  std::uint64_t applied_update = 0;   ///< newest update the mobile had taken over, 0: none
+  MapDelta delta;
+};
+
+/// When the keyframe that closes an update passed each place; run clock.
+struct UpdateTimes {
+  RunTime captured{};  ///< frame offered on the mobile
+  RunTime queued{};    ///< KEYFRAME handed to the channel
+  RunTime received{};  ///< its last byte at the edge
+  RunTime accepted{};  ///< parsed and admitted
+  RunTime mapped{};    ///< local mapping done
+  RunTime due{};       ///< preparation of the update began
+};
+
+/// MAP_UPDATE and RELOC_MAP, edge -> mobile: becomes the local map.
+struct MapUpdate {
+  std::uint64_t update = 0;  ///< counts from 1
+  KeyFrameId newest;
+  UpdateTimes times;
+  MapDelta map;                     ///< the keyframes with all their points
+  std::vector<KeyFramePose> poses;  ///< of other keyframes that moved since the last update
+};
+
+/// FRAME, mobile -> edge: where am I?
+struct FrameMessage {
+  std::uint64_t frame_index = 0;
+  double timestamp_s = 0;
+  std::shared_ptr<const FeatureSet> features;
+};
+
+/// ACK: the message with this sequence on the same channel arrived.
+struct AckMessage {
+  std::uint64_t sequence = 0;
+};
+
+/// BYE on the control channel. The mobile names the last KEYFRAME it sent, so that the edge can
+/// take in what is still under way; the edge answers with its final counts.
+struct ByeMessage {
+  std::uint64_t last_keyframe_sequence = 0;
+  std::uint64_t keyframes = 0, points = 0;  ///< of the global map
+};
+
+Bytes encode(const KeyFrameMessage& message);
+Bytes encode(const MapUpdate& message);
+Bytes encode(const FrameMessage& message);
+Bytes encode(const AckMessage& message);
+Bytes encode(const ByeMessage& message);
+Bytes encode_poses(const std::vector<KeyFramePose>& poses);
+
+/// All throw DecodeError and nothing else.
+KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+FrameMessage decode_frame(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+AckMessage decode_ack(std::span<const std::uint8_t> bytes);
+ByeMessage decode_bye(std::span<const std::uint8_t> bytes);
+std::vector<KeyFramePose> decode_poses(std::span<const std::uint8_t> bytes);
+
+}  // namespace slambed::wire

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "wire/point_codec.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace slambed::wire {
+namespace {
+
+enum Flags : std::uint8_t {
+  kNamedDescriptor = 1,   ///< keyframe index and feature follow instead of 32 bytes
+  kFirstIsReference = 2,  ///< first_keyframe is not repeated
+  kReferenceIsNamed = 4,  ///< reference is the keyframe named for the descriptor
+  kNearestDerived = 8,    ///< min_distance follows from max_distance and the pyramid
+  kAllFlags = 15,
+};
+
+constexpr float kNormalSteps = 32767;
+
+std::uint16_t quantise_normal(float value) {
+  return static_cast<std::uint16_t>(
+      static_cast<std::int16_t>(std::lround(std::clamp(value, -1.f, 1.f) * kNormalSteps)));
+}
+
+float restore_normal(std::uint16_t code) {
+  return static_cast<float>(static_cast<std::int16_t>(code)) / kNormalSteps;
+}
+
+}  // namespace
+
+PointCodec::PointCodec(const std::vector<NewKeyFrame>& keyframes) : keyframes_(keyframes) {}
+
+const std::vector<PointCodec::Sighting>& PointCodec::sightings() {
+  if (sightings_.empty()) {
+    for (std::uint32_t k = 0; k < keyframes_.size(); ++k) {
+      const auto& points = keyframes_[k].points;
+      for (std::uint32_t feature = 0; feature < points.size(); ++feature) {
+        if (points[feature]) sightings_.push_back({points[feature].value, k, feature});
+      }
+    }
+    std::sort(sightings_.begin(), sightings_.end());
+  }
+  return sightings_;
+}
+
+const PointCodec::Sighting* PointCodec::find_descriptor(const NewPoint& point) {
+  const auto& all = sightings();
+  for (auto at = std::lower_bound(all.begin(), all.end(), Sighting{point.id.value, 0, 0});
+       at != all.end() && at->point == point.id.value; ++at) {
+    const auto& features = *keyframes_[at->keyframe].features;
+    if (features.descriptors()[at->feature] == point.appearance.descriptor) return &*at;
+  }
+  return nullptr;
+}
+
+/// ORB-SLAM2's range: a point seen at the coarsest level at most distance is seen at the finest at
+/// this one.
+float PointCodec::nearest_from(float max_distance_m) const {
+  if (keyframes_.empty()) return -1;
+  return max_distance_m / keyframes_.front().features->sensor().pyramid.scale.back();
+}
+
+void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
+  const Appearance& look = point.appearance;
+  const Sighting* named = find_descriptor(point);
+  std::uint8_t flags = 0;
+  if (named) flags |= kNamedDescriptor;
+  if (named && keyframes_[named->keyframe].id == point.reference) flags |= kReferenceIsNamed;
+  if (point.first_keyframe == point.reference) flags |= kFirstIsReference;
+  if (look.min_distance_m == nearest_from(look.max_distance_m)) flags |= kNearestDerived;
+  out.u8(flags);
+  ids.put(out, point.id);
+  for (const double value : point.p_w) out.f32(static_cast<float>(value));
+  for (const float value : look.normal) out.u16(quantise_normal(value));
+  out.f32(look.max_distance_m);
+  if (!(flags & kNearestDerived)) out.f32(look.min_distance_m);
+  if (named) {
+    out.varint(named->keyframe);
+    out.varint(named->feature);
+  } else {
+    for (const std::uint64_t word : look.descriptor) out.u64(word);
+  }
+  IdStream keyframes;  // a stream of its own: few points need it
+  if (!(flags & kReferenceIsNamed)) keyframes.put(out, point.reference);
+  if (!(flags & kFirstIsReference)) keyframes.put(out, point.first_keyframe);
+  out.varint(point.visible);
+  out.varint(point.found);
+  out.varint(point.version);
+}
+
+NewPoint PointCodec::get(ByteReader& in, IdStream& ids) const {
+  NewPoint point;
+  Appearance& look = point.appearance;
+  const std::uint8_t flags = in.u8();
+  if (flags & ~kAllFlags) throw DecodeError("unknown point flags");
+  if ((flags & kReferenceIsNamed) && !(flags & kNamedDescriptor)) {
+    throw DecodeError("reference keyframe is not named");
+  }
+  point.id = ids.get<MapPointId>(in);
+  for (double& value : point.p_w) value = in.f32();
+  for (float& value : look.normal) value = restore_normal(in.u16());
+  look.max_distance_m = in.f32();
+  if (look.max_distance_m < 0) throw DecodeError("distance is negative");
+  if (flags & kNearestDerived) {
+    if (keyframes_.empty()) throw DecodeError("distance cannot be derived");
+    look.min_distance_m = nearest_from(look.max_distance_m);
+  } else {
+    look.min_distance_m = in.f32();
+    if (look.min_distance_m < 0) throw DecodeError("distance is negative");
+  }
+  const NewKeyFrame* named = nullptr;
+  if (flags & kNamedDescriptor) {
+    const std::uint32_t k = in.varint32(), feature = in.varint32();
+    if (k >= keyframes_.size()) throw DecodeError("descriptor names an unknown keyframe");
+    named = &keyframes_[k];
+    if (feature >= named->points.size()) throw DecodeError("descriptor names an unknown feature");
+    look.descriptor = named->features->descriptors()[feature];
+  } else {
+    for (std::uint64_t& word : look.descriptor) word = in.u64();
+  }
+  IdStream keyframes;
+  point.reference = flags & kReferenceIsNamed ? named->id : keyframes.get_or_none<KeyFrameId>(in);
+  point.first_keyframe =
+      flags & kFirstIsReference ? point.reference : keyframes.get_or_none<KeyFrameId>(in);
+  point.visible = in.varint32();
+  point.found = in.varint32();
+  point.version = in.varint32();
+  return point;
+}
+
+}  // namespace slambed::wire

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <random>
+
+#include "wire/hello.hpp"
+#include "wire/messages.hpp"
+
+namespace slambed::wire {
+
+inline SensorInfo example_camera() {
+  SensorInfo info;
+  info.camera = {
+      .width = 640, .height = 480, .fx = 527, .fy = 527, .cx = 322, .cy = 238, .bf = 15.8};
+  info.close_depth_m = 1.2f;
+  return info;
+}
+
+inline std::shared_ptr<const FeatureSet> example_features(std::mt19937& random, int count,
+                                                          std::shared_ptr<const Sensor> sensor) {
+  std::uniform_real_distribution<float> unit(0, 1);
+  std::vector<KeyPoint> keypoints(static_cast<std::size_t>(count));
+  std::vector<Descriptor> descriptors(keypoints.size());
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    KeyPoint& k = keypoints[i];
+    k.u = unit(random) * 639;
+    k.v = unit(random) * 479;
+    k.angle_deg = unit(random) * 359.9f;
+    k.octave = static_cast<std::uint8_t>(random() % 8);
+    if (random() % 5 != 0) {
+      k.depth_m = 0.4f + unit(random) * 6;
+      k.right_u = k.u - static_cast<float>(sensor->camera.bf) / k.depth_m;
+    }
+    for (auto& word : descriptors[i]) word = (std::uint64_t{random()} << 32) | random();
+  }
+  return std::make_shared<const FeatureSet>(sensor, std::move(keypoints), std::move(descriptors));
+}
+
+inline KeyFrameId keyframe_id(std::uint64_t index) { return {std::uint64_t{1} << 56 | index}; }
+inline MapPointId point_id(std::uint64_t index, IdSpace space = IdSpace::kTracker) {
+  return {static_cast<std::uint64_t>(space) << 56 | index};
+}
+
+/// A keyframe that sees "known" points of before and makes "fresh" ones, as tracking would.
+inline MapDelta example_keyframe(std::mt19937& random, std::shared_ptr<const Sensor> sensor,
+                                 int features, int known, int fresh) {
+  MapDelta delta;
+  delta.epoch = 3;
+  NewKeyFrame keyframe;
+  keyframe.id = keyframe_id(40);
+  keyframe.frame_index = 512;
+  keyframe.timestamp_s = 17.066;
+  keyframe.features = example_features(random, features, sensor);
+  keyframe.T_cw =
+      SE3::exp((Eigen::Matrix<double, 6, 1>() << 0.3, -2, 1, 0.1, 0.7, -0.2).finished());
+  keyframe.points.resize(static_cast<std::size_t>(features));
+  keyframe.parent = keyframe_id(39);
+  for (int i = 0; i < known + fresh; ++i) {
+    auto& slot = keyframe.points[static_cast<std::size_t>(i) * features / (known + fresh)];
+    if (i % 2 == 0 ? i / 2 < known : i / 2 >= fresh) {
+      slot = point_id(1 + random() % 8000,
+                      random() % 3 ? IdSpace::kEdgeMapper : IdSpace::kMobileMapper);
+      continue;
+    }
+    NewPoint point;
+    point.id = point_id(9000 + static_cast<std::uint64_t>(i));
+    point.p_w = Eigen::Vector3d(1.5, -0.25, 3) * (0.1 + i % 7);
+    point.reference = point.first_keyframe = keyframe.id;
+    point.appearance.descriptor =
+        keyframe.features->descriptors()[static_cast<std::size_t>(&slot - keyframe.points.data())];
+    point.appearance.normal = Eigen::Vector3f(0.6f, 0, 0.8f);
+    point.appearance.max_distance_m = 3.5f;
+    point.appearance.min_distance_m = 3.5f / sensor->pyramid.scale.back();
+    slot = point.id;
+    delta.points.push_back(point);
+  }
+  delta.keyframes.push_back(std::move(keyframe));
+  return delta;
+}
+
+/// A delta with something in every list.
+inline MapDelta example_delta(std::mt19937& random, std::shared_ptr<const Sensor> sensor) {
+  MapDelta delta = example_keyframe(random, sensor, 60, 20, 20);
+  NewPoint odd = delta.points.front();  // nothing of it follows from the keyframe
+  odd.id = point_id(7, IdSpace::kEdgeMapper);
+  odd.appearance.descriptor = {1, 2, 3, 4};
+  odd.appearance.min_distance_m = 0.125f;
+  odd.reference = keyframe_id(3);
+  odd.first_keyframe = keyframe_id(2);
+  odd.visible = 300;
+  odd.found = 299;
+  odd.version = 12;
+  delta.points.push_back(odd);
+  delta.attach = {{keyframe_id(2), 17, point_id(5)}, {keyframe_id(9), 999, point_id(6)}};
+  delta.detach = {{keyframe_id(2), 18, point_id(8)}};
+  delta.fusions = {{point_id(10), point_id(11, IdSpace::kEdgeMapper)}};
+  delta.positions = {{point_id(12), {1, 2, 3.5}, 4}};
+  delta.poses = {{keyframe_id(8), SE3::exp(Eigen::Matrix<double, 6, 1>::Constant(0.1)), 9}};
+  delta.sightings = {{point_id(12), 1000, 70}};
+  delta.culled_points = {point_id(1), point_id(2)};
+  delta.culled_keyframes = {keyframe_id(4)};
+  return delta;
+}
+
+}  // namespace slambed::wire
