@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+namespace slambed::dynnetslam {
+
+/// Where mapping runs (Sossalla et al. 2022, Sec. IV). Tracking always runs on the mobile node.
+enum class State {
+  kOffloading,  ///< OS: mapping on the edge only
+  kSafeZone,    ///< SZ: mapping on both sides
+  kMobile,      ///< MES: mapping on the mobile node only
+};
+
+/// "OS", "SZ" or "MES".
+std::string_view to_string(State state);
+
+/// The limits between the states, milliseconds of RTT. A strategy is nothing but such a table: a
+/// state is left only when the RTT is strictly beyond the limit, equality keeps the state.
+struct Thresholds {
+  bool safe_zone = false;
+  double leave_offloading_above = 0;  ///< OS -> SZ, or OS -> MES without a safe zone
+  double leave_safe_zone_above = 0;   ///< SZ -> MES
+  double leave_mobile_below = 0;      ///< MES -> SZ, or MES -> OS without a safe zone
+  double leave_safe_zone_below = 0;   ///< SZ -> OS
+};
+
+/// The paper's own parameters.
+struct StrategyOptions {
+  bool hysteresis = true;
+  bool safe_zone = true;
+  double limit_ms = 40;                ///< L_OL
+  double band_ms = 10;                 ///< B, whole width of the hysteresis
+  std::optional<double> safe_limit_ms; ///< L_SZ; absent: L_OL - B/2
+};
+
+/// Derives the limits of the four strategies (../../docs/dynnetslam.md has the table).
+/// Throws Error(kBadInput) for limits that are negative, not finite or out of order.
+Thresholds thresholds(const StrategyOptions& options);
+
+/// One evaluation of the strategy: at most one transition. No RTT (none measured for too long)
+/// means that the edge cannot be relied on: one step towards kMobile.
+State next_state(State state, std::optional<double> rtt_ms, const Thresholds& limits);
+
+/// State at the first RTT: kOffloading below the lowest limit, kMobile above the highest,
+/// in between kSafeZone where there is one, else kOffloading. Without any RTT: kMobile.
+State initial_state(std::optional<double> rtt_ms, const Thresholds& limits);
+
+}  // namespace slambed::dynnetslam

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// Edge-SLAM's two nodes in virtual time on a synthetic world: repeatable, and no timing of this
+// machine decides.
+#include "edgeslam/edgeslam.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <set>
+
+#include "edgeslam/tests/virtual_pair.hpp"
+
+namespace slambed {
+namespace {
+
+using testing::PairResult;
+using testing::SyntheticWorld;
+
+nlohmann::json conventional() {
+  return {{"n_orb", 1000},
+          {"n_kf", 6},
+          {"sync_period_s", 5.0},
+          {"map_update", "serial"},
+          {"update_neighbours", 0},
+          {"min_local_keyframes", 6},
+          {"fast_motion_ms", 300.0},
+          {"keyframe_queue", 2},
+          {"edge_queue", 3},
+          {"update_poses", true},
+          {"final_poses", true},
+          {"reloc_request_ms", 500.0},
+          {"reloc_map_period_s", 1.0},
+          {"reloc_candidates", 5},
+          {"reloc_covisibles", 2}};
+}
+
+nlohmann::json enhanced() {
+  auto params = conventional();
+  params.update(
+      {{"n_kf", 1}, {"n_orb", 750}, {"map_update", "parallel"}, {"min_local_keyframes", 1}});
+  return params;
+}
+
+/// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
+/// new to make keyframes of.
+std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
+  const double yaw = 2.5 * frame * std::numbers::pi / 180;
+  const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
+  const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return world.look(SE3(R_wc, centre).inverse());
+}
+
+PairResult run(const nlohmann::json& params, int frames = 160, double one_way_ms = 0.1,
+               testing::WorldSource::Look look = turn) {
+  return testing::run_pair(edgeslam_system(), params, frames, 10, one_way_ms, std::move(look));
+}
+
+double sum_of_parts(const nlohmann::json& applied) {
+  double sum = 0;
+  for (const char* part : {"t_track_ms", "t_me_ms", "t_rkf_ms", "t_lm_ms", "t_wait_ms", "t_plmu_ms",
+                           "t_em_ms", "t_mu_ms"}) {
+    EXPECT_GE(applied[part].get<double>(), 0) << part;
+    sum += applied[part].get<double>();
+  }
+  return sum;
+}
+
+class EdgeSlamVariants : public ::testing::TestWithParam<bool> {
+ protected:
+  nlohmann::json params() const { return GetParam() ? enhanced() : conventional(); }
+};
+
+TEST_P(EdgeSlamVariants, TracksEveryFrameWithMappingOnTheEdgeOnly) {
+  const PairResult result = run(params());
+  EXPECT_TRUE(result.finished);
+  EXPECT_EQ(result.end_reason, "bye");
+  const auto frames = result.of("frame_tracked");
+  EXPECT_EQ(frames.size(), 160u);
+  for (const auto& frame : frames) EXPECT_EQ(frame["state"], "ok") << frame;
+  EXPECT_TRUE(result.of("track_lost").empty());
+  std::set<std::string> on_mobile, on_edge;
+  for (const auto& event : result.mobile) {
+    if (event["type"] == "stage") on_mobile.insert(event["name"].get<std::string>());
+  }
+  for (const auto& event : result.edge) {
+    if (event["type"] == "stage") on_edge.insert(event["name"].get<std::string>());
+  }
+  EXPECT_EQ(on_mobile, (std::set<std::string>{"extract", "track", "create_keyframe", "serialise",
+                                              "parse", "apply_update"}));
+  EXPECT_TRUE(on_edge.contains("bundle") && on_edge.contains("prepare_update"));
+  EXPECT_FALSE(on_edge.contains("track"));
+  EXPECT_GT(result.edge_counts.keyframes, 5u);
+  EXPECT_EQ(result.edge_counts.keyframes, result.mobile_counts.keyframes);
+  EXPECT_EQ(result.edge_counts.points, result.mobile_counts.points);
+}
+
+TEST_P(EdgeSlamVariants, UpdatesComeEveryPeriodAndTheirDelaysAddUp) {
+  const PairResult result = run(params());
+  const auto sent = result.of("update_sent");
+  ASSERT_GE(sent.size(), 2u);
+  for (std::size_t i = 1; i < sent.size(); ++i) {
+    EXPECT_GE(sent[i]["t_ns"].get<double>() - sent[i - 1]["t_ns"].get<double>(), 4.99e9);
+  }
+  const auto applied = result.of("update_applied");
+  ASSERT_FALSE(applied.empty());
+  EXPECT_EQ(applied.size() + result.of("update_declined").size(), sent.size());
+  for (const auto& update : applied) {
+    EXPECT_LE(update["keyframes"].get<int>(), params()["n_kf"].get<int>());
+    EXPECT_NEAR(sum_of_parts(update), update["t_total_ms"].get<double>(), 0.01);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Variants, EdgeSlamVariants, ::testing::Values(false, true),
+                         [](const auto& variant) {
+                           return variant.param ? "Enhanced" : "Conventional";
+                         });
+
+TEST(EdgeSlam, TheSameSeedGivesTheSameBytes) {
+  const PairResult first = run(enhanced(), 80), second = run(enhanced(), 80);
+  EXPECT_EQ(first.mobile_text, second.mobile_text);
+  EXPECT_EQ(first.edge_text, second.edge_text);
+  EXPECT_EQ(first.trajectory, second.trajectory);
+}
+
+TEST(EdgeSlam, ASlowLinkDelaysUpdates) {
+  const PairResult near = run(enhanced()), far = run(enhanced(), 160, 400);
+  ASSERT_FALSE(near.of("update_applied").empty());
+  ASSERT_FALSE(far.of("update_applied").empty());
+  for (const auto& update : far.of("update_applied")) {
+    EXPECT_GE(update["t_me_ms"].get<double>(), 400);
+    EXPECT_GE(update["t_em_ms"].get<double>(), 400);
+    EXPECT_GE(update["t_total_ms"].get<double>(), 800);
+  }
+  for (const auto& update : near.of("update_applied")) {
+    const double waited = update["t_wait_ms"].get<double>();
+    EXPECT_LT(update["t_total_ms"].get<double>() - waited, 500);
+  }
+}
+
+TEST(EdgeSlam, KeyframesMadeMeanwhileAreLostFromTheLocalMap) {
+  auto params = enhanced();
+  params["fast_motion_ms"] = 0.0;
+  const auto gap = [](const PairResult& result) {
+    int lost = 0;
+    for (const auto& update : result.of("update_applied"))
+      lost += update["gap_keyframes"].get<int>();
+    return lost;
+  };
+  const int near = gap(run(params, 110)), far = gap(run(params, 110, 1000));
+  EXPECT_GT(far, near);
+}
+
+TEST(EdgeSlam, AnUpdateAfterEveryKeyframeWithThePeriodAtZero) {
+  auto params = enhanced();
+  params["sync_period_s"] = 0.0;
+  params["fast_motion_ms"] = 0.0;
+  const PairResult result = run(params, 60);
+  EXPECT_EQ(result.of("update_sent").size(), result.of("keyframe_mapped").size());
+  EXPECT_GT(result.of("update_applied").size(), 3u);
+}
+
+TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
+  // Ten seconds of turning, one second of darkness, then again what was seen at second two: the
+  // local map of one keyframe does not reach that far back, the edge's does.
+  const auto look = [](SyntheticWorld& world, int frame) {
+    if (frame >= 100 && frame < 110) return world.nothing();
+    const int place = frame < 100 ? frame : frame - 90;
+    return turn(world, place);
+  };
+  const PairResult result = run(enhanced(), 200, 0.1, look);
+  EXPECT_EQ(result.of("track_lost").size(), 1u);
+  int asked = 0, answered = 0;
+  for (const auto& message : result.of("message")) {
+    asked += message["message"] == "FRAME";
+    answered += message["message"] == "RELOC_MAP";
+  }
+  EXPECT_GT(asked, 0);
+  EXPECT_GT(answered, 0);
+  ASSERT_EQ(result.of("relocalised").size(), 1u);
+  const auto frames = result.of("frame_tracked");
+  EXPECT_EQ(frames.back()["state"], "ok");
+}
+
+}  // namespace
+}  // namespace slambed

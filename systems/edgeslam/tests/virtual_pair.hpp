@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "node/edge_node.hpp"
+#include "node/mobile_node.hpp"
+#include "node/tests/temporary_folder.hpp"
+#include "runtime/virtual/virtual_network.hpp"
+#include "slam/tests/synthetic_world.hpp"
+
+namespace slambed::testing {
+
+/// Features of a synthetic world instead of images.
+class WorldSource final : public FeatureSource {
+ public:
+  using Look = std::function<std::shared_ptr<const FeatureSet>(SyntheticWorld&, int frame)>;
+  explicit WorldSource(Look look) : look_(std::move(look)) {}
+  std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override {
+    return look_(world_, static_cast<int>(frame));
+  }
+  std::shared_ptr<const Sensor> sensor() const override { return world_.sensor(); }
+
+ private:
+  SyntheticWorld world_;
+  Look look_;
+};
+
+/// A device on which every stage takes the same time.
+inline DeviceModel uniform_device(double stage_us) {
+  DeviceModel model;
+  model.cores = 2;
+  for (const char* stage :
+       {"extract", "track", "create_keyframe", "serialise", "parse", "insert", "cull_points",
+        "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update"}) {
+    model.stages[stage] = {.a_us = stage_us, .b_us = 0, .c_us = 0, .jitter = 0};
+  }
+  return model;
+}
+
+struct PairResult {
+  std::string mobile_text, edge_text;  ///< events.jsonl
+  std::string trajectory;
+  std::vector<nlohmann::json> mobile, edge;
+  std::string end_reason;
+  bool finished = false;
+  MapCounts mobile_counts, edge_counts;
+
+  std::vector<nlohmann::json> of(const std::string& type) const {
+    std::vector<nlohmann::json> found;
+    for (const auto* side : {&mobile, &edge}) {
+      for (const auto& event : *side) {
+        if (event["type"] == type) found.push_back(event);
+      }
+    }
+    return found;
+  }
+};
+
+/// Mobile and edge of one system in one process under virtual time.
+inline PairResult run_pair(const System& system, const nlohmann::json& params, int frames,
+                           double fps, double one_way_ms, WorldSource::Look look) {
+  TemporaryFolder folder;
+  const Parameters parameters(params, system.parameters, "params.");
+  std::vector<std::int64_t> times;
+  for (int i = 0; i < frames; ++i) times.push_back(std::llround(i * 1e9 / fps));
+  const Playlist playlist(times, fps, {});
+  PairResult result;
+  {
+    Simulator simulator;
+    EventLog mobile_log(folder.path() / "mobile.jsonl", NodeRole::kMobile);
+    EventLog edge_log(folder.path() / "edge.jsonl", NodeRole::kEdge);
+    for (EventLog* log : {&mobile_log, &edge_log}) {
+      log->set_clock([&simulator] { return simulator.now(); });
+      log->start(Duration::zero(), [] {});
+    }
+    VirtualRuntime mobile_runtime(simulator, uniform_device(2000), 1, mobile_log);
+    VirtualRuntime edge_runtime(simulator, uniform_device(2000), 2, edge_log);
+    link::DirectionOptions path;
+    path.delays_ns = {std::llround(one_way_ms * 1e6)};
+    path.rate = link::RateOptions{.bits_per_s = 100e6, .queue_bytes = 10'000'000};
+    VirtualLink link(simulator, path, path, 1);
+    WorldSource source(std::move(look));
+    PeerInfo peer;
+    const auto sensor = source.sensor();
+    peer.set({.camera = sensor->camera,
+              .close_depth_m = sensor->close_depth_m,
+              .played_fps = playlist.played_fps()});
+    RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
+    EdgeNode edge({edge_runtime, link.edge_side(edge_log), edge_log, peer}, system, parameters);
+    MobileNode mobile({.runtime = mobile_runtime,
+                       .network = &link.mobile_side(mobile_log),
+                       .log = mobile_log,
+                       .features = source,
+                       .feed = feed,
+                       .played_fps = playlist.played_fps(),
+                       .timestamps_ns = times,
+                       .time_origin_ns = 0},
+                      system, parameters);
+    mobile.start();
+    edge.start();
+    simulator.run();
+    mobile_runtime.join();
+    edge_runtime.join();
+    mobile.write_trajectories(folder.path());
+    result.finished = mobile.finished();
+    result.end_reason = edge.end_reason();
+    result.mobile_counts = mobile.counts();
+    result.edge_counts = edge.counts();
+  }
+  const auto parse = [](const std::string& text) {
+    std::vector<nlohmann::json> events;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);)
+      events.push_back(nlohmann::json::parse(line));
+    return events;
+  };
+  result.mobile_text = read_text(folder.path() / "mobile.jsonl");
+  result.edge_text = read_text(folder.path() / "edge.jsonl");
+  result.trajectory = read_text(folder.path() / "trajectory.txt");
+  result.mobile = parse(result.mobile_text);
+  result.edge = parse(result.edge_text);
+  return result;
+}
+
+}  // namespace slambed::testing

@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "programs/systems.hpp"
+
+#include "edgeslam/edgeslam.hpp"
+#include "orbslam2/orbslam2.hpp"
+
+namespace slambed {
+
+std::vector<System> all_systems() { return {orbslam2_system(), edgeslam_system()}; }
+
+}  // namespace slambed

@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: Apache-2.0
+// slambed-node as a user meets it: processes, files, ports, signals, exit codes.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <time.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "node/tests/temporary_folder.hpp"
+#include "programs/tests/process.hpp"
+#include "synth/generator.hpp"
+
+namespace slambed {
+namespace {
+
+using testing::Process;
+using testing::read_text;
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+
+constexpr int kFrames = 45;
+
+/// One short generated sequence for all tests.
+const fs::path& sequence() {
+  static const testing::TemporaryFolder folder;
+  static const fs::path path = [] {
+    const fs::path made = folder.path() / "sequence";
+    synth::GeneratorOptions options;
+    options.width = 320;
+    options.height = 240;
+    options.fps = 15;
+    options.seconds = kFrames / options.fps;
+    synth::generate(options, made, 2, [](int, int) { return true; });
+    return made;
+  }();
+  return path;
+}
+
+/// Four ports that were free a moment ago.
+std::vector<int> free_ports() {
+  std::vector<int> fds, ports;
+  for (int i = 0; i < 4; ++i) {
+    const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    ::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
+    socklen_t length = sizeof address;
+    ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length);
+    fds.push_back(fd);
+    ports.push_back(ntohs(address.sin_port));
+  }
+  for (const int fd : fds) ::close(fd);
+  return ports;
+}
+
+class NodeProgram : public ::testing::Test {
+ protected:
+  NodeProgram() {
+    const auto ports = free_ports();
+    config = {{"format", "slambed-run"},
+              {"version", 1},
+              {"run_key", "test"},
+              {"seed", 1},
+              {"variant", "default"},
+              {"sequence", sequence()},
+              {"playback",
+               {{"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}}},
+              {"output", folder.path()},
+              {"connect_timeout_s", 20.0},
+              {"system", "edgeslam"},
+              {"params",
+               {{"n_orb", 600},
+                {"n_kf", 2},
+                {"sync_period_s", 0.5},
+                {"map_update", "parallel"},
+                {"update_neighbours", 1},
+                {"min_local_keyframes", 1},
+                {"fast_motion_ms", 0.0},
+                {"keyframe_queue", 2},
+                {"edge_queue", 3},
+                {"update_poses", true},
+                {"final_poses", true},
+                {"reloc_request_ms", 500.0},
+                {"reloc_map_period_s", 1.0},
+                {"reloc_candidates", 5},
+                {"reloc_covisibles", 2}}},
+              {"network",
+               {{"edge_address", "127.0.0.1"},
+                {"ports",
+                 {{"control", ports[0]},
+                  {"keyframe", ports[1]},
+                  {"map", ports[2]},
+                  {"frame", ports[3]}}}}}};
+  }
+
+  void use_orbslam2() {
+    config["system"] = "orbslam2";
+    config["params"] = {{"n_orb", 600}, {"loop_closing", true}, {"sequential", false}};
+    config["network"] = nullptr;
+  }
+
+  Process node(const std::string& role, std::vector<std::string> more = {}) {
+    folder.write("run.json", config.dump());
+    std::vector<std::string> words = {SLAMBED_NODE, "--role", role, "--config",
+                                      folder.path() / "run.json"};
+    words.insert(words.end(), more.begin(), more.end());
+    return Process(words, folder.path() / (role + ".log"));
+  }
+
+  std::string log(const std::string& role) { return read_text(folder.path() / (role + ".log")); }
+  nlohmann::json end(const std::string& role) {
+    return nlohmann::json::parse(read_text(folder.path() / role / "node.json"));
+  }
+  bool await(const fs::path& file) {
+    for (int i = 0; i < 6000; ++i) {
+      if (fs::exists(folder.path() / file)) return true;
+      std::this_thread::sleep_for(5ms);
+    }
+    return false;
+  }
+  void start() {
+    timespec now{};
+    ::clock_gettime(CLOCK_MONOTONIC, &now);
+    folder.write(
+        "start.partial",
+        nlohmann::json{{"t0_ns", now.tv_sec * 1'000'000'000 + now.tv_nsec + 50'000'000}}.dump());
+    fs::rename(folder.path() / "start.partial", folder.path() / "start.json");
+  }
+  /// Events of one type of one node.
+  std::vector<nlohmann::json> events(const std::string& role, const std::string& type) {
+    std::vector<nlohmann::json> found;
+    std::istringstream lines(read_text(folder.path() / role / "events.jsonl"));
+    for (std::string line; std::getline(lines, line);) {
+      auto event = nlohmann::json::parse(line);
+      if (event["type"] == type) found.push_back(std::move(event));
+    }
+    return found;
+  }
+  /// One line that says what is wrong.
+  void expect_error(const std::string& role, const std::string& part) {
+    const std::string text = log(role);
+    EXPECT_EQ(text.rfind("error: ", 0), 0u) << text;
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
+    EXPECT_NE(text.find(part), std::string::npos) << text;
+  }
+
+  testing::TemporaryFolder folder;
+  nlohmann::json config;
+};
+
+TEST_F(NodeProgram, MobileAndEdgeRunOverLoopbackToTheEnd) {
+  Process edge = node("edge"), mobile = node("mobile", {"--verify"});
+  ASSERT_TRUE(await("edge/ready.json") && await("mobile/ready.json"))
+      << log("edge") << log("mobile");
+  start();
+  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+  EXPECT_EQ(edge.wait(), 0) << log("edge");
+  const auto mobile_end = end("mobile"), edge_end = end("edge");
+  EXPECT_EQ(mobile_end["exit_reason"], "completed");
+  EXPECT_EQ(mobile_end["stopped"], false);
+  EXPECT_EQ(mobile_end["frames_total"], kFrames);
+  EXPECT_EQ(edge_end["exit_reason"], "bye");
+  EXPECT_EQ(mobile_end["keyframes"], edge_end["keyframes"]);
+  const auto tracked = events("mobile", "frame_tracked").size();
+  EXPECT_EQ(tracked + events("mobile", "frame_dropped").size(), static_cast<std::size_t>(kFrames));
+  EXPECT_EQ(events("mobile", "initialised").size(), 1u);
+  EXPECT_FALSE(events("edge", "keyframe_mapped").empty());
+  EXPECT_FALSE(events("mobile", "update_applied").empty());
+  EXPECT_FALSE(events("mobile", "rtt_sample").empty());
+  EXPECT_EQ(events("mobile", "link").size(), 4u);
+  EXPECT_TRUE(events("mobile", "warning").empty());
+  const std::string trajectory = read_text(folder.path() / "mobile" / "trajectory.txt");
+  EXPECT_GT(std::count(trajectory.begin(), trajectory.end(), '\n'), 10);
+}
+
+TEST_F(NodeProgram, OrbSlam2RunsAloneAndSequentiallyTheSameEachTime) {
+  use_orbslam2();
+  config["playback"]["mode"] = "every_frame";
+  config["params"]["sequential"] = true;
+  std::vector<std::string> trajectories;
+  for (int run = 0; run < 2; ++run) {
+    start();
+    Process mobile = node("mobile");
+    ASSERT_EQ(mobile.wait(), 0) << log("mobile");
+    EXPECT_EQ(events("mobile", "frame_tracked").size(), static_cast<std::size_t>(kFrames));
+    trajectories.push_back(read_text(folder.path() / "mobile" / "trajectory.txt"));
+  }
+  EXPECT_EQ(trajectories[0], trajectories[1]);
+  EXPECT_GT(std::count(trajectories[0].begin(), trajectories[0].end(), '\n'), kFrames / 2);
+}
+
+TEST_F(NodeProgram, SigtermEndsEarlyAndWritesEverything) {
+  use_orbslam2();
+  Process mobile = node("mobile");
+  ASSERT_TRUE(await("mobile/ready.json")) << log("mobile");
+  start();
+  std::this_thread::sleep_for(600ms);
+  mobile.signal(SIGTERM);
+  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+  EXPECT_EQ(end("mobile")["stopped"], true);
+  EXPECT_LT(end("mobile")["frames_total"].get<int>(), kFrames);
+  EXPECT_TRUE(fs::exists(folder.path() / "mobile" / "trajectory.txt"));
+}
+
+TEST_F(NodeProgram, SigtermBeforeTheStartEndsTheWait) {
+  Process edge = node("edge");
+  ASSERT_TRUE(await("edge/ready.json")) << log("edge");
+  edge.signal(SIGTERM);
+  EXPECT_EQ(edge.wait(), 0) << log("edge");
+  EXPECT_EQ(end("edge")["stopped"], true);
+}
+
+TEST_F(NodeProgram, TheMobileGoesOnWhenTheEdgeDies) {
+  Process mobile = node("mobile");
+  {
+    Process edge = node("edge");
+    ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json")) << log("mobile");
+    start();
+    std::this_thread::sleep_for(1s);
+  }  // SIGKILL
+  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+  EXPECT_EQ(end("mobile")["exit_reason"], "completed");
+  EXPECT_EQ(end("mobile")["frames_total"], kFrames);
+  EXPECT_FALSE(events("mobile", "warning").empty());
+}
+
+TEST_F(NodeProgram, GarbageOnAPortIsRecordedAndChangesNothing) {
+  Process edge = node("edge");
+  ASSERT_TRUE(await("edge/ready.json")) << log("edge");
+  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(config["network"]["ports"]["keyframe"].get<std::uint16_t>());
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  ASSERT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  const std::string garbage = "GET / HTTP/1.1\r\nHost: localhost\r\nUser-Agent: garbage\r\n\r\n";
+  ASSERT_GT(::send(fd, garbage.data(), garbage.size(), MSG_NOSIGNAL), 0);
+  Process mobile = node("mobile");
+  ASSERT_TRUE(await("mobile/ready.json")) << log("mobile");
+  start();
+  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+  EXPECT_EQ(edge.wait(), 0) << log("edge");
+  ::close(fd);
+  int rejected = 0;
+  for (const auto& link : events("edge", "link")) rejected += link["event"] == "rejected";
+  EXPECT_EQ(rejected, 1);
+}
+
+TEST_F(NodeProgram, BadInputIsOneLineAndExitCode2) {
+  config["params"]["n_orbs"] = 3;
+  Process unknown_parameter = node("mobile");
+  EXPECT_EQ(unknown_parameter.wait(), 2);
+  expect_error("mobile", "params.n_orbs is unknown");
+  config["params"].erase("n_orbs");
+  config["system"] = "nosuch";
+  Process unknown_system = node("mobile");
+  EXPECT_EQ(unknown_system.wait(), 2);
+  expect_error("mobile", "'nosuch'");
+  config["system"] = "edgeslam";
+  config["sequence"] = "/nonexistent-sequence";
+  Process no_sequence = node("mobile");
+  EXPECT_EQ(no_sequence.wait(), 2);
+  expect_error("mobile", "/nonexistent-sequence");
+  use_orbslam2();
+  Process edge = node("edge");
+  EXPECT_EQ(edge.wait(), 2);
+  expect_error("edge", "orbslam2");
+  Process no_role({SLAMBED_NODE, "--role", "server"}, folder.path() / "mobile.log");
+  EXPECT_EQ(no_role.wait(), 2);
+  expect_error("mobile", "--role");
+}
+
+TEST_F(NodeProgram, ATakenPortIsExitCode3AndAMissingPeerExitCode4) {
+  Process first = node("edge");
+  ASSERT_TRUE(await("edge/ready.json")) << log("edge");
+  testing::TemporaryFolder other;
+  auto config_of_second = config;
+  config_of_second["output"] = other.path();
+  const auto path = other.write("run.json", config_of_second.dump());
+  Process second({SLAMBED_NODE, "--role", "edge", "--config", path}, folder.path() / "second.log");
+  EXPECT_EQ(second.wait(), 3);
+  expect_error("second", "port");
+  first.signal(SIGTERM);
+  first.wait();
+  config["connect_timeout_s"] = 0.2;
+  Process mobile = node("mobile");
+  EXPECT_EQ(mobile.wait(), 4);
+  expect_error("mobile", "no edge node at 127.0.0.1");
+}
+
+TEST_F(NodeProgram, HelpVersionAndDescription) {
+  for (const char* option : {"--help", "--version", "--describe"}) {
+    Process asked({SLAMBED_NODE, option}, folder.path() / "out");
+    EXPECT_EQ(asked.wait(), 0) << option;
+    EXPECT_FALSE(read_text(folder.path() / "out").empty());
+  }
+  const auto described = nlohmann::json::parse(read_text(folder.path() / "out"));
+  EXPECT_EQ(described["edgeslam"]["params"]["map_update"]["choices"][1], "parallel");
+}
+
+}  // namespace
+}  // namespace slambed
