@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cost models of devices: fitted to measured stages, or scaled to what a paper prints."""

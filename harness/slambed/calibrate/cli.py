@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed calibrate`."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from slambed.calibrate.device_file import write_model
+from slambed.calibrate.fit import StageFit, fit_stages
+from slambed.calibrate.match import Fit, Setting
+from slambed.calibrate.measured import stages_of
+from slambed.calibrate.targets import Targets
+from slambed.campaign.datasets import prepare_sequence
+from slambed.data.places import cache_folder
+from slambed.engines.virtual import PROGRAM
+from slambed.errors import SlambedError
+from slambed.native import find_program
+from slambed.spec.device import CostModel
+from slambed.spec.library import Library
+from slambed.spec.software import host_software
+from slambed.spec.yaml_source import load_yaml, parse
+
+
+def calibrate(
+    stages: Annotated[
+        list[Path] | None,
+        typer.Option("--stages", help="Live runs to fit to: run or result folders; repeatable."),
+    ] = None,
+    match: Annotated[
+        str | None,
+        typer.Option("--match", help="Name in devices/fits/: scale devices to a paper's times."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Device file that gets the model of --stages."),
+    ] = None,
+    cores: Annotated[
+        int | None, typer.Option(min=1, help="Cores of the device; this host's if not given.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs of --match at a time.")
+    ] = None,
+) -> None:
+    """Find the cost model of a device: what each stage costs, a + b*n1 + c*n2.
+
+    --stages fits it to live runs of this host, shows the residuals, and writes it into a device
+    file. --match scales it until virtual runs show the component times that a paper prints, and
+    writes the devices of that fit.
+    """
+    if (stages is None) == (match is None):
+        raise SlambedError("give one of --stages RUNS, --match FIT")
+    if match is not None:
+        match_paper(match, jobs)
+    else:
+        fit_host(stages or [], output, cores)
+
+
+def fit_host(stages: list[Path], output: Path | None, cores: int | None) -> None:
+    """`--stages`."""
+    fits = fit_stages(stages_of(stages))
+    if not fits:
+        raise SlambedError("no stage was measured often enough; give longer or more runs")
+    _print(fit_table(fits))
+    if output is not None:
+        model = CostModel(
+            cores=cores or os.cpu_count() or 1, stages={fit.name: fit.cost for fit in fits}
+        )
+        comments = {"": "Fitted by 'slambed calibrate --stages' to CPU times of live runs."}
+        write_model(output, model, comments, f"Fitted to {len(stages)} folders of live runs")
+        typer.echo(f"cost model written to {output}")
+
+
+def match_paper(name: str, jobs: int | None) -> None:
+    """`--match`."""
+    library = Library()
+    source = load_yaml(library.root / "devices" / "fits" / f"{name}.yaml")
+    targets = parse(Targets, source)
+    sequence = prepare_sequence(targets.dataset)
+    setting = Setting(
+        sequence=sequence.path,
+        played_s=sequence.played_s(targets.playback),
+        checksum=sequence.checksum,
+        program=find_program(PROGRAM),
+        features=cache_folder() / "features",
+        software=host_software(program=PROGRAM),
+        jobs=jobs or len(os.sched_getaffinity(0)),
+    )
+    fit = Fit(targets, source, library)
+    for number in range(targets.rounds):
+        fit.round(setting)
+        typer.echo(f"round {number + 1} of {targets.rounds}: {worst_line(fit)}")
+    # What is written is what was simulated last: the table below belongs to it.
+    fit.look_again(setting)
+    _print(match_table(fit))
+    for role, fitted in targets.devices.items():
+        path = library.root / "devices" / f"{fitted.device}.yaml"
+        head = f"Found by 'slambed calibrate --match {name}': {targets.title}."
+        write_model(path, fit.model(role), {"": head}, targets.title)
+        typer.echo(f"cost model written to {path}")
+
+
+def worst_line(fit: Fit) -> str:
+    """The component that is farthest from its printed mean."""
+    errors = {key: abs(fit.error_percent(*key)) for key in fit.seen}
+    (component, condition), error = max(errors.items(), key=lambda item: item[1])
+    return f"largest error {error:.0f} % ({component}, {condition})"
+
+
+def match_table(fit: Fit) -> Table:
+    """Printed against simulated."""
+    table = Table("component", "condition", "printed ms", "simulated ms", "error %", box=None)
+    for component in fit.targets.components:
+        for condition, mean in component.mean_ms.items():
+            seen = fit.seen[component.name, condition]
+            sd = component.sd_ms.get(condition)
+            table.add_row(
+                component.name,
+                condition,
+                f"{mean:.1f}" + (f" +/- {sd:.1f}" if sd is not None else ""),
+                f"{seen.mean:.1f} +/- {seen.sd:.1f}",
+                f"{fit.error_percent(component.name, condition):+.1f}",
+            )
+    return table
+
+
+def _print(table: Table) -> None:
+    Console(width=120).print(table)
+
+
+def fit_table(fits: list[StageFit]) -> Table:
+    """Residuals by stage."""
+    columns = ["stage", "n", "mean us", "a us", "b us", "c us", "jitter"]
+    table = Table(*columns, "mean %", "median %", "p95 %", box=None)
+    for fit in fits:
+        cost = fit.cost
+        numbers = [fit.mean_us, cost.a_us, cost.b_us, cost.c_us, cost.jitter]
+        errors = [fit.mean_error_percent, fit.median_error_percent, fit.p95_error_percent]
+        table.add_row(
+            fit.name,
+            str(fit.count),
+            *(f"{value:.4g}" for value in numbers),
+            *(f"{value:+.1f}" for value in errors[:2]),
+            f"{errors[2]:.0f}",
+        )
+    return table

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits what a stage costs, a + b*n1 + c*n2, to the CPU times that live runs measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from slambed.spec.device import StageCost
+
+Values = NDArray[np.float64]
+
+LEAST_COUNT = 5
+"""A stage seen less often cannot be fitted."""
+LEAST_US = 1.0
+"""Below the clock's own cost: such times carry no information about their ratio."""
+ROUNDS = 3
+"""Of reweighting: the spread of a time is proportional to the time."""
+DIGITS = 4
+MAD_TO_SD = 1.4826
+"""Of a normal distribution."""
+
+
+@dataclass(frozen=True)
+class StageFit:
+    """A fitted stage and how well it fits."""
+
+    name: str
+    cost: StageCost
+    count: int
+    mean_us: float
+    """Of the measured times."""
+    mean_error_percent: float
+    """Mean predicted with its jitter against mean measured."""
+    median_error_percent: float
+    p95_error_percent: float
+    """Relative residuals, measured against the fit without jitter."""
+
+
+def fit_stages(stages: pd.DataFrame) -> list[StageFit]:
+    """Fits every stage of a table with the columns name, n1, n2, cpu_ms, in order of names."""
+    fits = []
+    for name, group in stages.dropna(subset=["cpu_ms"]).groupby("name", sort=True):
+        measured = group[group["cpu_ms"] * 1e3 >= LEAST_US]
+        if len(measured) >= LEAST_COUNT:
+            fits.append(
+                fit_stage(
+                    str(name),
+                    measured["n1"].fillna(0.0).to_numpy(np.float64),
+                    measured["n2"].fillna(0.0).to_numpy(np.float64),
+                    measured["cpu_ms"].to_numpy(np.float64) * 1e3,
+                )
+            )
+    return fits
+
+
+def fit_stage(name: str, n1: Values, n2: Values, measured_us: Values) -> StageFit:
+    """Non-negative least squares on relative residuals.
+
+    The charged time is the fit times a log-normal factor of median 1. Its spread is that of the
+    log residuals, and the fit is scaled so that the mean charged is the mean measured: a device's
+    load is a sum of times, not of medians.
+    """
+    columns = np.column_stack([np.ones_like(n1), n1, n2])
+    predicted = np.full_like(measured_us, measured_us.mean())
+    solution = np.zeros(columns.shape[1])
+    for _ in range(ROUNDS):
+        weights = 1.0 / np.maximum(predicted, LEAST_US)
+        solution, _ = nnls(columns * weights[:, None], measured_us * weights)
+        predicted = np.maximum(columns @ solution, LEAST_US)
+    jitter = _spread(np.log(measured_us / predicted))
+    scale = measured_us.mean() / (predicted.mean() * np.exp(jitter**2 / 2))
+    cost = StageCost(
+        a_us=_short(solution[0] * scale),
+        b_us=_short(solution[1] * scale),
+        c_us=_short(solution[2] * scale),
+        jitter=_short(jitter),
+    )
+    charged = np.maximum(columns @ np.array([cost.a_us, cost.b_us, cost.c_us]), 1e-3)
+    error = 100 * (measured_us / charged - 1)
+    mean_charged = charged.mean() * np.exp(cost.jitter**2 / 2)
+    return StageFit(
+        name=name,
+        cost=cost,
+        count=len(measured_us),
+        mean_us=float(measured_us.mean()),
+        mean_error_percent=float(100 * (mean_charged / measured_us.mean() - 1)),
+        median_error_percent=float(np.median(error)),
+        p95_error_percent=float(np.quantile(np.abs(error), 0.95)),
+    )
+
+
+def _spread(residuals: Values) -> float:
+    """Standard deviation by the median absolute deviation: a run's first keyframe, which finds
+    nothing to do and takes a thousandth of the usual time, must not count."""
+    return float(MAD_TO_SD * np.median(np.abs(residuals - np.median(residuals))))
+
+
+def _short(value: float) -> float:
+    """Four digits: more are noise, and a file is read by people."""
+    return float(f"{value:.{DIGITS}g}")

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds cost models with which virtual runs show the component times that a paper prints.
+
+A component's mean is alpha * h + beta + w: h what its stages cost on the device it is scaled from,
+w what it waits besides. One round of runs gives h and w for every condition; alpha and beta follow.
+As w depends on the costs, a few rounds are made.
+"""
+
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import nnls
+
+from slambed.calibrate.targets import Component, Targets
+from slambed.campaign.links import read_profile
+from slambed.engines.virtual import VirtualRun
+from slambed.errors import SlambedError
+from slambed.metrics.events import EventLog, read_events
+from slambed.metrics.stages import delays
+from slambed.spec.device import VIRTUAL, CostModel, Device, StageCost
+from slambed.spec.experiment import DeviceChoice, Experiment
+from slambed.spec.library import Library
+from slambed.spec.matrix import Circumstances, RunSpec, expand, read_profiles
+from slambed.spec.system import Role
+from slambed.spec.yaml_source import YamlSource
+
+LARGEST_JITTER = 1.0
+JITTER_GAIN = 0.7
+"""Of the step towards the printed spread: other causes of spread shrink or grow with it."""
+START_JITTER = 0.1
+
+
+@dataclass
+class Scale:
+    """What was found for a component: cost = alpha * (cost of the base device) + beta [us]."""
+
+    alpha: float
+    beta_us: float = 0.0
+    jitter: float = START_JITTER
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A component in the runs of one condition, milliseconds."""
+
+    mean: float
+    sd: float
+    busy: float
+    """Charged to its stages, per occurrence."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where the runs of a fit happen."""
+
+    sequence: Path
+    played_s: float
+    checksum: str
+    program: Path
+    features: Path
+    software: str
+    jobs: int
+
+
+class Fit:
+    """A fit in progress."""
+
+    def __init__(self, targets: Targets, source: YamlSource, library: Library) -> None:
+        self.targets = targets
+        self._source = source
+        self._library = library
+        self._base = {role: library.device(fitted.like) for role, fitted in targets.devices.items()}
+        for role, device in self._base.items():
+            if device.model is None:
+                raise SlambedError(f"device {device.name} of {role} has no cost model to scale")
+        self.scales = {c.name: Scale(targets.devices[c.node].factor) for c in targets.components}
+        self.seen: dict[tuple[str, str], Seen] = {}
+        """(component, condition) as the last round showed it."""
+
+    def model(self, role: Role) -> CostModel:
+        """The device as found so far."""
+        fitted, base = self.targets.devices[role], self._base[role].model
+        assert base is not None
+        stages = {
+            name: scaled(cost, fitted.factor, 0.0, cost.jitter)
+            for name, cost in base.stages.items()
+        }
+        for component in self.targets.components:
+            if component.node != role:
+                continue
+            found = self.scales[component.name]
+            for name in component.stages:
+                beta = found.beta_us if name == component.fixed_on else 0.0
+                jitter = found.jitter if component.sd_ms else base.stages[name].jitter
+                stages[name] = scaled(base.stages[name], found.alpha, beta, jitter)
+        return CostModel(cores=fitted.cores, stages=stages)
+
+    def error_percent(self, component: str, condition: str) -> float:
+        """Mean as last seen against the printed one."""
+        (target,) = (c.mean_ms[condition] for c in self.targets.components if c.name == component)
+        return 100 * (self.seen[component, condition].mean / target - 1)
+
+    def round(self, setting: Setting) -> None:
+        """Simulates all conditions with the present models, then moves towards the targets."""
+        self.look_again(setting)
+        for component in self.targets.components:
+            self._improve(component)
+
+    def look_again(self, setting: Setting) -> None:
+        """Simulates all conditions with the present models."""
+        for condition, logs in self._simulate(setting).items():
+            for component in self.targets.components:
+                if condition in component.mean_ms:
+                    self.seen[component.name, condition] = look(component, logs)
+
+    def _improve(self, component: Component) -> None:
+        scale = self.scales[component.name]
+        conditions = list(component.mean_ms)
+        seen = [self.seen[component.name, condition] for condition in conditions]
+        target = np.array([component.mean_ms[condition] for condition in conditions])
+        beta_ms = scale.beta_us * 1e-3
+        base = np.array([max(s.busy - beta_ms, 1e-6) / scale.alpha for s in seen])
+        waits = np.array([s.mean - s.busy for s in seen])
+        # What is left for computing when the waits are off; never less than a tenth of the target.
+        wanted = np.maximum(target - waits, target / 10)
+        columns = [base / wanted]
+        if component.fixed_on is not None:
+            columns.append(1 / wanted)
+        solution, _ = nnls(np.column_stack(columns), np.ones(len(conditions)))
+        scale.alpha = max(float(solution[0]), 1e-6)
+        scale.beta_us = float(solution[1]) * 1e3 if component.fixed_on is not None else 0.0
+        if component.sd_ms:
+            relative = [component.sd_ms[c] / component.mean_ms[c] for c in component.sd_ms]
+            asked, shown = float(np.mean(relative)), float(np.mean([s.sd / s.mean for s in seen]))
+            step = (asked / max(shown, 1e-3)) ** JITTER_GAIN
+            scale.jitter = float(np.clip(scale.jitter * step, 0.01, LARGEST_JITTER))
+
+    def _simulate(self, setting: Setting) -> dict[str, list[EventLog]]:
+        specs = self._specs(setting)
+        with tempfile.TemporaryDirectory(prefix="slambed-fit-") as folder:
+
+            def simulate(spec: RunSpec) -> EventLog:
+                raw = Path(folder) / spec.run_key
+                raw.mkdir()
+                run = VirtualRun(
+                    spec, setting.sequence, setting.played_s, raw, setting.program, setting.features
+                )
+                result = run.execute(threading.Event())
+                if result.outcome != "completed":
+                    raise SlambedError(f"a run of the fit failed: {result.reason}")
+                return read_events(raw)
+
+            with ThreadPoolExecutor(setting.jobs) as threads:
+                logs = list(threads.map(simulate, specs))
+        found: dict[str, list[EventLog]] = {}
+        for spec, log in zip(specs, logs, strict=True):
+            found.setdefault(spec.label, []).append(log)
+        return found
+
+    def _specs(self, setting: Setting) -> list[RunSpec]:
+        experiment = Experiment(
+            id="fit",
+            title=self.targets.title,
+            systems=[
+                choice.model_copy(update={"label": name})
+                for name, choice in self.targets.conditions.items()
+            ],
+            datasets=[self.targets.dataset],
+            playback=self.targets.playback,
+            link=self.targets.link,
+            devices=DeviceChoice(**{r: f.device for r, f in self.targets.devices.items()}),
+        )
+        profiles = read_profiles(experiment, self._source, read_profile)
+        host = Circumstances(
+            VIRTUAL,
+            {profile.name: VIRTUAL for profile in profiles},
+            setting.software,
+            {self.targets.dataset: (self.targets.dataset, setting.checksum)},
+        )
+        library = _FittedLibrary(self._library, self._devices())
+        return expand(experiment, self._source, library, profiles, host, self.targets.runs)
+
+    def _devices(self) -> dict[str, Device]:
+        return {
+            fitted.device: self._base[role].model_copy(
+                update={"name": fitted.device, "model": self.model(role)}
+            )
+            for role, fitted in self.targets.devices.items()
+        }
+
+
+class _FittedLibrary(Library):
+    """A checkout whose fitted devices are those of the fit."""
+
+    def __init__(self, library: Library, devices: Mapping[str, Device]) -> None:
+        super().__init__(library.root)
+        self._devices = devices
+
+    def device(self, name: str) -> Device:
+        return self._devices.get(name) or super().device(name)
+
+
+def scaled(cost: StageCost, alpha: float, beta_us: float, jitter: float) -> StageCost:
+    """alpha * cost + beta, to four digits."""
+    return StageCost(
+        a_us=_short(cost.a_us * alpha + beta_us),
+        b_us=_short(cost.b_us * alpha),
+        c_us=_short(cost.c_us * alpha),
+        jitter=_short(jitter),
+    )
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def look(component: Component, logs: list[EventLog]) -> Seen:
+    """A component over all runs of a condition."""
+    busy = 0.0
+    occurrences = 0
+    values: list[float] = []
+    for log in logs:
+        stages = log.of("stage", node=component.node)
+        busy += sum(e["cpu_ms"] for e in stages if e["name"] in component.stages)
+        count, found = MEASURES.get(component.measure, _part)(component, log)
+        occurrences += count
+        values += found
+    if not occurrences or not values:
+        raise SlambedError(f"component {component.name} does not occur in the runs of the fit")
+    return Seen(float(np.mean(values)), float(np.std(values)), busy / occurrences)
+
+
+def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of the stages in each tracked frame."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "frame_tracked"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "frame_tracked":
+            found.append(spent)
+            spent = 0.0
+        elif event["name"] in component.stages and event["worker"] == TRACKING:
+            spent += event["wall_ms"]
+    return len(found), found
+
+
+def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """A part of T_Total; its mean stands for all its occurrences."""
+    delay = delays(log).get(component.measure)
+    if delay is None:
+        return 0, []
+    # Two values with the same mean and standard deviation as the many.
+    return delay.count, [delay.mean_ms - delay.std_ms, delay.mean_ms + delay.std_ms]
+
+
+TRACKING = "tracking"
+MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
+    "per_frame": _per_frame
+}

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""devices/fits/*.yaml: what a paper prints about its devices, and which stages stand for it."""
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from slambed.spec.experiment import LinkChoice, Playback, SystemChoice
+from slambed.spec.system import Role
+
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class FittedDevice(BaseModel):
+    """A device whose cost model is to be found, starting from another one."""
+
+    model_config = STRICT
+
+    device: str
+    like: str = "host"
+    """Its costs are scaled; their dependence on sizes is kept."""
+    cores: int = Field(ge=1)
+    factor: float = Field(default=1.0, gt=0)
+    """For stages that no component is about, and to start with."""
+
+
+class Component(BaseModel):
+    """A printed time, and the stages that are scaled until a run shows it."""
+
+    model_config = STRICT
+
+    name: str
+    source: str
+    """Where it is printed, and how we read it."""
+    node: Role
+    stages: list[str] = Field(min_length=1)
+    measure: str = "per_frame"
+    """A part of T_Total (`T_LM`, ...), or `per_frame`: the stages' time per tracked frame."""
+    fixed_on: str | None = None
+    """Stage that may get a time independent of sizes, where one factor cannot serve all
+    conditions."""
+    mean_ms: dict[str, float]
+    """Condition -> printed mean."""
+    sd_ms: dict[str, float] = Field(default_factory=dict)
+    """Condition -> printed standard deviation; sets the jitter of the stages."""
+
+    @model_validator(mode="after")
+    def _fixed_is_one_of_them(self) -> "Component":
+        if self.fixed_on is not None and self.fixed_on not in self.stages:
+            raise ValueError(f"fixed_on {self.fixed_on} is not among the stages")
+        return self
+
+
+class Targets(BaseModel):
+    """One fit: conditions to simulate, devices to find, components to meet."""
+
+    model_config = STRICT
+
+    title: str
+    dataset: str
+    playback: Playback
+    link: LinkChoice | None = None
+    conditions: dict[str, SystemChoice] = Field(min_length=1)
+    devices: dict[Role, FittedDevice]
+    components: list[Component] = Field(min_length=1)
+    runs: int = Field(default=2, ge=1)
+    rounds: int = Field(default=6, ge=1)
+    notes: str = ""
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> "Targets":
+        for component in self.components:
+            unknown = {*component.mean_ms, *component.sd_ms} - set(self.conditions)
+            if unknown:
+                raise ValueError(f"component {component.name}: no condition {min(unknown)}")
+            if component.node not in self.devices:
+                raise ValueError(f"component {component.name}: no device for {component.node}")
+        return self

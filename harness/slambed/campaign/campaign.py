@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed run`: an experiment from its file to its report."""
+
+import hashlib
+import math
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from slambed.campaign.choose import choose_engine
+from slambed.campaign.datasets import Sequence, prepare_sequence
+from slambed.campaign.folder import ResultFolder, give_to_caller
+from slambed.campaign.ledger import Ledger, utc_now
+from slambed.campaign.links import backend_for, open_for_run, read_profile
+from slambed.campaign.makers import LiveMaker, Maker, Played
+from slambed.campaign.older import settle
+from slambed.campaign.order import interleaved
+from slambed.campaign.progress import CampaignProgress, duration
+from slambed.campaign.runner import Runner, Verdict
+from slambed.campaign.workers import WorkerPool
+from slambed.data.places import cache_folder
+from slambed.engines.host_lock import host_lock
+from slambed.engines.reaper import mark_children, reap
+from slambed.engines.virtual import PROGRAM, prune_features
+from slambed.errors import SlambedError, environment_error
+from slambed.metrics.collect import keep_groundtruth
+from slambed.native import find_program
+from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import Experiment
+from slambed.spec.library import Library
+from slambed.spec.matrix import Circumstances, Profile, RunSpec, expand, needs_link, read_profiles
+from slambed.spec.software import host_software
+from slambed.spec.yaml_source import YamlSource
+
+# Containers, link and start signal, before and after the played time.
+OVERHEAD_S = 3.0
+# A virtual run takes about this share of the played time; only a first guess for the ETA.
+VIRTUAL_SHARE = 0.1
+
+
+@dataclass
+class Options:
+    """What the command line may override."""
+
+    runs: int | str | None = None
+    engine: str | None = None
+    results: Path = Path("results")
+    wait: bool = False
+    """Wait for another campaign on this host to end."""
+    jobs: int | None = None
+    """Virtual runs at a time; all CPUs when not given."""
+
+
+@dataclass
+class Plan:
+    """An experiment made definite on this host."""
+
+    experiment: Experiment
+    specs: list[RunSpec]
+    sequences: dict[str, Sequence]
+    circumstances: Circumstances
+
+
+def run_experiment(name: str, options: Options, console: Console) -> Verdict:
+    """Runs what is missing of an experiment and writes its report.
+
+    Everything that can be wrong with the files is found before anything is started.
+    """
+    library = Library()
+    experiment, source = library.experiment(name)
+    count = repetitions(experiment, options.runs)
+    asked = options.engine or experiment.engine
+    profiles = check(experiment, source, library, asked)
+    files = (experiment, source, library, profiles)
+    if asked == VIRTUAL:
+        return _run_virtually(files, options, count, console)
+    if os.geteuid() != 0:
+        raise environment_error(
+            "no permission for a live run: network namespaces and CPU limits need root; "
+            "run the same command with sudo, or with --engine virtual"
+        )
+    with host_lock(f"slambed run {experiment.id}", wait_s=math.inf if options.wait else 0.0):
+        mark_children()
+        if found := str(reap()):
+            _say(console, f"removed what a killed campaign left: {found}")
+        engine, software = choose_engine(asked, console)
+        plan = make_plan(*files, engine.name, software, count)
+        return _run_plan(
+            plan, source, options, lambda played: LiveMaker(engine, open_for_run, played), console
+        )
+
+
+def _run_virtually(
+    files: tuple[Experiment, YamlSource, Library, list[Profile]],
+    options: Options,
+    count: int,
+    console: Console,
+) -> Verdict:
+    """No privilege, no lock on the host: only the result folder is ours alone."""
+    program = find_program(PROGRAM)
+    features = cache_folder() / "features"
+    jobs = options.jobs or len(os.sched_getaffinity(0))
+    folder = options.results / files[0].id
+    folder.mkdir(parents=True, exist_ok=True)
+    with host_lock(
+        f"slambed run {files[0].id}",
+        folder / ".lock",
+        math.inf if options.wait else 0.0,
+        f"another campaign writes to {folder}",
+    ):
+        plan = make_plan(*files, VIRTUAL, host_software(program=PROGRAM), count)
+        prune_features(features)
+        return _run_plan(
+            plan, files[1], options, lambda p: WorkerPool(p, program, features, jobs), console
+        )
+
+
+def _run_plan(
+    plan: Plan,
+    source: YamlSource,
+    options: Options,
+    maker_of: Callable[[Played], Maker],
+    console: Console,
+) -> Verdict:
+    """Runs what is missing of a plan, then shows the report."""
+    experiment, engine = plan.experiment, plan.circumstances.engine
+    folder = ResultFolder(options.results / experiment.id)
+    folder.create()
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    ordered = interleaved(plan.specs, experiment.seed)
+    more, moved = settle(folder, ordered)
+    if moved:
+        _say(console, f"{len(moved)} older runs no longer fit and are now in {folder.stale}")
+    todo = [spec for spec in ordered if folder.state(spec.run_key) != "valid"]
+    folder.write_json("experiment.json", experiment_json(plan, source, ordered + more))
+    ledger.append(
+        "campaign_started", runs=len(ordered), todo=[s.run_key for s in todo], command=sys.argv
+    )
+    for sequence in plan.sequences.values():
+        if (truth := sequence.path / "groundtruth.txt").is_file():
+            keep_groundtruth(folder.path, sequence.id, truth)
+    played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
+    maker = maker_of(played)
+    longest_s = max(seconds for _, seconds in played.values())
+    run_s = longest_s * VIRTUAL_SHARE if engine == VIRTUAL else longest_s + OVERHEAD_S
+    _say(
+        console,
+        f"{experiment.title}: {len(ordered)} runs, {len(ordered) - len(todo)} there already, "
+        f"engine {engine}, about {duration(run_s * len(todo) / maker.jobs)}",
+    )
+    try:
+        with CampaignProgress(console, len(todo), run_s, maker.jobs) as progress:
+            verdict = Runner(folder, ledger, maker).run(todo, progress)
+        ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
+        if any(folder.state(spec.run_key) != "missing" for spec in ordered):
+            show_report(folder.path, console, anew=verdict.done > 0)
+    finally:
+        give_to_caller(folder.path)
+    return verdict
+
+
+def show_report(folder: Path, console: Console, anew: bool = True) -> None:
+    """Shows the tables of a result folder and writes its report, unless it is there already."""
+    from slambed.report.experiment import terminal_summary, write_report
+
+    if anew or not (folder / "report" / "index.html").exists():
+        write_report(folder)
+    terminal_summary(folder, console)
+    _say(console, f"every run: {folder / 'summary.csv'}")
+
+
+def repetitions(experiment: Experiment, asked: int | str | None) -> int:
+    """Runs per cell: a number, `paper`, or what the experiment says."""
+    if asked is None or asked == "default":
+        return experiment.runs.default
+    if asked == "paper":
+        if experiment.runs.paper is None:
+            raise SlambedError(f"experiment {experiment.id} has no runs.paper; give a number")
+        return experiment.runs.paper
+    if (isinstance(asked, int) or asked.isdigit()) and (count := int(asked)) >= 1:
+        return count
+    raise SlambedError(f"--runs {asked} is neither a number above 0 nor 'paper' nor 'default'")
+
+
+def check(
+    experiment: Experiment, source: YamlSource, library: Library, engine: str = ""
+) -> list[Profile]:
+    """Finds what is wrong with an experiment without preparing or starting anything."""
+    profiles = read_profiles(experiment, source, read_profile)
+    nowhere = {name: (name, "") for name in experiment.datasets}
+    anyhow = {profile.name: "" for profile in profiles}
+    engine = VIRTUAL if engine == VIRTUAL else ""
+    host = Circumstances(engine, anyhow, "", nowhere)
+    expand(experiment, source, library, profiles, host, runs=1)
+    return profiles
+
+
+def make_plan(
+    experiment: Experiment,
+    source: YamlSource,
+    library: Library,
+    profiles: list[Profile],
+    engine: str,
+    software: str,
+    count: int,
+) -> Plan:
+    """Prepares the datasets and expands the matrix."""
+    sequences: dict[str, Sequence] = {}
+    names: dict[str, tuple[str, str]] = {}
+    for index, name in enumerate(experiment.datasets):
+        try:
+            sequence = prepare_sequence(name)
+            sequence.played_s(experiment.playback)
+        except SlambedError as error:
+            line = source.line_of(("datasets", index))
+            raise SlambedError(f"{error} ({source.path} line {line})", error.code) from None
+        for choice in experiment.systems:
+            sensors = library.system(choice.system).sensors
+            if sequence.sensor not in sensors:
+                raise source.complaint(
+                    f"dataset {name} is {sequence.sensor}, system {choice.system} plays "
+                    + " and ".join(sensors),
+                    ("datasets", index),
+                )
+        sequences[sequence.id] = sequence
+        names[name] = (sequence.id, sequence.checksum)
+    backends: dict[str, str] = {}
+    if experiment.link is not None and needs_link(experiment, library):
+        asked = experiment.link.backend
+        backends = {p.name: VIRTUAL for p in profiles}
+        if engine != VIRTUAL:
+            backends = {p.name: backend_for(asked, p) for p in profiles}
+    circumstances = Circumstances(engine, backends, software, names)
+    specs = expand(experiment, source, library, profiles, circumstances, count)
+    return Plan(experiment, specs, sequences, circumstances)
+
+
+def experiment_json(plan: Plan, source: YamlSource, ordered: list[RunSpec]) -> dict[str, Any]:
+    """The experiment as run: the file's content, what the host decided, every run in its order."""
+    return {
+        "experiment": plan.experiment.model_dump(mode="json"),
+        "file": {
+            "name": source.path.name,
+            "sha256": hashlib.sha256(source.path.read_bytes()).hexdigest(),
+        },
+        "engine": plan.circumstances.engine,
+        "link_backends": dict(plan.circumstances.link_backends),
+        "software": plan.circumstances.software,
+        "written_utc": utc_now(),
+        "runs": [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in ordered],
+    }
+
+
+def _say(console: Console, line: str) -> None:
+    console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The campaign's side of the link package: profiles by name, and an open link for a run."""
+
+from pathlib import Path
+from typing import Any
+
+from slambed.link.backend import choose_backend, open_link
+from slambed.link.profile import parse_profile
+from slambed.link.proof import LinkTolerance
+from slambed.link.session import LinkSession
+from slambed.spec.matrix import Profile, RunSpec
+
+# Words about a profile; a change of them does not change a run.
+WORDS = ("description", "source")
+
+
+def read_profile(item: str | float | dict[str, Any], where: str) -> Profile:
+    """A profile by name, as a number or written in place, checked."""
+    profile = parse_profile(item, where)
+    content = {key: value for key, value in profile.content.items() if key not in WORDS}
+    return Profile(profile.name, content)
+
+
+def backend_for(asked: str, profile: Profile) -> str:
+    """The backend that a profile gets on this host."""
+    return choose_backend(asked, parse_profile(profile.content, f"profile {profile.name}"))
+
+
+class RunLink:
+    """An open link that leaves its log in the run folder and its record in the manifest."""
+
+    def __init__(self, session: LinkSession, log_dir: Path) -> None:
+        self._session = session
+        self._log_dir = log_dir
+
+    def start(self, t0_ns: int) -> None:
+        """Run time 0 on CLOCK_MONOTONIC."""
+        self._session.start(t0_ns)
+
+    def alive(self) -> bool:
+        """False once the link went away by itself."""
+        return self._session.alive()
+
+    def stop(self) -> dict[str, Any]:
+        """Takes the link down; what it says goes into the manifest."""
+        record = self._session.stop()
+        record.frame.to_parquet(self._log_dir / "link.parquet")
+        return {
+            "backend": record.backend,
+            "base_rtt_ms": self._session.base_ms,
+            "drops": record.drops,
+            "died": record.died,
+            "proof": record.proof.as_dict(),
+            "invalid_reason": None if record.proof.valid else record.proof.reason,
+            "details": _plain(record.details),
+        }
+
+
+def open_for_run(
+    spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float
+) -> RunLink:
+    """Joins the two namespaces by the link that the run asks for."""
+    assert spec.link is not None
+    tolerance = LinkTolerance(
+        median_ms=spec.tolerances.rtt_error_ms_median, p99_ms=spec.tolerances.rtt_error_ms_p99
+    )
+    session = open_link(
+        spec.link.backend,
+        mobile_ns,
+        edge_ns,
+        parse_profile(spec.link.content, f"profile {spec.link.profile}"),
+        spec.seed,
+        log_dir,
+        horizon_s=longest_s,
+        tolerance=tolerance,
+    )
+    return RunLink(session, log_dir)
+
+
+def _plain(value: Any) -> Any:
+    """As JSON has it: numpy numbers become numbers, anything unknown its text."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float) and value != value:
+        return None
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The order of runs: cells interleaved, so that drift of the host cancels."""
+
+import random
+
+from slambed.spec.matrix import RunSpec
+
+
+def interleaved(specs: list[RunSpec], seed: int) -> list[RunSpec]:
+    """All cells once, in a seeded order, then all cells again in another order, and so on."""
+    ordered: list[RunSpec] = []
+    for repetition in sorted({spec.repetition for spec in specs}):
+        block = [spec for spec in specs if spec.repetition == repetition]
+        # One generator per block: more repetitions later do not change the order of these.
+        random.Random(f"{seed}/{repetition}").shuffle(block)
+        ordered += block
+    return ordered

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tells how far a campaign is: a bar with ETA on a terminal, plain lines elsewhere."""
+
+import time
+from types import TracebackType
+from typing import Protocol, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
+
+from slambed.spec.matrix import RunSpec
+
+
+class Reporter(Protocol):
+    """What the campaign tells while it runs."""
+
+    def run_started(self, spec: RunSpec) -> None: ...
+    def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
+
+
+def duration(seconds: float) -> str:
+    """`1 h 05 min`, `3 min 20 s`, `12 s`."""
+    whole = round(seconds)
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+    if whole >= 60:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole} s"
+
+
+class CampaignProgress:
+    """Shows runs as they come. The ETA is the mean duration of runs so far; before the first one
+    has ended it is what was expected."""
+
+    def __init__(self, console: Console, total: int, expected_run_s: float, jobs: int = 1) -> None:
+        self._jobs = jobs
+        self._console = console
+        self._total = total
+        self._expected_s = expected_run_s
+        self._done = 0
+        self._spent_s = 0.0
+        self._began_s: dict[str, float] = {}
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TextColumn("{task.fields[left]}"),
+                console=self._console,
+            )
+            self._bar.start()
+            self._task = self._bar.add_task("", total=self._total, left="")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def left_s(self) -> float:
+        """Expected time until the end."""
+        each = self._spent_s / self._done if self._done else self._expected_s
+        return each * (self._total - self._done) / self._jobs
+
+    def run_started(self, spec: RunSpec) -> None:
+        """A run begins."""
+        self._began_s[spec.run_key] = time.monotonic()
+        if self._bar is not None and self._task is not None:
+            self._bar.update(
+                self._task, description=_name(spec), left=f"{duration(self.left_s())} left"
+            )
+
+    def run_ended(self, spec: RunSpec, verdict: str) -> None:
+        """A run is committed."""
+        took_s = time.monotonic() - self._began_s.pop(spec.run_key)
+        self._spent_s += took_s
+        self._done += 1
+        line = f"[{self._done:>{len(str(self._total))}}/{self._total}] {_name(spec)}: {verdict}"
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, completed=self._done)
+        else:
+            line += f" ({duration(took_s)}; {duration(self.left_s())} left)"
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _name(spec: RunSpec) -> str:
+    return f"{spec.cell} #{spec.repetition + 1}"

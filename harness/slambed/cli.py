@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `slambed` command. Errors are one line; exit codes are in docs/formats.md."""
+
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from slambed import __version__
+from slambed.errors import ExitCode, SlambedError
+
+INTERRUPTED = 130
+"""128 + SIGINT, as shells have it."""
+
+WIDTH_WITHOUT_TERMINAL = 160
+
+app = typer.Typer(
+    name="slambed",
+    help="A reproducible testbed for edge-offloaded visual SLAM.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
+
+
+def _console() -> Console:
+    """A log file or pipe has no width: wide tables are not folded there."""
+    if sys.stdout.isatty() or "COLUMNS" in os.environ:
+        return Console()
+    return Console(width=WIDTH_WITHOUT_TERMINAL)
+
+
+@app.callback(invoke_without_command=True)
+def common(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """A reproducible testbed for edge-offloaded visual SLAM."""
+    if version:
+        typer.echo(f"slambed {__version__}")
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command()
+def run(
+    experiment: Annotated[
+        str, typer.Argument(help="Name in experiments/, or path of a YAML file.")
+    ],
+    runs: Annotated[
+        str | None, typer.Option(help="Runs per cell: a number, 'default' or 'paper'.")
+    ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="docker, local, virtual or auto; instead of the experiment's."),
+    ] = None,
+    results: ResultsOption = Path("results"),
+    check: Annotated[bool, typer.Option("--check", help="Only check the files.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait for another campaign on this host to end.")
+    ] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
+    ] = None,
+) -> None:
+    """Run what is missing of an experiment, then show and write its report.
+
+    Runs that are there and valid are kept: call it again after an interrupt and it goes on.
+    """
+    from slambed.campaign import campaign
+    from slambed.spec.library import Library
+
+    if engine not in (None, "auto", "docker", "local", "virtual"):
+        raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
+    if check:
+        library = Library()
+        found, source = library.experiment(experiment)
+        campaign.check(found, source, library, engine or found.engine)
+        typer.echo(f"{source.path}: good")
+        return
+    console = _console()
+    verdict = campaign.run_experiment(
+        experiment, campaign.Options(runs, engine, results, wait, jobs), console
+    )
+    if verdict.interrupted:
+        again = " ".join(["slambed", *sys.argv[1:]])
+        typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
+        raise typer.Exit(INTERRUPTED)
+    if verdict.valid < verdict.done:
+        bad = verdict.done - verdict.valid
+        raise SlambedError(
+            f"{bad} of {verdict.done} runs are not valid; 'slambed status {experiment}' says why",
+            ExitCode.NOT_ALL_GOOD,
+        )
+
+
+@app.command()
+def status(
+    experiment: Annotated[str, typer.Argument(help="Name of an experiment that was run.")],
+    results: ResultsOption = Path("results"),
+) -> None:
+    """Say which runs are there, which are missing or stale, and why."""
+    from slambed.campaign.status import status_of
+    from slambed.native import repository_root
+    from slambed.spec.software import host_software, image_software
+
+    name = Path(experiment).stem
+    software = {image_software()}
+    for program in ("slambed-node", "slambed-sim"):
+        try:
+            software.add(host_software(program=program))
+        except SlambedError as error:
+            typer.echo(f"note: {error}")
+    yaml_path = repository_root() / "experiments" / f"{name}.yaml"
+    found = status_of(results, name, yaml_path, software)
+    table = Table("cell", "valid", "invalid", "missing", box=None)
+    for cell in found.cells:
+        table.add_row(cell.cell, str(cell.valid), str(len(cell.invalid)), str(cell.missing))
+    console = _console()
+    console.print(table)
+    for line in [
+        *(f"invalid: {line}" for cell in found.cells for line in cell.invalid),
+        *(f"stale: {line}" for line in found.stale),
+        *(f"note: {line}" for line in found.notes),
+    ]:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if not found.complete:
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD)
+
+
+@app.command()
+def report(
+    experiment: Annotated[str, typer.Argument(help="Name of an experiment that was run.")],
+    results: ResultsOption = Path("results"),
+) -> None:
+    """Write tables and figures of an experiment again from its runs."""
+    from slambed.campaign.campaign import show_report
+
+    folder = results / Path(experiment).stem
+    if not (folder / "runs").is_dir():
+        raise SlambedError(f"no runs in {folder}; start with 'slambed run {experiment}'")
+    show_report(folder, _console())
+
+
+@app.command()
+def doctor() -> None:
+    """Say what this machine can do, and what each missing thing costs."""
+    from slambed import doctor as examination
+
+    findings = examination.examine()
+    marks = {"good": "[green]ok[/]", "missing": "[yellow]--[/]", "fatal": "[red]no[/]"}
+    table = Table("", "", "found", "without it", box=None)
+    for item in findings:
+        table.add_row(marks[item.level], item.topic, item.found, item.cost)
+    _console().print(table)
+    if not examination.can_run(findings):
+        raise typer.Exit(ExitCode.ENVIRONMENT)
+
+
+@app.command()
+def images(
+    force: Annotated[bool, typer.Option("--force", help="Build even if it is there.")] = False,
+) -> None:
+    """Build the node image that belongs to the sources of this checkout."""
+    from slambed.engines.docker_image import build_image, connect, find_image, image_tag
+
+    client = connect()
+    there = find_image(client) is not None
+    client.close()
+    if there and not force:
+        typer.echo(f"{image_tag()} is there")
+        return
+    build_image()
+
+
+@app.command()
+def clean() -> None:
+    """Remove what killed campaigns left on this host: containers, processes, control groups."""
+    from slambed.engines.host_lock import host_lock
+    from slambed.engines.reaper import reap
+
+    with host_lock("slambed clean"):
+        typer.echo(f"removed: {reap() or 'nothing'}")
+
+
+def _add_groups() -> None:
+    from slambed.calibrate.cli import calibrate
+    from slambed.data.cli import app as data_app
+    from slambed.explain.cli import explain
+    from slambed.link.cli import app as profile_app
+    from slambed.link.cli import link_app
+    from slambed.report.cli import add_commands
+
+    add_commands(app)
+    app.command()(calibrate)
+    app.command()(explain)
+    app.add_typer(data_app, name="data")
+    app.add_typer(profile_app, name="profile")
+    app.add_typer(link_app, name="link")
+
+
+def main() -> None:
+    """Entry point: every failure becomes one line and a documented exit code."""
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def run_command(arguments: list[str]) -> int:
+    """The exit code of a command line."""
+    try:
+        _add_groups()
+        result = app(args=arguments, prog_name="slambed", standalone_mode=False)
+        return result if isinstance(result, int) else ExitCode.OK
+    except SlambedError as error:
+        return _fail(str(error), error.code)
+    except typer.TyperException as error:
+        return _fail(f"{error.format_message()}; see 'slambed --help'", ExitCode.BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`): not an error. Nothing more can be flushed.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.OK
+    except Exception as error:
+        if os.environ.get("SLAMBED_DEBUG"):
+            traceback.print_exc()
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(where.filename).name}:{where.lineno}"
+        line = f"a bug of slambed, {place}: {type(error).__name__}: {error}"
+        return _fail(f"{line}; set SLAMBED_DEBUG=1 for details", ExitCode.INTERNAL)
+
+
+def _fail(line: str, code: int) -> int:
+    typer.echo(f"error: {' '.join(line.split())}", err=True)
+    return int(code)

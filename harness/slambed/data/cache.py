@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Prepared sequences kept for the next time, one folder per content key."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from slambed.data.preparation import Job, Progress
+from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
+from slambed.data.recipe import Dataset
+from slambed.errors import SlambedError, environment_error
+
+_KEY_DIGITS = 12
+
+
+class SequenceCache:
+    """A folder of prepared sequences named <id>-<key>."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def get(self, dataset: Dataset, job: Job, progress: Progress | None) -> PreparedSequence:
+        """The sequence of this job, from the cache or made now."""
+        path = self.folder / f"{dataset.id}-{job.key()[:_KEY_DIGITS]}"
+        if (ready := _open_or_none(path)) is not None:
+            return ready
+        with self._lock(dataset.id):
+            if (ready := _open_or_none(path)) is not None:
+                return ready
+            self._sweep(dataset.id)
+            self._check_space(job)
+            job.write(path, progress)
+            return PreparedSequence.open(path)
+
+    def find(self, dataset: Dataset) -> Path | None:
+        """A sequence made earlier from the same recipe, newest first; the source may be gone."""
+        found = []
+        for header in self.folder.glob(f"{dataset.id}-*/{SEQUENCE_FILE}"):
+            try:
+                source = json.loads(header.read_text(encoding="utf-8")).get("source", {})
+            except (OSError, ValueError):
+                continue
+            if source.get("recipe") == dataset.content_key():
+                found.append((header.stat().st_mtime, header.parent))
+        return max(found)[1] if found else None
+
+    @contextmanager
+    def _lock(self, name: str) -> Iterator[None]:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            file = (self.folder / f".{name}.lock").open("w")
+        except OSError as refused:
+            raise environment_error(
+                f"{self.folder}: {refused.strerror}; set SLAMBED_CACHE to a folder you may write"
+            ) from refused
+        with file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+
+    def _sweep(self, name: str) -> None:
+        """Removes what a killed preparation of this dataset left; the lock is held."""
+        for leftover in self.folder.glob(f".{name}-*.partial-*"):
+            shutil.rmtree(leftover, ignore_errors=True)
+        for leftover in self.folder.glob(f".{name}-*.old-*"):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+    def _check_space(self, job: Job) -> None:
+        needed, free = job.size_bytes(), shutil.disk_usage(self.folder).free
+        if needed > free:
+            raise environment_error(
+                f"{self.folder}: {needed / 1e9:.1f} GB needed, {free / 1e9:.1f} GB free; "
+                "free some or set SLAMBED_CACHE to another disk"
+            )
+
+
+def _open_or_none(path: Path) -> PreparedSequence | None:
+    """A damaged entry counts as absent and is made again."""
+    if not path.is_dir():
+        return None
+    try:
+        return PreparedSequence.open(path)
+    except SlambedError:
+        return None

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The datasets that slambed knows, where their sources lie, and their prepared form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from slambed.data import places
+from slambed.data.cache import SequenceCache
+from slambed.data.preparation import Progress, SourceJob, SynthJob
+from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
+from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
+from slambed.data.recipe import UNVERIFIED, Dataset
+from slambed.data.recipe_file import load_recipe
+from slambed.data.suggestion import did_you_mean
+from slambed.errors import SlambedError
+from slambed.native import repository_root
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """Every dataset file of a folder, and the folders where sources are looked for."""
+
+    datasets: dict[str, Dataset]
+    search: tuple[Path, ...]
+
+    @classmethod
+    def load(cls, folder: Path | None = None, search: list[Path] | None = None) -> Catalog:
+        """Reads datasets/*.yaml of the checkout (or of another folder)."""
+        folder = folder or repository_root() / "datasets"
+        datasets: dict[str, Dataset] = {}
+        names: dict[str, Path] = {}
+        for file in sorted(folder.glob("*.yaml")):
+            dataset = load_recipe(file)
+            for name in (dataset.id, *dataset.aliases):
+                if name in names:
+                    raise SlambedError(f"{file}: '{name}' is already taken by {names[name]}")
+                names[name] = file
+            datasets[dataset.id] = dataset
+        return cls(datasets, tuple(search if search is not None else places.search_path()))
+
+    def get(self, name: str) -> Dataset:
+        """The dataset with this id or alias."""
+        for dataset in self.datasets.values():
+            if name == dataset.id or name in dataset.aliases:
+                return dataset
+        known = [n for d in self.datasets.values() for n in (d.id, *d.aliases)]
+        raise SlambedError(
+            f"dataset '{name}' is not known{did_you_mean(name, known)}; "
+            "'slambed data list' shows all"
+        )
+
+    def resolve(self, name: str, cache_dir: Path | None = None) -> Dataset:
+        """Like get, but a `first_of` is replaced by its first available choice."""
+        dataset = self.get(name)
+        if not dataset.first_of:
+            return dataset
+        choices = [self.resolve(choice, cache_dir) for choice in dataset.first_of]
+        return next((c for c in choices if self.available(c, cache_dir)), choices[-1])
+
+    def available(self, dataset: Dataset, cache_dir: Path | None = None) -> bool:
+        """True when prepare would succeed in finding the source."""
+        if dataset.synthetic:
+            wanted = dataset.synthetic.path_file
+            return wanted is None or any((folder / wanted).is_file() for folder in self.search)
+        if self.locate(dataset) is not None:
+            return True
+        return SequenceCache(places.prepared_folder(cache_dir)).find(dataset) is not None
+
+    def locate(self, dataset: Dataset) -> Path | None:
+        """The source on the search path, or None."""
+        for folder in self.search:
+            for pattern in dataset.paths:
+                if found := sorted(folder.glob(pattern)):
+                    return found[0]
+        return None
+
+    def _path_file(self, dataset: Dataset) -> Path | None:
+        """The trajectory file of a generated dataset that follows a recorded path."""
+        assert dataset.synthetic is not None
+        wanted = dataset.synthetic.path_file
+        if wanted is None:
+            return None
+        for folder in self.search:
+            if (file := folder / wanted).is_file():
+                return file
+        raise SlambedError(
+            f"dataset '{dataset.id}' follows the camera path {wanted}, which is not in "
+            f"{self._folders()}; put it there or set SLAMBED_DATA"
+        )
+
+    def _folders(self) -> str:
+        return ":".join(str(folder) for folder in self.search)
+
+    def prepare(
+        self, name: str, cache_dir: Path | None = None, progress: Progress | None = None
+    ) -> PreparedSequence:
+        """The prepared sequence of a dataset; made now when the cache does not have it.
+
+        Two processes never prepare the same dataset at once; an interrupt leaves nothing behind.
+        """
+        dataset = self.resolve(name, cache_dir)
+        cache = SequenceCache(places.prepared_folder(cache_dir))
+        if dataset.synthetic is not None:
+            return cache.get(dataset, SynthJob(dataset, self._path_file(dataset)), progress)
+        source = self.locate(dataset)
+        if source is None:
+            if (kept := cache.find(dataset)) is not None:
+                return PreparedSequence.open(kept)
+            raise SlambedError(self._missing(dataset))
+        if (source / SEQUENCE_FILE).is_file():
+            return PreparedSequence.open(source)
+        return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress)
+
+    def _missing(self, dataset: Dataset) -> str:
+        recipe = "no download recipe"
+        if (download := dataset.download) is not None:
+            size = f"{download.size_bytes / 1e6:.0f} MB" if download.size_bytes else "size unknown"
+            checked = "checksum " + (UNVERIFIED if not download.verified else download.sha256[:12])
+            recipe = f"get it from {download.url} ({size}, {checked})"
+        wanted = " or ".join(dataset.paths)
+        return (
+            f"dataset '{dataset.id}' not found: no {wanted} in {self._folders()}; {recipe}, "
+            "or set SLAMBED_DATA"
+        )
+
+
+def open_source(dataset: Dataset, source: Path) -> SequenceReader:
+    """The reader of a recorded dataset on its source."""
+    assert dataset.reader is not None
+    camera = dataset.camera
+    options = ReaderOptions(
+        sensor=dataset.sensor,
+        size=(camera.width, camera.height) if camera else None,
+        camera=camera.camera() if camera else None,
+        depth_unit_m=dataset.depth_unit_m,
+        fps=dataset.fps,
+        groundtruth=dataset.groundtruth,
+        extra=dataset.reader_options,
+    )
+    return load_reader(dataset.reader)(source, options)
+
+
+def prepare(
+    dataset_id: str, cache_dir: Path | None = None, progress: Progress | None = None
+) -> PreparedSequence:
+    """Prepares a dataset of the checkout's catalogue; a prepared folder's path is opened as is."""
+    if (Path(dataset_id) / SEQUENCE_FILE).is_file():
+        return PreparedSequence.open(dataset_id)
+    return Catalog.load().prepare(dataset_id, cache_dir, progress)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed data`: which sequences there are, and making them ready."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from slambed.data import places
+from slambed.data.cache import SequenceCache
+from slambed.data.catalog import Catalog, prepare
+from slambed.data.contact_sheet import write_contact_sheet
+from slambed.data.download import download as fetch
+from slambed.data.download import recipe_text
+from slambed.data.prepared import PreparedSequence
+from slambed.data.recipe import Dataset
+
+app = typer.Typer(help="Recorded and generated sequences.", no_args_is_help=True)
+Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
+
+
+def state(catalog: Catalog, dataset: Dataset) -> str:
+    """prepared, found, generated or missing; a choice tells what it stands for."""
+    if dataset.first_of:
+        return f"stands for {catalog.resolve(dataset.id).id}"
+    if SequenceCache(places.prepared_folder()).find(dataset) is not None:
+        return "prepared"
+    if dataset.synthetic is not None:
+        return "generated"
+    return "missing" if catalog.locate(dataset) is None else "found"
+
+
+@app.command("list")
+def list_datasets() -> None:
+    """All datasets and whether they are here."""
+    catalog = Catalog.load()
+    table = Table("id", "sensor", "state", "title", box=None)
+    for dataset in catalog.datasets.values():
+        names = ", ".join((dataset.id, *dataset.aliases))
+        sensor = "" if dataset.first_of else dataset.sensor
+        table.add_row(names, sensor, state(catalog, dataset), dataset.title)
+    console = Console()
+    console.print(table)
+    console.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
+
+
+@app.command("prepare")
+def prepare_dataset(
+    dataset: Id,
+    cache: Annotated[Path | None, typer.Option(help="cache folder; default $SLAMBED_CACHE")] = None,
+) -> None:
+    """Decode or generate a sequence once; playback then only maps memory."""
+    with _progress_bar() as bar:
+        task = bar.add_task(dataset, total=None)
+        sequence = prepare(
+            dataset, cache, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    typer.echo(f"{sequence.path}: {describe(sequence)}")
+
+
+@app.command()
+def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared sequence")]) -> None:
+    """Check a prepared sequence against its checksums, every frame."""
+    sequence = PreparedSequence.open(path)
+    sequence.verify(full=True)
+    typer.echo(f"{path}: intact; {describe(sequence)}; checksum {sequence.checksum}")
+
+
+@app.command()
+def show(
+    dataset: Id,
+    output: Annotated[Path | None, typer.Option(help="PNG to write; default ID.png")] = None,
+    frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
+) -> None:
+    """Write a contact sheet of a sequence."""
+    sequence = prepare(dataset)
+    file = output or Path(f"{sequence.info.id}.png")
+    write_contact_sheet(sequence, file, frames)
+    typer.echo(f"{file}: {describe(sequence)}")
+
+
+@app.command()
+def where() -> None:
+    """Folders that are searched, and the cache."""
+    for folder in places.search_path():
+        typer.echo(f"{folder}{'' if folder.is_dir() else '  (does not exist)'}")
+    typer.echo(f"{places.prepared_folder()}  (prepared sequences)")
+
+
+@app.command()
+def download(
+    dataset: Id,
+    force: Annotated[bool, typer.Option(help="fetch although the checksum is not known")] = False,
+    dry_run: Annotated[bool, typer.Option(help="only print the recipe")] = False,
+) -> None:
+    """Fetch a dataset whose checksum is known, or print where it comes from."""
+    chosen = Catalog.load().get(dataset)
+    folder = places.download_folder()
+    if dry_run:
+        typer.echo(recipe_text(chosen, folder))
+        return
+    with _progress_bar() as bar:
+        task = bar.add_task(chosen.id, total=None)
+        digest = fetch(
+            chosen, folder, force, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    typer.echo(f"{chosen.id}: in {folder}, sha256 {digest}")
+
+
+def describe(sequence: PreparedSequence) -> str:
+    """One line about a sequence."""
+    info = sequence.info
+    truth = "with" if sequence.groundtruth_file else "without"
+    return (
+        f"{info.frames} frames, {info.width}x{info.height} {info.sensor}, "
+        f"{sequence.duration_s:.1f} s, {truth} ground truth"
+    )
+
+
+def _joined(folders: tuple[Path, ...]) -> str:
+    return ":".join(str(folder) for folder in folders)
+
+
+def _progress_bar() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fetching a dataset by its recipe: checked, unpacked aside, then moved into place."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tarfile
+import tempfile
+import urllib.error
+import urllib.request
+import zipfile
+from pathlib import Path
+
+from slambed.data.preparation import Progress
+from slambed.data.recipe import Dataset, Download
+from slambed.errors import SlambedError, environment_error
+
+_CHUNK_BYTES = 1 << 20
+
+
+def recipe_text(dataset: Dataset, folder: Path) -> str:
+    """The recipe in words, for the user to carry out."""
+    recipe = _recipe(dataset)
+    size = f"{recipe.size_bytes} bytes" if recipe.size_bytes else "size not known"
+    action = "see the page" if recipe.unpack == "none" else f"unpack into {folder / recipe.into}"
+    terms = f"; terms: {dataset.licence}" if dataset.licence else ""
+    return f"{dataset.id}: {recipe.url} ({size}, sha256 {recipe.sha256}); {action}{terms}"
+
+
+def download(
+    dataset: Dataset, folder: Path, force: bool = False, progress: Progress | None = None
+) -> str:
+    """Carries out a recipe and returns the SHA-256 of what came.
+
+    Without a verified checksum only with force; a wrong checksum is an error and keeps nothing.
+    """
+    recipe = _recipe(dataset)
+    if recipe.unpack == "none":
+        raise SlambedError(
+            f"{dataset.id} cannot be fetched directly; {recipe_text(dataset, folder)}"
+        )
+    if not recipe.verified and not force:
+        raise SlambedError(
+            f"{dataset.id}: the checksum of {recipe.url} is {recipe.sha256}; "
+            "fetch it by hand or repeat with --force"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".download-", dir=folder) as scratch:
+            archive = Path(scratch) / "archive"
+            digest = _fetch(recipe, archive, progress)
+            if recipe.verified and digest != recipe.sha256:
+                raise SlambedError(
+                    f"{recipe.url}: sha256 is {digest}, not {recipe.sha256}; nothing was kept"
+                )
+            unpacked = Path(scratch) / "unpacked"
+            unpacked.mkdir()
+            _unpack(recipe, archive, unpacked)
+            _merge(unpacked, folder / recipe.into)
+    except OSError as refused:
+        raise environment_error(f"{folder}: {refused.strerror or refused}") from refused
+    return digest
+
+
+def _recipe(dataset: Dataset) -> Download:
+    if dataset.download is None:
+        raise SlambedError(
+            f"dataset '{dataset.id}' has no download recipe; {dataset.note}".rstrip("; ")
+        )
+    return dataset.download
+
+
+def _fetch(recipe: Download, archive: Path, progress: Progress | None) -> str:
+    digest = hashlib.sha256()
+    try:
+        with urllib.request.urlopen(recipe.url, timeout=60) as answer, archive.open("wb") as file:
+            total = int(answer.headers.get("Content-Length") or recipe.size_bytes or 0)
+            done = 0
+            while chunk := answer.read(_CHUNK_BYTES):
+                file.write(chunk)
+                digest.update(chunk)
+                done += len(chunk)
+                if progress:
+                    progress(done, max(total, done))
+    except (urllib.error.URLError, ValueError) as broken:
+        raise environment_error(f"{recipe.url}: {broken}; check the network") from broken
+    if recipe.size_bytes and done != recipe.size_bytes:
+        raise environment_error(f"{recipe.url}: {done} bytes came, not {recipe.size_bytes}; repeat")
+    return digest.hexdigest()
+
+
+def _unpack(recipe: Download, archive: Path, target: Path) -> None:
+    """Members that would leave the target are refused."""
+    try:
+        if recipe.unpack == "tar":
+            with tarfile.open(archive) as tar:
+                tar.extractall(target, filter="data")
+        else:
+            with zipfile.ZipFile(archive) as packed:
+                for name in packed.namelist():
+                    if not (target / name).resolve().is_relative_to(target.resolve()):
+                        raise SlambedError(
+                            f"{recipe.url}: '{name}' leaves the folder; not unpacked"
+                        )
+                packed.extractall(target)
+    except (tarfile.TarError, zipfile.BadZipFile, EOFError) as broken:
+        raise SlambedError(f"{recipe.url}: cannot be unpacked ({broken})") from broken
+
+
+def _merge(source: Path, target: Path) -> None:
+    target.mkdir(parents=True, exist_ok=True)
+    for entry in source.iterdir():
+        if (target / entry.name).exists():
+            raise SlambedError(f"{target / entry.name} exists already; move it away first")
+    for entry in source.iterdir():
+        shutil.move(entry, target / entry.name)

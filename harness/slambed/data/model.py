@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sequence is made of: camera, frame, trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+Sensor = Literal["rgbd", "stereo", "mono"]
+GreyImage = NDArray[np.uint8]
+#: Right grey image (stereo) or raw depth (rgbd), as the sensor says.
+SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
+#: Rows of recorded time in seconds, tx ty tz, qx qy qz qw: camera to world.
+Trajectory = NDArray[np.float64]
+
+
+class Camera(BaseModel):
+    """Pinhole camera with OpenCV's radial-tangential distortion; bf is fx times baseline (px m)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    fx: float = Field(gt=0)
+    fy: float = Field(gt=0)
+    cx: float
+    cy: float
+    bf: float = Field(ge=0)
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One moment of a sequence: absolute recorded time and two planes (second: None for mono)."""
+
+    timestamp_ns: int
+    grey: GreyImage
+    second: SecondImage | None

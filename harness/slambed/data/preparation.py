@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Making prepared sequences: from a reader, or by the synthetic generator."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from slambed.data.model import Frame
+from slambed.data.prepared import PreparedWriter, stride_bytes
+from slambed.data.readers.base import FolderReader, SequenceReader
+from slambed.data.recipe import Dataset
+from slambed.errors import ExitCode, SlambedError
+from slambed.native import find_program
+
+#: Called with frames done and frames in all.
+Progress = Callable[[int, int], None]
+
+#: Raised when the same source must be prepared anew because this code changed.
+PREPARATION_VERSION = 2
+#: A median depth outside this range means a wrong unit, not an unusual room or street.
+DEPTH_MEDIAN_RANGE_M = (0.1, 50.0)
+_DEPTH_SAMPLE_EVERY = 25
+#: Assumed length where the recipe leaves it to the path; only for the check of free space.
+_USUAL_SYNTHETIC_S = 90.0
+
+
+class Job(Protocol):
+    """One sequence to be made."""
+
+    def key(self) -> str:
+        """Hash of recipe and source."""
+
+    def size_bytes(self) -> int:
+        """About how much will be written."""
+
+    def write(self, path: Path, progress: Progress | None) -> None:
+        """Makes the folder, whole or not at all."""
+
+
+class SourceJob:
+    """A recorded dataset read by its reader."""
+
+    def __init__(self, dataset: Dataset, reader: SequenceReader) -> None:
+        self._dataset, self._reader = dataset, reader
+
+    def key(self) -> str:
+        digest = hashlib.sha256(f"{PREPARATION_VERSION} {self._dataset.content_key()}".encode())
+        for file in self._reader.files():
+            try:
+                stat = file.stat()
+            except OSError as missing:
+                raise SlambedError(f"{file}: {missing.strerror}; complete the dataset") from missing
+            name = os.path.relpath(file, self._reader.path)
+            digest.update(f"{name} {stat.st_size} {stat.st_mtime_ns}\n".encode())
+        return digest.hexdigest()
+
+    def size_bytes(self) -> int:
+        return len(self._reader) * stride_bytes(self._dataset.sensor, *self._reader.size())
+
+    def write(self, path: Path, progress: Progress | None) -> None:
+        dataset, reader = self._dataset, self._reader
+        width, height = reader.size()
+        with PreparedWriter(
+            path,
+            id=dataset.id,
+            title=dataset.title,
+            sensor=dataset.sensor,
+            width=width,
+            height=height,
+            fps=dataset.fps,
+            camera=reader.camera(),
+            depth_unit_m=dataset.depth_unit_m if dataset.sensor == "rgbd" else 0.0,
+            close_depth_baselines=dataset.close_depth_baselines,
+            source={
+                "dataset": dataset.id,
+                "recipe": dataset.content_key(),
+                "reader": dataset.reader,
+                "preparation_version": PREPARATION_VERSION,
+            },
+        ) as writer:
+            medians: list[float] = []
+            for i, frame in enumerate(_read_ahead(reader)):
+                writer.add(frame)
+                if dataset.sensor == "rgbd" and i % _DEPTH_SAMPLE_EVERY == 0:
+                    medians += _median_depth(frame)
+                if progress:
+                    progress(i + 1, len(reader))
+            if dataset.sensor == "rgbd":
+                check_depth_scale(dataset, medians)
+            if (trajectory := reader.trajectory()) is not None:
+                writer.set_groundtruth(trajectory)
+
+
+class SynthJob:
+    """A generated dataset: slambed-synth writes the prepared form itself."""
+
+    def __init__(self, dataset: Dataset, path_file: Path | None = None) -> None:
+        assert dataset.synthetic is not None
+        self._dataset, self._options, self._path_file = dataset, dataset.synthetic, path_file
+        self._program = find_program("slambed-synth")
+
+    def key(self) -> str:
+        version = subprocess.run(
+            [self._program, "--version"], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        digest = hashlib.sha256(f"{version} {self._dataset.content_key()}".encode())
+        if self._path_file is not None:
+            digest.update(self._path_file.read_bytes())
+        return digest.hexdigest()
+
+    def size_bytes(self) -> int:
+        seconds = self._options.seconds or _USUAL_SYNTHETIC_S
+        return round(seconds * self._dataset.fps) * stride_bytes(self._dataset.sensor, 640, 480)
+
+    def command(self, path: Path) -> list[str]:
+        """The command line that makes this sequence."""
+        dataset = self._dataset
+        source = {"dataset": dataset.id, "recipe": dataset.content_key()}
+        command = [str(self._program), "--out", str(path), "--id", dataset.id]
+        command += ["--title", dataset.title, "--sensor", dataset.sensor]
+        command += ["--fps", str(dataset.fps), "--source", json.dumps(source), "--progress"]
+        options = self._options.model_dump(exclude_none=True)
+        if self._path_file is not None:
+            options["trajectory"] = self._path_file.resolve()
+        for name, value in options.items():
+            command += [f"--{name.replace('_', '-')}", str(value)]
+        return command
+
+    def write(self, path: Path, progress: Progress | None) -> None:
+        process = subprocess.Popen(
+            self.command(path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        with process:
+            try:
+                assert process.stdout is not None and process.stderr is not None
+                for line in process.stdout:
+                    words = line.split()
+                    if progress and len(words) == 3 and words[0] == "progress":
+                        progress(int(words[1]), int(words[2]))
+                error = process.stderr.read().strip()
+            except BaseException:
+                process.terminate()
+                raise
+        if process.returncode != 0:
+            code = process.returncode
+            line = error.splitlines()[-1].removeprefix("error: ") if error else f"status {code}"
+            known = code in set(ExitCode)
+            raise SlambedError(
+                f"{self._dataset.id}: {line}", ExitCode(code) if known else ExitCode.INTERNAL
+            )
+
+
+def check_depth_scale(dataset: Dataset, medians: list[float]) -> None:
+    """Raises when the depth cannot be metres."""
+    low, high = DEPTH_MEDIAN_RANGE_M
+    if not medians:
+        raise SlambedError(f"dataset '{dataset.id}': no depth in any image; check the depth files")
+    median_m = float(np.median(medians)) * dataset.depth_unit_m
+    if not low <= median_m <= high:
+        raise SlambedError(
+            f"dataset '{dataset.id}': wrong depth scale: the median depth is {median_m:.4g} m with "
+            f"depth_unit_m {dataset.depth_unit_m:g}, not within {low:g} to {high:g} m; set "
+            "depth_unit_m in its dataset file (TUM 0.0002, millimetres 0.001)"
+        )
+
+
+def _median_depth(frame: Frame) -> list[float]:
+    assert frame.second is not None
+    known = frame.second[frame.second > 0]
+    return [float(np.median(known))] if known.size else []
+
+
+def _read_ahead(reader: SequenceReader) -> Iterator[Frame]:
+    """Frames in order, decoded by all cores where the reader allows it."""
+    if not isinstance(reader, FolderReader):
+        yield from reader
+        return
+    workers = os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        waiting: deque[Future[Frame]] = deque()
+        for i in range(len(reader)):
+            waiting.append(pool.submit(reader.__getitem__, i))
+            if len(waiting) > 2 * workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

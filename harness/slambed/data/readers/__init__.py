@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dataset readers, found by module name: `reader: tum` in a dataset file is readers/tum.py.
+
+A reader module defines one class `Reader(SequenceReader)`; adding a file here adds a format.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from slambed.data.readers.base import ReaderOptions, SequenceReader
+from slambed.data.suggestion import did_you_mean
+from slambed.errors import SlambedError
+
+__all__ = ["ReaderOptions", "SequenceReader", "load_reader", "reader_names"]
+
+
+def reader_names() -> list[str]:
+    """Names that may stand behind `reader:`."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__) if module.name != "base")
+
+
+def load_reader(name: str) -> type[SequenceReader]:
+    """The reader class of the module with this name."""
+    if name not in reader_names():
+        raise SlambedError(
+            f"reader '{name}' does not exist{did_you_mean(name, reader_names())}; "
+            f"known: {', '.join(reader_names())}"
+        )
+    module = importlib.import_module(f"{__name__}.{name}")
+    reader: type[SequenceReader] = module.Reader
+    return reader

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""TUM RGB-D benchmark folders: rgb.txt, depth.txt, images, groundtruth.txt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from decimal import InvalidOperation
+from pathlib import Path
+
+from slambed.data.association import MAX_DIFFERENCE_S, associate
+from slambed.data.images import read_depth, read_grey
+from slambed.data.model import Frame, Trajectory
+from slambed.data.readers.base import FolderReader, ReaderOptions, require, seconds_to_ns
+from slambed.data.trajectory_file import read_trajectory
+from slambed.errors import SlambedError
+
+
+class Reader(FolderReader):
+    """Colour and depth paired by time, closest first, one-to-one; the frame has the colour's time.
+
+    reader_options: max_difference_s (0.02).
+    """
+
+    known_options = ("max_difference_s",)
+
+    def __init__(self, path: Path, options: ReaderOptions) -> None:
+        super().__init__(path, options)
+        self._lists = [require(path / f"{kind}.txt", "list of images") for kind in ("rgb", "depth")]
+        colour, depth = (read_file_list(file) for file in self._lists)
+        limit_s = float(options.extra.get("max_difference_s", MAX_DIFFERENCE_S))
+        pairs = associate([t for t, _ in colour], [t for t, _ in depth], limit_s)
+        if not pairs:
+            raise SlambedError(
+                f"{path}: no colour image has a depth image within {limit_s} s; "
+                "check the times in rgb.txt and depth.txt"
+            )
+        self._frames = [(colour[i][0], colour[i][1], depth[j][1]) for i, j in pairs]
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getitem__(self, i: int) -> Frame:
+        time_ns, colour, depth = self._frames[i]
+        size = self.options.size
+        return Frame(time_ns, read_grey(colour, size), read_depth(depth, size))
+
+    def files(self) -> Iterable[Path]:
+        yield from self._lists
+        if self.options.groundtruth:
+            yield self.path / self.options.groundtruth
+        for _, colour, depth in self._frames:
+            yield colour
+            yield depth
+
+    def trajectory(self) -> Trajectory | None:
+        if not self.options.groundtruth:
+            return None
+        return read_trajectory(require(self.path / self.options.groundtruth, "ground truth"))
+
+
+def read_file_list(path: Path) -> list[tuple[int, Path]]:
+    """Lines `time file`; '#' comments. Sorted by time, repeated times dropped."""
+    entries: dict[int, Path] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        content = line.split("#", 1)[0].split()
+        if not content:
+            continue
+        try:
+            time_ns = seconds_to_ns(content[0])
+            entries.setdefault(time_ns, path.parent / content[1])
+        except (InvalidOperation, ValueError, OverflowError, IndexError) as broken:
+            raise SlambedError(f"{path}:{number}: expected 'time file', got '{line}'") from broken
+    return sorted(entries.items())

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The models of datasets/*.yaml. Unknown keys are errors."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from slambed.data.model import Camera, Sensor
+
+UNVERIFIED = "unverified here"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class CameraRecipe(_Strict):
+    """Camera of the source images; left out where the dataset brings its own calibration."""
+
+    width: int = Field(gt=0)
+    height: int = Field(gt=0)
+    fx: float = Field(gt=0)
+    fy: float = Field(gt=0)
+    cx: float
+    cy: float
+    bf: float = Field(ge=0, description="fx times baseline, px m")
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def camera(self) -> Camera:
+        """Without the image size."""
+        return Camera(**self.model_dump(exclude={"width", "height"}))
+
+
+class Playback(_Strict):
+    """What an experiment uses when it does not say otherwise."""
+
+    fps: float | None = Field(default=None, gt=0)
+    start_s: float = Field(default=0.0, ge=0)
+    end_s: float | None = Field(default=None, gt=0)
+
+
+class Download(_Strict):
+    """Where the data comes from. Without a verified checksum nothing is fetched unasked."""
+
+    url: str
+    size_bytes: int | None = Field(default=None, gt=0)
+    sha256: str = Field(default=UNVERIFIED, pattern=rf"^([0-9a-f]{{64}}|{UNVERIFIED})$")
+    unpack: Literal["tar", "zip", "none"] = "none"
+    into: str = Field(default="", description="folder below the data folder that it unpacks to")
+
+    @property
+    def verified(self) -> bool:
+        """True when the checksum was seen by whoever wrote the recipe."""
+        return self.sha256 != UNVERIFIED
+
+
+class Synthetic(_Strict):
+    """Options of slambed-synth, named as on its command line with '_' for '-'."""
+
+    trajectory: str = Field(
+        default="spline", description="a named path, or a TUM-format .txt file on the search path"
+    )
+    seconds: float | None = Field(default=None, gt=0)
+    seed: int = 1
+    motion_blur_s: float | None = Field(default=None, ge=0)
+    noise: float | None = Field(default=None, ge=0)
+    depth_noise: float | None = Field(default=None, ge=0)
+    depth_holes: float | None = Field(default=None, ge=0, le=1)
+    moving_objects: int | None = Field(default=None, ge=0)
+    blackout_start_s: float | None = Field(default=None, ge=0)
+    blackout_end_s: float | None = Field(default=None, ge=0)
+
+    @property
+    def path_file(self) -> str | None:
+        """The trajectory when it is a file, else None."""
+        return self.trajectory if self.trajectory.endswith(".txt") else None
+
+
+class Dataset(_Strict):
+    """One sequence: recorded (reader), generated (synthetic) or a choice of others (first_of)."""
+
+    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
+    title: str
+    aliases: tuple[str, ...] = ()
+    sensor: Sensor = "rgbd"
+    reader: str | None = None
+    paths: tuple[str, ...] = ()
+    camera: CameraRecipe | None = None
+    depth_unit_m: float = Field(default=0.0, ge=0)
+    close_depth_baselines: float = Field(default=40.0, gt=0)
+    fps: float = Field(default=30.0, gt=0)
+    playback: Playback = Playback()
+    groundtruth: str | None = None
+    reader_options: dict[str, Any] = Field(default_factory=dict)
+    download: Download | None = None
+    licence: str = ""
+    note: str = ""
+    synthetic: Synthetic | None = None
+    first_of: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Self:
+        origins = [self.reader is not None, self.synthetic is not None, bool(self.first_of)]
+        if sum(origins) != 1:
+            raise ValueError("exactly one of reader, synthetic and first_of is needed")
+        if self.reader and not self.paths:
+            raise ValueError("paths is needed: where the source lies below the search path")
+        if self.reader and self.sensor == "rgbd" and self.depth_unit_m == 0:
+            raise ValueError("depth_unit_m is needed for rgbd (TUM 0.0002, millimetres 0.001)")
+        if self.synthetic and self.camera is not None:
+            raise ValueError("camera belongs to recorded sequences; the generator has its own")
+        return self
+
+    def content_key(self) -> str:
+        """Hash of everything that changes what the prepared sequence contains."""
+        content = self.model_dump(
+            mode="json", exclude={"aliases", "paths", "playback", "download", "licence", "note"}
+        )
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

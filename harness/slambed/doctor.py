@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed doctor`: what this machine can do, and what each missing thing costs."""
+
+import os
+import platform
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from slambed.campaign.manifest import cpu_model
+from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.errors import SlambedError
+from slambed.native import find_program
+from slambed.sampling.cgroup import version as cgroup_version
+from slambed.spec.software import host_software
+
+Level = Literal["good", "missing", "fatal"]
+MIN_CORES = 2
+MIN_FREE_GB = 5
+PROGRAMS = ("slambed-node", "slambed-sim", "slambed-relay", "slambed-synth")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the doctor's table."""
+
+    topic: str
+    level: Level
+    found: str
+    cost: str = ""
+    """What is lost without it, and what to do."""
+
+
+def examine() -> list[Finding]:
+    """All findings; no check can stop the others."""
+    checks: list[Callable[[], Finding]] = [
+        _system,
+        _cores,
+        _privilege,
+        _docker,
+        _image,
+        _programs,
+        _cgroups,
+        _namespaces,
+        _netem,
+        _tun,
+        _disk,
+        _data,
+    ]
+    return [check() for check in checks]
+
+
+def can_run(findings: list[Finding]) -> bool:
+    """False when no live experiment can run here as things are."""
+    return all(finding.level != "fatal" for finding in findings)
+
+
+def _system() -> Finding:
+    name = platform.freedesktop_os_release().get("PRETTY_NAME", "unknown system")
+    return Finding("system", "good", f"{name}, kernel {platform.release()}, {cpu_model()}")
+
+
+def _cores() -> Finding:
+    count = len(os.sched_getaffinity(0))
+    if count < MIN_CORES:
+        cost = "both nodes, link and sampler share one core: timings are not to be trusted"
+        return Finding("cores", "missing", f"{count}", cost)
+    return Finding("cores", "good", f"{count}")
+
+
+def _privilege() -> Finding:
+    if os.geteuid() == 0:
+        return Finding("privilege", "good", "root")
+    cost = "live runs join and shape network namespaces: run 'slambed run' with sudo"
+    return Finding("privilege", "fatal", f"user {os.geteuid()}, not root", cost)
+
+
+def _docker() -> Finding:
+    try:
+        client = connect()
+    except SlambedError as error:
+        return Finding("docker", "missing", str(error), "engine local is used; same measurements")
+    with_version = str(client.version().get("Version"))
+    client.close()
+    return Finding("docker", "good", f"Engine {with_version}")
+
+
+def _image() -> Finding:
+    try:
+        client = connect()
+    except SlambedError:
+        return Finding("image", "missing", "no Docker", "engine local needs none")
+    found = find_image(client)
+    client.close()
+    if found is None:
+        cost = "built by the next run with engine docker, or by 'make images'"
+        return Finding("image", "missing", f"{image_tag()} is not built", cost)
+    return Finding("image", "good", image_tag())
+
+
+def _programs() -> Finding:
+    try:
+        for name in PROGRAMS:
+            find_program(name)
+        host_software()
+    except SlambedError as error:
+        return Finding("programs", "missing", str(error), "no relay link, no engine local")
+    return Finding("programs", "good", f"{find_program(PROGRAMS[0]).parent}")
+
+
+def _cgroups() -> Finding:
+    found = cgroup_version()
+    if found == "none":
+        cost = "no CPU and memory limits, no CPU figures: mount the cgroup file system"
+        return Finding("cgroups", "fatal", "no cpu controller", cost)
+    return Finding("cgroups", "good", found)
+
+
+def _namespaces() -> Finding:
+    if not Path("/proc/self/ns/net").exists():
+        return Finding("namespaces", "fatal", "none", "no live runs: CONFIG_NET_NS is needed")
+    return Finding("namespaces", "good", "network namespaces")
+
+
+def _netem() -> Finding:
+    from slambed.link.netem import netem_available
+
+    if netem_available():
+        return Finding("netem", "good", "in the kernel")
+    cost = "the relay emulates the link instead (same profiles, a few percent of a core)"
+    return Finding("netem", "missing", "not in this kernel, or no permission to ask", cost)
+
+
+def _tun() -> Finding:
+    if Path("/dev/net/tun").exists():
+        return Finding("tun", "good", "/dev/net/tun")
+    cost = "no relay link: 'modprobe tun', or a kernel with netem"
+    return Finding("tun", "missing", "no /dev/net/tun", cost)
+
+
+def _disk() -> Finding:
+    free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
+    if free_gb < MIN_FREE_GB:
+        return Finding("disk", "missing", f"{free_gb:.1f} GB free", f"wants {MIN_FREE_GB} GB")
+    return Finding("disk", "good", f"{free_gb:.0f} GB free")
+
+
+def _data() -> Finding:
+    from slambed.data.catalog import Catalog
+
+    try:
+        catalog = Catalog.load()
+        real = [d for d in catalog.datasets.values() if not d.synthetic and not d.first_of]
+        here = [d.id for d in real if catalog.available(d)]
+    except SlambedError as error:
+        return Finding("data", "missing", str(error), "see 'slambed data list'")
+    if not here:
+        cost = "experiments play synthetic sequences; 'slambed data list' says how to get real ones"
+        return Finding("data", "missing", "no recorded sequence found", cost)
+    return Finding("data", "good", f"{', '.join(here)} and synthetic ones")

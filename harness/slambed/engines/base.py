@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an engine is: it holds a node before its first instruction, lets it go, and ends it."""
+
+import os
+import select
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from slambed.sampling.cgroup import CgroupReader, Granted
+from slambed.spec.device import Limits
+from slambed.spec.system import Role
+
+LABEL = "slambed"
+"""Containers carry this label, control groups live under this name."""
+
+
+@dataclass(frozen=True)
+class NodePlan:
+    """One node as the engine needs it."""
+
+    role: Role
+    run_key: str
+    run_dir: Path
+    """On the host; the node finds it at `engine.output_path`."""
+    sequence: Path
+    limits: Limits
+    cpus: list[int]
+    """Host CPUs the node may use."""
+
+
+class Node(Protocol):
+    """A node that an engine started; it waits at the gate until `release`."""
+
+    role: Role
+    pid: int
+    reader: CgroupReader
+    granted: Granted
+
+    def release(self) -> None:
+        """Opens the gate: the program starts."""
+
+    def exit_code(self) -> int | None:
+        """None while it runs; negative for a signal."""
+
+    def out_of_memory(self) -> bool:
+        """True when the kernel ended it because of its memory limit."""
+
+    def ask_to_stop(self) -> None:
+        """SIGTERM: finish early, write everything."""
+
+    def kill(self) -> None:
+        """SIGKILL, and waits for the end."""
+
+    def remove(self) -> None:
+        """Removes every trace but the output files; calling it twice is harmless."""
+
+
+class Engine(Protocol):
+    """A way to run two nodes on this host."""
+
+    name: str
+
+    def sequence_path(self, sequence: Path) -> str:
+        """Where a node finds the sequence."""
+
+    def output_path(self, run_dir: Path) -> str:
+        """Where a node finds its output folder."""
+
+    def describe(self) -> dict[str, Any]:
+        """For the manifest: image id and the like."""
+
+    def start(self, plan: NodePlan) -> Node:
+        """Brings the node to the gate: namespaces and limits in place, program not started."""
+
+
+def netns(node: Node) -> Path:
+    """The node's network namespace."""
+    return Path(f"/proc/{node.pid}/ns/net")
+
+
+class ProcessWatch:
+    """Knows whether a process is alive, even if its number was given to another one since."""
+
+    def __init__(self, pid: int) -> None:
+        self._fd = os.pidfd_open(pid)
+
+    def alive(self) -> bool:
+        """False once the process has ended."""
+        return not select.select([self._fd], [], [], 0)[0]
+
+    def wait(self, timeout_s: float) -> bool:
+        """True when it ended within the time."""
+        return bool(select.select([self._fd], [], [], timeout_s)[0])
+
+    def signal(self, number: int) -> None:
+        """Sends a signal, unless the process has ended."""
+        try:
+            signal.pidfd_send_signal(self._fd, number)
+        except ProcessLookupError:
+            return
+
+    def close(self) -> None:
+        """Gives the descriptor back."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+
+def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
+    """What the kernel granted otherwise than asked; empty when all is as it should be."""
+    found: list[str] = []
+    quota = limits.quota_cores
+    # The kernel keeps whole microseconds of quota per period.
+    slack = 2e-3 / limits.period_ms
+    if (quota is None) != (granted.quota_cores is None) or (
+        quota is not None
+        and granted.quota_cores is not None
+        and abs(quota - granted.quota_cores) > slack
+    ):
+        found.append(f"CPU quota {granted.quota_cores} cores instead of {quota}")
+    if limits.cores is not None and parse_cpus(granted.cpus) != sorted(cpus):
+        found.append(f"CPUs {granted.cpus} instead of {','.join(map(str, cpus))}")
+    if limits.memory_mb is not None and granted.memory_mb != limits.memory_mb:
+        found.append(f"memory {granted.memory_mb} MB instead of {limits.memory_mb}")
+    return found
+
+
+def parse_cpus(text: str) -> list[int]:
+    """CPU numbers of a kernel list such as `0-2,5`."""
+    numbers: list[int] = []
+    for part in filter(None, text.split(",")):
+        first, _, last = part.partition("-")
+        numbers += range(int(first), int(last or first) + 1)
+    return sorted(numbers)
+
+
+def allot_cpus(mobile: Limits, edge: Limits | None, host: list[int]) -> dict[Role, list[int]]:
+    """CPUs of each node. They are kept apart where the host has enough; else they share.
+
+    The mobile node takes the first CPUs, the edge node the last ones.
+    """
+    host = sorted(host)
+    allotted: dict[Role, list[int]] = {"mobile": host[: mobile.cores or len(host)]}
+    if edge is not None:
+        allotted["edge"] = host[-(edge.cores or len(host)) :]
+    return allotted
+
+
+def last_line(path: Path) -> str:
+    """Last line of a log; an `error:` line is preferred."""
+    try:
+        lines = path.read_text(errors="replace").strip().splitlines()
+    except OSError:
+        lines = []
+    told = [line for line in lines if line.startswith("error:")]
+    return (told or lines or ["it said nothing"])[-1]

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Engine `docker`: two containers of one image, without a network of their own."""
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Any
+
+import docker
+from docker.errors import APIError, DockerException, NotFound
+
+from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch
+from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.errors import environment_error
+from slambed.sampling.cgroup import CgroupReader, paths_of
+from slambed.spec.system import Role
+
+NODE_UID = 10001
+"""Owner of the node's process: nobody on the host has this number."""
+OUTPUT, SEQUENCE = "/out", "/sequence"
+GATE = "/out/go"
+# The shell waits for the link to be up, then becomes the program.
+WAIT_AT_GATE = f'until [ -e {GATE} ]; do sleep 0.02; done; exec slambed-node "$@"'
+PIDS_LIMIT = 256
+OOM_EXIT = 137
+KILL_TIMEOUT_S = 10
+
+
+class DockerNode:
+    """A running container whose shell waits at the gate, then is the node."""
+
+    def __init__(self, role: Role, container: Any, run_dir: Path, pid: int) -> None:
+        self.role = role
+        self.pid = pid
+        self._container = container
+        self._run_dir = run_dir
+        self._watch = ProcessWatch(pid)
+        self.reader = CgroupReader(paths_of(pid))
+        self.granted = self.reader.granted()
+        self._code: int | None = None
+        self._removed = False
+
+    def release(self) -> None:
+        """Opens the gate (of both containers: they share the output folder)."""
+        (self._run_dir / "go").touch()
+
+    def exit_code(self) -> int | None:
+        """None while it runs; the daemon is asked only once the process has ended."""
+        if self._code is None and not self._watch.alive():
+            with contextlib.suppress(DockerException):
+                self._code = int(self._container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
+            self._code = 70 if self._code is None else self._code
+            self._write_log()
+        return self._code
+
+    def out_of_memory(self) -> bool:
+        """As the daemon saw it."""
+        with contextlib.suppress(DockerException):
+            self._container.reload()
+            return bool(self._container.attrs["State"]["OOMKilled"])
+        return False
+
+    def ask_to_stop(self) -> None:
+        """SIGTERM."""
+        with contextlib.suppress(APIError):
+            self._container.kill("SIGTERM")
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        if self._watch.alive():
+            with contextlib.suppress(APIError):
+                self._container.kill("SIGKILL")
+            self._watch.wait(KILL_TIMEOUT_S)
+
+    def remove(self) -> None:
+        """Removes the container."""
+        if self._removed:
+            return
+        self._removed = True
+        if self._code is None:
+            self._write_log()
+        with contextlib.suppress(NotFound):
+            self._container.remove(force=True, v=True)
+        self._watch.close()
+
+    def _write_log(self) -> None:
+        with contextlib.suppress(DockerException, OSError):
+            (self._run_dir / self.role / "log.txt").write_bytes(self._container.logs())
+
+
+class DockerEngine:
+    """Runs nodes in containers. Needs a daemon on this host, and root for the link."""
+
+    name = "docker"
+
+    def __init__(self, client: docker.DockerClient | None = None, image: Any | None = None) -> None:
+        self._client = client or connect()
+        if os.geteuid() != 0:
+            raise environment_error(
+                "no permission to join two containers by a link (engine docker); "
+                "run the same command with sudo"
+            )
+        self._image = image or find_image(self._client)
+        if self._image is None:
+            raise environment_error(f"image {image_tag()} is not built; run 'make images'")
+
+    def sequence_path(self, sequence: Path) -> str:
+        """Where the sequence is mounted."""
+        return SEQUENCE
+
+    def output_path(self, run_dir: Path) -> str:
+        """Where the run folder is mounted."""
+        return OUTPUT
+
+    def describe(self) -> dict[str, Any]:
+        """The image, by tag and id."""
+        assert self._image is not None
+        return {"image": next(iter(self._image.tags), None), "image_id": self._image.id}
+
+    def start(self, plan: NodePlan) -> Node:
+        """A container at the gate."""
+        role_dir = plan.run_dir / plan.role
+        role_dir.mkdir(parents=True, exist_ok=True)
+        os.chown(role_dir, NODE_UID, NODE_UID)
+        try:
+            container = self._create(plan)
+            try:
+                container.start()
+                container.reload()
+                pid = int(container.attrs["State"]["Pid"])
+                if pid == 0 or not Path(f"/proc/{pid}").exists():
+                    raise environment_error(
+                        f"container {container.short_id} has no process on this host; "
+                        "slambed needs a daemon on the same machine"
+                    )
+                return DockerNode(plan.role, container, plan.run_dir, pid)
+            except BaseException:
+                container.remove(force=True, v=True)
+                raise
+        except APIError as error:
+            raise environment_error(
+                f"Docker refused the {plan.role} node: {error.explanation or error}"
+            ) from None
+
+    def _create(self, plan: NodePlan) -> Any:
+        assert self._image is not None
+        limits = plan.limits
+        period_us = round(limits.period_ms * 1000)
+        quota: dict[str, Any] = {}
+        if limits.quota_cores is not None:
+            quota = {"cpu_period": period_us, "cpu_quota": round(limits.quota_cores * period_us)}
+        if limits.memory_mb is not None:
+            quota |= {"mem_limit": limits.memory_mb * 2**20}
+        return self._client.containers.create(
+            self._image.id,
+            entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, "slambed-node"],
+            command=["--role", plan.role, "--config", f"{OUTPUT}/run.json"],
+            name=f"{LABEL}-{plan.run_key}-{plan.role}",
+            labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
+            network_mode="none",
+            user=f"{NODE_UID}:{NODE_UID}",
+            read_only=True,
+            cap_drop=["ALL"],
+            security_opt=["no-new-privileges"],
+            pids_limit=PIDS_LIMIT,
+            cpuset_cpus=",".join(map(str, plan.cpus)),
+            volumes={
+                str(plan.sequence.resolve()): {"bind": SEQUENCE, "mode": "ro"},
+                str(plan.run_dir.resolve()): {"bind": OUTPUT, "mode": "rw"},
+            },
+            **quota,
+        )

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node image: named by the sources it is built from, so that a stale one is never used."""
+
+import subprocess
+from typing import Any
+
+import docker
+from docker.errors import DockerException, ImageNotFound
+
+from slambed.errors import SlambedError, environment_error
+from slambed.native import repository_root
+from slambed.spec.software import source_hash
+
+REPOSITORY = "slambed-node"
+
+
+def image_tag() -> str:
+    """Tag of the image that belongs to the sources of this checkout."""
+    return f"{REPOSITORY}:{source_hash()}"
+
+
+def connect() -> docker.DockerClient:
+    """A client of the daemon on this host."""
+    try:
+        client = docker.from_env(timeout=60)
+        client.ping()
+    except DockerException as error:
+        raise environment_error(f"no Docker: {_reason(error)}; {advice(error)}") from None
+    return client
+
+
+def advice(error: Exception) -> str:
+    """What to do about a daemon that does not answer."""
+    if "permission" in str(error).lower():
+        return "run with sudo or join the group docker"
+    return "start the Docker daemon, or use --engine local"
+
+
+def _reason(error: Exception) -> str:
+    text = str(error)
+    if "Permission" in text:
+        return "no permission for the daemon's socket"
+    if "FileNotFound" in text or "Connection refused" in text or "ConnectionRefused" in text:
+        return "the daemon does not answer"
+    return text.splitlines()[0]
+
+
+def find_image(client: docker.DockerClient) -> Any | None:
+    """The image of these sources, or None when it is not built."""
+    try:
+        return client.images.get(image_tag())
+    except ImageNotFound:
+        return None
+
+
+def build_image() -> None:
+    """`make images`: builds the image and its base where needed; output goes to the terminal."""
+    command = [str(repository_root() / "tools" / "build_image.sh"), image_tag()]
+    if subprocess.run(command, check=False).returncode != 0:
+        raise SlambedError("the node image could not be built; see the lines above")

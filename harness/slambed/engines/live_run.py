@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One live run: two nodes to the gate, the link between them, start, watch, stop."""
+
+import json
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Protocol
+
+from slambed.engines.base import Engine, Node, NodePlan, allot_cpus, differences, last_line, netns
+from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
+from slambed.errors import ExitCode, SlambedError
+from slambed.sampling.sampler import Sampler
+from slambed.spec.matrix import RunSpec
+from slambed.spec.system import Role
+
+READY_TIMEOUT_S = 30.0
+START_AHEAD_S = 0.5
+WATCH_PERIOD_S = 0.02
+# After BYE the edge has this long to finish its mapping and write.
+EDGE_GRACE_S = 20.0
+STOP_GRACE_S = 10.0
+# A mobile node may drain its work after the last frame.
+DRAIN_S = 30.0
+# every_frame waits for tracking: a slow device may take several times the recorded time.
+EVERY_FRAME_FACTOR = 10.0
+
+
+class OpenLink(Protocol):
+    """What joins the namespaces of the two nodes during a run."""
+
+    def start(self, t0_ns: int) -> None: ...
+    def alive(self) -> bool: ...
+    def stop(self) -> dict[str, Any]: ...
+
+
+LinkOpener = Callable[[RunSpec, Path, Path, Path, float], OpenLink]
+"""(run, mobile namespace, edge namespace, log folder, longest duration [s]) -> an open link."""
+
+
+class LiveRun:
+    """Executes one RunSpec in `run_dir` and leaves its raw files there."""
+
+    def __init__(
+        self,
+        spec: RunSpec,
+        engine: Engine,
+        sequence: Path,
+        played_s: float,
+        run_dir: Path,
+        open_link: LinkOpener,
+        stop: threading.Event,
+    ) -> None:
+        self._spec = spec
+        self._engine = engine
+        self._sequence = sequence
+        self._played_s = played_s
+        self._run_dir = run_dir
+        self._open_link = open_link
+        self._stop = stop
+        self._nodes: dict[Role, Node] = {}
+        self._link: OpenLink | None = None
+
+    def execute(self) -> RunResult:
+        """Runs to the end. A node that dies is an outcome; a node that cannot start is an error."""
+        config = run_json(
+            self._spec,
+            self._engine.sequence_path(self._sequence),
+            self._engine.output_path(self._run_dir),
+        )
+        (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
+        with ExitStack() as cleanup:
+            limits, problems = self._start_nodes(cleanup)
+            if self._spec.link is not None:
+                log_dir = self._run_dir / "link"
+                log_dir.mkdir()
+                self._link = self._open_link(
+                    self._spec,
+                    netns(self._nodes["mobile"]),
+                    netns(self._nodes["edge"]),
+                    log_dir,
+                    self._time_limit_s() + EDGE_GRACE_S,
+                )
+                cleanup.callback(self._close_link)
+            for node in self._nodes.values():
+                node.release()
+            self._await_ready()
+            readers = {str(role): node.reader for role, node in self._nodes.items()}
+            sampler = Sampler(readers, self._run_dir / "samples.jsonl")
+            cleanup.callback(sampler.stop)
+            self._start_clock(sampler)
+            outcome, reason = self._watch()
+            sampler.stop()
+            link = self._close_link()
+            if link is not None and link.get("invalid_reason"):
+                problems.append(f"link: {link['invalid_reason']}")
+        if self._stop.is_set():
+            raise InterruptedRunError
+        return RunResult(
+            outcome=outcome,
+            reason=reason or ("; ".join(problems) or None),
+            limits=limits,
+            throttling={
+                node: {
+                    "throttled_s": usage.throttled_s,
+                    "throttled_periods": usage.throttled_periods,
+                    "periods": usage.periods,
+                }
+                for node, usage in sampler.last().items()
+            },
+            link=link,
+        )
+
+    def _start_nodes(self, cleanup: ExitStack) -> tuple[dict[str, Any], list[str]]:
+        devices = {"mobile": self._spec.device_mobile}
+        if self._spec.device_edge is not None:
+            devices["edge"] = self._spec.device_edge
+        edge = devices.get("edge")
+        cpus = allot_cpus(
+            devices["mobile"].limits, edge.limits if edge else None, sorted(os.sched_getaffinity(0))
+        )
+        limits: dict[str, Any] = {}
+        problems: list[str] = []
+        # The edge first: it is ready to listen by the time the mobile connects.
+        for role in sorted(cpus):
+            asked = devices[role].limits
+            plan = NodePlan(
+                role, self._spec.run_key, self._run_dir, self._sequence, asked, cpus[role]
+            )
+            node = self._engine.start(plan)
+            cleanup.callback(node.remove)
+            self._nodes[role] = node
+            limits[role] = {
+                "asked": asked.model_dump(mode="json") | {"cpus": cpus[role]},
+                "granted": asdict(node.granted),
+            }
+            problems += [f"{role}: {text}" for text in differences(asked, node.granted, cpus[role])]
+        return limits, problems
+
+    def _await_ready(self) -> None:
+        deadline = time.monotonic() + READY_TIMEOUT_S
+        waiting = set(self._nodes)
+        while waiting:
+            waiting = {r for r in waiting if not (self._run_dir / r / "ready.json").exists()}
+            for role, node in self._nodes.items():
+                if (code := node.exit_code()) is not None:
+                    raise self._refusal(role, code)
+            if self._stop.is_set():
+                raise InterruptedRunError
+            if self._link is not None and not self._link.alive():
+                raise SlambedError("the link ended before the run began", ExitCode.ENVIRONMENT)
+            if time.monotonic() > deadline:
+                names = " and ".join(sorted(waiting))
+                raise SlambedError(
+                    f"the {names} node was not ready within {READY_TIMEOUT_S:.0f} s", ExitCode.PEER
+                )
+            time.sleep(WATCH_PERIOD_S / 2)
+
+    def _refusal(self, role: Role, code: int) -> SlambedError:
+        told = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
+        line = f"the {role} node ended before it was ready (exit code {code}): {told}"
+        known = code in set(ExitCode) and code != ExitCode.OK
+        return SlambedError(line, ExitCode(code) if known else ExitCode.INTERNAL)
+
+    def _start_clock(self, sampler: Sampler) -> None:
+        t0_ns = time.monotonic_ns() + int(START_AHEAD_S * 1e9)
+        if self._link is not None:
+            self._link.start(t0_ns)
+        sampler.start(t0_ns)
+        partial = self._run_dir / "start.json.partial"
+        partial.write_text(json.dumps({"t0_ns": t0_ns}))
+        partial.chmod(0o644)
+        partial.rename(self._run_dir / "start.json")
+
+    def _time_limit_s(self) -> float:
+        factor = EVERY_FRAME_FACTOR if self._spec.playback.mode == "every_frame" else 1.0
+        return START_AHEAD_S + self._played_s * factor + DRAIN_S
+
+    def _watch(self) -> tuple[Outcome, str | None]:
+        """Until the mobile node has ended. A dead edge or link does not end the run: what the
+        mobile node makes of it is the result."""
+        deadline = time.monotonic() + self._time_limit_s()
+        ended: tuple[Outcome, str] | None = None
+        mobile, edge = self._nodes["mobile"], self._nodes.get("edge")
+        while (code := mobile.exit_code()) is None:
+            if self._stop.wait(WATCH_PERIOD_S):
+                self._end_nodes()
+                raise InterruptedRunError
+            if time.monotonic() > deadline:
+                self._end_nodes()
+                return "timeout", f"not finished after {self._time_limit_s():.0f} s"
+            if ended is None and edge is not None and self._ended_early(edge):
+                ended = "edge_died", self._died("edge", edge.exit_code() or 0)
+            if ended is None and self._link is not None and not self._link.alive():
+                ended = "link_died", "the link ended in the middle of the run"
+        if code != 0:
+            self._end_nodes()
+            return "mobile_died", self._died("mobile", code)
+        if edge is not None and ended is None:
+            ended = self._await_edge(edge)
+        self._end_nodes()
+        return ended or ("completed", None)
+
+    def _ended_early(self, edge: Node) -> bool:
+        """An edge that ends well has heard BYE: then the mobile node is about to end too."""
+        if (code := edge.exit_code()) is None:
+            return False
+        try:
+            told = json.loads((self._run_dir / "edge" / "node.json").read_text())
+        except (OSError, ValueError):
+            return True
+        return code != 0 or bool(told.get("stopped"))
+
+    def _await_edge(self, edge: Node) -> tuple[Outcome, str] | None:
+        deadline = time.monotonic() + EDGE_GRACE_S
+        while (code := edge.exit_code()) is None:
+            if self._stop.wait(WATCH_PERIOD_S):
+                self._end_nodes()
+                raise InterruptedRunError
+            if time.monotonic() > deadline:
+                return (
+                    "timeout",
+                    f"the edge node went on {EDGE_GRACE_S:.0f} s after the mobile node",
+                )
+        return None if code == 0 else ("edge_died", self._died("edge", code))
+
+    def _died(self, role: Role, code: int) -> str:
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        if self._nodes[role].out_of_memory():
+            how = "killed at its memory limit"
+        return f"{role} node: {how}: {last_line(self._run_dir / role / 'log.txt')}"
+
+    def _end_nodes(self) -> None:
+        for node in self._nodes.values():
+            if node.exit_code() is None:
+                node.ask_to_stop()
+        deadline = time.monotonic() + STOP_GRACE_S
+        for node in self._nodes.values():
+            while node.exit_code() is None and time.monotonic() < deadline:
+                time.sleep(WATCH_PERIOD_S)
+            node.kill()
+
+    def _close_link(self) -> dict[str, Any] | None:
+        if self._link is None:
+            return None
+        link, self._link = self._link, None
+        return link.stop()

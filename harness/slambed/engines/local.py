@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Engine `local`: nodes as processes in network namespaces and control groups, no daemon."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from slambed.engines import launcher
+from slambed.engines.base import Node, NodePlan, ProcessWatch, last_line
+from slambed.engines.cgroups import CgroupMaker, entry_files, remove
+from slambed.errors import environment_error
+from slambed.native import find_program
+from slambed.sampling.cgroup import CgroupPaths, CgroupReader
+from slambed.spec.system import Role
+
+GATE_TIMEOUT_S = 20.0
+KILL_TIMEOUT_S = 10.0
+
+
+class LocalNode:
+    """A child process that waits at the gate, then is the node."""
+
+    def __init__(self, role: Role, process: subprocess.Popen[bytes], paths: CgroupPaths) -> None:
+        self.role = role
+        self.pid = process.pid
+        self.reader = CgroupReader(paths)
+        self.granted = self.reader.granted()
+        self._process = process
+        self._watch = ProcessWatch(process.pid)
+        self._paths = paths
+
+    def release(self) -> None:
+        """Opens the gate."""
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(b"g")
+            self._process.stdin.close()
+        except BrokenPipeError:
+            pass  # It died at the gate; exit_code() tells.
+
+    def exit_code(self) -> int | None:
+        """None while it runs."""
+        return self._process.poll()
+
+    def out_of_memory(self) -> bool:
+        """As its group counted it."""
+        return self.reader.oom_kills() > 0
+
+    def ask_to_stop(self) -> None:
+        """SIGTERM."""
+        if self._process.poll() is None:
+            self._watch.signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        if self._process.poll() is None:
+            self._watch.signal(signal.SIGKILL)
+            self._process.wait(KILL_TIMEOUT_S)
+
+    def remove(self) -> None:
+        """Kills the process and removes its groups."""
+        self.kill()
+        if self._process.stdin is not None and not self._process.stdin.closed:
+            self._process.stdin.close()
+        self._watch.close()
+        folders = {*self._paths.folders.values()}
+        if self._paths.unified is not None:
+            folders.add(self._paths.unified)
+        for folder in folders:
+            remove(folder)
+
+
+class LocalEngine:
+    """Runs nodes without a daemon. Needs root."""
+
+    name = "local"
+
+    def __init__(self, program: Path | None = None) -> None:
+        if os.geteuid() != 0:
+            raise environment_error(
+                "no permission for network namespaces and cgroups (engine local); "
+                "run the same command with sudo"
+            )
+        self._program = program or find_program("slambed-node")
+        self._groups = CgroupMaker()
+
+    def sequence_path(self, sequence: Path) -> str:
+        """The node sees the host's files."""
+        return str(sequence.resolve())
+
+    def output_path(self, run_dir: Path) -> str:
+        """The node sees the host's files."""
+        return str(run_dir.resolve())
+
+    def describe(self) -> dict[str, Any]:
+        """No image."""
+        return {"image_id": None}
+
+    def start(self, plan: NodePlan) -> Node:
+        """A process at the gate, in its own network namespace and groups."""
+        paths = self._groups.make(f"{plan.run_key}-{plan.role}", plan.limits, plan.cpus)
+        ready_read, ready_write = os.pipe()
+        role_dir = plan.run_dir / plan.role
+        role_dir.mkdir(parents=True, exist_ok=True)
+        command = [
+            *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid()), str(ready_write)),
+            *map(str, entry_files(paths)),
+            *("--", str(self._program), "--role", plan.role),
+            *("--config", str(plan.run_dir.resolve() / "run.json")),
+        ]
+        try:
+            with (role_dir / "log.txt").open("wb") as log:
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.PIPE,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    pass_fds=[ready_write],
+                    cwd="/",
+                    # Ctrl-C reaches the harness alone; it ends the nodes in its own order.
+                    start_new_session=True,
+                )
+            os.close(ready_write)
+            ready_write = -1
+            node = LocalNode(plan.role, process, paths)
+            if not _one_byte(ready_read):
+                node.remove()
+                told = last_line(role_dir / "log.txt")
+                raise environment_error(f"the {plan.role} node did not reach its gate: {told}")
+            return node
+        finally:
+            os.close(ready_read)
+            if ready_write >= 0:
+                os.close(ready_write)
+
+
+def _one_byte(fd: int) -> bool:
+    return bool(select.select([fd], [], [], GATE_TIMEOUT_S)[0]) and os.read(fd, 1) == b"r"

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One virtual run: both nodes in one slambed-sim process under a discrete-event clock.
+
+Needs no privilege. Equal specs give equal bytes, whatever else the host does (docs/virtual.md).
+"""
+
+import ctypes
+import fcntl
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from slambed.engines.base import last_line
+from slambed.engines.result import InterruptedRunError, RunResult, run_json
+from slambed.engines.virtual_link import link_json, write_link_log
+from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.link.profile import parse_profile
+from slambed.spec.device import VIRTUAL, Device
+from slambed.spec.matrix import RunSpec, canonical_json
+
+PROGRAM = "slambed-sim"
+DRAIN_S = 30.0
+"""Virtual time after the last frame that the link's tables still cover."""
+LEAST_LIMIT_S = 120.0
+LIMIT_FACTOR = 20.0
+"""A run that takes so many times its played time (wall clock) hangs."""
+WATCH_PERIOD_S = 0.05
+CACHE_BYTES = 4 << 30
+"""Feature caches beyond this size go, the longest unused first."""
+PR_SET_PDEATHSIG = 1
+
+
+def sim_json(spec: RunSpec, horizon_s: float, features: Path | None) -> dict[str, Any]:
+    """The world around the nodes (docs/formats.md, "Virtual run")."""
+    link: dict[str, Any] | None = None
+    if spec.link is not None:
+        link = link_json(
+            parse_profile(spec.link.content, f"profile {spec.link.profile}"), horizon_s
+        )
+    return {
+        "format": "slambed-sim",
+        "version": 1,
+        "run": "run.json",
+        "devices": {
+            "mobile": _device(spec.device_mobile),
+            "edge": _device(spec.device_edge) if spec.device_edge else None,
+        },
+        "link": link,
+        "feature_cache": (
+            {"path": str(features), "key": feature_key(spec)} if features is not None else None
+        ),
+    }
+
+
+def _device(device: Device) -> dict[str, Any]:
+    if device.model is None:
+        raise SlambedError(
+            f"device {device.name} has no cost model; fit one: slambed calibrate --stages"
+        )
+    return device.model.model_dump(mode="json")
+
+
+def feature_key(spec: RunSpec) -> str:
+    """Everything that the features of a sequence depend on."""
+    orb = {name: value for name, value in spec.params.items() if name.startswith("n_orb")}
+    return canonical_json({"sequence": spec.sequence_checksum, "software": spec.software, **orb})
+
+
+def feature_file(folder: Path, spec: RunSpec) -> Path:
+    """Where the features of this run's sequence are kept."""
+    digest = hashlib.sha256(feature_key(spec).encode()).hexdigest()[:16]
+    return folder / f"{digest}.features"
+
+
+@dataclass(frozen=True)
+class VirtualRun:
+    """Executes one RunSpec in `run_dir` and leaves its raw files there."""
+
+    spec: RunSpec
+    sequence: Path
+    played_s: float
+    run_dir: Path
+    program: Path
+    features: Path | None
+    """Folder of feature caches; None: every run extracts for itself."""
+
+    def execute(self, stop: threading.Event) -> RunResult:
+        """Runs to the end. A program that refuses its input is an error, one that dies is an
+        outcome."""
+        self._write_files()
+        cache = feature_file(self.features, self.spec) if self.features else None
+        with _made_once(cache):
+            code = self._run(stop)
+        if code in (ExitCode.BAD_INPUT, ExitCode.ENVIRONMENT):
+            told = last_line(self.run_dir / "log.txt").removeprefix("error: ")
+            raise SlambedError(f"{PROGRAM}: {told}", ExitCode(code))
+        link = {"backend": VIRTUAL, "base_rtt_ms": 0.0, "drops": None, "died": None}
+        return RunResult(
+            outcome="completed" if code == 0 else "timeout" if code is None else "mobile_died",
+            reason=None if code == 0 else self._reason(code),
+            link=link | {"proof": None, "details": {}} if self.spec.link else None,
+        )
+
+    def _write_files(self) -> None:
+        # The output path is relative: equal runs in different folders leave equal files.
+        config = run_json(self.spec, str(self.sequence.resolve()), ".")
+        (self.run_dir / "run.json").write_text(json.dumps(config, indent=1))
+        features = feature_file(self.features, self.spec).resolve() if self.features else None
+        world = sim_json(self.spec, self.played_s + DRAIN_S, features)
+        (self.run_dir / "sim.json").write_text(json.dumps(world))
+        if self.spec.link is not None:
+            profile = parse_profile(self.spec.link.content, f"profile {self.spec.link.profile}")
+            write_link_log(profile, self.played_s, self.run_dir / "link")
+
+    def _run(self, stop: threading.Event) -> int | None:
+        """Exit code; None when it took too long."""
+        deadline = time.monotonic() + self._limit_s()
+        with (self.run_dir / "log.txt").open("wb") as log:
+            process = subprocess.Popen(
+                [str(self.program), "--config", "sim.json"],
+                cwd=self.run_dir,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                # Ctrl-C reaches the harness alone; and nothing outlives it.
+                start_new_session=True,
+                preexec_fn=die_with_parent,
+            )
+        try:
+            while True:
+                try:
+                    return process.wait(WATCH_PERIOD_S)
+                except subprocess.TimeoutExpired:
+                    if stop.is_set():
+                        raise InterruptedRunError from None
+                    if time.monotonic() > deadline:
+                        return None
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+
+    def _limit_s(self) -> float:
+        return LEAST_LIMIT_S + LIMIT_FACTOR * self.played_s
+
+    def _reason(self, code: int | None) -> str:
+        if code is None:
+            return f"{PROGRAM} had not finished after {self._limit_s():.0f} s"
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return f"{PROGRAM}: {how}: {last_line(self.run_dir / 'log.txt')}"
+
+
+_LIBC = ctypes.CDLL(None)
+
+
+def die_with_parent() -> None:
+    """For the child: the kernel ends it with the thread that started it."""
+    _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+@contextmanager
+def _made_once(cache: Path | None) -> Iterator[None]:
+    """While the cache is missing only one run may go on: it makes it, the others then use it."""
+    if cache is None:
+        yield
+        return
+    if cache.exists():
+        os.utime(cache)
+        yield
+        return
+    try:
+        cache.parent.mkdir(parents=True, exist_ok=True)
+        lock = cache.with_suffix(".lock").open("w")
+    except OSError as refused:
+        raise environment_error(
+            f"{cache.parent}: {refused.strerror}; set SLAMBED_CACHE to a folder you may write"
+        ) from None
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if cache.exists():
+            fcntl.flock(lock, fcntl.LOCK_UN)
+        yield
+
+
+def prune_features(folder: Path, limit_bytes: int = CACHE_BYTES) -> None:
+    """Removes what killed runs left and the longest unused caches beyond the limit."""
+    found = [(path.stat(), path) for path in folder.glob("*.features*") if path.is_file()]
+    left = limit_bytes
+    for status, path in sorted(found, key=lambda item: -item[0].st_mtime):
+        left -= status.st_size
+        if left < 0 or (path.suffix != ".features" and status.st_mtime < time.time() - 3600):
+            path.unlink(missing_ok=True)
+            path.with_suffix(".lock").unlink(missing_ok=True)

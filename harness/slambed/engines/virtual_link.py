@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A profile as slambed-sim reads it: what the relay reads, because it is the same model."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slambed.link.profile import Profile
+from slambed.link.record import ASKED_STEP_S, series_frame
+from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
+
+
+def link_json(profile: Profile, horizon_s: float) -> dict[str, Any]:
+    """Both directions (docs/formats.md, "Virtual run")."""
+    up_ms, down_ms = delay_table_ms(profile, horizon_s)
+    return {
+        "step_ms": STEP_MS,
+        "interpolation": "linear",
+        "up": direction_config(profile, profile.up, up_ms, horizon_s),
+        "down": direction_config(profile, profile.down, down_ms, horizon_s),
+    }
+
+
+def write_link_log(profile: Profile, played_s: float, folder: Path) -> None:
+    """link.parquet of a virtual run: what was asked is what was applied; nothing is probed."""
+    folder.mkdir()
+    t = np.arange(0.0, played_s + ASKED_STEP_S, ASKED_STEP_S)
+    up, down = profile.up_ms(t), profile.down_ms(t)
+    frame = series_frame(
+        {
+            "asked_rtt_ms": (t, up + down),
+            "applied_up_ms": (t, up),
+            "applied_down_ms": (t, down),
+        }
+    )
+    frame.to_parquet(folder / "link.parquet")

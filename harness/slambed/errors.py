@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one exception a user may see, and the exit codes (docs/formats.md, "Exit codes")."""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """Exit codes of every slambed command."""
+
+    OK = 0
+    NOT_ALL_GOOD = 1
+    BAD_INPUT = 2
+    ENVIRONMENT = 3
+    PEER = 4
+    INTERNAL = 70
+
+
+class SlambedError(Exception):
+    """A failure told in one line: what, where, what to do."""
+
+    def __init__(self, line: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
+        super().__init__(line)
+        self.code = code
+
+
+def environment_error(line: str) -> SlambedError:
+    """A privilege, device, port or disk refused; not the user's input."""
+    return SlambedError(line, ExitCode.ENVIRONMENT)

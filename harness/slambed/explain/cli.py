@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed explain`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.errors import SlambedError
+from slambed.explain.picture import Window, draw
+from slambed.explain.run_log import RunLog, find_run, read_run
+from slambed.explain.story import story
+
+FORMATS = (".png", ".svg", ".pdf")
+AROUND_S = 2.0
+"""Shown before and after what `--around` asks for."""
+
+
+def explain(
+    run: Annotated[str, typer.Argument(help="Run folder, or (the beginning of) a run key.")],
+    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
+        "results"
+    ),
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture: .png, .svg or .pdf.")
+    ] = None,
+    begin: Annotated[float | None, typer.Option("--from", help="Run time in s.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Run time in s.")] = None,
+    around: Annotated[
+        str | None, typer.Option(help="'loss' (the first one) or a run time: 2 s on either side.")
+    ] = None,
+) -> None:
+    """Show what happened in one run: a time line picture, and its story in lines.
+
+    Who computed what when, messages under way, states, RTT and track losses; live and virtual runs
+    alike.
+    """
+    log = read_run(find_run(run, results))
+    window = choose_window(log, begin, end, around)
+    path = output or Path(f"explain_{log.folder.resolve().name}.png")
+    if path.suffix not in FORMATS:
+        raise SlambedError(f"unknown picture format {path}; known: {', '.join(FORMATS)}")
+    for line in story(log):
+        typer.echo(line)
+    draw(log, window, path)
+    typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {path}")
+
+
+def choose_window(
+    log: RunLog, begin: float | None, end: float | None, around: str | None
+) -> Window:
+    """What the options ask for; the whole run when they ask for nothing."""
+    if around is not None:
+        centre_s = _centre(log, around)
+        return Window(max(0.0, centre_s - AROUND_S), centre_s + AROUND_S)
+    begin_s = 0.0 if begin is None else begin
+    end_s = log.end_s if end is None else end
+    if end_s <= begin_s:
+        raise SlambedError(f"--to {end_s:g} is not after --from {begin_s:g}")
+    return Window(begin_s, end_s)
+
+
+def _centre(log: RunLog, around: str) -> float:
+    if around != "loss":
+        try:
+            return float(around)
+        except ValueError:
+            raise SlambedError(f"--around {around} is neither 'loss' nor seconds") from None
+    losses = log.losses_s()
+    if not losses:
+        raise SlambedError("tracking was never lost in this run; give --around SECONDS")
+    return losses[0]

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The time line of a run: who computed what when, what was under way, states, RTT, losses."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Patch
+
+from slambed.explain.run_log import NS_PER_S, RunLog
+from slambed.metrics.network import series
+from slambed.report.style import RC
+
+WIDTH_IN, LANE_IN = 13.0, 0.30
+LEAST_WIDTH = 0.4
+STATE_COLOURS = {
+    "ok": "#009E73", "lost": "#D55E00", "not_initialised": "#999999",
+    "OS": "#0072B2", "SZ": "#E69F00", "MES": "#CC79A7",
+}  # fmt: skip
+STAGE_COLOURS = {
+    "extract": "#56B4E9", "track": "#0072B2", "create_keyframe": "#003d66",
+    "serialise": "#CC79A7", "parse": "#8a4a70", "apply_update": "#000000",
+    "prepare_update": "#E69F00", "insert": "#c7e9c0", "cull_points": "#a1d99b",
+    "triangulate": "#74c476", "fuse": "#31a354", "bundle": "#006d2c", "cull_keyframes": "#00441b",
+    "loop_detect": "#fdae6b", "loop_close": "#e6550d", "global_bundle": "#a63603",
+}  # fmt: skip
+OTHER_COLOUR = "#7f7f7f"
+CHANNEL_COLOURS = {
+    "keyframe": "#0072B2", "map": "#D55E00", "control": "#999999", "frame": "#009E73",
+}  # fmt: skip
+SOURCE_COLOURS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
+LOSS_COLOUR = "#D55E00"
+ORDER = ("camera", "tracking", "map-update", "local-mapping", "receiver", "control", "rtt")
+"""Workers from top to bottom; others follow by name."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a run that is shown, in seconds of run time."""
+
+    begin_s: float
+    end_s: float
+
+
+def draw(run: RunLog, window: Window, path: Path) -> None:
+    """Writes the picture; its format is the suffix (png, svg or pdf)."""
+    lanes = {node: _workers(run, node) for node in ("mobile", "edge")}
+    has_edge = bool(lanes["edge"])
+    rows: list[tuple[float, Callable[[Axes], None]]] = [
+        (2.2, lambda axes: _states(run, axes)),
+        (max(1, len(lanes["mobile"])) + 0.6, lambda a: _stages(run, "mobile", lanes["mobile"], a)),
+    ]
+    if has_edge:
+        rows.append((3.0, lambda axes: _messages(run, axes)))
+        rows.append((len(lanes["edge"]) + 0.6, lambda a: _stages(run, "edge", lanes["edge"], a)))
+        rows.append((3.0, lambda axes: _rtt(run, axes, window)))
+    with plt.rc_context(RC):
+        heights = [height for height, _ in rows]
+        figure, axes = plt.subplots(
+            len(rows), 1, sharex=True, squeeze=False,
+            figsize=(WIDTH_IN, LANE_IN * sum(heights) + 1.6),
+            gridspec_kw={"height_ratios": heights},
+        )  # fmt: skip
+        try:
+            for axis, (_, paint) in zip(axes.ravel(), rows, strict=True):
+                paint(axis)
+                for loss_s in run.losses_s():
+                    axis.axvline(loss_s, color=LOSS_COLOUR, linewidth=0.9, linestyle="--")
+            axes[0, 0].set_xlim(window.begin_s, window.end_s)
+            axes[0, 0].set_title(run.title, loc="left")
+            axes[-1, 0].set_xlabel("run time [s]")
+            shown = _stage_names(run, window)
+            figure.legend(
+                handles=[Patch(color=_colour(name), label=name) for name in shown],
+                loc="outside lower center",
+                ncols=8,
+            )
+            figure.savefig(path, dpi=110)
+        finally:
+            plt.close(figure)
+
+
+def _workers(run: RunLog, node: str) -> list[str]:
+    found = {str(w) for w in run.of("stage", node=node)["worker"].dropna()}
+    return sorted(found, key=lambda w: (ORDER.index(w) if w in ORDER else len(ORDER), w))
+
+
+def _stage_names(run: RunLog, window: Window) -> list[str]:
+    stages = run.of("stage")
+    inside = stages[stages["t_s"].between(window.begin_s, window.end_s)]
+    names = set(inside["name"].dropna())
+    known = [name for name in STAGE_COLOURS if name in names]
+    return known + sorted(names - set(known))
+
+
+def _colour(stage: str) -> str:
+    return STAGE_COLOURS.get(stage, OTHER_COLOUR)
+
+
+def _stages(run: RunLog, node: str, workers: list[str], axes: Axes) -> None:
+    """A box per stage; its lane is its worker."""
+    stages = run.of("stage", node=node)
+    for lane, worker in enumerate(workers):
+        own = stages[stages["worker"] == worker]
+        length_s = own["wall_ms"].to_numpy(np.float64) / 1e3
+        start_s = own["t_s"].to_numpy(np.float64) - length_s
+        colours = [_colour(str(name)) for name in own["name"]]
+        axes.broken_barh(
+            list(zip(start_s, length_s, strict=True)),
+            (lane - 0.4, 0.8),
+            facecolors=colours,
+            edgecolors=colours,
+            linewidth=LEAST_WIDTH,  # a stage shorter than a pixel is still seen
+        )
+    axes.set_yticks(range(len(workers)), workers)
+    axes.set_ylim(max(len(workers), 1) - 0.4, -0.6)
+    axes.set_ylabel(node)
+    axes.grid(axis="y", visible=False)
+
+
+def _messages(run: RunLog, axes: Axes) -> None:
+    """A line per message from the moment it was queued to its arrival; dropped ones end in an x."""
+    messages = run.of("message")
+    drop = messages["dropped"] == True if "dropped" in messages else messages["t_s"] < 0  # noqa: E712
+    arrived = messages[~drop & messages["received_ns"].notna()]
+    for channel, own in arrived.groupby("channel"):
+        sent = own["queued_ns"].to_numpy(np.float64) / NS_PER_S
+        received = own["received_ns"].to_numpy(np.float64) / NS_PER_S
+        up = (own["direction"] == "up").to_numpy()
+        ends = np.where(up[:, None], [1.0, 0.0], [0.0, 1.0])
+        lines = [[(s, e[0]), (r, e[1])] for s, r, e in zip(sent, received, ends, strict=True)]
+        colour = CHANNEL_COLOURS.get(str(channel), OTHER_COLOUR)
+        axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.9))
+        axes.plot([], [], color=colour, label=str(channel))
+    lost = messages[drop]
+    if len(lost):
+        height = np.where(lost["direction"] == "up", 0.9, 0.1)
+        axes.plot(lost["t_s"], height, "x", color=LOSS_COLOUR, label="dropped")
+    axes.set_yticks([0, 1], ["edge", "mobile"])
+    axes.set_ylim(-0.1, 1.1)
+    axes.set_ylabel("messages")
+    axes.grid(axis="y", visible=False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", ncols=5, frameon=True)
+
+
+def _states(run: RunLog, axes: Axes) -> None:
+    """Strips of tracking and offloading state; ticks for drops, keyframes and updates."""
+    frames = run.of("frame_tracked")
+    labels = ["tracking"]
+    _strip(axes, 0, frames["t_s"], frames["state"], run.end_s)
+    changes = run.of("state_changed")
+    if len(changes):
+        labels.append("offloading")
+        times = pd.concat([pd.Series([0.0]), changes["t_s"]])
+        states = pd.concat([changes["from"].iloc[:1], changes["to"]])
+        _strip(axes, 1, times, states, run.end_s)
+    ticks = {
+        "dropped frames": (run.of("frame_dropped"), LOSS_COLOUR),
+        "keyframes": (run.of("keyframe_created"), "#0072B2"),
+        "updates applied": (run.of("update_applied"), "#000000"),
+        "declined": (run.of("update_declined", "keyframe_declined"), "#CC79A7"),
+    }
+    for name, (events, colour) in ticks.items():
+        if len(events):
+            lane = len(labels)
+            axes.vlines(events["t_s"], lane - 0.35, lane + 0.35, color=colour, linewidth=0.8)
+            labels.append(name)
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.grid(axis="y", visible=False)
+
+
+def _strip(axes: Axes, lane: int, times: pd.Series, states: pd.Series, end_s: float) -> None:
+    starts, names = times.to_numpy(np.float64), states.astype(str).to_numpy()
+    if not len(starts):
+        return
+    edges = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
+    stops = np.r_[starts[edges[1:]], end_s]
+    for begin, stop, name in zip(starts[edges], stops, names[edges], strict=True):
+        colour = STATE_COLOURS.get(name, OTHER_COLOUR)
+        axes.broken_barh([(begin, stop - begin)], (lane - 0.35, 0.7), facecolors=colour)
+
+
+def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
+    """What was asked, probed and seen by the sockets."""
+    tops: list[float] = []
+
+    def show(curve: pd.DataFrame, key: str, **look: Any) -> None:
+        axes.plot(curve["t_s"], curve[key], **look)
+        inside = curve.loc[curve["t_s"].between(window.begin_s, window.end_s), key].dropna()
+        tops.extend([float(inside.max())] if len(inside) else [])
+
+    if run.link is not None:
+        for name, label, colour in (
+            ("asked_rtt_ms", "asked", "#999999"),
+            ("probe_rtt_ms", "probed", "#009E73"),
+        ):
+            curve = series(run.link, name)
+            if len(curve):
+                show(curve, "value", color=colour, label=label, linewidth=1.2)
+    samples = run.of("rtt_sample")
+    for source, own in samples.groupby("source"):
+        colour = SOURCE_COLOURS.get(str(source), OTHER_COLOUR)
+        show(own, "rtt_ms", label=str(source), color=colour, linewidth=0.9)
+    axes.set_ylim(0, max([1.0, *(1.1 * top for top in tops)]))
+    axes.set_ylabel("RTT [ms]")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", ncols=4, frameon=True)

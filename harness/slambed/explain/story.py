@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened in a run, in lines: who was busy, how updates went, what preceded each loss."""
+
+import pandas as pd
+
+from slambed.explain.run_log import RunLog
+
+MOST_LOSSES = 5
+BEFORE_LOSS_S = 2.0
+
+
+def story(run: RunLog) -> list[str]:
+    """One line per fact."""
+    return [_frames(run), *_busy(run), *_updates(run), *_losses(run)]
+
+
+def _frames(run: RunLog) -> str:
+    tracked, dropped = run.of("frame_tracked"), run.of("frame_dropped")
+    good = int((tracked["state"] == "ok").sum())
+    return (
+        f"{len(tracked) + len(dropped)} frames in {run.end_s:.1f} s: {good} with a pose, "
+        f"{len(dropped)} dropped, {len(run.of('track_lost'))} track losses; "
+        f"{len(run.of('keyframe_created'))} keyframes"
+    )
+
+
+def _busy(run: RunLog) -> list[str]:
+    stages = run.of("stage")
+    if stages.empty or run.end_s <= 0:
+        return []
+    lines = []
+    for (node, worker), own in stages.groupby(["node", "worker"], sort=True):
+        by_name = own.groupby("name")["wall_ms"].sum().sort_values(ascending=False)
+        most = ", ".join(f"{name} {total / 1e3:.1f} s" for name, total in by_name.head(3).items())
+        share = 100 * float(own["wall_ms"].sum()) / 1e3 / run.end_s
+        lines.append(f"{node} {worker}: busy {share:.0f} % of the time ({most})")
+    return lines
+
+
+def _updates(run: RunLog) -> list[str]:
+    applied = run.of("update_applied")
+    lines = []
+    if len(applied):
+        gaps = applied["gap_keyframes"].dropna() if "gap_keyframes" in applied else pd.Series([])
+        gap = f", {int(gaps.sum())} keyframes lost to gaps" if len(gaps) else ""
+        lines.append(
+            f"{len(applied)} map updates applied, T_MU {applied['t_mu_ms'].mean():.0f} ms{gap}"
+        )
+    for kind, what in (("update_declined", "map updates"), ("keyframe_declined", "keyframes")):
+        declined = run.of(kind)
+        for reason, count in declined["reason"].value_counts().items():
+            lines.append(f"{count} {what} declined: {reason}")
+    return lines
+
+
+def _losses(run: RunLog) -> list[str]:
+    lines = []
+    losses = run.of("track_lost")
+    for _, loss in losses.head(MOST_LOSSES).iterrows():
+        t_s = float(loss["t_s"])
+        recent = run.events[run.events["t_s"].between(t_s - BEFORE_LOSS_S, t_s)]
+        facts = []
+        inliers = recent.loc[recent["type"] == "frame_tracked", "inliers"].dropna()
+        if len(inliers):
+            facts.append("inliers " + " ".join(f"{int(value)}" for value in inliers.tail(6)))
+        if dropped := int((recent["type"] == "frame_dropped").sum()):
+            facts.append(f"{dropped} frames dropped")
+        updates = run.of("update_applied")
+        earlier = updates[updates["t_s"] <= t_s]
+        if len(earlier):
+            last = earlier.iloc[-1]
+            facts.append(f"last map update {t_s - float(last['t_s']):.2f} s before")
+        states = run.of("state_changed")
+        states = states[states["t_s"] <= t_s]
+        if len(states):
+            facts.append(f"state {states.iloc[-1]['to']}")
+        lines.append(f"track lost at {t_s:.2f} s: " + "; ".join(facts))
+    if len(losses) > MOST_LOSSES:
+        lines.append(f"and {len(losses) - MOST_LOSSES} more track losses")
+    return lines

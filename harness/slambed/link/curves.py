@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Curves: milliseconds as pure functions of run time, the building blocks of a profile.
+
+In YAML a curve is a number (constant) or a mapping with one key, its kind:
+`sine: {mean_ms: 40, amplitude_ms: 30, period_s: 43}`.
+"""
+
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+Times = NDArray[np.float64]
+
+STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Curve(Protocol):
+    """Milliseconds over run time."""
+
+    def at(self, t: Times) -> Times:
+        """Values at the times `t` [s]; the value at 0 holds before 0."""
+
+    def duration_s(self) -> float | None:
+        """When nothing changes any more; None for a curve that never settles."""
+
+
+class Constant(BaseModel):
+    """The same value for ever."""
+
+    model_config = STRICT
+    kind: ClassVar[str] = "constant"
+
+    value_ms: float
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        return np.full_like(t, self.value_ms)
+
+    def duration_s(self) -> float | None:
+        """A constant has settled from the start."""
+        return 0.0
+
+
+def _in_order(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    times = [time for time, _ in points]
+    if any(time < 0 for time in times):
+        raise ValueError(f"time {min(times):g} s is negative")
+    for earlier, later in pairwise(times):
+        if later <= earlier:
+            raise ValueError(f"time goes from {earlier:g} s to {later:g} s; times must increase")
+    return points
+
+
+Points = Annotated[list[tuple[float, float]], Field(min_length=1), AfterValidator(_in_order)]
+
+
+class Steps(BaseModel):
+    """Jumps: each value holds from its time until the next one."""
+
+    model_config = STRICT
+    kind: ClassVar[str] = "steps"
+
+    points: Points
+    """[time s, ms] pairs."""
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        times, values = np.array(self.points).T
+        index = np.searchsorted(times, t, side="right") - 1
+        held: Times = values[np.clip(index, 0, None)]
+        return held
+
+    def duration_s(self) -> float | None:
+        """Time of the last jump."""
+        return self.points[-1][0]
+
+
+class Line(BaseModel):
+    """Straight lines between points; the first and the last value hold outside."""
+
+    model_config = STRICT
+    kind: ClassVar[str] = "points"
+
+    points: Points
+    """[time s, ms] pairs."""
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        times, values = np.array(self.points).T
+        between: Times = np.interp(t, times, values)
+        return between
+
+    def duration_s(self) -> float | None:
+        """Time of the last point."""
+        return self.points[-1][0]
+
+
+class Ramp(BaseModel):
+    """Up (or down) in a straight line, a plateau, and back."""
+
+    model_config = STRICT
+    kind: ClassVar[str] = "ramp"
+
+    from_ms: float = 0.0
+    to_ms: float
+    start_s: float = Field(default=0.0, ge=0)
+    rise_s: float = Field(gt=0)
+    hold_s: float = Field(default=0.0, ge=0)
+    fall_s: float = Field(default=0.0, ge=0)
+    """0: stays at `to_ms`."""
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        top = self.start_s + self.rise_s
+        times = [self.start_s, top, top + self.hold_s]
+        values = [self.from_ms, self.to_ms, self.to_ms]
+        if self.fall_s > 0:
+            times.append(times[-1] + self.fall_s)
+            values.append(self.from_ms)
+        shape: Times = np.interp(t, times, values)
+        return shape
+
+    def duration_s(self) -> float | None:
+        """End of the way back."""
+        return self.start_s + self.rise_s + self.hold_s + self.fall_s
+
+
+class Sine(BaseModel):
+    """`mean + amplitude * sin(2 pi t / period + phase)`; frozen at its value at 0 before 0."""
+
+    model_config = STRICT
+    kind: ClassVar[str] = "sine"
+
+    mean_ms: float = 0.0
+    amplitude_ms: float
+    period_s: float = Field(gt=0)
+    phase_deg: float = 0.0
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        angle = 2 * np.pi * np.maximum(t, 0.0) / self.period_s + np.radians(self.phase_deg)
+        wave: Times = self.mean_ms + self.amplitude_ms * np.sin(angle)
+        return wave
+
+    def duration_s(self) -> float | None:
+        """Never settles."""
+        return None
+
+
+class Sum(BaseModel):
+    """Curves added up."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    kind: ClassVar[str] = "sum"
+
+    parts: list[Any] = Field(min_length=1)
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        total: Times = np.sum([part.at(t) for part in self.parts], axis=0)
+        return total
+
+    def duration_s(self) -> float | None:
+        """When the last part has settled."""
+        ends = [part.duration_s() for part in self.parts]
+        return None if None in ends else max(ends)
+
+
+class _Wrapped(BaseModel):
+    """A curve made of another one."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True
+    )
+
+    of: Any
+
+
+class Clamp(_Wrapped):
+    """Cut off below `min_ms` and above `max_ms`."""
+
+    kind: ClassVar[str] = "clamp"
+
+    min_ms: float = 0.0
+    max_ms: float | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Clamp":
+        if self.max_ms is not None and self.max_ms < self.min_ms:
+            raise ValueError(f"max_ms {self.max_ms:g} is below min_ms {self.min_ms:g}")
+        return self
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        cut: Times = np.clip(self.of.at(t), self.min_ms, self.max_ms)
+        return cut
+
+    def duration_s(self) -> float | None:
+        """As the curve inside."""
+        end: float | None = self.of.duration_s()
+        return end
+
+
+class Scale(_Wrapped):
+    """Another curve times a factor."""
+
+    kind: ClassVar[str] = "scale"
+
+    factor: float = Field(ge=0)
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        scaled: Times = self.factor * self.of.at(t)
+        return scaled
+
+    def duration_s(self) -> float | None:
+        """As the curve inside."""
+        end: float | None = self.of.duration_s()
+        return end
+
+
+class Delayed(_Wrapped):
+    """Another curve that begins later; its first value holds until then."""
+
+    kind: ClassVar[str] = "delayed"
+
+    by_s: float = Field(ge=0)
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        later: Times = self.of.at(np.maximum(t - self.by_s, 0.0))
+        return later
+
+    def duration_s(self) -> float | None:
+        """End of the curve inside, later."""
+        end: float | None = self.of.duration_s()
+        return None if end is None else end + self.by_s
+
+
+class Repeat(_Wrapped):
+    """The first `period_s` of another curve over and over."""
+
+    kind: ClassVar[str] = "repeat"
+
+    period_s: float = Field(gt=0)
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`."""
+        again: Times = self.of.at(np.mod(np.maximum(t, 0.0), self.period_s))
+        return again
+
+    def duration_s(self) -> float | None:
+        """Never settles."""
+        return None
+
+
+class Trace(BaseModel):
+    """A recorded series (`slambed.link.traces` reads the files)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    kind: ClassVar[str] = "trace"
+
+    times_s: Any
+    values_ms: Any
+    hold: bool = False
+    """Steps instead of straight lines between samples."""
+
+    def at(self, t: Times) -> Times:
+        """Milliseconds at `t`; the last sample holds after the end."""
+        if self.hold:
+            index = np.searchsorted(self.times_s, t, side="right") - 1
+            held: Times = self.values_ms[np.clip(index, 0, None)]
+            return held
+        between: Times = np.interp(t, self.times_s, self.values_ms)
+        return between
+
+    def duration_s(self) -> float | None:
+        """Length of the recording."""
+        return float(self.times_s[-1])
+
+
+PLAIN: dict[str, type[BaseModel]] = {c.kind: c for c in (Ramp, Sine)}
+"""Kinds whose YAML is just their fields."""
+LISTS: dict[str, type[BaseModel]] = {c.kind: c for c in (Steps, Line)}
+"""Kinds whose YAML is a list of [time s, ms] pairs."""
+WRAPPERS: dict[str, type[BaseModel]] = {c.kind: c for c in (Clamp, Scale, Delayed, Repeat)}
+"""Kinds with a curve under `of`."""
+KINDS = ["constant", "sum", "trace", *PLAIN, *LISTS, *WRAPPERS]

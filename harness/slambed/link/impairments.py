@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What besides delay a profile can ask of a direction: jitter, loss, rate, silence."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+Share = Field(ge=0, le=1)
+
+
+class Jitter(BaseModel):
+    """Extra delay per packet on top of the profile, seeded, delivered in order."""
+
+    model_config = STRICT
+
+    shape: Literal["normal", "pareto"] = "normal"
+    sd_ms: float | None = Field(default=None, gt=0)
+    """normal: standard deviation; mean 0, the total delay never goes below 0."""
+    mean_ms: float | None = Field(default=None, gt=0)
+    """pareto: mean of the extra delay, which starts at 0."""
+    tail: float = Field(default=3.0, gt=1, le=100)
+    """pareto: tail index; smaller = heavier."""
+    max_ms: float | None = Field(default=None, gt=0)
+    correlation: float = Field(default=0.0, ge=0, lt=1)
+    """Between one packet and the next."""
+    correlation_s: float | None = Field(default=None, gt=0)
+    """Correlation by time, exp(-dt / this), so that it does not depend on the packet rate."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> "Jitter":
+        wanted, other = ("sd_ms", "mean_ms") if self.shape == "normal" else ("mean_ms", "sd_ms")
+        if getattr(self, wanted) is None or getattr(self, other) is not None:
+            raise ValueError(f"{self.shape} jitter takes {wanted} (not {other})")
+        if self.correlation and self.correlation_s:
+            raise ValueError("give correlation or correlation_s, not both")
+        return self
+
+    def relay_config(self) -> dict[str, Any]:
+        """As slambed-relay reads it."""
+        scale_ms = self.sd_ms if self.shape == "normal" else self.mean_ms
+        assert scale_ms is not None
+        return {
+            "shape": self.shape,
+            "scale_us": scale_ms * 1e3,
+            "pareto_shape": self.tail,
+            "max_us": (self.max_ms or 0.0) * 1e3,
+            "correlation": self.correlation,
+            "correlation_time_s": self.correlation_s or 0.0,
+        }
+
+
+class GilbertElliott(BaseModel):
+    """Bursty loss: a chain of a good and a bad state, one step per packet."""
+
+    model_config = STRICT
+
+    to_bad: float = Share
+    to_good: float = Share
+    loss_good: float = Field(default=0.0, ge=0, le=1)
+    loss_bad: float = Field(default=1.0, ge=0, le=1)
+
+
+class Loss(BaseModel):
+    """Packets dropped at random, seeded. All values are shares, 0..1."""
+
+    model_config = STRICT
+
+    random: float | None = Field(default=None, ge=0, le=1)
+    """Each packet on its own."""
+    gilbert_elliott: GilbertElliott | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> "Loss":
+        if (self.random is None) == (self.gilbert_elliott is None):
+            raise ValueError("give one of random, gilbert_elliott")
+        return self
+
+    def relay_config(self) -> dict[str, float]:
+        """As slambed-relay reads it: independent loss is the chain that stays in its good state."""
+        if self.gilbert_elliott is not None:
+            return self.gilbert_elliott.model_dump()
+        return {"to_bad": 0.0, "to_good": 1.0, "loss_good": self.random or 0.0, "loss_bad": 1.0}
+
+    def mean(self) -> float:
+        """Expected share of lost packets."""
+        if (chain := self.gilbert_elliott) is None:
+            return self.random or 0.0
+        turns = chain.to_bad + chain.to_good
+        bad = chain.to_bad / turns if turns > 0 else 0.0
+        return bad * chain.loss_bad + (1 - bad) * chain.loss_good
+
+
+class Rate(BaseModel):
+    """The bottleneck: a constant rate or a Mahimahi trace, with a queue in bytes."""
+
+    model_config = STRICT
+
+    mbps: float | None = Field(default=None, ge=0.001, le=100_000)
+    trace: str | None = None
+    """Mahimahi file; repeats from its start when it ends."""
+    queue_bytes: int | None = Field(default=None, ge=3000)
+    """Not given: what the mean rate carries in 200 ms, at least 64 KiB."""
+
+    @model_validator(mode="after")
+    def _one(self) -> "Rate":
+        if (self.mbps is None) == (self.trace is None):
+            raise ValueError("give one of mbps, trace")
+        return self
+
+
+class Gap(BaseModel):
+    """A hand-over: nothing arrives for a while."""
+
+    model_config = STRICT
+
+    start_s: float = Field(ge=0)
+    length_s: float = Field(gt=0)
+    every_s: float | None = Field(default=None, gt=0)
+    """Again and again with this period."""
+
+    @model_validator(mode="after")
+    def _apart(self) -> "Gap":
+        if self.every_s is not None and self.every_s <= self.length_s:
+            raise ValueError("every_s is not longer than length_s: the link would never be there")
+        return self
+
+    def within(self, horizon_s: float) -> list[tuple[float, float]]:
+        """[start, end] of each gap that begins before the horizon."""
+        found = []
+        start = self.start_s
+        while start < horizon_s:
+            found.append((start, start + self.length_s))
+            if self.every_s is None:
+                break
+            start += self.every_s
+        return found
+
+
+class Side(BaseModel):
+    """The impairments of one direction."""
+
+    model_config = STRICT
+
+    jitter: Jitter | None = None
+    loss: Loss | None = None
+    rate: Rate | None = None

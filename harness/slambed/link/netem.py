@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Backend netem: a veth pair with the kernel's netem on both ends; and a plain pair."""
+
+import contextlib
+import functools
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyroute2 import NetNS
+from pyroute2.netlink.exceptions import NetlinkError
+
+from slambed.errors import SlambedError, environment_error
+from slambed.link.impairments import Side
+from slambed.link.netlink import (
+    NetemControl,
+    NetemSettings,
+    kernel_has_netem,
+    without_segmentation_offload,
+)
+from slambed.link.profile import CHECK_FOREVER_S, Profile
+from slambed.link.proof import Waits
+from slambed.link.schedule import queue_bytes
+from slambed.link.session import (
+    DEVICE,
+    EDGE_ADDRESS,
+    MOBILE_ADDRESS,
+    PREFIX_LENGTH,
+    LinkOptions,
+    Outcome,
+)
+
+STEP_S = 0.01
+UNLIMITED_BYTES_PER_S = 12_500_000_000
+"""100 Gbit/s: 0.12 us per packet, far below what is measured."""
+LIMIT_PACKETS = 100_000
+"""Longest delay times highest rate in use: 1 Gbit/s for 1 s of 1,500-byte packets is 83,000."""
+PACKET_BYTES = 1500
+FIFO_PRIORITY = 20
+
+
+@functools.cache
+def netem_available() -> bool:
+    """True when this kernel has sch_netem and we may use it."""
+    return kernel_has_netem()
+
+
+def why_not_netem(profile: Profile) -> str | None:
+    """What of the profile netem cannot do the way the profile means it; None when it can."""
+    for side in (profile.up, profile.down):
+        if side.jitter:
+            return "its jitter reorders packets and has no seed; use backend relay"
+        if side.loss:
+            return "its losses have no seed; use backend relay"
+        if side.rate and side.rate.trace:
+            return "it has no rate traces; use backend relay"
+    return "it has no hand-over gaps; use backend relay" if profile.gaps else None
+
+
+class VethPair:
+    """Two devices, one per namespace, up and addressed."""
+
+    def __init__(self, mobile: Path, edge: Path, options: LinkOptions) -> None:
+        self._mobile = mobile
+        fd = os.open(edge, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            with _namespace(mobile) as ns:
+                peer = {"ifname": DEVICE, "net_ns_fd": fd}
+                ns.link("add", ifname=DEVICE, kind="veth", peer=peer)
+        except NetlinkError as error:
+            raise environment_error(
+                f"cannot make the veth pair {DEVICE}: {error}; remove a device of that name"
+            ) from None
+        finally:
+            os.close(fd)
+        try:
+            for namespace, address in ((mobile, MOBILE_ADDRESS), (edge, EDGE_ADDRESS)):
+                _no_ipv6(namespace)
+                self._bring_up(namespace, address, options)
+                without_segmentation_offload(namespace, DEVICE)
+        except BaseException:
+            self.remove()
+            raise
+
+    @staticmethod
+    def _bring_up(namespace: Path, address: str, options: LinkOptions) -> None:
+        with _namespace(namespace) as ns:
+            (index,) = ns.link_lookup(ifname=DEVICE)
+            ns.link("set", index=index, mtu=options.mtu, txqlen=options.tx_queue_packets)
+            ns.addr("add", index=index, address=address, prefixlen=PREFIX_LENGTH)
+            ns.link("set", index=index, state="up")
+
+    def remove(self) -> None:
+        """Removes the pair; its other end goes with it."""
+        # The namespace, or the device, may have gone before.
+        with contextlib.suppress(NetlinkError, OSError), _namespace(self._mobile) as ns:
+            for index in ns.link_lookup(ifname=DEVICE):
+                ns.link("del", index=index)
+
+
+def _namespace(path: Path) -> Any:
+    return NetNS(str(path), flags=0)
+
+
+def _no_ipv6(namespace: Path) -> None:
+    from slambed.link.namespaces import inside
+
+    def work() -> None:
+        with contextlib.suppress(OSError):
+            Path(f"/proc/sys/net/ipv6/conf/{DEVICE}/disable_ipv6").write_text("1", "ascii")
+
+    inside(namespace, work)
+
+
+class PlainShaper:
+    """Backend none: a veth pair that adds nothing; the control of every comparison."""
+
+    name = "none"
+
+    def __init__(
+        self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
+    ) -> None:
+        self._pair = VethPair(mobile, edge, o)
+        self._watch = NetemControl(mobile, DEVICE)
+
+    def apply(self) -> None:
+        """Nothing to apply."""
+
+    def start(self, t0_ns: int) -> None:
+        """Nothing to start."""
+
+    def died(self) -> str | None:
+        """None while the device is there."""
+        return None if self._watch.device_there() else f"device {DEVICE} went away"
+
+    def stop(self, t0_ns: int) -> Outcome:
+        """Removes the pair."""
+        self.abort()
+        return Outcome({}, {"up": 0, "down": 0}, lambda e: Waits.none(len(e)), None, {})
+
+    def abort(self) -> None:
+        """Removes the pair."""
+        self._watch.close()
+        self._pair.remove()
+
+
+class NetemShaper:
+    """Netem on both ends, each delaying what leaves it."""
+
+    name = "netem"
+
+    def __init__(
+        self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
+    ) -> None:
+        self._profile = profile
+        self._mobile, self._edge = mobile, edge
+        self._rates = [_bytes_per_s(side) for side in (profile.up, profile.down)]
+        self._limits = _limits(profile)
+        self._real_time = o.real_time
+        self._pair = VethPair(mobile, edge, o)
+        self._ends: list[NetemControl] = []
+        self._applied: list[tuple[int, float, float]] = []
+        self._failure: str | None = None
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+        try:
+            self._ends = [NetemControl(mobile, DEVICE), NetemControl(edge, DEVICE)]
+            for end, limit, rate in zip(self._ends, self._limits, self._rates, strict=True):
+                end.set(NetemSettings(0.0, limit, rate), create=True)
+        except BaseException:
+            self.abort()
+            raise
+
+    def apply(self) -> None:
+        """From adding nothing to the profile's value at time 0."""
+        self._set(0.0)
+
+    def _set(self, run_time_s: float) -> None:
+        delays = self._profile.delays_ms(run_time_s)
+        for end, delay_ms, limit, rate in zip(
+            self._ends, delays, self._limits, self._rates, strict=True
+        ):
+            end.set(NetemSettings(delay_ms, limit, rate))
+        self._applied.append((time.monotonic_ns(), *delays))
+
+    def start(self, t0_ns: int) -> None:
+        """Follows the profile from `t0_ns` on; a constant one needs nothing more."""
+        if self._profile.duration == 0.0:
+            return
+        self._thread = threading.Thread(
+            target=self._follow, args=(t0_ns,), name="netem", daemon=True
+        )
+        self._thread.start()
+
+    def _follow(self, t0_ns: int) -> None:
+        if self._real_time:
+            # Refused without the privilege: the changes come when they come, the log says so.
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+        end_s = self._profile.duration
+        step = 0
+        try:
+            while not self._stopped.is_set():
+                # The middle of the step to come: on a slope the error is half a step either way.
+                now_s = (time.monotonic_ns() - t0_ns) / 1e9
+                self._set(max(0.0, now_s + STEP_S / 2))
+                if end_s is not None and now_s > end_s:
+                    return
+                step = max(step + 1, int(now_s / STEP_S) + 1)
+                self._stopped.wait(max(0.0, t0_ns / 1e9 + step * STEP_S - time.monotonic()))
+        except SlambedError as error:
+            self._failure = str(error)
+
+    def died(self) -> str | None:
+        """None while both devices are there and can be set."""
+        if self._failure is None and not all(end.device_there() for end in self._ends):
+            self._failure = f"device {DEVICE} went away"
+        return self._failure
+
+    def stop(self, t0_ns: int) -> Outcome:
+        """Removes the pair; reports what was set when, and what the kernel dropped."""
+        drops = {"up": _dropped(self._mobile), "down": _dropped(self._edge)}
+        self.abort()
+        times = np.array([(at - t0_ns) / 1e9 for at, _, _ in self._applied])
+        series = {
+            "applied_up_ms": (times, np.array([up for _, up, _ in self._applied])),
+            "applied_down_ms": (times, np.array([down for _, _, down in self._applied])),
+            "drops_up": (times[-1:], np.array([float(drops["up"])])),
+            "drops_down": (times[-1:], np.array([float(drops["down"])])),
+        }
+        steps = np.diff(times[times >= 0]) * 1e3
+        details: dict[str, Any] = {"updates": len(self._applied)}
+        if len(steps):
+            details["longest_step_ms"] = round(float(steps.max()), 2)
+        return Outcome(series, drops, lambda e: Waits.none(len(e)), None, details)
+
+    def abort(self) -> None:
+        """Removes the pair."""
+        self._stopped.set()
+        if self._thread is not None:
+            self._thread.join()
+        for end in self._ends:
+            end.close()
+        self._pair.remove()
+
+
+def _bytes_per_s(side: Side) -> int:
+    if side.rate is None or side.rate.mbps is None:
+        return UNLIMITED_BYTES_PER_S
+    return int(side.rate.mbps * 1e6 / 8)
+
+
+def _limits(profile: Profile) -> list[int]:
+    """Packets per end; netem counts what is under way too, so that is added to the queue."""
+    t = np.arange(0.0, max(profile.duration or 0.0, CHECK_FOREVER_S), 0.1)
+    limits = []
+    for side, delays_ms in ((profile.up, profile.up_ms(t)), (profile.down, profile.down_ms(t))):
+        if side.rate is None:
+            limits.append(LIMIT_PACKETS)
+            continue
+        under_way = _bytes_per_s(side) * float(delays_ms.max()) / 1e3
+        limits.append(int((queue_bytes(side.rate, profile) + under_way) / PACKET_BYTES) + 1)
+    return limits
+
+
+def _dropped(namespace: Path) -> int:
+    """Packets that netem threw away because its queue was full."""
+    with contextlib.suppress(NetlinkError, OSError, ValueError), _namespace(namespace) as ns:
+        (index,) = ns.link_lookup(ifname=DEVICE)
+        for qdisc in ns.get_qdiscs(index):
+            if qdisc.get_attr("TCA_KIND") == "netem":
+                stats = qdisc.get_attr("TCA_STATS2").get_attr("TCA_STATS_QUEUE")
+                return int(stats["drops"])
+    return 0

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An independent proof of the RTT: ICMP echo with the kernel's own time stamps.
+
+The kernel of the mobile namespace stamps the request before any queue of the device and the reply
+when it arrives; the kernel of the edge namespace answers. No program of ours is inside the measured
+time, so a busy harness cannot falsify it.
+"""
+
+import contextlib
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.errors import environment_error
+from slambed.link.namespaces import inside
+
+# linux/net_tstamp.h, linux/errqueue.h
+SO_TIMESTAMPING = 37
+RX_SOFTWARE, REPORT_SOFTWARE, TX_SCHED = 1 << 3, 1 << 4, 1 << 8
+OPT_ID, OPT_TSONLY = 1 << 7, 1 << 11
+# TX_SCHED: before the queueing discipline. The plain software stamp is taken behind it, where
+# netem has already delayed the packet.
+STAMP_FLAGS = TX_SCHED | RX_SOFTWARE | REPORT_SOFTWARE | OPT_ID | OPT_TSONLY
+MSG_ERRQUEUE, IP_RECVERR = 0x2000, 11
+_TIMESPEC = struct.Struct("@qq")
+_EXTENDED_ERROR = struct.Struct("@IBBBBII")
+
+ECHO_REQUEST, ECHO_REPLY = 8, 0
+HEADER = struct.Struct("!BBHHH")
+PAYLOAD = bytes(48)
+"""With headers 76 bytes: small enough not to matter at any rate."""
+ANCILLARY_BYTES = 512
+LARGEST_SEQUENCE = 65_535
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """Echo requests and what came of them, in order of sending."""
+
+    sequence: NDArray[np.int64]
+    sent_ns: NDArray[np.int64]
+    """CLOCK_MONOTONIC."""
+    rtt_ms: NDArray[np.float64]
+    """NaN for an echo that never came back."""
+
+    def __len__(self) -> int:
+        return len(self.sent_ns)
+
+    def lost_share(self) -> float:
+        """Share of echoes without an answer."""
+        return float(np.isnan(self.rtt_ms).mean()) if len(self) else 0.0
+
+
+class Pinger:
+    """A raw ICMP socket inside a namespace."""
+
+    def __init__(self, namespace: str | Path, target: str) -> None:
+        self._target = target
+        self._identifier = os.getpid() & 0xFFFF
+        self._socket = inside(namespace, _open_socket)
+        self._user_sent: dict[int, int] = {}
+        self._kernel_sent: dict[int, int] = {}
+        self._received: dict[int, int] = {}
+        self._next = 0
+
+    def send(self) -> None:
+        """One echo request."""
+        sequence = self._next % LARGEST_SEQUENCE + 1
+        header = HEADER.pack(ECHO_REQUEST, 0, 0, self._identifier, sequence)
+        check = _checksum(header + PAYLOAD)
+        packet = HEADER.pack(ECHO_REQUEST, 0, check, self._identifier, sequence) + PAYLOAD
+        self._user_sent[self._next] = time.clock_gettime_ns(time.CLOCK_REALTIME)
+        self._next += 1
+        # A full queue or a device that went away: the echo counts as lost.
+        with contextlib.suppress(OSError):
+            self._socket.sendto(packet, (self._target, 0))
+
+    def collect(self, until_s: float) -> None:
+        """Takes answers and time stamps until this time (time.monotonic)."""
+        poller = select.poll()
+        poller.register(self._socket, select.POLLIN | select.POLLERR)
+        while (left := until_s - time.monotonic()) > 0:
+            if not poller.poll(left * 1e3):
+                return
+            self._drain()
+
+    def _drain(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                _, ancillary, _, _ = self._socket.recvmsg(2048, ANCILLARY_BYTES, MSG_ERRQUEUE)
+                number, stamp = sent_stamp(ancillary)
+                if stamp:
+                    self._kernel_sent[number] = stamp
+        with contextlib.suppress(OSError):
+            while True:
+                packet, ancillary, _, _ = self._socket.recvmsg(2048, ANCILLARY_BYTES)
+                self._take_reply(packet, software_stamp(ancillary))
+
+    def _take_reply(self, packet: bytes, stamp: int) -> None:
+        start = (packet[0] & 0x0F) * 4
+        if len(packet) < start + HEADER.size:
+            return
+        kind, _, _, identifier, sequence = HEADER.unpack_from(packet, start)
+        if kind != ECHO_REPLY or identifier != self._identifier or not stamp:
+            return
+        # The newest request with this 16-bit number; numbers repeat after 65,535 echoes.
+        number = (self._next - 1) - (self._next - sequence) % LARGEST_SEQUENCE
+        self._received.setdefault(number, stamp)
+
+    def echoes(self) -> Echoes:
+        """Everything so far."""
+        numbers = list(range(self._next))
+        to_monotonic = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - time.clock_gettime_ns(
+            time.CLOCK_REALTIME
+        )
+        sent = [self._kernel_sent.get(n, self._user_sent[n]) for n in numbers]
+        rtt = [
+            (self._received[n] - stamp) / 1e6 if n in self._received else np.nan
+            for n, stamp in zip(numbers, sent, strict=True)
+        ]
+        return Echoes(
+            sequence=np.array([n % LARGEST_SEQUENCE + 1 for n in numbers], dtype=np.int64),
+            sent_ns=np.array(sent, dtype=np.int64) + to_monotonic,
+            rtt_ms=np.array(rtt, dtype=float),
+        )
+
+    @property
+    def kernel_stamps(self) -> bool:
+        """False when the device does not stamp departures; then ours is used."""
+        return bool(self._kernel_sent)
+
+    def close(self) -> None:
+        """Closes the socket."""
+        self._socket.close()
+
+
+def _open_socket() -> socket.socket:
+    try:
+        raw = socket.socket(socket.AF_INET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 1)
+    except PermissionError:
+        raise environment_error("cannot open a raw socket for the RTT probe; run as root") from None
+    raw.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, STAMP_FLAGS)
+    return raw
+
+
+def software_stamp(ancillary: list[tuple[int, int, bytes]]) -> int:
+    """The kernel's time stamp in a message's ancillary data [ns, CLOCK_REALTIME]; 0 if none."""
+    for level, kind, data in ancillary:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPING:
+            seconds, nanoseconds = _TIMESPEC.unpack_from(data)
+            return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return 0
+
+
+def sent_stamp(ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
+    """From the error queue: which packet of the socket left, and when."""
+    number = 0
+    for level, kind, data in ancillary:
+        if level == socket.SOL_IP and kind == IP_RECVERR:
+            number = int(_EXTENDED_ERROR.unpack_from(data)[6])
+    return number, software_stamp(ancillary)
+
+
+def _checksum(packet: bytes) -> int:
+    total = sum(struct.unpack(f"!{len(packet) // 2}H", packet))
+    total = (total >> 16) + (total & 0xFFFF)
+    return int(~(total + (total >> 16)) & 0xFFFF)
+
+
+class Probe:
+    """Echoes at a steady rate from a thread of its own, from `start` to `stop`."""
+
+    def __init__(self, namespace: str | Path, target: str, rate_hz: float = 20.0) -> None:
+        self._pinger = Pinger(namespace, target)
+        self._interval_s = 1.0 / rate_hz
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="rtt-probe", daemon=True)
+
+    def start(self) -> None:
+        """Begins to send."""
+        self._thread.start()
+
+    def stop(self, wait_s: float) -> Echoes:
+        """Ends sending, waits for answers under way, returns everything."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join()
+            self._pinger.collect(time.monotonic() + wait_s)
+        echoes = self._pinger.echoes()
+        self._pinger.close()
+        return echoes
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stopped.is_set():
+            self._pinger.send()
+            # After a stall of the host the missed echoes are left out, not sent in a burst.
+            due = max(due + self._interval_s, time.monotonic())
+            self._pinger.collect(due)
+
+
+def measure_base_ms(
+    namespace: str | Path, target: str, count: int = 20, interval_s: float = 0.02
+) -> float:
+    """Median RTT of the path as it is now; NaN when nothing came back."""
+    pinger = Pinger(namespace, target)
+    try:
+        for _ in range(count):
+            pinger.send()
+            pinger.collect(time.monotonic() + interval_s)
+        rtt = pinger.echoes().rtt_ms
+        return float(np.nanmedian(rtt)) if np.isfinite(rtt).any() else float("nan")
+    finally:
+        pinger.close()

@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Link profiles: round trip time, jitter, loss and rate as pure functions of run time.
+
+netem_profiles/*.yaml hold them by name; docs/link.md describes every key. A value is a round trip
+time; half of it is applied per direction unless `up_share` or `one_way_ms` says otherwise.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from slambed.errors import SlambedError
+from slambed.link.curves import Curve, Times
+from slambed.link.impairments import Gap, Jitter, Loss, Rate, Side
+from slambed.link.profile_reader import ProfileReader, substitute
+from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
+from slambed.native import repository_root
+from slambed.spec.yaml_source import load_yaml, suggestion
+
+LONGEST_MS = 60_000.0
+"""One way; a longer delay is a mistake of unit."""
+CHECK_STEP_S = 0.01
+CHECK_FOREVER_S = 900.0
+"""How far a profile that never settles is checked for negative values."""
+
+KEYS = [
+    "name", "description", "source", "params", "duration_s", "rtt_ms", "one_way_ms", "up_share",
+    "jitter", "loss", "rate", "up", "down", "gaps", "gap_mode", "rate_sha256",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A checked profile. Run time 0 is the first played frame; before it the value at 0 holds."""
+
+    name: str
+    description: str
+    source: str
+    """Where its numbers come from."""
+    duration: float | None
+    """Seconds after which nothing changes; None when it goes on for ever."""
+    up_curve: Curve
+    down_curve: Curve
+    up_share: float
+    down_share: float
+    up: Side = field(default_factory=Side)
+    down: Side = field(default_factory=Side)
+    gaps: tuple[Gap, ...] = ()
+    gap_mode: Literal["hold", "drop"] = "hold"
+    rate_traces: Mapping[str, list[int]] = field(default_factory=dict)
+    """Mahimahi opportunities by file name."""
+    content: Mapping[str, Any] = field(default_factory=dict)
+    """What `parse_profile` needs to make it again; digests of traces included."""
+
+    def up_ms(self, t: Times) -> Times:
+        """One-way delay mobile to edge at run times `t` [s]."""
+        return self.up_share * self.up_curve.at(np.asarray(t, dtype=float))
+
+    def down_ms(self, t: Times) -> Times:
+        """One-way delay edge to mobile."""
+        return self.down_share * self.down_curve.at(np.asarray(t, dtype=float))
+
+    def rtt_series_ms(self, t: Times) -> Times:
+        """RTT at many times."""
+        return self.up_ms(t) + self.down_ms(t)
+
+    def rtt_ms(self, t: float) -> float:
+        """RTT at run time `t` [s], without jitter, queueing and the path's own base."""
+        return float(self.rtt_series_ms(np.array([t]))[0])
+
+    def delays_ms(self, t: float) -> tuple[float, float]:
+        """One-way delays (up, down) at run time `t` [s]."""
+        at = np.array([t])
+        return float(self.up_ms(at)[0]), float(self.down_ms(at)[0])
+
+    @property
+    def needs_seed(self) -> bool:
+        """True when chance plays a part: only the relay repeats it."""
+        return any(side.jitter or side.loss for side in (self.up, self.down))
+
+    @property
+    def is_none(self) -> bool:
+        """True when the link adds nothing."""
+        free = not (self.needs_seed or self.up.rate or self.down.rate or self.gaps)
+        return free and self.duration == 0.0 and self.rtt_ms(0.0) == 0.0
+
+
+def profiles_folder() -> Path:
+    """netem_profiles/ of the checkout."""
+    return repository_root() / "netem_profiles"
+
+
+def profile_names() -> list[str]:
+    """Every profile that has a file."""
+    return sorted(path.stem for path in profiles_folder().glob("*.yaml"))
+
+
+def load_profile(name_or_path: str | Path, params: Mapping[str, float] | None = None) -> Profile:
+    """A profile by name (`ramp_85`) or by path (anything that ends in .yaml)."""
+    text = str(name_or_path)
+    named = not text.endswith((".yaml", ".yml"))
+    path = profiles_folder() / f"{text}.yaml" if named else Path(text)
+    if named and not path.is_file():
+        near = suggestion(text, profile_names())
+        raise SlambedError(f"unknown profile '{text}', no {path}; {near}")
+    source = load_yaml(path)
+    if not isinstance(source.data, dict):
+        raise source.complaint("expected a mapping of keys")
+    if named and source.data.get("name", text) != text:
+        raise source.complaint(f"name is not '{text}', as the file's name says", ("name",))
+    data = {"name": path.stem, **source.data}
+    return _build(data, params or {}, ProfileReader(str(path), path.parent))
+
+
+def parse_profile(mapping: str | float | Mapping[str, Any], where: str) -> Profile:
+    """A profile as an experiment refers to it.
+
+    A name, a number (constant RTT), `{profile: ramp, params: {peak_ms: 50}, name: mild}`, or a
+    whole profile written in place. `where` names the place in errors.
+    """
+    reader = ProfileReader(where)
+    if isinstance(mapping, str):
+        try:
+            return load_profile(mapping)
+        except SlambedError as error:
+            raise SlambedError(f"{error} ({where})", error.code) from None
+    if isinstance(mapping, int | float) and not isinstance(mapping, bool):
+        data = {"name": f"rtt_{mapping:g}", "rtt_ms": mapping}
+        return _build(data, {}, reader)
+    if not isinstance(mapping, Mapping):
+        raise reader.complaint("expected a profile's name, milliseconds or a mapping")
+    if "profile" in mapping:
+        return _refer(mapping, reader)
+    return _build({"name": "inline", **mapping}, {}, reader)
+
+
+def _refer(mapping: Mapping[str, Any], reader: ProfileReader) -> Profile:
+    data = reader.only(mapping, ["profile", "params", "name"], "")
+    params = data.get("params") or {}
+    if not isinstance(params, Mapping):
+        raise reader.complaint("expected a mapping of numbers", "params")
+    try:
+        profile = load_profile(str(data["profile"]), params)
+    except SlambedError as error:
+        raise SlambedError(f"{error} ({reader.where})", error.code) from None
+    written = ",".join(f"{key}={value:g}" for key, value in params.items())
+    name = data.get("name") or (f"{profile.name}[{written}]" if written else profile.name)
+    return _build({**profile.content, "name": name}, {}, reader)
+
+
+def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: ProfileReader) -> Profile:
+    data = reader.only(data, KEYS, "")
+    params = _params(data.pop("params", None) or {}, overrides, reader)
+    data = {key: substitute(value, params, reader, key) for key, value in data.items()}
+    up_curve, down_curve, up_share, down_share = _curves(data, reader)
+    up, down = (_side(data, side, reader) for side in ("up", "down"))
+    gaps = data.get("gaps") or []
+    if not isinstance(gaps, list):
+        raise reader.complaint("expected a list of gaps", "gaps")
+    gap_mode = data.get("gap_mode", "hold")
+    if gap_mode not in ("hold", "drop"):
+        raise reader.complaint(f"unknown gap_mode '{gap_mode}'", "gap_mode", "known: hold, drop")
+    traces = _rate_traces((up, down), data.get("rate_sha256") or {}, reader)
+    content = reader.pin_traces(data)
+    if traces:
+        content["rate_sha256"] = {
+            name: sha256_of(find_trace(name, reader.near)) for name in sorted(traces)
+        }
+    profile = Profile(
+        name=_text(data, "name", reader),
+        description=_text(data, "description", reader),
+        source=_text(data, "source", reader),
+        duration=_duration(data, (up_curve, down_curve), reader),
+        up_curve=up_curve,
+        down_curve=down_curve,
+        up_share=up_share,
+        down_share=down_share,
+        up=up,
+        down=down,
+        gaps=tuple(reader.model(Gap, g, f"gaps[{i}]") for i, g in enumerate(gaps)),
+        gap_mode=gap_mode,
+        rate_traces=traces,
+        content=content,
+    )
+    _check_values(profile, reader)
+    return profile
+
+
+def _params(declared: Any, overrides: Mapping[str, Any], reader: ProfileReader) -> dict[str, float]:
+    params = reader.only(declared, list(declared), "params")
+    for key in overrides:
+        if key not in params:
+            raise reader.complaint(f"unknown parameter '{key}'", "params", suggestion(key, params))
+    params.update(overrides)
+    for key, value in params.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not math.isfinite(value):
+            raise reader.complaint(f"expected a number, not {value!r}", f"params.{key}")
+    return params
+
+
+def _curves(data: Mapping[str, Any], reader: ProfileReader) -> tuple[Curve, Curve, float, float]:
+    if ("rtt_ms" in data) == ("one_way_ms" in data):
+        raise reader.complaint("give one of rtt_ms, one_way_ms")
+    if "rtt_ms" in data:
+        share = data.get("up_share", 0.5)
+        if isinstance(share, bool) or not isinstance(share, int | float) or not 0 <= share <= 1:
+            raise reader.complaint(f"expected a share 0..1, not {share!r}", "up_share")
+        rtt = reader.curve(data["rtt_ms"], "rtt_ms")
+        return rtt, rtt, float(share), 1.0 - float(share)
+    if "up_share" in data:
+        raise reader.complaint("up_share means nothing beside one_way_ms", "up_share", "remove it")
+    ways = reader.only(data["one_way_ms"], ["up", "down"], "one_way_ms")
+    if len(ways) != 2:
+        raise reader.complaint("expected both up and down", "one_way_ms")
+    up, down = (reader.curve(ways[side], f"one_way_ms.{side}") for side in ("up", "down"))
+    return up, down, 1.0, 1.0
+
+
+def _side(data: Mapping[str, Any], side: str, reader: ProfileReader) -> Side:
+    """Impairments of one direction: those for both, overridden by its own (null = none)."""
+    kinds: dict[str, type[Jitter] | type[Loss] | type[Rate]]
+    kinds = {"jitter": Jitter, "loss": Loss, "rate": Rate}
+    own = reader.only(data.get(side) or {}, list(kinds), side)
+    found: dict[str, Any] = {}
+    for kind, model in kinds.items():
+        place = f"{side}.{kind}" if kind in own else kind
+        value = own.get(kind, data.get(kind))
+        found[kind] = None if value is None else reader.model(model, value, place)
+    return Side(**found)
+
+
+def _rate_traces(
+    sides: tuple[Side, Side], digests: Mapping[str, str], reader: ProfileReader
+) -> dict[str, list[int]]:
+    traces: dict[str, list[int]] = {}
+    for side in sides:
+        if side.rate is not None and (name := side.rate.trace) is not None:
+            check_digest(find_trace(name, reader.near), digests.get(name))
+            traces[name] = read_rate_trace(name, reader.near)
+    return traces
+
+
+def _text(data: Mapping[str, Any], key: str, reader: ProfileReader) -> str:
+    value = data.get(key, "")
+    if not isinstance(value, str):
+        raise reader.complaint(f"expected text, not {value!r}", key)
+    return value.strip()
+
+
+def _duration(
+    data: Mapping[str, Any], curves: tuple[Curve, Curve], reader: ProfileReader
+) -> float | None:
+    if (asked := data.get("duration_s")) is not None:
+        if isinstance(asked, bool) or not isinstance(asked, int | float) or not asked >= 0:
+            raise reader.complaint(f"expected seconds, not {asked!r}", "duration_s")
+        return float(asked)
+    ends = [curve.duration_s() for curve in curves]
+    return None if None in ends else max(end for end in ends if end is not None)
+
+
+def _check_values(profile: Profile, reader: ProfileReader) -> None:
+    curve_ends = [curve.duration_s() for curve in (profile.up_curve, profile.down_curve)]
+    horizon = max([CHECK_FOREVER_S if end is None else end for end in curve_ends])
+    t = np.arange(0.0, horizon + CHECK_STEP_S, CHECK_STEP_S)
+    for side, values in (("up", profile.up_ms(t)), ("down", profile.down_ms(t))):
+        if (bad := np.flatnonzero(~np.isfinite(values))).size:
+            raise reader.complaint(f"latency is not a number at {t[bad[0]]:.2f} s ({side})")
+        if (bad := np.flatnonzero(values < 0)).size:
+            raise reader.complaint(
+                f"negative latency {values[bad[0]]:.3g} ms one way at {t[bad[0]]:.2f} s ({side})",
+                advice="wrap the curve in clamp: {min_ms: 0, of: ...}",
+            )
+        if values.max() > LONGEST_MS:
+            raise reader.complaint(
+                f"latency of {values.max() / 1e3:.0f} s ({side})", advice="values are milliseconds"
+            )

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From plain YAML values to curves and impairments, each complaint one line with its place."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from slambed.errors import SlambedError
+from slambed.link import curves
+from slambed.link.curves import Curve
+from slambed.link.traces import TraceFile, find_trace, read_rtt_trace, sha256_of
+from slambed.spec.yaml_source import suggestion
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class ProfileReader:
+    """Reads one profile; `where` names it in errors, `near` is the folder of its traces."""
+
+    def __init__(self, where: str, near: Path | None = None) -> None:
+        self.where = where
+        self.near = near
+
+    def complaint(self, what: str, place: str = "", advice: str = "") -> SlambedError:
+        """`what, where; advice`."""
+        spot = f"{self.where} at {place}" if place else self.where
+        return SlambedError(f"{what}, {spot}" + (f"; {advice}" if advice else ""))
+
+    def only(self, data: Any, known: list[str], place: str) -> dict[str, Any]:
+        """`data` as a mapping that has known keys alone."""
+        if not isinstance(data, Mapping):
+            raise self.complaint("expected a mapping of keys", place)
+        for key in data:
+            if key not in known:
+                raise self.complaint(f"unknown key '{key}'", place, suggestion(str(key), known))
+        return dict(data)
+
+    def model(self, model: type[Model], data: Any, place: str) -> Model:
+        """`data` checked against a pydantic model."""
+        try:
+            return model.model_validate(self.only(data, list(model.model_fields), place))
+        except ValidationError as error:
+            first = error.errors()[0]
+            path = ".".join([place, *(str(part) for part in first["loc"])])
+            message = str(first["msg"]).removeprefix("Value error, ")
+            if first["type"] == "extra_forbidden":
+                message = f"unknown key '{first['loc'][-1]}'"
+            elif first["type"] == "missing":
+                message = "missing"
+            elif isinstance(first["input"], str | int | float):
+                message += f" (it is {first['input']!r})"
+            raise self.complaint(message[:1].lower() + message[1:], path) from None
+
+    def curve(self, data: Any, place: str) -> Curve:
+        """A curve from a number or a mapping with one key."""
+        if isinstance(data, bool | str):
+            raise self.complaint(f"expected a number or a curve, not {data!r}", place)
+        if isinstance(data, int | float):
+            return self._constant(data, place)
+        if not isinstance(data, Mapping) or len(data) != 1:
+            raise self.complaint("expected a number or one curve", place, _KNOWN)
+        kind, inner = next(iter(data.items()))
+        below = f"{place}.{kind}"
+        if kind == "constant":
+            return self._constant(inner, below)
+        if kind == "sum":
+            return self._sum(inner, below)
+        if kind == "trace":
+            description = self.model(TraceFile, inner, below)
+            return read_rtt_trace(description, self.near)
+        if kind in curves.PLAIN:
+            plain: Curve = self.model(curves.PLAIN[kind], inner, below)  # type: ignore[assignment]
+            return plain
+        if kind in curves.LISTS:
+            model = curves.LISTS[kind]
+            listed: Curve = self.model(model, {"points": inner}, below)  # type: ignore[assignment]
+            return listed
+        if kind in curves.WRAPPERS:
+            return self._wrapped(curves.WRAPPERS[kind], inner, below)
+        raise self.complaint(f"unknown curve '{kind}'", place, suggestion(str(kind), curves.KINDS))
+
+    def _constant(self, value: Any, place: str) -> Curve:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.complaint(f"expected milliseconds, not {value!r}", place)
+        if not math.isfinite(value):
+            raise self.complaint(f"latency is {value}", place, "give a finite number")
+        if value < 0:
+            raise self.complaint(f"negative latency {value:g} ms", place, "give 0 or more")
+        return curves.Constant(value_ms=float(value))
+
+    def _sum(self, parts: Any, place: str) -> Curve:
+        if not isinstance(parts, list) or not parts:
+            raise self.complaint("expected a list of curves", place)
+        return curves.Sum(parts=[self.curve(p, f"{place}[{i}]") for i, p in enumerate(parts)])
+
+    def _wrapped(self, model: type[BaseModel], data: Any, place: str) -> Curve:
+        mapping = self.only(data, list(model.model_fields), place)
+        if "of" not in mapping:
+            raise self.complaint("key 'of' is missing", place, "give the curve to work on")
+        inner = self.curve(mapping["of"], f"{place}.of")
+        wrapped: Curve = self.model(model, {**mapping, "of": inner}, place)  # type: ignore[assignment]
+        return wrapped
+
+    def pin_traces(self, data: Any) -> Any:
+        """`data` with the digest of every trace file written in, so that it says what it means."""
+        if isinstance(data, list):
+            return [self.pin_traces(item) for item in data]
+        if not isinstance(data, Mapping):
+            return data
+        pinned = {key: self.pin_traces(value) for key, value in data.items()}
+        trace = pinned.get("trace")
+        if isinstance(trace, dict) and isinstance(trace.get("file"), str):
+            digest = sha256_of(find_trace(trace["file"], self.near))
+            pinned["trace"] = {**trace, "sha256": digest}
+        return pinned
+
+
+_KNOWN = f"known: {', '.join(sorted(curves.KINDS))}"
+
+
+def substitute(data: Any, params: Mapping[str, float], reader: ProfileReader, place: str) -> Any:
+    """Replaces every text '$name' by the parameter's number."""
+    if isinstance(data, Mapping):
+        return {
+            key: substitute(value, params, reader, f"{place}.{key}") for key, value in data.items()
+        }
+    if isinstance(data, list):
+        return [
+            substitute(value, params, reader, f"{place}[{index}]")
+            for index, value in enumerate(data)
+        ]
+    if isinstance(data, str) and data.startswith("$"):
+        name = data[1:]
+        if name not in params:
+            raise reader.complaint(f"unknown parameter '{data}'", place, suggestion(name, params))
+        return params[name]
+    return data

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Backend relay: drives slambed-relay, the user-space link (harness/relay)."""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.link.packets import ICMP, SIDES, delivered, lateness_ms, read_packets
+from slambed.link.probe import Echoes
+from slambed.link.profile import Profile
+from slambed.link.proof import Waits
+from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
+from slambed.link.session import (
+    DEVICE,
+    EDGE_ADDRESS,
+    MOBILE_ADDRESS,
+    PREFIX_LENGTH,
+    LinkOptions,
+    Outcome,
+    Series,
+)
+from slambed.native import find_program
+
+READY_TIMEOUT_S = 10.0
+STOP_TIMEOUT_S = 5.0
+FIFO_PRIORITY = 20
+"""Above ordinary work, below the kernel's own threads (50)."""
+BIN_S = 0.05
+MATCH_NS = 2_000_000_000
+"""A record and an echo with one sequence number belong together only when this near in time."""
+
+
+def relay_config(
+    mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, options: LinkOptions
+) -> dict[str, Any]:
+    """The configuration file of slambed-relay."""
+    up_ms, down_ms = delay_table_ms(profile, options.horizon_s)
+    return {
+        "format": "slambed-link",
+        "version": 1,
+        "mobile": {"namespace": str(mobile), "device": DEVICE, "address": MOBILE_ADDRESS},
+        "edge": {"namespace": str(edge), "device": DEVICE, "address": EDGE_ADDRESS},
+        "prefix_length": PREFIX_LENGTH,
+        "mtu": options.mtu,
+        "tx_queue_packets": options.tx_queue_packets,
+        "seed": seed,
+        "step_ms": STEP_MS,
+        "interpolation": "linear",
+        "up": direction_config(profile, profile.up, up_ms, options.horizon_s),
+        "down": direction_config(profile, profile.down, down_ms, options.horizon_s),
+        "spin_us": options.spin_us,
+        "fifo_priority": FIFO_PRIORITY if options.real_time else 0,
+        "parent_pid": os.getpid(),
+        "packet_log": str(log_dir / "packets.bin"),
+        "summary": str(log_dir / "relay_summary.json"),
+    }
+
+
+class RelayShaper:
+    """A running slambed-relay."""
+
+    name = "relay"
+
+    def __init__(
+        self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
+    ) -> None:
+        program = find_program("slambed-relay")
+        # Absolute, because that is how the program must find them from wherever it runs.
+        self._log_dir = log_dir.resolve()
+        self._log_dir.mkdir(parents=True, exist_ok=True)
+        config = self._log_dir / "relay.json"
+        config.write_text(
+            json.dumps(relay_config(mobile, edge, profile, seed, self._log_dir, o)),
+            encoding="utf-8",
+        )
+        self._errors = self._log_dir / "relay_errors.txt"
+        with self._errors.open("wb") as errors:
+            self._process = subprocess.Popen(
+                [program, "--config", config],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+            )
+        try:
+            self._ready = self._answer("ready")
+        except BaseException:
+            self.abort()
+            raise
+
+    def apply(self) -> None:
+        """From adding nothing to the profile's value at time 0."""
+        self._say("apply")
+        self._answer("applied")
+
+    def start(self, t0_ns: int) -> None:
+        """Run time 0 is `t0_ns` on CLOCK_MONOTONIC."""
+        self._say(f"start {t0_ns}")
+        self._answer("started")
+
+    def died(self) -> str | None:
+        """The program's last words; None while it works."""
+        code = self._process.poll()
+        return None if code is None else self._last_words(code)
+
+    def stop(self, t0_ns: int) -> Outcome:
+        """Ends the program and reads its log."""
+        self._end()
+        packets = read_packets(self._log_dir / "packets.bin")
+        summary_file = self._log_dir / "relay_summary.json"
+        summary = json.loads(summary_file.read_text("utf-8")) if summary_file.exists() else {}
+        kernel = sum(summary.get("kernel_drops", {}).values())
+        during = packets[packets["in_ns"] >= t0_ns]
+        return Outcome(
+            series=_series(during, t0_ns),
+            drops={side: _dropped(during, number) for number, side in enumerate(SIDES)},
+            waits_of=lambda echoes: waits_of(packets, echoes),
+            late_ms=lateness_ms(during),
+            details={
+                "real_time": bool(self._ready.get("real_time")),
+                "kernel_drops": kernel,
+                "relay": summary,
+            },
+        )
+
+    def abort(self) -> None:
+        """Ends the program."""
+        self._end()
+
+    def _end(self) -> None:
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGTERM)
+            try:
+                self._process.wait(STOP_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                # A command still in the buffer of a program that has gone.
+                with contextlib.suppress(OSError):
+                    stream.close()
+
+    def _say(self, command: str) -> None:
+        stream = self._process.stdin
+        assert stream is not None
+        try:
+            stream.write(command.encode() + b"\n")
+            stream.flush()
+        except OSError:
+            raise self._failure() from None
+
+    def _answer(self, key: str) -> dict[str, Any]:
+        stream: IO[bytes] | None = self._process.stdout
+        assert stream is not None
+        deadline = time.monotonic() + READY_TIMEOUT_S
+        line = b""
+        while not line.endswith(b"\n"):
+            left = deadline - time.monotonic()
+            if left <= 0 or not select.select([stream], [], [], left)[0]:
+                raise environment_error(f"slambed-relay did not answer '{key}', {self._errors}")
+            if not (byte := os.read(stream.fileno(), 1)):
+                raise self._failure()
+            line += byte
+        answer: dict[str, Any] = json.loads(line)
+        if key not in answer:
+            raise environment_error(f"slambed-relay answered {line!r} instead of '{key}'")
+        return answer
+
+    def _failure(self) -> SlambedError:
+        code = self._process.wait(STOP_TIMEOUT_S)
+        words = self._last_words(code)
+        known = code in (ExitCode.BAD_INPUT, ExitCode.ENVIRONMENT)
+        return SlambedError(words, ExitCode(code) if known else ExitCode.INTERNAL)
+
+    def _last_words(self, code: int) -> str:
+        lines = self._errors.read_text("utf-8", errors="replace").strip().splitlines()
+        ending = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return lines[-1].removeprefix("error: ") if lines else f"slambed-relay ended, {ending}"
+
+
+def _series(packets: pd.DataFrame, t0_ns: int) -> Series:
+    """The packet log in bins: median delay, largest queue, drops so far."""
+    series: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+    for number, side in enumerate(SIDES):
+        own = packets[packets["direction"] == number]
+        t_s = (own["in_ns"] - t0_ns) / 1e9
+        arrived = delivered(packets, number)
+        arrived_s = (arrived["in_ns"] - t0_ns) / 1e9
+        delay_ms = (arrived["out_ns"] - arrived["in_ns"]) / 1e6
+        binned = delay_ms.groupby(np.floor(arrived_s / BIN_S)).median()
+        series[f"applied_{side}_ms"] = _centres(binned)
+        if (own["queue_bytes"] > 0).any():
+            queue = own["queue_bytes"].astype(float).groupby(np.floor(t_s / BIN_S)).max()
+            series[f"queue_bytes_{side}"] = _centres(queue)
+        dropped_s = t_s[own["fate"] != 0].to_numpy()
+        series[f"drops_{side}"] = (dropped_s, np.arange(1.0, len(dropped_s) + 1))
+    return series
+
+
+def _centres(binned: pd.Series) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return (binned.index.to_numpy(dtype=float) + 0.5) * BIN_S, binned.to_numpy(dtype=float)
+
+
+def _dropped(packets: pd.DataFrame, direction: int) -> int:
+    return int(((packets["direction"] == direction) & (packets["fate"] != 0)).sum())
+
+
+def waits_of(packets: pd.DataFrame, echoes: Echoes) -> Waits:
+    """What each echo waited besides the profile's delay: for the rate, for jitter, for a gap."""
+    pings = packets[(packets["protocol"] == ICMP) & (packets["fate"] == 0)]
+    ways = []
+    for direction in range(len(SIDES)):
+        own = pings[pings["direction"] == direction]
+        wait_ms = (own["due_ns"] - own["in_ns"] - own["profile_ns"]).to_numpy() / 1e6
+        tags, times = own["tag"].to_numpy(), own["in_ns"].to_numpy()
+        places: dict[int, list[int]] = {}
+        for place, tag in enumerate(tags):
+            places.setdefault(int(tag), []).append(place)
+        found = np.zeros(len(echoes))
+        for index, (tag, sent) in enumerate(zip(echoes.sequence, echoes.sent_ns, strict=True)):
+            near = [p for p in places.get(int(tag), []) if abs(times[p] - sent) < MATCH_NS]
+            if near:
+                found[index] = wait_ms[min(near, key=lambda p: abs(times[p] - sent))]
+        ways.append(found)
+    return Waits(up_ms=ways[0], down_ms=ways[1])

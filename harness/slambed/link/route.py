@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A property of the path: TCP acknowledges every segment at once.
+
+A delayed acknowledgement adds up to 40 ms to tcpi_rtt, as much as DynNetSLAM's offloading limit,
+whenever the receiving process is not quick enough to ask for quick ones (TCP_QUICKACK is not
+sticky). As a metric of the route it holds for every connection, whatever the programs do.
+"""
+
+from pathlib import Path
+
+from pyroute2 import NetNS
+from pyroute2.netlink.exceptions import NetlinkError
+
+from slambed.errors import environment_error
+
+SCOPE_LINK, PROTOCOL_KERNEL = 253, 2
+
+
+def acknowledge_at_once(namespace: Path, device: str, network: str, address: str) -> None:
+    """Sets the metric on the route to the other end."""
+    try:
+        with NetNS(str(namespace), flags=0) as ns:
+            (index,) = ns.link_lookup(ifname=device)
+            ns.route(
+                "replace",
+                dst=network,
+                oif=index,
+                prefsrc=address,
+                scope=SCOPE_LINK,
+                proto=PROTOCOL_KERNEL,
+                metrics={"quickack": 1},
+            )
+    except NetlinkError as error:
+        raise environment_error(
+            f"cannot set the route to {network}: {error}, {namespace}; run as root"
+        ) from None

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A profile compiled to what the relay reads: tables of one-way delay every 10 ms."""
+
+from typing import Any
+
+import numpy as np
+
+from slambed.link.impairments import Rate, Side
+from slambed.link.profile import Profile
+from slambed.link.traces import mean_rate_mbps
+
+STEP_MS = 10.0
+DEFAULT_QUEUE_S = 0.2
+"""Depth of the queue before a rate when the profile does not say: a usual router's buffer."""
+LEAST_QUEUE_BYTES = 65_536
+
+
+def delay_table_ms(profile: Profile, horizon_s: float) -> tuple[list[float], list[float]]:
+    """One-way delays (up, down) at 0, 10, 20 ... ms until the profile settles or the horizon."""
+    tables = []
+    for curve, share in (
+        (profile.up_curve, profile.up_share),
+        (profile.down_curve, profile.down_share),
+    ):
+        settled = curve.duration_s()
+        end = horizon_s if settled is None else min(settled, horizon_s)
+        count = int(np.ceil(end * 1e3 / STEP_MS)) + 1
+        t = np.arange(count, dtype=np.float64) * (STEP_MS / 1e3)
+        tables.append([round(float(value), 6) for value in share * curve.at(t)])
+    return tables[0], tables[1]
+
+
+def queue_bytes(rate: Rate, profile: Profile) -> int:
+    """Bytes that may wait before the rate."""
+    if rate.queue_bytes is not None:
+        return rate.queue_bytes
+    mbps = rate.mbps if rate.trace is None else mean_rate_mbps(profile.rate_traces[rate.trace])
+    assert mbps is not None
+    return max(LEAST_QUEUE_BYTES, int(mbps * 1e6 / 8 * DEFAULT_QUEUE_S))
+
+
+def direction_config(
+    profile: Profile, side: Side, table_ms: list[float], horizon_s: float
+) -> dict[str, Any]:
+    """One direction as slambed-relay reads it."""
+    config: dict[str, Any] = {"delay_us": [round(value * 1e3, 3) for value in table_ms]}
+    if side.jitter is not None:
+        config["jitter"] = side.jitter.relay_config()
+    if side.loss is not None:
+        config["loss"] = side.loss.relay_config()
+    if side.rate is not None:
+        config["rate"] = {"queue_bytes": queue_bytes(side.rate, profile)}
+        if side.rate.trace is not None:
+            config["rate"]["opportunities_ms"] = profile.rate_traces[side.rate.trace]
+        else:
+            assert side.rate.mbps is not None
+            config["rate"]["bits_per_s"] = side.rate.mbps * 1e6
+    if profile.gaps:
+        config["gaps_s"] = [pair for gap in profile.gaps for pair in gap.within(horizon_s)]
+        config["gap_drops"] = int(profile.gap_mode == "drop")
+    return config

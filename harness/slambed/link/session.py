@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The life of a link: up, base measured, profile applied, started, proved, gone."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.errors import environment_error
+from slambed.link.namespaces import check_privilege, different, namespace_path, tune_tcp
+from slambed.link.probe import Echoes, Probe, measure_base_ms
+from slambed.link.profile import Profile
+from slambed.link.proof import LinkTolerance, Waits, compare, judge
+from slambed.link.record import ASKED_STEP_S, LinkRecord, series_frame
+from slambed.link.route import acknowledge_at_once
+
+MOBILE_ADDRESS, EDGE_ADDRESS, PREFIX_LENGTH = "10.77.0.1", "10.77.0.2", 30
+NETWORK = "10.77.0.0/30"
+DEVICE = "slam0"
+"""Name of the device in both namespaces."""
+
+Series = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """Settings that do not change what the link means."""
+
+    horizon_s: float = 900.0
+    """How long the run may last; a profile that never settles stands still afterwards."""
+    probe_hz: float = 20.0
+    """Echoes of the proof; 0 = none (then nothing is proved)."""
+    mtu: int = 1500
+    tx_queue_packets: int = 10_000
+    """Per device; a default of 500 or 1000 drops silently when a window is sent at once."""
+    real_time: bool = True
+    """Ask for SCHED_FIFO; without the permission the relay goes on without it."""
+    spin_us: float = 60.0
+    """Relay: how long before a packet is due it wakes and polls."""
+    tolerance: LinkTolerance = field(default_factory=LinkTolerance)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a backend reports after its end."""
+
+    series: Series
+    """applied_*, drops_*, queue_bytes_* over run time."""
+    drops: dict[str, int]
+    waits_of: Callable[[Echoes], Waits]
+    """What the echoes waited in queues, where the backend knows it."""
+    late_ms: NDArray[np.float64] | None
+    details: dict[str, Any]
+
+
+class Shaper(Protocol):
+    """A backend: devices in both namespaces and the delay between them."""
+
+    name: str
+
+    def apply(self) -> None:
+        """From adding nothing to the profile's value at time 0."""
+
+    def start(self, t0_ns: int) -> None:
+        """Run time 0 is `t0_ns` on CLOCK_MONOTONIC."""
+
+    def died(self) -> str | None:
+        """Why the link is gone; None while it works."""
+
+    def stop(self, t0_ns: int) -> Outcome:
+        """Removes everything; reports on the run that began at t0."""
+
+    def abort(self) -> None:
+        """Removes everything; never raises."""
+
+
+class LinkSession:
+    """An open link. A context manager; leaves no device, process or address behind."""
+
+    def __init__(
+        self,
+        make: Callable[[Path, Path, Profile, int, Path, LinkOptions], Shaper],
+        mobile_ns: str | Path,
+        edge_ns: str | Path,
+        profile: Profile,
+        seed: int,
+        log_dir: Path,
+        options: LinkOptions,
+    ) -> None:
+        check_privilege("a link between two network namespaces")
+        different(mobile_ns, edge_ns)
+        self.profile = profile
+        self._options = options
+        self._mobile = namespace_path(mobile_ns)
+        self._tcp = {"mobile": tune_tcp(mobile_ns), "edge": tune_tcp(edge_ns)}
+        self._t0_ns: int | None = None
+        self._record: LinkRecord | None = None
+        self._probe: Probe | None = None
+        self._shaper: Shaper | None = make(
+            self._mobile, namespace_path(edge_ns), profile, seed, log_dir, options
+        )
+        self.backend = self._shaper.name
+        try:
+            for namespace, address in ((mobile_ns, MOBILE_ADDRESS), (edge_ns, EDGE_ADDRESS)):
+                acknowledge_at_once(namespace_path(namespace), DEVICE, NETWORK, address)
+            self.base_ms = measure_base_ms(self._mobile, EDGE_ADDRESS)
+            if not np.isfinite(self.base_ms):
+                raise environment_error(
+                    f"no echo comes through the {self.backend} link, {mobile_ns} to {edge_ns}; "
+                    "is a firewall in one of the namespaces?"
+                )
+            self._shaper.apply()
+        except BaseException:
+            self.close()
+            raise
+
+    def start(self, t0_ns: int) -> None:
+        """Run time 0 of the profile, on CLOCK_MONOTONIC; may lie ahead."""
+        assert self._shaper is not None, "the link is closed"
+        self._t0_ns = t0_ns
+        self._shaper.start(t0_ns)
+        if self._options.probe_hz > 0:
+            self._probe = Probe(self._mobile, EDGE_ADDRESS, self._options.probe_hz)
+            self._probe.start()
+
+    def alive(self) -> bool:
+        """False once the link went away by itself."""
+        return self._shaper is not None and self._shaper.died() is None
+
+    def why_dead(self) -> str | None:
+        """Why the link went away; None while it works."""
+        return None if self._shaper is None else self._shaper.died()
+
+    def stop(self) -> LinkRecord:
+        """Takes the link down and says what it did. Calling it again returns the same record."""
+        if self._record is None:
+            self._record = self._finish()
+        return self._record
+
+    def _finish(self) -> LinkRecord:
+        assert self._shaper is not None, "the link is closed"
+        end_ns = time.monotonic_ns()
+        t0_ns = self._t0_ns if self._t0_ns is not None else end_ns
+        died = self._shaper.died()
+        try:
+            echoes = self._last_echoes(wait=died is None)
+            outcome = self._shaper.stop(t0_ns)
+        finally:
+            self.close()
+        waits = outcome.waits_of(echoes)
+        proof = judge(
+            self.profile,
+            echoes,
+            t0_ns,
+            end_ns,
+            self.base_ms,
+            self._options.probe_hz,
+            self._options.tolerance,
+            waits,
+            outcome.late_ms,
+            died,
+        )
+        seen = compare(self.profile, echoes, t0_ns, end_ns, self.base_ms, waits)
+        asked_t = np.arange(0.0, max(0.0, (end_ns - t0_ns) / 1e9), ASKED_STEP_S)
+        back = np.isfinite(echoes.rtt_ms)
+        series = {
+            "asked_rtt_ms": (asked_t, self.profile.rtt_series_ms(asked_t)),
+            "probe_rtt_ms": ((echoes.sent_ns[back] - t0_ns) / 1e9, echoes.rtt_ms[back]),
+            "probe_error_ms": (seen.sent_s[seen.usable], seen.error_ms),
+            **outcome.series,
+        }
+        return LinkRecord(
+            backend=self.backend,
+            frame=series_frame(series),
+            drops=outcome.drops,
+            proof=proof,
+            died=died,
+            details={**outcome.details, "tcp": self._tcp, "base_ms": self.base_ms},
+        )
+
+    def _last_echoes(self, wait: bool) -> Echoes:
+        if self._probe is None:
+            empty = np.array([], dtype=np.int64)
+            return Echoes(empty, empty, np.array([], dtype=float))
+        now_s = 0.0 if self._t0_ns is None else (time.monotonic_ns() - self._t0_ns) / 1e9
+        longest_s = self.profile.rtt_ms(now_s) / 1e3 + 0.05
+        probe, self._probe = self._probe, None
+        return probe.stop(min(longest_s, 2.0) if wait else 0.0)
+
+    def close(self) -> None:
+        """Removes everything without a report; harmless after `stop`."""
+        if self._probe is not None:
+            self._probe.stop(0.0)
+            self._probe = None
+        if self._shaper is not None:
+            self._shaper.abort()
+            self._shaper = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Absolute and relative trajectory error (Sturm et al., IROS 2012), Umeyama's alignment (1991)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from slambed.errors import SlambedError
+from slambed.metrics.association import (
+    DEFAULT_MAX_DIFFERENCE_S,
+    Method,
+    associate,
+    match_nearest,
+)
+from slambed.metrics.trajectory import Trajectory
+
+Floats = NDArray[np.float64]
+
+MINIMUM_PAIRS = 3  # a rigid alignment in space needs three points
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """x_truth = scale * rotation @ x_estimate + translation."""
+
+    rotation: Floats
+    translation_m: Floats
+    scale: float = 1.0
+
+    def apply(self, positions_m: Floats) -> Floats:
+        """Moves positions [N,3] into the frame of the truth."""
+        moved: Floats = self.scale * positions_m @ self.rotation.T + self.translation_m
+        return moved
+
+    def apply_to(self, trajectory: Trajectory) -> Trajectory:
+        """Moves a whole trajectory, orientations too."""
+        turned = Rotation.from_matrix(self.rotation) * trajectory.rotations()
+        return Trajectory(trajectory.stamps_s, self.apply(trajectory.positions_m), turned.as_quat())
+
+
+@dataclass(frozen=True)
+class ErrorStatistics:
+    """A set of errors in one unit; `alignment` says Sim3 when the scale was free."""
+
+    rmse: float
+    mean: float
+    median: float
+    std: float
+    minimum: float
+    maximum: float
+    pairs: int
+    alignment: str = "SE3"
+
+
+@dataclass(frozen=True)
+class RelativeError:
+    """RPE: drift per `delta`; translation in metres, rotation in degrees."""
+
+    translation_m: ErrorStatistics
+    rotation_deg: ErrorStatistics
+    delta: str
+
+
+def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) -> Alignment:
+    """Least-squares motion of source onto target [N,3]; the scale stays 1 unless asked for.
+
+    Raises SlambedError with fewer than three pairs.
+    """
+    if len(source_m) != len(target_m) or len(source_m) < MINIMUM_PAIRS:
+        raise SlambedError(
+            f"{len(source_m)} pose pairs, need at least {MINIMUM_PAIRS} to align, "
+            "check that time stamps of both trajectories overlap"
+        )
+    source_mean, target_mean = source_m.mean(axis=0), target_m.mean(axis=0)
+    source, target = source_m - source_mean, target_m - target_mean
+    covariance = target.T @ source / len(source_m)
+    u, singular, vt = np.linalg.svd(covariance)
+    signs = np.ones(3)
+    if np.linalg.det(u) * np.linalg.det(vt) < 0:
+        signs[2] = -1.0  # a rotation, not a reflection
+    rotation = u @ np.diag(signs) @ vt
+    scale = 1.0
+    if with_scale:
+        variance = float((source**2).sum() / len(source_m))
+        scale = float(singular @ signs) / variance if variance > 0 else 1.0
+    return Alignment(rotation, target_mean - scale * rotation @ source_mean, scale)
+
+
+def statistics_of(errors: Floats, alignment: str = "SE3") -> ErrorStatistics:
+    """Summary of non-negative errors (population standard deviation)."""
+    return ErrorStatistics(
+        rmse=float(np.sqrt(np.mean(errors**2))),
+        mean=float(errors.mean()),
+        median=float(np.median(errors)),
+        std=float(errors.std()),
+        minimum=float(errors.min()),
+        maximum=float(errors.max()),
+        pairs=len(errors),
+        alignment=alignment,
+    )
+
+
+def absolute_error(
+    estimate: Trajectory,
+    truth: Trajectory,
+    max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S,
+    method: Method = "nearest",
+    with_scale: bool = False,
+) -> ErrorStatistics:
+    """ATE of the positions after one alignment: SE3, or Sim3 (marked) when asked for."""
+    matched, reference = associate(estimate, truth, max_difference_s, method)
+    alignment = align_umeyama(matched.positions_m, reference.positions_m, with_scale)
+    errors = np.linalg.norm(alignment.apply(matched.positions_m) - reference.positions_m, axis=1)
+    return statistics_of(errors, "Sim3" if with_scale else "SE3")
+
+
+def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[np.intp]:
+    """Index pairs `delta` frames apart: every start, or only back to back."""
+    starts = np.arange(0, count - delta, 1 if all_pairs else delta)
+    return np.column_stack([starts, starts + delta]).astype(np.intp)
+
+
+def pairs_by_time(
+    stamps_s: Floats, delta_s: float, tolerance_s: float = DEFAULT_MAX_DIFFERENCE_S
+) -> NDArray[np.intp]:
+    """For every pose the pose nearest to `delta_s` later, when that exists within the tolerance."""
+    starts, ends = match_nearest(stamps_s + delta_s, stamps_s, tolerance_s)
+    keep = ends > starts
+    return np.column_stack([starts[keep], ends[keep]]).astype(np.intp)
+
+
+def relative_error(
+    estimate: Trajectory,
+    truth: Trajectory,
+    delta_s: float | None = 1.0,
+    delta_frames: int = 1,
+    max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S,
+    method: Method = "nearest",
+    all_pairs: bool = True,
+) -> RelativeError:
+    """RPE over `delta_s` seconds of the estimate, or over `delta_frames` poses when that is None.
+
+    No alignment is needed: both motions are taken relative to their own start pose.
+    """
+    matched, reference = associate(estimate, truth, max_difference_s, method)
+    if delta_s is not None:
+        pairs = pairs_by_time(matched.stamps_s, delta_s)
+        label = f"{delta_s:g} s"
+    else:
+        pairs = pairs_by_frames(len(matched), delta_frames, all_pairs)
+        label = f"{delta_frames} frames"
+    if len(pairs) == 0:
+        raise SlambedError(
+            f"no pose pairs {label} apart among {len(matched)} matched poses, "
+            "take a shorter interval"
+        )
+    start, end = pairs[:, 0], pairs[:, 1]
+    true_turn, true_step = _relative_motion(reference, start, end)
+    own_turn, own_step = _relative_motion(matched, start, end)
+    # Error motion: (true motion)^-1 * (estimated motion).
+    step_error = true_turn.inv().apply(own_step - true_step)
+    turn_error = (true_turn.inv() * own_turn).magnitude()
+    return RelativeError(
+        statistics_of(np.linalg.norm(step_error, axis=1), "none"),
+        statistics_of(np.degrees(turn_error), "none"),
+        label,
+    )
+
+
+def _relative_motion(
+    trajectory: Trajectory, start: NDArray[np.intp], end: NDArray[np.intp]
+) -> tuple[Rotation, Floats]:
+    """Rotation and translation of each end pose seen from its start pose."""
+    rotations = trajectory.rotations()
+    back = rotations[start].inv()
+    step = back.apply(trajectory.positions_m[end] - trajectory.positions_m[start])
+    return back * rotations[end], np.asarray(step)

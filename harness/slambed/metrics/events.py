@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The event log of a run in memory, read from events.jsonl: forgiving, but never silently."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+Event = dict[str, Any]
+
+NODES = ("mobile", "edge")
+
+
+@dataclass
+class EventLog:
+    """Events of all nodes in order of run time; every event has `node`, `t_ns` and `type`."""
+
+    events: list[Event] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    """What could not be read, one line each: told in the report, never fatal."""
+
+    def __post_init__(self) -> None:
+        self._by_type: dict[str, list[Event]] = defaultdict(list)
+        for event in self.events:
+            self._by_type[event["type"]].append(event)
+
+    def of(self, *types: str, node: str | None = None) -> list[Event]:
+        """Events of these types in order of time, of one node if named."""
+        found = [event for kind in types for event in self._by_type.get(kind, [])]
+        if len(types) > 1:
+            found.sort(key=lambda event: event["t_ns"])
+        return [e for e in found if e["node"] == node] if node else found
+
+
+def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
+    """Objects of a JSON-lines file, and what was wrong with it.
+
+    A last line cut by a kill is normal and named so; a bad line elsewhere is skipped and counted.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        return [], [f"{path.name}: cannot be read ({error.strerror})"]
+    lines = data.split(b"\n")
+    torn_end = lines.pop() if lines else b""  # what follows the last line end
+    objects: list[Event] = []
+    bad = 0
+    for line in lines:
+        if not line.strip():
+            continue
+        value = _parse(line)
+        if value is None:
+            bad += 1
+        else:
+            objects.append(value)
+    problems = []
+    if torn_end.strip():
+        value = _parse(torn_end)
+        if value is None:
+            problems.append(f"{path.parent.name}/{path.name}: last line is torn, dropped")
+        else:
+            objects.append(value)
+    if bad:
+        problems.append(f"{path.parent.name}/{path.name}: {bad} unreadable lines, dropped")
+    return objects, problems
+
+
+def _parse(line: bytes) -> Event | None:
+    try:
+        value = json.loads(line)
+    except ValueError:
+        return None
+    return value if isinstance(value, dict) else None
+
+
+def read_events(raw_dir: Path, nodes: Iterable[str] = NODES) -> EventLog:
+    """Reads `<raw_dir>/<node>/events.jsonl` of every node that left one."""
+    events: list[Event] = []
+    problems: list[str] = []
+    for node in nodes:
+        path = raw_dir / node / "events.jsonl"
+        if not path.exists():
+            continue
+        objects, complaints = read_jsonl(path)
+        problems += complaints
+        incomplete = 0
+        for event in objects:
+            if isinstance(event.get("t_ns"), int) and isinstance(event.get("type"), str):
+                event["node"] = node
+                events.append(event)
+            else:
+                incomplete += 1
+        if incomplete:
+            problems.append(f"{node}/events.jsonl: {incomplete} events without t_ns or type")
+    events.sort(key=lambda event: event["t_ns"])
+    return EventLog(events, problems)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What crossed the link, and whether the link delayed it as asked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from slambed.metrics.events import EventLog
+
+MINIMUM_PROBES = 20  # one second of probing; fewer prove nothing
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Messages of one type in one direction."""
+
+    channel: str
+    direction: str
+    message: str
+    count: int
+    bytes_total: int
+    bytes_mean: float
+    dropped: int
+
+
+def traffic(log: EventLog) -> list[Traffic]:
+    """Bytes per message type, as the receiver counted them."""
+    groups: dict[tuple[str, str, str], list[int]] = {}
+    dropped: dict[tuple[str, str, str], int] = {}
+    for e in log.of("message"):
+        key = (str(e.get("channel")), str(e.get("direction")), str(e.get("message")))
+        sizes = groups.setdefault(key, [])
+        if e.get("dropped"):
+            dropped[key] = dropped.get(key, 0) + 1
+        elif isinstance(e.get("bytes"), int):
+            sizes.append(e["bytes"])
+    return [
+        Traffic(*key, len(s), sum(s), sum(s) / len(s) if s else 0.0, dropped.get(key, 0))
+        for key, s in sorted(groups.items())
+    ]
+
+
+def bytes_moved(log: EventLog) -> dict[str, int | None]:
+    """Bytes `up` and `down`; None when the log has no message at all."""
+    table = traffic(log)
+    if not table:
+        return {"up": None, "down": None}
+    return {way: sum(t.bytes_total for t in table if t.direction == way) for way in ("up", "down")}
+
+
+@dataclass(frozen=True)
+class RttProof:
+    """Measured against asked round-trip time over playback, milliseconds."""
+
+    asked_mean: float
+    measured_mean: float
+    error_median: float
+    error_p99: float
+    probes: int
+
+
+def series(link: pd.DataFrame, name: str) -> pd.DataFrame:
+    """One series of the link log (t_s, value), in order of time."""
+    chosen = link.loc[link["series"] == name, ["t_s", "value"]].dropna()
+    return chosen.sort_values("t_s", kind="stable")
+
+
+def rtt_proof(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> RttProof | None:
+    """Compares each probe with the RTT asked for during its flight plus the base RTT.
+
+    Half the RTT is set when the probe leaves and half when it turns round, half an RTT later: for a
+    changing latency that is the asked RTT a quarter of the RTT after sending.
+    None when there is nothing to compare (no profile, or hardly any probe).
+    """
+    asked, probes = series(link, "asked_rtt_ms"), series(link, "probe_rtt_ms")
+    probes = probes[probes["t_s"] >= 0.0]
+    if end_s is not None:
+        probes = probes[probes["t_s"] <= end_s]
+    if asked.empty or len(probes) < MINIMUM_PROBES:
+        return None
+    sent_s = probes["t_s"].to_numpy(np.float64)
+    measured = probes["value"].to_numpy(np.float64)
+    expected = (
+        np.interp(
+            sent_s + measured / 4e3,
+            asked["t_s"].to_numpy(np.float64),
+            asked["value"].to_numpy(np.float64),
+        )
+        + base_rtt_ms
+    )
+    error = np.abs(measured - expected)
+    return RttProof(
+        float((expected - base_rtt_ms).mean()),
+        float(measured.mean()),
+        float(np.median(error)),
+        float(np.quantile(error, 0.99)),
+        len(error),
+    )

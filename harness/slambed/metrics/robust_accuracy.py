@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Accuracy that a failed run cannot improve: it counts as infinitely wrong."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+LEAST_COVERAGE = 0.9
+"""A run that tracked a smaller share of its frames is a failure, however exact those poses are."""
+
+
+@dataclass(frozen=True)
+class CoverageAwareAte:
+    """The survivors' median is what papers print; `median_m` is over all runs, failures last."""
+
+    runs: int
+    survivors: int
+    survivor_median_m: float | None
+    median_m: float | None
+    """None when the median run is a failure."""
+
+
+def coverage_aware_ate(
+    ate_m: Sequence[float | None],
+    coverage: Sequence[float | None],
+    least_coverage: float = LEAST_COVERAGE,
+) -> CoverageAwareAte:
+    """ATE of a cell with its failures in view; one entry per run, None where not measured."""
+    ranked = [failure_ranked(a, c, least_coverage) for a, c in zip(ate_m, coverage, strict=True)]
+    survivors = [value for value in ranked if np.isfinite(value)]
+    median = float(np.median(ranked)) if ranked else np.inf
+    return CoverageAwareAte(
+        runs=len(ranked),
+        survivors=len(survivors),
+        survivor_median_m=float(np.median(survivors)) if survivors else None,
+        median_m=median if np.isfinite(median) else None,
+    )
+
+
+def failure_ranked(
+    ate_m: float | None, coverage: float | None, least_coverage: float = LEAST_COVERAGE
+) -> float:
+    """The ATE, or infinity for a run that did not get far enough to be judged by it."""
+    if ate_m is None or coverage is None or np.isnan(ate_m) or not coverage >= least_coverage:
+        return float("inf")
+    return float(ate_m)

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the time goes: by stage, by keyframe, and round a map update (DynNetSLAM, Fig. 4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slambed.metrics.events import Event, EventLog
+from slambed.metrics.tracking import values_of
+
+MAPPING_STAGES = ("insert", "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes")
+"""What a local mapper does for a keyframe; serialising and updates are counted apart."""
+
+
+_UNIT_OF = {
+    "extract": "frame_tracked",
+    "track": "frame_tracked",
+    "create_keyframe": "keyframe_created",
+    "serialise": "keyframe_created",
+} | dict.fromkeys(MAPPING_STAGES, "keyframe_mapped")
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """Times of one stage on one node in milliseconds; CPU is None where the node did not say."""
+
+    node: str
+    name: str
+    count: int
+    wall_ms_median: float
+    wall_ms_mean: float
+    wall_ms_p95: float
+    cpu_ms_mean: float | None
+    wall_ms_per_unit: float
+    """Per tracked frame, new keyframe or mapped keyframe (a stage may be called several times for
+    one, as a bundle adjustment that can be interrupted is); per call for all others."""
+
+
+def stage_times(log: EventLog) -> list[StageTime]:
+    """Every stage that was timed, by node and name."""
+    groups: dict[tuple[str, str], list[Event]] = {}
+    for event in log.of("stage"):
+        groups.setdefault((event["node"], str(event.get("name"))), []).append(event)
+    units = {
+        "frame_tracked": len(log.of("frame_tracked")),
+        "keyframe_created": len(log.of("keyframe_created")),
+        "keyframe_mapped": len(log.of("keyframe_mapped")),
+    }
+    result: list[StageTime] = []
+    for (node, name), events in sorted(groups.items()):
+        wall, cpu = values_of(events, "wall_ms"), values_of(events, "cpu_ms")
+        if len(wall):
+            result.append(
+                StageTime(
+                    node,
+                    name,
+                    len(wall),
+                    float(np.median(wall)),
+                    float(wall.mean()),
+                    float(np.quantile(wall, 0.95)),
+                    float(cpu.mean()) if len(cpu) else None,
+                    float(wall.sum()) / (units.get(_UNIT_OF.get(name, ""), 0) or len(wall)),
+                )
+            )
+    return result
+
+
+def mapping_ms_per_keyframe(log: EventLog, key: str = "wall_ms") -> float | None:
+    """Mean over the mapped keyframes of all mapping stages together."""
+    keyframes = len(log.of("keyframe_mapped"))
+    stages = [e for e in log.of("stage") if e.get("name") in MAPPING_STAGES]
+    spent = values_of(stages, key)
+    if keyframes == 0 or len(spent) == 0:
+        return None
+    return float(spent.sum()) / keyframes
+
+
+@dataclass(frozen=True)
+class Delay:
+    """One part of a map update round in milliseconds (mean, standard deviation, median, count)."""
+
+    mean_ms: float
+    std_ms: float
+    median_ms: float
+    count: int
+
+
+def delays(log: EventLog) -> dict[str, Delay]:
+    """The parts of T_Total that this run's events tell; a part without events is absent.
+
+    T_Track tracking step; T_M->E and T_E->M queued to received; T_RKF parsing a keyframe on the
+    edge; T_LM local mapping per keyframe; T_PLMU preparing the update; T_MU applying it; T_Total
+    from the capture of the newest keyframe an update covers until that update is applied.
+    """
+    keyframe_messages = _messages(log, "up", "keyframe")
+    update_messages = _messages(log, "down", "map")
+    parse = [e for e in log.of("stage", node="edge") if e.get("name") == "parse"]
+    prepare = [e for e in log.of("stage") if e.get("name") == "prepare_update"]
+    parts = {
+        "T_Track": values_of(log.of("frame_tracked"), "track_ms"),
+        "T_M->E": transfer_ms(keyframe_messages),
+        "T_RKF": values_of(parse, "wall_ms"),
+        "T_LM": _mapping_of_each(log),
+        "T_PLMU": values_of(prepare, "wall_ms"),
+        "T_E->M": transfer_ms(update_messages),
+        "T_MU": values_of(log.of("update_applied"), "t_mu_ms"),
+        "T_Total": total_ms(log),
+    }
+    return {
+        name: Delay(
+            float(values.mean()), float(values.std()), float(np.median(values)), len(values)
+        )
+        for name, values in parts.items()
+        if len(values)
+    }
+
+
+def total_ms(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """T_Total of every applied update whose newest keyframe is known."""
+    captured = _capture_times_ns(log)
+    found = [
+        (event["t_ns"] - captured[event["newest_keyframe"]]) / 1e6
+        for event in log.of("update_applied")
+        if event.get("newest_keyframe") in captured
+    ]
+    return np.array(found, dtype=np.float64)
+
+
+def _capture_times_ns(log: EventLog) -> dict[int, float]:
+    """Run time at which the frame of each keyframe was offered to tracking."""
+    offered: dict[int, float] = {}
+    for step in log.of("frame_tracked"):
+        if isinstance(step.get("frame"), int) and isinstance(step.get("track_ms"), int | float):
+            waited = float(step.get("wait_ms") or 0.0)
+            offered[step["frame"]] = step["t_ns"] - (step["track_ms"] + waited) * 1e6
+    captured: dict[int, float] = {}
+    for event in log.of("keyframe_created"):
+        keyframe, frame = event.get("keyframe"), event.get("frame")
+        if isinstance(keyframe, int):
+            fallback = float(event.get("seq_s", event["t_ns"] / 1e9)) * 1e9
+            captured[keyframe] = (
+                offered.get(frame, fallback) if isinstance(frame, int) else fallback
+            )
+    return captured
+
+
+def _messages(log: EventLog, direction: str, channel: str) -> list[Event]:
+    return [
+        e
+        for e in log.of("message")
+        if e.get("direction") == direction and e.get("channel") == channel and not e.get("dropped")
+    ]
+
+
+def transfer_ms(messages: list[Event]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Queued to received of each message that arrived."""
+    found = [
+        (e["received_ns"] - e["queued_ns"]) / 1e6
+        for e in messages
+        if isinstance(e.get("received_ns"), int) and isinstance(e.get("queued_ns"), int)
+    ]
+    return np.array(found, dtype=np.float64)
+
+
+def _mapping_of_each(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Wall time of the mapping stages between one mapped keyframe and the next."""
+    found: list[float] = []
+    spent = 0.0
+    for event in log.of("stage", "keyframe_mapped"):
+        if event["type"] == "keyframe_mapped":
+            found.append(spent)
+            spent = 0.0
+        elif event.get("name") in MAPPING_STAGES and isinstance(event.get("wall_ms"), int | float):
+            spent += float(event["wall_ms"])
+    measured = np.array(found, dtype=np.float64)
+    return measured if measured.any() else measured[:0]

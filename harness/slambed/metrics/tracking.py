@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well the camera was followed: losses, coverage, relocalisations, step times."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slambed.metrics.events import Event, EventLog
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Counts over one run; times are sequence time in seconds. None: not measured."""
+
+    frames_total: int
+    frames_tracked: int
+    frames_dropped: int
+    track_losses: int
+    loss_times_s: tuple[float, ...]
+    relocalisations: int
+    resets: int
+    lost_s: float
+    """Sequence time between each loss and the next pose, or the end of the run."""
+    interruption_ms_mean: float | None
+    """Mean time that a map update kept tracking from going on (IJNC 2025, table 4)."""
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the offered frames that got a pose."""
+        return self.frames_tracked / self.frames_total if self.frames_total else None
+
+    @property
+    def first_loss_s(self) -> float | None:
+        """Sequence time of the first loss."""
+        return self.loss_times_s[0] if self.loss_times_s else None
+
+
+def tracking_of(log: EventLog) -> Tracking:
+    """Counts transitions of the frame states; a log without frame states is judged by its
+    `track_lost` events (a foreign system may write only those)."""
+    frames = log.of("frame_tracked")
+    dropped = log.of("frame_dropped")
+    losses: list[float] = []
+    lost_s = 0.0
+    lost_since: float | None = None
+    previous = ""
+    last = 0.0
+    for frame in frames:
+        state, last = str(frame.get("state")), float(frame.get("seq_s", last))
+        # A young map is given up at once: the frame that lost it is already not_initialised.
+        if previous == "ok" and state != "ok":
+            losses.append(last)
+        if state == "lost" and lost_since is None:
+            lost_since = last
+        if state == "ok" and lost_since is not None:
+            lost_s += last - lost_since
+            lost_since = None
+        previous = state
+    if lost_since is not None:
+        lost_s += last - lost_since
+    if not frames:
+        losses = [float(e.get("seq_s", 0.0)) for e in log.of("track_lost")]
+    tracked = sum(frame.get("state") == "ok" for frame in frames)
+    return Tracking(
+        frames_total=len(frames) + len(dropped),
+        frames_tracked=tracked,
+        frames_dropped=len(dropped),
+        track_losses=len(losses),
+        loss_times_s=tuple(losses),
+        relocalisations=len(log.of("relocalised")),
+        resets=len(log.of("reset")),
+        lost_s=lost_s,
+        interruption_ms_mean=mean_of(log.of("update_applied"), "t_mu_ms"),
+    )
+
+
+def values_of(events: list[Event], key: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """The numbers under this key, without the events that lack it."""
+    numbers = [e[key] for e in events if isinstance(e.get(key), int | float)]
+    return np.array(numbers, dtype=np.float64)
+
+
+def mean_of(events: list[Event], key: str) -> float | None:
+    """Mean, or None when nothing was measured."""
+    values = values_of(events, key)
+    return float(values.mean()) if len(values) else None
+
+
+def quantile_of(events: list[Event], key: str, share: float) -> float | None:
+    """Quantile, or None when nothing was measured."""
+    values = values_of(events, key)
+    return float(np.quantile(values, share)) if len(values) else None

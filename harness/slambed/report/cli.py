@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands about results: report, plots, compare, paper, gate, view, evaluate.
+
+The main command mounts them with `add_commands`.
+"""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from slambed.errors import ExitCode, SlambedError
+
+ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
+RESULTS = Path("results")
+
+app = typer.Typer(help="Reports, comparisons and gates.", no_args_is_help=True)
+
+
+def add_commands(main: typer.Typer) -> None:
+    """Adds the commands of this module to the main command, which has its own `report`."""
+    for command in (plots, compare, paper, gate, view, evaluate):
+        main.command()(command)
+
+
+def experiment_folder(results: Path, experiment: str) -> Path:
+    """`results/<name>` for a name, a YAML file or the folder itself."""
+    given = Path(experiment)
+    if (given / "runs").is_dir():
+        return given
+    folder = results / given.stem
+    if not folder.is_dir():
+        raise SlambedError(f"no results in {folder}; start with 'slambed run {experiment}'")
+    return folder
+
+
+@app.command()
+def report(
+    experiment: Annotated[str, typer.Argument(help="Experiment, or its results folder.")],
+    results: ResultsOption = RESULTS,
+    figures: Annotated[bool, typer.Option(help="Draw figures too.")] = True,
+) -> None:
+    """Write tables, figures and the page of an experiment again from its runs."""
+    from slambed.report.experiment import terminal_summary, write_report
+
+    folder = experiment_folder(results, experiment)
+    write_report(folder, figures=figures)
+    terminal_summary(folder, Console())
+
+
+@app.command()
+def plots(
+    experiment: Annotated[str, typer.Argument(help="Experiment, or 'all'.")] = "all",
+    results: ResultsOption = RESULTS,
+    every: Annotated[bool, typer.Option("--all", help="Every figure, however long.")] = False,
+) -> None:
+    """Draw figures and reports again without running anything."""
+    from slambed.report.experiment import write_report
+    from slambed.report.plots import TIME_FOR_FIGURES_S
+
+    folders = _folders(results) if experiment == "all" else [experiment_folder(results, experiment)]
+    if not folders:
+        raise SlambedError(f"no results in {results}; start with 'slambed run quickstart'")
+    for folder in folders:
+        paths = write_report(folder, limit_s=None if every else TIME_FOR_FIGURES_S)
+        typer.echo(f"{paths.html}")
+
+
+@app.command()
+def compare(
+    papers: Annotated[
+        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
+    ] = None,
+    results: ResultsOption = RESULTS,
+    out: Annotated[Path | None, typer.Option(help="Where pages go: <results>/papers.")] = None,
+    show_not_run: Annotated[bool, typer.Option(help="List what was not run too.")] = False,
+) -> None:
+    """Put every published number beside ours: paper | ours | interval | verdict."""
+    _write_pages(papers or None, results, out or results / "papers", show_not_run)
+
+
+@app.command()
+def paper(
+    name: Annotated[str, typer.Argument(help="A name in papers/, or 'all'.")] = "all",
+    results: ResultsOption = RESULTS,
+    runs: Annotated[str | None, typer.Option(help="Runs per cell: a number, 'paper'.")] = None,
+    engine: Annotated[str | None, typer.Option(help="docker, local or auto.")] = None,
+    reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
+) -> None:
+    """Run or reuse every experiment of a paper and write one page about it."""
+    from slambed.report.papers import read_papers
+
+    chosen = read_papers(None if name == "all" else [name])
+    if not reuse_only:
+        from slambed.campaign import campaign
+        from slambed.report.paper_runs import experiments_of
+
+        for experiment in experiments_of(chosen):
+            options = campaign.Options(runs, engine, results)
+            if campaign.run_experiment(experiment, options, Console()).interrupted:
+                raise SlambedError(
+                    "interrupted; finished runs are kept, the same command goes on",
+                    ExitCode.NOT_ALL_GOOD,
+                )
+    _write_pages([p.id for p in chosen], results, results / "papers", False)
+
+
+def _write_pages(names: list[str] | None, results: Path, out: Path, show_not_run: bool) -> None:
+    from slambed.report.compare import comparison_table
+    from slambed.report.load import load
+    from slambed.report.paper_page import write_paper_page
+    from slambed.report.papers import read_papers
+
+    console = Console()
+    papers = read_papers(names)
+    experiments = [load(folder) for folder in _folders(results)]
+    for item in papers:
+        page = write_paper_page(item, experiments, out)
+        rows = page.rows if show_not_run else [r for r in page.rows if r.verdict != "not run"]
+        if rows:
+            console.print(comparison_table(item.id, item.paper.title, rows).rich())
+        console.print(f"{item.id}: {page.summary}; {page.html}", highlight=False, soft_wrap=True)
+
+
+def _folders(results: Path) -> list[Path]:
+    return sorted(path.parent for path in results.glob("*/runs") if path.is_dir())
+
+
+@app.command()
+def gate(
+    experiments: Annotated[list[str], typer.Argument(help="Experiments of tonight.")],
+    baseline: Annotated[
+        Path | None, typer.Option(help="Results folder, history (.parquet) or .csv.")
+    ] = None,
+    results: ResultsOption = RESULTS,
+    alpha: Annotated[float, typer.Option(help="Chance of a false alarm in a night.")] = 0.05,
+    history: Annotated[Path | None, typer.Option(help="Append tonight's runs here.")] = None,
+    first_night: Annotated[
+        bool, typer.Option("--first-night", help="No baseline yet: only look for valid runs.")
+    ] = False,
+) -> None:
+    """Fail when tonight is significantly and relevantly worse, or when nothing was measured."""
+    from slambed.report.gate import append_history, judge, read_runs
+
+    if baseline is None and not first_night:
+        raise SlambedError("nothing to compare with, no --baseline: give one or --first-night")
+    console = Console()
+    reasons = 0
+    for name in experiments:
+        tonight, problems = read_runs(results, Path(name).stem)
+        before = tonight if baseline is None else read_runs(baseline, Path(name).stem)[0]
+        found = judge(before, tonight, alpha / len(experiments))
+        console.print(f"{name}: {len(found.findings)} comparisons, {len(found.failures)} failures")
+        if any(f.alarm or f.relevant for f in found.findings):
+            console.print(found.table().rich())
+        for line in [*problems, *found.notes]:
+            console.print(f"note: {line}", highlight=False, markup=False, soft_wrap=True)
+        for line in found.failures:
+            console.print(f"FAIL: {line}", highlight=False, markup=False, soft_wrap=True)
+        reasons += len(found.failures)
+        if history is not None and len(tonight):
+            night = datetime.now(UTC).strftime("%Y-%m-%d")
+            append_history(history, tonight, night, found.passed)
+    if reasons:
+        raise SlambedError(f"gate closed: {reasons} reasons above", ExitCode.NOT_ALL_GOOD)
+
+
+@app.command()
+def view(
+    run: Annotated[str, typer.Argument(help="Run key (or its beginning), or a run folder.")],
+    results: ResultsOption = RESULTS,
+    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path(),
+    rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording too.")] = False,
+    sequence: Annotated[Path | None, typer.Option(help="Prepared sequence, for images.")] = None,
+) -> None:
+    """Look inside a run: trajectory and map as PNG, and a Rerun recording where installed."""
+    from slambed.report.view import find_run, write_png, write_rerun
+
+    found = find_run(results, run)
+    out.mkdir(parents=True, exist_ok=True)
+    typer.echo(f"{write_png(found, out)}")
+    if rerun:
+        typer.echo(f"{write_rerun(found, out / f'{found.run_key}.rrd', sequence)}")
+
+
+@app.command()
+def evaluate(
+    estimate: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
+    truth: Annotated[Path, typer.Argument(help="Ground truth in TUM format.")],
+    association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
+    max_difference_s: Annotated[float, typer.Option(help="Of two time stamps.")] = 0.02,
+    with_scale: Annotated[bool, typer.Option("--with-scale", help="Sim(3); is marked.")] = False,
+) -> None:
+    """ATE and RPE of two trajectory files."""
+    from slambed.metrics.accuracy import absolute_error, relative_error
+    from slambed.metrics.trajectory import read_tum
+
+    if association not in ("nearest", "tum"):
+        raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
+    method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
+    own, true = read_tum(estimate), read_tum(truth)
+    ate = absolute_error(own, true, max_difference_s, method, with_scale)
+    typer.echo(
+        f"ATE RMSE {ate.rmse:.6f} m ({ate.alignment}, {ate.pairs} pairs, mean {ate.mean:.6f}, "
+        f"median {ate.median:.6f}, max {ate.maximum:.6f})"
+    )
+    rpe = relative_error(own, true, 1.0, max_difference_s=max_difference_s, method=method)
+    typer.echo(
+        f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
+        f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"
+    )

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of one experiment: everything that is written beside its runs."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
+
+from slambed.metrics.comparison import power_hint
+from slambed.metrics.run import SUMMARY_KEYS
+from slambed.report.cells import Cell, cells_of, differences, metrics_to_show
+from slambed.report.html import PageContent, write_html
+from slambed.report.load import Results, load
+from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
+from slambed.report.published import comparisons_for
+from slambed.report.tables import (
+    Table,
+    cell_tables,
+    difference_table,
+    limits_table,
+    link_table,
+)
+
+MOST_TERMINAL_LINES = 12
+
+
+@dataclass(frozen=True)
+class ReportPaths:
+    """What `write_report` wrote."""
+
+    markdown: Path
+    html: Path
+    summary_csv: Path
+    folder: Path
+    problems: list[str]
+
+
+def write_report(
+    experiment_dir: Path,
+    command: str | None = None,
+    figures: bool = True,
+    limit_s: float | None = TIME_FOR_FIGURES_S,
+) -> ReportPaths:
+    """Writes summary.csv, report.md and report/ (index.html, figures, tables) from the runs alone.
+
+    Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
+    is not there.
+    """
+    results = load(experiment_dir)
+    folder = experiment_dir / "report"
+    folder.mkdir(exist_ok=True)
+    summary_csv = write_summary_csv(results)
+    metrics = metrics_to_show(results)
+    cells = cells_of(results, metrics)
+    made_by = command or f"slambed report {results.name}"
+    drawn = Drawn([], 0)
+    if figures and len(results.valid):
+        drawn = draw_all(results, cells, folder, made_by, limit_s)
+    content = PageContent(
+        cells=cells,
+        tables=cell_tables(cells, metrics),
+        differences=difference_table(differences(results)),
+        comparisons=comparisons_for(results),
+        link=link_table(results),
+        limits=limits_table(results),
+        figures=drawn.figures,
+        left_out=drawn.left_out,
+    )
+    tables = [
+        *content.tables, content.differences, *content.comparisons, content.link, content.limits,
+    ]  # fmt: skip
+    write_tables(tables, folder / "tables")
+    html = write_html(results, content, folder)
+    markdown = experiment_dir / "report.md"
+    markdown.write_text(_markdown(results, content), encoding="utf-8")
+    return ReportPaths(markdown, html, summary_csv, folder, results.problems)
+
+
+def write_summary_csv(results: Results) -> Path:
+    """One row per run, the keys of summary.json; replaced by one rename."""
+    path = results.folder / "summary.csv"
+    partial = path.with_name(".summary.csv.partial")
+    results.runs[list(SUMMARY_KEYS)].to_csv(partial, index=False)
+    partial.rename(path)
+    return path
+
+
+def write_tables(tables: list[Table], folder: Path) -> None:
+    """Each table as CSV, Markdown and LaTeX."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for table in tables:
+        if not table.rows:
+            continue
+        (folder / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8")
+        (folder / f"{table.name}.md").write_text(table.markdown(), encoding="utf-8")
+        (folder / f"{table.name}.tex").write_text(table.latex(), encoding="utf-8")
+
+
+def _markdown(results: Results, content: PageContent) -> str:
+    lines = [f"# {results.title}", "", headline(results, content.cells), ""]
+    lines += ["The same with all details: [report/index.html](report/index.html).", ""]
+    if results.problems:
+        lines += ["## Warnings", "", *(f"- {line}" for line in results.problems), ""]
+    for heading, tables in (
+        ("Tables", content.tables),
+        ("Beside published figures", content.comparisons),
+        ("Differences", [content.differences]),
+        ("Link and limits", [content.link, content.limits]),
+    ):
+        shown = [table for table in tables if table.rows]
+        if shown:
+            lines += [f"## {heading}", ""]
+        for table in shown:
+            lines += [f"{table.caption}:", "", table.markdown()]
+        if heading == "Tables":
+            notes = [f"- {cell.name}: {note}" for cell in content.cells for note in cell.notes]
+            lines += [*notes, ""] if notes else []
+    if content.figures:
+        lines += ["## Figures", ""]
+    for figure in content.figures:
+        lines += [f"![{figure.title}](report/{figure.name}.png)", "", figure.caption, ""]
+    return "\n".join(lines)
+
+
+def headline(results: Results, cells: list[Cell]) -> str:
+    """The most important line."""
+    total, valid = len(results.runs), len(results.valid)
+    if total == 0:
+        return "Nothing was measured."
+    of = f" of {results.expected}" if results.expected and results.expected > total else ""
+    fewest = min((cell.valid for cell in cells), default=0)
+    return f"{total}{of} runs in {len(cells)} cells, {valid} valid. {power_hint(fewest)}"
+
+
+def terminal_summary(experiment_dir: Path, console: Console | None = None) -> RenderableType:
+    """The tables for a terminal; printed when a console is given."""
+    results = load(experiment_dir)
+    metrics = metrics_to_show(results)
+    cells = cells_of(results, metrics)
+    parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
+    for table in [*cell_tables(cells, metrics), *comparisons_for(results)]:
+        parts += [Text(""), table.rich()]
+    notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
+    parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
+    if len(notes) > MOST_TERMINAL_LINES:
+        parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))
+    parts.append(Text(f"report: {experiment_dir / 'report' / 'index.html'}"))
+    group = Group(*parts)
+    if console is not None:
+        console.print(group)
+    return group

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Asked, applied and measured round-trip time of one run."""
+
+import pandas as pd
+
+from slambed.metrics.network import series
+from slambed.report.conditions import Condition, typical_run
+from slambed.report.load import Results
+from slambed.report.style import FigureWriter, figure, file_name
+
+PROBE, ASKED, APPLIED = "#0072B2", "#000000", "#E69F00"
+
+
+def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> None:
+    """The run with the median RTT error among those with a link."""
+    runs = condition.runs[condition.runs["link_backend"].notna()]
+    key = typical_run(runs, "rtt_error_ms_median")
+    link = results.table(key, "link") if key else None
+    if key is None or link is None:
+        return
+    link = link[link["t_s"] >= 0]
+    asked, probe = series(link, "asked_rtt_ms"), series(link, "probe_rtt_ms")
+    applied = _both_ways(link)
+    if asked.empty and probe.empty:
+        return
+    with figure(height_in=3.2) as (made, axes):
+        axis = axes[0]
+        axis.plot(probe["t_s"], probe["value"], ".", color=PROBE, markersize=3, zorder=3,
+                  label="measured")  # fmt: skip
+        if len(applied):
+            axis.step(
+                applied["t_s"], applied["value"], where="post", color=APPLIED,
+                linewidth=2.4, alpha=0.8, label="applied, both ways",
+            )  # fmt: skip
+        axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
+        axis.set_xlabel("time [s]")
+        axis.set_ylabel("round-trip time [ms]")
+        # A single late probe must not flatten the picture.
+        tops = [part["value"].quantile(0.998) for part in (asked, probe) if len(part)]
+        axis.set_ylim(0, max(1.0, 1.1 * max(float(top) for top in tops)))
+        axis.set_title(f"Link: {condition.title}")
+        axis.legend(loc="best")
+        row = runs[runs["run_key"] == key].iloc[0]
+        error = row["rtt_error_ms_median"]
+        proof = f" Median error {error:.2f} ms." if error is not None and error == error else ""
+        writer.save(
+            made,
+            file_name("rtt", condition.dataset, condition.profile),
+            f"Round-trip time: {condition.title}",
+            f"Asked by the profile, applied by the link, measured by ICMP echo; run {key}, "
+            f"{row['label']}, the one with the median error.{proof}",
+            pd.concat(
+                [
+                    asked.assign(series="asked_rtt_ms"),
+                    applied.assign(series="applied_rtt_ms"),
+                    probe.assign(series="probe_rtt_ms"),
+                ],
+                ignore_index=True,
+            ),
+        )
+
+
+def _both_ways(link: pd.DataFrame) -> pd.DataFrame:
+    """Up plus down delay at every moment one of them was set."""
+    up, down = series(link, "applied_up_ms"), series(link, "applied_down_ms")
+    if up.empty or down.empty:
+        return pd.DataFrame({"t_s": [], "value": []})
+    both = pd.merge_asof(up, down, on="t_s", suffixes=("_up", "_down"))
+    both["value"] = both["value_up"] + both["value_down"]
+    return both[["t_s", "value"]].dropna()

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cumulative track losses over time, the latency profile beneath (DynNetSLAM, Figs. 9, 12)."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from slambed.metrics.network import series
+from slambed.report.cells import text
+from slambed.report.conditions import Condition
+from slambed.report.load import Results
+from slambed.report.style import FigureWriter, colour, dash, figure, file_name
+
+
+def draw_losses(results: Results, condition: Condition, writer: FigureWriter) -> None:
+    """One curve per system: how many runs have lost track at least once by that time."""
+    profile = asked_profile(results, condition.runs)
+    end_s = _end_s(condition.runs)
+    rows: list[pd.DataFrame] = []
+    with figure(
+        2 if profile is not None else 1,
+        height_in=4.2 if profile is not None else 3.2,
+        sharex=True,
+        gridspec_kw={"height_ratios": [2.2, 1]} if profile is not None else None,
+    ) as (made, axes):
+        for index, (label, runs) in enumerate(condition.systems()):
+            curve = _curve(runs, end_s)
+            _step(axes[0], curve, f"{label} ({len(runs)} runs)", index)
+            rows.append(curve.assign(label=label, runs=len(runs)))
+        _finish(axes[0], condition.runs)
+        if profile is not None:
+            axes[1].plot(profile["t_s"], profile["value"], color="#444444")
+            axes[1].set_ylabel("RTT asked [ms]")
+            axes[1].set_ylim(0, max(1.0, 1.08 * float(profile["value"].max())))
+        axes[-1].set_xlabel("time in the sequence [s]")
+        axes[-1].set_xlim(0, end_s)
+        axes[0].set_title(f"Track losses over time: {condition.title}")
+        beneath = " Beneath: the round-trip time asked of the link." if profile is not None else ""
+        writer.save(
+            made,
+            file_name("losses", condition.dataset, condition.profile),
+            f"Track losses over time: {condition.title}",
+            "Runs that have lost track at least once by this time, valid runs only." + beneath,
+            pd.concat(rows, ignore_index=True),
+        )
+
+
+def draw_losses_by_profile(
+    results: Results, label: str, dataset: str, runs: pd.DataFrame, writer: FigureWriter
+) -> None:
+    """One system, one curve per profile: how much latency it bears (DynNetSLAM, Fig. 9)."""
+    end_s = _end_s(runs)
+    rows: list[pd.DataFrame] = []
+    with figure(height_in=3.4) as (made, axes):
+        for index, (profile, part) in enumerate(runs.groupby("profile", sort=False, dropna=False)):
+            curve = _curve(part, end_s)
+            name = text(profile) or "no link"
+            _step(axes[0], curve, f"{name} ({len(part)} runs)", index)
+            rows.append(curve.assign(profile=name, runs=len(part)))
+        _finish(axes[0], runs)
+        axes[0].set_xlabel("time in the sequence [s]")
+        axes[0].set_xlim(0, end_s)
+        title = f"Track losses by link profile: {label}, {dataset}"
+        axes[0].set_title(title)
+        writer.save(
+            made,
+            file_name("losses_by_profile", dataset, label),
+            title,
+            "Runs that have lost track at least once by this time, valid runs only.",
+            pd.concat(rows, ignore_index=True),
+        )
+
+
+def asked_profile(results: Results, runs: pd.DataFrame) -> pd.DataFrame | None:
+    """The RTT that the profile asks for over playback, from any run that had a link."""
+    for key in runs.loc[runs["link_backend"].notna(), "run_key"].head(3):
+        link = results.table(str(key), "link")
+        if link is None:
+            continue
+        asked = series(link, "asked_rtt_ms")
+        asked = asked[asked["t_s"] >= 0]
+        if len(asked):
+            return asked
+    return None
+
+
+def _curve(runs: pd.DataFrame, end_s: float) -> pd.DataFrame:
+    times = np.sort(pd.to_numeric(runs["first_loss_s"]).dropna().to_numpy(np.float64))
+    count = np.arange(1, len(times) + 1)
+    return pd.DataFrame(
+        {
+            "t_s": np.concatenate([[0.0], times, [end_s]]),
+            "runs_lost": np.concatenate([[0], count, [len(times)]]),
+        }
+    )
+
+
+def _step(axis: Axes, curve: pd.DataFrame, label: str, index: int) -> None:
+    axis.step(
+        curve["t_s"],
+        curve["runs_lost"],
+        where="post",
+        label=label,
+        color=colour(index),
+        linestyle=dash(index),
+    )
+
+
+def _finish(axis: Axes, runs: pd.DataFrame) -> None:
+    most = int(runs.groupby("cell").size().max())
+    axis.set_ylabel("runs with a track loss")
+    axis.set_ylim(-0.03 * most, most * 1.05)
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axis.legend(loc="upper left")
+
+
+def _end_s(runs: pd.DataFrame) -> float:
+    ends = pd.to_numeric(runs["wall_s"]).dropna()
+    losses = pd.to_numeric(runs["first_loss_s"]).dropna()
+    return float(max([*ends.tail(1000), *losses, 1.0]))

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CPU and memory of both nodes over time, mean over runs with the range of the runs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from slambed.report.conditions import Condition, some_runs
+from slambed.report.load import Results
+from slambed.report.style import FigureWriter, colour, dash, figure, file_name
+
+BIN_S = 1.0
+"""Samples come at 10 Hz; a second smooths the quota period away."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column of the samples as a figure shows it."""
+
+    column: str
+    name: str
+    title: str
+    unit: str
+
+
+CPU = Quantity("cpu_percent", "cpu", "CPU", "% of one core")
+MEMORY = Quantity("memory_mb", "memory", "Memory", "MB")
+
+
+def draw_over_time(
+    results: Results, condition: Condition, quantity: Quantity, writer: FigureWriter
+) -> None:
+    """One panel per node, one line per system."""
+    parts: list[pd.DataFrame] = []
+    for label, runs in condition.systems():
+        for key in some_runs(runs):
+            samples = results.table(key, "samples")
+            if samples is not None and quantity.column in samples:
+                parts.append(_binned(samples, quantity.column, runs, key).assign(label=label))
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        return
+    data = pd.concat(parts, ignore_index=True)
+    curves = (
+        data.groupby(["node", "label", "t_s"], sort=False)["value"]
+        .agg(mean="mean", low="min", high="max", runs="size")
+        .reset_index()
+    )
+    nodes = [node for node in ("mobile", "edge") if (curves["node"] == node).any()]
+    labels = list(dict.fromkeys(data["label"]))
+    with figure(len(nodes), height_in=1.2 + 1.9 * len(nodes), sharex=True) as (made, axes):
+        for axis, node in zip(axes, nodes, strict=True):
+            for index, label in enumerate(labels):
+                own = curves[(curves["node"] == node) & (curves["label"] == label)]
+                own = own.sort_values("t_s")
+                if own.empty:
+                    continue
+                axis.plot(own["t_s"], own["mean"], color=colour(index), linestyle=dash(index),
+                          label=label)  # fmt: skip
+                axis.fill_between(own["t_s"], own["low"], own["high"], color=colour(index),
+                                  alpha=0.15, linewidth=0)  # fmt: skip
+            axis.set_ylabel(f"{node} [{quantity.unit}]")
+            axis.set_ylim(bottom=0)
+            axis.legend(loc="best")
+        axes[-1].set_xlabel("time [s]")
+        title = f"{quantity.title} over time: {condition.title}"
+        axes[0].set_title(title)
+        writer.save(
+            made,
+            file_name(quantity.name, condition.dataset, condition.profile),
+            title,
+            f"Mean of up to {int(curves['runs'].max())} runs per system in bins of {BIN_S:g} s; "
+            "the band is the range of the runs.",
+            curves,
+        )
+
+
+def _binned(samples: pd.DataFrame, column: str, runs: pd.DataFrame, key: str) -> pd.DataFrame:
+    end_s = pd.to_numeric(runs.loc[runs["run_key"] == key, "wall_s"]).iloc[0]
+    inside = samples[samples["t_s"].between(0, end_s if end_s == end_s else np.inf)]
+    inside = inside.dropna(subset=[column])
+    bins = (inside["t_s"] // BIN_S) * BIN_S + BIN_S / 2
+    grouped = inside.groupby([inside["node"], bins])[column].mean()
+    return grouped.rename_axis(["node", "t_s"]).rename("value").reset_index()

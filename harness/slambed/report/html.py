@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The experiment as one self-contained HTML file."""
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+
+from slambed.metrics.comparison import power_hint
+from slambed.report.catalog import metric
+from slambed.report.cells import Cell, number
+from slambed.report.load import Results
+from slambed.report.page import STYLE, TEMPLATE
+from slambed.report.style import SavedFigure
+from slambed.report.tables import Table
+from slambed.report.timeline import timeline_svg
+
+MOST_RUNS = 300
+MOST_TIMELINES = 24
+MOST_SVG_BYTES = 150_000
+"""A figure larger than this as SVG is inlined as PNG."""
+
+
+@dataclass
+class PageContent:
+    """Everything the page shows beside what `Results` knows."""
+
+    cells: list[Cell]
+    tables: list[Table]
+    differences: Table
+    comparisons: list[Table]
+    link: Table
+    limits: Table
+    figures: list[SavedFigure]
+    left_out: int
+
+
+def write_html(results: Results, content: PageContent, folder: Path) -> Path:
+    """Writes `<folder>/index.html`."""
+    runs = [_run(results, row) for row in _chosen_runs(results.runs)]
+    for run in [r for r in runs if r["wanted"]][:MOST_TIMELINES]:
+        run["timeline"] = timeline_svg(results, run["key"])
+    sections = [
+        ("summary", "Summary"), ("tables", "Tables"), ("papers", "Beside published figures"),
+        ("differences", "Differences"), ("figures", "Figures"), ("validity", "Link and limits"),
+        ("runs", "Runs"), ("manifest", "Manifest"),
+    ]  # fmt: skip
+    if not content.comparisons:
+        sections.remove(("papers", "Beside published figures"))
+    if not content.differences.rows:
+        sections.remove(("differences", "Differences"))
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    page = environment.from_string(TEMPLATE).render(
+        style=STYLE,
+        title=results.title,
+        name=results.name,
+        notes=results.spec.get("notes") or "",
+        sections=sections,
+        tiles=_tiles(results, content.cells),
+        hint=_hint(content.cells),
+        problems=results.problems,
+        tables=content.tables,
+        cell_notes=[(cell.name, note) for cell in content.cells for note in cell.notes],
+        comparisons=content.comparisons,
+        differences=content.differences,
+        figures=[{**vars(item), "uri": _uri(folder, item)} for item in content.figures],
+        left_out=content.left_out,
+        link=content.link,
+        limits=content.limits,
+        runs=runs,
+        runs_left_out=len(results.runs) - len(runs),
+        facts=[
+            (name, value, count)
+            for name, values in results.facts.items()
+            for value, count in values.most_common(5)
+        ],
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "index.html"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
+    total, valid = len(results.runs), len(results.valid)
+    lost = int(results.valid["lost"].eq(True).sum())
+    expected = results.expected
+    all_there = expected is None or total >= expected
+    runs = f"{total}" if all_there else f"{total} of {expected}"
+    proofs = pd.to_numeric(results.runs["rtt_error_ms_median"]).dropna()
+    tiles = [
+        (runs, "runs", "" if all_there and total else "bad"),
+        (f"{valid}", "valid runs", "good" if valid == total and total else "bad"),
+        (f"{len(cells)}", "cells", ""),
+        (f"{lost}", "valid runs with a track loss", ""),
+    ]
+    if len(proofs):
+        tiles.append((f"{proofs.max():.2f} ms", "largest median RTT error of a run", ""))
+    commits = list(results.facts.get("commit", {}))
+    if commits:
+        dirty = "True" in results.facts.get("dirty", {})
+        text = commits[0][:10] if len(commits) == 1 else f"{len(commits)} commits"
+        tiles.append((text + ("+" if dirty else ""), "commit (+: changed files)", ""))
+    return tiles
+
+
+def _hint(cells: list[Cell]) -> str:
+    if not cells:
+        return "Nothing was measured."
+    return power_hint(min(cell.valid for cell in cells))
+
+
+def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
+    """All runs; of a large campaign the failed and lossy ones, then the first of every cell."""
+    flagged = ~runs["valid"].eq(True) | runs["lost"].eq(True)
+    first = ~runs.duplicated("cell")
+    marked = runs.assign(wanted=flagged | first)
+    if len(runs) > MOST_RUNS:
+        kept = pd.concat([marked[flagged].head(MOST_RUNS // 2), marked[first & ~flagged]])
+        marked = kept.head(MOST_RUNS).sort_index()
+    return [{str(k): v for k, v in row.items()} for row in marked.to_dict("records")]
+
+
+def _run(results: Results, row: dict[str, Any]) -> dict[str, Any]:
+    valid = row["valid"] is True
+    reason = row["invalid_reason"]
+    return {
+        "key": row["run_key"],
+        "cell": row["cell"],
+        "repetition": row["repetition"],
+        "outcome": "valid" if valid else f"{row['outcome']}: {reason}",
+        "mood": "" if valid else "bad",
+        "coverage": f"{metric('coverage').show(number(row['coverage']))} %",
+        "losses": _count(row["track_losses"]),
+        "ate": metric("ate_rmse_m").show(number(row["ate_rmse_m"])),
+        "timeline": None,
+        "wanted": bool(row["wanted"]),
+    }
+
+
+def _count(value: object) -> str:
+    found = number(value)
+    return "-" if found is None else f"{found:.0f}"
+
+
+def _uri(folder: Path, item: SavedFigure) -> str:
+    svg = (folder / f"{item.name}.svg").read_bytes()
+    if len(svg) <= MOST_SVG_BYTES:
+        return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+    png = (folder / f"{item.name}.png").read_bytes()
+    return "data:image/png;base64," + base64.b64encode(png).decode()

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A results folder in memory; what is torn, missing or foreign becomes a line in `problems`."""
+
+import json
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from slambed.errors import SlambedError
+from slambed.metrics.events import EventLog
+from slambed.metrics.run import SUMMARY_KEYS
+from slambed.metrics.trajectory import Trajectory, read_tum
+
+MOST_PROBLEMS_PER_KIND = 10
+TEXT_KEYS = frozenset(
+    (
+        "run_key", "experiment", "cell", "system", "variant", "dataset", "profile",
+        "device_mobile", "device_edge", "engine", "link_backend", "outcome", "invalid_reason",
+    )
+)  # fmt: skip
+FLAG_KEYS = frozenset(("valid", "lost"))
+MANIFEST_FACTS = (
+    "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores", "command",
+)  # fmt: skip
+"""What should be equal in all runs of an experiment; the report tells when it is not."""
+
+
+@dataclass
+class Results:
+    """All runs of one experiment: `runs` has one row per run, columns are the summary keys plus
+    `label`, `params.<name>`, `started_utc` and `folder`."""
+
+    folder: Path
+    title: str
+    runs: pd.DataFrame
+    problems: list[str] = field(default_factory=list)
+    facts: dict[str, Counter[str]] = field(default_factory=dict)
+    """Manifest facts and how many runs have each value."""
+    limits: pd.DataFrame = field(default_factory=pd.DataFrame)
+    expected: int | None = None
+    """Runs the experiment asks for, when known."""
+    spec: dict[str, Any] = field(default_factory=dict)
+    """The experiment file as run, where it was kept."""
+
+    @property
+    def name(self) -> str:
+        """The experiment's id."""
+        return self.folder.name
+
+    @property
+    def valid(self) -> pd.DataFrame:
+        """The runs that count."""
+        return self.runs[self.runs["valid"].eq(True)]
+
+    def cells(self) -> list[str]:
+        """Cells in the order of the experiment file, else of first appearance."""
+        return list(dict.fromkeys(self.runs["cell"]))
+
+    def run_dir(self, run_key: str) -> Path:
+        """Folder of one run."""
+        return self.folder / "runs" / run_key
+
+    def table(self, run_key: str, name: str) -> pd.DataFrame | None:
+        """`events`, `samples` or `link` of one run; None (and a problem) when it cannot be read."""
+        path = self.run_dir(run_key) / f"{name}.parquet"
+        if not path.exists():
+            return None
+        try:
+            return pd.DataFrame(pq.read_table(path).to_pandas())
+        except (OSError, pa.ArrowException) as error:
+            self.complain(f"{run_key}/{path.name}: unreadable ({str(error).splitlines()[0]})")
+            return None
+
+    def events(self, run_key: str, kinds: tuple[str, ...]) -> EventLog | None:
+        """The stored events of these types; ids stay whole numbers (they need all 64 bits, which
+        a data frame with gaps would turn into floats)."""
+        path = self.run_dir(run_key) / "events.parquet"
+        if not path.exists():
+            return None
+        try:
+            rows = pq.read_table(path, filters=[("type", "in", kinds)]).to_pylist()
+        except (OSError, pa.ArrowException) as error:
+            self.complain(f"{run_key}/{path.name}: unreadable ({str(error).splitlines()[0]})")
+            return None
+        return EventLog([{k: v for k, v in row.items() if v is not None} for row in rows])
+
+    def trajectory(self, run_key: str, name: str = "trajectory.txt") -> Trajectory | None:
+        """The estimated path of one run."""
+        return self._trajectory(self.run_dir(run_key) / name)
+
+    def groundtruth(self, dataset: str) -> Trajectory | None:
+        """The true path of a dataset, kept beside the runs."""
+        return self._trajectory(self.folder / "groundtruth" / f"{dataset.replace('/', '_')}.txt")
+
+    def _trajectory(self, path: Path) -> Trajectory | None:
+        if not path.exists():
+            return None
+        try:
+            found = read_tum(path)
+        except SlambedError as error:
+            self.complain(str(error))
+            return None
+        return found if len(found) else None
+
+    def complain(self, line: str) -> None:
+        """Adds a problem once."""
+        if line not in self.problems:
+            self.problems.append(line)
+
+
+def load(folder: Path) -> Results:
+    """Reads every run of `results/<experiment>`.
+
+    Raises SlambedError when the folder is not there; an empty one gives no runs and a problem.
+    """
+    if not folder.is_dir():
+        raise SlambedError(f"no results, {folder} is not a folder, run the experiment first")
+    problems: list[str] = []
+    experiment = _read(folder / "experiment.json", problems)
+    listed = experiment.get("runs")
+    planned = [r for r in listed if isinstance(r, dict)] if isinstance(listed, list) else []
+    rows, facts, limits = _read_runs(folder, planned, problems)
+    columns = [*SUMMARY_KEYS, "label", "started_utc", "folder"]
+    runs = pd.DataFrame(rows, columns=None if rows else columns)
+    for name in columns:
+        if name not in runs:
+            runs[name] = None
+    spec = experiment.get("experiment")
+    spec = spec if isinstance(spec, dict) else {}
+    if not len(runs):
+        problems.insert(0, "nothing was measured: there is no readable run")
+    results = Results(
+        folder=folder,
+        title=str(spec.get("title") or experiment.get("title") or folder.name),
+        runs=_in_order(runs, spec),
+        problems=problems,
+        facts=facts,
+        limits=pd.DataFrame(limits),
+        expected=len(planned) or None,
+        spec=spec,
+    )
+    _report_missing(results, planned)
+    return results
+
+
+def _read_runs(
+    folder: Path, planned: list[dict[str, Any]], problems: list[str]
+) -> tuple[list[dict[str, Any]], dict[str, Counter[str]], list[dict[str, Any]]]:
+    facts: dict[str, Counter[str]] = {name: Counter() for name in MANIFEST_FACTS}
+    rows: list[dict[str, Any]] = []
+    limits: list[dict[str, Any]] = []
+    kinds: Counter[str] = Counter()
+    labels = {run.get("run_key"): run.get("label") for run in planned}
+    wanted = set(labels)
+
+    def tell(kind: str, line: str) -> None:
+        kinds[kind] += 1
+        if kinds[kind] <= MOST_PROBLEMS_PER_KIND:
+            problems.append(line)
+
+    runs_dir = folder / "runs"
+    names = sorted(runs_dir.iterdir()) if runs_dir.is_dir() else []
+    for path in names:
+        if not path.is_dir():
+            tell("foreign", f"runs/{path.name}: not a run folder, ignored")
+            continue
+        summary = _read(path / "summary.json", None)
+        if not summary or not isinstance(summary.get("cell"), str):
+            there = (path / "summary.json").exists()
+            what = "summary.json is torn or foreign" if there else "no summary.json"
+            tell("torn", f"runs/{path.name}: {what}, run ignored")
+            continue
+        manifest = _read(path / "manifest.json", None)
+        if not manifest:
+            tell("manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown")
+        unknown = sorted(set(summary) - set(SUMMARY_KEYS))
+        if unknown:
+            tell("keys", f"runs/{path.name}: unknown keys in summary.json: {', '.join(unknown)}")
+        told = manifest.get("spec")
+        spec: dict[str, Any] = told if isinstance(told, dict) else {}
+        row, wrong = _typed(summary)
+        if wrong:
+            tell("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
+        row["run_key"] = path.name
+        label = spec.get("label") or labels.get(path.name) or _label_of(row)
+        row |= {"label": label, "started_utc": manifest.get("started_utc"), "folder": path.name}
+        for name, value in (spec.get("params") or {}).items():
+            row[f"params.{name}"] = value
+        if wanted and path.name not in wanted:
+            tell("old", f"runs/{path.name}: not part of the experiment as last run, shown too")
+        for warning in manifest.get("warnings") or []:
+            tell("warnings", f"runs/{path.name}: {warning}")
+        for name in MANIFEST_FACTS:
+            if manifest.get(name) is not None:
+                facts[name][_fact(manifest[name])] += 1
+        limits += _limits_of(row, manifest)
+        rows.append(row)
+    for kind, count in kinds.items():
+        if count > MOST_PROBLEMS_PER_KIND:
+            problems.append(f"... and {count - MOST_PROBLEMS_PER_KIND} more of this kind ({kind})")
+    return rows, facts, limits
+
+
+def _limits_of(row: dict[str, Any], manifest: dict[str, Any]) -> list[dict[str, Any]]:
+    """Asked and granted limits of each node, with its throttling."""
+    found: list[dict[str, Any]] = []
+    throttling = manifest.get("throttling")
+    for node, limit in (manifest.get("limits") or {}).items():
+        if not isinstance(limit, dict):
+            continue
+        throttle = throttling.get(node) if isinstance(throttling, dict) else None
+        found.append(
+            {
+                "run_key": row["run_key"],
+                "cell": row["cell"],
+                "node": node,
+                "device": row["device_mobile"] if node == "mobile" else row["device_edge"],
+                "asked": _fact(limit.get("asked")),
+                "granted": _fact(limit.get("granted")),
+                "throttled_s": (throttle or {}).get("throttled_s"),
+            }
+        )
+    return found
+
+
+def _label_of(row: dict[str, Any]) -> str:
+    variant = row.get("variant")
+    return f"{row['system']}:{variant}" if variant not in (None, "default") else str(row["system"])
+
+
+def _fact(value: object) -> str:
+    if isinstance(value, list):
+        return " ".join(str(item) for item in value)
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {v}" for k, v in value.items() if v is not None)
+    return str(value)
+
+
+def _typed(summary: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """The known keys; a value of another type is foreign and counts as not measured."""
+    row: dict[str, Any] = {}
+    wrong: list[str] = []
+    for key in SUMMARY_KEYS:
+        value = summary.get(key)
+        if key in TEXT_KEYS:
+            good = isinstance(value, str)
+        elif key in FLAG_KEYS:
+            good = isinstance(value, bool)
+        else:
+            good = isinstance(value, int | float) and not isinstance(value, bool)
+        row[key] = value if good else None
+        if not good and value is not None:
+            wrong.append(key)
+    return row, wrong
+
+
+def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
+    """Rows by dataset, profile, label as the experiment file lists them, then by repetition:
+    what is to be compared stands together."""
+    if not len(runs):
+        return runs
+    keys = pd.DataFrame(
+        {
+            "dataset": runs["dataset"].map(_rank(_names(spec.get("datasets"), "id"))),
+            "profile": runs["profile"].map(_rank(_profile_names(spec))),
+            "label": runs["label"].map(_rank(_names(spec.get("systems"), "label", "system"))),
+            "cell": runs["cell"],
+            "repetition": runs["repetition"],
+        }
+    )
+    order = keys.sort_values(list(keys.columns), kind="stable").index
+    return runs.loc[order].reset_index(drop=True)
+
+
+def _profile_names(spec: dict[str, Any]) -> list[str]:
+    link = spec.get("link")
+    return _names(link.get("profiles"), "name", "profile") if isinstance(link, dict) else []
+
+
+def _names(items: object, *keys: str) -> list[str]:
+    """Names of a YAML list whose items are names or objects that have one under one of `keys`."""
+    found: list[str] = []
+    for item in items if isinstance(items, list) else []:
+        if isinstance(item, dict):
+            name = next((item[key] for key in keys if item.get(key)), "")
+            variant = item.get("variant")
+            found.append(f"{name}:{variant}" if variant and not item.get("label") else str(name))
+        else:
+            found.append(str(item))
+    return found
+
+
+def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
+    """Position in the list; names that are not there come after it, by alphabet."""
+    position = {name: index for index, name in enumerate(names)}
+
+    def rank(value: object) -> tuple[int, str]:
+        text = "" if value is None or value != value else str(value)
+        return position.get(text, len(position) if text else -1), text
+
+    return rank
+
+
+def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:
+    there = set(results.runs["run_key"])
+    missing = Counter(str(r.get("cell")) for r in planned if r.get("run_key") not in there)
+    for cell, count in list(missing.items())[:MOST_PROBLEMS_PER_KIND]:
+        results.complain(f"{cell}: {count} runs missing")
+    if len(missing) > MOST_PROBLEMS_PER_KIND:
+        results.complain(f"... and {len(missing) - MOST_PROBLEMS_PER_KIND} more cells with gaps")
+
+
+def _read(path: Path, problems: list[str] | None) -> dict[str, Any]:
+    """A JSON object, or {} (with a problem when `problems` is given)."""
+    try:
+        value = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        if problems is not None:
+            problems.append(f"{path.name}: missing")
+        return {}
+    except (OSError, ValueError) as error:
+        if problems is not None:
+            problems.append(f"{path.name}: unreadable ({error})")
+        return {}
+    return value if isinstance(value, dict) else {}

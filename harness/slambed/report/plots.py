@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All figures of an experiment; large campaigns get the figures that fit into the time allowed."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from slambed.report.catalog import metric
+from slambed.report.cells import Cell
+from slambed.report.conditions import conditions_of
+from slambed.report.figures.boxes import draw_metric
+from slambed.report.figures.link import draw_rtt
+from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
+from slambed.report.figures.paths import draw_paths
+from slambed.report.figures.resources import CPU, MEMORY, draw_over_time
+from slambed.report.figures.stages import draw_stages
+from slambed.report.figures.tradeoff import PAIRS, draw_tradeoff
+from slambed.report.load import Results
+from slambed.report.style import FigureWriter, SavedFigure
+
+TIME_FOR_FIGURES_S = 25.0
+"""A report of any size must be there within a minute; `slambed plots --all` has no limit."""
+CELLS_WITHOUT_LIMIT = 16
+"""So few cells always get all their figures, however busy the machine is."""
+
+BOXED = (
+    "lost", "ate_rmse_m", "rpe_trans_m", "coverage", "track_ms_median", "mobile_cpu_percent_mean",
+    "mobile_mem_mb_peak", "update_delay_ms_median", "local_mapping_ms_mean",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The figures made, and how many the time did not allow."""
+
+    figures: list[SavedFigure]
+    left_out: int
+
+
+def draw_all(
+    results: Results,
+    cells: list[Cell],
+    folder: Path,
+    command: str,
+    limit_s: float | None = TIME_FOR_FIGURES_S,
+) -> Drawn:
+    """Draws into `folder`; a figure that cannot be drawn is a problem of the results, not fatal."""
+    writer = FigureWriter(folder, command, [])
+    begin = time.monotonic()
+    limited = limit_s is not None and len(cells) > CELLS_WITHOUT_LIMIT
+    left_out = 0
+    for name, draw in _jobs(results, cells, writer):
+        if limited and time.monotonic() - begin > (limit_s or 0):
+            left_out += 1
+            continue
+        try:
+            draw()
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            results.complain(f"figure {name} could not be drawn: {type(error).__name__}: {error}")
+    writer.write_list()
+    return Drawn(writer.saved, left_out)
+
+
+def _jobs(
+    results: Results, cells: list[Cell], writer: FigureWriter
+) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Most telling first: what comes last is what a large campaign goes without."""
+    conditions = conditions_of(results)
+    for key in BOXED:
+        yield key, partial(draw_metric, results, cells, metric(key), writer)
+    for condition in conditions:
+        yield "losses", partial(draw_losses, results, condition, writer)
+        yield "trajectory", partial(draw_paths, results, condition, writer)
+        yield "rtt", partial(draw_rtt, results, condition, writer)
+        yield "cpu", partial(draw_over_time, results, condition, CPU, writer)
+        yield "memory", partial(draw_over_time, results, condition, MEMORY, writer)
+        yield "stages", partial(draw_stages, results, condition, writer)
+    for (label, dataset), runs in results.valid.groupby(["label", "dataset"], sort=False):
+        if runs["profile"].nunique() > 1:
+            yield (
+                "losses by profile",
+                partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer),
+            )
+    for dataset in dict.fromkeys(cell.dataset for cell in cells):
+        for x, y in PAIRS:
+            yield "trade-off", partial(draw_tradeoff, cells, dataset, x, y, writer)

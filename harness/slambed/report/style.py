@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How every figure looks, and how it is saved: three formats, its data, and what made it."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# Okabe and Ito's palette (2008), told apart by all common kinds of colour vision. Yellow is left
+# out: it is too pale on white. Markers and dashes repeat the distinction for grey prints.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
+GROUND_TRUTH = "#777777"
+FORMATS = ("png", "svg", "pdf")
+WIDTH_IN = 5.4
+PNG_DPI = 150
+
+RC: Any = {
+    "figure.constrained_layout.use": True,
+    "figure.facecolor": "white",
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 4,
+    "pdf.fonttype": 42,  # text stays text in PDF
+    "svg.fonttype": "path",
+    "svg.hashsalt": "slambed",  # the same figure gives the same bytes
+}
+
+
+@dataclass(frozen=True)
+class SavedFigure:
+    """A figure on disk; files are names inside the report folder."""
+
+    name: str
+    title: str
+    caption: str
+    command: str
+    files: list[str]
+    data: str
+
+
+@contextmanager
+def figure(
+    rows: int = 1, columns: int = 1, height_in: float = 3.4, **options: Any
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure in our style; closed at the end whatever happens."""
+    with plt.rc_context(RC):
+        made, axes = plt.subplots(
+            rows, columns, figsize=(WIDTH_IN, height_in), squeeze=False, **options
+        )
+        try:
+            yield made, list(axes.ravel())
+        finally:
+            plt.close(made)
+
+
+def colour(index: int) -> str:
+    """Colour of the n-th thing."""
+    return COLOURS[index % len(COLOURS)]
+
+
+def marker(index: int) -> str:
+    """Marker of the n-th thing; where colours begin anew the markers do not."""
+    return MARKERS[(index + index // len(COLOURS)) % len(MARKERS)]
+
+
+def dash(index: int) -> Any:
+    """Line style of the n-th thing; where colours begin anew the styles do not."""
+    return DASHES[(index + index // len(COLOURS)) % len(DASHES)]
+
+
+@dataclass
+class FigureWriter:
+    """Saves figures into one folder and keeps the list of them."""
+
+    folder: Path
+    command: str
+    saved: list[SavedFigure]
+
+    def save(self, made: Figure, name: str, title: str, caption: str, data: pd.DataFrame) -> None:
+        """Writes `<name>.png/.svg/.pdf` and `<name>.csv`."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        files: list[str] = []
+        # The layout is solved once, not once per format.
+        made.draw_without_rendering()
+        made.set_layout_engine("none")
+        for kind in FORMATS:
+            file = f"{name}.{kind}"
+            made.savefig(self.folder / file, dpi=PNG_DPI, metadata=self._facts(kind, title))
+            files.append(file)
+        data.to_csv(self.folder / f"{name}.csv", index=False, float_format="%.6g")
+        self.saved.append(SavedFigure(name, title, caption, self.command, files, f"{name}.csv"))
+
+    def _facts(self, kind: str, title: str) -> dict[str, Any]:
+        """Title and command inside the file; no date, so that the same figure is the same file."""
+        if kind == "pdf":
+            return {"Title": title, "Subject": self.command, "CreationDate": None}
+        date = {"Date": None} if kind == "svg" else {}
+        return {"Title": title, "Description": self.command, **date}
+
+    def write_list(self) -> Path:
+        """`figures.json`: every figure with its caption, files, data and command."""
+        path = self.folder / "figures.json"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps([asdict(item) for item in self.saved], indent=1) + "\n")
+        return path
+
+
+def file_name(*parts: str) -> str:
+    """A harmless file name from labels."""
+    joined = "_".join(part for part in parts if part)
+    return "".join(c if c.isalnum() or c in "_-." else "-" for c in joined).strip("-")

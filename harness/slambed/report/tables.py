@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One table, four spellings: terminal (rich), CSV, Markdown, LaTeX."""
+
+import csv
+import io
+from dataclasses import dataclass, field
+from typing import Literal
+
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from slambed.metrics.statistics import Interval
+from slambed.report.catalog import Metric
+from slambed.report.cells import Cell, Difference
+from slambed.report.load import Results
+
+LATEX_SPECIAL = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
+    "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+}  # fmt: skip
+
+
+@dataclass
+class Table:
+    """Text cells under headings; `name` is a file name, `caption` a sentence."""
+
+    name: str
+    caption: str
+    headings: list[str]
+    rows: list[list[str]] = field(default_factory=list)
+    words: int = 1
+    """The first columns that are words; the others are numbers and aligned to the right."""
+
+    def csv(self) -> str:
+        """Comma separated, with a heading line."""
+        out = io.StringIO()
+        csv.writer(out, lineterminator="\n").writerows([self.headings, *self.rows])
+        return out.getvalue()
+
+    def markdown(self) -> str:
+        """A GitHub table."""
+        lines = [self.headings, ["---"] * self.words + ["---:"] * (len(self.headings) - self.words)]
+        lines += self.rows
+        return "\n".join("| " + " | ".join(_bar(c) for c in line) + " |" for line in lines) + "\n"
+
+    def latex(self) -> str:
+        """A `tabular` with booktabs rules, ready to be put into a paper."""
+        columns = "l" * self.words + "r" * (len(self.headings) - self.words)
+        body = [" & ".join(map(_latex, row)) + r" \\" for row in self.rows]
+        return "\n".join(
+            [
+                f"% {self.caption}",
+                r"\begin{tabular}{" + columns + "}",
+                r"\toprule",
+                " & ".join(map(_latex, self.headings)) + r" \\",
+                r"\midrule",
+                *body,
+                r"\bottomrule",
+                r"\end{tabular}",
+                "",
+            ]
+        )
+
+    def rich(self) -> RichTable:
+        """For the terminal."""
+        table = RichTable(title=self.caption, title_justify="left", box=None, pad_edge=False)
+        for index, heading in enumerate(self.headings):
+            justify: Literal["left", "right"] = "left" if index < self.words else "right"
+            table.add_column(Text(heading), justify=justify)
+        for row in self.rows:
+            table.add_row(*map(Text, row))
+        return table
+
+
+def _bar(text: str) -> str:
+    return text.replace("|", r"\|")
+
+
+def _latex(text: str) -> str:
+    return "".join(LATEX_SPECIAL.get(letter, letter) for letter in text)
+
+
+def with_interval(metric: Metric, value: Interval | None) -> str:
+    """Value and interval in the shown unit."""
+    if value is None:
+        return "-"
+    if value.count == 1:
+        return metric.show(value.value)
+    return f"{metric.show(value.value)} [{metric.show(value.low)}, {metric.show(value.high)}]"
+
+
+def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) -> list[Table]:
+    """The estimates of every cell, a few metrics per table so that it fits on a page."""
+    tables: list[Table] = []
+    datasets = list(dict.fromkeys(cell.dataset for cell in cells))
+    one = len(datasets) == 1
+    for start in range(0, len(metrics), per_table):
+        part = metrics[start : start + per_table]
+        tables.append(
+            Table(
+                f"cells_{start // per_table + 1}",
+                "Medians (shares) of the valid runs with 95 % intervals"
+                + (f"; {datasets[0]}" if one else ""),
+                ["system", *([] if one else ["dataset"]), "link", "runs"]
+                + [m.heading for m in part],
+                [
+                    [
+                        cell.label,
+                        *([] if one else [cell.dataset]),
+                        cell.profile,
+                        f"{cell.valid}/{cell.runs}",
+                        *(with_interval(m, cell.values.get(m.key)) for m in part),
+                    ]
+                    for cell in cells
+                ],
+                words=2 if one else 3,
+            )
+        )
+    return tables
+
+
+def difference_table(differences: list[Difference]) -> Table:
+    """Every tested difference, the shown ones first."""
+    rows = [
+        [
+            d.dataset, d.profile, d.metric.heading, d.baseline, d.other,
+            d.metric.show(d.baseline_value), d.metric.show(d.other_value),
+            d.effect, f"{d.p_value:.2g}", d.verdict,
+        ]
+        for d in sorted(differences, key=lambda d: d.p_value)
+    ]  # fmt: skip
+    headings = [
+        "dataset", "link", "metric", "baseline", "other", "baseline value", "other value",
+        "effect", "p (Holm)", "verdict",
+    ]  # fmt: skip
+    caption = (
+        "Differences between systems under equal conditions. Effect: Cliff's delta (rank test) or "
+        "difference of shares (Fisher's exact test)"
+    )
+    return Table("differences", caption, headings, rows, words=5)
+
+
+def link_table(results: Results) -> Table:
+    """Asked against measured round-trip time of every cell with a link."""
+    rows: list[list[str]] = []
+    runs = results.runs[results.runs["link_backend"].notna()]
+    for cell, part in runs.groupby("cell", sort=False):
+        good = int(part["rtt_error_ms_median"].notna().sum())
+        numbers = [
+            _range(part[key].dropna().tolist())
+            for key in (
+                "rtt_asked_ms_mean", "rtt_measured_ms_mean", "rtt_error_ms_median",
+                "rtt_error_ms_p99",
+            )
+        ]  # fmt: skip
+        backends = ", ".join(sorted(set(part["link_backend"])))
+        rows.append([str(cell), backends, f"{good}/{len(part)}", *numbers])
+    headings = [
+        "cell", "backend", "runs proven", "RTT asked, mean [ms]", "RTT measured, mean [ms]",
+        "error, median [ms]", "error, p99 [ms]",
+    ]  # fmt: skip
+    return Table("link", "The link: smallest to largest run", headings, rows, words=2)
+
+
+def limits_table(results: Results) -> Table:
+    """What each node was to get, what the kernel granted, and how long it was held back."""
+    rows: list[list[str]] = []
+    if len(results.limits):
+        groups = results.limits.groupby(["node", "device", "asked", "granted"], dropna=False)
+        for (node, device, asked, granted), part in groups:
+            throttled = part["throttled_s"].dropna().tolist()
+            rows.append(
+                [str(node), str(device), str(asked), str(granted), str(len(part)),
+                 _range([float(v) for v in throttled])]
+            )  # fmt: skip
+    headings = ["node", "device", "asked", "granted", "runs", "throttled [s]"]
+    return Table("limits", "Limits asked and granted", headings, rows, words=4)
+
+
+def _range(values: list[float]) -> str:
+    if not values:
+        return "-"
+    low, high = min(values), max(values)
+    return f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f}"

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the control group of a process: use, throttling and limits; cgroup v1, v2 or both."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from slambed.errors import environment_error
+
+CGROUP_ROOT = Path("/sys/fs/cgroup")
+CONTROLLERS = ("cpu", "cpuacct", "cpuset", "memory")
+NS_PER_S = 1e9
+US_PER_S = 1e6
+# cgroup v1 says "no limit" with a number near 2^63, rounded to pages.
+V1_NO_LIMIT = 1 << 62
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Counters at one moment. Cumulative, but for the memory."""
+
+    cpu_s: float
+    memory_bytes: int
+    """Anonymous memory: the page cache of the mapped sequence is not in it."""
+    throttled_s: float
+    throttled_periods: int
+    periods: int
+
+
+@dataclass(frozen=True)
+class Granted:
+    """Limits as the kernel has them; None = no limit."""
+
+    cpus: str
+    quota_cores: float | None
+    period_ms: float
+    memory_mb: float | None
+
+
+@dataclass(frozen=True)
+class CgroupPaths:
+    """Folder of each controller for one group."""
+
+    folders: dict[str, Path]
+    """Controller -> folder, for the controllers that are mounted as cgroup v1."""
+    unified: Path | None
+    """The v2 folder, where there is one."""
+
+    def v1(self, controller: str) -> Path | None:
+        """Folder of a v1 controller."""
+        return self.folders.get(controller)
+
+
+@dataclass(frozen=True)
+class Mount:
+    """One mounted hierarchy."""
+
+    controllers: frozenset[str]
+    """Empty for cgroup v2."""
+    point: Path
+    root: str
+    """The group that is seen at `point`: not `/` inside a container."""
+
+    def folder(self, group: str) -> Path:
+        """Where a group of /proc/<pid>/cgroup is found."""
+        inside = group.removeprefix(self.root) if self.root != "/" else group
+        return self.point / inside.lstrip("/")
+
+
+def mounts(mountinfo: Path = Path("/proc/self/mountinfo")) -> list[Mount]:
+    """All cgroup hierarchies of this process's view."""
+    found: list[Mount] = []
+    for line in mountinfo.read_text().splitlines():
+        before, _, after = line.partition(" - ")
+        _, _, _, root, point, *_ = before.split()
+        kind, _, options = after.split(" ", 2)
+        if kind == "cgroup2":
+            found.append(Mount(frozenset(), Path(point), root))
+        elif kind == "cgroup":
+            words = options.replace(" ", ",").split(",")
+            if ours := frozenset(words).intersection(CONTROLLERS):
+                found.append(Mount(ours, Path(point), root))
+    return found
+
+
+def mounted(mountinfo: Path = Path("/proc/self/mountinfo")) -> tuple[dict[str, Path], Path | None]:
+    """Where the cgroup v1 controllers and the v2 tree are mounted."""
+    v1: dict[str, Path] = {}
+    v2: Path | None = None
+    for mount in mounts(mountinfo):
+        for controller in mount.controllers:
+            v1.setdefault(controller, mount.point)
+        if not mount.controllers:
+            v2 = v2 or mount.point
+    return v1, v2
+
+
+def version() -> str:
+    """`v1`, `v2`, or `none`: which hierarchy has the cpu controller."""
+    v1, v2 = mounted()
+    if "cpu" in v1:
+        return "v1"
+    if v2 is not None and "cpu" in (v2 / "cgroup.controllers").read_text().split():
+        return "v2"
+    return "none"
+
+
+def paths_of(pid: int) -> CgroupPaths:
+    """The groups that a process is in."""
+    try:
+        lines = Path(f"/proc/{pid}/cgroup").read_text().splitlines()
+    except OSError:
+        raise environment_error(f"process {pid} is gone: no /proc/{pid}/cgroup") from None
+    found = mounts()
+    folders: dict[str, Path] = {}
+    unified: Path | None = None
+    for line in lines:
+        _, names, group = line.split(":", 2)
+        for mount in found:
+            for name in mount.controllers.intersection(names.split(",")):
+                folders.setdefault(name, mount.folder(group))
+            if not names and not mount.controllers:
+                unified = unified or mount.folder(group)
+    return CgroupPaths(folders, unified)
+
+
+class CgroupReader:
+    """Reads the counters and limits of one group."""
+
+    def __init__(self, paths: CgroupPaths) -> None:
+        self.paths = paths
+        if paths.v1("cpuacct") is None and paths.unified is None:
+            raise environment_error("no cgroup with a CPU counter is mounted under /sys/fs/cgroup")
+
+    def usage(self) -> Usage:
+        """Counters now; OSError when the group is gone."""
+        if (accounting := self.paths.v1("cpuacct")) is not None:
+            cpu_s = int((accounting / "cpuacct.usage").read_text()) / NS_PER_S
+            stat = _table((self.paths.v1("cpu") or accounting) / "cpu.stat")
+            throttled_s = stat.get("throttled_time", 0) / NS_PER_S
+        else:
+            assert self.paths.unified is not None
+            stat = _table(self.paths.unified / "cpu.stat")
+            cpu_s = stat.get("usage_usec", 0) / US_PER_S
+            throttled_s = stat.get("throttled_usec", 0) / US_PER_S
+        return Usage(
+            cpu_s=cpu_s,
+            memory_bytes=self._memory(),
+            throttled_s=throttled_s,
+            throttled_periods=stat.get("nr_throttled", 0),
+            periods=stat.get("nr_periods", 0),
+        )
+
+    def _memory(self) -> int:
+        if (folder := self.paths.v1("memory")) is not None:
+            stat = _table(folder / "memory.stat")
+            return stat.get("total_rss", stat.get("rss", 0))
+        if self.paths.unified is not None and (self.paths.unified / "memory.stat").exists():
+            return _table(self.paths.unified / "memory.stat").get("anon", 0)
+        return 0
+
+    def oom_kills(self) -> int:
+        """Processes of the group that the kernel ended because of the memory limit."""
+        if (folder := self.paths.v1("memory")) is not None:
+            return _table(folder / "memory.oom_control").get("oom_kill", 0)
+        if self.paths.unified is not None and (self.paths.unified / "memory.events").exists():
+            return _table(self.paths.unified / "memory.events").get("oom_kill", 0)
+        return 0
+
+    def granted(self) -> Granted:
+        """The limits in force."""
+        if (cpu := self.paths.v1("cpu")) is not None:
+            period_us = int((cpu / "cpu.cfs_period_us").read_text())
+            quota_us = int((cpu / "cpu.cfs_quota_us").read_text())
+        else:
+            # The root group of v2 has no cpu.max, and no limit.
+            words = _text(self.paths.unified, "cpu.max", "max 100000").split()
+            quota_us = -1 if words[0] == "max" else int(words[0])
+            period_us = int(words[1])
+        return Granted(
+            cpus=self._cpus(),
+            quota_cores=None if quota_us < 0 else quota_us / period_us,
+            period_ms=period_us / 1000,
+            memory_mb=self._memory_limit(),
+        )
+
+    def _cpus(self) -> str:
+        if (folder := self.paths.v1("cpuset")) is not None:
+            return (folder / "cpuset.effective_cpus").read_text().strip()
+        return _text(self.paths.unified, "cpuset.cpus.effective", "")
+
+    def _memory_limit(self) -> float | None:
+        if (folder := self.paths.v1("memory")) is not None:
+            limit = int((folder / "memory.limit_in_bytes").read_text())
+            return None if limit > V1_NO_LIMIT else limit / 2**20
+        text = _text(self.paths.unified, "memory.max", "max")
+        return None if text == "max" else int(text) / 2**20
+
+
+def _table(path: Path) -> dict[str, int]:
+    rows = (line.split() for line in path.read_text().splitlines())
+    return {row[0]: int(row[1]) for row in rows if len(row) == 2}
+
+
+def _text(folder: Path | None, name: str, otherwise: str) -> str:
+    if folder is None or not (folder / name).exists():
+        return otherwise
+    return (folder / name).read_text().strip()

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""experiments/*.yaml: what is compared, on what, over which link, how often."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from slambed.spec.device import DeviceChange
+from slambed.spec.system import Scalar
+
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+
+
+class Playback(BaseModel):
+    """How frames are offered to tracking (docs/formats.md, "Run configuration")."""
+
+    model_config = STRICT
+
+    mode: Literal["realtime", "every_frame"] = "realtime"
+    fps: float | None = Field(default=None, gt=0)
+    start_s: float = Field(default=0.0, ge=0)
+    end_s: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _has_length(self) -> "Playback":
+        if self.end_s is not None and self.end_s <= self.start_s:
+            raise ValueError(f"end_s {self.end_s} is not after start_s {self.start_s}")
+        return self
+
+
+class DeviceChoice(BaseModel):
+    """Names of devices/*.yaml, or devices with changes (engine virtual only)."""
+
+    model_config = STRICT
+
+    mobile: str | DeviceChange = "host"
+    edge: str | DeviceChange = "host"
+
+
+class SystemChoice(BaseModel):
+    """One system of the comparison with its parameters."""
+
+    model_config = STRICT
+
+    system: str
+    variant: str | None = None
+    params: dict[str, Scalar] = Field(default_factory=dict)
+    label: str | None = Field(default=None, pattern=r"^[^/\n]+$")
+    """Name of this row in tables; `system` or `system:variant` when not given."""
+    profiles: list[str] | None = None
+    """Only these link profiles of the experiment; all when not given."""
+    devices: DeviceChoice | None = None
+    """Instead of the experiment's devices."""
+
+
+class LinkChoice(BaseModel):
+    """The link between the nodes, and how its latency changes."""
+
+    model_config = STRICT
+
+    backend: Literal["auto", "relay", "netem"] = "auto"
+    profiles: list[str | float | dict[str, Any]] = Field(min_length=1)
+    """Names of netem_profiles/*.yaml, constant RTTs in ms, or profiles written in place."""
+
+
+class Runs(BaseModel):
+    """Repetitions of every cell."""
+
+    model_config = STRICT
+
+    default: int = Field(default=3, ge=1)
+    paper: int | None = Field(default=None, ge=1)
+    """As many as the paper made; asked for with `--runs paper`."""
+
+
+class Tolerances(BaseModel):
+    """A run outside these is marked invalid."""
+
+    model_config = STRICT
+
+    rtt_error_ms_median: float = Field(default=1.0, gt=0)
+    """Median of |measured RTT - asked RTT| over the run."""
+    rtt_error_ms_p99: float | None = Field(default=None, gt=0)
+
+
+class Report(BaseModel):
+    """What the report should show first; it shows everything anyway."""
+
+    model_config = STRICT
+
+    metrics: list[str] = Field(default_factory=list)
+    plots: list[str] = Field(default_factory=list)
+
+
+class Experiment(BaseModel):
+    """One experiment file."""
+
+    model_config = STRICT
+
+    id: str = Field(pattern=NAME)
+    title: str
+    reproduces: list[str] = Field(default_factory=list)
+    systems: list[SystemChoice] = Field(min_length=1)
+    datasets: list[str] = Field(min_length=1)
+    playback: Playback = Field(default_factory=Playback)
+    link: LinkChoice | None = None
+    devices: DeviceChoice = Field(default_factory=DeviceChoice)
+    engine: Literal["auto", "docker", "local", "virtual"] = "auto"
+    runs: Runs = Field(default_factory=Runs)
+    seed: int = Field(default=1, ge=0, lt=2**31)
+    tolerances: Tolerances = Field(default_factory=Tolerances)
+    report: Report = Field(default_factory=Report)
+    notes: str = ""
+
+    @field_validator("datasets")
+    @classmethod
+    def _datasets_differ(cls, value: list[str]) -> list[str]:
+        if len(set(value)) != len(value):
+            raise ValueError("a dataset is named twice")
+        return value

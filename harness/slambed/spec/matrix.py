@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An experiment as the runs it stands for, each with a key that hashes what the run means."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from slambed.errors import SlambedError
+from slambed.spec.device import VIRTUAL, Device, DeviceChange
+from slambed.spec.experiment import DeviceChoice, Experiment, Playback, SystemChoice, Tolerances
+from slambed.spec.library import Library
+from slambed.spec.system import Role, Scalar, System
+from slambed.spec.yaml_source import Location, YamlSource, suggestion
+
+KEY_DIGITS = 16
+
+
+class LinkSpec(BaseModel):
+    """The link of a run: a backend, and a profile with its content."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    backend: str
+    profile: str
+    content: dict[str, Any]
+
+
+class RunSpec(BaseModel):
+    """Everything one run needs; nothing else may influence its result."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    experiment: str
+    cell: str
+    repetition: int
+    label: str
+    system: str
+    variant: str
+    roles: list[Role]
+    channels: list[str]
+    params: dict[str, Scalar]
+    dataset: str
+    sequence_checksum: str
+    playback: Playback
+    device_mobile: Device
+    device_edge: Device | None
+    profile: str | None
+    link: LinkSpec | None
+    engine: str
+    seed: int
+    software: str
+    tolerances: Tolerances
+
+    def meaning(self) -> dict[str, Any]:
+        """What the run means. Experiment, cell and label are only names for it, tolerances judge
+        it afterwards."""
+        return {
+            "system": self.system,
+            "variant": self.variant,
+            "params": self.params,
+            "sequence": self.sequence_checksum,
+            "playback": self.playback.model_dump(mode="json"),
+            "device_mobile": self.device_mobile.meaning(self.engine),
+            "device_edge": self.device_edge.meaning(self.engine) if self.device_edge else None,
+            "profile": self.profile,
+            "link": self.link.model_dump(mode="json") if self.link else None,
+            "engine": self.engine,
+            "seed": self.seed,
+            "repetition": self.repetition,
+            "software": self.software,
+        }
+
+    @property
+    def run_key(self) -> str:
+        """Hash of `meaning()`: the name of the run's folder."""
+        return hashlib.sha256(canonical_json(self.meaning()).encode()).hexdigest()[:KEY_DIGITS]
+
+
+def canonical_json(value: object) -> str:
+    """One spelling per value: sorted keys, no spaces, no NaN."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A link profile as an experiment refers to it: its name and its checked content."""
+
+    name: str
+    content: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What an experiment file leaves open and the host decides: each becomes part of the key."""
+
+    engine: str
+    link_backends: Mapping[str, str]
+    """Name of a profile -> the backend it gets on this host."""
+    software: str
+    datasets: Mapping[str, tuple[str, str]]
+    """Name in the experiment -> (id of the dataset found, checksum of its prepared sequence)."""
+
+
+ProfileReader = Callable[[str | float | dict[str, Any], str], Profile]
+"""(profile as written, where it is written) -> checked profile."""
+
+
+def read_profiles(
+    experiment: Experiment, source: YamlSource, reader: ProfileReader
+) -> list[Profile]:
+    """All profiles of the experiment, checked."""
+    if experiment.link is None:
+        return []
+    profiles: list[Profile] = []
+    for index, item in enumerate(experiment.link.profiles):
+        place = ("link", "profiles", index)
+        profile = reader(item, f"{source.path} line {source.line_of(place)}")
+        if profile.name in {p.name for p in profiles}:
+            raise source.complaint(f"profile '{profile.name}' is given twice", place)
+        profiles.append(profile)
+    return profiles
+
+
+def needs_link(experiment: Experiment, library: Library) -> bool:
+    """True when any of the systems has an edge node."""
+    return any(library.system(choice.system).has_edge for choice in experiment.systems)
+
+
+def expand(
+    experiment: Experiment,
+    source: YamlSource,
+    library: Library,
+    profiles: list[Profile],
+    host: Circumstances,
+    runs: int,
+) -> list[RunSpec]:
+    """Every run, in the order of the file: system, dataset, profile, repetition."""
+    specs: list[RunSpec] = []
+    for index, choice in enumerate(experiment.systems):
+        place = ("systems", index)
+        try:
+            system = library.system(choice.system)
+            variant = system.choose_variant(choice.variant)
+            params = system.resolve(variant, choice.params)
+        except SlambedError as error:
+            raise source.complaint(str(error), place) from None
+        if system.has_edge and experiment.link is None:
+            raise source.complaint(f"system {system.name} has an edge but there is no link", place)
+        label = choice.label or _label(system, variant)
+        devices = choice.devices or experiment.devices
+        at: Location = (*place, "devices") if choice.devices else ("devices",)
+        mobile = _device(devices, "mobile", source, at, library, host.engine)
+        edge = (
+            _device(devices, "edge", source, at, library, host.engine) if system.has_edge else None
+        )
+        for dataset in experiment.datasets:
+            found, checksum = host.datasets[dataset]
+            for profile in _profiles_of(choice, profiles, source, index):
+                cell = "/".join([label, found, *([profile.name] if profile else [])])
+                for repetition in range(runs):
+                    specs.append(
+                        RunSpec(
+                            experiment=experiment.id,
+                            cell=cell,
+                            repetition=repetition,
+                            label=label,
+                            system=system.name,
+                            variant=variant,
+                            roles=system.roles,
+                            channels=system.channels,
+                            params=params,
+                            dataset=found,
+                            sequence_checksum=checksum,
+                            playback=experiment.playback,
+                            device_mobile=mobile,
+                            device_edge=edge,
+                            profile=profile.name if profile else None,
+                            link=_link(system, profile, host.link_backends),
+                            engine=host.engine,
+                            # The same repetition has the same seed in every cell: cells differ
+                            # in what is compared and in nothing else.
+                            seed=experiment.seed + repetition,
+                            software=host.software,
+                            tolerances=experiment.tolerances,
+                        )
+                    )
+    _refuse_twins(specs, source)
+    return specs
+
+
+def _device(
+    devices: DeviceChoice,
+    role: Role,
+    source: YamlSource,
+    place: Location,
+    library: Library,
+    engine: str,
+) -> Device:
+    asked = devices.mobile if role == "mobile" else devices.edge
+    place = (*place, role)
+    try:
+        if not isinstance(asked, DeviceChange):
+            device = library.device(asked)
+        elif engine not in (VIRTUAL, ""):
+            raise SlambedError(f"a changed device needs engine virtual, not {engine}")
+        else:
+            device = asked.applied_to(library.device(asked.device))
+    except (SlambedError, ValueError) as error:
+        raise source.complaint(str(error), place) from None
+    if engine == VIRTUAL and device.model is None:
+        raise source.complaint(
+            f"device {device.name} has no cost model", place, "fit one: slambed calibrate --stages"
+        )
+    return device
+
+
+def _label(system: System, variant: str) -> str:
+    return system.name if not system.variants else f"{system.name}:{variant}"
+
+
+def _profiles_of(
+    choice: SystemChoice, profiles: list[Profile], source: YamlSource, index: int
+) -> list[Profile] | list[None]:
+    if not profiles:
+        return [None]
+    if choice.profiles is None:
+        return profiles
+    names = [profile.name for profile in profiles]
+    for position, name in enumerate(choice.profiles):
+        if name not in names:
+            raise source.complaint(
+                f"profile '{name}' is not among link.profiles",
+                ("systems", index, "profiles", position),
+                suggestion(name, names),
+            )
+    return [profile for profile in profiles if profile.name in choice.profiles]
+
+
+def _link(system: System, profile: Profile | None, backends: Mapping[str, str]) -> LinkSpec | None:
+    if not system.has_edge or profile is None:
+        return None
+    return LinkSpec(backend=backends[profile.name], profile=profile.name, content=profile.content)
+
+
+def _refuse_twins(specs: list[RunSpec], source: YamlSource) -> None:
+    seen: dict[str, RunSpec] = {}
+    cells: dict[tuple[str, int], str] = {}
+    for spec in specs:
+        key = spec.run_key
+        if (twin := seen.get(key)) is not None:
+            raise source.complaint(
+                f"cells '{twin.cell}' and '{spec.cell}' are the same", ("systems",)
+            )
+        if cells.setdefault((spec.cell, spec.repetition), key) != key:
+            raise source.complaint(
+                f"two different cells are called '{spec.cell}'", ("systems",), "give them labels"
+            )
+        seen[key] = spec

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which C++ sources a node is made of: part of a run's key and of the image's tag."""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from slambed import __version__
+from slambed.errors import environment_error
+from slambed.native import find_program, repository_root
+
+ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/relay", "docker")
+# None of these changes what a node does.
+LEFT_OUT_FOLDERS = {"tests", "bench", "__pycache__"}
+LEFT_OUT_SUFFIXES = {".md", ".yaml"}
+STAMP = "sources.sha256"
+
+
+def source_hash(root: Path | None = None) -> str:
+    """SHA-256 (12 hex digits) over names and bytes of everything a node is built from."""
+    base = root or repository_root()
+    digest = hashlib.sha256()
+    for path in sorted(_sources(base)):
+        digest.update(path.relative_to(base).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()[:12]
+
+
+def _sources(base: Path) -> Iterator[Path]:
+    for name in ROOTS:
+        start = base / name
+        for path in [start] if start.is_file() else start.rglob("*"):
+            inside = path.relative_to(base).parts
+            hidden = path.name.startswith(".")
+            if hidden or LEFT_OUT_FOLDERS.intersection(inside) or not path.is_file():
+                continue
+            if path.suffix not in LEFT_OUT_SUFFIXES:
+                yield path
+
+
+def image_software(root: Path | None = None) -> str:
+    """Software tag of runs in the image that belongs to the sources of this checkout."""
+    return f"{__version__}+{source_hash(root)}"
+
+
+def host_software(root: Path | None = None, program: str = "slambed-node") -> str:
+    """Software tag of runs with the programs built on this host.
+
+    `make build` leaves a stamp beside the programs. A stamp of other sources means the programs
+    are stale; programs without one (a developer's own build) are named by their own bytes.
+    """
+    path = find_program(program)
+    stamp = path.parent / STAMP
+    if not stamp.is_file():
+        return f"{__version__}+bin.{hashlib.sha256(path.read_bytes()).hexdigest()[:12]}"
+    if stamp.read_text().strip() != source_hash(root):
+        raise environment_error(f"{path} is older than the sources; run 'make build'")
+    return image_software(root)
+
+
+if __name__ == "__main__":
+    print(source_hash())

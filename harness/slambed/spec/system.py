@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""systems/<name>/system.yaml: roles, channels and parameters of a system (docs/systems.md)."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from slambed.errors import SlambedError
+from slambed.spec.yaml_source import suggestion
+
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+Scalar = bool | int | float | str
+Role = Literal["mobile", "edge"]
+KINDS: dict[str, type] = {"int": int, "float": float, "bool": bool, "str": str}
+
+
+class Parameter(BaseModel):
+    """One knob of a system: its type, range, default and where the value comes from."""
+
+    model_config = STRICT
+
+    type: Literal["int", "float", "bool", "str"]
+    default: Scalar
+    min: int | float | None = None
+    max: int | float | None = None
+    choices: list[Scalar] | None = None
+    unit: str = ""
+    source: str = ""
+    doc: str = ""
+
+    @model_validator(mode="after")
+    def _default_is_legal(self) -> "Parameter":
+        self.check(self.default)
+        return self
+
+    def check(self, value: object) -> Scalar:
+        """The value in this parameter's type; ValueError says why it is refused."""
+        wanted = KINDS[self.type]
+        if wanted is float and type(value) is int:
+            value = float(value)
+        # bool is an int in Python: compare exact types.
+        if type(value) is not wanted:
+            raise ValueError(f"{value!r} is not {'a ' if self.type != 'int' else 'an '}{self.type}")
+        assert isinstance(value, bool | int | float | str)
+        if self.choices is not None and value not in self.choices:
+            raise ValueError(f"{value!r} is none of {', '.join(map(str, self.choices))}")
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            unit = f" {self.unit}" if self.unit else ""
+            if self.min is not None and value < self.min:
+                raise ValueError(f"{value} is below the minimum {self.min}{unit}")
+            if self.max is not None and value > self.max:
+                raise ValueError(f"{value} is above the maximum {self.max}{unit}")
+        return value
+
+
+class Variant(BaseModel):
+    """A named set of defaults."""
+
+    model_config = STRICT
+
+    title: str = ""
+    doc: str = ""
+    params: dict[str, Scalar] = Field(default_factory=dict)
+
+
+class System(BaseModel):
+    """A SLAM system as the harness sees it."""
+
+    model_config = STRICT
+
+    name: str
+    title: str
+    roles: list[Role]
+    channels: list[str] = Field(default_factory=list)
+    sensors: list[Literal["rgbd", "stereo", "mono"]] = ["rgbd"]
+    params: dict[str, Parameter] = Field(default_factory=dict)
+    variants: dict[str, Variant] = Field(default_factory=dict)
+    doc: str = ""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "System":
+        if "mobile" not in self.roles or len(set(self.roles)) != len(self.roles):
+            raise ValueError("roles must be [mobile] or [mobile, edge]")
+        if self.has_edge and "control" not in self.channels:
+            raise ValueError("a system with an edge needs the channel 'control'")
+        for name, variant in self.variants.items():
+            try:
+                self.resolve(name, {})
+            except SlambedError as error:
+                raise ValueError(f"variant {name} of {list(variant.params)}: {error}") from None
+        return self
+
+    @property
+    def has_edge(self) -> bool:
+        """True when the system runs a second node, and so needs a link."""
+        return "edge" in self.roles
+
+    def choose_variant(self, name: str | None) -> str:
+        """The variant asked for, or the first one."""
+        known = list(self.variants) or ["default"]
+        if name is None:
+            return known[0]
+        if name not in known:
+            raise SlambedError(
+                f"system {self.name} has no variant '{name}'; {suggestion(name, known)}"
+            )
+        return name
+
+    def resolve(self, variant: str, overrides: Mapping[str, object]) -> dict[str, Scalar]:
+        """Every parameter: system default, then variant, then experiment."""
+        values: dict[str, Scalar] = {name: p.default for name, p in self.params.items()}
+        chosen = self.variants[variant].params if variant in self.variants else {}
+        for layer in (chosen, overrides):
+            for name, value in layer.items():
+                if name not in self.params:
+                    raise SlambedError(
+                        f"unknown parameter '{name}' of system {self.name}; "
+                        + suggestion(name, self.params)
+                    )
+                try:
+                    values[name] = self.params[name].check(value)
+                except ValueError as error:
+                    raise SlambedError(
+                        f"parameter '{name}' of system {self.name}: {error}"
+                    ) from None
+        return {name: self.params[name].check(value) for name, value in sorted(values.items())}

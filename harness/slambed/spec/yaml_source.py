@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML that remembers the line of every key, so that a complaint can name it."""
+
+import difflib
+import types
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from slambed.errors import SlambedError
+
+Location = tuple[str | int, ...]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class YamlSource:
+    """A parsed YAML file: its data, and the line (from 1) of each key and list entry."""
+
+    path: Path
+    data: Any
+    lines: dict[Location, int] = field(repr=False)
+
+    def line_of(self, location: Location) -> int:
+        """Line of the deepest part of `location` that is written in the file."""
+        for length in range(len(location), 0, -1):
+            if (line := self.lines.get(location[:length])) is not None:
+                return line
+        return 1
+
+    def complaint(self, what: str, location: Location = (), advice: str = "") -> SlambedError:
+        """`what, where` in the form every error of slambed has."""
+        place = f"{self.path} line {self.line_of(location)}"
+        return SlambedError(f"{what}, {place}" + (f"; {advice}" if advice else ""))
+
+
+def load_yaml(path: Path) -> YamlSource:
+    """Reads one YAML document safely (no Python tags); duplicate keys are errors."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SlambedError(f"no such file: {path}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SlambedError(f"cannot read {path}: {error}") from None
+    loader = yaml.SafeLoader(text)
+    lines: dict[Location, int] = {}
+    try:
+        root = loader.get_single_node()
+        data = None if root is None else _construct(loader, root, (), lines, path)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = mark.line + 1 if mark is not None else 1
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise SlambedError(f"not YAML: {problem}, {path} line {line}") from None
+    finally:
+        loader.dispose()
+    return YamlSource(path, data, lines)
+
+
+def _construct(
+    loader: yaml.SafeLoader,
+    node: yaml.Node,
+    location: Location,
+    lines: dict[Location, int],
+    path: Path,
+) -> Any:
+    lines.setdefault(location, node.start_mark.line + 1)
+    if isinstance(node, yaml.MappingNode):
+        loader.flatten_mapping(node)
+        mapping: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key = loader.construct_object(key_node)
+            line = key_node.start_mark.line + 1
+            if not isinstance(key, str):
+                # YAML 1.1 reads a bare `on` or `no` as true/false: a trap worth naming.
+                raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
+            if key in mapping:
+                raise SlambedError(f"key '{key}' is given twice, {path} line {line}")
+            lines[(*location, key)] = line
+            mapping[key] = _construct(loader, value_node, (*location, key), lines, path)
+        return mapping
+    if isinstance(node, yaml.SequenceNode):
+        return [
+            _construct(loader, child, (*location, index), lines, path)
+            for index, child in enumerate(node.value)
+        ]
+    return loader.construct_object(node)
+
+
+def parse(model: type[Model], source: YamlSource) -> Model:
+    """Checks `source` against `model`; the first complaint becomes one line with its place."""
+    if not isinstance(source.data, dict):
+        raise source.complaint("expected a mapping of keys")
+    try:
+        return model.model_validate(source.data)
+    except ValidationError as error:
+        # An unknown key explains a "missing" one next to it, so it is told first.
+        first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
+        raise _explain(model, source, first) from None
+
+
+def _explain(model: type[BaseModel], source: YamlSource, item: Any) -> SlambedError:
+    # Union branches add their own name to the location; they are not in the file.
+    location = _written(source, tuple(item["loc"]))
+    name = ".".join(str(part) for part in location)
+    if item["type"] == "extra_forbidden":
+        key = str(location[-1])
+        known = _fields_at(model, location[:-1])
+        return source.complaint(f"unknown key '{key}'", location, suggestion(key, known))
+    if item["type"] == "missing":
+        return source.complaint(f"key '{name}' is missing", location)
+    message = str(item["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    shown = item["input"]
+    if isinstance(shown, str | int | float) and not isinstance(shown, bool):
+        message += f" (it is {shown!r})"
+    what = f"'{name}': {message}" if name else message
+    return source.complaint(what[:1].lower() + what[1:], location)
+
+
+def _written(source: YamlSource, location: Location) -> Location:
+    kept: Location = ()
+    for index, part in enumerate(location):
+        last = index == len(location) - 1
+        if (*kept, part) in source.lines or (last and isinstance(part, str)):
+            kept = (*kept, part)
+    return kept
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """`did you mean ...?` for a near miss, else the list of what would be right."""
+    names = sorted(set(known))
+    if close := difflib.get_close_matches(word, names, n=1, cutoff=0.6):
+        return f"did you mean '{close[0]}'?"
+    return f"known: {', '.join(names)}" if names else ""
+
+
+def _fields_at(model: type[BaseModel], location: Location) -> list[str]:
+    """Keys that the model allows at a place in the file."""
+    current: list[Any] = [model]
+    for part in location:
+        following: list[Any] = []
+        for kind in current:
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                if isinstance(part, str) and part in kind.model_fields:
+                    following += _branches(kind.model_fields[part].annotation)
+            elif get_origin(kind) is list:
+                following += _branches(get_args(kind)[0])
+            elif get_origin(kind) is dict:
+                following += _branches(get_args(kind)[1])
+        current = following
+    return [
+        name
+        for kind in current
+        if isinstance(kind, type) and issubclass(kind, BaseModel)
+        for name in kind.model_fields
+    ]
+
+
+def _branches(annotation: Any) -> list[Any]:
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [branch for arg in get_args(annotation) for branch in _branches(arg)]
+    return [annotation]

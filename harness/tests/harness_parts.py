@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Small specs, files and stand-ins shared by the tests of spec, engines and campaign."""
+
+import os
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slambed.spec.device import Device, Limits
+from slambed.spec.experiment import Playback, Tolerances
+from slambed.spec.matrix import LinkSpec, RunSpec
+
+needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for namespaces and cgroups")
+
+STAND_IN = Path(__file__).parent / "stand_in_node.py"
+
+SYSTEMS = {
+    "solo": """
+name: solo
+title: Everything on the mobile node
+roles: [mobile]
+params:
+  n_orb: {type: int, default: 1000, min: 100, max: 4000, unit: features}
+""",
+    "pair": """
+name: pair
+title: Helped by an edge
+roles: [mobile, edge]
+channels: [control, keyframe]
+params:
+  n_orb: {type: int, default: 1000, min: 100, max: 4000, unit: features}
+  update: {type: str, default: serial, choices: [serial, parallel]}
+  period_s: {type: float, default: 5, min: 0}
+variants:
+  plain: {}
+  better: {params: {n_orb: 750, update: parallel}}
+""",
+}
+DEVICE = "name: {name}\ntitle: {name}\nlimits: {{cores: 1, quota_cores: {quota}}}\n"
+EXPERIMENT = """\
+id: tiny
+title: A tiny experiment
+systems:
+  - {system: solo}
+  - system: pair
+    variant: better
+    params: {period_s: 1}
+datasets: [room]
+playback: {mode: realtime, fps: 10, end_s: 2}
+link:
+  backend: relay
+  profiles: [none, ramp]
+devices: {mobile: small, edge: big}
+runs: {default: 2, paper: 100}
+seed: 7
+"""
+
+
+def write_library(root: Path, experiment: str = EXPERIMENT) -> Path:
+    """A folder that looks like a checkout to `Library`; returns the experiment's file."""
+    for name, text in SYSTEMS.items():
+        (root / "systems" / name).mkdir(parents=True, exist_ok=True)
+        (root / "systems" / name / "system.yaml").write_text(text)
+    (root / "devices").mkdir(exist_ok=True)
+    for name, quota in (("small", 0.5), ("big", 1.0)):
+        (root / "devices" / f"{name}.yaml").write_text(DEVICE.format(name=name, quota=quota))
+    (root / "experiments").mkdir(exist_ok=True)
+    path = root / "experiments" / "tiny.yaml"
+    path.write_text(experiment)
+    return path
+
+
+def device(name: str = "small", **limits: Any) -> Device:
+    """A device with these limits."""
+    return Device(name=name, title=name, limits=Limits(**limits))
+
+
+def run_spec(edge: bool = False, **changes: Any) -> RunSpec:
+    """A RunSpec for the stand-in node; half a second long."""
+    fields: dict[str, Any] = {
+        "experiment": "tiny",
+        "cell": "pair" if edge else "solo",
+        "repetition": 0,
+        "label": "pair" if edge else "solo",
+        "system": "pair" if edge else "solo",
+        "variant": "default",
+        "roles": ["mobile", "edge"] if edge else ["mobile"],
+        "channels": ["control", "keyframe"] if edge else [],
+        "params": {},
+        "dataset": "room",
+        "sequence_checksum": "abc",
+        "playback": Playback(fps=10.0, end_s=0.5),
+        "device_mobile": device(cores=1, quota_cores=0.5, memory_mb=256),
+        "device_edge": device("big") if edge else None,
+        "profile": "none",
+        "link": LinkSpec(backend="relay", profile="none", content={}) if edge else None,
+        "engine": "local",
+        "seed": 1,
+        "software": "test",
+        "tolerances": Tolerances(),
+    }
+    return RunSpec(**(fields | changes))
+
+
+def stand_in(folder: Path) -> Path:
+    """The stand-in node as a program file."""
+    program = folder / "slambed-node"
+    program.write_text(f"#!{sys.executable} -IS\n{STAND_IN.read_text()}")
+    program.chmod(0o755)
+    return program
+
+
+@dataclass
+class IdleLink:
+    """A link that joins nothing; it may die some time after its start."""
+
+    dies_after_s: float | None = None
+    started_s: list[float] = field(default_factory=list)
+    stopped: int = 0
+
+    def start(self, t0_ns: int) -> None:
+        self.started_s.append(time.monotonic())
+
+    def alive(self) -> bool:
+        if self.dies_after_s is None or not self.started_s:
+            return True
+        return time.monotonic() - self.started_s[0] < self.dies_after_s
+
+    def stop(self) -> dict[str, Any]:
+        self.stopped += 1
+        return {"backend": "idle", "invalid_reason": None}

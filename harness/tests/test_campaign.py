@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ledger, order, result folder, and campaigns that are interrupted in the middle."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from harness_parts import IdleLink, needs_root, run_spec, stand_in
+
+from slambed.campaign.campaign import repetitions
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.makers import LiveMaker
+from slambed.campaign.older import settle
+from slambed.campaign.order import interleaved
+from slambed.campaign.progress import duration
+from slambed.campaign.runner import Runner
+from slambed.campaign.status import status_of
+from slambed.engines.host_lock import host_lock
+from slambed.engines.local import LocalEngine
+from slambed.errors import ExitCode, SlambedError
+from slambed.spec.matrix import RunSpec
+
+
+def specs(cells: int = 2, runs: int = 2, **changes: Any) -> list[RunSpec]:
+    return [
+        run_spec(cell=f"c{cell}", params={"x": cell}, repetition=r, seed=r, **changes)
+        for cell in range(cells)
+        for r in range(runs)
+    ]
+
+
+class Quiet:
+    """A reporter that remembers."""
+
+    def __init__(self) -> None:
+        self.verdicts: list[str] = []
+
+    def run_started(self, spec: RunSpec) -> None: ...
+
+    def run_ended(self, spec: RunSpec, verdict: str) -> None:
+        self.verdicts.append(verdict)
+
+
+def finished(folder: ResultFolder, spec: RunSpec, valid: bool = True) -> None:
+    raw = folder.new_raw(spec.run_key)
+    (raw / "manifest.json").write_text(json.dumps({"spec": spec.model_dump(mode="json")}))
+    (raw / "summary.json").write_text(json.dumps({"valid": valid, "invalid_reason": "why"}))
+    folder.commit(spec.run_key, raw)
+
+
+def test_order_interleaves_and_repeats_itself() -> None:
+    wanted = specs(cells=5, runs=3)
+    first = interleaved(wanted, seed=1)
+    assert [s.repetition for s in first] == [0] * 5 + [1] * 5 + [2] * 5
+    assert interleaved(list(reversed(wanted)), seed=1) != first[::-1]
+    assert interleaved(wanted, seed=1) == first
+    assert interleaved(wanted, seed=2) != first
+    assert [s.cell for s in first[:5]] != [s.cell for s in first[5:10]]
+
+
+def test_order_of_the_first_repetitions_does_not_depend_on_later_ones() -> None:
+    wanted = specs(cells=5, runs=3)
+    fewer = [spec for spec in wanted if spec.repetition < 2]
+    assert interleaved(wanted, 1)[:10] == interleaved(fewer, 1)
+
+
+def test_ledger_survives_a_torn_line(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.jsonl")
+    assert ledger.read() == []
+    ledger.append("run_started", run_key="a")
+    with ledger.path.open("a") as out:
+        out.write('{"event": "run_fini')
+    ledger.append("run_started", run_key="a")
+    assert [entry["event"] for entry in ledger.read()] == ["run_started"] * 2
+    assert ledger.attempts("a") == 2
+
+
+def test_a_run_folder_is_whole_or_missing(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    spec = run_spec()
+    key = spec.run_key
+    assert folder.state(key) == "missing"
+    raw = folder.new_raw(key)
+    (raw / "manifest.json").write_text("{}")
+    (raw / "summary.json").write_text('{"valid": true}')
+    (raw / "mobile").mkdir()
+    (raw / "mobile" / "trajectory.txt").write_text("0 0 0 0 0 0 0 1\n")
+    (raw / "mobile" / "log.txt").write_text("hello\n")
+    (raw / "events.parquet").write_bytes(b"x")
+    assert folder.state(key) == "missing"
+    folder.commit(key, raw)
+    assert folder.state(key) == "valid"
+    place = folder.runs / key
+    found = sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
+    assert found == [
+        "events.parquet",
+        "manifest.json",
+        "nodes/mobile/log.txt",
+        "summary.json",
+        "trajectory.txt",
+    ]
+    assert list(folder.work.iterdir()) == []
+    (place / "summary.json").write_text('{"valid": tr')
+    assert folder.state(key) == "missing"
+
+
+def test_a_new_attempt_replaces_an_invalid_run(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    spec = run_spec()
+    finished(folder, spec, valid=False)
+    assert folder.state(spec.run_key) == "invalid"
+    finished(folder, spec, valid=True)
+    assert folder.state(spec.run_key) == "valid"
+    assert folder.run_keys() == [spec.run_key]
+
+
+def test_runs_that_no_longer_fit_step_aside(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    wanted = specs(cells=1, runs=2)
+    third = run_spec(cell="old name", params={"x": 0}, repetition=2, seed=2)
+    invalid_fourth = run_spec(cell="c0", params={"x": 0}, repetition=3, seed=3)
+    other_sources = run_spec(cell="c0", params={"x": 0}, software="older")
+    for spec in (wanted[0], third, other_sources):
+        finished(folder, spec)
+    finished(folder, invalid_fourth, valid=False)
+    (folder.runs / "foreign").mkdir()
+    more, moved = settle(folder, wanted)
+    assert [(spec.run_key, spec.cell) for spec in more] == [(third.run_key, "c0")]
+    assert set(moved) == {other_sources.run_key, invalid_fourth.run_key, "foreign"}
+    assert set(folder.run_keys()) == {wanted[0].run_key, third.run_key}
+    assert (folder.stale / other_sources.run_key / "summary.json").is_file()
+
+
+def test_status_tells_missing_invalid_and_stale_runs(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    wanted = specs(cells=1, runs=3)
+    finished(folder, wanted[0])
+    finished(folder, wanted[1], valid=False)
+    finished(folder, run_spec(cell="c0", params={"x": 0}, seed=5))
+    settle(folder, wanted)
+    (folder.runs / "foreign").mkdir()
+    runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in wanted]
+    folder.write_json("experiment.json", {"runs": runs, "software": "test", "file": {}})
+    found = status_of(tmp_path, "tiny", None, {"test"})
+    cell = found.cells[0]
+    assert (cell.valid, len(cell.invalid), cell.missing) == (1, 1, 1)
+    assert "why" in cell.invalid[0]
+    assert not found.complete
+    assert any("c0 #1, other seed" in line for line in found.stale)
+    assert any("foreign: not a run of this experiment" in line for line in found.stale)
+    assert found.notes == []
+    assert "sources have changed" in status_of(tmp_path, "tiny", None, {"newer"}).notes[0]
+
+
+def test_status_of_nothing_says_how_to_begin(tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match="slambed run tiny"):
+        status_of(tmp_path, "tiny", None, set())
+
+
+def test_a_second_campaign_is_told_who_runs(tmp_path: Path) -> None:
+    lock = tmp_path / "lock"
+    with host_lock("slambed run one", lock):
+        holder = rf"slambed run one \(process {os.getpid()}\)"
+        with pytest.raises(SlambedError, match=holder) as caught, host_lock("two", lock):
+            pass
+        assert caught.value.code == ExitCode.ENVIRONMENT
+    with host_lock("slambed run two", lock):
+        pass
+
+
+def test_durations_read_well() -> None:
+    assert [duration(s) for s in (12.4, 200, 3900)] == ["12 s", "3 min 20 s", "1 h 05 min"]
+
+
+@pytest.mark.parametrize(("asked", "count"), [(None, 2), ("default", 2), ("paper", 100), ("5", 5)])
+def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
+    from harness_parts import write_library
+
+    from slambed.spec.library import Library
+
+    write_library(tmp_path)
+    experiment, _ = Library(tmp_path).experiment("tiny")
+    assert repetitions(experiment, asked) == count
+    for bad in ("0", "-1", "many"):
+        with pytest.raises(SlambedError, match="--runs"):
+            repetitions(experiment, bad)
+
+
+def runner(tmp_path: Path) -> Runner:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    (tmp_path / "sequence").mkdir(exist_ok=True)
+    return Runner(
+        folder,
+        Ledger(folder.path / "ledger.jsonl"),
+        LiveMaker(
+            LocalEngine(stand_in(tmp_path)),
+            lambda *_: IdleLink(),
+            {"room": (tmp_path / "sequence", 0.5)},
+        ),
+    )
+
+
+@needs_root
+def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> None:
+    campaign, reporter = runner(tmp_path), Quiet()
+    good, bad = run_spec(), run_spec(params={"mobile_act": "die"})
+    verdict = campaign.run([good, bad], reporter)
+    assert (verdict.done, verdict.valid, verdict.interrupted) == (2, 1, False)
+    assert "5/5 frames tracked" in reporter.verdicts[0]
+    assert "mobile_died" in reporter.verdicts[1]
+    manifest = campaign.folder.read(good.run_key, "manifest.json")
+    assert manifest is not None
+    for key in (
+        "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores",
+        "seed", "started_utc", "limits", "throttling", "versions", "spec", "command",
+    ):  # fmt: skip
+        assert key in manifest, key
+    assert RunSpec.model_validate(manifest["spec"]) == good
+    events = [entry["event"] for entry in campaign.ledger.read()]
+    assert events == ["run_started", "run_finished"] * 2
+
+
+@needs_root
+def test_a_refusing_node_ends_the_campaign(tmp_path: Path) -> None:
+    campaign = runner(tmp_path)
+    with pytest.raises(SlambedError, match="bad parameter"):
+        campaign.run([run_spec(params={"mobile_act": "refuse"}), run_spec()], Quiet())
+    assert campaign.folder.run_keys() == []
+    assert campaign.ledger.read()[-1]["event"] == "run_refused"
+
+
+CAMPAIGN = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+import test_campaign as t
+from slambed.engines.reaper import mark_children, reap
+mark_children()
+with t.host_lock("tests of interrupts", wait_s=300):
+    print("reaped", reap(), flush=True)
+    campaign = t.runner(Path({folder!r}))
+    todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "valid"]
+    print("todo", len(todo), flush=True)
+    verdict = campaign.run(todo, t.Quiet())
+    print("interrupted" if verdict.interrupted else "complete", flush=True)
+"""
+
+
+def start_campaign(tmp_path: Path) -> subprocess.Popen[str]:
+    code = CAMPAIGN.format(tests=str(Path(__file__).parent), folder=str(tmp_path))
+    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+
+
+def wait_for_runs(tmp_path: Path, count: int) -> None:
+    """Until `count` runs are there and the next one has begun to play."""
+    folder = ResultFolder(tmp_path / "tiny")
+    deadline = time.monotonic() + 330
+    while time.monotonic() < deadline:
+        playing = list(folder.work.glob("*/start.json")) if folder.work.exists() else []
+        if len(folder.run_keys()) >= count and playing:
+            return
+        time.sleep(0.01)
+    raise AssertionError("the campaign does not come on")
+
+
+@needs_root
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_campaign_goes_on_where_it_was(tmp_path: Path, how: signal.Signals) -> None:
+    first = start_campaign(tmp_path)
+    wait_for_runs(tmp_path, 1)
+    first.send_signal(how)
+    told, _ = first.communicate(timeout=20)
+    assert ("interrupted" in told) == (how == signal.SIGINT)
+    folder = ResultFolder(tmp_path / "tiny")
+    done = {key: (folder.runs / key).stat().st_ino for key in folder.run_keys()}
+    assert 1 <= len(done) < 4
+    second = start_campaign(tmp_path)
+    told, _ = second.communicate(timeout=360)
+    assert f"todo {4 - len(done)}" in told and "complete" in told
+    assert sorted(folder.run_keys()) == sorted(s.run_key for s in specs())
+    # What was there was not touched.
+    assert all((folder.runs / key).stat().st_ino == inode for key, inode in done.items())
+    if how == signal.SIGKILL:
+        assert "control groups" in told
+    entries = Ledger(folder.path / "ledger.jsonl").read()
+    assert sum(entry["event"] == "run_finished" for entry in entries) == 4
+    assert not processes_of(tmp_path)
+
+
+def processes_of(folder: Path) -> list[str]:
+    """Command lines that mention the folder (every node's does)."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if f"{folder}/" in line and "--role" in line:
+            found.append(line)
+    return found

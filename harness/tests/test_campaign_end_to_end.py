@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole way with the real programs: a YAML, two nodes, a link, a result."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from harness_parts import needs_root
+from test_cli import refused, slambed
+
+from slambed.engines.docker_image import connect, find_image
+from slambed.engines.reaper import OWNER_VARIABLE, start_time
+from slambed.errors import ExitCode, SlambedError
+from slambed.metrics.run import SUMMARY_KEYS
+from slambed.native import find_program
+
+EXPERIMENT = """\
+id: short
+title: A short walk through a synthetic room
+systems:
+  - {{system: orbslam2, label: alone, profiles: [rtt_20]}}
+  - {{system: edgeslam, label: offloaded}}
+datasets: [{sequence}]
+playback: {{mode: realtime, fps: 10}}
+link: {{backend: relay, profiles: [rtt_20]}}
+devices: {{mobile: raspberry_pi_4, edge: edge_i7_6700t}}
+runs: {{default: 1}}
+# Other tests may run beside this one: how exact the link is, is not what is tested here.
+tolerances: {{rtt_error_ms_median: 50}}
+"""
+
+
+def programs_are_built() -> bool:
+    try:
+        for name in ("slambed-node", "slambed-relay", "slambed-synth"):
+            find_program(name)
+    except SlambedError:
+        return False
+    return Path("/dev/net/tun").exists()
+
+
+def image_is_built() -> bool:
+    try:
+        client = connect()
+    except SlambedError:
+        return False
+    found = find_image(client) is not None
+    client.close()
+    return found
+
+
+pytestmark = [
+    needs_root,
+    pytest.mark.skipif(not programs_are_built(), reason="needs the programs ('make build')"),
+]
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("synthetic") / "walk"
+    command = [find_program("slambed-synth"), "--out", path, "--seconds", "4", "--fps", "10"]
+    subprocess.run([*map(str, command), "--id", "walk", "--seed", "3"], check=True)
+    return path
+
+
+def write_experiment(folder: Path, sequence: Path) -> Path:
+    path = folder / "short.yaml"
+    path.write_text(EXPERIMENT.format(sequence=sequence))
+    return path
+
+
+def run_it(folder: Path, sequence: Path, engine: str) -> list[dict[str, Any]]:
+    path = write_experiment(folder, sequence)
+    arguments = ["run", str(path), "--engine", engine, "--results", str(folder / "results")]
+    arguments.append("--wait")
+    code, out, err = slambed(*arguments)
+    assert code == ExitCode.OK, out + err
+    results = folder / "results" / "short"
+    table = pd.read_csv(results / "summary.csv")
+    assert len(table) == 2
+    summaries = []
+    for run in sorted((results / "runs").iterdir()):
+        names = {p.relative_to(run).as_posix() for p in run.rglob("*") if p.is_file()}
+        assert {
+            "manifest.json",
+            "summary.json",
+            "trajectory.txt",
+            "trajectory_live.txt",
+            "events.parquet",
+            "samples.parquet",
+            "nodes/run.json",
+            "nodes/mobile/node.json",
+        } <= names
+        summaries.append(json.loads((run / "summary.json").read_text()))
+    # Called again, there is nothing to do.
+    code, out, err = slambed(*arguments)
+    assert code == ExitCode.OK and "2 there already" in out
+    return sorted(summaries, key=lambda summary: str(summary["system"]))
+
+
+def check_figures(summaries: list[dict[str, Any]]) -> None:
+    offloaded, alone = summaries
+    for summary in summaries:
+        assert set(SUMMARY_KEYS) <= set(summary)
+        assert summary["outcome"] == "completed" and summary["valid"] is True
+        assert summary["frames_total"] == 40
+        assert summary["frames_tracked"] > 0
+        assert summary["mobile_cpu_percent_mean"] > 0
+        assert summary["mobile_mem_mb_peak"] > 1
+    assert alone["edge_cpu_percent_mean"] is None and alone["bytes_up"] is None
+    assert offloaded["edge_cpu_percent_mean"] > 0
+    assert offloaded["bytes_up"] > 0
+    assert offloaded["rtt_asked_ms_mean"] == pytest.approx(20, abs=0.5)
+    assert offloaded["rtt_measured_ms_mean"] > 19
+
+
+def test_the_local_engine_makes_a_whole_result(tmp_path: Path, sequence: Path) -> None:
+    check_figures(run_it(tmp_path, sequence, "local"))
+
+
+@pytest.mark.skipif(not image_is_built(), reason="needs the node image ('make images')")
+def test_the_docker_engine_makes_the_same(tmp_path: Path, sequence: Path) -> None:
+    check_figures(run_it(tmp_path, sequence, "docker"))
+
+
+def test_a_damaged_sequence_is_refused(tmp_path: Path, sequence: Path) -> None:
+    damaged = tmp_path / "damaged"
+    shutil.copytree(sequence, damaged)
+    with (damaged / "frames.bin").open("r+b") as frames:
+        frames.seek(100)
+        frames.write(b"\xff\x00\xff")
+    path = write_experiment(tmp_path, damaged)
+    line = refused(
+        ExitCode.BAD_INPUT, "run", str(path), "--wait", "--engine", "local", cwd=tmp_path
+    )
+    assert "frame 0 does not fit its CRC" in line and "short.yaml line" in line
+
+
+def test_a_missing_dataset_is_refused(tmp_path: Path) -> None:
+    path = write_experiment(tmp_path, Path("nowhere"))
+    line = refused(
+        ExitCode.BAD_INPUT, "run", str(path), "--wait", "--engine", "local", cwd=tmp_path
+    )
+    assert "dataset 'nowhere' is not known" in line
+
+
+def test_without_docker_auto_says_so_and_takes_local(tmp_path: Path, sequence: Path) -> None:
+    path = write_experiment(tmp_path, sequence)
+    code, out, err = slambed(
+        "run",
+        str(path),
+        "--wait",
+        "--results",
+        str(tmp_path),
+        DOCKER_HOST="unix:///nonexistent.sock",
+    )
+    assert code == ExitCode.OK, err
+    assert "no Docker" in out and "taking engine local" in out
+
+
+def test_nothing_is_left_on_the_host() -> None:
+    """No process of ours whose harness has ended."""
+    marker = f"{OWNER_VARIABLE}=".encode()
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            items = path.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        for item in items:
+            if item.startswith(marker):
+                owner, _, began = item.removeprefix(marker).decode().partition(":")
+                assert str(start_time(int(owner))) == began, path

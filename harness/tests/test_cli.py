@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: one-line errors, documented exit codes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slambed.errors import ExitCode
+
+
+def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str, str]:
+    done = subprocess.run(
+        [sys.executable, "-c", "from slambed.cli import main; main()", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, **environment},
+        check=False,
+        timeout=400,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def refused(code: int, *arguments: str, cwd: Path | None = None, **environment: str) -> str:
+    """The one line that a refused command prints."""
+    found, _, stderr = slambed(*arguments, cwd=cwd, **environment)
+    lines = stderr.strip().splitlines()
+    assert found == code, stderr
+    assert len(lines) == 1 and lines[0].startswith("error: "), stderr
+    return lines[0]
+
+
+def test_help_lists_the_commands() -> None:
+    for arguments in (["--help"], []):
+        code, out, _ = slambed(*arguments)
+        assert code == ExitCode.OK
+        for name in ("run", "status", "report", "data", "profile", "doctor", "images", "clean"):
+            assert name in out
+
+
+def test_version() -> None:
+    code, out, _ = slambed("--version")
+    assert code == ExitCode.OK and out.startswith("slambed ")
+
+
+def test_wrong_usage_is_one_line() -> None:
+    assert "--runz" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--runz", "3")
+    assert "rnu" in refused(ExitCode.BAD_INPUT, "rnu")
+    assert "docker, local" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--engine", "moby")
+
+
+def test_an_unknown_experiment_names_its_neighbour() -> None:
+    assert "did you mean 'quickstart'" in refused(ExitCode.BAD_INPUT, "run", "quikstart")
+
+
+REAL = """\
+id: tiny
+title: A tiny experiment
+systems: [{system: orbslam2}]
+datasets: [synthetic_room]
+link: {profiles: [none, ramp]}
+devices: {mobile: host}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("[none, ramp]", "[{name: bad, rtt_ms: -5}]", "negative latency"),
+        ("[none, ramp]", "[nonee]", "did you mean 'none'"),
+        ("title:", "titel:", "unknown key 'titel'"),
+        ("mobile: host", "mobile: hots", "did you mean 'host'"),
+        ("system: orbslam2", "system: orbslam", "did you mean 'orbslam2'"),
+    ],
+)
+def test_a_bad_experiment_is_refused_before_anything_starts(
+    tmp_path: Path, old: str, new: str, part: str
+) -> None:
+    path = tmp_path / "tiny.yaml"
+    path.write_text(REAL.replace(old, new))
+    line = refused(ExitCode.BAD_INPUT, "run", str(path), "--results", str(tmp_path / "results"))
+    assert part in line and "tiny.yaml" in line
+    assert not (tmp_path / "results").exists()
+
+
+def test_an_experiment_can_be_checked_alone() -> None:
+    code, out, _ = slambed("run", "quickstart", "--check")
+    assert code == ExitCode.OK and out.strip().endswith("good")
+
+
+def test_status_and_report_of_nothing_say_how_to_begin(tmp_path: Path) -> None:
+    for command in ("status", "report"):
+        line = refused(ExitCode.BAD_INPUT, command, "quickstart", "--results", str(tmp_path))
+        assert "slambed run quickstart" in line
+
+
+def test_no_docker_is_one_line() -> None:
+    line = refused(ExitCode.ENVIRONMENT, "images", DOCKER_HOST="unix:///nonexistent/docker.sock")
+    assert "no Docker" in line and "--engine local" in line
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become another user")
+def test_without_permission_a_run_is_one_line(tmp_path: Path) -> None:
+    code = f"""
+import os, sys
+import slambed.campaign.campaign
+from slambed.cli import run_command
+os.chdir({str(tmp_path)!r})
+os.setgroups([]); os.setgid(65534); os.setuid(65534)
+sys.exit(run_command(["run", "quickstart", "--engine", "local"]))
+"""
+    tmp_path.chmod(0o777)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == ExitCode.ENVIRONMENT, done.stderr
+    assert done.stderr.startswith("error: ") and "sudo" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_bug_is_one_line_too() -> None:
+    code = """
+import sys
+import slambed.doctor
+from slambed import cli
+slambed.doctor.examine = lambda: 1 / 0
+sys.exit(cli.run_command(["doctor"]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == ExitCode.INTERNAL
+    assert "a bug of slambed" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+def test_doctor_tells_about_every_topic() -> None:
+    code, out, _ = slambed("doctor", COLUMNS="200")
+    assert code in (ExitCode.OK, ExitCode.ENVIRONMENT)
+    for topic in ("docker", "netem", "tun", "cgroups", "cores", "data", "privilege", "programs"):
+        assert topic in out

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dataset files, the search path, and the cache of prepared sequences."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from data_samples import one_line, tum_recipe, write_prepared, write_tum
+
+from slambed.data import Catalog, places, prepare
+from slambed.data.recipe_file import load_recipe
+from slambed.errors import ExitCode, SlambedError
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """A catalogue folder, a data folder with one TUM sequence, and an empty cache."""
+    tum_recipe(tmp_path / "datasets")
+    write_tum(tmp_path / "data/tiny_tum")
+    return tmp_path
+
+
+def catalog(home: Path) -> Catalog:
+    return Catalog.load(home / "datasets", [home / "data"])
+
+
+def entries(home: Path) -> list[str]:
+    """What lies in the cache, locks aside."""
+    folder = places.prepared_folder(home / "cache")
+    return sorted(p.name for p in folder.iterdir() if not p.name.endswith(".lock"))
+
+
+def test_the_shipped_catalogue_is_sound() -> None:
+    shipped = Catalog.load(search=[])
+    for name in ("redkitchen", "office", "desk", "fr1_xyz", "kitti_07", "euroc_v1_01"):
+        dataset = shipped.get(name)
+        assert dataset.title and dataset.licence
+        if dataset.download is not None:
+            assert dataset.download.verified == (dataset.download.sha256 != "unverified here")
+    for dataset in shipped.datasets.values():
+        assert all(choice in shipped.datasets for choice in dataset.first_of)
+        if dataset.reader == "tum" and dataset.id.startswith("fr"):
+            assert (dataset.depth_unit_m, dataset.camera and dataset.camera.bf) == (0.0002, 40)
+
+
+def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
+    assert Catalog.load(search=[]).resolve("quickstart", tmp_path).id == "synthetic_room"
+    (tmp_path / "redkitchen").mkdir()
+    assert Catalog.load(search=[tmp_path]).resolve("quickstart", tmp_path).id == "redkitchen"
+
+
+@pytest.mark.parametrize(
+    ("extra", "told"),
+    [
+        ({"dpeth_unit_m": "1"}, "unknown key 'dpeth_unit_m', did you mean 'depth_unit_m'?"),
+        ({"camera": "{ widht: 3 }"}, "camera"),
+        ({"depth_unit_m": "-1"}, "depth_unit_m"),
+        ({"depth_unit_m": "0"}, "depth_unit_m is needed"),
+        ({"synthetic": "{ seed: 1 }"}, "exactly one of"),
+        ({"download": "{ url: x, sha256: abc }"}, "sha256"),
+        ({"playback": "{ fsp: 3 }"}, "unknown key 'playback.fsp', did you mean 'fps'?"),
+        ({"title": "[1"}, "not valid YAML"),
+        ({"id": "other"}, "name the file other.yaml"),
+    ],
+)
+def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], told: str) -> None:
+    file = tum_recipe(tmp_path, **extra)
+    with pytest.raises(SlambedError) as error:
+        load_recipe(file)
+    assert str(file) in one_line(error)
+    assert told in one_line(error)
+
+
+def test_unknown_key_has_its_line(tmp_path: Path) -> None:
+    file = tum_recipe(tmp_path)
+    file.write_text(file.read_text() + "playback:\n  fps: 10\n  strat_s: 1\n")
+    with pytest.raises(SlambedError, match=r"tiny_tum\.yaml:11: .*did you mean 'start_s'"):
+        load_recipe(file)
+
+
+def test_two_files_with_one_name(tmp_path: Path) -> None:
+    tum_recipe(tmp_path, "one", aliases="[office]")
+    tum_recipe(tmp_path, "two", aliases="[office]")
+    with pytest.raises(SlambedError, match="'office' is already taken"):
+        Catalog.load(tmp_path, [])
+
+
+def test_unknown_dataset(home: Path) -> None:
+    with pytest.raises(SlambedError) as error:
+        catalog(home).prepare("tiny_tmu", home / "cache")
+    assert "did you mean 'tiny_tum'" in one_line(error)
+
+
+def test_missing_dataset_says_where_it_looked_and_where_to_get_it(home: Path) -> None:
+    tum_recipe(home / "datasets", "gone", download="{ url: https://example.org/gone.tgz }")
+    with pytest.raises(SlambedError) as error:
+        catalog(home).prepare("gone", home / "cache")
+    line = one_line(error)
+    assert str(home / "data") in line and "https://example.org/gone.tgz" in line
+    assert error.value.code == ExitCode.BAD_INPUT
+
+
+def test_prepare_makes_once_and_reuses(home: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    first = catalog(home).prepare("tiny_tum", home / "cache", lambda d, t: seen.append((d, t)))
+    first.verify()
+    assert seen[-1] == (5, 5)
+    assert first.info.source["dataset"] == "tiny_tum"
+    seen.clear()
+    again = catalog(home).prepare("tiny_tum", home / "cache", lambda d, t: seen.append((d, t)))
+    assert again.path == first.path and not seen
+
+
+def test_a_changed_source_or_recipe_is_prepared_anew(home: Path) -> None:
+    first = catalog(home).prepare("tiny_tum", home / "cache")
+    (home / "data/tiny_tum/groundtruth.txt").write_text("1 0 0 0 0 0 0 1\n")
+    second = catalog(home).prepare("tiny_tum", home / "cache")
+    assert second.path != first.path and second.checksum == first.checksum
+    tum_recipe(home / "datasets", depth_unit_m="0.0003")
+    assert catalog(home).prepare("tiny_tum", home / "cache").checksum != first.checksum
+
+
+def test_a_prepared_sequence_outlives_its_source(home: Path) -> None:
+    first = catalog(home).prepare("tiny_tum", home / "cache")
+    (home / "data/tiny_tum").rename(home / "elsewhere")
+    assert catalog(home).prepare("tiny_tum", home / "cache").path == first.path
+
+
+def test_a_damaged_cache_entry_is_made_again(home: Path) -> None:
+    first = catalog(home).prepare("tiny_tum", home / "cache")
+    (first.path / "index.bin").write_bytes(b"")
+    catalog(home).prepare("tiny_tum", home / "cache").verify()
+
+
+def test_a_prepared_folder_on_the_search_path_is_used_as_it_is(home: Path) -> None:
+    write_prepared(home / "data/given")
+    tum_recipe(home / "datasets", "given")
+    assert catalog(home).prepare("given", home / "cache").path == home / "data/given"
+    assert prepare(str(home / "data/given")).info.id == "tiny"
+
+
+@pytest.mark.parametrize("metres", [0.01, 0.09])
+def test_wrong_depth_scale(home: Path, metres: float) -> None:
+    tum_recipe(home / "datasets", "scaled")
+    write_tum(home / "data/scaled", metres=metres)
+    with pytest.raises(SlambedError) as error:
+        catalog(home).prepare("scaled", home / "cache")
+    assert "wrong depth scale" in one_line(error) and "depth_unit_m" in one_line(error)
+    assert entries(home) == []
+
+
+def test_an_interrupt_leaves_nothing_and_the_next_call_finishes(home: Path) -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        catalog(home).prepare("tiny_tum", home / "cache", interrupt)
+    assert entries(home) == []
+    # What a killed process leaves is swept by the next one.
+    leftover = places.prepared_folder(home / "cache") / ".tiny_tum-0123.partial-99999"
+    leftover.mkdir()
+    (leftover / "frames.bin").write_bytes(b"half")
+    sequence = catalog(home).prepare("tiny_tum", home / "cache")
+    sequence.verify()
+    assert entries(home) == [sequence.path.name]
+
+
+def test_two_at_once_prepare_only_once(home: Path) -> None:
+    starts: list[int] = []
+    both_in = threading.Barrier(2, timeout=30)
+
+    def work() -> None:
+        mine = catalog(home)
+        both_in.wait()
+        mine.prepare("tiny_tum", home / "cache", lambda d, _: starts.append(d) if d == 1 else None)
+
+    threads = [threading.Thread(target=work) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert starts == [1]
+    assert len(entries(home)) == 1
+
+
+def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLAMBED_DATA", f"{tmp_path}/a:{tmp_path}/b:")
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "c"))
+    path = places.search_path()
+    assert path[:2] == [tmp_path / "a", tmp_path / "b"]
+    assert path[-1] == tmp_path / "c/data"
+    assert places.prepared_folder() == tmp_path / "c/prepared"

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The docker engine with a stand-in image: a shell script on the bare base."""
+
+import io
+import json
+import os
+import tarfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import docker
+import pytest
+from docker.errors import DockerException
+from harness_parts import IdleLink, device, needs_root, run_spec
+
+from slambed.engines.base import NodePlan
+from slambed.engines.docker import DockerEngine
+from slambed.engines.host_lock import host_lock
+from slambed.engines.live_run import LiveRun
+from slambed.engines.reaper import reap
+from slambed.engines.result import InterruptedRunError, RunResult
+from slambed.errors import ExitCode, SlambedError
+from slambed.spec.experiment import Playback
+from slambed.spec.matrix import RunSpec
+
+BASE = "debian:bookworm-slim"
+TAG = "slambed-test:stand-in"
+
+# Keeps the file contract of a node; its act is the system's name in run.json.
+STAND_IN = r"""#!/bin/sh
+role=$2; out=/out/$role
+trap 'echo "{\"role\": \"$role\", \"stopped\": true}" > $out/node.json; exit 0' TERM
+id > $out/id.txt; cat /proc/self/status > $out/status.txt; ls /sys/class/net > $out/net.txt
+touch /root-is-writable 2> /dev/null && echo yes > $out/writable.txt
+case $(cat /out/run.json) in *refuse*) echo "error: no, run.json; try again" >&2; exit 2;; esac
+echo '{}' > $out/ready.json
+until [ -e /out/start.json ]; do sleep 0.02; done
+case "$role $(cat /out/run.json)" in
+  "edge "*die*) sleep 0.6; exit 139;;
+  "mobile "*long*) sleep 60 & wait;;
+  "mobile "*hungry*) x=$(head -c 900m /dev/zero | tr '\0' x);;
+esac
+[ $role = mobile ] && sleep 1
+echo "{\"role\": \"$role\", \"stopped\": false}" > $out/node.json
+"""
+
+
+def client_or_none() -> docker.DockerClient | None:
+    try:
+        client = docker.from_env(timeout=60)
+        client.images.get(BASE)
+    except DockerException:
+        return None
+    return client
+
+
+CLIENT = client_or_none()
+pytestmark = [
+    needs_root,
+    pytest.mark.skipif(CLIENT is None, reason=f"needs Docker with {BASE}"),
+]
+
+
+@pytest.fixture(scope="module")
+def image() -> Iterator[Any]:
+    assert CLIENT is not None
+    context = io.BytesIO()
+    with tarfile.open(fileobj=context, mode="w") as archive:
+        for name, text, mode in (
+            ("Dockerfile", f"FROM {BASE}\nCOPY slambed-node /usr/local/bin/\n", 0o644),
+            ("slambed-node", STAND_IN, 0o755),
+        ):
+            info = tarfile.TarInfo(name)
+            info.size, info.mode = len(text.encode()), mode
+            archive.addfile(info, io.BytesIO(text.encode()))
+    context.seek(0)
+    built, _ = CLIENT.images.build(fileobj=context, custom_context=True, tag=TAG, rm=True)
+    yield built
+    CLIENT.images.remove(TAG, force=True)
+
+
+class Bench:
+    """Runs one spec in containers."""
+
+    def __init__(self, folder: Path, image: Any) -> None:
+        self.raw = folder / "raw"
+        self.raw.mkdir()
+        self.sequence = folder / "sequence"
+        self.sequence.mkdir()
+        self.engine = DockerEngine(CLIENT, image)
+        self.stop = threading.Event()
+
+    def run(self, spec: RunSpec) -> RunResult:
+        live = LiveRun(
+            spec, self.engine, self.sequence, 0.5, self.raw, lambda *_: IdleLink(), self.stop
+        )
+        return live.execute()
+
+
+@pytest.fixture
+def bench(tmp_path: Path, image: Any) -> Iterator[Bench]:
+    # A campaign that starts meanwhile would take our containers for leftovers.
+    with host_lock("tests of containers", wait_s=300):
+        yield Bench(tmp_path, image)
+        assert CLIENT is not None
+        assert CLIENT.containers.list(all=True, filters={"label": "slambed"}) == []
+
+
+def docker_spec(**changes: Any) -> RunSpec:
+    limits = {"cores": 1, "quota_cores": 0.5, "period_ms": 10.0, "memory_mb": 256}
+    return run_spec(edge=True, engine="docker", device_mobile=device(**limits), **changes)
+
+
+def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None:
+    result = bench.run(docker_spec())
+    assert (result.outcome, result.reason) == ("completed", None)
+    granted = result.limits["mobile"]["granted"]
+    assert (granted["quota_cores"], granted["period_ms"]) == (0.5, 10.0)
+    assert granted["memory_mb"] == 256
+    mobile = bench.raw / "mobile"
+    assert "uid=10001 gid=10001" in (mobile / "id.txt").read_text()
+    assert "CapEff:\t0000000000000000" in (mobile / "status.txt").read_text()
+    assert "NoNewPrivs:\t1" in (mobile / "status.txt").read_text()
+    assert (mobile / "net.txt").read_text().split() == ["lo"]
+    assert not (mobile / "writable.txt").exists()
+    rows = [json.loads(x) for x in (bench.raw / "samples.jsonl").read_text().splitlines()]
+    assert {row["node"] for row in rows} == {"mobile", "edge"}
+
+
+def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:
+    assert bench.run(docker_spec(variant="die")).outcome == "edge_died"
+
+
+def test_a_container_that_refuses_is_an_error_with_its_own_words(bench: Bench) -> None:
+    with pytest.raises(SlambedError, match=r"\(exit code 2\): no, run.json; try again") as caught:
+        bench.run(docker_spec(variant="refuse"))
+    assert caught.value.code == ExitCode.BAD_INPUT
+
+
+def test_memory_beyond_the_limit_kills_the_node_and_says_so(bench: Bench) -> None:
+    spec = docker_spec(variant="hungry", playback=Playback(end_s=20.0))
+    result = bench.run(spec)
+    assert result.outcome == "mobile_died"
+    assert "killed at its memory limit" in (result.reason or "")
+
+
+def test_a_stop_request_ends_containers_quickly(bench: Bench) -> None:
+    threading.Timer(1.5, bench.stop.set).start()
+    began = time.monotonic()
+    with pytest.raises(InterruptedRunError):
+        bench.run(docker_spec(variant="long"))
+    assert time.monotonic() - began < 20
+
+
+def test_containers_of_a_dead_harness_are_removed(bench: Bench) -> None:
+    (bench.raw / "run.json").write_text("{}")
+    plan = NodePlan(
+        "mobile",
+        "leftover",
+        bench.raw,
+        bench.sequence,
+        docker_spec().device_mobile.limits,
+        sorted(os.sched_getaffinity(0))[:1],
+    )
+    bench.engine.start(plan)
+    assert "slambed-leftover-mobile" in reap().containers

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The local engine and the life of a live run, with a stand-in node."""
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from harness_parts import IdleLink, device, needs_root, run_spec, stand_in
+
+from slambed.engines.base import NodePlan, allot_cpus, differences, netns, parse_cpus
+from slambed.engines.cgroups import CgroupMaker
+from slambed.engines.host_lock import host_lock
+from slambed.engines.live_run import LiveRun
+from slambed.engines.local import LocalEngine
+from slambed.engines.result import InterruptedRunError, RunResult
+from slambed.errors import ExitCode, SlambedError
+from slambed.sampling.cgroup import Granted
+from slambed.spec.device import Limits
+from slambed.spec.matrix import RunSpec
+
+pytestmark = needs_root
+
+
+class Bench:
+    """Runs one spec in a temporary folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.engine = LocalEngine(stand_in(folder))
+        self.link = IdleLink()
+        self.stop = threading.Event()
+        self.live: LiveRun | None = None
+
+    def run(self, spec: RunSpec) -> RunResult:
+        raw = self.folder / "raw"
+        raw.mkdir()
+        sequence = self.folder / "sequence"
+        sequence.mkdir()
+        played_s = spec.playback.end_s or 0.0
+        self.live = LiveRun(
+            spec, self.engine, sequence, played_s, raw, lambda *_: self.link, self.stop
+        )
+        return self.live.execute()
+
+    def read(self, name: str) -> Any:
+        return json.loads((self.folder / "raw" / name).read_text())
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """Whatever a test does, no control group of a node outlives it."""
+    # A campaign that starts meanwhile would take our groups for leftovers.
+    with host_lock("tests of nodes", wait_s=300):
+        yield Bench(tmp_path)
+        left = [folder for folder in CgroupMaker().leftovers() if folder.name != "slambed"]
+        assert left == []
+
+
+def test_a_run_with_two_nodes_completes(bench: Bench) -> None:
+    result = bench.run(run_spec(edge=True))
+    assert (result.outcome, result.reason) == ("completed", None)
+    assert (len(bench.link.started_s), bench.link.stopped) == (1, 1)
+    raw = bench.folder / "raw"
+    for role in ("mobile", "edge"):
+        assert bench.read(f"{role}/node.json")["role"] == role
+    config = bench.read("run.json")
+    assert config["network"] == {
+        "edge_address": "10.77.0.2",
+        "ports": {"control": 47000, "keyframe": 47001},
+    }
+    samples = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
+    assert {row["node"] for row in samples} == {"mobile", "edge"}
+    granted = result.limits["mobile"]["granted"]
+    assert granted["quota_cores"] == 0.5 and granted["memory_mb"] == 256
+
+
+def test_a_system_without_an_edge_has_no_network(bench: Bench) -> None:
+    assert bench.run(run_spec()).outcome == "completed"
+    assert bench.read("run.json")["network"] is None
+    assert not (bench.folder / "raw" / "edge").exists()
+    assert bench.link.started_s == []
+
+
+def test_the_quota_holds_and_throttling_is_told(bench: Bench) -> None:
+    spec = run_spec(params={"mobile_act": "burn"}, device_mobile=device(cores=1, quota_cores=0.2))
+    result = bench.run(spec)
+    assert result.throttling["mobile"]["throttled_periods"] > 0
+
+
+def test_a_node_at_the_gate_has_its_own_network(bench: Bench) -> None:
+    raw = bench.folder / "raw"
+    (raw / "mobile").mkdir(parents=True)
+    plan = NodePlan("mobile", "gate", raw, bench.folder, Limits(), sorted(os.sched_getaffinity(0)))
+    node = bench.engine.start(plan)
+    try:
+        assert netns(node).readlink() != Path("/proc/self/ns/net").readlink()
+        assert node.exit_code() is None
+        status = Path(f"/proc/{node.pid}/status").read_text()
+        assert "NoNewPrivs:\t1" in status
+        bounding = next(line for line in status.splitlines() if line.startswith("CapBnd"))
+        assert int(bounding.split()[1], 16) == 1 << 2  # CAP_DAC_READ_SEARCH alone
+    finally:
+        node.remove()
+    assert not Path(f"/proc/{node.pid}").exists()
+    node.remove()
+
+
+def test_an_edge_that_dies_is_an_outcome_and_the_mobile_goes_on(bench: Bench) -> None:
+    result = bench.run(run_spec(edge=True, params={"edge_act": "die"}))
+    assert result.outcome == "edge_died"
+    assert "signal 11" in (result.reason or "")
+    assert len((bench.folder / "raw/mobile/events.jsonl").read_text().splitlines()) == 5
+
+
+def test_a_mobile_that_dies_is_an_outcome(bench: Bench) -> None:
+    result = bench.run(run_spec(edge=True, params={"mobile_act": "die"}))
+    assert result.outcome == "mobile_died"
+
+
+def test_memory_beyond_the_limit_kills_the_node_and_says_so(bench: Bench) -> None:
+    result = bench.run(run_spec(params={"mobile_act": "hungry"}))
+    assert result.outcome == "mobile_died"
+    assert "killed at its memory limit" in (result.reason or "")
+
+
+def test_a_link_that_dies_is_an_outcome(bench: Bench) -> None:
+    bench.link = IdleLink(dies_after_s=0.3)
+    assert bench.run(run_spec(edge=True)).outcome == "link_died"
+
+
+def test_a_run_that_does_not_end_is_a_timeout(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slambed.engines.live_run.DRAIN_S", 0.5)
+    monkeypatch.setattr("slambed.engines.live_run.STOP_GRACE_S", 0.2)
+    result = bench.run(run_spec(params={"mobile_act": "hang"}))
+    assert result.outcome == "timeout"
+
+
+def test_a_node_that_refuses_its_input_is_an_error_with_its_own_words(bench: Bench) -> None:
+    with pytest.raises(SlambedError, match=r"mobile node .*: bad parameter, run.json") as caught:
+        bench.run(run_spec(edge=True, params={"mobile_act": "refuse"}))
+    assert caught.value.code == ExitCode.BAD_INPUT
+
+
+def test_a_missing_program_is_an_error(bench: Bench) -> None:
+    bench.engine = LocalEngine(bench.folder / "nothing")
+    with pytest.raises(SlambedError, match="No such file"):
+        bench.run(run_spec())
+
+
+def test_a_stop_request_ends_a_run_quickly(bench: Bench) -> None:
+    threading.Timer(0.7, bench.stop.set).start()
+    began = time.monotonic()
+    with pytest.raises(InterruptedRunError):
+        bench.run(
+            run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 60}))
+        )
+    assert time.monotonic() - began < 10
+    assert bench.read("mobile/node.json")["stopped"] is True
+
+
+def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
+    spec = run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 1.5}))
+
+    def stop_edge() -> None:
+        assert bench.live is not None
+        os.kill(bench.live._nodes["edge"].pid, signal.SIGTERM)
+
+    threading.Timer(1.2, stop_edge).start()
+    assert bench.run(spec).outcome == "edge_died"
+
+
+def test_cpus_are_kept_apart_where_there_are_enough() -> None:
+    one, two = Limits(cores=1), Limits(cores=2)
+    assert allot_cpus(one, one, [0, 1]) == {"mobile": [0], "edge": [1]}
+    assert allot_cpus(two, two, [0, 1, 2]) == {"mobile": [0, 1], "edge": [1, 2]}
+    assert allot_cpus(Limits(), None, [0, 1]) == {"mobile": [0, 1]}
+    assert allot_cpus(one, one, [3]) == {"mobile": [3], "edge": [3]}
+
+
+def test_a_limit_that_was_not_granted_is_found() -> None:
+    asked = Limits(cores=1, quota_cores=0.5, memory_mb=128)
+    good = Granted(cpus="1", quota_cores=0.5, period_ms=10.0, memory_mb=128.0)
+    assert differences(asked, good, [1]) == []
+    assert "CPU quota" in differences(asked, replace(good, quota_cores=None), [1])[0]
+    assert "CPUs 0-1" in differences(asked, replace(good, cpus="0-1"), [1])[0]
+    assert "memory" in differences(asked, replace(good, memory_mb=None), [1])[0]
+
+
+def test_kernel_cpu_lists() -> None:
+    assert parse_cpus("0-2,5") == [0, 1, 2, 5]
+    assert parse_cpus("") == []

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Leftovers of a dead harness are found and removed; those of a living one are not."""
+
+import os
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from harness_parts import needs_root
+
+from slambed.engines.cgroups import CgroupMaker
+from slambed.engines.host_lock import host_lock
+from slambed.engines.reaper import OWNER_VARIABLE, Reaped, mark_children, reap, start_time
+from slambed.spec.device import Limits
+
+pytestmark = needs_root
+
+
+@pytest.fixture(autouse=True)
+def nobody_else() -> Iterator[None]:
+    """The reaper may work only while no campaign runs on this host."""
+    with host_lock("tests of the reaper", wait_s=300):
+        yield
+
+
+def sleeper(owner: str) -> subprocess.Popen[bytes]:
+    process = subprocess.Popen(
+        ["sleep", "60"], env={**os.environ, OWNER_VARIABLE: owner}, start_new_session=True
+    )
+    while Path(f"/proc/{process.pid}/comm").read_text() != "sleep\n":
+        time.sleep(0.005)  # Before its exec it still shows our environment.
+    return process
+
+
+def test_orphans_die_and_children_of_the_living_do_not() -> None:
+    dead = sleeper("999999999:1")
+    # The same number with another start time is another process: its harness is dead.
+    recycled = sleeper(f"{os.getpid()}:1")
+    alive = sleeper(f"{os.getpid()}:{start_time(os.getpid())}")
+    try:
+        reaped = reap()
+        assert {dead.pid, recycled.pid} <= set(reaped.processes)
+        assert alive.pid not in reaped.processes and alive.poll() is None
+        assert dead.wait(5) == recycled.wait(5) == -9
+    finally:
+        for process in (dead, recycled, alive):
+            process.kill()
+            process.wait()
+
+
+def test_groups_are_removed_with_what_is_in_them() -> None:
+    cpu = sorted(os.sched_getaffinity(0))[0]
+    paths = CgroupMaker().make("test-leftover", Limits(cores=1), [cpu])
+    folders = {*paths.folders.values(), *([paths.unified] if paths.unified else [])}
+    member = subprocess.Popen(["sleep", "60"])
+    for folder in folders:
+        (folder / "cgroup.procs").write_text(str(member.pid))
+    reaped = reap()
+    assert folders <= set(reaped.groups)
+    assert not any(folder.exists() for folder in folders)
+    assert member.wait(5) == -9
+
+
+def test_marking_names_this_very_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(OWNER_VARIABLE, "")
+    mark_children()
+    assert os.environ[OWNER_VARIABLE] == f"{os.getpid()}:{start_time(os.getpid())}"
+
+
+def test_reaped_reads_as_words() -> None:
+    assert str(Reaped()) == ""
+    assert str(Reaped(containers=["a", "b"], processes=[1])) == "2 containers, 1 processes"

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Choosing a backend, the plain pair, and netem where the kernel has it (or `make test-netem`)."""
+
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from link_parts import needs_root
+
+from slambed.errors import ExitCode, SlambedError
+from slambed.link import netem
+from slambed.link.backend import choose_backend, open_link
+from slambed.link.namespaces import inside
+from slambed.link.netem import netem_available, why_not_netem
+from slambed.link.netlink import NetemSettings
+from slambed.link.profile import parse_profile
+from slambed.link.scratch import two_namespaces
+from slambed.link.traffic import TcpFollower, one_way
+
+Ends = tuple[Path, Path]
+
+
+@pytest.fixture(name="ends")
+def fresh_namespaces() -> Iterator[tuple[Path, Path]]:
+    """Two network namespaces (mobile, edge)."""
+    with two_namespaces() as paths:
+        yield paths
+
+
+PURE = parse_profile("ramp", "test")
+LOSSY = parse_profile({"rtt_ms": 5, "loss": {"random": 0.1}}, "test")
+
+
+@pytest.mark.parametrize(
+    ("profile", "has_netem", "chosen"),
+    [
+        (PURE, True, "netem"),
+        (PURE, False, "relay"),
+        (LOSSY, True, "relay"),
+        (LOSSY, False, "relay"),
+    ],
+)
+def test_auto_takes_netem_unless_chance_must_be_seeded(
+    monkeypatch: pytest.MonkeyPatch, profile: object, has_netem: bool, chosen: str
+) -> None:
+    monkeypatch.setattr(netem, "netem_available", lambda: has_netem)
+    assert choose_backend("auto", profile) == chosen  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("backend", "profile", "message"),
+    [
+        ("netem", LOSSY, "backend netem cannot do.*its losses have no seed"),
+        ("none", PURE, "backend none adds nothing"),
+        ("nettem", PURE, "unknown link backend 'nettem'"),
+    ],
+)
+def test_a_backend_that_cannot_do_the_profile_is_refused(
+    backend: str, profile: object, message: str
+) -> None:
+    with pytest.raises(SlambedError, match=message):
+        choose_backend(backend, profile)  # type: ignore[arg-type]
+
+
+def test_what_netem_cannot_do_is_known() -> None:
+    assert why_not_netem(PURE) is None
+    assert why_not_netem(parse_profile({"rtt_ms": 5, "rate": {"mbps": 9}}, "test")) is None
+    for keys in (
+        {"jitter": {"sd_ms": 1}},
+        {"gaps": [{"start_s": 1, "length_s": 1}]},
+    ):
+        assert why_not_netem(parse_profile({"rtt_ms": 5, **keys}, "test"))
+
+
+def test_netem_is_told_nanoseconds_limit_and_rate() -> None:
+    options = NetemSettings(delay_ms=12.5, limit_packets=77, rate_bytes_per_s=10**10).options()
+    assert struct.unpack_from("=6I", options) == (0, 77, 0, 0, 0, 0)
+    found = {}
+    place = 24
+    while place < len(options):
+        size, kind = struct.unpack_from("=HH", options, place)
+        found[kind] = options[place + 4 : place + size]
+        place += size + -size % 4
+    assert struct.unpack("=q", found[10]) == (12_500_000,)
+    assert struct.unpack("=Q", found[8]) == (10**10,)
+
+
+@needs_root
+def test_the_plain_pair_adds_nothing(ends: Ends, tmp_path: Path) -> None:
+    with open_link("none", *ends, parse_profile("none", "test"), 1, tmp_path) as link:
+        link.start(time.monotonic_ns())
+        time.sleep(1.0)
+        record = link.stop()
+    assert record.proof.valid, record.proof.reason
+    assert record.proof.measured_ms_mean < 1.0
+    assert inside(ends[0], lambda: [name for _, name in socket.if_nameindex()]) == ["lo"]
+
+
+@needs_root
+@pytest.mark.skipif(netem_available(), reason="this kernel has netem")
+def test_without_netem_one_line_says_so(ends: Ends, tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match=r"no netem.*relay") as caught:
+        open_link("netem", *ends, PURE, 1, tmp_path)
+    assert caught.value.code == ExitCode.ENVIRONMENT
+    assert inside(ends[0], lambda: [name for _, name in socket.if_nameindex()]) == ["lo"]
+
+
+@needs_root
+@pytest.mark.skipif(not netem_available(), reason="this kernel has no netem: make test-netem")
+class TestNetem:
+    """The kernel's own emulation."""
+
+    def test_a_constant_profile_is_delivered_and_proved(self, ends: Ends, tmp_path: Path) -> None:
+        with open_link("netem", *ends, parse_profile(40, "test"), 1, tmp_path) as link:
+            link.start(time.monotonic_ns())
+            time.sleep(2.0)
+            record = link.stop()
+        assert record.backend == "netem"
+        assert record.proof.valid, record.proof.reason
+        assert record.proof.measured_ms_mean == pytest.approx(40.5, abs=1.5)
+
+    def test_a_ramp_is_followed_and_logged(self, ends: Ends, tmp_path: Path) -> None:
+        ramp = parse_profile({"rtt_ms": {"ramp": {"to_ms": 85, "rise_s": 2, "fall_s": 2}}}, "test")
+        with open_link("netem", *ends, ramp, 1, tmp_path) as link:
+            link.start(time.monotonic_ns())
+            time.sleep(4.5)
+            record = link.stop()
+        applied = record.frame[record.frame["series"] == "applied_up_ms"]
+        assert applied["value"].max() > 40
+        wanted = ramp.up_ms(applied["t_s"].to_numpy())
+        assert np.median(np.abs(applied["value"] - wanted)) < 0.5
+        assert record.proof.error_ms_median < 2.0
+
+    def test_packets_keep_their_order_when_the_delay_falls(
+        self,
+        ends: Ends,
+        tmp_path: Path,
+    ) -> None:
+        falling = parse_profile(
+            {"rtt_ms": {"repeat": {"period_s": 0.2, "of": {"points": [[0, 60], [0.2, 0]]}}}}, "test"
+        )
+        with open_link("netem", *ends, falling, 1, tmp_path, probe_hz=0) as link:
+            link.start(time.monotonic_ns())
+            samples = one_way(*ends, "10.77.0.2", 1000, 1.0)
+        assert samples.reordered == 0
+        assert np.isfinite(samples.delay_ms).mean() > 0.99
+
+    def test_tcp_sees_the_delay(self, ends: Ends, tmp_path: Path) -> None:
+        with open_link("netem", *ends, parse_profile(60, "test"), 1, tmp_path) as link:
+            link.start(time.monotonic_ns())
+            with TcpFollower(*ends, "10.77.0.2") as follower:
+                time.sleep(1.5)
+        assert follower.samples[-1][1] == pytest.approx(60.5, abs=5)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed profile` and `slambed link`: what they print and write."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from link_parts import needs_relay
+from typer.testing import CliRunner
+
+from slambed.errors import SlambedError
+from slambed.link.cli import app, link_app
+
+RUNNER = CliRunner()
+
+
+def test_a_profile_is_shown_as_table_and_picture(tmp_path: Path) -> None:
+    picture = tmp_path / "sine.png"
+    result = RUNNER.invoke(app, ["show", "sine", "--output", str(picture)], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "40.000" in result.stdout
+    assert "crosses 40 ms" in result.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_parameters_can_be_tried(tmp_path: Path) -> None:
+    picture = tmp_path / "x.png"
+    arguments = ["show", "ramp", "--set", "peak_ms=50", "--output", str(picture)]
+    assert "to 50.00 ms" in RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
+    with pytest.raises(SlambedError, match="not name=number"):
+        RUNNER.invoke(app, ["show", "ramp", "--set", "peak"], catch_exceptions=False)
+
+
+def test_every_impairment_is_told(tmp_path: Path) -> None:
+    trace = tmp_path / "up.trace"
+    trace.write_text("\n".join(str(ms) for ms in range(1, 2001, 3)))
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        f"rtt_ms: 8\nup: {{rate: {{trace: {trace}}}}}\nloss: {{random: 0.01}}\n"
+        "jitter: {sd_ms: 2}\ngaps: [{start_s: 3, length_s: 1, every_s: 9}]\n"
+    )
+    arguments = ["show", str(path), "--output", str(tmp_path / "mine.png")]
+    shown = RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
+    for text in (f"rate {trace}", "normal jitter 2 ms", "loss 1.000%", "silence of 1 s at 3 s"):
+        assert text in shown
+
+
+def test_all_profiles_are_listed() -> None:
+    shown = RUNNER.invoke(app, ["list"], catch_exceptions=False).stdout
+    assert "ramp_85" in shown and "ijnc_wifi" in shown
+
+
+def test_logs_are_compared_in_one_picture(tmp_path: Path) -> None:
+    t = np.arange(0, 5, 0.1)
+    names = ["asked_rtt_ms", "probe_rtt_ms", "tcp_rtt_ms", "applied_up_ms", "applied_down_ms"]
+    frame = pd.concat([pd.DataFrame({"t_s": t, "series": n, "value": 20.0}) for n in names])
+    frame.to_csv(tmp_path / "relay_x.csv")
+    frame.to_parquet(tmp_path / "netem_x.parquet")
+    picture = tmp_path / "both.png"
+    logs = [str(tmp_path / "relay_x.csv"), str(tmp_path / "netem_x.parquet")]
+    RUNNER.invoke(link_app, ["compare", *logs, "--output", str(picture)], catch_exceptions=False)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(SlambedError, match="no such link log"):
+        RUNNER.invoke(link_app, ["compare", "nowhere.csv"], catch_exceptions=False)
+
+
+@needs_relay
+def test_a_link_is_measured_with_its_tcp(tmp_path: Path) -> None:
+    log, picture = tmp_path / "log.parquet", tmp_path / "link.png"
+    arguments = ["measure", "rtt_40", "--backend", "relay", "--seconds", "2", "--tcp"]
+    result = RUNNER.invoke(
+        link_app, [*arguments, "--log", str(log), "--output", str(picture)], catch_exceptions=False
+    )
+    assert result.exit_code == 0
+    assert "error_ms_median" in result.stdout
+    tcp = pd.read_parquet(log).query("series == 'tcp_rtt_ms'")["value"]
+    assert tcp.iloc[-1] == pytest.approx(40, abs=4)
+    assert picture.exists()

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Profiles: values over time, files, references, and one clear line for each mistake."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slambed.errors import SlambedError
+from slambed.link.profile import load_profile, parse_profile, profile_names
+
+
+def inline(rtt: Any, **keys: Any) -> dict[str, Any]:
+    return {"rtt_ms": rtt, **keys}
+
+
+@pytest.mark.parametrize(
+    ("rtt", "values"),
+    [
+        (40, {-5: 40, 0: 40, 1e4: 40}),
+        ({"constant": 7.5}, {3: 7.5}),
+        ({"steps": [[0, 10], [5, 40], [6, 0]]}, {-1: 10, 4.999: 10, 5: 40, 6: 0, 99: 0}),
+        ({"points": [[1, 10], [3, 30]]}, {0: 10, 2: 20, 5: 30}),
+        ({"ramp": {"to_ms": 85, "rise_s": 43, "fall_s": 43}}, {21.5: 42.5, 43: 85, 64.5: 42.5}),
+        ({"ramp": {"from_ms": 5, "to_ms": 9, "start_s": 2, "rise_s": 4}}, {1: 5, 4: 7, 60: 9}),
+        ({"ramp": {"to_ms": 10, "rise_s": 1, "hold_s": 2, "fall_s": 1}}, {2.5: 10, 3.5: 5}),
+        ({"sine": {"mean_ms": 30, "amplitude_ms": 20, "period_s": 4}}, {0: 30, 1: 50, 3: 10}),
+        ({"sum": [5, {"points": [[0, 0], [10, 10]]}]}, {0: 5, 4: 9}),
+        ({"clamp": {"max_ms": 20, "of": {"points": [[0, 0], [10, 100]]}}}, {1: 10, 5: 20}),
+        ({"scale": {"factor": 0.5, "of": 30}}, {0: 15}),
+        ({"delayed": {"by_s": 5, "of": {"points": [[0, 0], [2, 20]]}}}, {4: 0, 6: 10}),
+        ({"repeat": {"period_s": 2, "of": {"points": [[0, 0], [2, 20]]}}}, {1: 10, 3: 10, 4: 0}),
+    ],
+)
+def test_curves_are_functions_of_time(rtt: Any, values: dict[float, float]) -> None:
+    profile = parse_profile(inline(rtt), "here")
+    for t, expected in values.items():
+        assert profile.rtt_ms(t) == pytest.approx(expected), t
+
+
+def test_half_of_the_rtt_goes_each_way_unless_said_otherwise() -> None:
+    assert parse_profile(inline(40), "here").delays_ms(1.0) == (20, 20)
+    assert parse_profile(inline(40, up_share=0.75), "here").delays_ms(1.0) == (30, 10)
+    apart = parse_profile({"one_way_ms": {"up": 5, "down": {"steps": [[0, 1], [2, 9]]}}}, "here")
+    assert apart.delays_ms(3.0) == (5, 9)
+    assert apart.rtt_ms(3.0) == 14
+
+
+def test_duration_is_when_nothing_changes_any_more() -> None:
+    assert load_profile("none").duration == 0
+    assert load_profile("ramp_85").duration == 86
+    assert load_profile("sine").duration == 87  # as the paper plays it
+    wave = {"sine": {"mean_ms": 9, "amplitude_ms": 1, "period_s": 4}}
+    assert parse_profile(inline(wave), "here").duration is None
+
+
+def test_the_papers_profiles_have_the_papers_values() -> None:
+    """DynNetSLAM, spec sections 7 and 10."""
+    ramp = load_profile("ramp_85")
+    assert ramp.rtt_ms(17.7) == pytest.approx(35, abs=0.05)
+    assert ramp.rtt_ms(20.235) == pytest.approx(40, abs=0.01)
+    assert ramp.rtt_ms(65.765) == pytest.approx(40, abs=0.01)
+    assert ramp.rtt_ms(86) == ramp.rtt_ms(100) == 0
+    t = np.arange(0.0005, 87, 0.001)
+    literal, peak_to_peak = (load_profile(n).rtt_series_ms(t) for n in ("sine", "sine_p2p"))
+    for t_s in (0.0, 3.3, 10.9, 40.0):
+        wave = 40 + 30 * math.sin(2 * math.pi * t_s / 43) + 20 * math.sin(2 * math.pi * t_s / 4)
+        assert load_profile("sine").rtt_ms(t_s) == pytest.approx(max(0.0, wave))
+    assert np.count_nonzero(np.diff(literal > 40)) == 21
+    assert np.count_nonzero(np.diff(peak_to_peak > 40)) == 9
+    assert (literal == 0).mean() == pytest.approx(0.07, abs=0.005)
+    assert (peak_to_peak.min(), peak_to_peak.max()) == pytest.approx((0, 80), abs=0.2)
+
+
+def test_every_profile_file_can_be_used_or_says_what_data_it_lacks() -> None:
+    names = profile_names()
+    assert {"none", "constant", "ramp", "ramp_85", "sine", "sine_p2p", "ijnc_wifi"} <= set(names)
+    for name in names:
+        try:
+            profile = load_profile(name)
+        except SlambedError as error:
+            assert "not found, looked in" in str(error), name
+            continue
+        assert profile.name == name
+        assert profile.description and profile.source, name
+        again = parse_profile(json.loads(json.dumps(profile.content)), "again")
+        t = np.linspace(0, 100, 50)
+        assert np.array_equal(profile.rtt_series_ms(t), again.rtt_series_ms(t)), name
+
+
+def test_an_experiment_can_set_parameters() -> None:
+    mild = parse_profile({"profile": "ramp", "params": {"peak_ms": 30, "rise_s": 4}}, "here")
+    assert mild.rtt_ms(4) == 30
+    assert mild.name == "ramp[peak_ms=30,rise_s=4]"
+    assert parse_profile({"profile": "ramp", "name": "mine"}, "here").name == "mine"
+    assert parse_profile("ramp", "here").rtt_ms(9) == 85
+    assert parse_profile(25, "here").rtt_ms(3) == 25
+
+
+def test_impairments_for_both_directions_and_for_one() -> None:
+    profile = parse_profile(
+        inline(
+            10,
+            loss={"random": 0.01},
+            rate={"mbps": 50},
+            up={"loss": None, "jitter": {"sd_ms": 2}},
+        ),
+        "here",
+    )
+    assert profile.up.loss is None and profile.down.loss is not None
+    assert profile.up.jitter is not None and profile.down.jitter is None
+    assert profile.up.rate == profile.down.rate
+    assert profile.needs_seed
+
+
+MISTAKES = [
+    (-3, "negative latency -3 ms"),
+    (math.nan, "latency is nan"),
+    (math.inf, "latency is inf"),
+    ("40ms", "expected a number or a curve, not '40ms'"),
+    ({"stepz": [[0, 1]]}, "unknown curve 'stepz'.*did you mean 'steps'"),
+    ({"steps": [[0, 1], [3, 2], [3, 4]]}, "time goes from 3 s to 3 s"),
+    ({"points": [[5, 1], [3, 2]]}, "time goes from 5 s to 3 s"),
+    ({"points": [[-1, 1]]}, "time -1 s is negative"),
+    ({"points": [[0, math.nan]]}, "finite"),
+    ({"steps": [[0, 1], [2, -3]]}, "negative latency -1.5 ms one way at 2.00 s"),
+    ({"sine": {"mean_ms": 5, "amplitude_ms": 9, "period_s": 4}}, "negative latency.*clamp"),
+    ({"ramp": {"to_s": 3, "rise_s": 2}}, "unknown key 'to_s'.*did you mean 'to_ms'"),
+    ({"ramp": {"to_ms": 3}}, "missing.*ramp.rise_s"),
+    ({"sine": {"amplitude_ms": 1, "period_s": 0}}, "greater than 0"),
+    ({"clamp": {"min_ms": 9, "max_ms": 3, "of": 5}}, "max_ms 3 is below min_ms 9"),
+    ({"sum": []}, "expected a list of curves"),
+    ({"scale": {"factor": 2}}, "key 'of' is missing"),
+    (200_000, r"latency of 100 s .*milliseconds"),
+    ("$peak", "unknown parameter '\\$peak'"),
+]
+
+
+@pytest.mark.parametrize(("rtt", "message"), MISTAKES)
+def test_a_bad_curve_gets_one_clear_line(rtt: Any, message: str) -> None:
+    with pytest.raises(SlambedError, match=message) as caught:
+        parse_profile(inline(rtt), "exp.yaml line 7")
+    assert "exp.yaml line 7" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ({"rtt": 3}, "unknown key 'rtt'.*did you mean 'rtt_ms'"),
+        ({}, "give one of rtt_ms, one_way_ms"),
+        ({"one_way_ms": {"up": 3}}, "expected both up and down"),
+        (inline(3, up_share=2), "expected a share 0..1"),
+        (inline(3, jitter={"sd_s": 2}), "unknown key 'sd_s'.*did you mean 'sd_ms'"),
+        (inline(3, jitter={"shape": "pareto", "sd_ms": 2}), "pareto jitter takes mean_ms"),
+        (inline(3, loss={"random": 2}), "less than or equal to 1"),
+        (inline(3, loss={}), "give one of random, gilbert_elliott"),
+        (inline(3, rate={"mbps": 1, "trace": "x"}), "give one of mbps, trace"),
+        (inline(3, rate={"trace": "nowhere.up"}), "'nowhere.up' not found"),
+        (inline(3, gaps=[{"start_s": 1, "length_s": 2, "every_s": 1}]), "never be there"),
+        (inline(3, gap_mode="maybe"), "unknown gap_mode"),
+        (inline(3, name=7), "expected text"),
+        (inline(3, duration_s=-1), "expected seconds"),
+        ("rampp", "unknown profile 'rampp'.*did you mean 'ramp'"),
+        ({"profile": "ramp", "params": {"peak": 3}}, "unknown parameter 'peak'"),
+        ({"profile": "ramp", "params": {"peak_ms": "high"}}, "expected a number"),
+        (["ramp"], "expected a profile's name"),
+    ],
+)
+def test_a_bad_profile_gets_one_clear_line(data: Any, message: str) -> None:
+    with pytest.raises(SlambedError, match=message) as caught:
+        parse_profile(data, "exp.yaml line 7")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bad_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("rtt_ms: {ramp: {to_ms: -5, rise_s: 1}}\n")
+    with pytest.raises(SlambedError, match=r"negative latency.*mine\.yaml"):
+        load_profile(path)
+    path.write_text("rtt_ms: [1\n")
+    with pytest.raises(SlambedError, match=r"not YAML.*mine\.yaml"):
+        load_profile(path)

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a raw run folder to its summary and Parquet files, also when files are torn or missing."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from results_factory import RawRun, room_walk, spec_of, write_raw
+
+from slambed.metrics.accuracy import absolute_error
+from slambed.metrics.collect import keep_groundtruth, to_parquet
+from slambed.metrics.events import EventLog, read_events
+from slambed.metrics.network import rtt_proof, traffic
+from slambed.metrics.resources import resources_of
+from slambed.metrics.run import SUMMARY_KEYS, summarise_run, summarise_with_problems
+from slambed.metrics.stages import delays, stage_times
+from slambed.metrics.tracking import tracking_of
+from slambed.metrics.trajectory import read_tum
+
+FORMATS = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
+EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
+
+
+@pytest.fixture
+def raw(tmp_path: Path) -> Path:
+    return write_raw(tmp_path / "raw", RawRun(lost_at_s=((5.0, 6.5), (9.0, 9.5))))
+
+
+def test_the_keys_are_those_of_the_contract(raw: Path) -> None:
+    section = FORMATS.read_text().split("`summary.json` is flat")[1].split("`manifest.json`:")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| `")]
+    named = [
+        name
+        for row in rows
+        for cell in row.split("|")[1:3]
+        for name in re.findall(r"`([a-z][a-z0-9_]+)`", cell)
+    ]
+    values = {
+        "completed", "edge_died", "mobile_died", "timeout", "link_died", "trajectory",
+    }  # fmt: skip
+    assert set(SUMMARY_KEYS) == set(named) - values
+    assert tuple(summarise_run(raw, EDGE_SPEC)) == SUMMARY_KEYS
+
+
+def test_summary_of_a_run(raw: Path) -> None:
+    found = summarise_run(raw, EDGE_SPEC)
+    assert found["outcome"] == "completed"
+    assert (found["valid"], found["invalid_reason"]) == (True, None)
+    assert found["frames_total"] == 120
+    assert found["frames_tracked"] + found["frames_dropped"] == pytest.approx(100, abs=2)
+    assert found["coverage"] == found["frames_tracked"] / 120
+    assert (found["track_losses"], found["relocalisations"], found["lost"]) == (2, 2, True)
+    assert found["first_loss_s"] == pytest.approx(5.0, abs=0.11)
+    assert found["ate_rmse_m"] == pytest.approx(0.02, rel=0.15)
+    assert found["ate_live_rmse_m"] == pytest.approx(0.03, rel=0.15)
+    assert found["track_ms_mean"] == pytest.approx(40, rel=0.1)
+    assert found["track_ms_median"] < found["track_ms_p95"]
+    assert found["extract_ms_median"] == pytest.approx(0.4 * found["track_ms_median"])
+    assert found["local_mapping_ms_mean"] == pytest.approx(120, rel=0.25)
+    cpu_share = found["local_mapping_cpu_ms_mean"] / found["local_mapping_ms_mean"]
+    assert cpu_share == pytest.approx(0.9)
+    assert found["mobile_cpu_percent_mean"] == pytest.approx(60, rel=0.05)
+    assert found["mobile_mem_mb_peak"] == pytest.approx(120 + 4 * 11.9, abs=1)
+    assert found["bytes_up"] % 41_000 == 0 < found["bytes_up"]
+    assert found["rtt_asked_ms_mean"] == pytest.approx(42.5, abs=1)
+    assert found["rtt_error_ms_median"] < 0.3 < found["rtt_error_ms_p99"] < 1.0
+    assert found["updates_applied"] > 5
+    # ramp: one way 0..43 ms, mapping 120 ms, update 15 + 30 ms, tracking 40 ms
+    assert 150 < found["update_delay_ms_median"] < 400
+    assert found["wall_s"] == pytest.approx(11.95, abs=0.1)
+
+
+def test_without_an_edge_there_are_no_network_figures(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun(edge=False))
+    found = summarise_run(raw, spec_of("orbslam2", "default", None, 0))
+    network = [k for k in SUMMARY_KEYS if k.startswith(("rtt_", "bytes_", "edge_", "update"))]
+    assert {found[key] for key in network} == {None}
+    assert found["valid"] is True
+    assert found["keyframes"] > 0 < found["local_mapping_ms_mean"]
+
+
+def test_ate_leaves_out_what_was_not_tracked(raw: Path) -> None:
+    """Coverage and ATE must be read together: the trajectory has no pose while lost."""
+    found = summarise_run(raw, EDGE_SPEC)
+    assert found["ate_pairs"] == found["frames_tracked"]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"outcome": "edge_died", "invalid_reason": "edge node: signal 9"}, "edge node: signal 9"),
+        ({"outcome": "timeout"}, "timeout"),
+        ({"invalid_reason": "mobile: CPU quota 2 cores instead of 1"}, "CPU quota 2"),
+        ({"link": {"base_rtt_ms": 9.0}}, "RTT error median"),
+    ],
+)
+def test_invalid_runs_say_why(tmp_path: Path, change: dict, reason: str) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun(manifest=change))
+    found = summarise_run(raw, EDGE_SPEC)
+    assert found["valid"] is False
+    assert reason in found["invalid_reason"]
+
+
+def test_a_link_without_proof_is_invalid(raw: Path) -> None:
+    for file in (raw / "link").iterdir():
+        file.unlink()
+    found = summarise_run(raw, EDGE_SPEC)
+    assert found["rtt_error_ms_median"] is None
+    assert "not measured" in found["invalid_reason"]
+
+
+def test_the_links_own_proof_is_taken(tmp_path: Path) -> None:
+    proof = {"asked_ms_mean": 40.0, "measured_ms_mean": 40.4, "error_ms_median": 0.05,
+             "error_ms_p99": 0.7, "echoes": 200, "valid": True}  # fmt: skip
+    link = {"base_rtt_ms": 0.2, "proof": proof, "invalid_reason": None}
+    raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
+    found = summarise_run(raw, EDGE_SPEC)
+    assert (found["rtt_error_ms_median"], found["rtt_asked_ms_mean"]) == (0.05, 40.0)
+    told = {"link": link | {"invalid_reason": "half of the echoes were lost"}}
+    raw = write_raw(tmp_path / "raw2", RawRun(manifest=told))
+    assert summarise_run(raw, EDGE_SPEC)["invalid_reason"] == "half of the echoes were lost"
+
+
+def test_an_empty_folder_measures_nothing(tmp_path: Path) -> None:
+    found, problems = summarise_with_problems(tmp_path, EDGE_SPEC)
+    assert found["valid"] is False
+    assert found["invalid_reason"] == "no frame was played"
+    measured = {k: v for k, v in found.items() if v is not None and k.startswith(("frames", "ate"))}
+    assert measured == {}
+    assert any("samples.jsonl" in line for line in problems)
+
+
+def test_a_torn_last_line_costs_only_itself(raw: Path, tmp_path: Path) -> None:
+    path = raw / "mobile" / "events.jsonl"
+    whole = read_events(raw)
+    text = path.read_text()
+    path.write_text(text[:-20])
+    torn = read_events(raw)
+    assert len(torn.events) == len(whole.events) - 1
+    assert torn.problems == ["mobile/events.jsonl: last line is torn, dropped"]
+    path.write_text("garbage\n[1]\n" + text)
+    assert read_events(raw).problems == ["mobile/events.jsonl: 2 unreadable lines, dropped"]
+    result = to_parquet(raw, tmp_path / "out")
+    assert result.problems == read_events(raw).problems
+
+
+def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
+    (raw / "edge" / "events.jsonl").open("a").write(
+        json.dumps({"t_ns": 1, "type": "thing", "frame": "seven", "odd_key": 3}) + "\n"
+    )
+    result = to_parquet(raw, tmp_path / "out")
+    assert {p.name for p in result.written} == {
+        "events.parquet", "samples.parquet", "link.parquet",
+    }  # fmt: skip
+    events = pd.read_parquet(tmp_path / "out" / "events.parquet")
+    log = read_events(raw)
+    assert len(events) == len(log.events)
+    assert set(events["node"]) == {"mobile", "edge"}
+    assert list(events["t_ns"]) == sorted(events["t_ns"])
+    odd = events[events["type"] == "thing"].iloc[0]
+    assert odd["extra"] == '{"odd_key": 3}'
+    assert result.problems == ["column frame: 1 values of the wrong type, dropped"]
+    mine = [e for e in log.of("frame_tracked") if e["frame"] == 20]
+    row = events[(events["type"] == "frame_tracked") & (events["frame"] == 20)].iloc[0]
+    assert row["track_ms"] == mine[0]["track_ms"]
+
+
+def test_results_can_be_summarised_from_their_parquet_files(raw: Path, tmp_path: Path) -> None:
+    to_parquet(raw, tmp_path / "out")
+    samples = pd.read_parquet(tmp_path / "out" / "samples.parquet")
+    link = pd.read_parquet(tmp_path / "out" / "link.parquet")
+    found = summarise_run(raw, EDGE_SPEC)
+    end_s = found["wall_s"]
+    assert resources_of(samples, "mobile", end_s).cpu_percent_mean == pytest.approx(
+        found["mobile_cpu_percent_mean"]
+    )
+    proof = rtt_proof(link, 0.2, end_s)
+    assert proof is not None
+    assert proof.error_p99 == pytest.approx(found["rtt_error_ms_p99"])
+
+
+def test_delays_and_stages(raw: Path) -> None:
+    log = read_events(raw)
+    parts = delays(log)
+    assert set(parts) == {
+        "T_Track", "T_M->E", "T_RKF", "T_LM", "T_PLMU", "T_E->M", "T_MU", "T_Total",
+    }  # fmt: skip
+    assert parts["T_MU"].mean_ms == pytest.approx(30)
+    assert parts["T_LM"].mean_ms == pytest.approx(120, rel=0.25)
+    assert parts["T_M->E"].mean_ms == pytest.approx(22, abs=4)  # mean of the ramp, one way, + 1
+    whole = sum(parts[name].mean_ms for name in ("T_Track", "T_M->E", "T_LM", "T_E->M", "T_MU"))
+    assert parts["T_Total"].mean_ms == pytest.approx(whole, rel=0.15)
+    names = {(s.node, s.name) for s in stage_times(log)}
+    assert {("mobile", "extract"), ("edge", "bundle"), ("edge", "prepare_update")} <= names
+
+
+def test_traffic_per_message_type(raw: Path) -> None:
+    rows = {row.message: row for row in traffic(read_events(raw))}
+    assert rows["keyframe"].bytes_mean == 41_000
+    assert rows["update"].direction == "down"
+
+
+def test_losses_come_from_the_states(raw: Path) -> None:
+    found = tracking_of(read_events(raw))
+    assert len(found.loss_times_s) == 2
+    assert found.lost_s == pytest.approx(2.0, abs=0.35)
+    assert found.interruption_ms_mean == pytest.approx(30.0)
+
+
+def test_giving_up_a_young_map_is_a_loss() -> None:
+    states = ["not_initialised", "ok", "ok", "not_initialised", "ok", "lost", "lost"]
+    events = [
+        {"t_ns": i, "type": "frame_tracked", "node": "mobile", "seq_s": float(i), "state": state}
+        for i, state in enumerate(states)
+    ]
+    found = tracking_of(EventLog(events))
+    assert found.loss_times_s == (3.0, 5.0)
+    assert found.frames_tracked == 3
+
+
+def test_stages_called_in_pieces_count_per_keyframe() -> None:
+    piece = {"type": "stage", "node": "edge", "name": "bundle", "wall_ms": 10.0}
+    mapped = {"type": "keyframe_mapped", "node": "edge"}
+    order = [piece, piece, piece, mapped, piece, mapped]
+    log = EventLog([event | {"t_ns": i} for i, event in enumerate(order)])
+    (bundle,) = stage_times(log)
+    assert (bundle.wall_ms_mean, bundle.wall_ms_per_unit) == (10.0, 20.0)
+
+
+def test_true_path_is_kept_once(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun())
+    kept = keep_groundtruth(tmp_path / "exp", "tum/desk", raw / "groundtruth.txt")
+    assert kept == tmp_path / "exp" / "groundtruth" / "tum_desk.txt"
+    assert keep_groundtruth(tmp_path / "exp", "tum/desk", tmp_path / "gone.txt") == kept
+    again = read_tum(kept)
+    assert absolute_error(again, room_walk(12.0)).rmse == pytest.approx(0.0, abs=1e-6)
+    assert np.all(np.diff(again.stamps_s) > 0)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Intervals, tests, modes and power against published values and simulation."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from slambed.errors import SlambedError
+from slambed.metrics.comparison import (
+    fisher,
+    holm,
+    mann_whitney,
+    power_hint,
+    power_of_shares,
+    runs_to_tell_shares,
+    two_modes,
+)
+from slambed.metrics.robust_accuracy import coverage_aware_ate
+from slambed.metrics.statistics import bootstrap, finite, wilson
+
+
+@pytest.mark.parametrize(
+    ("bad", "runs", "low", "high"),
+    [(0, 10, 0.0, 0.28), (4, 10, 0.17, 0.69), (0, 30, 0.0, 0.11), (30, 30, 0.89, 1.0)],
+)
+def test_wilson_intervals(bad: int, runs: int, low: float, high: float) -> None:
+    found = wilson(bad, runs)
+    assert (round(found.low, 2), round(found.high, 2)) == (low, high)
+    oracle = stats.binomtest(bad, runs).proportion_ci(method="wilson")
+    assert found.low == pytest.approx(oracle.low, abs=1e-12)
+    assert found.high == pytest.approx(oracle.high, abs=1e-12)
+
+
+def test_no_trials_is_no_share() -> None:
+    with pytest.raises(SlambedError):
+        wilson(0, 0)
+
+
+def test_bootstrap_is_repeatable_and_covers() -> None:
+    rng = np.random.default_rng(1)
+    assert bootstrap([1, 2, 4, 8], seed=3) == bootstrap([1, 2, 4, 8], seed=3)
+    hits = sum(
+        interval.low <= 5.0 <= interval.high
+        for interval in (bootstrap(rng.normal(5, 1, 40), "mean", draws=400) for _ in range(300))
+    )
+    assert 0.90 <= hits / 300 <= 0.99
+
+
+def test_bootstrap_keeps_failed_runs_as_infinity() -> None:
+    found = bootstrap([1.0, 2.0, 3.0, np.inf, np.inf], "median")
+    assert found.value == 3.0
+    assert found.high == np.inf
+
+
+def test_null_is_not_zero() -> None:
+    assert finite([1.0, None, float("nan"), 2.0]).tolist() == [1.0, 2.0]
+    with pytest.raises(SlambedError):
+        bootstrap([None, None])
+
+
+def test_mann_whitney_and_its_effect_size() -> None:
+    low, high = [1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]
+    test = mann_whitney(low, high, "greater")
+    assert test.cliffs_delta == 1.0
+    assert test.size == "large"
+    assert test.p_value == pytest.approx(1 / 70)
+    assert mann_whitney(low, low).cliffs_delta == 0.0
+    assert mann_whitney([1.0, 2.0], [np.inf, np.inf], "greater").cliffs_delta == 1.0
+
+
+def test_fisher_asks_whether_the_second_is_larger() -> None:
+    assert fisher(1, 30, 11, 30, "greater") < 0.01 < 0.9 < fisher(11, 30, 1, 30, "greater")
+
+
+def test_holm_keeps_order_and_bounds() -> None:
+    assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
+
+
+def test_thirty_runs_tell_3_from_36_percent() -> None:
+    assert power_of_shares(0.03, 0.36, 30) > 0.8
+    assert power_of_shares(0.03, 0.36, 10) < 0.5
+    assert (runs_to_tell_shares(0.03, 0.36) or 99) <= 30
+    assert "30 runs per cell tell a share of 3%" in power_hint(30)
+    assert "nothing" in power_hint(1)
+
+
+def test_power_agrees_with_simulation() -> None:
+    rng = np.random.default_rng(7)
+    a, b = rng.binomial(20, 0.1, 2000), rng.binomial(20, 0.5, 2000)
+    told = {pair: fisher(pair[0], 20, pair[1], 20) <= 0.05 for pair in set(zip(a, b, strict=True))}
+    share = np.mean([told[pair] for pair in zip(a, b, strict=True)])
+    assert share == pytest.approx(power_of_shares(0.1, 0.5, 20), abs=0.035)
+
+
+@pytest.mark.parametrize("runs", [8, 12, 30, 100])
+def test_two_modes_seldom_seen_in_one_group(runs: int) -> None:
+    rng = np.random.default_rng(runs)
+    seen = sum(two_modes(rng.normal(10, 1, runs)) is not None for _ in range(1000))
+    assert seen <= 40
+
+
+def test_two_groups_are_told() -> None:
+    rng = np.random.default_rng(4)
+    values = np.concatenate([rng.normal(1.5, 0.1, 14), rng.normal(6.0, 0.8, 6)])
+    modes = two_modes(values)
+    assert modes is not None
+    assert (modes.low_count, modes.high_count) == (14, 6)
+    assert two_modes([1.0] * 20) is None
+    assert two_modes([1.0, 9.0]) is None
+
+
+def test_failures_count_beside_the_survivors_accuracy() -> None:
+    """Six good runs and four that failed: the survivors look fine, all runs together do not."""
+    ate = [0.01] * 6 + [0.012, None, None, 0.5]
+    coverage = [1.0] * 6 + [0.3, 0.0, 0.1, 0.99]
+    found = coverage_aware_ate(ate, coverage, least_coverage=0.9)
+    assert (found.survivors, found.runs) == (7, 10)
+    assert found.survivor_median_m == pytest.approx(0.01)
+    assert found.median_m == pytest.approx(0.01)
+    worse = coverage_aware_ate(ate + [None] * 6, coverage + [0.2] * 6, least_coverage=0.9)
+    assert worse.median_m is None
+    assert worse.survivor_median_m == pytest.approx(0.01)

@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reports from run folders: complete, self-contained, and not stopped by damage."""
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pandas as pd
+import pytest
+from results_factory import RawRun, quickstart_like, spec_of, write_experiment
+from rich.console import Console
+from typer.testing import CliRunner
+
+from slambed.errors import SlambedError
+from slambed.metrics.run import SUMMARY_KEYS
+from slambed.report import cli, plots
+from slambed.report.cells import cells_of, differences, metrics_to_show
+from slambed.report.experiment import terminal_summary, write_report
+from slambed.report.load import load
+from slambed.report.style import COLOURS
+from slambed.report.tables import Table, cell_tables
+from slambed.report.timeline import timeline_svg
+from slambed.report.view import find_run, write_png, write_rerun
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small experiment with its report (two of the box figures are enough here)."""
+    folder = quickstart_like(tmp_path_factory.mktemp("q"), 3, 8.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plots, "BOXED", ("lost", "ate_rmse_m"))
+        paths = write_report(folder)
+    assert paths.problems == []
+    return folder
+
+
+@pytest.fixture
+def experiment(reported: Path, tmp_path: Path) -> Path:
+    """A copy to be damaged, without its report."""
+    ignore = shutil.ignore_patterns("report", "report.md", "summary.csv")
+    shutil.copytree(reported, tmp_path / "invented", ignore=ignore)
+    return tmp_path / "invented"
+
+
+class PageReader(HTMLParser):
+    """Collects what a browser would fetch, ids and links, and checks that tags close."""
+
+    VOID = frozenset({"meta", "link", "img", "br"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        if "src" in values:
+            self.sources.append(values["src"] or "")
+        if "id" in values:
+            self.ids.append(values["id"] or "")
+        if tag == "a":
+            self.links.append(values.get("href") or "")
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_self_contained_and_whole(reported: Path) -> None:
+    text = (reported / "report" / "index.html").read_text()
+    page = PageReader()
+    page.feed(text)
+    assert page.open == []
+    assert all(source.startswith("data:image/") for source in page.sources)
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
+    for link in page.links:
+        assert link.startswith("#") or (reported / "report" / link).exists(), link
+    assert "<script" not in text
+    assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org)", text)
+    for word in ("viewport", "@media print", "Validity of link and limits", "Manifest", "Runs"):
+        assert word in text
+
+
+def test_every_figure_has_its_data_its_formats_and_its_command(reported: Path) -> None:
+    figures = json.loads((reported / "report" / "figures.json").read_text())
+    names = {figure["name"] for figure in figures}
+    assert {
+        "share_lost", "box_ate_rmse_m", "losses_room_walk_ramp_85", "trajectory_room_walk_ramp_85",
+        "rtt_room_walk_ramp_85", "cpu_room_walk_ramp_85", "memory_room_walk_ramp_85",
+        "stages_room_walk_ramp_85", "update_delay_room_walk_ramp_85",
+        "losses_by_profile_room_walk_edgeslam-static",
+    } <= names  # fmt: skip
+    for figure in figures:
+        assert figure["command"] == "slambed report invented"
+        assert {Path(name).suffix for name in figure["files"]} == {".png", ".svg", ".pdf"}
+        assert len(pd.read_csv(reported / "report" / figure["data"])) > 0
+        for name in figure["files"]:
+            assert (reported / "report" / name).stat().st_size > 1000
+        pixels = matplotlib.image.imread(reported / "report" / f"{figure['name']}.png")
+        assert np.ptp(pixels[..., :3]) > 0.5  # something is drawn
+        assert "slambed report" in (reported / "report" / f"{figure['name']}.svg").read_text()
+
+
+def test_losses_figure_counts_runs(reported: Path) -> None:
+    data = pd.read_csv(reported / "report" / "losses_room_walk_ramp_85.csv")
+    last = data.groupby("label")["runs_lost"].max().to_dict()
+    assert last == {"edgeslam:static": 1, "orbslam2": 0}  # every second run loses track at 6 s
+
+
+def test_trajectory_figure_is_aligned(reported: Path) -> None:
+    data = pd.read_csv(reported / "report" / "trajectory_room_walk_none.csv")
+    truth = data[data["label"] == "ground truth"]
+    for label in ("orbslam2", "edgeslam:static"):
+        own = data[data["label"] == label]
+        near = np.searchsorted(truth["stamp_s"], own["stamp_s"]).clip(0, len(truth) - 1)
+        off = own[["x_m", "y_m", "z_m"]].to_numpy() - truth[["x_m", "y_m", "z_m"]].to_numpy()[near]
+        assert np.median(np.linalg.norm(off, axis=1)) < 0.05
+
+
+def test_summary_csv_is_the_contract(reported: Path) -> None:
+    table = pd.read_csv(reported / "summary.csv")
+    assert tuple(table.columns) == SUMMARY_KEYS
+    assert len(table) == 12
+    first = json.loads((reported / "runs" / f"{0:016x}" / "summary.json").read_text())
+    rows = table[(table["cell"] == first["cell"]) & (table["repetition"] == 0)]
+    assert rows["ate_rmse_m"].iloc[0] == pytest.approx(first["ate_rmse_m"])
+
+
+def test_tables_in_four_spellings(reported: Path) -> None:
+    results = load(reported)
+    metrics = metrics_to_show(results)
+    table = cell_tables(cells_of(results, metrics), metrics)[0]
+    assert table.headings[:3] == ["system", "link", "runs"]
+    assert len(table.csv().splitlines()) == 5
+    assert table.markdown().splitlines()[1].startswith("| --- | --- | ---: |")
+    latex = table.latex()
+    assert r"\toprule" in latex
+    assert r"ramp\_85" in latex
+    assert r"[\%]" in latex
+    console = Console(width=160, record=True)
+    console.print(table.rich())
+    assert "ATE RMSE [cm]" in console.export_text()
+
+
+def test_latex_special_letters_are_escaped() -> None:
+    table = Table("t", "c", [r"a\b", "50%"], [["x_y & z", "{#}"]], words=1)
+    assert r"a\textbackslash{}b & 50\%" in table.latex()
+    assert r"x\_y \& z & \{\#\}" in table.latex()
+
+
+def test_differences_name_the_better_system(reported: Path, tmp_path: Path) -> None:
+    more = quickstart_like(tmp_path, 8, 8.0)
+    found = {(d.metric.key, d.profile): d for d in differences(load(more), baseline="orbslam2")}
+    cpu = found["mobile_cpu_percent_mean", "none"]
+    assert (cpu.baseline, cpu.other, cpu.verdict) == ("orbslam2", "edgeslam:static", "better")
+    assert "large" in cpu.effect
+    assert found["track_ms_median", "none"].verdict == "no difference shown"
+
+
+def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> None:
+    console = Console(width=220, record=True)
+    terminal_summary(reported, console)
+    text = console.export_text()
+    assert "12 runs in 4 cells, 12 valid." in text
+    assert "mobile CPU [% of a core]" in text
+    assert "report/index.html" in text.replace("\n", "")
+
+
+def test_torn_missing_and_foreign_files_are_told(experiment: Path) -> None:
+    runs = experiment / "runs"
+    keys = sorted(path.name for path in runs.iterdir())
+    (runs / keys[0] / "summary.json").write_text('{"cell": "x", "valid"')
+    (runs / keys[1] / "summary.json").unlink()
+    (runs / keys[2] / "events.parquet").write_bytes(b"PAR1 torn")
+    (runs / keys[3] / "samples.parquet").unlink()
+    (runs / keys[4] / "trajectory.txt").write_text("1 2 3 nonsense\n")
+    (runs / keys[5] / "manifest.json").write_text("[]")
+    (runs / keys[6] / "link.parquet").write_bytes(b"")
+    (runs / "notes.txt").write_text("hello")
+    (runs / "stranger").mkdir()
+    (runs / "stranger" / "summary.json").write_text('{"cell": ["nested"], "hello": 1}')
+    results = load(experiment)
+    assert results.table(keys[2], "events") is None
+    assert results.table(keys[3], "samples") is None
+    assert results.table(keys[6], "link") is None
+    assert results.trajectory(keys[4]) is None
+    paths = write_report(experiment, figures=False)
+    told = "\n".join([*paths.problems, *results.problems])
+    for piece in (
+        f"{keys[0]}: summary.json is torn or foreign", f"{keys[1]}: no summary.json",
+        "notes.txt: not a run folder", "stranger: summary.json is torn or foreign",
+        f"{keys[5]}: no readable manifest.json", f"{keys[2]}/events.parquet: unreadable",
+    ):  # fmt: skip
+        assert piece in told
+    page = (experiment / "report" / "index.html").read_text()
+    assert "summary.json is torn or foreign" in page
+    assert len(pd.read_csv(experiment / "summary.csv")) == 10
+    assert "torn or foreign" in (experiment / "report.md").read_text()
+
+
+def test_values_of_wrong_type_do_not_stop_a_report(experiment: Path) -> None:
+    key = sorted(path.name for path in (experiment / "runs").iterdir())[0]
+    path = experiment / "runs" / key / "summary.json"
+    summary = json.loads(path.read_text())
+    path.write_text(json.dumps(summary | {"ate_rmse_m": "good", "coverage": [1], "odd": 1}))
+    paths = write_report(experiment, figures=False)
+    assert any("unknown keys in summary.json: odd" in line for line in paths.problems)
+    assert any("ate_rmse_m" in line for line in paths.problems)
+
+
+def test_an_empty_experiment_says_nothing_was_measured(tmp_path: Path) -> None:
+    (tmp_path / "nothing").mkdir()
+    paths = write_report(tmp_path / "nothing")
+    assert "nothing was measured" in paths.problems[0]
+    assert "Nothing was measured." in paths.html.read_text()
+    with pytest.raises(SlambedError, match="not a folder"):
+        write_report(tmp_path / "no_such_place")
+
+
+def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
+    planned = [{"run_key": "feedface", "cell": "edgeslam:static/room_walk/none", "label": "e"}]
+    content = {"experiment": {"title": "Planned", "report": {"metrics": ["keyframes"]}}}
+    (experiment / "experiment.json").write_text(json.dumps(content | {"runs": planned}))
+    results = load(experiment)
+    assert results.title == "Planned"
+    assert "edgeslam:static/room_walk/none: 1 runs missing" in results.problems
+    assert metrics_to_show(results)[0].key == "keyframes"
+
+
+def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
+    runs = [
+        (spec_of("orbslam2", "default", None, i),
+         RawRun(duration_s=4, edge=False, noise_m=0.1 if i % 3 == 0 else 0.01, seed=i))
+        for i in range(12)
+    ]  # fmt: skip
+    results = load(write_experiment(tmp_path, runs))
+    cell = cells_of(results, metrics_to_show(results))[0]
+    assert any("ATE RMSE: two groups, 8 runs near" in note for note in cell.notes), cell.notes
+
+
+def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
+    runs = [
+        (spec_of("orbslam2", "default", None, i),
+         RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),) if i < 3 else ()))
+        for i in range(5)
+    ]  # fmt: skip
+    results = load(write_experiment(tmp_path, runs))
+    cell = cells_of(results, metrics_to_show(results))[0]
+    note = next(note for note in cell.notes if "tracked less than" in note)
+    assert note.startswith("3 of 5 runs")
+    assert "the median run failed" in note
+
+
+def test_timeline_shows_the_loss(reported: Path) -> None:
+    results = load(reported)
+    lost = results.runs[results.runs["lost"].eq(True)]["run_key"].iloc[0]
+    svg = timeline_svg(results, lost)
+    assert svg is not None
+    assert "<title>lost from 6." in svg
+    assert svg.count("<polyline") == 2
+
+
+def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_path: Path) -> None:
+    view = find_run(reported.parent, "0000000000000002")
+    assert view.alignment is not None
+    png = write_png(view, tmp_path)
+    assert png.stat().st_size > 10_000
+    try:
+        import rerun  # noqa: F401
+    except ImportError:
+        with pytest.raises(SlambedError, match="rerun-sdk"):
+            write_rerun(view, tmp_path / "x.rrd")
+    else:
+        assert write_rerun(view, tmp_path / "x.rrd").stat().st_size > 10_000
+    with pytest.raises(SlambedError, match="12 runs"):
+        find_run(reported.parent, "0")
+    with pytest.raises(SlambedError, match="no run"):
+        find_run(reported.parent, "ffff")
+
+
+def test_colours_differ_in_grey_too() -> None:
+    grey = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
+            for c in COLOURS[:2]]  # fmt: skip
+    assert abs(grey[0] - grey[1]) > 20
+    assert len(set(COLOURS)) == len(COLOURS)
+
+
+def test_commands(reported: Path, tmp_path: Path) -> None:
+    shutil.copytree(reported, tmp_path / "results" / "invented")
+    runner = CliRunner()
+    options = ["--results", str(tmp_path / "results")]
+    shown = runner.invoke(cli.app, ["report", "invented", "--no-figures", *options])
+    assert shown.exit_code == 0, shown.output
+    compared = runner.invoke(cli.app, ["compare", "dynnetslam", *options])
+    assert compared.exit_code == 0, compared.output
+    assert "not run" in compared.output
+    assert (tmp_path / "results" / "papers" / "dynnetslam" / "index.html").exists()
+    seen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(tmp_path), *options])
+    assert seen.exit_code == 0, seen.output
+    truth = tmp_path / "results" / "invented" / "groundtruth" / "room_walk.txt"
+    own = tmp_path / "results" / "invented" / "runs" / "0000000000000003" / "trajectory.txt"
+    judged = runner.invoke(cli.app, ["evaluate", str(own), str(truth)])
+    assert "ATE RMSE 0.01" in judged.output
+    missing = runner.invoke(cli.app, ["report", "nowhere", *options])
+    assert isinstance(missing.exception, SlambedError)

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control groups: read on this host, and on copied v1 and v2 trees."""
+
+import json
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from harness_parts import needs_root
+
+from slambed.engines.cgroups import CgroupMaker, entry_files, remove
+from slambed.sampling.cgroup import CgroupPaths, CgroupReader, Mount, mounted, paths_of, version
+from slambed.sampling.sampler import Sampler
+from slambed.spec.device import Limits
+
+MOUNTINFO_HYBRID = """\
+25 30 0:23 / /sys/fs/cgroup ro - tmpfs tmpfs ro,mode=755
+26 25 0:24 / /sys/fs/cgroup/unified rw,nosuid shared:9 - cgroup2 cgroup2 rw
+27 25 0:25 / /sys/fs/cgroup/cpu,cpuacct rw - cgroup cgroup rw,cpu,cpuacct
+28 25 0:26 / /sys/fs/cgroup/memory rw - cgroup cgroup rw,memory
+"""
+
+
+def test_mounts_of_both_versions_are_told_apart(tmp_path: Path) -> None:
+    mountinfo = tmp_path / "mountinfo"
+    mountinfo.write_text(MOUNTINFO_HYBRID)
+    v1, v2 = mounted(mountinfo)
+    both = Path("/sys/fs/cgroup/cpu,cpuacct")
+    assert v1 == {"cpu": both, "cpuacct": both, "memory": Path("/sys/fs/cgroup/memory")}
+    assert v2 == Path("/sys/fs/cgroup/unified")
+
+
+def test_a_group_is_found_inside_a_container() -> None:
+    seen = Mount(frozenset({"cpu"}), Path("/sys/fs/cgroup/cpu"), "/docker/abc")
+    assert seen.folder("/docker/abc/slambed/x") == Path("/sys/fs/cgroup/cpu/slambed/x")
+    assert seen.folder("/docker/abc") == Path("/sys/fs/cgroup/cpu")
+    host = Mount(frozenset(), Path("/sys/fs/cgroup"), "/")
+    assert host.folder("/user.slice") == Path("/sys/fs/cgroup/user.slice")
+
+
+def test_usage_and_limits_of_v1(tmp_path: Path) -> None:
+    files = {
+        "cpuacct.usage": "2500000000\n",
+        "cpu.stat": "nr_periods 100\nnr_throttled 7\nthrottled_time 300000000\n",
+        "cpu.cfs_period_us": "10000\n",
+        "cpu.cfs_quota_us": "5000\n",
+        "cpuset.effective_cpus": "0-1\n",
+        "memory.stat": "cache 999\nrss 5\ntotal_cache 999\ntotal_rss 1048576\n",
+        "memory.limit_in_bytes": "9223372036854771712\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    folders = dict.fromkeys(("cpu", "cpuacct", "cpuset", "memory"), tmp_path)
+    reader = CgroupReader(CgroupPaths(folders, None))
+    usage, granted = reader.usage(), reader.granted()
+    assert (usage.cpu_s, usage.memory_bytes) == (2.5, 1 << 20)
+    assert (usage.throttled_s, usage.throttled_periods, usage.periods) == (0.3, 7, 100)
+    assert (granted.cpus, granted.quota_cores, granted.period_ms) == ("0-1", 0.5, 10.0)
+    assert granted.memory_mb is None
+
+
+def test_usage_and_limits_of_v2(tmp_path: Path) -> None:
+    files = {
+        "cpu.stat": "usage_usec 2500000\nnr_periods 9\nnr_throttled 2\nthrottled_usec 4000\n",
+        "cpu.max": "5000 10000\n",
+        "cpuset.cpus.effective": "1\n",
+        "memory.stat": "anon 2097152\nfile 999\n",
+        "memory.max": "268435456\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    reader = CgroupReader(CgroupPaths({}, tmp_path))
+    usage, granted = reader.usage(), reader.granted()
+    assert (usage.cpu_s, usage.memory_bytes, usage.throttled_s) == (2.5, 2 << 20, 0.004)
+    assert (granted.cpus, granted.quota_cores, granted.memory_mb) == ("1", 0.5, 256.0)
+
+
+def test_limits_are_written_to_a_v2_tree(tmp_path: Path) -> None:
+    (tmp_path / "slambed").mkdir()
+    limits = Limits(cores=1, quota_cores=0.25, period_ms=20, memory_mb=128)
+    paths = CgroupMaker(v2=tmp_path, found=False).make("run-mobile", limits, [1])
+    group = tmp_path / "slambed" / "run-mobile"
+    assert paths.unified == group
+    assert (group / "cpu.max").read_text() == "5000 20000"
+    assert (group / "cpuset.cpus").read_text() == "1"
+    assert (group / "memory.max").read_text() == str(128 << 20)
+    assert (tmp_path / "cgroup.subtree_control").exists()
+
+
+def test_this_process_is_in_a_group_that_counts() -> None:
+    assert version() in ("v1", "v2")
+    reader = CgroupReader(paths_of(os.getpid()))
+    assert reader.usage().cpu_s > 0
+
+
+@needs_root
+def test_a_group_limits_a_busy_process_and_is_removed(tmp_path: Path) -> None:
+    limits = Limits(cores=1, quota_cores=0.2, period_ms=10, memory_mb=128)
+    cpu = sorted(os.sched_getaffinity(0))[0]
+    paths = CgroupMaker().make("test-busy", limits, [cpu])
+    reader = CgroupReader(paths)
+    granted = reader.granted()
+    assert granted.quota_cores == pytest.approx(0.2)
+    assert (granted.cpus, granted.memory_mb) == (str(cpu), 128.0)
+    join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
+    busy = subprocess.Popen(["/bin/sh", "-c", f"{join} while :; do :; done"])
+    sampler = Sampler({"mobile": reader}, tmp_path / "samples.jsonl")
+    try:
+        sampler.start(time.monotonic_ns())
+        time.sleep(0.6)
+    finally:
+        sampler.stop()
+        folders = {*paths.folders.values(), *([paths.unified] if paths.unified else [])}
+        assert all(remove(folder) for folder in folders)
+        busy.wait()
+    rows = [json.loads(line) for line in (tmp_path / "samples.jsonl").read_text().splitlines()]
+    assert len(rows) >= 4
+    assert rows[0]["cpu_percent"] is None
+    assert rows[-1]["throttled_periods"] > 0
+    # The quota is a ceiling that other load cannot lift.
+    assert rows[-1]["cpu_s"] - rows[0]["cpu_s"] < 0.2 * (rows[-1]["t_s"] - rows[0]["t_s"]) + 0.05
+    assert not any(folder.exists() for folder in folders)

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Experiment files: what is read, and how a mistake is told."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from harness_parts import EXPERIMENT, run_spec, write_library
+
+from slambed.errors import SlambedError
+from slambed.native import repository_root
+from slambed.spec.library import Library
+from slambed.spec.matrix import (
+    Circumstances,
+    Profile,
+    RunSpec,
+    canonical_json,
+    expand,
+    read_profiles,
+)
+from slambed.spec.software import source_hash
+
+HOST = Circumstances(
+    "local",
+    {"none": "relay", "ramp": "relay"},
+    "1.0+abc",
+    {"room": ("synthetic_room", "sum")},
+)
+
+
+def named(item: str | float | dict[str, Any], where: str) -> Profile:
+    return Profile(str(item), {"name": str(item)})
+
+
+def matrix(root: Path, text: str = EXPERIMENT, runs: int = 2) -> list[RunSpec]:
+    write_library(root, text)
+    library = Library(root)
+    experiment, source = library.experiment("tiny")
+    profiles = read_profiles(experiment, source, named)
+    return expand(experiment, source, library, profiles, HOST, runs)
+
+
+def complaint(root: Path, old: str, new: str) -> str:
+    assert old in EXPERIMENT
+    with pytest.raises(SlambedError) as caught:
+        matrix(root, EXPERIMENT.replace(old, new))
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        ("fps: 10", "fsp: 10", ["unknown key 'fsp'", "tiny.yaml line 9", "did you mean 'fps'?"]),
+        ("  backend:", "  bakcend:", ["unknown key 'bakcend'", "line 11", "'backend'"]),
+        ("seed: 7", "sede: 7", ["unknown key 'sede'", "line 15", "'seed'"]),
+        ("fps: 10", "fps: -1", ["'playback.fps'", "greater than 0", "-1", "line 9"]),
+        ("fps: 10", "fps: .nan", ["'playback.fps'", "line 9"]),
+        ("end_s: 2", "start_s: 3, end_s: 2", ["end_s 2.0 is not after start_s 3.0", "line 9"]),
+        ("title: A tiny experiment\n", "", ["'title' is missing"]),
+        ("seed: 7", "seed: 7\nseed: 8", ["'seed' is given twice", "line 16"]),
+        ("seed: 7", "seed: many", ["'seed'", "integer", "'many'", "line 15"]),
+        ("seed: 7", "seed: [", ["not YAML", "tiny.yaml line"]),
+        ("system: solo", "system: sole", ["unknown system 'sole'", "'solo'", "line 4"]),
+        ("variant: better", "variant: beter", ["no variant 'beter'", "'better'", "line 5"]),
+        ("period_s: 1", "perod_s: 1", ["unknown parameter 'perod_s'", "'period_s'", "line 5"]),
+        ("period_s: 1", "period_s: -1", ["'period_s'", "below the minimum 0", "line 5"]),
+        ("period_s: 1", "update: never", ["'update'", "serial, parallel", "line 5"]),
+        ("period_s: 1", "n_orb: 1.5", ["1.5 is not an int"]),
+        ("mobile: small", "mobile: smal", ["unknown device 'smal'", "'small'"]),
+        ("[none, ramp]", "[none, none]", ["'none' is given twice", "line 12"]),
+        ("{system: solo}", "{system: solo, profiles: [rmp]}", ["'rmp'", "'ramp'", "line 4"]),
+        ("id: tiny", "id: teeny", ["'teeny' is not the file's name", "line 1"]),
+        ("datasets: [room]", "datasets: [room, room]", ["named twice", "line 8"]),
+        ("datasets: [room]", "datasets: []", ["'datasets'", "line 8"]),
+    ],
+)
+def test_a_mistake_is_one_line_with_its_place(
+    tmp_path: Path, old: str, new: str, parts: list[str]
+) -> None:
+    text = complaint(tmp_path, old, new)
+    for part in parts:
+        assert part in text
+
+
+def test_a_system_with_an_edge_needs_a_link(tmp_path: Path) -> None:
+    text = complaint(tmp_path, "link:\n  backend: relay\n  profiles: [none, ramp]\n", "")
+    assert "system pair has an edge but there is no link" in text
+
+
+def test_an_unknown_experiment_names_its_neighbour(tmp_path: Path) -> None:
+    write_library(tmp_path)
+    with pytest.raises(SlambedError, match=r"unknown experiment 'tinny'.*did you mean 'tiny'"):
+        Library(tmp_path).experiment("tinny")
+
+
+def test_the_matrix_is_systems_times_profiles_times_runs(tmp_path: Path) -> None:
+    specs = matrix(tmp_path)
+    assert [spec.cell for spec in specs[::2]] == [
+        "solo/synthetic_room/none",
+        "solo/synthetic_room/ramp",
+        "pair:better/synthetic_room/none",
+        "pair:better/synthetic_room/ramp",
+    ]
+    assert len({spec.run_key for spec in specs}) == 8
+    solo, pair = specs[0], specs[-1]
+    assert solo.link is None and solo.device_edge is None and solo.profile == "none"
+    assert pair.link is not None and pair.link.profile == "ramp"
+    # System default, then variant, then experiment.
+    assert pair.params == {"n_orb": 750, "period_s": 1.0, "update": "parallel"}
+
+
+def test_repetitions_share_their_seed_across_cells(tmp_path: Path) -> None:
+    specs = matrix(tmp_path)
+    assert {spec.seed for spec in specs if spec.repetition == 1} == {8}
+
+
+def test_a_key_does_not_depend_on_how_the_file_is_spelled(tmp_path: Path) -> None:
+    spelled = EXPERIMENT.replace("title: A tiny experiment", "title: 'Another title'  # comment")
+    spelled = spelled.replace("params: {period_s: 1}", "params:\n      period_s: 1.0")
+    spelled = spelled.replace("id: tiny\n", "") + "id: tiny\n"
+    first = [spec.run_key for spec in matrix(tmp_path / "a", EXPERIMENT)]
+    second = [spec.run_key for spec in matrix(tmp_path / "b", spelled)]
+    assert first == second
+
+
+def test_more_repetitions_keep_the_keys_of_the_first_ones(tmp_path: Path) -> None:
+    few = {spec.run_key for spec in matrix(tmp_path, runs=2)}
+    many = {spec.run_key for spec in matrix(tmp_path, runs=3)}
+    assert few < many and len(many) == 12
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"params": {"n_orb": 500}},
+        {"sequence_checksum": "other"},
+        {"engine": "docker"},
+        {"seed": 2},
+        {"repetition": 1},
+        {"software": "other"},
+        {"profile": "ramp"},
+    ],
+)
+def test_a_key_depends_on_everything_a_run_means(change: dict[str, Any]) -> None:
+    assert run_spec(**change).run_key != run_spec().run_key
+
+
+def test_a_key_ignores_names_and_judgements() -> None:
+    other = run_spec(experiment="x", cell="y", label="z")
+    assert other.run_key == run_spec().run_key
+
+
+def test_a_key_is_the_same_in_every_process_and_version() -> None:
+    # A changed value means that every existing result is made anew: do it knowingly.
+    assert run_spec(edge=True).run_key == "73a71b7142f1edbe"
+
+
+def test_a_run_spec_survives_json() -> None:
+    spec = run_spec(edge=True)
+    again = RunSpec.model_validate(json.loads(spec.model_dump_json()))
+    assert again == spec and again.run_key == spec.run_key
+
+
+def test_canonical_json_refuses_nan() -> None:
+    with pytest.raises(ValueError):
+        canonical_json({"a": float("nan")})
+
+
+def test_the_same_cell_twice_is_refused(tmp_path: Path) -> None:
+    text = complaint(tmp_path, "- {system: solo}", "- {system: solo}\n  - {system: solo, label: b}")
+    assert "are the same" in text
+
+
+def test_different_cells_need_different_names(tmp_path: Path) -> None:
+    twin = "- {system: solo}\n  - {system: solo, params: {n_orb: 500}}"
+    text = complaint(tmp_path, "- {system: solo}", twin)
+    assert "two different cells are called" in text and "labels" in text
+
+
+def test_source_hash_follows_sources_but_not_tests(tmp_path: Path) -> None:
+    (tmp_path / "systems" / "core" / "tests").mkdir(parents=True)
+    source = tmp_path / "systems" / "core" / "a.cpp"
+    source.write_text("int a;")
+    first = source_hash(tmp_path)
+    (tmp_path / "systems" / "core" / "tests" / "a_test.cpp").write_text("int b;")
+    (tmp_path / "systems" / "core" / "README.md").write_text("words")
+    assert source_hash(tmp_path) == first
+    source.write_text("int b;")
+    assert source_hash(tmp_path) != first
+
+
+LIBRARY = Library()
+
+
+@pytest.mark.parametrize("name", LIBRARY.experiments())
+def test_every_experiment_of_the_checkout_reads(name: str) -> None:
+    experiment, _ = LIBRARY.experiment(name)
+    LIBRARY.device(experiment.devices.mobile)
+    LIBRARY.device(experiment.devices.edge)
+
+
+@pytest.mark.parametrize("name", LIBRARY.systems())
+def test_every_system_of_the_checkout_reads(name: str) -> None:
+    system = LIBRARY.system(name)
+    for parameter in system.params.values():
+        assert parameter.doc, "a parameter says what it is for"
+
+
+def test_the_checkout_is_found() -> None:
+    assert (repository_root() / "experiments" / "quickstart.yaml").is_file()
