@@ -45,6 +45,7 @@ if [ "$(id -u)" -ne 0 ]; then
   command -v sudo >/dev/null || { echo "error: no sudo; as root: apt-get install ${missing[*]}" >&2; exit 3; }
   sudo=sudo
 fi
+"$(dirname "$0")/space.sh" 1500 "installing ${#missing[@]} packages"
 echo "installing: ${missing[*]}"
 $sudo apt-get update -qq
 $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null

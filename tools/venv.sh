@@ -15,6 +15,7 @@ python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
   echo "error: $(python3 --version) is too old, slambed needs 3.11 or newer" >&2
   exit 3
 }
+"$root/tools/space.sh" 1500 ".venv"
 echo "making .venv"
 python3 -m venv "$venv"
 "$venv/bin/pip" install -q --require-hashes -r "$root/requirements.lock"
