@@ -99,7 +99,20 @@ def run_it(folder: Path, sequence: Path, engine: str) -> list[dict[str, Any]]:
     # Called again, there is nothing to do.
     code, out, err = slambed(*arguments)
     assert code == ExitCode.OK and "2 there already" in out
+    explain_them(results, folder)
     return sorted(summaries, key=lambda summary: str(summary["system"]))
+
+
+def explain_them(results: Path, folder: Path) -> None:
+    """A live run has the time line that a virtual one has (test_explain.py)."""
+    for run in (results / "runs").iterdir():
+        picture = folder / f"{run.name}.png"
+        code, out, err = slambed("explain", str(run), "-o", str(picture))
+        assert code == ExitCode.OK, err
+        frames = (pd.read_parquet(run / "events.parquet")["type"] == "frame_tracked").sum()
+        assert frames > 0 and out.startswith("40 frames in ")
+        assert "mobile tracking: busy" in out
+        assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def check_figures(summaries: list[dict[str, Any]]) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from slambed.explain.run_log import NS_PER_S, RunLog
@@ -50,40 +52,55 @@ class Window:
 
 def draw(run: RunLog, window: Window, path: Path) -> None:
     """Writes the picture; its format is the suffix (png, svg or pdf)."""
+    with plt.rc_context(RC):
+        figure = figure_of(run, window)
+        try:
+            figure.savefig(path, dpi=110)
+        finally:
+            plt.close(figure)
+
+
+def figure_of(run: RunLog, window: Window) -> Figure:
+    """One row of axes each for states, mobile, and, with an edge, messages, edge and RTT."""
     lanes = {node: _workers(run, node) for node in ("mobile", "edge")}
     has_edge = bool(lanes["edge"])
     rows: list[tuple[float, Callable[[Axes], None]]] = [
-        (2.2, lambda axes: _states(run, axes)),
+        (3.2, lambda axes: _states(run, axes)),
         (max(1, len(lanes["mobile"])) + 0.6, lambda a: _stages(run, "mobile", lanes["mobile"], a)),
     ]
     if has_edge:
         rows.append((3.0, lambda axes: _messages(run, axes)))
         rows.append((len(lanes["edge"]) + 0.6, lambda a: _stages(run, "edge", lanes["edge"], a)))
         rows.append((3.0, lambda axes: _rtt(run, axes, window)))
-    with plt.rc_context(RC):
-        heights = [height for height, _ in rows]
-        figure, axes = plt.subplots(
-            len(rows), 1, sharex=True, squeeze=False,
-            figsize=(WIDTH_IN, LANE_IN * sum(heights) + 1.6),
-            gridspec_kw={"height_ratios": heights},
-        )  # fmt: skip
-        try:
-            for axis, (_, paint) in zip(axes.ravel(), rows, strict=True):
-                paint(axis)
-                for loss_s in run.losses_s():
-                    axis.axvline(loss_s, color=LOSS_COLOUR, linewidth=0.9, linestyle="--")
-            axes[0, 0].set_xlim(window.begin_s, window.end_s)
-            axes[0, 0].set_title(run.title, loc="left")
-            axes[-1, 0].set_xlabel("run time [s]")
-            shown = _stage_names(run, window)
-            figure.legend(
-                handles=[Patch(color=_colour(name), label=name) for name in shown],
-                loc="outside lower center",
-                ncols=8,
-            )
-            figure.savefig(path, dpi=110)
-        finally:
-            plt.close(figure)
+    heights = [height for height, _ in rows]
+    figure, axes = plt.subplots(
+        len(rows), 1, sharex=True, squeeze=False,
+        figsize=(WIDTH_IN, LANE_IN * sum(heights) + 1.6),
+        gridspec_kw={"height_ratios": heights},
+    )  # fmt: skip
+    for axis, (_, paint) in zip(axes.ravel(), rows, strict=True):
+        paint(axis)
+        for loss_s in run.losses_s():
+            axis.axvline(loss_s, color=LOSS_COLOUR, linewidth=0.9, linestyle="--")
+    axes[0, 0].set_xlim(window.begin_s, window.end_s)
+    axes[0, 0].set_title(run.title, loc="left")
+    axes[-1, 0].set_xlabel("run time [s]")
+    shown = _stage_names(run, window)
+    figure.legend(
+        handles=[Patch(color=_colour(name), label=name) for name in shown],
+        loc="outside lower center",
+        ncols=8,
+    )
+    return figure
+
+
+def _legend(axes: Axes, handles: list[Any] | None = None) -> None:
+    """Above the axes, where it hides nothing."""
+    found = axes.get_legend_handles_labels()[0] if handles is None else handles
+    if found:
+        axes.legend(
+            handles=found, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=8, borderaxespad=0.0
+        )
 
 
 def _workers(run: RunLog, node: str) -> list[str]:
@@ -146,8 +163,7 @@ def _messages(run: RunLog, axes: Axes) -> None:
     axes.set_ylim(-0.1, 1.1)
     axes.set_ylabel("messages")
     axes.grid(axis="y", visible=False)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper right", ncols=5, frameon=True)
+    _legend(axes)
 
 
 def _states(run: RunLog, axes: Axes) -> None:
@@ -175,6 +191,11 @@ def _states(run: RunLog, axes: Axes) -> None:
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
+    names = {*frames["state"], *changes.get("from", []), *changes.get("to", [])}
+    handles: list[Any] = [Patch(color=c, label=n) for n, c in STATE_COLOURS.items() if n in names]
+    if run.losses_s():
+        handles.append(Line2D([], [], color=LOSS_COLOUR, linestyle="--", label="track lost"))
+    _legend(axes, handles)
 
 
 def _strip(axes: Axes, lane: int, times: pd.Series, states: pd.Series, end_s: float) -> None:
@@ -211,5 +232,4 @@ def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
         show(own, "rtt_ms", label=str(source), color=colour, linewidth=0.9)
     axes.set_ylim(0, max([1.0, *(1.1 * top for top in tops)]))
     axes.set_ylabel("RTT [ms]")
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper right", ncols=4, frameon=True)
+    _legend(axes)

@@ -19,9 +19,13 @@ def _frames(run: RunLog) -> str:
     good = int((tracked["state"] == "ok").sum())
     return (
         f"{len(tracked) + len(dropped)} frames in {run.end_s:.1f} s: {good} with a pose, "
-        f"{len(dropped)} dropped, {len(run.of('track_lost'))} track losses; "
+        f"{len(dropped)} dropped, {_count(len(run.of('track_lost')), 'track loss', 'es')}; "
         f"{len(run.of('keyframe_created'))} keyframes"
     )
+
+
+def _count(number: int, what: str, plural: str = "s") -> str:
+    return f"{number} {what}{'' if number == 1 else plural}"
 
 
 def _busy(run: RunLog) -> list[str]:
@@ -42,14 +46,13 @@ def _updates(run: RunLog) -> list[str]:
     lines = []
     if len(applied):
         gaps = applied["gap_keyframes"].dropna() if "gap_keyframes" in applied else pd.Series([])
-        gap = f", {int(gaps.sum())} keyframes lost to gaps" if len(gaps) else ""
-        lines.append(
-            f"{len(applied)} map updates applied, T_MU {applied['t_mu_ms'].mean():.0f} ms{gap}"
-        )
-    for kind, what in (("update_declined", "map updates"), ("keyframe_declined", "keyframes")):
+        gap = f", {_count(int(gaps.sum()), 'keyframe')} lost to gaps" if len(gaps) else ""
+        mean_ms = applied["t_mu_ms"].mean()
+        lines.append(f"{_count(len(applied), 'map update')} applied, T_MU {mean_ms:.0f} ms{gap}")
+    for kind, what in (("update_declined", "map update"), ("keyframe_declined", "keyframe")):
         declined = run.of(kind)
         for reason, count in declined["reason"].value_counts().items():
-            lines.append(f"{count} {what} declined: {reason}")
+            lines.append(f"{_count(int(count), what)} declined: {reason}")
     return lines
 
 
@@ -64,7 +67,7 @@ def _losses(run: RunLog) -> list[str]:
         if len(inliers):
             facts.append("inliers " + " ".join(f"{int(value)}" for value in inliers.tail(6)))
         if dropped := int((recent["type"] == "frame_dropped").sum()):
-            facts.append(f"{dropped} frames dropped")
+            facts.append(f"{_count(dropped, 'frame')} dropped")
         updates = run.of("update_applied")
         earlier = updates[updates["t_s"] <= t_s]
         if len(earlier):
@@ -76,5 +79,5 @@ def _losses(run: RunLog) -> list[str]:
             facts.append(f"state {states.iloc[-1]['to']}")
         lines.append(f"track lost at {t_s:.2f} s: " + "; ".join(facts))
     if len(losses) > MOST_LOSSES:
-        lines.append(f"and {len(losses) - MOST_LOSSES} more track losses")
+        lines.append(f"and {_count(len(losses) - MOST_LOSSES, 'more track loss', 'es')}")
     return lines

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual runs give the same bytes whatever the number of processes, the order and the cache."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from virtual_parts import (
+    Quiet,
+    fingerprints,
+    make_sequence,
+    needs_programs,
+    plan_of,
+    played_of,
+    write_experiment,
+)
+
+from slambed.campaign.campaign import Plan
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.runner import Runner
+from slambed.campaign.workers import WorkerPool
+from slambed.native import find_program
+from slambed.spec.matrix import RunSpec
+
+pytestmark = needs_programs
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    folder = tmp_path_factory.mktemp("virtual")
+    return plan_of(write_experiment(folder, make_sequence(folder / "walk")))
+
+
+def make(
+    plan: Plan, path: Path, order: list[RunSpec], jobs: int, features: Path | None
+) -> ResultFolder:
+    folder = ResultFolder(path)
+    folder.create()
+    pool = WorkerPool(played_of(plan), find_program("slambed-sim"), features, jobs)
+    verdict = Runner(folder, Ledger(path / "ledger.jsonl"), pool).run(order, Quiet())
+    assert (verdict.done, verdict.valid) == (len(order), len(order))
+    return folder
+
+
+def test_processes_order_and_cache_leave_no_trace(plan: Plan, tmp_path: Path) -> None:
+    specs, cache = plan.specs, tmp_path / "features"
+    one = make(plan, tmp_path / "one", specs, jobs=1, features=cache)
+    two = make(plan, tmp_path / "two", specs[::-1], jobs=2, features=cache)
+    uncached = make(plan, tmp_path / "uncached", specs[1::2], jobs=1, features=None)
+
+    first = fingerprints(one)
+    assert fingerprints(two) == first
+    names = {name.split("/", 1)[1] for name in first}
+    assert names >= {"events.parquet", "link.parquet", "trajectory.txt", "summary.json"}
+    again = fingerprints(uncached)
+    assert again == {name: first[name] for name in again} and len(again) > 2 * len(specs)
+
+
+def test_another_seed_is_another_run(plan: Plan, tmp_path: Path) -> None:
+    """What is compared above is not the same for want of anything that could differ."""
+    folder = make(plan, tmp_path / "x", plan.specs, jobs=2, features=tmp_path / "features")
+    for label in ("alone", "offloaded"):
+        costs = [
+            tuple(events.loc[events["name"] == "track", "wall_ms"])
+            for spec in plan.specs
+            if spec.label == label
+            for events in [pd.read_parquet(folder.runs / spec.run_key / "events.parquet")]
+        ]
+        assert len(costs) == 2 and costs[0] != costs[1]
