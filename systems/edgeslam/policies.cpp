@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam/policies.hpp"
 
+#include <array>
+
 #include "offload/rtt_monitor.hpp"
+#include "offload/update_content.hpp"
 
 namespace slambed {
 namespace {
@@ -26,7 +29,7 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
 }  // namespace
 
 EdgeSlamChannels::EdgeSlamChannels(Network& network, int keyframe_queue)
-    : control(network.open({.name = "control"})),
+    : control(network.open({.name = "control", .heartbeat = true})),
       keyframe(network.open(
           {.name = "keyframe", .send_queue = keyframe_queue, .receive_queue = keyframe_queue})),
       map(network.open({.name = "map", .receive_queue = 1})),
@@ -57,15 +60,34 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (frame.relocalised_now) relocalised_s_ = now_s;
   relocalisation_.after_frame(worker, frame);
   if (frame.outcome.state != TrackingState::kOk) return;
-  const KeyFrameNeed need = node_.tracker().keyframe_need();
+  // A restarted edge knows nothing: its map begins with a keyframe made at once.
+  const PeerState edge = node_.network().peer();
+  const bool edge_is_new = edge.connected && edge.incarnation != edge_incarnation_ &&
+                           !frame.outcome.initialised_now;
+  const KeyFrameNeed need =
+      edge_is_new ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
   if (need == KeyFrameNeed::kNone) return;
   // A keyframe that the edge may still decline must not become the reference.
   const bool certain = need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
   MapDelta made = node_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
   downlink_.keyframe_created(worker.now());
-  const bool fresh = relocalised_s_ >= 0 && now_s - relocalised_s_ < kAfterRelocalisationS;
-  uplink_.send(worker, frame, std::move(made), need, fresh, downlink_.applied_update());
+  if (edge_is_new) {
+    const std::array first{made.keyframes.front().id};
+    made = node_.tracker().map()->read(
+        [&](const MapView& view) { return extract_keyframes(view, first); });
+    node_.log().write(JsonLine("edge_restarted")
+                          .add("keyframe", first.front().value)
+                          .add("incarnation", edge.incarnation));
+  }
+  if (edge_is_new || frame.outcome.initialised_now) edge_incarnation_ = edge.incarnation;
+  uplink_.send(worker, frame, std::move(made),
+               {.need = need,
+                .first = frame.outcome.initialised_now || edge_is_new,
+                .after_relocalisation =
+                    relocalised_s_ >= 0 && now_s - relocalised_s_ < kAfterRelocalisationS,
+                .applied_update = downlink_.applied_update(),
+                .newest_edge_point = downlink_.newest_edge_point()});
 }
 
 void EdgeSlamMobile::finish(Worker& worker) { farewell_.say(worker, uplink_.last_sequence()); }

@@ -34,6 +34,7 @@ class EdgeSlamMobile final : public MobilePolicy {
   RelocalisationRequests relocalisation_;
   MobileFarewell farewell_;
   double relocalised_s_ = -1;  ///< sequence time of the last relocalisation; negative: none
+  std::uint64_t edge_incarnation_ = 0;  ///< of the edge whose map began with one of our keyframes
 };
 
 class EdgeSlamEdge final : public EdgePolicy {

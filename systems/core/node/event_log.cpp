@@ -17,9 +17,12 @@ Error cannot_write(const std::filesystem::path& path) {
 
 }  // namespace
 
-EventLog::EventLog(const std::filesystem::path& path, NodeRole role)
-    : path_(path), role_(role), file_(std::fopen(path.c_str(), "w"), &std::fclose) {
+EventLog::EventLog(const std::filesystem::path& path, NodeRole role, Open open)
+    : path_(path),
+      role_(role),
+      file_(std::fopen(path.c_str(), open == Open::kAppend ? "a" : "w"), &std::fclose) {
   if (!file_) throw cannot_write(path);
+  if (open == Open::kAppend) pending_.push_back('\n');  // a killed one may leave half a line
 }
 
 EventLog::~EventLog() {

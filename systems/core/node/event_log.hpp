@@ -22,8 +22,10 @@ class EventLog final : public Observer {
  public:
   using Clock = std::function<RunTime()>;
 
-  /// Creates the file; environment_error when that is refused.
-  EventLog(const std::filesystem::path& path, NodeRole role);
+  enum class Open { kAnew, kAppend };
+  /// Creates the file, or goes on behind what an earlier process of the same run left in it;
+  /// environment_error when that is refused.
+  EventLog(const std::filesystem::path& path, NodeRole role, Open open = Open::kAnew);
   ~EventLog() override;
   EventLog(const EventLog&) = delete;
   EventLog& operator=(const EventLog&) = delete;

@@ -34,10 +34,13 @@ class LiveNode {
         config_(read_run_config(options.config)),
         system_(find_system(systems, config_.system)),
         parameters_(config_.params, system_.parameters, options.config.string() + ": params."),
+        restarted_(succeeds_a_dead_edge(config_.output, role_)),
         folder_(prepare_node_folder(config_.output, role_)),
-        log_(folder_ / "events.jsonl", role_),
+        log_(folder_ / "events.jsonl", role_,
+             restarted_ ? EventLog::Open::kAppend : EventLog::Open::kAnew),
         runtime_(log_) {
     log_.set_clock([this] { return runtime_.now(); });
+    if (restarted_) log_.write(JsonLine("node_restarted"));
     check_network(system_, config_, options.config.string());
     if (role_ == NodeRole::kEdge && system_.channels.empty()) {
       throw bad_input("--role edge: " + system_.name + " runs on the mobile node alone");
@@ -171,6 +174,7 @@ class LiveNode {
   RunConfig config_;
   const System& system_;
   Parameters parameters_;
+  bool restarted_;
   fs::path folder_;
   EventLog log_;
   LiveRuntime runtime_;

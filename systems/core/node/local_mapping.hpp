@@ -32,6 +32,9 @@ class LocalMapping {
   /// returns false when the keyframe is not to be mapped after all.
   void on_take(std::function<bool(Worker&, KeyFrameId)> prepare) { prepare_ = std::move(prepare); }
 
+  /// On the mapping side: the mapper's points count on behind this one.
+  void skip(MapPointId used) { mapper_.skip(used); }
+
   /// Called when nothing waits; returns when it wants to be called again (kNever: after the next
   /// keyframe).
   void on_idle(std::function<RunTime(Worker&)> idle) { idle_ = std::move(idle); }

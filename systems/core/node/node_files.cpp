@@ -29,6 +29,12 @@ void check_network(const System& system, const RunConfig& config, const std::str
                   (alone ? " has no edge" : " needs an edge"));
 }
 
+bool succeeds_a_dead_edge(const fs::path& output, NodeRole role) {
+  const fs::path folder = output / role_name(role);
+  return role == NodeRole::kEdge && fs::exists(output / "start.json") &&
+         fs::exists(folder / "events.jsonl") && !fs::exists(folder / "node.json");
+}
+
 fs::path prepare_node_folder(const fs::path& output, NodeRole role) {
   const fs::path folder = output / role_name(role);
   std::error_code error;

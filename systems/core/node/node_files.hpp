@@ -23,6 +23,10 @@ const System& find_system(std::span<const System> systems, const std::string& na
 /// bad_input unless a network is given exactly where the system has an edge.
 void check_network(const System& system, const RunConfig& config, const std::string& where);
 
+/// True when an edge of this run was here before and did not end: its successor joins the running
+/// mobile. Asked before the folder is prepared.
+bool succeeds_a_dead_edge(const std::filesystem::path& output, NodeRole role);
+
 /// Creates <output>/<role> and removes what an earlier run said there; environment_error.
 std::filesystem::path prepare_node_folder(const std::filesystem::path& output, NodeRole role);
 

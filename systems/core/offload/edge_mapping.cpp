@@ -112,6 +112,7 @@ bool EdgeMapping::take(KeyFrameId keyframe) {
     const auto found = pending_.find(keyframe);
     if (found == pending_.end()) return false;
     delta = std::move(found->second.message.delta);
+    mapping_.skip(found->second.message.newest_edge_point);
   }
   delta = map_->read([&](const MapView& view) { return rebase_keyframe(view, std::move(delta)); });
   map_->commit(delta);

@@ -7,16 +7,16 @@
 namespace slambed {
 
 void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta delta,
-                          KeyFrameNeed need, bool after_relocalisation,
-                          std::uint64_t applied_update) {
+                          const About& about) {
   if (delta.keyframes.size() != 1) return;
   wire::KeyFrameMessage message;
   message.keyframe = delta.keyframes.front().id;
   message.captured = frame.offered.offered;
-  message.urgent = need == KeyFrameNeed::kUrgent;
-  message.first = frame.outcome.initialised_now;
-  message.after_relocalisation = after_relocalisation;
-  message.applied_update = applied_update;
+  message.urgent = about.need == KeyFrameNeed::kUrgent;
+  message.first = about.first;
+  message.after_relocalisation = about.after_relocalisation;
+  message.applied_update = about.applied_update;
+  message.newest_edge_point = about.newest_edge_point;
   message.delta = std::move(delta);
   Bytes payload = worker.stage("serialise", [&](StageUnits& units) {
     Bytes bytes = encode(message);

@@ -11,9 +11,16 @@ class KeyFrameUplink {
  public:
   KeyFrameUplink(MobileNode& node, Channel& channel) : node_(node), channel_(channel) {}
 
+  /// What goes along with a keyframe.
+  struct About {
+    KeyFrameNeed need = KeyFrameNeed::kIfMapperAgrees;
+    bool first = false;  ///< the edge's map begins with it
+    bool after_relocalisation = false;
+    std::uint64_t applied_update = 0;
+    MapPointId newest_edge_point{};
+  };
   /// The first delta of a map has one keyframe; an empty delta sends nothing.
-  void send(Worker& worker, const TrackedFrame& frame, MapDelta delta, KeyFrameNeed need,
-            bool after_relocalisation, std::uint64_t applied_update);
+  void send(Worker& worker, const TrackedFrame& frame, MapDelta delta, const About& about);
   /// Of the last message on the channel, 0 when there was none.
   std::uint64_t last_sequence() const { return last_sequence_; }
 

@@ -31,6 +31,11 @@ int local_map_gap(const Map& old_map, const wire::MapUpdate& update) {
   });
 }
 
+bool made_by_edge(MapPointId id) {
+  constexpr int kSpaceShift = 56;  // IdSpace is the top byte
+  return id.value >> kSpaceShift == static_cast<std::uint64_t>(IdSpace::kEdgeMapper);
+}
+
 }  // namespace
 
 MapDownlink::MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRules rules)
@@ -118,8 +123,10 @@ std::optional<std::string_view> MapDownlink::refused(Worker& worker, const Messa
                                                      std::uint64_t update) const {
   return decline_reason(rules_, {.relocalisation = is_relocalisation(raw),
                                  .lost = node_.tracker().state() == TrackingState::kLost,
+                                 .former_edge =
+                                     raw.incarnation != node_.network().peer().incarnation,
                                  .update = update,
-                                 .applied = applied_,
+                                 .applied = raw.incarnation == applied_incarnation_ ? applied_ : 0,
                                  .local_keyframes = count(*node_.tracker().map()).keyframes,
                                  .keyframes_created = keyframes_created_,
                                  .new_keyframe = new_keyframe_,
@@ -143,6 +150,12 @@ void MapDownlink::apply(Worker& worker, Arrival arrival) {
     channel_.signal().notify();  // wakes the worker that disposes of it
   }
   applied_ = arrival.update.update;
+  applied_incarnation_ = arrival.raw.incarnation;
+  for (const NewPoint& point : arrival.update.map.points) {
+    if (made_by_edge(point.id)) {
+      newest_edge_point_ = std::max(newest_edge_point_, point.id);
+    }
+  }
   new_keyframe_ = false;
   for (const NewKeyFrame& keyframe : arrival.update.map.keyframes) {
     node_.poses().placed(keyframe.id, keyframe.T_cw);

@@ -29,6 +29,8 @@ class MapDownlink {
   /// On the tracking worker: a keyframe was added to the local map.
   void keyframe_created(RunTime when);
   std::uint64_t applied_update() const { return applied_; }
+  /// Newest point of an edge mapper among all updates taken over; none before the first.
+  MapPointId newest_edge_point() const { return newest_edge_point_; }
 
  private:
   /// An update on its way into the tracker.
@@ -56,6 +58,8 @@ class MapDownlink {
 
   // The tracking worker's.
   std::uint64_t applied_ = 0;
+  std::uint64_t applied_incarnation_ = 0;  ///< of the edge it came from: each counts its own
+  MapPointId newest_edge_point_;
   std::size_t keyframes_created_ = 0;
   bool new_keyframe_ = false;
   RunTime last_keyframe_{};

@@ -19,6 +19,7 @@ struct UpdateRules {
 struct UpdateState {
   bool relocalisation = false;  ///< RELOC_MAP rather than MAP_UPDATE
   bool lost = false;
+  bool former_edge = false;  ///< the process that sent it is gone
   std::uint64_t update = 0, applied = 0;
   std::size_t local_keyframes = 0;
   std::size_t keyframes_created = 0;  ///< since the run began

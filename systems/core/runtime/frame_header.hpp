@@ -21,6 +21,7 @@ struct FrameHeader {
   static constexpr std::uint16_t kVersion = 1;
   static constexpr std::uint8_t kGreetingFlag = 1;  ///< first on every connection
   static constexpr std::uint8_t kFarewellFlag = 2;  ///< last: the sender means to close
+  static constexpr std::uint8_t kAliveFlag = 4;     ///< no message: the sender is there
 
   std::uint8_t type = 0;
   std::uint8_t flags = 0;
@@ -31,6 +32,7 @@ struct FrameHeader {
 
   bool greeting() const { return (flags & kGreetingFlag) != 0; }
   bool farewell() const { return (flags & kFarewellFlag) != 0; }
+  bool alive() const { return (flags & kAliveFlag) != 0; }
   std::array<std::uint8_t, kSize> encode() const;
   /// The header, or why these bytes are none.
   static std::variant<FrameHeader, std::string> decode(std::span<const std::uint8_t, kSize> bytes);

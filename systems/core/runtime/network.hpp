@@ -22,12 +22,30 @@ struct Greeting {
       check;
 };
 
-/// The channels between the two nodes of a run. live/ and virtual/ stand side by side.
+/// A peer of which nothing was heard for so long counts as away, connected or not.
+inline constexpr Duration kPeerSilence = std::chrono::seconds(1);
+
+/// What a node knows of the other one.
+struct PeerState {
+  /// Every channel has its connection, and the peer shows signs of life.
+  bool connected = false;
+  /// Which process of the peer this is, counted from 1; 0: none was met yet. A new number means
+  /// that the old process is gone with all it knew: its map, its queues, what was under way.
+  std::uint64_t incarnation = 0;
+
+  bool operator==(const PeerState&) const = default;
+};
+
+/// The channels between the two nodes of a run. live/ and virtual/ stand side by side. Losing the
+/// peer ends nothing: messages wait in their queues and go on when it is back.
 class Network {
  public:
   virtual ~Network() = default;
   /// Channels are opened once, before the run starts; the network owns them.
   virtual Channel& open(const ChannelOptions& options) = 0;
+  virtual PeerState peer() const = 0;
+  /// Notified whenever peer() changes.
+  virtual Signal& peer_signal() = 0;
 };
 
 }  // namespace slambed

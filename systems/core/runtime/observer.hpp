@@ -29,7 +29,8 @@ struct MessageRecord {
   RunTime queued{}, sent{}, received{};
 };
 
-/// A change of a connection: connected, lost, reconnected, rejected.
+/// A change of a connection: connected, lost, reconnected, rejected; on the channel with the
+/// heartbeat also silent and heard.
 struct LinkRecord {
   std::string_view channel, event, detail;
 };

@@ -127,4 +127,6 @@ void LocalMapper::replace_map(std::shared_ptr<Map> map) {
   impl_->window.reset();
 }
 
+void LocalMapper::skip(MapPointId used) { impl_->point_ids.skip(used); }
+
 }  // namespace slambed

@@ -42,6 +42,8 @@ class LocalMapper {
 
   /// Continues on another map (hand-over); pending work is dropped.
   void replace_map(std::shared_ptr<Map> map);
+  /// Makes its next points with ids behind this one.
+  void skip(MapPointId used);
 
  private:
   struct Impl;

@@ -35,6 +35,7 @@ Bytes encode(const KeyFrameMessage& message) {
   out.u8(message.first);
   out.u8(message.after_relocalisation);
   out.varint(message.applied_update);
+  IdStream().put(out, message.newest_edge_point);
   put_delta(out, message.delta);
   return out.take();
 }
@@ -48,6 +49,7 @@ KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const Senso
     message.first = in.flag();
     message.after_relocalisation = in.flag();
     message.applied_update = in.varint();
+    message.newest_edge_point = IdStream().get_or_none<MapPointId>(in);
     message.delta = get_delta(in, sensor);
     if (message.delta.keyframes.size() != 1 ||
         message.delta.keyframes.front().id != message.keyframe) {

@@ -21,6 +21,8 @@ struct KeyFrameMessage {
   bool first = false;                 ///< the map starts (again) with it
   bool after_relocalisation = false;  ///< within a second of one: Edge-SLAM's passedF is false
   std::uint64_t applied_update = 0;   ///< newest update the mobile had taken over, 0: none
+  /// Newest point of an edge mapper that the mobile ever saw: a restarted edge counts on behind it.
+  MapPointId newest_edge_point{};
   MapDelta delta;
 };
 

@@ -21,7 +21,7 @@ using testing::read_text;
 using namespace std::chrono_literals;
 namespace fs = std::filesystem;
 
-constexpr int kFrames = 45;
+constexpr int kFrames = 75;
 
 /// One short generated sequence for all tests.
 const fs::path& sequence() {
@@ -135,6 +135,7 @@ class NodeProgram : public ::testing::Test {
     std::vector<nlohmann::json> found;
     std::istringstream lines(read_text(folder.path() / role / "events.jsonl"));
     for (std::string line; std::getline(lines, line);) {
+      if (!nlohmann::json::accept(line)) continue;  // cut by a kill
       auto event = nlohmann::json::parse(line);
       if (event["type"] == type) found.push_back(std::move(event));
     }
@@ -226,6 +227,55 @@ TEST_F(NodeProgram, TheMobileGoesOnWhenTheEdgeDies) {
   EXPECT_EQ(end("mobile")["exit_reason"], "completed");
   EXPECT_EQ(end("mobile")["frames_total"], kFrames);
   EXPECT_FALSE(events("mobile", "warning").empty());
+}
+
+TEST_F(NodeProgram, ARestartedEdgeJoinsTheRunningMobile) {
+  Process mobile = node("mobile");
+  {
+    Process edge = node("edge");
+    ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json")) << log("mobile");
+    start();
+    std::this_thread::sleep_for(1s);
+  }  // SIGKILL
+  Process edge = node("edge");
+  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+  EXPECT_EQ(edge.wait(), 0) << log("edge");
+  EXPECT_EQ(end("mobile")["exit_reason"], "completed");
+  EXPECT_EQ(end("edge")["exit_reason"], "bye");
+  EXPECT_EQ(end("mobile")["keyframes"], end("edge")["keyframes"]);
+  ASSERT_EQ(events("mobile", "edge_restarted").size(), 1u);
+  const auto restart = events("mobile", "edge_restarted").front();
+  EXPECT_EQ(restart["incarnation"], 2);
+  EXPECT_EQ(events("edge", "node_restarted").size(), 1u);
+  // What the first edge wrote is still there, and the second one maps what the mobile sends.
+  const auto received = events("edge", "keyframe_received");
+  EXPECT_TRUE(std::any_of(received.begin(), received.end(), [&](const auto& event) {
+    return event["keyframe"] == restart["keyframe"];
+  }));
+  EXPECT_TRUE(std::any_of(received.begin(), received.end(), [&](const auto& event) {
+    return event["keyframe"] < restart["keyframe"];
+  }));
+  EXPECT_TRUE(events("mobile", "track_lost").empty());
+}
+
+TEST_F(NodeProgram, AFrozenEdgeIsNoticedAndGoesOn) {
+  Process edge = node("edge"), mobile = node("mobile");
+  ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json")) << log("mobile");
+  start();
+  std::this_thread::sleep_for(500ms);
+  edge.signal(SIGSTOP);
+  std::this_thread::sleep_for(1500ms);
+  edge.signal(SIGCONT);
+  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+  EXPECT_EQ(edge.wait(), 0) << log("edge");
+  EXPECT_EQ(end("edge")["exit_reason"], "bye");
+  EXPECT_EQ(end("mobile")["frames_total"], kFrames);
+  std::vector<std::string> changes;
+  for (const auto& link : events("mobile", "link")) {
+    if (link["event"] != "connected") changes.push_back(link["event"]);
+  }
+  EXPECT_EQ(changes, (std::vector<std::string>{"silent", "heard"}));
+  EXPECT_TRUE(events("mobile", "edge_restarted").empty());
 }
 
 TEST_F(NodeProgram, GarbageOnAPortIsRecordedAndChangesNothing) {

@@ -135,5 +135,20 @@ TEST(EventLog, AnUnwritablePlaceIsAnEnvironmentError) {
   EXPECT_THROW(full.flush(), Error);
 }
 
+TEST(EventLog, ASuccessorGoesOnBehindAHalfLine) {
+  testing::TemporaryFolder folder;
+  const auto path = folder.path() / "events.jsonl";
+  folder.write("events.jsonl", "{\"t_ns\":1,\"type\":\"warning\"}\n{\"t_ns\":2,\"ty");
+  {
+    EventLog log(path, NodeRole::kEdge, EventLog::Open::kAppend);
+    log.set_clock([] { return RunTime(5); });
+    log.start(0ns, [] {});
+    log.write(JsonLine("node_restarted"));
+  }
+  EXPECT_EQ(testing::read_text(path),
+            "{\"t_ns\":1,\"type\":\"warning\"}\n{\"t_ns\":2,\"ty\n"
+            "{\"t_ns\":5,\"type\":\"node_restarted\"}\n");
+}
+
 }  // namespace
 }  // namespace slambed

@@ -37,6 +37,9 @@ TEST(UpdateRules, FollowEdgeSlam) {
   state = usual();
   state.applied = 5;
   EXPECT_EQ(reason(rules, state), "older than the map");
+  state = usual();
+  state.former_edge = true;
+  EXPECT_EQ(reason(rules, state), "its edge is gone");
 }
 
 TEST(UpdateRules, FastMotionMattersLessTheMoreKeyframesThereAre) {

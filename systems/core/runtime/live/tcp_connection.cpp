@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "runtime/live/live_runtime.hpp"
+
 namespace slambed {
 namespace {
 
@@ -20,14 +22,21 @@ constexpr std::size_t kReadShare = 1 << 20;
 }  // namespace
 
 TcpConnection::TcpConnection(FileDescriptor fd, std::size_t max_payload, RunTime opened)
-    : fd_(std::move(fd)), max_payload_(max_payload), opened_(opened) {}
+    : fd_(std::move(fd)),
+      max_payload_(max_payload),
+      opened_(opened),
+      heard_(opened),
+      spoke_(opened) {}
 
 void TcpConnection::greet(std::uint64_t session, Bytes payload) {
   Message message;
   message.sequence = session;
   message.payload = std::move(payload);
   load([] { return RunTime{}; }, std::move(message), FrameHeader::kGreetingFlag);
-  unsent_greeting_ = true;
+}
+
+void TcpConnection::show_life(const Clock& clock) {
+  if (greeted_ && !sending_ && !parted_) load(clock, {}, FrameHeader::kAliveFlag);
 }
 
 void TcpConnection::load(const Clock& clock, Message message, std::uint8_t flags) {
@@ -42,6 +51,7 @@ void TcpConnection::load(const Clock& clock, Message message, std::uint8_t flags
   header.payload_crc = checksum(message.payload);
   sending_header_ = header.encode();
   sending_ = std::move(message);
+  sending_flags_ = flags;
   sent_ = 0;
 }
 
@@ -86,7 +96,7 @@ std::optional<TcpConnection::End> TcpConnection::finish_frame(const FrameHandler
   } else if (header_->greeting()) {
     refused = on_greeting(*header_, std::move(payload_));
     if (!refused) greeted_ = true;
-  } else {
+  } else if (!header_->alive()) {
     refused = on_message(*header_, std::move(payload_));
   }
   header_.reset();
@@ -123,7 +133,10 @@ std::optional<TcpConnection::End> TcpConnection::read_some(const FrameHandler& o
     }
     if ((end = finish_frame(on_greeting, on_message))) return end;
   }
-  if (taken > 0) acknowledge_now(fd_.get());
+  if (taken > 0) {
+    heard_ = monotonic_now();
+    acknowledge_now(fd_.get());
+  }
   return end;
 }
 
@@ -165,14 +178,14 @@ std::optional<TcpConnection::End> TcpConnection::write_some(const Clock& clock,
         return End{false, error_text(errno)};
       }
       sent_ += static_cast<std::size_t>(written);
+      spoke_ = monotonic_now();
     }
     sending_.reset();
-    unsent_greeting_ = false;
   }
 }
 
 std::optional<Message> TcpConnection::take_unfinished() {
-  if (unsent_greeting_ || parted_) return std::nullopt;
+  if (sending_flags_ != 0) return std::nullopt;
   return std::exchange(sending_, std::nullopt);
 }
 

@@ -31,11 +31,17 @@ class TcpConnection {
   int fd() const { return fd_.get(); }
   RunTime opened() const { return opened_; }
   bool greeted() const { return greeted_; }
-  bool wants_write() const { return sending_.has_value() || unsent_greeting_; }
+  bool wants_write() const { return sending_.has_value(); }
   bool sending() const { return sending_.has_value(); }
 
   /// Queues our greeting; messages wait until the peer's has been accepted.
   void greet(std::uint64_t session, Bytes payload);
+
+  /// Tells the peer that we are there, unless it hears from us anyway.
+  void show_life(const Clock& clock);
+  /// When bytes last came or went; CLOCK_MONOTONIC.
+  RunTime heard() const { return heard_; }
+  RunTime spoke() const { return spoke_; }
 
   /// Once nothing is left to send, tells the peer that the connection will end.
   void part() { parting_ = true; }
@@ -57,6 +63,7 @@ class TcpConnection {
   FileDescriptor fd_;
   std::size_t max_payload_;
   RunTime opened_;
+  RunTime heard_, spoke_;
   bool greeted_ = false;
 
   std::array<std::uint8_t, FrameHeader::kSize> header_bytes_{};
@@ -65,9 +72,9 @@ class TcpConnection {
   Bytes payload_;
   std::size_t payload_read_ = 0;
 
-  bool unsent_greeting_ = false;
   bool parting_ = false, parted_ = false, peer_parted_ = false;
   std::optional<Message> sending_;
+  std::uint8_t sending_flags_ = 0;
   std::array<std::uint8_t, FrameHeader::kSize> sending_header_{};
   std::size_t sent_ = 0;
 };

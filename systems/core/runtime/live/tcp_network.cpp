@@ -36,6 +36,7 @@ struct TcpNetwork::Link {
   TcpConnection* current = nullptr;
   bool ever_connected = false;
   std::uint64_t peer_session = 0;
+  std::uint64_t incarnation = 0;
   int rejections = 0;
   std::string untuned;  ///< socket options that the host refused
 
@@ -63,7 +64,8 @@ TcpNetwork::TcpNetwork(LiveRuntime& runtime, Observer& observer, TcpNetworkOptio
       greeting_(std::move(greeting)),
       session_(static_cast<std::uint64_t>(monotonic_now().count()) ^
                (static_cast<std::uint64_t>(::getpid()) << 48)),
-      wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
+      wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
+      peer_signal_(runtime.make_signal()) {
   if (!wake_)
     throw environment_error("eventfd: " + error_text(errno) + "; raise the limit of open files");
 }
@@ -94,6 +96,11 @@ std::uint16_t TcpNetwork::port(const std::string& channel) const {
   return 0;
 }
 
+PeerState TcpNetwork::peer() const {
+  std::lock_guard lock(mutex_);
+  return peer_;
+}
+
 void TcpNetwork::start() {
   thread_ = std::thread([this] {
     pthread_setname_np(pthread_self(), "link-io");
@@ -104,7 +111,7 @@ void TcpNetwork::start() {
 bool TcpNetwork::wait_connected(Duration timeout) {
   const auto deadline = std::chrono::steady_clock::now() + timeout;
   std::unique_lock lock(mutex_);
-  while (connected_count_ < links_.size()) {
+  while (!peer_.connected) {
     if (runtime_.stopping() || std::chrono::steady_clock::now() >= deadline) return false;
     changed_.wait_until(lock, std::min(deadline, std::chrono::steady_clock::now() + kLookEvery));
   }
@@ -152,6 +159,7 @@ void TcpNetwork::run() {
     std::uint64_t ignored = 0;
     [[maybe_unused]] const auto drained = ::read(wake_.get(), &ignored, sizeof ignored);
     for (auto& link : links_) serve(*link, polled);
+    for (auto& link : links_) keep_alive(*link);
   }
   for (auto& link : links_) {
     link->channel->set_connection(-1);
@@ -231,8 +239,7 @@ void TcpNetwork::pump(Link& link, std::size_t index, short events) {
           session = header.sequence;
           auto refused = greeting_.check(link.channel->options().name, payload);
           if (refused) return refused;
-          if (session != link.peer_session) link.channel->forget_peer_sequence();
-          link.peer_session = session;
+          meet(link, session);
           newly_greeted = true;
           return std::nullopt;
         },
@@ -242,6 +249,7 @@ void TcpNetwork::pump(Link& link, std::size_t index, short events) {
                                  .queued = header.queued,
                                  .sent = header.sent,
                                  .received = runtime_.now(),
+                                 .incarnation = link.incarnation,
                                  .payload = std::move(payload)});
           return std::nullopt;
         });
@@ -259,15 +267,16 @@ void TcpNetwork::pump(Link& link, std::size_t index, short events) {
 
 void TcpNetwork::promote(Link& link, std::size_t index) {
   TcpConnection* fresh = link.connections[index].get();
-  if (link.current && link.current != fresh) {  // the peer is back before we saw it go
-    const auto old = std::find_if(link.connections.begin(), link.connections.end(),
-                                  [&](const auto& c) { return c.get() == link.current; });
-    end(link, static_cast<std::size_t>(old - link.connections.begin()),
-        {false, "replaced by a new connection"});
+  if (link.current != fresh) {  // the peer is back before we saw it go
+    end_current(link, "replaced by a new connection");
   }
   link.current = fresh;
+  for (auto& other : links_) {  // what is left of a process that is no more
+    if (other->peer_session != peer_session_) end_current(*other, "the peer was restarted");
+  }
   link.channel->set_connection(fresh->fd());
   std::string detail = link.endpoint.address + " port " + std::to_string(link.endpoint.port);
+  if (link.incarnation > 1) detail += ", incarnation " + std::to_string(link.incarnation);
   if (!link.untuned.empty()) detail += ", could not set " + link.untuned;
   link.channel->record_link(link.ever_connected ? "reconnected" : "connected", detail);
   link.ever_connected = true;
@@ -295,6 +304,46 @@ void TcpNetwork::end(Link& link, std::size_t index, const TcpConnection::End& wh
   link.next_attempt = monotonic_now() + options_.retry;
 }
 
+void TcpNetwork::end_current(Link& link, const std::string& reason) {
+  const auto current = std::find_if(link.connections.begin(), link.connections.end(),
+                                    [&](const auto& c) { return c.get() == link.current; });
+  if (current == link.connections.end()) return;
+  end(link, static_cast<std::size_t>(current - link.connections.begin()), {false, reason});
+}
+
+/// A greeting was accepted: by it a restarted peer is told from one that reconnects.
+void TcpNetwork::meet(Link& link, std::uint64_t session) {
+  std::lock_guard lock(mutex_);
+  if (session != peer_session_) {
+    peer_session_ = session;
+    ++peer_.incarnation;
+  }
+  if (session != link.peer_session) link.channel->forget_peer_sequence();
+  link.peer_session = session;
+  link.incarnation = peer_.incarnation;
+}
+
+void TcpNetwork::keep_alive(Link& link) {
+  if (!link.channel->options().heartbeat) return;
+  const bool was_silent = silent_;
+  silent_ = false;
+  if (link.current) {
+    const RunTime now = monotonic_now();
+    if (now - link.current->spoke() >= options_.heartbeat) {
+      const auto clock = [this] { return runtime_.now(); };
+      link.current->show_life(clock);
+    }
+    silent_ = now - link.current->heard() > options_.silence;
+    if (silent_ && !was_silent) {
+      const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(options_.silence);
+      link.channel->record_link("silent",
+                                "no sign of life for " + std::to_string(ms.count()) + " ms");
+    }
+    if (!silent_ && was_silent) link.channel->record_link("heard", "");
+  }
+  if (silent_ != was_silent) announce();
+}
+
 bool TcpNetwork::flushed() const {
   for (const auto& link : links_) {
     if (!link->current) continue;  // nobody to send it to
@@ -307,12 +356,15 @@ bool TcpNetwork::flushed() const {
 }
 
 void TcpNetwork::announce() {
+  const bool connected =
+      !silent_ && std::all_of(links_.begin(), links_.end(),
+                              [](const auto& link) { return link->current != nullptr; });
   {
     std::lock_guard lock(mutex_);
-    connected_count_ = static_cast<std::size_t>(std::count_if(
-        links_.begin(), links_.end(), [](const auto& link) { return link->current != nullptr; }));
+    peer_.connected = connected;
   }
   changed_.notify_all();
+  peer_signal_->notify();
 }
 
 }  // namespace slambed

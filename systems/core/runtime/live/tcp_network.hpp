@@ -22,6 +22,8 @@ struct TcpNetworkOptions {
   Duration retry = std::chrono::milliseconds(100);    ///< between two attempts to connect
   Duration attempt = std::chrono::seconds(1);         ///< a connect that takes longer starts again
   Duration greeting_limit = std::chrono::seconds(5);  ///< for a stranger who says nothing
+  Duration heartbeat = std::chrono::milliseconds(250);
+  Duration silence = kPeerSilence;  ///< then the peer counts as away
 };
 
 /// One TCP connection per channel and one I/O thread for all of them.
@@ -34,6 +36,8 @@ class TcpNetwork final : public Network {
   /// Listening: binds at once, environment_error when the port is taken. bad_input: unknown
   /// channel.
   Channel& open(const ChannelOptions& options) override;
+  PeerState peer() const override;
+  Signal& peer_signal() override { return *peer_signal_; }
   /// Starts the I/O thread; all channels are open by then.
   void start();
   /// True when every channel has a greeted peer. Ends early when the runtime stops.
@@ -54,6 +58,9 @@ class TcpNetwork final : public Network {
   void pump(Link& link, std::size_t index, short events);
   void promote(Link& link, std::size_t index);
   void end(Link& link, std::size_t index, const TcpConnection::End& why);
+  void end_current(Link& link, const std::string& reason);
+  void meet(Link& link, std::uint64_t session);
+  void keep_alive(Link& link);
   bool flushed() const;
   void announce();
 
@@ -62,11 +69,14 @@ class TcpNetwork final : public Network {
   TcpNetworkOptions options_;
   Greeting greeting_;
   std::uint64_t session_;  ///< tells a restarted process from a reconnecting one
+  std::uint64_t peer_session_ = 0;
+  bool silent_ = false;  ///< connected, but no sign of life
   FileDescriptor wake_;
   std::vector<std::unique_ptr<Link>> links_;
-  std::mutex mutex_;  ///< guards connected_count_ and close_by_
+  std::unique_ptr<Signal> peer_signal_;
+  mutable std::mutex mutex_;  ///< guards peer_ and close_by_
   std::condition_variable changed_;
-  std::size_t connected_count_ = 0;
+  PeerState peer_;
   RunTime close_by_ = kNever;  ///< monotonic time
   std::thread thread_;
 };

@@ -177,6 +177,27 @@ TEST(VirtualNetwork, AGapHoldsWhatWouldArriveInIt) {
   EXPECT_EQ(deliver(nodes, 100, {0ms, 95ms, 400ms}), (std::vector<Duration>{10ms, 300ms, 410ms}));
 }
 
+TEST(VirtualNetwork, ThePeerIsAwayInALongGapForTheSideThatListens) {
+  DirectionOptions down = constant(10);
+  down.gaps = {{.start_ns = 2000 * kMs, .end_ns = 2900 * kMs},
+               {.start_ns = 5000 * kMs, .end_ns = 10000 * kMs}};
+  Nodes nodes(constant(10), down, {.name = "map", .heartbeat = true});
+  EXPECT_EQ(nodes.link.edge_side(nodes.observer).peer(), (PeerState{true, 1}));
+  std::vector<std::pair<RunTime, bool>> changes;
+  nodes.mobile.spawn("watch", [&](Worker& w) {
+    Network& network = nodes.link.mobile_side(nodes.observer);
+    for (auto ticket = network.peer_signal().ticket(); w.now() < 20s;) {
+      if (!w.wait(network.peer_signal(), ticket, 20s)) break;
+      ticket = network.peer_signal().ticket();
+      changes.emplace_back(w.now(), network.peer().connected);
+      EXPECT_TRUE(nodes.link.edge_side(nodes.observer).peer().connected);
+    }
+  });
+  nodes.simulator.run();
+  EXPECT_EQ(changes, (std::vector<std::pair<RunTime, bool>>{{6s, false}, {10s, true}}));
+  EXPECT_EQ(nodes.observer.links, 2 + 2);  // both ends connected; silent, heard
+}
+
 TEST(VirtualNetwork, EqualSeedsLoseTheSamePackets) {
   const auto run = [] {
     Nodes nodes(constant(10, 20, 0.1), constant(10, 0, 0.1));

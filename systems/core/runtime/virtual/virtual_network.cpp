@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "runtime/virtual/virtual_network.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/error.hpp"
@@ -12,6 +13,8 @@ namespace {
 
 /// Bytes that the live channel leaves unsent in the kernel before it hands over the next message.
 constexpr std::uint64_t kUnsentLimit = 128 * 1024;
+/// Nobody dies in a virtual run.
+constexpr std::uint64_t kOnlyIncarnation = 1;
 
 }  // namespace
 
@@ -72,6 +75,10 @@ class VirtualLink::VirtualChannel final : public Channel {
     return stats;
   }
 
+  void record_link(std::string_view event) const {
+    observer_.link({.channel = options_.name, .event = event, .detail = ""});
+  }
+
  private:
   static std::uint64_t size_on_wire(const Message& m) {
     return m.payload.size() + FrameHeader::kSize;
@@ -95,6 +102,7 @@ class VirtualLink::VirtualChannel final : public Channel {
       Message message = std::move(under_way_.front().second);
       under_way_.pop_front();
       message.received = simulator_.now();
+      message.incarnation = kOnlyIncarnation;
       auto dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
       if (dropped) record(*dropped, true, true);
       arrived = true;
@@ -112,9 +120,6 @@ class VirtualLink::VirtualChannel final : public Channel {
                        .queued = m.queued,
                        .sent = m.sent,
                        .received = m.received});
-  }
-  void record_link(std::string_view event) const {
-    observer_.link({.channel = options_.name, .event = event, .detail = ""});
   }
 
   Simulator& simulator_;
@@ -141,6 +146,22 @@ class VirtualLink::Side final : public Network {
     return *slot->second;
   }
 
+  PeerState peer() const override {
+    const bool met = !channels_.empty() &&
+                     std::all_of(channels_.begin(), channels_.end(), [](const auto& channel) {
+                       return channel.second->path().connected;
+                     });
+    return {.connected = met && !silent_, .incarnation = met ? kOnlyIncarnation : 0};
+  }
+  Signal& peer_signal() override { return peer_signal_; }
+  void hear(bool silent) {
+    silent_ = silent;
+    peer_signal_.notify();
+    for (const auto& [name, channel] : channels_) {
+      if (channel->options().heartbeat) channel->record_link(silent ? "silent" : "heard");
+    }
+  }
+
   VirtualChannel* find(const std::string& name) const {
     const auto slot = channels_.find(name);
     return slot == channels_.end() ? nullptr : slot->second.get();
@@ -149,18 +170,36 @@ class VirtualLink::Side final : public Network {
  private:
   VirtualLink& link_;
   Observer& observer_;
+  VirtualSignal peer_signal_;
+  bool silent_ = false;
   std::map<std::string, std::unique_ptr<VirtualChannel>> channels_;
 };
 
 VirtualLink::VirtualLink(Simulator& simulator, const link::DirectionOptions& up,
                          const link::DirectionOptions& down, std::uint64_t seed)
-    : simulator_(simulator), up_(simulator, up, seed, 0), down_(simulator, down, seed, 1) {}
+    : simulator_(simulator), up_(simulator, up, seed, 0), down_(simulator, down, seed, 1) {
+  watch_gaps(up, 1);
+  watch_gaps(down, 0);
+}
 
 VirtualLink::~VirtualLink() = default;
 
 VirtualLink::Side& VirtualLink::side(int index, Observer& observer) {
   if (!sides_[index]) sides_[index] = std::make_unique<Side>(*this, observer);
   return *sides_[index];
+}
+
+/// A long gap of a direction is a peer without signs of life for the side that listens.
+void VirtualLink::watch_gaps(const link::DirectionOptions& direction, int listener) {
+  for (const link::Gap& gap : direction.gaps) {
+    const RunTime noticed = RunTime(gap.start_ns) + kPeerSilence, over(gap.end_ns);
+    if (over <= noticed) continue;
+    for (const bool silent : {true, false}) {
+      simulator_.at_background(silent ? noticed : over, [this, listener, silent] {
+        if (sides_[listener]) sides_[listener]->hear(silent);
+      });
+    }
+  }
 }
 
 Network& VirtualLink::mobile_side(Observer& observer) { return side(0, observer); }
@@ -173,6 +212,7 @@ void VirtualLink::connect(const std::string& name) {
   if (!mobile || !edge) return;
   mobile->connect(*edge, up_, down_);
   edge->connect(*mobile, down_, up_);
+  for (const auto& side : sides_) side->peer_signal().notify();
 }
 
 }  // namespace slambed

@@ -37,6 +37,7 @@ class VirtualLink {
   class VirtualChannel;
   Side& side(int index, Observer& observer);
   void connect(const std::string& name);
+  void watch_gaps(const link::DirectionOptions& direction, int listener);
 
   Simulator& simulator_;
   PathModel up_, down_;

@@ -137,12 +137,14 @@ TEST_F(Codec, MessagesComeBack) {
   keyframe.captured = RunTime(-17);
   keyframe.urgent = keyframe.after_relocalisation = true;
   keyframe.applied_update = 6;
+  keyframe.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
   keyframe.delta = example_keyframe(random, sensor, 50, 10, 10);
   const auto keyframe_back = decode_keyframe(encode(keyframe), sensor);
   EXPECT_EQ(keyframe_back.keyframe, keyframe.keyframe);
   EXPECT_EQ(keyframe_back.captured, keyframe.captured);
   EXPECT_TRUE(keyframe_back.urgent && keyframe_back.after_relocalisation && !keyframe_back.first);
   EXPECT_EQ(keyframe_back.applied_update, 6u);
+  EXPECT_EQ(keyframe_back.newest_edge_point, keyframe.newest_edge_point);
   EXPECT_EQ(keyframe_back.delta.points.size(), 10u);
 
   MapUpdate update;

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// A peer that dies, freezes or comes back: what the network tells its node about it.
+#include "runtime/tests/tcp_nodes.hpp"
+
+namespace slambed {
+namespace {
+
+using namespace testing;
+using namespace std::chrono_literals;
+
+const std::vector<ChannelOptions> kChannels = {{.name = "a"}, {.name = "b"}};
+const std::vector<ChannelOptions> kWatched = {{.name = "a", .heartbeat = true}, {.name = "b"}};
+
+/// A peer of which only the kernel is alive: it has greeted and says no more by itself.
+class FrozenPeer {
+ public:
+  FrozenPeer(const Node& edge, const std::string& channel, std::uint64_t session)
+      : fd_(raw_connection(edge.port(channel))) {
+    const std::string key = "run-1";
+    write_frame(fd_, {.flags = FrameHeader::kGreetingFlag, .sequence = session},
+                Bytes(key.begin(), key.end()));
+  }
+  ~FrozenPeer() { ::close(fd_); }
+  FrozenPeer(const FrozenPeer&) = delete;
+  FrozenPeer& operator=(const FrozenPeer&) = delete;
+  void show_life() { write_frame(fd_, {.flags = FrameHeader::kAliveFlag}, {}); }
+
+ private:
+  int fd_;
+};
+
+Node::Ports ports_of(const Node& edge) { return {{"a", edge.port("a")}, {"b", edge.port("b")}}; }
+
+bool connected(const Node& node) { return node.network->peer().connected; }
+
+TEST(TcpPeer, IsConnectedOnceAllChannelsAre) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
+  EXPECT_EQ(edge.network->peer(), PeerState{});
+  FrozenPeer a(edge, "a", 77);
+  ASSERT_TRUE(eventually([&] { return edge.network->peer().incarnation == 1; }));
+  EXPECT_FALSE(connected(edge));
+  const auto ticket = edge.network->peer_signal().ticket();
+  FrozenPeer b(edge, "b", 77);
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  EXPECT_EQ(edge.network->peer().incarnation, 1u);
+  EXPECT_NE(edge.network->peer_signal().ticket(), ticket);
+}
+
+TEST(TcpPeer, SignsOfLifeKeepIdleNodesConnected) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kWatched);
+  Node mobile(false, ports_of(edge), kWatched);
+  ASSERT_TRUE(mobile.network->wait_connected(kLong));
+  std::this_thread::sleep_for(1500ms);  // several times the silence that makes a peer away
+  EXPECT_TRUE(connected(mobile) && connected(edge));
+  EXPECT_FALSE(mobile.recorder.saw_link("silent") || edge.recorder.saw_link("silent"));
+  EXPECT_TRUE(mobile.recorder.messages().empty() && edge.recorder.messages().empty());
+}
+
+TEST(TcpPeer, AFrozenOneIsAwayUntilItShowsLife) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kWatched);
+  FrozenPeer a(edge, "a", 77), b(edge, "b", 77);
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  ASSERT_TRUE(eventually([&] { return !connected(edge); }));
+  EXPECT_TRUE(edge.recorder.saw_link("silent"));
+  EXPECT_FALSE(edge.recorder.saw_link("lost"));
+  EXPECT_TRUE(edge.channel->path().connected);  // the connection as such still stands
+  a.show_life();
+  EXPECT_TRUE(eventually([&] { return connected(edge); }));
+  EXPECT_TRUE(edge.recorder.saw_link("heard"));
+  EXPECT_EQ(edge.network->peer().incarnation, 1u);
+}
+
+TEST(TcpPeer, ARestartedOneHasANewIncarnation) {
+  auto edge = std::make_unique<Node>(true, Node::Ports{{"a", 0}, {"b", 0}}, kWatched);
+  const Node::Ports ports = ports_of(*edge);
+  Node mobile(false, ports, kWatched);
+  ASSERT_TRUE(mobile.network->wait_connected(kLong));
+  edge->channel->send(1, {});
+  auto message = await_message(mobile);
+  ASSERT_TRUE(message);
+  EXPECT_EQ(message->incarnation, 1u);
+  edge.reset();
+  ASSERT_TRUE(eventually([&] { return !connected(mobile); }));
+  EXPECT_EQ(mobile.network->peer().incarnation, 1u);
+  edge = std::make_unique<Node>(true, ports, kWatched);
+  ASSERT_TRUE(mobile.network->wait_connected(kLong));
+  EXPECT_EQ(mobile.network->peer().incarnation, 2u);
+  EXPECT_EQ(edge->network->peer().incarnation, 1u);
+  EXPECT_TRUE(eventually([&] { return mobile.recorder.saw_link("incarnation 2"); }));
+  edge->channel->send(1, {});
+  message = await_message(mobile);
+  ASSERT_TRUE(message);
+  EXPECT_EQ(message->incarnation, 2u);
+}
+
+TEST(TcpPeer, AReconnectedOneIsTheSame) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
+  auto a = std::make_unique<FrozenPeer>(edge, "a", 77);
+  FrozenPeer b(edge, "b", 77);
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  a.reset();
+  ASSERT_TRUE(eventually([&] { return edge.recorder.saw_link("lost"); }));
+  EXPECT_FALSE(connected(edge));
+  a = std::make_unique<FrozenPeer>(edge, "a", 77);
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  EXPECT_EQ(edge.network->peer().incarnation, 1u);
+}
+
+TEST(TcpPeer, WhatIsLeftOfADeadProcessIsCutOff) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
+  FrozenPeer a(edge, "a", 77), b(edge, "b", 77);  // these stay open: nobody saw the old one die
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  FrozenPeer new_a(edge, "a", 88);
+  ASSERT_TRUE(eventually([&] { return edge.recorder.saw_link("the peer was restarted"); }));
+  EXPECT_EQ(edge.network->peer(), (PeerState{.connected = false, .incarnation = 2}));
+  FrozenPeer new_b(edge, "b", 88);
+  EXPECT_TRUE(eventually([&] { return connected(edge); }));
+  EXPECT_EQ(edge.network->peer().incarnation, 2u);
+}
+
+TEST(TcpPeer, EveryLifeIsNumberedInItsMessages) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
+  const Node::Ports ports = ports_of(edge);
+  std::uint64_t sent = 0;
+  for (std::uint64_t life = 1; life <= 20; ++life) {
+    Node mobile(false, ports, kChannels);
+    ASSERT_TRUE(mobile.network->wait_connected(kLong));
+    ASSERT_TRUE(edge.network->wait_connected(kLong));
+    mobile.channel->send(static_cast<std::uint8_t>(life), Bytes(100'000));
+    mobile.network->close(kLong);
+    ++sent;
+  }
+  for (std::uint64_t life = 1; life <= sent; ++life) {
+    const auto message = await_message(edge);
+    ASSERT_TRUE(message);
+    EXPECT_EQ(message->type, life);
+    EXPECT_EQ(message->incarnation, life);
+  }
+  EXPECT_EQ(edge.network->peer().incarnation, sent);
+}
+
+}  // namespace
+}  // namespace slambed
