@@ -67,6 +67,13 @@ def run(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Make virtual runs on the workers of this Dask scheduler: tcp://..."),
+    ] = None,
+    slurm: Annotated[
+        bool, typer.Option("--slurm", help="Make virtual runs in --jobs Slurm jobs.")
+    ] = False,
 ) -> None:
     """Run what is missing of an experiment, then show and write its report.
 
@@ -84,9 +91,10 @@ def run(
         typer.echo(f"{source.path}: good")
         return
     console = _console()
-    verdict = campaign.run_experiment(
-        experiment, campaign.Options(runs, engine, results, wait, jobs), console
-    )
+    if scheduler and slurm:
+        raise SlambedError("give one of --scheduler ADDRESS, --slurm")
+    options = campaign.Options(runs, engine, results, wait, jobs, scheduler, slurm)
+    verdict = campaign.run_experiment(experiment, options, console)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])
         typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)

@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from slambed.campaign.choose import choose_engine
+from slambed.campaign.cluster import join_cluster, start_on_slurm
 from slambed.campaign.datasets import Sequence, prepare_sequence
 from slambed.campaign.folder import ResultFolder, give_to_caller
 from slambed.campaign.ledger import Ledger, utc_now
@@ -54,6 +55,10 @@ class Options:
     """Wait for another campaign on this host to end."""
     jobs: int | None = None
     """Virtual runs at a time; all CPUs when not given."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler whose workers make the virtual runs."""
+    slurm: bool = False
+    """Virtual runs as `jobs` Slurm jobs."""
 
 
 @dataclass
@@ -79,6 +84,11 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
     files = (experiment, source, library, profiles)
     if asked == VIRTUAL:
         return _run_virtually(files, options, count, console)
+    if options.scheduler or options.slurm:
+        raise SlambedError(
+            "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
+            "add --engine virtual"
+        )
     if os.geteuid() != 0:
         raise environment_error(
             "no permission for a live run: network namespaces and CPU limits need root; "
@@ -104,7 +114,6 @@ def _run_virtually(
     """No privilege, no lock on the host: only the result folder is ours alone."""
     program = find_program(PROGRAM)
     features = cache_folder() / "features"
-    jobs = options.jobs or len(os.sched_getaffinity(0))
     folder = options.results / files[0].id
     folder.mkdir(parents=True, exist_ok=True)
     with host_lock(
@@ -115,9 +124,16 @@ def _run_virtually(
     ):
         plan = make_plan(*files, VIRTUAL, host_software(program=PROGRAM), count)
         prune_features(features)
-        return _run_plan(
-            plan, files[1], options, lambda p: WorkerPool(p, program, features, jobs), console
-        )
+
+        def maker_of(played: Played) -> Maker:
+            if options.scheduler:
+                return join_cluster(played, options.scheduler, options.jobs)
+            if options.slurm:
+                return start_on_slurm(played, options.jobs)
+            jobs = options.jobs or len(os.sched_getaffinity(0))
+            return WorkerPool(played, program, features, jobs)
+
+        return _run_plan(plan, files[1], options, maker_of, console)
 
 
 def _run_plan(

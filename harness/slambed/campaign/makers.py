@@ -55,13 +55,16 @@ class VirtualMaker:
     played: Played
     program: Path
     features: Path | None
+    command: list[str]
+    """What the user called: this process may be another's worker."""
     jobs: int = 1
 
     def make(self, spec: RunSpec, raw: Path, stop: threading.Event) -> dict[str, Any]:
         """Simulates, then summarises."""
         sequence, played_s = self.played[spec.dataset]
         run = VirtualRun(spec, sequence, played_s, raw, self.program, self.features)
-        return make_run(spec, raw, sequence, {"image_id": None}, lambda: run.execute(stop))
+        engine = {"image_id": None, "command": self.command}
+        return make_run(spec, raw, sequence, engine, lambda: run.execute(stop))
 
     def close(self) -> None:
         """Nothing outlives a virtual run."""

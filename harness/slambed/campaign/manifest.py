@@ -38,6 +38,7 @@ def manifest(
         "commit": commit,
         "dirty": dirty,
         "image_id": None,
+        "command": sys.argv,
         **engine,
         "sequence_checksum": spec.sequence_checksum,
         "seed": spec.seed,
@@ -47,7 +48,6 @@ def manifest(
         "load_1min": load_1min,
         "started_utc": started_utc,
         "versions": versions(),
-        "command": sys.argv,
     }
 
 

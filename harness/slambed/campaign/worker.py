@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process behind `workers.Worker`: reads tasks from standard input until it ends.
 
-`python -m slambed.campaign.worker COMMAND...`, COMMAND being what the user called (for manifests).
+A task is what `answer` takes, as one line of JSON.
 """
 
 import json
@@ -22,7 +22,6 @@ def main() -> None:
     # Whatever else writes to standard output must not be taken for an answer.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    sys.argv = sys.argv[1:]
     # The run in hand ends its program on the way out.
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     for line in sys.stdin:
@@ -35,13 +34,18 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
         spec = RunSpec.model_validate(task["spec"])
         features = Path(task["features"]) if task["features"] else None
         played = {spec.dataset: (Path(task["sequence"]), float(task["played_s"]))}
-        maker = VirtualMaker(played, Path(task["program"]), features)
+        maker = VirtualMaker(played, Path(task["program"]), features, task["command"])
         return {"summary": maker.make(spec, Path(task["raw"]), threading.Event())}
     except SlambedError as error:
-        return {"error": str(error), "code": int(error.code)}
+        return refusal(str(error), error.code)
     except Exception as error:  # Told where a person sees it: by the campaign.
         line = f"a bug of slambed: {type(error).__name__}: {error}"
-        return {"error": line, "code": int(ExitCode.INTERNAL)}
+        return refusal(line, ExitCode.INTERNAL)
+
+
+def refusal(error: str, code: ExitCode) -> dict[str, Any]:
+    """The answer when there is no run."""
+    return {"error": error, "code": int(code)}
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ class Worker:
 
     def __init__(self) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "slambed.campaign.worker", *sys.argv],
+            [sys.executable, "-m", "slambed.campaign.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             # Ctrl-C reaches the harness alone; and nothing outlives it.
@@ -95,6 +95,7 @@ class WorkerPool:
             "played_s": played_s,
             "program": str(self.program.resolve()),
             "features": str(self.features.resolve()) if self.features else None,
+            "command": sys.argv,
         }
         for _ in range(ATTEMPTS):
             worker = self._take()

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual campaigns on Dask workers: the same results as here, also when a worker is killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import Client
+from test_cli import refused, slambed
+from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
+
+from slambed.campaign.cluster import pack, unpack
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.errors import ExitCode
+from slambed.native import find_program
+
+RUNS = 3
+CELLS = 2
+
+
+class Cluster:
+    """A scheduler and workers, each a process of its own as on machines of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.file = folder / "scheduler.json"
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._start("scheduler", "scheduler", "--host", "127.0.0.1", "--port", "0")
+        wait_until(self.file.is_file)
+        self.address = str(json.loads(self.file.read_text())["address"])
+
+    def add_worker(self, name: str) -> None:
+        scratch = self.folder / name
+        # Without a nanny: what is killed stays dead.
+        self._start(
+            name, "worker", "--name", name, "--nthreads", "1", "--no-nanny",
+            "--local-directory", str(scratch),
+        )  # fmt: skip
+
+    def _start(self, name: str, *arguments: str) -> None:
+        log = (self.folder / f"{name}.log").open("wb")
+        command = [sys.executable, "-m", "dask", *arguments, "--no-dashboard"]
+        self.processes[name] = subprocess.Popen(
+            [*command, "--scheduler-file", str(self.file)],
+            stdout=log,
+            stderr=subprocess.STDOUT,
+        )
+        log.close()
+
+    def close(self) -> None:
+        for process in self.processes.values():
+            process.kill()
+            process.wait()
+
+
+def wait_until(happened: Any, timeout_s: float = 300.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not happened():
+        assert time.monotonic() < deadline, "it does not happen"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    (tmp_path / "cluster").mkdir()
+    found = Cluster(tmp_path / "cluster")
+    yield found
+    found.close()
+
+
+@needs_programs
+def test_a_killed_worker_costs_no_run_and_makes_none_twice(
+    tmp_path: Path, cluster: Cluster
+) -> None:
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk"), RUNS)
+    here = ResultFolder(tmp_path / "here" / "walk")
+    code, out, err = slambed("run", str(path), "--results", str(here.path.parent))
+    assert code == ExitCode.OK, out + err
+
+    for name in ("a", "b"):
+        cluster.add_worker(name)
+    there = ResultFolder(tmp_path / "there" / "walk")
+    command = ["run", str(path), "--results", str(there.path.parent)]
+    command += ["--scheduler", cluster.address]
+    with Client(cluster.address) as client:
+        client.wait_for_workers(2, timeout=120)
+        addresses = {info["name"]: a for a, info in client.scheduler_info()["workers"].items()}
+        campaign = subprocess.Popen(
+            [sys.executable, "-c", "from slambed.cli import main; main()", *command],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        ledger = Ledger(there.path / "ledger.jsonl")
+        # In the middle: one run has ended, the worker is at another.
+        wait_until(lambda: "run_finished" in events(ledger))
+        wait_until(lambda: client.processing().get(addresses["a"]) and in_hand(cluster, "a"))
+        os.kill(cluster.processes["a"].pid, signal.SIGKILL)
+        out, _ = campaign.communicate(timeout=300)
+        assert campaign.returncode == ExitCode.OK, out
+        assert list(client.scheduler_info()["workers"]) == [addresses["b"]]
+
+    assert fingerprints(there) == fingerprints(here)
+    assert len(there.run_keys()) == RUNS * CELLS
+    entries = ledger.read()
+    for kind in ("run_started", "run_finished"):
+        keys = [entry["run_key"] for entry in entries if entry["event"] == kind]
+        assert sorted(keys) == there.run_keys()
+    assert Counter(events(ledger))["run_interrupted"] == 0
+
+    # Called again, on the cluster or here, there is nothing to do.
+    for again in (command, command[:-2]):
+        code, out, err = slambed(*again)
+        assert code == ExitCode.OK and f"{RUNS * CELLS} there already" in out, err
+
+
+def events(ledger: Ledger) -> list[str]:
+    return [str(entry["event"]) for entry in ledger.read()]
+
+
+def in_hand(cluster: Cluster, name: str) -> bool:
+    """The worker's simulation has begun to write."""
+    return any((cluster.folder / name).rglob("events.jsonl"))
+
+
+@needs_programs
+def test_a_worker_with_other_sources_is_refused(tmp_path: Path, cluster: Cluster) -> None:
+    cluster.add_worker("a")
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
+    other = tmp_path / "bin"
+    other.mkdir()
+    program = other / "slambed-sim"
+    # Bytes after the end of a program change its name and nothing else.
+    program.write_bytes(find_program("slambed-sim").read_bytes() + b"other")
+    program.chmod(0o755)
+    line = refused(
+        ExitCode.ENVIRONMENT,
+        "run", str(path), "--results", str(tmp_path / "results"),
+        "--scheduler", cluster.address,
+        SLAMBED_BIN=str(other),
+    )  # fmt: skip
+    assert "worker on" in line and "software is" in line
+    assert not ResultFolder(tmp_path / "results" / "walk").run_keys()
+
+
+def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
+    live = ("run", "quickstart", "--engine", "local")
+    for option in (("--scheduler", "tcp://127.0.0.1:1"), ("--slurm",)):
+        assert "for virtual runs" in refused(ExitCode.BAD_INPUT, *live, *option)
+    both = ("run", "quickstart", "--slurm", "--scheduler", "tcp://127.0.0.1:1")
+    assert "one of" in refused(ExitCode.BAD_INPUT, *both)
+
+
+@needs_programs
+def test_a_scheduler_that_is_not_there(tmp_path: Path) -> None:
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
+    arguments = ("run", str(path), "--results", str(tmp_path / "results"))
+    line = refused(ExitCode.ENVIRONMENT, *arguments, "--scheduler", "tcp://127.0.0.1:1")
+    assert "no Dask scheduler at tcp://127.0.0.1:1" in line
+    assert "--jobs" in refused(ExitCode.BAD_INPUT, *arguments, "--slurm")
+
+
+def test_a_run_travels_without_its_raw_logs(tmp_path: Path) -> None:
+    away, home = tmp_path / "away", tmp_path / "home"
+    (away / "mobile").mkdir(parents=True)
+    home.mkdir()
+    (away / "summary.json").write_text("{}")
+    (away / "mobile" / "trajectory.txt").write_text("0 0 0 0 0 0 0 1\n")
+    (away / "mobile" / "events.jsonl").write_text("{}\n")
+    unpack(pack(away), home)
+    found = sorted(p.relative_to(home).as_posix() for p in home.rglob("*") if p.is_file())
+    assert found == ["mobile/trajectory.txt", "summary.json"]
