@@ -75,7 +75,8 @@ System orbslam2_system() {
   system.name = "orbslam2";
   system.parameters = {ParameterSpec::integer("n_orb", 50, 10'000),
                        ParameterSpec::boolean("loop_closing"),
-                       ParameterSpec::boolean("sequential")};
+                       ParameterSpec::boolean("sequential"), ParameterSpec::path("prior_map"),
+                       ParameterSpec::boolean("save_map")};
   system.orb = [](const Parameters& parameters) {
     OrbOptions options;
     options.features = parameters.integer("n_orb");
@@ -87,6 +88,8 @@ System orbslam2_system() {
     return options;
   };
   system.sequential = [](const Parameters& parameters) { return parameters.boolean("sequential"); };
+  system.prior_map = [](const Parameters& parameters) { return parameters.text("prior_map"); };
+  system.save_map = [](const Parameters& parameters) { return parameters.boolean("save_map"); };
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<OrbSlam2Policy>(node, parameters);
   };

@@ -12,7 +12,7 @@ from slambed.errors import environment_error
 State = Literal["valid", "invalid", "missing"]
 
 RESULT_FILES = ("manifest.json", "summary.json")
-MOBILE_FILES = ("trajectory.txt", "trajectory_live.txt")
+MOBILE_FILES = ("trajectory.txt", "trajectory_live.txt", "map.slm")
 NODE_FILES = ("node.json", "ready.json", "log.txt")
 ROLES = ("mobile", "edge")
 

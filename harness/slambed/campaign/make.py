@@ -14,6 +14,7 @@ from slambed.campaign.manifest import manifest
 from slambed.engines.result import RunResult
 from slambed.metrics.collect import to_parquet
 from slambed.metrics.run import summarise_with_problems
+from slambed.spec import inputs
 from slambed.spec.matrix import RunSpec
 
 
@@ -28,6 +29,7 @@ def make_run(
 
     `engine` is what the engine says about itself. Returns the summary.
     """
+    inputs.bring(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
     started, load = utc_now(), os.getloadavg()[0]
     result = execute()
     facts = manifest(spec, engine, result, started, load)

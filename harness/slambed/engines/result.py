@@ -4,6 +4,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from slambed.spec import inputs
 from slambed.spec.matrix import RunSpec
 
 Outcome = Literal["completed", "edge_died", "mobile_died", "timeout", "link_died"]
@@ -41,7 +42,7 @@ def run_json(spec: RunSpec, sequence: str, output: str) -> dict[str, Any]:
         "seed": spec.seed,
         "system": spec.system,
         "variant": spec.variant,
-        "params": spec.params,
+        "params": spec.params | {name: inputs.inside(output, name) for name in spec.inputs},
         "sequence": sequence,
         "playback": spec.playback.model_dump(mode="json"),
         "network": network,

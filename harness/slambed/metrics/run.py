@@ -27,7 +27,8 @@ SUMMARY_KEYS = (
     "engine", "link_backend", "seed",
     "outcome", "valid", "invalid_reason",
     "frames_total", "frames_tracked", "frames_dropped", "coverage",
-    "track_losses", "lost", "first_loss_s", "relocalisations", "resets",
+    "track_losses", "lost", "first_loss_s", "relocalisations", "reloc_s_max", "resets",
+    "loops_closed",
     "keyframes", "map_points",
     "ate_rmse_m", "ate_pairs", "ate_live_rmse_m", "rpe_trans_m", "rpe_rot_deg",
     "track_ms_median", "track_ms_mean", "track_ms_p95", "extract_ms_median",
@@ -86,7 +87,9 @@ def summarise_with_problems(
             "lost": tracking.track_losses > 0,
             "first_loss_s": tracking.first_loss_s,
             "relocalisations": tracking.relocalisations,
+            "reloc_s_max": tracking.reloc_s_max,
             "resets": tracking.resets,
+            "loops_closed": len(log.of("loop_closed")),
         }
     summary |= _map_size(log)
     summary |= _accuracy(raw_dir, _find_groundtruth(raw_dir, groundtruth), problems)

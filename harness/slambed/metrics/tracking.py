@@ -7,6 +7,9 @@ import numpy as np
 
 from slambed.metrics.events import Event, EventLog
 
+SEEING_SHARE = 0.5
+"""A frame with this share of the usual features could show where the camera is."""
+
 
 @dataclass(frozen=True)
 class Tracking:
@@ -21,6 +24,8 @@ class Tracking:
     resets: int
     lost_s: float
     """Sequence time between each loss and the next pose, or the end of the run."""
+    reloc_s_max: float | None
+    """Longest time from the first frame that showed something, while lost, to the next pose."""
     interruption_ms_mean: float | None
     """Mean time that a map update kept tracking from going on (IJNC 2025, table 4)."""
 
@@ -60,6 +65,7 @@ def tracking_of(log: EventLog) -> Tracking:
         lost_s += last - lost_since
     if not frames:
         losses = [float(e.get("seq_s", 0.0)) for e in log.of("track_lost")]
+    relocations = relocalisation_times_s(frames)
     tracked = sum(frame.get("state") == "ok" for frame in frames)
     return Tracking(
         frames_total=len(frames) + len(dropped),
@@ -70,8 +76,36 @@ def tracking_of(log: EventLog) -> Tracking:
         relocalisations=len(log.of("relocalised")),
         resets=len(log.of("reset")),
         lost_s=lost_s,
+        reloc_s_max=max(relocations, default=None),
         interruption_ms_mean=mean_of(log.of("update_applied"), "t_mu_ms"),
     )
+
+
+def relocalisation_times_s(frames: list[Event]) -> list[float]:
+    """Per loss: from the first frame with enough features to the next with a pose.
+
+    Enough is half of what tracked frames have (median). A loss that nothing ends counts up to the
+    last frame; one that ends in a new map does not count.
+    """
+    usual = [float(f["features"]) for f in frames if f.get("state") == "ok" and f.get("features")]
+    enough = SEEING_SHARE * float(np.median(usual)) if usual else 0.0
+    times: list[float] = []
+    lost = False
+    seeing_since: float | None = None
+    last = 0.0
+    for frame in frames:
+        state, last = frame.get("state"), float(frame.get("seq_s", last))
+        if state == "lost":
+            lost = True
+            if seeing_since is None and float(frame.get("features", enough)) >= enough:
+                seeing_since = last
+            continue
+        if state == "ok" and lost:
+            times.append(last - seeing_since if seeing_since is not None else 0.0)
+        lost, seeing_since = False, None
+    if seeing_since is not None:
+        times.append(last - seeing_since)
+    return times
 
 
 def values_of(events: list[Event], key: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from slambed.errors import SlambedError
+from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL, Device, DeviceChange
 from slambed.spec.experiment import DeviceChoice, Experiment, Playback, SystemChoice, Tolerances
 from slambed.spec.library import Library
@@ -43,6 +44,8 @@ class RunSpec(BaseModel):
     roles: list[Role]
     channels: list[str]
     params: dict[str, Scalar]
+    inputs: dict[str, str] = Field(default_factory=dict)
+    """Parameter that names an input file -> SHA-256 of the file."""
     dataset: str
     sequence_checksum: str
     playback: Playback
@@ -61,7 +64,8 @@ class RunSpec(BaseModel):
         return {
             "system": self.system,
             "variant": self.variant,
-            "params": self.params,
+            # A file is its content, wherever it lies.
+            "params": self.params | self.inputs,
             "sequence": self.sequence_checksum,
             "playback": self.playback.model_dump(mode="json"),
             "device_mobile": self.device_mobile.meaning(self.engine),
@@ -146,6 +150,9 @@ def expand(
             system = library.system(choice.system)
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
+            named = {name: str(params[name]) for name in system.file_params if params[name]}
+            files = {n: inputs.find_input(p, source.path.parent) for n, p in named.items()}
+            digests = {name: inputs.sha256_of(path) for name, path in files.items()}
         except SlambedError as error:
             raise source.complaint(str(error), place) from None
         if system.has_edge and experiment.link is None:
@@ -172,7 +179,8 @@ def expand(
                             variant=variant,
                             roles=system.roles,
                             channels=system.channels,
-                            params=params,
+                            params=params | {name: str(path) for name, path in files.items()},
+                            inputs=digests,
                             dataset=found,
                             sequence_checksum=checksum,
                             playback=experiment.playback,

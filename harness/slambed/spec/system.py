@@ -12,7 +12,7 @@ from slambed.spec.yaml_source import suggestion
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 Scalar = bool | int | float | str
 Role = Literal["mobile", "edge"]
-KINDS: dict[str, type] = {"int": int, "float": float, "bool": bool, "str": str}
+KINDS: dict[str, type] = {"int": int, "float": float, "bool": bool, "str": str, "path": str}
 
 
 class Parameter(BaseModel):
@@ -20,7 +20,8 @@ class Parameter(BaseModel):
 
     model_config = STRICT
 
-    type: Literal["int", "float", "bool", "str"]
+    type: Literal["int", "float", "bool", "str", "path"]
+    """`path`: of an input file, empty for none; its content is what matters to a run."""
     default: Scalar
     min: int | float | None = None
     max: int | float | None = None
@@ -41,7 +42,7 @@ class Parameter(BaseModel):
             value = float(value)
         # bool is an int in Python: compare exact types.
         if type(value) is not wanted:
-            raise ValueError(f"{value!r} is not {'a ' if self.type != 'int' else 'an '}{self.type}")
+            raise ValueError(f"{value!r} is not {'an ' if self.type == 'int' else 'a '}{self.type}")
         assert isinstance(value, bool | int | float | str)
         if self.choices is not None and value not in self.choices:
             raise ValueError(f"{value!r} is none of {', '.join(map(str, self.choices))}")
@@ -90,6 +91,11 @@ class System(BaseModel):
             except SlambedError as error:
                 raise ValueError(f"variant {name} of {list(variant.params)}: {error}") from None
         return self
+
+    @property
+    def file_params(self) -> list[str]:
+        """Names of the parameters that name an input file."""
+        return sorted(name for name, p in self.params.items() if p.type == "path")
 
     @property
     def has_edge(self) -> bool:

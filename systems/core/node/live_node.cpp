@@ -8,6 +8,7 @@
 #include "base/error.hpp"
 #include "node/edge_node.hpp"
 #include "node/json_reader.hpp"
+#include "node/map_keeping.hpp"
 #include "node/mobile_node.hpp"
 #include "node/node_files.hpp"
 #include "node/prepared_sequence.hpp"
@@ -87,6 +88,7 @@ class LiveNode {
       feed_ = std::make_unique<EveryFrameFeed>(*playlist_, !system_.sequential(parameters_));
     }
     if (config_.network) open_network(info);
+    maps_.emplace(system_, parameters_, *sequence_, *playlist_, info);
     mobile_.emplace(MobileParts{.runtime = runtime_,
                                 .network = network_ ? &*network_ : nullptr,
                                 .log = log_,
@@ -94,7 +96,8 @@ class LiveNode {
                                 .feed = *feed_,
                                 .played_fps = playlist_->played_fps(),
                                 .timestamps_ns = sequence_->timestamps_ns(),
-                                .time_origin_ns = sequence_->time_origin_ns()},
+                                .time_origin_ns = sequence_->time_origin_ns(),
+                                .prior_map = maps_->prior()},
                     system_, parameters_);
   }
 
@@ -158,6 +161,7 @@ class LiveNode {
     end.role = role_;
     if (mobile_) {
       mobile_->write_trajectories(folder_);
+      maps_->save(*mobile_->tracker().map(), folder_);
       end.counts = mobile_->counts();
       end.frames_total = feed_->offered();
       if (mobile_->finished()) end.reason = "completed";
@@ -184,6 +188,7 @@ class LiveNode {
   std::optional<ExtractingSource> features_;
   std::optional<TcpNetwork> network_;
   std::unique_ptr<FrameFeed> feed_;
+  std::optional<MapKeeping> maps_;
   std::optional<MobileNode> mobile_;
   std::optional<EdgeNode> edge_;
 };

@@ -64,8 +64,16 @@ MobileNode::MobileNode(MobileParts parts, const System& system, const Parameters
   options.max_frames_between_keyframes =
       std::max(1, static_cast<int>(std::lround(parts_.played_fps)));
   places_ = std::make_shared<PlaceIndex>(default_vocabulary());
-  tracker_ =
-      std::make_unique<Tracker>(options, std::make_shared<Map>(), IdSpace::kTracker, places_);
+  const auto map = parts_.prior_map ? parts_.prior_map : std::make_shared<Map>();
+  if (parts_.prior_map) {
+    options.reset_below_keyframes = 0;  // what somebody gave us is never thrown away
+    map->read([this](const MapView& view) {
+      for (const KeyFrameId id : view.keyframe_ids())
+        poses_.created(id, {}, SE3(), view.keyframe(id)->T_cw);
+      return 0;
+    });
+  }
+  tracker_ = std::make_unique<Tracker>(options, map, IdSpace::kTracker, places_);
   policy_ = system.mobile(*this, parameters);
 }
 
@@ -131,6 +139,7 @@ void MobileNode::record(const TrackedFrame& frame, TrackingState before, Duratio
   if (frame.relocalised_now) log.write(frame_event("relocalised", frame.offered));
   log.write(frame_event("frame_tracked", frame.offered)
                 .add("state", state_name(outcome.state))
+                .add("features", frame.features->size())
                 .add("matches", outcome.matches)
                 .add("inliers", outcome.inliers)
                 .add("local_points", outcome.local_points)

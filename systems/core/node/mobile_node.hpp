@@ -20,6 +20,8 @@ struct MobileParts {
   double played_fps = 30;
   std::span<const std::int64_t> timestamps_ns;  ///< of the whole sequence
   std::int64_t time_origin_ns = 0;
+  /// A map made before: tracking starts lost in it. Null: tracking makes the first keyframe.
+  std::shared_ptr<Map> prior_map{};
 };
 
 /// The mobile node: tracks what playback offers and lets the system's policy decide the rest. The

@@ -18,6 +18,8 @@ const char* type_name(ParameterSpec::Type type) {
       return "bool";
     case ParameterSpec::Type::kText:
       return "str";
+    case ParameterSpec::Type::kPath:
+      return "path";
   }
   return "";
 }
@@ -51,6 +53,9 @@ void check(JsonReader& in, const ParameterSpec& spec) {
            "one of: " + all);
       break;
     }
+    case ParameterSpec::Type::kPath:
+      must(value.is_string(), "a path, or empty");
+      break;
   }
 }
 
@@ -71,6 +76,9 @@ ParameterSpec ParameterSpec::choice(std::string name, std::vector<std::string> c
           .min = 0,
           .max = 0,
           .choices = std::move(choices)};
+}
+ParameterSpec ParameterSpec::path(std::string name) {
+  return {.name = std::move(name), .type = Type::kPath, .min = 0, .max = 0, .choices = {}};
 }
 
 Parameters::Parameters(const nlohmann::json& values, const std::vector<ParameterSpec>& specs,

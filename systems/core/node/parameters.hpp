@@ -10,7 +10,7 @@ namespace slambed {
 /// A parameter as the code takes it. Defaults, sources and explanations live in system.yaml;
 /// run.json carries every value, so that no node has a hidden default.
 struct ParameterSpec {
-  enum class Type { kInt, kFloat, kBool, kText };
+  enum class Type { kInt, kFloat, kBool, kText, kPath };
   std::string name;
   Type type = Type::kInt;
   double min = 0, max = 0;           ///< numbers; both ends allowed
@@ -20,6 +20,7 @@ struct ParameterSpec {
   static ParameterSpec real(std::string name, double min, double max);
   static ParameterSpec boolean(std::string name);
   static ParameterSpec choice(std::string name, std::vector<std::string> choices);
+  static ParameterSpec path(std::string name);  ///< of an input file; empty: none
 };
 
 /// The checked values of one run.

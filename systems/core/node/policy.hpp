@@ -62,6 +62,10 @@ struct System {
   std::function<OrbOptions(const Parameters&)> orb;
   std::function<TrackerOptions(const Parameters&)> tracker;
   std::function<bool(const Parameters&)> sequential;  ///< frames as fast as they can be tracked
+  /// Map file that the mobile node starts in, empty: none; not set: the system never does.
+  std::function<std::string(const Parameters&)> prior_map;
+  /// Whether the mobile node leaves its map behind as a file; not set: never.
+  std::function<bool(const Parameters&)> save_map;
   std::function<std::unique_ptr<MobilePolicy>(MobileNode&, const Parameters&)> mobile;
   std::function<std::unique_ptr<EdgePolicy>(EdgeNode&, const Parameters&)> edge;
 };

@@ -7,6 +7,7 @@
 #include "base/error.hpp"
 #include "node/edge_node.hpp"
 #include "node/feature_cache.hpp"
+#include "node/map_keeping.hpp"
 #include "node/mobile_node.hpp"
 #include "node/node_files.hpp"
 #include "node/sim_config.hpp"
@@ -101,6 +102,7 @@ class VirtualRun {
       edge_node_.emplace(EdgeParts{edge_->runtime, link_.edge_side(edge_->log), edge_->log, peer_},
                          system_, parameters_);
     }
+    maps_.emplace(system_, parameters_, sequence_, playlist_, info);
     mobile_node_.emplace(MobileParts{.runtime = mobile_.runtime,
                                      .network = edge_ ? &link_.mobile_side(mobile_.log) : nullptr,
                                      .log = mobile_.log,
@@ -108,12 +110,14 @@ class VirtualRun {
                                      .feed = *feed_,
                                      .played_fps = playlist_.played_fps(),
                                      .timestamps_ns = sequence_.timestamps_ns(),
-                                     .time_origin_ns = sequence_.time_origin_ns()},
+                                     .time_origin_ns = sequence_.time_origin_ns(),
+                                     .prior_map = maps_->prior()},
                          system_, parameters_);
   }
 
   void finish() {
     mobile_node_->write_trajectories(mobile_.folder);
+    maps_->save(*mobile_node_->tracker().map(), mobile_.folder);
     NodeEnd end;
     end.frames_total = feed_->offered();
     end.counts = mobile_node_->counts();
@@ -138,6 +142,7 @@ class VirtualRun {
   PeerInfo peer_;
   std::unique_ptr<FeatureSource> features_;
   std::unique_ptr<FrameFeed> feed_;
+  std::optional<MapKeeping> maps_;
   std::optional<EdgeNode> edge_node_;
   std::optional<MobileNode> mobile_node_;
 };

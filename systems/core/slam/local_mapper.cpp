@@ -22,8 +22,10 @@ constexpr int kLeastWeight = 3;
 }  // namespace
 
 struct LocalMapper::Impl {
-  Impl(LocalMapperOptions o, std::shared_ptr<Map> m, IdSpace ids)
-      : options(o), map(std::move(m)), point_ids(ids) {}
+  Impl(LocalMapperOptions o, std::shared_ptr<Map> m, IdSpace ids) : options(o), point_ids(ids) {
+    work_on(std::move(m));
+  }
+  void work_on(std::shared_ptr<Map> other);
 
   struct Recent {
     MapPointId id;
@@ -41,6 +43,15 @@ struct LocalMapper::Impl {
   BundleWindow::Scratch window_scratch;
   std::optional<BundleWindow> window;
 };
+
+/// Names nothing new as the map names something already.
+void LocalMapper::Impl::work_on(std::shared_ptr<Map> other) {
+  map = std::move(other);
+  map->read([&](const MapView& view) {
+    for (const MapPointId id : view.point_ids()) point_ids.skip(id);
+    return 0;
+  });
+}
 
 LocalMapper::LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids)
     : impl_(std::make_unique<Impl>(options, std::move(map), ids)) {}
@@ -117,11 +128,7 @@ MapDelta LocalMapper::cull_keyframes() {
 }
 
 void LocalMapper::replace_map(std::shared_ptr<Map> map) {
-  impl_->map = std::move(map);
-  impl_->map->read([&](const MapView& view) {
-    for (const MapPointId id : view.point_ids()) impl_->point_ids.skip(id);
-    return 0;
-  });
+  impl_->work_on(std::move(map));
   impl_->current = {};
   impl_->recent.clear();
   impl_->window.reset();

@@ -30,7 +30,9 @@ constexpr int kLeastInitPoints = 50;
 
 struct Tracker::Impl {
   Impl(TrackerOptions o, std::shared_ptr<Map> m, IdSpace space, std::shared_ptr<PlaceIndex> places)
-      : options(o), map(std::move(m)), ids(space), relocaliser(std::move(places)) {}
+      : options(o), map(std::move(m)), ids(space), relocaliser(std::move(places)) {
+    find_in_foreign_map();
+  }
 
   TrackOutcome track(std::uint64_t index, double time_s, std::shared_ptr<const FeatureSet> set);
   void initialise(TrackOutcome& outcome);
@@ -41,6 +43,7 @@ struct Tracker::Impl {
   bool track_local(TrackOutcome& outcome);
   void gather_evidence(int inliers);
   void start_over();
+  void find_in_foreign_map();
   MapDelta create_keyframe(bool becomes_reference);
   void continue_on(std::shared_ptr<Map> fresh);
 
@@ -262,6 +265,16 @@ void Tracker::Impl::start_over() {
   state = TrackingState::kNotInitialised;
 }
 
+/// A map that was made elsewhere: find the place in it, and name nothing as it does.
+void Tracker::Impl::find_in_foreign_map() {
+  map->read([&](const MapView& view) {
+    if (view.keyframe_count() > 0) state = TrackingState::kLost;
+    for (const KeyFrameId id : view.keyframe_ids()) ids.keyframes.skip(id);
+    for (const MapPointId id : view.point_ids()) ids.points.skip(id);
+    return 0;
+  });
+}
+
 MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
   if (first_delta_waiting) {
     first_delta_waiting = false;
@@ -294,15 +307,7 @@ void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh) {
   local.clear();
   provisional.clear();
   first_delta_waiting = false;
-  if (state == TrackingState::kNotInitialised) {
-    // A map that was made elsewhere: find the place in it, and name nothing as it does.
-    if (change.reference) state = TrackingState::kLost;
-    map->read([&](const MapView& view) {
-      for (const KeyFrameId id : view.keyframe_ids()) ids.keyframes.skip(id);
-      for (const MapPointId id : view.point_ids()) ids.points.skip(id);
-      return 0;
-    });
-  }
+  if (state == TrackingState::kNotInitialised) find_in_foreign_map();
   if (!change.reference) {
     start_over();
     return;

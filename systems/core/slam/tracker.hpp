@@ -59,6 +59,7 @@ enum class KeyFrameNeed {
 /// Tracks one camera against a map. A plain module: knows no thread, clock, socket or file.
 class Tracker {
  public:
+  /// A map with keyframes in it: the tracker starts lost there, and its ids go on behind the map's.
   /// places: to find lost frames again with; without one the tracker keeps its own.
   Tracker(TrackerOptions options, std::shared_ptr<Map> map, IdSpace ids,
           std::shared_ptr<PlaceIndex> places = nullptr);

@@ -99,7 +99,11 @@ class NodeProgram : public ::testing::Test {
 
   void use_orbslam2() {
     config["system"] = "orbslam2";
-    config["params"] = {{"n_orb", 600}, {"loop_closing", true}, {"sequential", false}};
+    config["params"] = {{"n_orb", 600},
+                        {"loop_closing", true},
+                        {"sequential", false},
+                        {"prior_map", ""},
+                        {"save_map", false}};
     config["network"] = nullptr;
   }
 
@@ -192,6 +196,41 @@ TEST_F(NodeProgram, OrbSlam2RunsAloneAndSequentiallyTheSameEachTime) {
   }
   EXPECT_EQ(trajectories[0], trajectories[1]);
   EXPECT_GT(std::count(trajectories[0].begin(), trajectories[0].end(), '\n'), kFrames / 2);
+}
+
+TEST_F(NodeProgram, ARunGoesOnInTheMapOfAnEarlierOne) {
+  use_orbslam2();
+  config["playback"]["mode"] = "every_frame";
+  config["playback"]["end_s"] = 2.0;
+  config["params"]["sequential"] = true;
+  config["params"]["save_map"] = true;
+  start();
+  ASSERT_EQ(node("mobile").wait(), 0) << log("mobile");
+  const fs::path prior = folder.path() / "prior.slm";
+  fs::rename(folder.path() / "mobile" / "map.slm", prior);
+  const int keyframes_before = end("mobile")["keyframes"];
+
+  config["params"]["prior_map"] = prior;
+  config["playback"]["start_s"] = 1.0;
+  config["playback"]["end_s"] = nullptr;
+  start();
+  ASSERT_EQ(node("mobile").wait(), 0) << log("mobile");
+  EXPECT_TRUE(events("mobile", "initialised").empty());
+  ASSERT_EQ(events("mobile", "relocalised").size(), 1u);
+  EXPECT_LT(events("mobile", "relocalised")[0]["seq_s"], 0.2);
+  EXPECT_FALSE(events("mobile", "keyframe_created").empty());
+  EXPECT_GT(end("mobile")["keyframes"], keyframes_before);
+  EXPECT_TRUE(fs::exists(folder.path() / "mobile" / "map.slm"));
+}
+
+TEST_F(NodeProgram, AMapThatCannotBeUsedIsOneLineAndExitCode2) {
+  use_orbslam2();
+  config["params"]["prior_map"] = folder.path() / "nowhere.slm";
+  EXPECT_EQ(node("mobile").wait(), 2);
+  expect_error("mobile", "nowhere.slm: cannot be opened");
+  config["params"]["prior_map"] = folder.write("torn.slm", "SLMP and nothing more of it");
+  EXPECT_EQ(node("mobile").wait(), 2);
+  expect_error("mobile", "torn.slm: has version");
 }
 
 TEST_F(NodeProgram, SigtermEndsEarlyAndWritesEverything) {

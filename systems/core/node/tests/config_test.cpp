@@ -102,13 +102,15 @@ TEST(RunConfig, AFileThatIsNoJsonOrIsMissingIsBadInput) {
 TEST(Parameters, AreCheckedByTheList) {
   const std::vector<ParameterSpec> specs = {
       ParameterSpec::integer("n", 1, 10), ParameterSpec::real("x", 0, 1),
-      ParameterSpec::boolean("b"), ParameterSpec::choice("c", {"serial", "parallel"})};
-  const nlohmann::json good = {{"n", 3}, {"x", 1}, {"b", true}, {"c", "serial"}};
+      ParameterSpec::boolean("b"), ParameterSpec::choice("c", {"serial", "parallel"}),
+      ParameterSpec::path("p")};
+  const nlohmann::json good = {{"n", 3}, {"x", 1}, {"b", true}, {"c", "serial"}, {"p", "a/b.slm"}};
   const Parameters values(good, specs, "params.");
   EXPECT_EQ(values.integer("n"), 3);
   EXPECT_EQ(values.real("x"), 1.0);
   EXPECT_TRUE(values.boolean("b"));
   EXPECT_EQ(values.text("c"), "serial");
+  EXPECT_EQ(values.text("p"), "a/b.slm");
   const auto refused = [&](const char* key, nlohmann::json value, const char* named) {
     auto json = good;
     json[key] = std::move(value);
@@ -125,6 +127,7 @@ TEST(Parameters, AreCheckedByTheList) {
   EXPECT_TRUE(refused("x", 1.01, "params.x is 1.01; it must be a number from 0.0 to 1.0"));
   EXPECT_TRUE(refused("b", 1, "params.b"));
   EXPECT_TRUE(refused("c", "both", "one of: serial, parallel"));
+  EXPECT_TRUE(refused("p", 1, "params.p is 1; it must be a path, or empty"));
   EXPECT_TRUE(refused("m", 1, "params.m is unknown"));
   auto missing = good;
   missing.erase("x");

@@ -2,6 +2,10 @@
 // Hand-over to another map: what Edge-SLAM's update does to a tracker in the middle of a walk.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <utility>
+
+#include "slam/local_mapper.hpp"
 #include "slam/tracker.hpp"
 #include "synthetic_world.hpp"
 
@@ -125,6 +129,53 @@ TEST_F(ReplaceMap, AMapFromElsewhereBeforeTheFirstFrame) {
   tracker.replace_map(other.map());
   EXPECT_EQ(tracker.state(), TrackingState::kLost);
   EXPECT_EQ(show(60).state, TrackingState::kOk);
+}
+
+TEST_F(ReplaceMap, AnotherTrackerAndMapperGoOnInAMapAndNameNothingAsItDoes) {
+  const auto map = tracker.map();
+  LocalMapper mapper({}, map, IdSpace::kMobileMapper);
+  const auto work_in = [&](LocalMapper& by, const MapDelta& made) {
+    by.insert(made.keyframes.at(0).id);
+    const MapDelta triangulated = by.triangulate();
+    map->commit(triangulated);
+    return triangulated.points;
+  };
+  for (int i = 0; i < 60; ++i) {
+    // Far points have no depth: the mapper has something to triangulate.
+    const auto features = world.look(walk(i), {.depth_limit_m = 3});
+    const bool first = tracker.track(i, i / 30.0, features).initialised_now;
+    if (first || i % 8 == 7) work_in(mapper, tracker.create_keyframe());
+  }
+  const auto ids = [](const MapView& view) {
+    return std::pair(view.keyframe_ids(), view.point_ids());
+  };
+  const auto [keyframes, points] = map->read(ids);
+  const auto named = [](const auto& ascending, auto id) {
+    return std::binary_search(ascending.begin(), ascending.end(), id);
+  };
+
+  Tracker next({}, map, IdSpace::kTracker);
+  LocalMapper next_mapper({}, map, IdSpace::kMobileMapper);
+  EXPECT_EQ(next.state(), TrackingState::kLost);
+  std::size_t triangulated = 0;
+  for (int i = 60; i < 90; ++i) {
+    const auto outcome = next.track(i, i / 30.0, world.look(walk(i), {.depth_limit_m = 3}));
+    ASSERT_EQ(outcome.state, TrackingState::kOk) << i;
+    EXPECT_FALSE(outcome.initialised_now);
+    EXPECT_LT(centre_error(outcome.T_cw, walk(i) * walk(0).inverse()), 5e-3) << i;
+    if (i % 8 != 7) continue;
+    const MapDelta made = next.create_keyframe();
+    EXPECT_FALSE(named(keyframes, made.keyframes.at(0).id));
+    for (const NewPoint& point : made.points) EXPECT_FALSE(named(points, point.id));
+    for (const NewPoint& point : work_in(next_mapper, made)) {
+      EXPECT_FALSE(named(points, point.id));
+      ++triangulated;
+    }
+  }
+  EXPECT_GT(triangulated, 0u);
+  const auto after = map->read(ids).first;
+  EXPECT_TRUE(std::includes(after.begin(), after.end(), keyframes.begin(), keyframes.end()));
+  EXPECT_EQ(after.size(), keyframes.size() + 4);
 }
 
 }  // namespace
