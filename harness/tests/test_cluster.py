@@ -169,6 +169,29 @@ def test_a_scheduler_that_is_not_there(tmp_path: Path) -> None:
     assert "--jobs" in refused(ExitCode.BAD_INPUT, *arguments, "--slurm")
 
 
+SBATCH = """#!/bin/bash
+# Stands for Slurm: takes the job script, then runs it on this host.
+cp "${@: -1}" "$0.job"
+bash "$0.job" >"$0.log" 2>&1 &
+echo "Submitted batch job $!"
+"""
+
+
+@needs_programs
+def test_slurm_jobs_become_workers(tmp_path: Path) -> None:
+    (tmp_path / "bin").mkdir()
+    for name, text in (("sbatch", SBATCH), ("scancel", '#!/bin/bash\nkill "$@"\n')):
+        (tmp_path / "bin" / name).write_text(text)
+        (tmp_path / "bin" / name).chmod(0o755)
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
+    arguments = ("run", str(path), "--results", str(tmp_path / "results"), "--slurm", "--jobs", "1")
+    found = f"{tmp_path / 'bin'}:{os.environ['PATH']}"
+    code, out, err = slambed(*arguments, cwd=tmp_path, PATH=found)
+    assert code == ExitCode.OK, out + err
+    assert len(ResultFolder(tmp_path / "results" / "walk").run_keys()) == CELLS
+    assert "tcp://" in (tmp_path / "bin" / "sbatch.log").read_text()
+
+
 def test_a_run_travels_without_its_raw_logs(tmp_path: Path) -> None:
     away, home = tmp_path / "away", tmp_path / "home"
     (away / "mobile").mkdir(parents=True)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds cost models with which virtual runs show the component times that a paper prints.
 
-A component's mean is alpha * h + beta + w: h what its stages cost on the device it is scaled from,
-w what it waits besides. One round of runs gives h and w for every condition; alpha and beta follow.
-As w depends on the costs, a few rounds are made.
+A component's mean is alpha * h + beta * r + w: h what its stages cost on the device it is scaled
+from, r how often its stage with a fixed time occurs, w what it waits besides. One round of runs
+gives h, r and w for every condition; alpha and beta follow. As all depend on the costs, a few
+rounds are made.
 """
 
 import tempfile
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from slambed.calibrate.targets import Component, Targets
@@ -28,6 +30,8 @@ from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, RunSpec, expand, read_profiles
 from slambed.spec.system import Role
 from slambed.spec.yaml_source import YamlSource
+
+Values = NDArray[np.float64]
 
 LARGEST_JITTER = 1.0
 JITTER_GAIN = 0.7
@@ -52,6 +56,8 @@ class Seen:
     sd: float
     busy: float
     """Charged to its stages, per occurrence."""
+    fixed: float = 1.0
+    """Executions of the stage `fixed_on`, per occurrence."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,8 @@ class Fit:
         """Simulates all conditions with the present models, then moves towards the targets."""
         self.look_again(setting)
         for component in self.targets.components:
-            self._improve(component)
+            if component.stages:
+                self._improve(component)
 
     def look_again(self, setting: Setting) -> None:
         """Simulates all conditions with the present models."""
@@ -123,17 +130,16 @@ class Fit:
         conditions = list(component.mean_ms)
         seen = [self.seen[component.name, condition] for condition in conditions]
         target = np.array([component.mean_ms[condition] for condition in conditions])
+        rate = np.array([s.fixed for s in seen])
         beta_ms = scale.beta_us * 1e-3
-        base = np.array([max(s.busy - beta_ms, 1e-6) / scale.alpha for s in seen])
-        waits = np.array([s.mean - s.busy for s in seen])
+        busy = np.array([s.busy for s in seen])
+        base = np.maximum(busy - beta_ms * rate, 1e-6) / scale.alpha
+        waits = np.array([s.mean for s in seen]) - busy
         # What is left for computing when the waits are off; never less than a tenth of the target.
         wanted = np.maximum(target - waits, target / 10)
-        columns = [base / wanted]
-        if component.fixed_on is not None:
-            columns.append(1 / wanted)
-        solution, _ = nnls(np.column_stack(columns), np.ones(len(conditions)))
-        scale.alpha = max(float(solution[0]), 1e-6)
-        scale.beta_us = float(solution[1]) * 1e3 if component.fixed_on is not None else 0.0
+        most = component.fixed_at_most if component.fixed_on is not None else 0.0
+        scale.alpha, beta_ms = solve(base, rate, wanted, most)
+        scale.beta_us = beta_ms * 1e3
         if component.sd_ms:
             relative = [component.sd_ms[c] / component.mean_ms[c] for c in component.sd_ms]
             asked, shown = float(np.mean(relative)), float(np.mean([s.sd / s.mean for s in seen]))
@@ -194,6 +200,20 @@ class Fit:
         }
 
 
+def solve(base: Values, rate: Values, wanted: Values, most: float) -> tuple[float, float]:
+    """alpha and beta, neither negative, with the least relative errors of alpha * base + beta *
+    rate against wanted. The share of beta * rate in the mean is at most `most`."""
+    ones = np.ones(len(wanted))
+    if most > 0:
+        (alpha, beta), _ = nnls(np.column_stack([base / wanted, rate / wanted]), ones)
+        fixed, scaled = beta * rate.mean(), alpha * base.mean()
+        if fixed <= most * (fixed + scaled):
+            return max(float(alpha), 1e-6), float(beta)
+    tied = most / (1 - most) * base.mean() / rate.mean() if most > 0 else 0.0
+    (alpha,), _ = nnls(((base + tied * rate) / wanted)[:, None], ones)
+    return max(float(alpha), 1e-6), float(alpha * tied)
+
+
 class _FittedLibrary(Library):
     """A checkout whose fitted devices are those of the fit."""
 
@@ -222,17 +242,19 @@ def _short(value: float) -> float:
 def look(component: Component, logs: list[EventLog]) -> Seen:
     """A component over all runs of a condition."""
     busy = 0.0
-    occurrences = 0
+    occurrences = fixed = 0
     values: list[float] = []
     for log in logs:
         stages = log.of("stage", node=component.node)
         busy += sum(e["cpu_ms"] for e in stages if e["name"] in component.stages)
+        fixed += sum(e["name"] == component.fixed_on for e in stages)
         count, found = MEASURES.get(component.measure, _part)(component, log)
         occurrences += count
         values += found
     if not occurrences or not values:
         raise SlambedError(f"component {component.name} does not occur in the runs of the fit")
-    return Seen(float(np.mean(values)), float(np.std(values)), busy / occurrences)
+    mean, sd = float(np.mean(values)), float(np.std(values))
+    return Seen(mean, sd, busy / occurrences, fixed / occurrences)
 
 
 def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:

@@ -31,12 +31,15 @@ class Component(BaseModel):
     source: str
     """Where it is printed, and how we read it."""
     node: Role
-    stages: list[str] = Field(min_length=1)
+    stages: list[str]
+    """None: the time follows from the others and is only shown."""
     measure: str = "per_frame"
     """A part of T_Total (`T_LM`, ...), or `per_frame`: the stages' time per tracked frame."""
     fixed_on: str | None = None
     """Stage that may get a time independent of sizes, where one factor cannot serve all
     conditions."""
+    fixed_at_most: float = Field(default=1.0, gt=0, le=1)
+    """Largest share of the mean that may be independent of sizes."""
     mean_ms: dict[str, float]
     """Condition -> printed mean."""
     sd_ms: dict[str, float] = Field(default_factory=dict)

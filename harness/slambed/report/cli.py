@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about results: report, plots, compare, paper, gate, view, evaluate.
+"""Commands about results: report, plots, compare, truth, paper, gate, view, evaluate.
 
 The main command mounts them with `add_commands`.
 """
@@ -21,7 +21,7 @@ app = typer.Typer(help="Reports, comparisons and gates.", no_args_is_help=True)
 
 def add_commands(main: typer.Typer) -> None:
     """Adds the commands of this module to the main command, which has its own `report`."""
-    for command in (plots, compare, paper, gate, view, evaluate):
+    for command in (plots, compare, truth, paper, gate, view, evaluate):
         main.command()(command)
 
 
@@ -79,6 +79,23 @@ def compare(
 ) -> None:
     """Put every published number beside ours: paper | ours | interval | verdict."""
     _write_pages(papers or None, results, out or results / "papers", show_not_run)
+
+
+@app.command()
+def truth(
+    live: Annotated[Path, typer.Argument(help="Results folder of live runs.")],
+    virtual: Annotated[Path, typer.Argument(help="The same experiment with --engine virtual.")],
+    output: Annotated[Path | None, typer.Option("-o", help="Table to write: .csv or .md.")] = None,
+) -> None:
+    """Put virtual runs beside live runs of the same cells: how far the model is from the truth."""
+    from slambed.report.load import load
+    from slambed.report.truth import truth_table
+
+    table = truth_table(load(live), load(virtual))
+    Console().print(table.rich())
+    if output is not None:
+        output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
+        typer.echo(f"table: {output}")
 
 
 @app.command()

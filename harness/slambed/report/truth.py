@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual runs beside live runs of the same cells: how far the model is from the truth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.errors import SlambedError
+from slambed.metrics.comparison import fisher
+from slambed.metrics.stages import delays
+from slambed.metrics.statistics import finite
+from slambed.report.load import Results
+from slambed.report.tables import Table
+from slambed.spec.device import VIRTUAL
+
+Values = NDArray[np.float64]
+
+CELL_KEYS = ["label", "dataset", "profile"]
+"""What names the same cell in both; the backend of the link may differ."""
+TARGET_PERCENT = 15.0
+"""Medians this near count as the same (docs/virtual.md)."""
+USUAL_ALPHA = 0.05
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something that a run has one value of."""
+
+    name: str
+    unit: str
+    of: Callable[[Results, pd.DataFrame], Values]
+
+
+def _summary(key: str, factor: float = 1.0) -> Callable[[Results, pd.DataFrame], Values]:
+    return lambda results, rows: finite(pd.to_numeric(rows[key], errors="coerce")) * factor
+
+
+def _part(name: str) -> Callable[[Results, pd.DataFrame], Values]:
+    """Median of a part of T_Total in each run."""
+
+    def values(results: Results, rows: pd.DataFrame) -> Values:
+        found = []
+        for key in rows["run_key"]:
+            log = results.events(key, ("update_applied",))
+            delay = delays(log).get(name) if log is not None else None
+            found.append(delay.median_ms if delay is not None else None)
+        return finite(found)
+
+    return values
+
+
+QUANTITIES = (
+    Quantity("T_Total", "ms", _summary("update_delay_ms_median")),
+    Quantity("T_MU (update delay)", "ms", _part("T_MU")),
+    Quantity("frames dropped", "", _summary("frames_dropped")),
+    Quantity("keyframes", "", _summary("keyframes")),
+    Quantity("ATE RMSE", "cm", _summary("ate_rmse_m", 100)),
+    Quantity("mobile CPU", "% of a core", _summary("mobile_cpu_percent_mean")),
+    Quantity("tracking", "ms", _summary("track_ms_median")),
+)
+
+
+def truth_table(live: Results, virtual: Results) -> Table:
+    """A row per cell and quantity; both results must hold runs of the same cells."""
+    for results, wanted in ((live, False), (virtual, True)):
+        engines = set(results.valid["engine"])
+        if {engine == VIRTUAL for engine in engines} != {wanted}:
+            kind = "virtual" if wanted else "live"
+            raise SlambedError(f"{results.folder} holds no {kind} runs only: engines {engines}")
+    ours, theirs = _cells(virtual), _cells(live)
+    shared = [cell for cell in theirs if cell in ours]
+    if not shared:
+        raise SlambedError(f"{live.folder} and {virtual.folder} have no cell in common")
+    table = Table(
+        "truth",
+        f"Virtual against live, medians (least to most) of runs; aim: within {TARGET_PERCENT:g} %",
+        ["cell", "quantity", "live", "virtual", "error", "error %", "within"],
+        words=2,
+    )
+    for cell in shared:
+        name = "/".join(part for part in cell if part)
+        for quantity in QUANTITIES:
+            row = _row(quantity, quantity.of(live, theirs[cell]), quantity.of(virtual, ours[cell]))
+            if row is not None:
+                table.rows.append([name, *row])
+        table.rows.append([name, *_losses(theirs[cell], ours[cell])])
+    return table
+
+
+def _cells(results: Results) -> dict[tuple[str, ...], pd.DataFrame]:
+    valid = results.valid
+    keys = valid[CELL_KEYS].astype(object).where(valid[CELL_KEYS].notna(), "")
+    return {
+        tuple(str(part) for part in cell): pd.DataFrame(valid.loc[rows.index])
+        for cell, rows in keys.groupby(CELL_KEYS, sort=False)
+    }
+
+
+def _row(quantity: Quantity, live: Values, virtual: Values) -> list[str] | None:
+    if not len(live) or not len(virtual):
+        return None
+    truth, model = float(np.median(live)), float(np.median(virtual))
+    error = model - truth
+    percent = 100 * error / truth if truth else (0.0 if not error else np.inf)
+    return [
+        f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name,
+        _spread(live),
+        _spread(virtual),
+        f"{error:+.3g}",
+        f"{percent:+.0f}",
+        "yes" if abs(percent) <= TARGET_PERCENT else "no",
+    ]
+
+
+def _spread(values: Values) -> str:
+    return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"
+
+
+def _losses(live: pd.DataFrame, virtual: pd.DataFrame) -> list[str]:
+    lost = [int(rows["lost"].eq(True).sum()) for rows in (live, virtual)]
+    p_value = fisher(lost[0], len(live), lost[1], len(virtual))
+    return [
+        "runs with a track loss",
+        f"{lost[0]} of {len(live)}",
+        f"{lost[1]} of {len(virtual)}",
+        f"p {p_value:.2f}",
+        "",
+        "yes" if p_value > USUAL_ALPHA else "no",
+    ]

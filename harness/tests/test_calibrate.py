@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cost models: fitted to measured stage times, and scaled to printed ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from pydantic import ValidationError
+
+from slambed.calibrate.fit import fit_stage, fit_stages
+from slambed.calibrate.match import Fit, look, scaled, solve
+from slambed.calibrate.targets import Component, Targets
+from slambed.metrics.events import EventLog
+from slambed.native import repository_root
+from slambed.spec.device import StageCost
+from slambed.spec.library import Library
+from slambed.spec.yaml_source import load_yaml, parse
+
+FITS = repository_root() / "devices" / "fits"
+
+
+def test_a_fit_finds_the_cost_that_made_the_times() -> None:
+    random = np.random.default_rng(1)
+    n1, n2 = random.uniform(100, 1000, 2000), random.uniform(0, 5000, 2000)
+    jitter = np.exp(random.normal(0, 0.2, 2000))
+    fit = fit_stage("track", n1, n2, (400 + 3 * n1 + 0.5 * n2) * jitter)
+    assert fit.cost.b_us == pytest.approx(3, rel=0.1)
+    assert fit.cost.c_us == pytest.approx(0.5, rel=0.1)
+    assert fit.cost.jitter == pytest.approx(0.2, rel=0.1)
+    assert abs(fit.mean_error_percent) < 0.1
+    assert abs(fit.median_error_percent) < 3
+    assert fit.p95_error_percent == pytest.approx(100 * (np.exp(1.96 * 0.2) - 1), rel=0.2)
+
+
+def test_a_stage_seen_a_few_times_is_not_fitted() -> None:
+    rows = [("often", 10.0, 0.0, 1.0)] * 5 + [("rare", 10.0, 0.0, 1.0)] * 4
+    table = pd.DataFrame(rows, columns=["name", "n1", "n2", "cpu_ms"])
+    assert [fit.name for fit in fit_stages(table)] == ["often"]
+
+
+def test_one_factor_meets_the_middle_of_two_conditions() -> None:
+    alpha, beta = solve(np.array([1.0, 2.0]), np.ones(2), np.array([30.0, 30.0]), most=0.0)
+    assert beta == 0
+    # The least relative errors: sum of (alpha * base / wanted - 1) squared.
+    assert alpha == pytest.approx(30 * 3 / 5)
+
+
+def test_a_fixed_time_meets_both_where_it_may() -> None:
+    base, rate, wanted = np.array([1.0, 2.0]), np.array([1.0, 1.0]), np.array([20.0, 30.0])
+    assert solve(base, rate, wanted, most=1.0) == pytest.approx((10.0, 10.0))
+    # A stage that occurs in one of four frames has four times the fixed time.
+    assert solve(base, rate / 4, wanted, most=1.0) == pytest.approx((10.0, 40.0))
+
+
+def test_the_fixed_share_has_a_limit() -> None:
+    base, rate, wanted = np.array([1.0, 2.0]), np.array([1.0, 1.0]), np.array([30.0, 30.0])
+    alpha, beta = solve(base, rate, wanted, most=1.0)
+    assert alpha == pytest.approx(0, abs=1e-5) and beta == pytest.approx(30)
+    alpha, beta = solve(base, rate, wanted, most=0.5)
+    assert beta * rate.mean() == pytest.approx(alpha * base.mean())
+    spread = (alpha * base + beta * rate) / 30
+    assert spread.min() > 0.8 and spread.max() < 1.2
+
+
+def test_scaling_keeps_the_dependence_on_sizes() -> None:
+    cost = StageCost(a_us=10, b_us=2, c_us=0.5, jitter=0.1)
+    assert scaled(cost, 3, 7, 0.2) == StageCost(a_us=37, b_us=6, c_us=1.5, jitter=0.2)
+
+
+def stage(name: str, t_ms: float, wall_ms: float, cpu_ms: float) -> dict[str, object]:
+    return {
+        "type": "stage", "node": "mobile", "worker": "tracking", "name": name,
+        "t_ns": int(t_ms * 1e6), "wall_ms": wall_ms, "cpu_ms": cpu_ms,
+    }  # fmt: skip
+
+
+def test_a_component_is_seen_per_frame() -> None:
+    done = {"type": "frame_tracked", "node": "mobile", "worker": None}
+    events = [
+        stage("track", 10, 8, 6),
+        {**done, "t_ns": 10_000_000},
+        stage("track", 30, 10, 6),
+        stage("create_keyframe", 34, 4, 3),
+        {**done, "t_ns": 34_000_000},
+    ]
+    component = Component(
+        name="all", source="here", node="mobile", stages=["track", "create_keyframe"],
+        fixed_on="create_keyframe", mean_ms={"x": 1.0},
+    )  # fmt: skip
+    seen = look(component, [EventLog(events, [])])
+    assert (seen.mean, seen.busy, seen.fixed) == (11.0, 7.5, 0.5)
+    assert seen.sd == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("path", sorted(FITS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
+    source = load_yaml(path)
+    targets = parse(Targets, source)
+    library = Library()
+    fit = Fit(targets, source, library)
+    for role, fitted in targets.devices.items():
+        model, shipped = fit.model(role), library.device(fitted.device).model
+        assert shipped is not None and shipped.cores == fitted.cores
+        assert set(shipped.stages) >= set(model.stages)
+
+
+def test_a_fit_with_a_stage_that_is_not_its_own_is_refused() -> None:
+    with pytest.raises(ValidationError, match="fixed_on fuse is not among the stages"):
+        Component(
+            name="x", source="x", node="edge", stages=["bundle"], fixed_on="fuse", mean_ms={"c": 1}
+        )

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual beside live: cells are matched, errors are those of the medians."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from results_factory import RawRun, spec_of, write_experiment
+
+from slambed.errors import SlambedError
+from slambed.report.load import load
+from slambed.report.truth import truth_table
+
+
+def experiment(root: Path, engine: str, cpu_percent: float, lost: int = 0) -> Path:
+    """Four offloaded runs and one alone."""
+    link = {"link": {"backend": engine, "profile": "ramp_85"}}
+    runs: list[tuple[dict[str, Any], RawRun]] = [
+        (
+            spec_of("edgeslam", "static", "ramp_85", r, engine=engine, **link),
+            RawRun(seed=r, cpu_percent=cpu_percent, lost_at_s=((6.0, 7.0),) if r < lost else ()),
+        )
+        for r in range(4)
+    ]
+    alone = spec_of("orbslam2", "default", None, 0, engine=engine)
+    runs.append((alone, RawRun(edge=False, cpu_percent=cpu_percent)))
+    return write_experiment(root / engine, runs)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    root = tmp_path_factory.mktemp("truth")
+    return experiment(root, "local", 50.0), experiment(root, "virtual", 75.0, lost=4)
+
+
+def test_errors_are_those_of_the_medians(folders: tuple[Path, Path]) -> None:
+    live, virtual = map(load, folders)
+    table = truth_table(live, virtual)
+    assert {row[0] for row in table.rows} == {
+        "edgeslam:static/room_walk/ramp_85", "orbslam2/room_walk"
+    }  # fmt: skip
+    offloaded = {row[1]: row for row in table.rows if row[0].startswith("edgeslam")}
+    cpu = offloaded["mobile CPU [% of a core]"]
+    rows = live.valid[live.valid["system"] == "edgeslam"]["mobile_cpu_percent_mean"]
+    assert cpu[2].startswith(f"{rows.median():.3g} (")
+    assert float(cpu[5]) == pytest.approx(50, abs=4) and cpu[6] == "no"
+    drawn = offloaded["tracking [ms]"]
+    assert abs(float(drawn[5])) < 15 and drawn[6] == "yes"
+    assert {"T_Total [ms]", "T_MU (update delay) [ms]"} <= offloaded.keys()
+    # Without an edge there is no update to be late.
+    alone = {row[1] for row in table.rows if row[0].startswith("orbslam2")}
+    assert "T_Total [ms]" not in alone and "keyframes" in alone
+
+
+def test_losses_are_tested_exactly(folders: tuple[Path, Path]) -> None:
+    live, virtual = map(load, folders)
+    rows = {row[0]: row for row in truth_table(live, virtual).rows if row[1].startswith("runs")}
+    lost = rows["edgeslam:static/room_walk/ramp_85"]
+    assert lost[2:5] == ["0 of 4", "4 of 4", "p 0.03"] and lost[6] == "no"
+    assert rows["orbslam2/room_walk"][6] == "yes"
+
+
+def test_two_live_results_are_no_truth(folders: tuple[Path, Path]) -> None:
+    live, virtual = map(load, folders)
+    with pytest.raises(SlambedError, match="no virtual runs only"):
+        truth_table(live, live)
+    with pytest.raises(SlambedError, match="no live runs only"):
+        truth_table(virtual, virtual)
