@@ -117,7 +117,7 @@ def write_raw(folder: Path, run: RawRun) -> Path:
                 rtt = ramp_ms(np.array([seq_s]), run.duration_s, run.peak_rtt_ms)[0]
                 one_way_ns = int((rtt / 2 + 1) * 1e6)
                 edge.append(
-                    message(t_ns, one_way_ns, "keyframe", "up", "keyframe", 41_000, keyframe)
+                    message(t_ns, one_way_ns, "keyframe", "up", "KEYFRAME", 41_000, keyframe)
                 )
                 parsed_ns = t_ns + one_way_ns
                 edge.append(stage(parsed_ns, "parse", "map", 4.0))
@@ -139,14 +139,14 @@ def write_raw(folder: Path, run: RawRun) -> Path:
             if run.edge and keyframe % 2 == 1:
                 edge.append(stage(done_ns, "prepare_update", "map", 15.0))
                 mobile.append(
-                    message(done_ns, one_way_ns, "map", "down", "update", 230_000, update)
+                    message(done_ns, one_way_ns, "map", "down", "MAP_UPDATE", 230_000, update)
                 )
                 applied = done_ns + one_way_ns + 30_000_000
                 content = {"update": update, "newest_keyframe": ID | keyframe, "keyframes": 1}
                 mobile.append(
                     {
                         "t_ns": applied, "type": "update_applied", **content, "points": 400,
-                        "gap_keyframes": 0, "t_mu_ms": 30.0,
+                        "gap_keyframes": 0, **parts_of(taken_ns, done_ns, one_way_ns),
                     }
                 )  # fmt: skip
                 update += 1
@@ -178,6 +178,17 @@ def write_raw(folder: Path, run: RawRun) -> Path:
     } | run.manifest  # fmt: skip
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
+
+
+def parts_of(captured_ns: int, mapped_ns: int, one_way_ns: int) -> dict[str, float]:
+    """The parts of T_Total: what is not tracking, way and integration is local mapping."""
+    way_ms = one_way_ns / 1e6
+    total_ms = (mapped_ns - captured_ns) / 1e6 + way_ms + 30.0
+    fixed = {
+        "t_track_ms": 40.0, "t_me_ms": way_ms, "t_rkf_ms": 4.0, "t_wait_ms": 0.0, "t_plmu_ms": 15.0,
+        "t_em_ms": way_ms, "t_mu_ms": 30.0,
+    }  # fmt: skip
+    return {**fixed, "t_lm_ms": total_ms - sum(fixed.values()), "t_total_ms": total_ms}
 
 
 def stage(t_ns: int, name: str, worker: str, wall_ms: float, n1: int = 0) -> dict[str, Any]:

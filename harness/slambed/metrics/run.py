@@ -17,6 +17,7 @@ from slambed.metrics.resources import NOTHING, Resources, resources_of
 from slambed.metrics.stages import mapping_ms_per_keyframe, total_ms
 from slambed.metrics.tracking import mean_of, quantile_of, tracking_of, values_of
 from slambed.metrics.trajectory import EMPTY, Trajectory, read_tum
+from slambed.metrics.update_round import CLOSURE_LIMIT_MS, round_summary
 from slambed.spec.device import VIRTUAL
 
 RPE_DELTA_S = 1.0
@@ -36,6 +37,8 @@ SUMMARY_KEYS = (
     "mobile_cpu_percent_mean", "edge_cpu_percent_mean",
     "mobile_mem_mb_peak", "edge_mem_mb_peak",
     "bytes_up", "bytes_down", "updates_applied", "update_delay_ms_median",
+    "update_gap_keyframes_mean", "update_parts_error_ms_max",
+    "keyframe_bytes_median", "update_bytes_median", "serialise_ms_median", "parse_ms_median",
     "rtt_asked_ms_mean", "rtt_measured_ms_mean", "rtt_error_ms_median", "rtt_error_ms_p99",
     "throttled_ms", "throttled_share", "wall_s",
 )  # fmt: skip
@@ -96,6 +99,8 @@ def summarise_with_problems(
     summary |= _times(log)
     summary |= _resources(mobile, edge)
     summary |= _network(log, proof, has_edge)
+    if (summary["update_parts_error_ms_max"] or 0.0) > CLOSURE_LIMIT_MS:
+        problems.append("update_applied: the parts of T_Total do not add up to it")
     if is_virtual(spec) and link is not None:
         summary["rtt_asked_ms_mean"] = _asked_mean(link, end_s)
     summary["wall_s"] = end_s
@@ -212,6 +217,7 @@ def _network(log: EventLog, proof: RttProof | None, has_edge: bool) -> dict[str,
         moved = bytes_moved(log)
         found |= {"bytes_up": moved["up"], "bytes_down": moved["down"]}
         found["updates_applied"] = len(log.of("update_applied"))
+        found |= round_summary(log)
         total = total_ms(log)
         if len(total):
             found["update_delay_ms_median"] = quantile_of(

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the time goes: by stage, by keyframe, and round a map update (DynNetSLAM, Fig. 4)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from slambed.metrics.events import Event, EventLog
 from slambed.metrics.tracking import values_of
+from slambed.metrics.update_round import PART_FIELDS, update_rounds
 
 MAPPING_STAGES = ("insert", "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes")
 """What a local mapper does for a keyframe; serialising and updates are counted apart."""
@@ -17,6 +19,7 @@ _UNIT_OF = {
     "track": "frame_tracked",
     "create_keyframe": "keyframe_created",
     "serialise": "keyframe_created",
+    "serialise_text": "keyframe_created",
 } | dict.fromkeys(MAPPING_STAGES, "keyframe_mapped")
 
 
@@ -88,10 +91,20 @@ class Delay:
 def delays(log: EventLog) -> dict[str, Delay]:
     """The parts of T_Total that this run's events tell; a part without events is absent.
 
-    T_Track tracking step; T_M->E and T_E->M queued to received; T_RKF parsing a keyframe on the
-    edge; T_LM local mapping per keyframe; T_PLMU preparing the update; T_MU applying it; T_Total
-    from the capture of the newest keyframe an update covers until that update is applied.
+    Where accepted updates carry their own parts (`update_round`), those are taken: they add up.
+    T_Computed is T_Total without T_Wait. Else what comes near: T_Track tracking step; T_M->E and
+    T_E->M queued to received; T_RKF parsing a keyframe on the edge; T_LM local mapping per
+    keyframe; T_PLMU preparing the update; T_MU applying it; T_Total from the capture of the newest
+    keyframe an update covers until that update is applied.
     """
+    if rounds := update_rounds(log):
+        return _spread_of(
+            {
+                **{part: np.array([r.parts_ms[part] for r in rounds]) for part in PART_FIELDS},
+                "T_Total": np.array([r.total_ms for r in rounds]),
+                "T_Computed": np.array([r.computed_ms for r in rounds]),
+            }
+        )
     keyframe_messages = _messages(log, "up", "keyframe")
     update_messages = _messages(log, "down", "map")
     parse = [e for e in log.of("stage", node="edge") if e.get("name") == "parse"]
@@ -106,6 +119,12 @@ def delays(log: EventLog) -> dict[str, Delay]:
         "T_MU": values_of(log.of("update_applied"), "t_mu_ms"),
         "T_Total": total_ms(log),
     }
+    return _spread_of(parts)
+
+
+def _spread_of(
+    parts: Mapping[str, np.ndarray[tuple[int], np.dtype[np.float64]]],
+) -> dict[str, Delay]:
     return {
         name: Delay(
             float(values.mean()), float(values.std()), float(np.median(values)), len(values)
@@ -116,7 +135,9 @@ def delays(log: EventLog) -> dict[str, Delay]:
 
 
 def total_ms(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """T_Total of every applied update whose newest keyframe is known."""
+    """T_Total of every applied update: as it tells, or from the capture of its newest keyframe."""
+    if rounds := update_rounds(log):
+        return np.array([r.total_ms for r in rounds])
     captured = _capture_times_ns(log)
     found = [
         (event["t_ns"] - captured[event["newest_keyframe"]]) / 1e6

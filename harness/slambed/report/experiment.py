@@ -14,6 +14,7 @@ from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.published import comparisons_for
+from slambed.report.rounds import update_round_tables
 from slambed.report.tables import (
     Table,
     cell_tables,
@@ -59,7 +60,7 @@ def write_report(
         drawn = draw_all(results, cells, folder, made_by, limit_s)
     content = PageContent(
         cells=cells,
-        tables=cell_tables(cells, metrics),
+        tables=[*cell_tables(cells, metrics), *update_round_tables(results)],
         differences=difference_table(differences(results)),
         comparisons=comparisons_for(results),
         link=link_table(results),
@@ -139,7 +140,8 @@ def terminal_summary(experiment_dir: Path, console: Console | None = None) -> Re
     metrics = metrics_to_show(results)
     cells = cells_of(results, metrics)
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
-    for table in [*cell_tables(cells, metrics), *comparisons_for(results)]:
+    tables = cell_tables(cells, metrics) + update_round_tables(results) + comparisons_for(results)
+    for table in tables:
         parts += [Text(""), table.rich()]
     notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The round of a map update, part by part: from the frame of the newest keyframe that it covers
+until tracking uses it (DynNetSLAM, Sec. III: T_Total = T_Mobile + T_Edge + T_NW)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slambed.metrics.events import Event, EventLog
+from slambed.metrics.tracking import values_of
+
+PART_FIELDS = {
+    "T_Track": "t_track_ms",
+    "T_M->E": "t_me_ms",
+    "T_RKF": "t_rkf_ms",
+    "T_LM": "t_lm_ms",
+    "T_Wait": "t_wait_ms",
+    "T_PLMU": "t_plmu_ms",
+    "T_E->M": "t_em_ms",
+    "T_MU": "t_mu_ms",
+}
+"""Part -> field of `update_applied`. T_Wait is the pacing of updates, which no paper counts."""
+
+CLOSURE_LIMIT_MS = 2.0
+"""The parts of a round must add up to its total within this."""
+
+
+@dataclass(frozen=True)
+class UpdateRound:
+    """One accepted map update."""
+
+    parts_ms: dict[str, float]
+    total_ms: float
+    gap_keyframes: int | None
+    """Keyframes of the old local map that tracking lost by the update."""
+
+    @property
+    def computed_ms(self) -> float:
+        """The paper's T_Total: the total without T_Wait."""
+        return self.total_ms - self.parts_ms["T_Wait"]
+
+    @property
+    def closure_error_ms(self) -> float:
+        """How far the parts are from the total."""
+        return abs(sum(self.parts_ms.values()) - self.total_ms)
+
+
+def update_rounds(log: EventLog) -> list[UpdateRound]:
+    """Every accepted regular update whose event tells all parts.
+
+    Maps for relocalisation begin with a request, not with a keyframe, and are left out.
+    """
+    found = [_round(event) for event in log.of("update_applied") if not event.get("relocalisation")]
+    return [round_ for round_ in found if round_ is not None]
+
+
+def _round(event: Event) -> UpdateRound | None:
+    numbers = [event.get(field) for field in (*PART_FIELDS.values(), "t_total_ms")]
+    if not all(isinstance(number, int | float) for number in numbers):
+        return None
+    *parts, total = (float(str(number)) for number in numbers)
+    gap = event.get("gap_keyframes")
+    return UpdateRound(
+        dict(zip(PART_FIELDS, parts, strict=True)), total, gap if isinstance(gap, int) else None
+    )
+
+
+def round_summary(log: EventLog) -> dict[str, float | None]:
+    """The keys of summary.json that come from update rounds and from what crossed the link."""
+    rounds = update_rounds(log)
+    gaps = [r.gap_keyframes for r in rounds if r.gap_keyframes is not None]
+    return {
+        "update_gap_keyframes_mean": float(np.mean(gaps)) if gaps else None,
+        "update_parts_error_ms_max": max((r.closure_error_ms for r in rounds), default=None),
+        "keyframe_bytes_median": _median(_received(log, "KEYFRAME"), "bytes"),
+        "update_bytes_median": _median(_received(log, "MAP_UPDATE"), "bytes"),
+        "serialise_ms_median": _median(_stages(log, "mobile", "serialise"), "wall_ms"),
+        "parse_ms_median": _median(_stages(log, "edge", "parse"), "wall_ms"),
+    }
+
+
+def _received(log: EventLog, message: str) -> list[Event]:
+    return [e for e in log.of("message") if e.get("message") == message and not e.get("dropped")]
+
+
+def _stages(log: EventLog, node: str, name: str) -> list[Event]:
+    """The stage in either codec's form."""
+    return [e for e in log.of("stage", node=node) if e.get("name") in (name, f"{name}_text")]
+
+
+def _median(events: list[Event], key: str) -> float | None:
+    values = values_of(events, key)
+    return float(np.median(values)) if len(values) else None
