@@ -6,7 +6,7 @@ set -euo pipefail
 
 engine=${1:-auto}
 root=$(cd "$(dirname "$0")/.." && pwd)
-programs="slambed-node slambed-sim slambed-relay slambed-synth"
+programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace"
 bin=$root/build/bin
 hash=$(PYTHONPATH="$root/harness" python3 -m slambed.spec.software)
 tag=slambed-node:$hash

@@ -5,7 +5,7 @@ set -euo pipefail
 
 tag=$1
 root=$(cd "$(dirname "$0")/.." && pwd)
-programs="slambed-node slambed-sim slambed-relay slambed-synth"
+programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace"
 
 "$root/tools/base_image.sh"
 if ! docker image inspect "$tag" >/dev/null 2>&1; then

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from slambed.campaign.manifest import cpu_model
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.errors import SlambedError
 from slambed.native import find_program
 from slambed.sampling.cgroup import version as cgroup_version
+from slambed.spec.host_speed import cpu_model, load_host_speed
 from slambed.spec.software import host_software
 
 Level = Literal["good", "missing", "fatal"]
 MIN_CORES = 2
 MIN_FREE_GB = 5
-PROGRAMS = ("slambed-node", "slambed-sim", "slambed-relay", "slambed-synth")
+PROGRAMS = ("slambed-node", "slambed-sim", "slambed-relay", "slambed-pace", "slambed-synth")
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ def examine() -> list[Finding]:
     checks: list[Callable[[], Finding]] = [
         _system,
         _cores,
+        _speed,
         _privilege,
         _docker,
         _image,
@@ -73,8 +74,25 @@ def _cores() -> Finding:
 def _privilege() -> Finding:
     if os.geteuid() == 0:
         return Finding("privilege", "good", "root")
-    cost = "live runs join and shape network namespaces: run 'slambed run' with sudo"
-    return Finding("privilege", "fatal", f"user {os.geteuid()}, not root", cost)
+    found = f"user {os.geteuid()}, not root"
+    try:
+        connect().close()
+    except SlambedError:
+        cost = (
+            "live runs join and shape network namespaces: run 'slambed run' with sudo, or join "
+            "the group docker; --engine virtual needs neither"
+        )
+        return Finding("privilege", "fatal", found, cost)
+    cost = "engine docker works, by helper containers; engine local needs sudo"
+    return Finding("privilege", "good", f"{found}, but the Docker daemon listens", cost)
+
+
+def _speed() -> Finding:
+    speed = load_host_speed()
+    if speed.measured_utc is None:
+        cost = "a core is taken for one of the reference host's: 'slambed calibrate --host'"
+        return Finding("speed", "missing", "not measured", cost)
+    return Finding("speed", "good", f"{speed.speed:.2f} of a core of the reference host")
 
 
 def _docker() -> Finding:

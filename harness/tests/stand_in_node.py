@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A program that keeps slambed-node's file contract without any SLAM, for tests of the harness.
 
-The parameter `act` says what it does: play (default), die, die_at_once, hang, refuse, burn, hungry.
+The parameter `act` says what it does: play (default), die, hang, refuse, burn, hungry, threads.
 """
 
 import argparse
@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -33,6 +34,9 @@ def main() -> int:
     output = Path(config["output"])
     folder = output / arguments.role
     folder.mkdir(exist_ok=True)
+    if act == "threads":
+        for _ in range(2):
+            threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
     (folder / "ready.json").write_text("{}")
     start = output / "start.json"
     while not start.exists() and not stopped:

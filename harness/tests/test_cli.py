@@ -106,7 +106,7 @@ def test_no_docker_is_one_line() -> None:
 def test_without_permission_a_run_is_one_line(tmp_path: Path) -> None:
     code = f"""
 import os, sys
-import slambed.campaign.campaign
+import slambed.campaign.campaign, slambed.explain.cli
 from slambed.cli import run_command
 os.chdir({str(tmp_path)!r})
 os.setgroups([]); os.setgid(65534); os.setuid(65534)

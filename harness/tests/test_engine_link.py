@@ -3,18 +3,25 @@
 
 import threading
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 from harness_parts import needs_root, run_spec, stand_in
 
-from slambed.campaign.links import backend_for, open_for_run, read_profile
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.links import RunLink, backend_for, open_for_run, read_profile
+from slambed.campaign.makers import LiveMaker
+from slambed.campaign.runner import Runner
+from slambed.engines.host_lock import host_lock
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.errors import SlambedError
+from slambed.link.relay import RelayShaper
 from slambed.native import find_program
 from slambed.spec.experiment import Playback
-from slambed.spec.matrix import LinkSpec
+from slambed.spec.matrix import LinkSpec, RunSpec
 
 RAMP = {"name": "up", "rtt_ms": {"ramp": {"from_ms": 10, "to_ms": 30, "rise_s": 2}}}
 
@@ -53,3 +60,53 @@ def test_a_run_records_what_its_link_delivered(tmp_path: Path) -> None:
     # The kernel of the nodes sees the latency: it rises. (How exactly is the link's own test.)
     assert probes["value"].median() > 12
     assert result.link["proof"]["asked_ms_mean"] == pytest.approx(20, abs=2)
+
+
+class Quiet:
+    """A reporter that says nothing."""
+
+    def run_started(self, spec: RunSpec) -> None: ...
+
+    def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
+
+
+def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_path: Path) -> None:
+    profile = read_profile(RAMP, "here")
+    link = LinkSpec(backend="relay", profile=profile.name, content=profile.content)
+    plan: dict[str, Any] = {"edge": True, "link": link, "profile": "up"}
+    todo = [
+        run_spec(**plan, repetition=n, seed=n, playback=Playback(fps=10.0, end_s=2.0))
+        for n in range(2)
+    ]
+    killed: list[int] = []
+
+    def open_and_kill_the_first(*asked: Any) -> RunLink:
+        opened = open_for_run(*asked)
+        shaper = opened._session._shaper
+        assert isinstance(shaper, RelayShaper)
+        if not killed:
+            killed.append(shaper._process.pid)
+            threading.Timer(2.0, shaper._process.kill).start()
+        return opened
+
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    (tmp_path / "sequence").mkdir()
+    maker = LiveMaker(
+        LocalEngine(stand_in(tmp_path)),
+        open_and_kill_the_first,
+        {"room": (tmp_path / "sequence", 2.0)},
+    )
+    with host_lock("tests of nodes", wait_s=300):
+        verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), maker).run(todo, Quiet())
+    assert (verdict.done, verdict.interrupted) == (2, False)
+    first, second = (folder.read(spec.run_key, "summary.json") for spec in todo)
+    manifest = folder.read(todo[0].run_key, "manifest.json")
+    assert first is not None and second is not None and manifest is not None
+    assert (first["outcome"], first["valid"]) == ("link_died", False)
+    assert "the link ended in the middle of the run" in first["invalid_reason"]
+    assert manifest["outcome"] == "link_died"
+    assert "signal 9" in manifest["link"]["died"]
+    # What the mobile node made of it is there: it played to its end.
+    assert first["frames_total"] == second["frames_total"] == 20
+    assert second["outcome"] == "completed"

@@ -21,8 +21,9 @@ from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.errors import ExitCode, SlambedError
-from slambed.sampling.cgroup import Granted
-from slambed.spec.device import Limits
+from slambed.sampling.cgroup import Granted, mounted
+from slambed.spec.device import Board, Device, Limits
+from slambed.spec.host_speed import UNKNOWN, HostSpeed
 from slambed.spec.matrix import RunSpec
 
 pytestmark = needs_root
@@ -36,6 +37,7 @@ class Bench:
         self.engine = LocalEngine(stand_in(folder))
         self.link = IdleLink()
         self.stop = threading.Event()
+        self.host = UNKNOWN
         self.live: LiveRun | None = None
 
     def run(self, spec: RunSpec) -> RunResult:
@@ -45,7 +47,7 @@ class Bench:
         sequence.mkdir()
         played_s = spec.playback.end_s or 0.0
         self.live = LiveRun(
-            spec, self.engine, sequence, played_s, raw, lambda *_: self.link, self.stop
+            spec, self.engine, sequence, played_s, raw, lambda *_: self.link, self.stop, self.host
         )
         return self.live.execute()
 
@@ -81,6 +83,66 @@ def test_a_run_with_two_nodes_completes(bench: Bench) -> None:
     assert granted["quota_cores"] == 0.5 and granted["memory_mb"] == 256
 
 
+CAPPED = {"cores": 1, "quota_cores": 0.8, "thread_cores": 0.3, "period_ms": 10.0}
+
+
+def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
+    """Read back from the kernel while the node runs, and told in the manifest."""
+    seen: list[tuple[list[int], list[int], str, str]] = []
+    cpu = mounted()[0].get("cpu")
+    if cpu is None:
+        pytest.skip("the groups of this test are those of cgroup v1")
+
+    def look() -> None:
+        while not (bench.folder / "raw" / "start.json").exists():
+            time.sleep(0.01)
+        assert bench.live is not None
+        node = bench.live._nodes["mobile"]
+        group = node.reader.paths.v1("cpu")
+        assert group is not None
+        for folder in group.glob("thread-*"):
+            seen.append(
+                (
+                    [int(folder.name.removeprefix("thread-"))],
+                    [int(tid) for tid in (folder / "tasks").read_text().split()],
+                    (folder / "cpu.cfs_quota_us").read_text().strip(),
+                    (folder / "cpu.cfs_period_us").read_text().strip(),
+                )
+            )
+
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    spec = run_spec(params={"mobile_act": "threads"}, device_mobile=device(**CAPPED))
+    result = bench.run(spec)
+    watcher.join()
+    assert result.outcome == "completed" and result.reason is None
+    assert len(seen) == 3
+    for tid, members, quota, period in seen:
+        assert members == tid
+        assert (quota, period) == ("3000", "10000")
+    threads = result.limits["mobile"]["threads"]
+    assert [thread["cores"] for thread in threads] == [0.3] * 3
+    assert result.limits["mobile"]["granted"]["quota_cores"] == 0.8
+    assert result.beside is not None and result.beside["samples"] >= 4
+
+
+def test_a_board_becomes_limits_on_this_host(bench: Bench) -> None:
+    pi = Device(
+        name="pi",
+        title="pi",
+        limits=Limits(cores=1, memory_mb=256),
+        board=Board(cores=4, core_speed=0.2),
+    )
+    bench.host = HostSpeed(2.0, 0.01, "2026-01-01T00:00:00Z")
+    result = bench.run(run_spec(device_mobile=pi))
+    mobile = result.limits["mobile"]
+    assert result.reason is None
+    assert (mobile["asked"]["quota_cores"], mobile["asked"]["thread_cores"]) == (0.4, 0.1)
+    assert mobile["granted"]["quota_cores"] == 0.4
+    assert mobile["host_speed"]["speed"] == 2.0 and mobile["shortfall"] is None
+    assert {thread["cores"] for thread in mobile["threads"]} == {0.1}
+
+
 def test_a_system_without_an_edge_has_no_network(bench: Bench) -> None:
     assert bench.run(run_spec()).outcome == "completed"
     assert bench.read("run.json")["network"] is None
@@ -100,7 +162,8 @@ def test_a_node_at_the_gate_has_its_own_network(bench: Bench) -> None:
     plan = NodePlan("mobile", "gate", raw, bench.folder, Limits(), sorted(os.sched_getaffinity(0)))
     node = bench.engine.start(plan)
     try:
-        assert netns(node).readlink() != Path("/proc/self/ns/net").readlink()
+        assert netns(node.pid) == node.namespace
+        assert node.namespace.readlink() != Path("/proc/self/ns/net").readlink()
         assert node.exit_code() is None
         status = Path(f"/proc/{node.pid}/status").read_text()
         assert "NoNewPrivs:\t1" in status
@@ -157,13 +220,18 @@ def test_a_missing_program_is_an_error(bench: Bench) -> None:
 
 
 def test_a_stop_request_ends_a_run_quickly(bench: Bench) -> None:
-    threading.Timer(0.7, bench.stop.set).start()
+    def stop_once_it_runs() -> None:
+        while not (bench.folder / "raw" / "start.json").exists():
+            time.sleep(0.01)
+        bench.stop.set()
+
+    threading.Thread(target=stop_once_it_runs, daemon=True).start()
     began = time.monotonic()
     with pytest.raises(InterruptedRunError):
         bench.run(
             run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 60}))
         )
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 30
     assert bench.read("mobile/node.json")["stopped"] is True
 
 
@@ -171,10 +239,12 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
     spec = run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 1.5}))
 
     def stop_edge() -> None:
+        while not (bench.folder / "raw" / "start.json").exists():
+            time.sleep(0.01)
         assert bench.live is not None
         os.kill(bench.live._nodes["edge"].pid, signal.SIGTERM)
 
-    threading.Timer(1.2, stop_edge).start()
+    threading.Thread(target=stop_edge, daemon=True).start()
     assert bench.run(spec).outcome == "edge_died"
 
 

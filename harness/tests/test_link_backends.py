@@ -14,12 +14,12 @@ from link_parts import needs_root
 from slambed.errors import ExitCode, SlambedError
 from slambed.link import netem
 from slambed.link.backend import choose_backend, open_link
-from slambed.link.namespaces import inside
 from slambed.link.netem import netem_available, why_not_netem
 from slambed.link.netlink import NetemSettings
 from slambed.link.profile import parse_profile
 from slambed.link.scratch import two_namespaces
 from slambed.link.traffic import TcpFollower, one_way
+from slambed.namespaces import inside
 
 Ends = tuple[Path, Path]
 

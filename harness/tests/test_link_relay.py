@@ -22,7 +22,6 @@ from link_parts import needs_relay
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.backend import open_link
-from slambed.link.namespaces import inside
 from slambed.link.packets import read_packets
 from slambed.link.profile import parse_profile
 from slambed.link.record import SERIES
@@ -30,6 +29,7 @@ from slambed.link.relay import RelayShaper
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import DEVICE, LinkOptions, LinkSession
 from slambed.link.traffic import TCPI_RTT_OFFSET, one_way, tcp_throughput_mbps
+from slambed.namespaces import inside
 from slambed.native import find_program
 
 pytestmark = needs_relay

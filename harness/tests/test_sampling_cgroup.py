@@ -3,7 +3,9 @@
 
 import json
 import os
+import socket
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -11,8 +13,12 @@ import pytest
 from harness_parts import needs_root
 
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
+from slambed.link.scratch import two_namespaces
+from slambed.namespaces import inside
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader, Mount, mounted, paths_of, version
-from slambed.sampling.sampler import Sampler
+from slambed.sampling.sampler import NodeWatch, Sampler
+from slambed.sampling.tasks import Pressure, RunQueueDelay
+from slambed.sampling.tcp_info import TcpState, TcpWatch, newest
 from slambed.spec.device import Limits
 
 MOUNTINFO_HYBRID = """\
@@ -106,19 +112,76 @@ def test_a_group_limits_a_busy_process_and_is_removed(tmp_path: Path) -> None:
     assert (granted.cpus, granted.memory_mb) == (str(cpu), 128.0)
     join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
     busy = subprocess.Popen(["/bin/sh", "-c", f"{join} while :; do :; done"])
-    sampler = Sampler({"mobile": reader}, tmp_path / "samples.jsonl")
+    watch = NodeWatch("mobile", reader, RunQueueDelay(busy.pid), Pressure(paths.unified))
     try:
-        sampler.start(time.monotonic_ns())
-        time.sleep(0.6)
+        with (tmp_path / "samples.jsonl").open("w") as out:
+            sampler = Sampler([watch], out)
+            t0_ns = time.monotonic_ns()
+            for _ in range(6):
+                sampler.sample(t0_ns)
+                time.sleep(0.1)
     finally:
-        sampler.stop()
         folders = {*paths.folders.values(), *([paths.unified] if paths.unified else [])}
         assert all(remove(folder) for folder in folders)
         busy.wait()
     rows = [json.loads(line) for line in (tmp_path / "samples.jsonl").read_text().splitlines()]
-    assert len(rows) >= 4
+    assert len(rows) == 6
     assert rows[0]["cpu_percent"] is None
     assert rows[-1]["throttled_periods"] > 0
     # The quota is a ceiling that other load cannot lift.
     assert rows[-1]["cpu_s"] - rows[0]["cpu_s"] < 0.2 * (rows[-1]["t_s"] - rows[0]["t_s"]) + 0.05
     assert not any(folder.exists() for folder in folders)
+    # The group has gone: no row, no error.
+    sampler.sample(t0_ns)
+    assert sampler.last()["mobile"].throttled_periods == rows[-1]["throttled_periods"]
+
+
+def test_time_on_the_run_queue_is_counted_over_threads_that_ended() -> None:
+    delay = RunQueueDelay(os.getpid())
+    thread = threading.Thread(target=time.sleep, args=(0.2,))
+    thread.start()
+    first = delay.seconds()
+    thread.join()
+    second = delay.seconds()
+    assert first is not None and second is not None and second >= first >= 0
+    assert RunQueueDelay(1 << 22).seconds() is None
+
+
+def test_pressure_is_the_groups_own_where_it_has_it(tmp_path: Path) -> None:
+    (tmp_path / "cpu.pressure").write_text(
+        "some avg10=0.00 avg60=0.00 avg300=0.00 total=2500000\nfull avg10=0.00 total=7\n"
+    )
+    assert Pressure(tmp_path).seconds() == 2.5
+    host = Pressure(None).seconds()
+    assert (host is not None) == Path("/proc/pressure/cpu").exists()
+
+
+def tcp_info(last_ack_ms: int, rtt_us: int, retransmits: int) -> bytes:
+    words = bytearray(232)
+    for offset, value in ((56, last_ack_ms), (68, rtt_us), (100, retransmits)):
+        words[offset : offset + 4] = value.to_bytes(4, "little")
+    return bytes(words)
+
+
+def test_the_connection_that_was_acknowledged_last_tells_the_rtt() -> None:
+    state = newest([tcp_info(900, 10_000, 1), tcp_info(20, 42_500, 2), b"short"])
+    assert state == TcpState(rtt_ms=42.5, retransmits=3)
+    assert newest([]) is None
+
+
+@needs_root
+def test_tcp_connections_are_found_without_help_of_their_processes() -> None:
+    with two_namespaces() as (namespace, _):
+        watch = TcpWatch(namespace)
+        assert watch.read() is None
+        inside(namespace, lambda: subprocess.run(["ip", "link", "set", "lo", "up"], check=True))
+        server = inside(namespace, lambda: socket.create_server(("127.0.0.1", 0)))
+        address = server.getsockname()
+        with server, inside(namespace, lambda: socket.create_connection(address, 5)) as client:
+            peer, _ = server.accept()
+            with peer:
+                client.sendall(b"x")
+                peer.recv(1)
+                state = watch.read()
+        watch.close()
+    assert state is not None and 0 < state.rtt_ms < 1000 and state.retransmits == 0

@@ -17,9 +17,10 @@ from slambed.calibrate.targets import Targets
 from slambed.campaign.datasets import prepare_sequence
 from slambed.data.places import cache_folder
 from slambed.engines.virtual import PROGRAM
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.native import find_program
 from slambed.spec.device import CostModel
+from slambed.spec.host_speed import load_host_speed, save_host_speed
 from slambed.spec.library import Library
 from slambed.spec.software import host_software
 from slambed.spec.yaml_source import load_yaml, parse
@@ -44,19 +45,89 @@ def calibrate(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Virtual runs of --match at a time.")
     ] = None,
+    host: Annotated[
+        bool, typer.Option("--host", help="Measure how fast this host is, and keep it.")
+    ] = False,
+    limits: Annotated[
+        str | None,
+        typer.Option("--limits", help="Device: what do busy threads get under its limits here?"),
+    ] = None,
+    engine: Annotated[
+        str | None, typer.Option(help="docker or local, for --limits; both if not given.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Per measurement of --limits.")] = 10.0,
 ) -> None:
-    """Find the cost model of a device: what each stage costs, a + b*n1 + c*n2.
+    """Find out what this host computes, and what a device costs.
 
-    --stages fits it to live runs of this host, shows the residuals, and writes it into a device
-    file. --match scales it until virtual runs show the component times that a paper prints, and
-    writes the devices of that fit.
+    --host measures the speed of a core with fixed work and keeps it: from then on the limits of
+    devices with a board (cores, core_speed) follow from it. --limits shows what one and four busy
+    threads get under a device's limits, and the longest freeze of a thread.
+
+    --stages fits the cost model of a device (what each stage costs, a + b*n1 + c*n2) to live runs
+    of this host, shows the residuals, and writes it into a device file. --match scales it until
+    virtual runs show the component times that a paper prints, and writes the devices of that fit.
     """
-    if (stages is None) == (match is None):
-        raise SlambedError("give one of --stages RUNS, --match FIT")
-    if match is not None:
+    asked = [stages is not None, match is not None, host, limits is not None]
+    if sum(asked) != 1:
+        raise SlambedError("give one of --host, --limits DEVICE, --stages RUNS, --match FIT")
+    if host:
+        calibrate_host()
+    elif limits is not None:
+        check_limits(limits, engine, seconds)
+    elif match is not None:
         match_paper(match, jobs)
     else:
         fit_host(stages or [], output, cores)
+
+
+def calibrate_host() -> None:
+    """`--host`."""
+    from slambed.calibrate.host import REFERENCE_UNITS_PER_S, host_cpus, measure_host
+
+    measured = measure_host()
+    speed = measured.speed
+    rounds = ", ".join(f"{value:.0f}" for value in measured.units_per_s)
+    typer.echo(f"units of work per CPU second: {rounds}")
+    typer.echo(
+        f"a core of this host: {speed.speed:.3f} of the reference ({REFERENCE_UNITS_PER_S:.0f}), "
+        f"spread {100 * (speed.spread or 0):.0f} %"
+    )
+    typer.echo(f"kept in {save_host_speed(speed)}")
+    library = Library()
+    table = Table("device", "board", "cores", "quota", "per thread", "missing here", box=None)
+    for path in sorted((library.root / "devices").glob("*.yaml")):
+        device = library.device(path.stem)
+        if (board := device.board) is None:
+            continue
+        found = device.limits_on(speed.speed, len(host_cpus()))
+        table.add_row(
+            device.name,
+            f"{board.cores} x {board.core_speed:g}",
+            str(found.cores),
+            f"{found.quota_cores:.3f}",
+            f"{found.thread_cores:.3f}",
+            device.shortfall(found, speed.speed) or "nothing",
+        )
+    _print(table)
+
+
+def check_limits(name: str, engine: str | None, seconds: float) -> None:
+    """`--limits`."""
+    from slambed.calibrate.limits import engines, limits_table, measure_limits, quiet_host
+
+    if engine not in (None, "docker", "local"):
+        raise SlambedError(f"unknown engine '{engine}' for --limits; known: docker, local")
+    device = Library().device(name)
+    speed = load_host_speed()
+    with quiet_host():
+        rows = [
+            measure_limits(device, speed, one, count, seconds)
+            for one in engines(engine)
+            for count in (1, 4)
+        ]
+    _print(limits_table(rows))
+    if problems := [f"engine {row.engine}: {text}" for row in rows for text in row.problems]:
+        raise SlambedError("; ".join(problems), ExitCode.NOT_ALL_GOOD)
 
 
 def fit_host(stages: list[Path], output: Path | None, cores: int | None) -> None:

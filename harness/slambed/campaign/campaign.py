@@ -22,9 +22,12 @@ from slambed.campaign.makers import LiveMaker, Maker, Played
 from slambed.campaign.older import settle
 from slambed.campaign.order import interleaved
 from slambed.campaign.progress import CampaignProgress, duration
+from slambed.campaign.remote_link import HelperLinks
 from slambed.campaign.runner import Runner, Verdict
 from slambed.campaign.workers import WorkerPool
 from slambed.data.places import cache_folder
+from slambed.engines.docker_image import connect
+from slambed.engines.helper import is_root
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import mark_children, reap
 from slambed.engines.virtual import PROGRAM, prune_features
@@ -89,20 +92,34 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
             "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
             "add --engine virtual"
         )
-    if os.geteuid() != 0:
-        raise environment_error(
-            "no permission for a live run: network namespaces and CPU limits need root; "
-            "run the same command with sudo, or with --engine virtual"
-        )
+    check_privilege(asked)
     with host_lock(f"slambed run {experiment.id}", wait_s=math.inf if options.wait else 0.0):
         mark_children()
         if found := str(reap()):
             _say(console, f"removed what a killed campaign left: {found}")
         engine, software = choose_engine(asked, console)
         plan = make_plan(*files, engine.name, software, count)
+        open_link = HelperLinks(engine) if engine.unprivileged else open_for_run
         return _run_plan(
-            plan, source, options, lambda played: LiveMaker(engine, open_for_run, played), console
+            plan, source, options, lambda played: LiveMaker(engine, open_link, played), console
         )
+
+
+def check_privilege(engine: str) -> None:
+    """A live run needs root, or a Docker daemon that listens to us."""
+    if is_root():
+        return
+    refused = "engine local needs root"
+    if engine != "local":
+        try:
+            connect().close()
+            return
+        except SlambedError as error:
+            refused = str(error)
+    raise environment_error(
+        f"no permission for a live run: not root, and {refused}; run the same command with sudo, "
+        "or with --engine virtual, which needs no privilege"
+    )
 
 
 def _run_virtually(

@@ -55,6 +55,10 @@ class RunLink:
             "details": _plain(record.details),
         }
 
+    def close(self) -> None:
+        """Takes the link down without a record; harmless after `stop`."""
+        self._session.close()
+
 
 def open_for_run(
     spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float

@@ -10,6 +10,7 @@ from slambed.campaign.make import make_run
 from slambed.engines.base import Engine
 from slambed.engines.live_run import LinkOpener, LiveRun
 from slambed.engines.virtual import VirtualRun
+from slambed.spec.host_speed import load_host_speed
 from slambed.spec.matrix import RunSpec
 
 Played = dict[str, tuple[Path, float]]
@@ -41,7 +42,8 @@ class LiveMaker:
     def make(self, spec: RunSpec, raw: Path, stop: threading.Event) -> dict[str, Any]:
         """In the calling thread."""
         sequence, played_s = self.played[spec.dataset]
-        run = LiveRun(spec, self.engine, sequence, played_s, raw, self.open_link, stop)
+        host = load_host_speed()
+        run = LiveRun(spec, self.engine, sequence, played_s, raw, self.open_link, stop, host)
         return make_run(spec, raw, sequence, self.engine.describe(), run.execute)
 
     def close(self) -> None:

@@ -7,12 +7,12 @@ import subprocess
 import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 from slambed import __version__
 from slambed.engines.result import RunResult
 from slambed.native import repository_root
+from slambed.spec.host_speed import cpu_model
 from slambed.spec.matrix import RunSpec
 
 # Packages whose version can change a figure in a result.
@@ -35,6 +35,7 @@ def manifest(
         "limits": result.limits,
         "throttling": result.throttling,
         "link": result.link,
+        "beside": result.beside,
         "commit": commit,
         "dirty": dirty,
         "image_id": None,
@@ -70,16 +71,6 @@ def git_state() -> tuple[str | None, bool | None]:
     except (OSError, subprocess.CalledProcessError):
         return None, None
     return commit, bool(changes.strip())
-
-
-@cache
-def cpu_model() -> str:
-    """As the kernel names it."""
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        key, _, value = line.partition(":")
-        if key.strip() in ("model name", "Model"):
-            return value.strip()
-    return platform.machine()
 
 
 @cache

@@ -35,6 +35,8 @@ class Node(Protocol):
 
     role: Role
     pid: int
+    namespace: Path
+    """Its network namespace, as the processes beside the run find it."""
     reader: CgroupReader
     granted: Granted
 
@@ -61,6 +63,8 @@ class Engine(Protocol):
     """A way to run two nodes on this host."""
 
     name: str
+    unprivileged: bool
+    """True when this process is not root: then helper containers do what needs privileges."""
 
     def sequence_path(self, sequence: Path) -> str:
         """Where a node finds the sequence."""
@@ -74,10 +78,14 @@ class Engine(Protocol):
     def start(self, plan: NodePlan) -> Node:
         """Brings the node to the gate: namespaces and limits in place, program not started."""
 
+    def beside(self, module: str, writable: list[Path]) -> list[str]:
+        """The command that runs a module of slambed beside the nodes that are started, with what
+        it needs of privileges; it may write to these files and folders."""
 
-def netns(node: Node) -> Path:
-    """The node's network namespace."""
-    return Path(f"/proc/{node.pid}/ns/net")
+
+def netns(pid: int) -> Path:
+    """The network namespace of a process."""
+    return Path(f"/proc/{pid}/ns/net")
 
 
 class ProcessWatch:
@@ -125,6 +133,19 @@ def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
     if limits.memory_mb is not None and granted.memory_mb != limits.memory_mb:
         found.append(f"memory {granted.memory_mb} MB instead of {limits.memory_mb}")
     return found
+
+
+def thread_problems(role: str, threads: list[dict[str, Any]], limits: Limits) -> list[str]:
+    """What is wrong with the caps of a node's threads, as the kernel granted them."""
+    if not threads:
+        return [f"{role}: no thread was capped"]
+    slack = 2e-3 / limits.period_ms
+    wrong = [
+        thread["name"]
+        for thread in threads
+        if thread["cores"] is None or abs(thread["cores"] - (limits.thread_cores or 0)) > slack
+    ]
+    return [f"{role}: cap of thread {name} is not as asked" for name in wrong]
 
 
 def parse_cpus(text: str) -> list[int]:

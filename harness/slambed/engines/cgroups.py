@@ -13,6 +13,8 @@ from slambed.errors import environment_error
 from slambed.sampling.cgroup import CONTROLLERS, CgroupPaths, mounted
 from slambed.spec.device import Limits
 
+V1_LARGEST_SHARES, V2_LARGEST_WEIGHT = 262144, 10000
+"""Of all nodes together, against whatever else the host does: a run is what it is there for."""
 V2_CONTROLLERS = ("cpu", "cpuset", "memory")
 REMOVE_TRIES = 100
 REMOVE_PAUSE_S = 0.02
@@ -56,6 +58,7 @@ class CgroupMaker:
         if "cpuset" in folders:
             _fill_cpuset(folders["cpuset"].parent, None)
             _fill_cpuset(folders["cpuset"], cpus)
+        (folders["cpu"].parent / "cpu.shares").write_text(str(V1_LARGEST_SHARES))
         period_us, quota_us = _quota(limits)
         (folders["cpu"] / "cpu.cfs_period_us").write_text(str(period_us))
         (folders["cpu"] / "cpu.cfs_quota_us").write_text(str(quota_us or -1))
@@ -74,6 +77,7 @@ class CgroupMaker:
             for controller in V2_CONTROLLERS:
                 (level / "cgroup.subtree_control").write_text(f"+{controller}")
         folder.mkdir(exist_ok=True)
+        (parent / "cpu.weight").write_text(str(V2_LARGEST_WEIGHT))
         period_us, quota_us = _quota(limits)
         (folder / "cpu.max").write_text(f"{quota_us or 'max'} {period_us}")
         (folder / "cpuset.cpus").write_text(",".join(map(str, cpus)))
@@ -86,7 +90,7 @@ class CgroupMaker:
         for mount in {*self.v1.values(), *([self.v2] if self.v2 else [])}:
             top = mount / LABEL
             if top.is_dir():
-                yield from (folder for folder in sorted(top.iterdir()) if folder.is_dir())
+                yield from below(top)
                 yield top
 
 
@@ -96,8 +100,17 @@ def entry_files(paths: CgroupPaths) -> list[Path]:
     return sorted(folder / "cgroup.procs" for folder in folders)
 
 
+def below(folder: Path) -> list[Path]:
+    """Groups inside a group, children before parents."""
+    found = [path for path in folder.rglob("*") if path.is_dir()]
+    return sorted(found, key=lambda path: (-len(path.parts), path))
+
+
 def remove(folder: Path) -> bool:
-    """Kills what is left in a group and removes it; False when the kernel keeps it."""
+    """Kills what is left in a group and its children and removes them; False when the kernel
+    keeps it."""
+    if folder.is_dir() and not all([remove(child) for child in below(folder)]):
+        return False
     for _ in range(REMOVE_TRIES):
         try:
             folder.rmdir()
@@ -115,7 +128,7 @@ def _kill_members(folder: Path) -> None:
         for pid in map(int, (folder / "cgroup.procs").read_text().split()):
             # 0 stands for a process of another PID namespace; kill(0) would mean ourselves.
             if pid > 0:
-                with contextlib.suppress(ProcessLookupError):
+                with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.kill(pid, signal.SIGKILL)
 
 

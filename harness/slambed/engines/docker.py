@@ -9,8 +9,10 @@ from typing import Any
 import docker
 from docker.errors import APIError, DockerException, NotFound
 
-from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch
+from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch, netns
+from slambed.engines.cgroups import V1_LARGEST_SHARES
 from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
 from slambed.errors import environment_error
 from slambed.sampling.cgroup import CgroupReader, paths_of
 from slambed.spec.system import Role
@@ -20,7 +22,7 @@ NODE_UID = 10001
 OUTPUT, SEQUENCE = "/out", "/sequence"
 GATE = "/out/go"
 # The shell waits for the link to be up, then becomes the program.
-WAIT_AT_GATE = f'until [ -e {GATE} ]; do sleep 0.02; done; exec slambed-node "$@"'
+WAIT_AT_GATE = f'until [ -e {GATE} ]; do sleep 0.02; done; exec "$0" "$@"'
 PIDS_LIMIT = 256
 OOM_EXIT = 137
 KILL_TIMEOUT_S = 10
@@ -29,9 +31,14 @@ KILL_TIMEOUT_S = 10
 class DockerNode:
     """A running container whose shell waits at the gate, then is the node."""
 
-    def __init__(self, role: Role, container: Any, run_dir: Path, pid: int) -> None:
+    def __init__(
+        self, role: Role, container: Any, run_dir: Path, pid: int, namespace: Path
+    ) -> None:
         self.role = role
         self.pid = pid
+        self.namespace = namespace
+        self.sandbox = str(container.attrs["NetworkSettings"]["SandboxKey"])
+        """The file by which the daemon keeps the network namespace."""
         self._container = container
         self._run_dir = run_dir
         self._watch = ProcessWatch(pid)
@@ -89,17 +96,22 @@ class DockerNode:
 
 
 class DockerEngine:
-    """Runs nodes in containers. Needs a daemon on this host, and root for the link."""
+    """Runs nodes in containers of a daemon on this host. Who is not root needs to be in the group
+    docker; helper containers then make the link and the limits of threads."""
 
     name = "docker"
 
-    def __init__(self, client: docker.DockerClient | None = None, image: Any | None = None) -> None:
+    def __init__(
+        self,
+        client: docker.DockerClient | None = None,
+        image: Any | None = None,
+        program: str = "slambed-node",
+    ) -> None:
         self._client = client or connect()
-        if os.geteuid() != 0:
-            raise environment_error(
-                "no permission to join two containers by a link (engine docker); "
-                "run the same command with sudo"
-            )
+        self.unprivileged = not is_root()
+        self._program = program
+        self._nodes: dict[Role, DockerNode] = {}
+        self._run_key = ""
         self._image = image or find_image(self._client)
         if self._image is None:
             raise environment_error(f"image {image_tag()} is not built; run 'make images'")
@@ -121,7 +133,10 @@ class DockerEngine:
         """A container at the gate."""
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
-        os.chown(role_dir, NODE_UID, NODE_UID)
+        if self.unprivileged:
+            role_dir.chmod(0o777)
+        else:
+            os.chown(role_dir, NODE_UID, NODE_UID)
         try:
             container = self._create(plan)
             try:
@@ -133,7 +148,12 @@ class DockerEngine:
                         f"container {container.short_id} has no process on this host; "
                         "slambed needs a daemon on the same machine"
                     )
-                return DockerNode(plan.role, container, plan.run_dir, pid)
+                namespace = NAMESPACES / plan.role if self.unprivileged else netns(pid)
+                node = DockerNode(plan.role, container, plan.run_dir, pid, namespace)
+                if plan.run_key != self._run_key:
+                    self._nodes, self._run_key = {}, plan.run_key
+                self._nodes[plan.role] = node
+                return node
             except BaseException:
                 container.remove(force=True, v=True)
                 raise
@@ -141,6 +161,15 @@ class DockerEngine:
             raise environment_error(
                 f"Docker refused the {plan.role} node: {error.explanation or error}"
             ) from None
+
+    def beside(self, module: str, writable: list[Path]) -> list[str]:
+        """A child of this process where it is root, else a helper container."""
+        if not self.unprivileged:
+            return direct_command(module)
+        assert self._image is not None
+        namespaces = {str(role): node.sandbox for role, node in self._nodes.items()}
+        helper = Helper(str(self._image.id), self._run_key, namespaces)
+        return helper.command(module, writable)
 
     def _create(self, plan: NodePlan) -> Any:
         assert self._image is not None
@@ -153,7 +182,7 @@ class DockerEngine:
             quota |= {"mem_limit": limits.memory_mb * 2**20}
         return self._client.containers.create(
             self._image.id,
-            entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, "slambed-node"],
+            entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, self._program],
             command=["--role", plan.role, "--config", f"{OUTPUT}/run.json"],
             name=f"{LABEL}-{plan.run_key}-{plan.role}",
             labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
@@ -163,6 +192,7 @@ class DockerEngine:
             cap_drop=["ALL"],
             security_opt=["no-new-privileges"],
             pids_limit=PIDS_LIMIT,
+            cpu_shares=V1_LARGEST_SHARES,
             cpuset_cpus=",".join(map(str, plan.cpus)),
             volumes={
                 str(plan.sequence.resolve()): {"bind": SEQUENCE, "mode": "ro"},

@@ -32,11 +32,7 @@ def host_lock(
 ) -> Iterator[None]:
     """Holds the lock; an error says who holds it. The kernel frees it however the holder dies."""
     path = path or default_lock_path()
-    try:
-        # Not truncated on open: until the lock is ours the content is the holder's.
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise environment_error(f"cannot open {path}: {error.strerror}; run with sudo") from None
+    fd = _open(path)
     try:
         deadline = time.monotonic() + wait_s
         while not _taken(fd):
@@ -50,6 +46,27 @@ def host_lock(
         yield
     finally:
         os.close(fd)
+
+
+def _open(path: Path) -> int:
+    """The lock file, made for every user of the host when it is not there.
+
+    Not truncated: until the lock is ours the content is the holder's. Not opened with O_CREAT when
+    it is there: in a folder like /tmp the kernel refuses that even to root (fs.protected_regular).
+    """
+    flags = os.O_RDWR | os.O_CLOEXEC
+    try:
+        try:
+            return os.open(path, flags)
+        except FileNotFoundError:
+            fd = os.open(path, flags | os.O_CREAT, 0o666)
+            # Whatever the umask: the next campaign may be another user's.
+            os.fchmod(fd, 0o666)
+            return fd
+    except OSError as error:
+        raise environment_error(
+            f"cannot open {path}: {error.strerror}; once as root: install -m 666 /dev/null {path}"
+        ) from None
 
 
 def _taken(fd: int) -> bool:

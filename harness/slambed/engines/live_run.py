@@ -9,12 +9,22 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
-from slambed.engines.base import Engine, Node, NodePlan, allot_cpus, differences, last_line, netns
+from slambed.engines.attendant import Attendant
+from slambed.engines.base import (
+    Engine,
+    Node,
+    NodePlan,
+    allot_cpus,
+    differences,
+    last_line,
+    thread_problems,
+)
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
 from slambed.errors import ExitCode, SlambedError
-from slambed.sampling.sampler import Sampler
+from slambed.spec.device import Device, Limits
+from slambed.spec.host_speed import UNKNOWN, HostSpeed
 from slambed.spec.matrix import RunSpec
 from slambed.spec.system import Role
 
@@ -54,6 +64,7 @@ class LiveRun:
         run_dir: Path,
         open_link: LinkOpener,
         stop: threading.Event,
+        host: HostSpeed = UNKNOWN,
     ) -> None:
         self._spec = spec
         self._engine = engine
@@ -62,6 +73,9 @@ class LiveRun:
         self._run_dir = run_dir
         self._open_link = open_link
         self._stop = stop
+        self._host = host
+        self._limits: dict[Role, Limits] = {}
+        self._cpus: dict[Role, list[int]] = {}
         self._nodes: dict[Role, Node] = {}
         self._link: OpenLink | None = None
 
@@ -75,13 +89,17 @@ class LiveRun:
         (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
         with ExitStack() as cleanup:
             limits, problems = self._start_nodes(cleanup)
+            attendant = Attendant(
+                self._engine, self._nodes, self._limits, self._cpus, self._run_dir
+            )
+            cleanup.callback(attendant.close)
             if self._spec.link is not None:
                 log_dir = self._run_dir / "link"
                 log_dir.mkdir()
                 self._link = self._open_link(
                     self._spec,
-                    netns(self._nodes["mobile"]),
-                    netns(self._nodes["edge"]),
+                    self._nodes["mobile"].namespace,
+                    self._nodes["edge"].namespace,
                     log_dir,
                     self._time_limit_s() + EDGE_GRACE_S,
                 )
@@ -89,13 +107,13 @@ class LiveRun:
             for node in self._nodes.values():
                 node.release()
             self._await_ready()
-            readers = {str(role): node.reader for role, node in self._nodes.items()}
-            sampler = Sampler(readers, self._run_dir / "samples.jsonl")
-            cleanup.callback(sampler.stop)
-            self._start_clock(sampler)
+            self._start_clock(attendant)
             outcome, reason = self._watch()
-            sampler.stop()
+            attended = attendant.stop()
             link = self._close_link()
+            for role, threads in attended.threads.items():
+                limits[role]["threads"] = threads
+                problems += thread_problems(role, threads, self._limits[cast(Role, role)])
             if link is not None and link.get("invalid_reason"):
                 problems.append(f"link: {link['invalid_reason']}")
         if self._stop.is_set():
@@ -110,24 +128,27 @@ class LiveRun:
                     "throttled_periods": usage.throttled_periods,
                     "periods": usage.periods,
                 }
-                for node, usage in sampler.last().items()
+                for node, usage in attended.usage.items()
             },
             link=link,
+            beside=attended.own,
         )
 
     def _start_nodes(self, cleanup: ExitStack) -> tuple[dict[str, Any], list[str]]:
-        devices = {"mobile": self._spec.device_mobile}
+        devices: dict[Role, Device] = {"mobile": self._spec.device_mobile}
         if self._spec.device_edge is not None:
             devices["edge"] = self._spec.device_edge
-        edge = devices.get("edge")
-        cpus = allot_cpus(
-            devices["mobile"].limits, edge.limits if edge else None, sorted(os.sched_getaffinity(0))
-        )
+        host_cpus = sorted(os.sched_getaffinity(0))
+        self._limits = {
+            role: device.limits_on(self._host.speed, len(host_cpus))
+            for role, device in devices.items()
+        }
+        self._cpus = cpus = allot_cpus(self._limits["mobile"], self._limits.get("edge"), host_cpus)
         limits: dict[str, Any] = {}
         problems: list[str] = []
         # The edge first: it is ready to listen by the time the mobile connects.
         for role in sorted(cpus):
-            asked = devices[role].limits
+            asked = self._limits[role]
             plan = NodePlan(
                 role, self._spec.run_key, self._run_dir, self._sequence, asked, cpus[role]
             )
@@ -137,6 +158,8 @@ class LiveRun:
             limits[role] = {
                 "asked": asked.model_dump(mode="json") | {"cpus": cpus[role]},
                 "granted": asdict(node.granted),
+                "shortfall": devices[role].shortfall(asked, self._host.speed),
+                "host_speed": asdict(self._host) if devices[role].board else None,
             }
             problems += [f"{role}: {text}" for text in differences(asked, node.granted, cpus[role])]
         return limits, problems
@@ -166,11 +189,11 @@ class LiveRun:
         known = code in set(ExitCode) and code != ExitCode.OK
         return SlambedError(line, ExitCode(code) if known else ExitCode.INTERNAL)
 
-    def _start_clock(self, sampler: Sampler) -> None:
+    def _start_clock(self, attendant: Attendant) -> None:
         t0_ns = time.monotonic_ns() + int(START_AHEAD_S * 1e9)
         if self._link is not None:
             self._link.start(t0_ns)
-        sampler.start(t0_ns)
+        attendant.start(t0_ns)
         partial = self._run_dir / "start.json.partial"
         partial.write_text(json.dumps({"t0_ns": t0_ns}))
         partial.chmod(0o644)

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from slambed.engines import launcher
-from slambed.engines.base import Node, NodePlan, ProcessWatch, last_line
+from slambed.engines.base import Node, NodePlan, ProcessWatch, last_line, netns
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
+from slambed.engines.helper import direct_command
 from slambed.errors import environment_error
 from slambed.native import find_program
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader
@@ -27,6 +28,7 @@ class LocalNode:
     def __init__(self, role: Role, process: subprocess.Popen[bytes], paths: CgroupPaths) -> None:
         self.role = role
         self.pid = process.pid
+        self.namespace = netns(process.pid)
         self.reader = CgroupReader(paths)
         self.granted = self.reader.granted()
         self._process = process
@@ -78,12 +80,13 @@ class LocalEngine:
     """Runs nodes without a daemon. Needs root."""
 
     name = "local"
+    unprivileged = False
 
     def __init__(self, program: Path | None = None) -> None:
         if os.geteuid() != 0:
             raise environment_error(
-                "no permission for network namespaces and cgroups (engine local); "
-                "run the same command with sudo"
+                "no permission for network namespaces and cgroups (engine local); run the same "
+                "command with sudo, or with --engine virtual, which needs no privilege"
             )
         self._program = program or find_program("slambed-node")
         self._groups = CgroupMaker()
@@ -99,6 +102,10 @@ class LocalEngine:
     def describe(self) -> dict[str, Any]:
         """No image."""
         return {"image_id": None}
+
+    def beside(self, module: str, writable: list[Path]) -> list[str]:
+        """A child of this process, which is root."""
+        return direct_command(module)
 
     def start(self, plan: NodePlan) -> Node:
         """A process at the gate, in its own network namespace and groups."""

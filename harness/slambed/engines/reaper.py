@@ -15,6 +15,7 @@ from docker.errors import DockerException, NotFound
 
 from slambed.engines.base import LABEL
 from slambed.engines.cgroups import CgroupMaker, remove
+from slambed.engines.helper import is_root
 
 OWNER_VARIABLE = "SLAMBED_HARNESS"
 """Environment of every child: number and start time of the harness process it belongs to."""
@@ -61,7 +62,8 @@ def reap() -> Reaped:
     reaped = Reaped()
     _reap_containers(reaped)
     _reap_processes(reaped)
-    for folder in CgroupMaker().leftovers():
+    # Others may not remove groups; their nodes are containers, which take their groups along.
+    for folder in CgroupMaker().leftovers() if is_root() else ():
         if remove(folder) and folder.name != LABEL:
             reaped.groups.append(folder)
     return reaped

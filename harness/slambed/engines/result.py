@@ -27,6 +27,8 @@ class RunResult:
     limits: dict[str, Any] = field(default_factory=dict)
     throttling: dict[str, Any] = field(default_factory=dict)
     link: dict[str, Any] | None = None
+    beside: dict[str, Any] | None = None
+    """What sampler and metronome took themselves."""
 
 
 def run_json(spec: RunSpec, sequence: str, output: str) -> dict[str, Any]:

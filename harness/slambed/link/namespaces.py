@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Doing things inside another network namespace, without leaving this process."""
+"""The namespaces of a link: equal TCP settings in both, and what may go wrong before it is up."""
 
 import contextlib
-import ctypes
 import os
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
 
 from slambed.errors import SlambedError, environment_error
+from slambed.namespaces import inside, namespace_path
 
-Result = TypeVar("Result")
-
-CLONE_NEWNET = 0x40000000
 TCP_SETTINGS = {
     # Machines differ in their default; bbr, for one, behaves quite differently on a changing link.
     "net/ipv4/tcp_congestion_control": "cubic",
@@ -23,54 +18,6 @@ TCP_SETTINGS = {
     # seen to stay at its first 64 KiB window for good, 16 instead of 500 Mbit/s at 40 ms.
     "net/ipv4/tcp_rmem": "4096 4194304 33554432",
 }
-
-
-def namespace_path(namespace: str | Path) -> Path:
-    """A namespace's file: a path, or a name that `ip netns` knows."""
-    text = str(namespace)
-    return Path(text) if "/" in text else Path("/run/netns") / text
-
-
-def inside(namespace: str | Path, work: Callable[[], Result]) -> Result:
-    """The result of `work` done by a short-lived thread inside the namespace.
-
-    Sockets it opens keep belonging to that namespace and can be used anywhere afterwards.
-    """
-    path = namespace_path(namespace)
-    outcome: list[Result] = []
-    failure: list[BaseException] = []
-
-    def visit() -> None:
-        try:
-            _enter(path)
-            outcome.append(work())
-        except BaseException as error:
-            failure.append(error)
-
-    thread = threading.Thread(target=visit, name="netns", daemon=True)
-    thread.start()
-    thread.join()
-    if failure:
-        raise failure[0]
-    return outcome[0]
-
-
-def _enter(path: Path) -> None:
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError as error:
-        raise environment_error(
-            f"cannot open the network namespace: {error.strerror}, {path}; start the node first"
-        ) from None
-    try:
-        if ctypes.CDLL(None, use_errno=True).setns(fd, CLONE_NEWNET) != 0:
-            reason = os.strerror(ctypes.get_errno())
-            raise environment_error(
-                f"cannot enter the network namespace: {reason}, {path}; run as root"
-            )
-    finally:
-        os.close(fd)
-
 
 ALLOWED = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
 """Exists in the initial namespace only, and rules what the others may choose."""

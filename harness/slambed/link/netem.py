@@ -32,6 +32,7 @@ from slambed.link.session import (
     LinkOptions,
     Outcome,
 )
+from slambed.namespaces import inside
 
 STEP_S = 0.01
 UNLIMITED_BYTES_PER_S = 12_500_000_000
@@ -106,8 +107,6 @@ def _namespace(path: Path) -> Any:
 
 
 def _no_ipv6(namespace: Path) -> None:
-    from slambed.link.namespaces import inside
-
     def work() -> None:
         with contextlib.suppress(OSError):
             Path(f"/proc/sys/net/ipv6/conf/{DEVICE}/disable_ipv6").write_text("1", "ascii")

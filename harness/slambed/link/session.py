@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slambed.errors import environment_error
-from slambed.link.namespaces import check_privilege, different, namespace_path, tune_tcp
+from slambed.link.namespaces import check_privilege, different, tune_tcp
 from slambed.link.probe import Echoes, Probe, measure_base_ms
 from slambed.link.profile import Profile
 from slambed.link.proof import LinkTolerance, Waits, compare, judge
 from slambed.link.record import ASKED_STEP_S, LinkRecord, series_frame
 from slambed.link.route import acknowledge_at_once
+from slambed.namespaces import namespace_path
 
 MOBILE_ADDRESS, EDGE_ADDRESS, PREFIX_LENGTH = "10.77.0.1", "10.77.0.2", 30
 NETWORK = "10.77.0.0/30"

@@ -15,7 +15,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.link.namespaces import inside
 from slambed.link.probe import (
     ANCILLARY_BYTES,
     MSG_ERRQUEUE,
@@ -24,6 +23,7 @@ from slambed.link.probe import (
     sent_stamp,
     software_stamp,
 )
+from slambed.namespaces import inside
 
 ONE_WAY_PORT, ECHO_PORT, FLOOD_PORT, UDP_PORT = 47091, 47092, 47093, 47094
 TCPI_RTT_OFFSET = 68

@@ -33,7 +33,8 @@ EVENT_COLUMNS: dict[str, pa.DataType] = {
 }  # fmt: skip
 SAMPLE_COLUMNS: dict[str, pa.DataType] = {
     "t_s": _F, "node": _S, "cpu_s": _F, "cpu_percent": _F, "memory_mb": _F,
-    "throttled_s": _F, "throttled_periods": _I, "tcp_rtt_ms": _F,
+    "throttled_s": _F, "throttled_periods": _I,
+    "run_delay_s": _F, "cpu_pressure_s": _F, "tcp_rtt_ms": _F, "tcp_retransmits": _I,
 }  # fmt: skip
 LINK_COLUMNS: dict[str, pa.DataType] = {"t_s": _F, "series": _S, "value": _F}
 

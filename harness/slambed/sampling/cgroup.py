@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slambed.errors import environment_error
+from slambed.sampling.kept_files import KeptFiles
 
 CGROUP_ROOT = Path("/sys/fs/cgroup")
 CONTROLLERS = ("cpu", "cpuacct", "cpuset", "memory")
@@ -128,18 +129,19 @@ class CgroupReader:
 
     def __init__(self, paths: CgroupPaths) -> None:
         self.paths = paths
+        self._files = KeptFiles()
         if paths.v1("cpuacct") is None and paths.unified is None:
             raise environment_error("no cgroup with a CPU counter is mounted under /sys/fs/cgroup")
 
     def usage(self) -> Usage:
         """Counters now; OSError when the group is gone."""
         if (accounting := self.paths.v1("cpuacct")) is not None:
-            cpu_s = int((accounting / "cpuacct.usage").read_text()) / NS_PER_S
-            stat = _table((self.paths.v1("cpu") or accounting) / "cpu.stat")
+            cpu_s = int(self._files.read(accounting / "cpuacct.usage")) / NS_PER_S
+            stat = self._table((self.paths.v1("cpu") or accounting) / "cpu.stat")
             throttled_s = stat.get("throttled_time", 0) / NS_PER_S
         else:
             assert self.paths.unified is not None
-            stat = _table(self.paths.unified / "cpu.stat")
+            stat = self._table(self.paths.unified / "cpu.stat")
             cpu_s = stat.get("usage_usec", 0) / US_PER_S
             throttled_s = stat.get("throttled_usec", 0) / US_PER_S
         return Usage(
@@ -152,11 +154,18 @@ class CgroupReader:
 
     def _memory(self) -> int:
         if (folder := self.paths.v1("memory")) is not None:
-            stat = _table(folder / "memory.stat")
+            stat = self._table(folder / "memory.stat")
             return stat.get("total_rss", stat.get("rss", 0))
         if self.paths.unified is not None and (self.paths.unified / "memory.stat").exists():
-            return _table(self.paths.unified / "memory.stat").get("anon", 0)
+            return self._table(self.paths.unified / "memory.stat").get("anon", 0)
         return 0
+
+    def _table(self, path: Path) -> dict[str, int]:
+        return _parsed(self._files.read(path))
+
+    def close(self) -> None:
+        """Closes the files it keeps open."""
+        self._files.close()
 
     def oom_kills(self) -> int:
         """Processes of the group that the kernel ended because of the memory limit."""
@@ -197,7 +206,11 @@ class CgroupReader:
 
 
 def _table(path: Path) -> dict[str, int]:
-    rows = (line.split() for line in path.read_text().splitlines())
+    return _parsed(path.read_text())
+
+
+def _parsed(text: str) -> dict[str, int]:
+    rows = (line.split() for line in text.splitlines())
     return {row[0]: int(row[1]) for row in rows if len(row) == 2}
 
 

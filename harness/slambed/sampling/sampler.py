@@ -1,77 +1,88 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples the control groups of the nodes at a fixed rate, on the run clock."""
+"""Samples the nodes of a run: control group, threads, TCP connections; on the run clock."""
 
+import contextlib
 import json
-import threading
 import time
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TextIO
 
 from slambed.sampling.cgroup import CgroupReader, Usage
+from slambed.sampling.tasks import Pressure, RunQueueDelay
+from slambed.sampling.tcp_info import TcpWatch
 
-SAMPLES_PER_S = 10.0
 NS_PER_S = 1_000_000_000
+
+Throttling = Callable[[], tuple[float, int]]
+"""Seconds and periods of throttling in groups below the node's own."""
+
+
+@dataclass
+class NodeWatch:
+    """What is read of one node."""
+
+    name: str
+    reader: CgroupReader
+    run_queue: RunQueueDelay
+    pressure: Pressure
+    tcp: TcpWatch | None = None
+    below: Throttling | None = None
+
+    def usage(self) -> Usage:
+        """Counters now, those of groups below added; OSError when the group is gone."""
+        usage = self.reader.usage()
+        if self.below is None:
+            return usage
+        seconds, periods = self.below()
+        return replace(
+            usage,
+            throttled_s=usage.throttled_s + seconds,
+            throttled_periods=usage.throttled_periods + periods,
+        )
 
 
 class Sampler:
-    """Writes `samples.jsonl` (docs/formats.md) from `start` to `stop`."""
+    """Writes one line per node and sample (docs/formats.md, "Samples")."""
 
-    def __init__(self, readers: dict[str, CgroupReader], path: Path) -> None:
-        self._readers = readers
-        self._path = path
+    def __init__(self, nodes: list[NodeWatch], out: TextIO) -> None:
+        self._nodes = nodes
+        self._out = out
         self._last: dict[str, tuple[int, Usage]] = {}
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    def start(self, t0_ns: int) -> None:
-        """Begins to sample; run time = CLOCK_MONOTONIC - t0_ns."""
-        self._thread = threading.Thread(
-            target=self._run, args=(t0_ns,), name="sampler", daemon=True
-        )
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Ends after one last sample; calling it twice is harmless."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
+        self.samples = 0
 
     def last(self) -> dict[str, Usage]:
         """The newest counters of each node."""
         return {node: usage for node, (_, usage) in self._last.items()}
 
-    def _run(self, t0_ns: int) -> None:
-        step_ns = int(NS_PER_S / SAMPLES_PER_S)
-        due_ns = time.monotonic_ns()
-        with self._path.open("w", encoding="utf-8") as out:
-            while True:
-                last = self._stop.is_set()
-                for node, reader in self._readers.items():
-                    self._sample(node, reader, t0_ns, out)
-                if last:
-                    return
-                # A late sample does not pull the following ones closer together.
-                due_ns = max(due_ns + step_ns, time.monotonic_ns())
-                self._stop.wait((due_ns - time.monotonic_ns()) / NS_PER_S)
+    def sample(self, t0_ns: int) -> None:
+        """One sample of every node; run time = CLOCK_MONOTONIC - t0_ns."""
+        self.samples += 1
+        for node in self._nodes:
+            # A node that ended took its group with it.
+            with contextlib.suppress(OSError):
+                self._sample(node, t0_ns)
 
-    def _sample(self, node: str, reader: CgroupReader, t0_ns: int, out: TextIO) -> None:
-        try:
-            now_ns = time.monotonic_ns()
-            usage = reader.usage()
-        except OSError:
-            return  # The node ended and its group went with it.
-        before = self._last.get(node)
+    def _sample(self, node: NodeWatch, t0_ns: int) -> None:
+        now_ns = time.monotonic_ns()
+        usage = node.usage()
+        before = self._last.get(node.name)
         percent: float | None = None
         if before is not None and now_ns > before[0]:
             percent = 100 * (usage.cpu_s - before[1].cpu_s) / ((now_ns - before[0]) / NS_PER_S)
-        self._last[node] = (now_ns, usage)
+        self._last[node.name] = (now_ns, usage)
+        tcp = node.tcp.read() if node.tcp is not None else None
         row = {
             "t_s": (now_ns - t0_ns) / NS_PER_S,
-            "node": node,
+            "node": node.name,
             "cpu_s": usage.cpu_s,
             "cpu_percent": percent,
             "memory_mb": usage.memory_bytes / 2**20,
             "throttled_s": usage.throttled_s,
             "throttled_periods": usage.throttled_periods,
+            "run_delay_s": node.run_queue.seconds(),
+            "cpu_pressure_s": node.pressure.seconds(),
+            "tcp_rtt_ms": tcp.rtt_ms if tcp is not None else None,
+            "tcp_retransmits": tcp.retransmits if tcp is not None else None,
         }
-        out.write(json.dumps(row) + "\n")
+        self._out.write(json.dumps(row) + "\n")

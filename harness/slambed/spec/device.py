@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """devices/*.yaml: what a node may use of this host, and what work costs on the device."""
 
+import math
+
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+ROUNDING = 1e-3
+"""Differences of computed cores that mean nothing."""
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
@@ -15,6 +19,8 @@ class Limits(BaseModel):
     """Host CPUs that the node may run on (its cpuset); null = all."""
     quota_cores: float | None = Field(default=None, gt=0)
     """CPU seconds per second, summed over threads; null = no quota."""
+    thread_cores: float | None = Field(default=None, gt=0, le=1)
+    """CPU seconds per second of each single thread; null = a thread may use the whole quota."""
     period_ms: float = Field(default=10.0, ge=1, le=1000)
     """Length of a quota period. Short, because a thread that used its share sleeps for the rest."""
     memory_mb: int | None = Field(default=None, ge=64)
@@ -24,7 +30,21 @@ class Limits(BaseModel):
     def _quota_fits(self) -> "Limits":
         if self.cores and self.quota_cores and self.quota_cores > self.cores:
             raise ValueError(f"quota_cores {self.quota_cores} is more than cores {self.cores}")
+        if self.thread_cores and self.quota_cores and self.thread_cores > self.quota_cores:
+            raise ValueError(
+                f"thread_cores {self.thread_cores} is more than quota_cores {self.quota_cores}"
+            )
         return self
+
+
+class Board(BaseModel):
+    """The computer a node pretends to be: limits follow from it and from this host's speed."""
+
+    model_config = STRICT
+
+    cores: int = Field(ge=1, le=1024)
+    core_speed: float = Field(gt=0)
+    """Speed of one core; 1 is a core of the reference host (docs/limits.md)."""
 
 
 class StageCost(BaseModel):
@@ -58,6 +78,8 @@ class Device(BaseModel):
     name: str
     title: str
     limits: Limits
+    board: Board | None = None
+    """null: the limits are all in `limits`, as shares of whatever host it is."""
     model: CostModel | None = None
     """null: runs live only."""
     hardware: str = ""
@@ -65,11 +87,56 @@ class Device(BaseModel):
     notes: str = ""
     """How the limits were chosen, and what they do not emulate."""
 
+    @model_validator(mode="after")
+    def _limits_have_one_source(self) -> "Device":
+        if self.board and (self.limits.quota_cores or self.limits.thread_cores):
+            raise ValueError(
+                "quota_cores and thread_cores follow from board: give one or the other"
+            )
+        return self
+
+    def limits_on(self, host_speed: float, host_cpus: int) -> Limits:
+        """The limits on a host whose cores have this speed (1 = the reference host's).
+
+        Each thread gets a core of the board, all threads together its cores, and neither more
+        than there is: `shortfall` tells what is missing.
+        """
+        if self.board is None:
+            return self.limits
+        thread = self.board.core_speed / host_speed
+        total = min(thread, 1.0) * self.board.cores
+        cores = min(self.limits.cores or math.ceil(total - ROUNDING), host_cpus)
+        return self.limits.model_copy(
+            update={
+                "cores": cores,
+                "quota_cores": round(min(total, cores), 4),
+                "thread_cores": round(min(thread, 1.0), 4),
+            }
+        )
+
+    def shortfall(self, limits: Limits, host_speed: float) -> str | None:
+        """What of the board the limits cannot give on this host; None when they give it all."""
+        if self.board is None or limits.quota_cores is None or limits.thread_cores is None:
+            return None
+        thread = self.board.core_speed / host_speed
+        lines = []
+        if thread > limits.thread_cores + ROUNDING:
+            lines.append(f"one of its cores is {thread:.2f} of this host's")
+        if (total := thread * self.board.cores) > limits.quota_cores + ROUNDING:
+            lines.append(f"all its cores are {total:.2f}, it gets {limits.quota_cores:.2f}")
+        return "; ".join(lines) or None
+
     def meaning(self, engine: str) -> dict[str, object]:
-        """What a run depends on: a live one on the limits, a virtual one on the cost model. The
-        words about the device may change freely."""
+        """What a run depends on: a live one on board and limits, a virtual one on the cost model.
+        The words about the device may change freely, and so may the speed of the host."""
         if engine != VIRTUAL:
-            return {"name": self.name, "limits": self.limits.model_dump(mode="json")}
+            limits = self.limits.model_dump(mode="json")
+            # Keys of devices without it stay what they were.
+            if limits["thread_cores"] is None:
+                del limits["thread_cores"]
+            if self.board is None:
+                return {"name": self.name, "limits": limits}
+            return {"name": self.name, "limits": limits, "board": self.board.model_dump()}
         model = self.model.model_dump(mode="json") if self.model else None
         return {"name": self.name, "model": model}
 

@@ -9,7 +9,7 @@ from slambed import __version__
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
 
-ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/relay", "docker")
+ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", "docker")
 # None of these changes what a node does.
 LEFT_OUT_FOLDERS = {"tests", "bench", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}

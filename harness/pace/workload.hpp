@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace slambed::pace {
+
+/// The fixed work that speeds are measured with: what SLAM spends its time on, in small. Version 1;
+/// another work would be another unit of speed, so it does not follow the core's own code.
+///
+/// One unit takes some 50 us on a server core: a smoothing pass with a threshold over some rows of
+/// an image, nearest neighbours among binary descriptors, and a Cholesky factorisation.
+class Workload {
+ public:
+  Workload();
+
+  /// Does one unit; equal numbers of units give equal checksums on every machine.
+  void unit();
+
+  std::uint64_t checksum() const { return checksum_; }
+
+ private:
+  void smooth();
+  void match();
+  void factor();
+
+  std::vector<std::uint8_t> image_;
+  std::vector<std::array<std::uint64_t, 4>> descriptors_;
+  std::vector<double> matrix_;
+  std::uint64_t checksum_ = 0;
+  int turn_ = 0;
+};
+
+}  // namespace slambed::pace

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed calibrate --limits DEVICE`: what busy threads really get under a device's limits."""
+
+import json
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean
+
+import docker
+from rich.table import Table
+
+from slambed.calibrate.host import PROGRAM, host_cpus, run_pace
+from slambed.engines.attendant import Attendant
+from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_problems
+from slambed.engines.docker import DockerEngine
+from slambed.engines.docker_image import find_image, image_tag
+from slambed.engines.helper import is_root
+from slambed.engines.host_lock import host_lock
+from slambed.engines.local import LocalEngine
+from slambed.engines.reaper import mark_children, reap
+from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.native import find_program
+from slambed.spec.device import Device, Limits
+from slambed.spec.host_speed import HostSpeed
+
+SETTLE_S = 1.5
+"""Threads are found and capped meanwhile; the first of them are busy already."""
+GRACE_S = 30.0
+REFERENCE_S = 1.0
+
+
+@dataclass(frozen=True)
+class Achieved:
+    """What some busy threads got together, in cores of this host."""
+
+    engine: str
+    threads: int
+    asked: float
+    cpu: float
+    """CPU time per wall time."""
+    speed: float
+    """Work done per wall time, relative to an unlimited thread of this host measured just before
+    and after. Noisier than `cpu`: the host's own speed changes."""
+    longest_freeze_ms: float
+    """Longest time in which a thread made no progress."""
+    freezes_over_10_ms: int
+    metronome: float | None
+    """CPU it took, in percent of a core; None without one."""
+    problems: list[str]
+
+    @property
+    def error_percent(self) -> float:
+        """CPU time against asked."""
+        return 100 * (self.cpu / self.asked - 1)
+
+
+def engines(asked: str | None) -> list[Engine]:
+    """The engines to look at: one, or all that this host has."""
+    if asked == "local":
+        return [LocalEngine(find_program(PROGRAM))]
+    if asked == "docker":
+        return [_docker()]
+    found: list[Engine] = [LocalEngine(find_program(PROGRAM))] if is_root() else []
+    try:
+        found.append(_docker())
+    except SlambedError as error:
+        if not found or error.code != ExitCode.ENVIRONMENT:
+            raise
+    return found
+
+
+def _docker() -> Engine:
+    client = docker.from_env(timeout=60)
+    image = find_image(client)
+    if image is None:
+        raise environment_error(f"image {image_tag()} is not built; run 'make images'")
+    return DockerEngine(client, image, PROGRAM)
+
+
+@contextmanager
+def quiet_host() -> Iterator[None]:
+    """No campaign runs meanwhile."""
+    with host_lock("slambed calibrate --limits"):
+        mark_children()
+        reap()
+        yield
+
+
+def measure_limits(
+    device: Device, host: HostSpeed, engine: Engine, threads: int, seconds: float
+) -> Achieved:
+    """So many busy threads as the mobile node of an engine."""
+    limits = device.limits_on(host.speed, len(host_cpus()))
+    if limits.quota_cores is None:
+        raise SlambedError(f"device {device.name} has no CPU limits to look at")
+    with ExitStack() as stack:
+        run_dir = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slambed-limits-")))
+        run_dir.chmod(0o755)
+        asked = {"threads": threads, "seconds": seconds, "settle_s": SETTLE_S}
+        config = asked | {"output": engine.output_path(run_dir)}
+        (run_dir / "run.json").write_text(json.dumps(config))
+        before = run_pace(REFERENCE_S)["threads"][0]["units_per_cpu_s"]
+        cpus = allot_cpus(limits, None, host_cpus())
+        plan = NodePlan("mobile", "limits", run_dir, run_dir, limits, cpus["mobile"])
+        node = engine.start(plan)
+        stack.callback(node.remove)
+        attendant = Attendant(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
+        stack.callback(attendant.close)
+        node.release()
+        deadline = time.monotonic() + SETTLE_S + seconds + GRACE_S
+        attendant.start(time.monotonic_ns())
+        while (code := node.exit_code()) is None and time.monotonic() < deadline:
+            time.sleep(0.1)
+        attended = attendant.stop()
+        if code != 0:
+            raise SlambedError(f"{PROGRAM} ended with {code} in engine {engine.name}")
+        told = json.loads((run_dir / "mobile" / "pace.json").read_text())["threads"]
+        problems = differences(limits, node.granted, cpus["mobile"])
+        if limits.thread_cores is not None:
+            problems += thread_problems("mobile", attended.threads["mobile"], limits)
+    after = run_pace(REFERENCE_S)["threads"][0]["units_per_cpu_s"]
+    return Achieved(
+        engine=engine.name,
+        threads=threads,
+        asked=expected_cores(limits, threads),
+        cpu=sum(thread["cpu_share"] for thread in told),
+        speed=sum(thread["units_per_s"] for thread in told) / mean([before, after]),
+        longest_freeze_ms=max(thread["longest_freeze_ms"] for thread in told),
+        freezes_over_10_ms=sum(thread["freezes_over_10_ms"] for thread in told),
+        metronome=attended.own["metronome_cpu_percent"] or None,
+        problems=problems,
+    )
+
+
+def expected_cores(limits: Limits, threads: int) -> float:
+    """What so many busy threads should get."""
+    assert limits.quota_cores is not None
+    if limits.thread_cores is None:
+        return min(limits.quota_cores, float(threads))
+    return min(limits.thread_cores * threads, limits.quota_cores)
+
+
+def limits_table(rows: list[Achieved]) -> Table:
+    """Asked against achieved."""
+    columns = ["engine", "busy threads", "asked cores", "CPU cores", "error %", "work, cores"]
+    freezes = ["longest freeze ms", "freezes > 10 ms", "metronome %"]
+    table = Table(*columns, *freezes, box=None)
+    for row in rows:
+        table.add_row(
+            row.engine,
+            str(row.threads),
+            f"{row.asked:.3f}",
+            f"{row.cpu:.4f}",
+            f"{row.error_percent:+.1f}",
+            f"{row.speed:.3f}",
+            f"{row.longest_freeze_ms:.1f}",
+            str(row.freezes_over_10_ms),
+            "-" if row.metronome is None else f"{row.metronome:.1f}",
+        )
+    return table

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A helper container: for members of the group docker it does what otherwise only root may.
+
+It runs this very package with the Python of the host (bound in read-only), so that both ways give
+the same results, and holds no more capabilities than its module needs. It lives as long as its
+standard input.
+"""
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from slambed.engines.base import LABEL
+from slambed.native import find_program
+
+NAMESPACES = Path("/run/slambed")
+"""Where a helper finds the network namespace of each node."""
+CAPABILITIES = {
+    # setns; metronome with real-time priority.
+    "slambed.engines.attend": ["SYS_ADMIN", "SYS_NICE"],
+    # setns; devices, addresses, queueing; ICMP; real-time priority and memory that stays.
+    "slambed.campaign.link_helper": ["SYS_ADMIN", "NET_ADMIN", "NET_RAW", "SYS_NICE", "IPC_LOCK"],
+}
+ALLOWED = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
+
+
+@dataclass(frozen=True)
+class Helper:
+    """What the helpers of one run have in common."""
+
+    image_id: str
+    run_key: str
+    namespaces: dict[str, str]
+    """Role -> file of the network namespace, as the daemon's host has it."""
+
+    def command(self, module: str, writable: list[Path]) -> list[str]:
+        """`docker run` of a module of this package."""
+        purpose = module.rpartition(".")[2]
+        capabilities = [part for c in CAPABILITIES[module] for part in ("--cap-add", c)]
+        return [
+            *("docker", "run", "--interactive", "--rm"),
+            *("--name", f"{LABEL}-{self.run_key}-{purpose}"),
+            *("--label", f"{LABEL}={self.run_key}", "--label", f"{LABEL}.role={purpose}"),
+            # Threads are moved between groups by the numbers of the host.
+            *("--pid", "host", "--cgroupns", "host", "--network", _network()),
+            *("--user", "0:0", "--cap-drop", "ALL", *capabilities),
+            *("--security-opt", "no-new-privileges", "--read-only"),
+            # TCP settings of the nodes' namespaces lie in /proc/sys.
+            *("--security-opt", "systempaths=unconfined", "--security-opt", "apparmor=unconfined"),
+            *("--device", "/dev/net/tun"),
+            *self._volumes(writable),
+            *("--env", f"PYTHONPATH={_package_folder()}", "--env", f"SLAMBED_BIN={_programs()}"),
+            *("--env", "PYTHONDONTWRITEBYTECODE=1", "--env", "HOME=/tmp", "--tmpfs", "/tmp"),
+            *("--entrypoint", sys.executable, self.image_id, "-m", module),
+        ]
+
+    def _volumes(self, writable: list[Path]) -> list[str]:
+        read_only = [Path("/usr"), Path("/etc/ld.so.cache"), _package_folder(), _programs()]
+        for prefix in (sys.prefix, sys.base_prefix):
+            if not Path(prefix).is_relative_to("/usr"):
+                read_only.append(Path(prefix))
+        bound = [f"{path}:{path}:ro" for path in dict.fromkeys(read_only) if path.exists()]
+        bound += [f"{path}:{path}" for path in writable]
+        bound += [f"{file}:{NAMESPACES / role}:ro" for role, file in self.namespaces.items()]
+        bound.append("/sys/fs/cgroup:/sys/fs/cgroup")
+        return [part for volume in bound for part in ("--volume", volume)]
+
+
+def _package_folder() -> Path:
+    return Path(__file__).resolve().parents[2]
+
+
+def _programs() -> Path:
+    return find_program("slambed-relay").resolve().parent
+
+
+def _network() -> str:
+    """The helper's own network is not used, but where the host reserves TCP cubic for itself only
+    its initial namespace can allow it to others."""
+    try:
+        allowed = ALLOWED.read_text(encoding="ascii").split()
+    except OSError:
+        return "none"
+    return "none" if "cubic" in allowed else "host"
+
+
+def direct_command(module: str) -> list[str]:
+    """The same module as a child of a harness that is root."""
+    return [sys.executable, "-m", module]
+
+
+def is_root() -> bool:
+    """Whether this process may do everything itself."""
+    return os.geteuid() == 0

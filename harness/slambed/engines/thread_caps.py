@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every thread of a node in a control group of its own, so that none is faster than the device.
+
+A group's quota limits the sum over its threads: one busy thread would get all of it. Threads are
+found in /proc as they appear and moved into `<group of the node>/thread-<number>`.
+"""
+
+import contextlib
+import errno
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from slambed.errors import environment_error
+from slambed.sampling.cgroup import CgroupPaths
+from slambed.sampling.kept_files import KeptFiles
+from slambed.sampling.tasks import thread_ids, thread_name
+
+PREFIX = "thread-"
+NAMED_AFTER_SCANS = 5
+"""A thread names itself soon after its start; so often the name is read again."""
+GONE = (errno.ESRCH, errno.ENOENT, errno.ENODEV)
+NS_PER_S = 1e9
+US_PER_S = 1e6
+
+
+@dataclass
+class CappedThread:
+    """One thread and what the kernel granted it."""
+
+    tid: int
+    folder: Path
+    name: str = ""
+    cores: float | None = None
+    """Read back; None = no cap."""
+    period_ms: float = 0.0
+    throttled_s: float = 0.0
+    throttled_periods: int = 0
+    scans: int = 0
+    alive: bool = True
+
+
+@dataclass
+class ThreadCaps:
+    """The capped threads of one process."""
+
+    pid: int
+    paths: CgroupPaths
+    cores: float
+    period_ms: float
+    threads: dict[int, CappedThread] = field(default_factory=dict)
+    _files: KeptFiles = field(default_factory=KeptFiles)
+
+    @property
+    def _group(self) -> Path:
+        group = self.paths.v1("cpu") or self.paths.unified
+        assert group is not None
+        return group
+
+    @property
+    def _is_v1(self) -> bool:
+        return self.paths.v1("cpu") is not None
+
+    def scan(self) -> None:
+        """Caps threads that are new, forgets those that have ended."""
+        present = thread_ids(self.pid)
+        for tid in present:
+            known = self.threads.get(tid)
+            if known is None or not known.alive:
+                known = self._cap(tid)
+            if known is not None and known.scans < NAMED_AFTER_SCANS:
+                known.scans += 1
+                known.name = thread_name(self.pid, tid) or known.name
+        for tid in self.threads.keys() - set(present):
+            self._forget(self.threads[tid])
+
+    def _cap(self, tid: int) -> CappedThread | None:
+        folder = self._group / f"{PREFIX}{tid}"
+        try:
+            folder.mkdir(exist_ok=True)
+            (self._limit_v1 if self._is_v1 else self._limit_v2)(folder)
+            members = "tasks" if self._is_v1 else "cgroup.threads"
+            (folder / members).write_text(str(tid))
+        except OSError as error:
+            if error.errno in GONE:
+                # The thread, or the whole group, has ended meanwhile.
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+                return None
+            raise environment_error(
+                f"cannot cap a thread: {error.strerror}, {error.filename}; run as root, on a host "
+                "where cgroups can be written"
+            ) from None
+        thread = CappedThread(tid, folder)
+        thread.cores, thread.period_ms = self._granted(folder)
+        self.threads[tid] = thread
+        return thread
+
+    def _limit_v1(self, folder: Path) -> None:
+        period_us, quota_us = self._quota()
+        (folder / "cpu.cfs_period_us").write_text(str(period_us))
+        (folder / "cpu.cfs_quota_us").write_text(str(quota_us))
+
+    def _limit_v2(self, folder: Path) -> None:
+        # First the type: with a threaded child the node's group may keep its processes and still
+        # hand the cpu controller down.
+        (folder / "cgroup.type").write_text("threaded")
+        (folder.parent / "cgroup.subtree_control").write_text("+cpu")
+        period_us, quota_us = self._quota()
+        (folder / "cpu.max").write_text(f"{quota_us} {period_us}")
+
+    def _quota(self) -> tuple[int, int]:
+        period_us = round(self.period_ms * 1000)
+        return period_us, round(self.cores * period_us)
+
+    def _granted(self, folder: Path) -> tuple[float | None, float]:
+        if self._is_v1:
+            period_us = int((folder / "cpu.cfs_period_us").read_text())
+            quota = (folder / "cpu.cfs_quota_us").read_text().strip()
+        else:
+            quota, period = (folder / "cpu.max").read_text().split()
+            period_us = int(period)
+        cores = None if quota in ("-1", "max") else int(quota) / period_us
+        return cores, period_us / 1000
+
+    def members(self) -> dict[int, list[int]]:
+        """Which threads the kernel has in each of our groups."""
+        name = "tasks" if self._is_v1 else "cgroup.threads"
+        found = {}
+        for tid, thread in self.threads.items():
+            with contextlib.suppress(OSError):
+                found[tid] = [int(text) for text in (thread.folder / name).read_text().split()]
+        return found
+
+    def read_throttling(self) -> tuple[float, int]:
+        """Seconds and periods that all threads so far were held back by their own caps."""
+        for thread in self.threads.values():
+            if thread.alive:
+                self._read(thread)
+        threads = self.threads.values()
+        return sum(t.throttled_s for t in threads), sum(t.throttled_periods for t in threads)
+
+    def _read(self, thread: CappedThread) -> None:
+        with contextlib.suppress(OSError):
+            rows = self._files.read(thread.folder / "cpu.stat").splitlines()
+            stat = {key: int(value) for key, _, value in (row.partition(" ") for row in rows)}
+            if self._is_v1:
+                thread.throttled_s = stat.get("throttled_time", 0) / NS_PER_S
+            else:
+                thread.throttled_s = stat.get("throttled_usec", 0) / US_PER_S
+            thread.throttled_periods = stat.get("nr_throttled", 0)
+
+    def _forget(self, thread: CappedThread) -> None:
+        if not thread.alive:
+            return
+        self._read(thread)
+        self._files.forget(thread.folder / "cpu.stat")
+        with contextlib.suppress(OSError):
+            thread.folder.rmdir()
+            thread.alive = False
+        thread.alive = thread.alive and thread.folder.exists()
+
+    def release(self) -> None:
+        """Gives threads that still run back to the node's group and removes ours."""
+        members = "tasks" if self._is_v1 else "cgroup.threads"
+        for thread in self.threads.values():
+            if thread.alive:
+                self._read(thread)
+                # Gone with its process, most likely.
+                with contextlib.suppress(OSError):
+                    (self._group / members).write_text(str(thread.tid))
+                self._forget(thread)
+        self._files.close()

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the kernel tells about the threads of a process: names, and time spent waiting for a CPU."""
+
+from pathlib import Path
+
+from slambed.sampling.kept_files import KeptFiles
+
+NS_PER_S = 1e9
+
+
+def thread_ids(pid: int) -> list[int]:
+    """Threads of a process, in order of their numbers; none when it has gone."""
+    try:
+        return sorted(int(path.name) for path in Path(f"/proc/{pid}/task").iterdir())
+    except OSError:
+        return []
+
+
+def thread_name(pid: int, tid: int) -> str | None:
+    """As the thread named itself (15 characters); None when it has gone."""
+    try:
+        return Path(f"/proc/{pid}/task/{tid}/comm").read_text(errors="replace").strip()
+    except OSError:
+        return None
+
+
+class RunQueueDelay:
+    """Time the threads of a process were able to run and did not, since they began.
+
+    The second number of /proc/<pid>/task/<tid>/schedstat. A thread that has ended keeps what was
+    last seen of it.
+    """
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._files = KeptFiles()
+        self._delay_ns: dict[int, int] = {}
+
+    def seconds(self) -> float | None:
+        """Sum over all threads so far; None where the kernel does not count it."""
+        for tid in thread_ids(self._pid):
+            path = Path(f"/proc/{self._pid}/task/{tid}/schedstat")
+            try:
+                self._delay_ns[tid] = int(self._files.read(path).split()[1])
+            except (OSError, IndexError):
+                self._files.forget(path)
+        return sum(self._delay_ns.values()) / NS_PER_S if self._delay_ns else None
+
+    def close(self) -> None:
+        """Closes its files."""
+        self._files.close()
+
+
+class Pressure:
+    """Pressure stall information of the CPU: time in which some thread waited for one."""
+
+    def __init__(self, group: Path | None) -> None:
+        """Of a cgroup v2 where it has it, else of the whole host."""
+        own = group / "cpu.pressure" if group is not None else None
+        self._path = own if own is not None and own.exists() else Path("/proc/pressure/cpu")
+        self._files = KeptFiles()
+
+    def seconds(self) -> float | None:
+        """Cumulative; None where the kernel has no PSI."""
+        try:
+            line = self._files.read(self._path).splitlines()[0]
+            return int(line.rpartition("total=")[2]) / 1e6
+        except (OSError, IndexError, ValueError):
+            return None
+
+    def close(self) -> None:
+        """Closes its file."""
+        self._files.close()

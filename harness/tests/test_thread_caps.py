@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Threads in groups of their own: on a copied v2 tree, and on this host's tree, v1 or v2. (`make
+test-netem` runs these on a kernel with cgroup v2.)"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from harness_parts import needs_root
+
+from slambed.engines.base import thread_problems
+from slambed.engines.cgroups import CgroupMaker, below, entry_files, remove
+from slambed.engines.thread_caps import ThreadCaps
+from slambed.sampling.cgroup import CgroupPaths, version
+from slambed.spec.device import Limits
+
+LIMITS = Limits(quota_cores=0.8, thread_cores=0.25, period_ms=10)
+THREE_THREADS = """
+import threading, time
+for _ in range(2): threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
+print("ready", flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_v2_group_becomes_threaded_and_gets_its_cap(tmp_path: Path) -> None:
+    caps = ThreadCaps(os.getpid(), CgroupPaths({}, tmp_path), 0.25, 10.0)
+    caps.scan()
+    folder = tmp_path / f"thread-{os.getpid()}"
+    assert (folder / "cgroup.type").read_text() == "threaded"
+    assert (tmp_path / "cgroup.subtree_control").read_text() == "+cpu"
+    assert (folder / "cpu.max").read_text() == "2500 10000"
+    assert (folder / "cgroup.threads").read_text() == str(os.getpid())
+    assert caps.threads[os.getpid()].cores == 0.25
+
+
+@pytest.fixture(name="group")
+def group_of_three_threads() -> Iterator[tuple[subprocess.Popen[str], CgroupPaths]]:
+    paths = CgroupMaker().make("test-threads", LIMITS, sorted(os.sched_getaffinity(0)))
+    join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
+    process = subprocess.Popen(
+        ["/bin/sh", "-c", f'{join} exec "$0" -c "$1"', sys.executable, THREE_THREADS],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        assert process.stdout.readline() == "ready\n"
+        yield process, paths
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        folders = {*paths.folders.values(), *([paths.unified] if paths.unified else [])}
+        assert all(remove(folder) for folder in folders)
+        assert not any(folder.exists() for folder in folders)
+
+
+@needs_root
+def test_the_kernel_has_each_thread_in_its_own_group(
+    group: tuple[subprocess.Popen[str], CgroupPaths],
+) -> None:
+    process, paths = group
+    caps = ThreadCaps(process.pid, paths, 0.25, 10.0)
+    caps.scan()
+    assert len(caps.threads) == 3
+    assert caps.members() == {tid: [tid] for tid in caps.threads}
+    assert {thread.cores for thread in caps.threads.values()} == {0.25}
+    # What the kernel says of the thread itself, not of the group.
+    for tid in caps.threads:
+        assert f"thread-{tid}" in Path(f"/proc/{process.pid}/task/{tid}/cgroup").read_text()
+    caps.release()
+    top = paths.v1("cpu") or paths.unified
+    assert top is not None and below(top) == []
+    assert process.poll() is None
+
+
+@needs_root
+def test_groups_of_ended_threads_go_and_their_throttling_stays(
+    group: tuple[subprocess.Popen[str], CgroupPaths],
+) -> None:
+    _, paths = group
+    code = (
+        "import threading, time\n"
+        "def burn():\n    end = time.monotonic() + 0.4\n    while time.monotonic() < end: pass\n"
+        "threading.Thread(target=burn).start()\ntime.sleep(1.5)"
+    )
+    join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
+    shell = ["/bin/sh", "-c", f'{join} exec "$0" -c "$1"', sys.executable, code]
+    with subprocess.Popen(shell) as burner:
+        caps = ThreadCaps(burner.pid, paths, 0.1, 10.0)
+        seen_s = 0.0
+        while burner.poll() is None:
+            caps.scan()
+            seen_s = max(seen_s, caps.read_throttling()[0])
+            time.sleep(0.01)
+    caps.scan()
+    assert len(caps.threads) >= 2
+    assert seen_s > 0
+    assert caps.read_throttling()[0] >= seen_s
+    assert not any(thread.alive for thread in caps.threads.values())
+    top = paths.v1("cpu") or paths.unified
+    assert top is not None and below(top) == []
+
+
+def test_a_cap_that_was_not_granted_is_a_problem() -> None:
+    good = {"name": "tracking", "cores": 0.25}
+    assert thread_problems("mobile", [good, good], LIMITS) == []
+    assert thread_problems("mobile", [], LIMITS) == ["mobile: no thread was capped"]
+    for cores in (None, 0.5):
+        (line,) = thread_problems("mobile", [good, {"name": "mapping", "cores": cores}], LIMITS)
+        assert line == "mobile: cap of thread mapping is not as asked"
+
+
+def test_this_host_has_a_hierarchy_for_them() -> None:
+    assert version() in ("v1", "v2")
