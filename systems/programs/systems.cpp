@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/systems.hpp"
 
+#include "dynnetslam/dynnetslam.hpp"
 #include "edgeslam/edgeslam.hpp"
 #include "orbslam2/orbslam2.hpp"
 
 namespace slambed {
 
-std::vector<System> all_systems() { return {orbslam2_system(), edgeslam_system()}; }
+std::vector<System> all_systems() { return {orbslam2_system(), edgeslam_system(), dynnetslam_system()}; }
 
 }  // namespace slambed

@@ -55,7 +55,8 @@ class EdgeNode {
   ~EdgeNode();
 
   void start();
-  MapCounts counts() const { return policy_->counts(); }
+  std::shared_ptr<const Map> map() const { return policy_->map(); }
+  MapCounts counts() const { return count(*map()); }
   /// Why the run ended: "bye", "peer_lost"; empty while it goes on or was stopped from outside.
   std::string end_reason() const;
 

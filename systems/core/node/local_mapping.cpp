@@ -48,27 +48,38 @@ void LocalMapping::start(const std::string& worker_name) {
 void LocalMapping::submit(Worker& worker, KeyFrameId keyframe) {
   if (mode_ == Mode::kSequential) return map_keyframe(worker, keyframe);
   ++waiting_;
-  queue_.put(keyframe);
+  queue_.put({.keyframe = keyframe, .map = nullptr});
 }
 
 MapperStatus LocalMapping::status() const {
-  return {.idle = waiting_ == 0 && !busy_, .queued = waiting_, .accepts = !parked_ && !resetting_ && !held_};
+  return {.idle = waiting_ == 0 && !busy_,
+          .queued = waiting_,
+          .accepts = !parked_ && !leaving() && !held_};
 }
 
 void LocalMapping::reset(Worker& worker, std::shared_ptr<Map> map) {
-  if (mode_ == Mode::kSequential) {
-    map_ = map;
-    mapper_.replace_map(std::move(map));
-    return;
-  }
-  next_map_ = std::move(map);
-  resetting_ = true;
-  queue_.signal().notify();
-  while (resetting_ && !worker.stopping()) {
+  go_on_with(std::move(map));
+  while (leaving() && !worker.stopping()) {
     const auto ticket = settled_->ticket();
-    if (!resetting_) break;
+    if (!leaving()) break;
     worker.wait(*settled_, ticket, kNever);
   }
+}
+
+void LocalMapping::go_on_with(std::shared_ptr<Map> map) {
+  while (const auto dropped = queue_.try_take()) {
+    if (dropped->keyframe) --waiting_;
+  }
+  Task change{.keyframe = {}, .map = std::move(map), .change = ++changes_asked_};
+  if (mode_ == Mode::kSequential) return adopt(std::move(change));
+  queue_.put(std::move(change));
+}
+
+void LocalMapping::adopt(Task task) {
+  map_ = std::move(task.map);
+  mapper_.replace_map(map_);
+  changes_done_ = task.change;
+  settled_->notify();
 }
 
 void LocalMapping::drain(Worker& worker) {
@@ -87,24 +98,20 @@ void LocalMapping::park(bool parked) {
 void LocalMapping::run(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = queue_.signal().ticket();
-    if (resetting_) {
-      while (queue_.try_take()) --waiting_;
-      map_ = next_map_;
-      mapper_.replace_map(std::move(next_map_));
-      resetting_ = false;
-      settled_->notify();
-      continue;
-    }
-    if (!parked_) {
+    // A change of map is taken also while parked; it is first in the queue.
+    if (!parked_ || leaving()) {
       busy_ = true;  // before the count falls: never idle in between
-      if (const auto keyframe = queue_.try_take()) {
+      auto task = queue_.try_take();
+      if (task && task->keyframe) {
         --waiting_;
-        map_keyframe(worker, *keyframe);
-        busy_ = false;
+        map_keyframe(worker, task->keyframe);
+      }
+      busy_ = false;
+      if (task && task->map) adopt(std::move(*task));
+      if (task) {
         settled_->notify();
         continue;
       }
-      busy_ = false;
     }
     worker.wait(queue_.signal(), ticket, idle_ ? idle_(worker) : kNever);
   }
@@ -141,7 +148,7 @@ void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
     bundle(worker);
     commit_stage(worker, "cull_keyframes", size, [&] { return mapper_.cull_keyframes(); });
   }
-  if (resetting_) return;
+  if (leaving()) return;
   const MapCounts counts = count(*map_);
   log_.write(JsonLine("keyframe_mapped")
                  .add("keyframe", keyframe.value)
@@ -168,7 +175,7 @@ void LocalMapping::bundle(Worker& worker) {
   while (step()) {
     if (interrupted()) break;  // finish_bundle knows what of it is worth keeping
   }
-  if (resetting_) return;
+  if (leaving()) return;
   commit_stage(worker, "bundle", {0, size()}, [&] { return mapper_.finish_bundle(); });
 }
 

@@ -40,11 +40,13 @@ class LocalMapping {
   void on_idle(std::function<RunTime(Worker&)> idle) { idle_ = std::move(idle); }
 
   void start(const std::string& worker_name = "mapping");
-  /// Queues a keyframe (sequential: maps it now).
+  /// Queues a keyframe of the map gone on to last (sequential: maps it now).
   void submit(Worker& worker, KeyFrameId keyframe);
   MapperStatus status() const;
   /// Drops what waits, ends what runs and continues on another map; returns when that has happened.
   void reset(Worker& worker, std::shared_ptr<Map> map);
+  /// The same, but returns at once: what runs ends by itself, on the old map.
+  void go_on_with(std::shared_ptr<Map> map);
   /// Returns when nothing waits or runs any more.
   void drain(Worker& worker);
   /// A parked mapper finishes its keyframe and then leaves the queue alone.
@@ -55,12 +57,20 @@ class LocalMapping {
   void wake() { queue_.signal().notify(); }
 
  private:
+  struct Task {
+    KeyFrameId keyframe;       ///< none: only go on to the map
+    std::shared_ptr<Map> map;  ///< null: the one at hand
+    int change = 0;            ///< number of the change of map
+  };
+
   void run(Worker& worker);
+  void adopt(Task task);
   void map_keyframe(Worker& worker, KeyFrameId keyframe);
   void bundle(Worker& worker);
   template <typename Stage>
   void commit_stage(Worker& worker, std::string_view name, StageUnits size, Stage stage);
-  bool interrupted() const { return mode_ == Mode::kWorker && (waiting_ > 0 || resetting_); }
+  bool leaving() const { return changes_done_ != changes_asked_; }
+  bool interrupted() const { return mode_ == Mode::kWorker && (waiting_ > 0 || leaving()); }
 
   Runtime& runtime_;
   EventLog& log_;
@@ -71,11 +81,11 @@ class LocalMapping {
   Done done_;
   std::function<bool(Worker&, KeyFrameId)> prepare_;
   std::function<RunTime(Worker&)> idle_;
-  Mailbox<KeyFrameId> queue_;
-  std::unique_ptr<Signal> settled_;  ///< a keyframe is done, or a reset
-  std::atomic<int> waiting_{0};
-  std::atomic<bool> busy_{false}, resetting_{false}, parked_{false}, held_{false};
-  std::shared_ptr<Map> next_map_;  ///< handed over through resetting_
+  Mailbox<Task> queue_;
+  std::unique_ptr<Signal> settled_;  ///< a keyframe is done, or a change of map
+  std::atomic<int> waiting_{0};      ///< keyframes in the queue
+  std::atomic<bool> busy_{false}, parked_{false}, held_{false};
+  std::atomic<int> changes_asked_{0}, changes_done_{0};  ///< of map
 };
 
 }  // namespace slambed

@@ -51,7 +51,8 @@ class EdgePolicy {
   virtual ~EdgePolicy() = default;
   /// Before the run: spawn workers. The run ends when one of them calls EdgeNode::end.
   virtual void start() = 0;
-  virtual MapCounts counts() const = 0;
+  /// The global map.
+  virtual std::shared_ptr<const Map> map() const = 0;
 };
 
 /// A system as the programs know it. Factories run before the start: they open their channels.

@@ -16,10 +16,12 @@ constexpr double kHalfFrame = 0.5;
 std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& message,
                                                const AdmissionState& state) {
   if (!state.mapper.accepts) return "mapper stopped";
-  if (message.first) return std::nullopt;
   const double time_s = message.delta.keyframes.front().timestamp_s;
+  if (state.last_accepted_s >= 0 && time_s <= state.last_accepted_s) {
+    return "older than the last accepted";
+  }
+  if (message.first) return std::nullopt;
   if (state.last_accepted_s < 0) return "not the first keyframe";
-  if (time_s <= state.last_accepted_s) return "older than the last accepted";
   if (message.after_relocalisation &&
       static_cast<double>(state.keyframes) > state.played_fps * kMaxGapS) {
     return "just relocalised";

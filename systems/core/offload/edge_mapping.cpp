@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "offload/map_sync.hpp"
 #include "offload/update_content.hpp"
 #include "wire/message_type.hpp"
 
@@ -139,7 +140,7 @@ RunTime EdgeMapping::update_if_due(Worker& worker) {
   KeyFrameId newest;
   {
     std::lock_guard lock(mutex_);
-    if (!news_ || held_) return kNever;
+    if (!news_ || held_ || stopped_) return kNever;
     // The first update is due one period after the start.
     const RunTime due = std::max(last_sent_, RunTime::zero()) + options_.update_period;
     if (worker.now() < due) return due;
@@ -168,13 +169,16 @@ void EdgeMapping::send_update(Worker& worker, wire::UpdateTimes times, KeyFrameI
   update.times = times;
   update.times.due = worker.now();
   Bytes payload = worker.stage("prepare_update", [&](StageUnits& units) {
+    std::uint64_t epoch = 0;
     {
       std::lock_guard lock(mutex_);
+      if (stopped_) return Bytes();
       update.update = ++updates_;
+      epoch = epoch_;
     }
     update.map =
         map_->read([&](const MapView& view) { return extract_keyframes(view, keyframes); });
-    update.map.epoch = update.update;
+    update.map.epoch = epoch;
     if (options_.update_poses) update.poses = moved_poses(update.map);
     units.n1 = static_cast<double>(update.map.keyframes.size());
     units.n2 = static_cast<double>(update.map.points.size());
@@ -192,6 +196,7 @@ void EdgeMapping::send_update(Worker& worker, wire::UpdateTimes times, KeyFrameI
   }
   node_.log().write(JsonLine("update_sent")
                         .add("update", update.update)
+                        .add("epoch", update.map.epoch)
                         .add("newest_keyframe", newest.value)
                         .add("keyframes", update.map.keyframes.size())
                         .add("points", update.map.points.size())
@@ -268,6 +273,45 @@ RunTime EdgeMapping::last_sent() const {
 void EdgeMapping::hold_updates(bool held) {
   std::lock_guard lock(mutex_);
   held_ = held;
+}
+
+void EdgeMapping::stop() {
+  mapping_.park(true);
+  std::lock_guard lock(mutex_);
+  stopped_ = true;
+}
+
+CommitReport EdgeMapping::merge(Worker& worker, MapDelta changes) {
+  mapping_.reset(worker, map_);  // nobody else changes the map now
+  {
+    std::lock_guard lock(mutex_);
+    std::erase_if(accepted_, [this](KeyFrameId id) { return pending_.contains(id); });
+    pending_.clear();
+  }
+  changes = map_->read([&](const MapView& view) { return rebase_changes(view, changes); });
+  const CommitReport report = map_->commit(changes);
+  {
+    std::lock_guard lock(mutex_);
+    for (const NewKeyFrame& keyframe : changes.keyframes) {
+      accepted_.push_back(keyframe.id);
+      mapped_keyframes_.push_back(keyframe.id);
+      last_accepted_s_ = std::max(last_accepted_s_, keyframe.timestamp_s);
+    }
+  }
+  if (mapped_) {
+    for (const NewKeyFrame& keyframe : changes.keyframes) mapped_(worker, keyframe.id);
+  }
+  mapping_.reset(worker, map_);  // the mapper hears which ids are taken
+  return report;
+}
+
+void EdgeMapping::resume(std::uint64_t epoch) {
+  {
+    std::lock_guard lock(mutex_);
+    stopped_ = false;
+    epoch_ = epoch;
+  }
+  mapping_.park(false);
 }
 
 }  // namespace slambed

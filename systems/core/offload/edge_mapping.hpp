@@ -44,6 +44,15 @@ class EdgeMapping {
   /// Regular updates pause while the mobile asks for relocalisation.
   void hold_updates(bool held);
 
+  /// Mapping rests: no keyframe is admitted, no map leaves, of any kind. What is being mapped is
+  /// finished.
+  void stop();
+  /// Takes over what was changed elsewhere while mapping rested. Keyframes that waited are dropped:
+  /// the changes have them. From any worker but mapping's own.
+  CommitReport merge(Worker& worker, MapDelta changes);
+  /// Maps again; maps that leave carry the epoch.
+  void resume(std::uint64_t epoch);
+
  private:
   struct Pending {
     wire::KeyFrameMessage message;
@@ -75,7 +84,8 @@ class EdgeMapping {
   std::vector<KeyFrameId> mapped_keyframes_;  ///< in order of mapping
   wire::UpdateTimes newest_times_;
   bool news_ = false;  ///< a keyframe was mapped since the last update
-  bool held_ = false;
+  bool held_ = false, stopped_ = false;
+  std::uint64_t epoch_ = 0;
   std::uint64_t updates_ = 0;
   RunTime last_sent_ = RunTime::min();
   std::map<KeyFrameId, SE3> told_;  ///< poses the mobile was told last

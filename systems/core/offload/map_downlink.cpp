@@ -80,7 +80,7 @@ void MapDownlink::before_frame(Worker& worker) {
   if (mode_ == Mode::kParallel) {
     auto arrival = ready_.try_take();
     if (!arrival) return;
-    if (const auto reason = refused(worker, arrival->raw, arrival->update.update)) {
+    if (const auto reason = refused(worker, *arrival)) {
       record_declined(arrival->update.update, arrival->update.newest, *reason);
       return;
     }
@@ -91,7 +91,7 @@ void MapDownlink::before_frame(Worker& worker) {
   if (!message || !is_update(*message)) return;
   Arrival arrival{.raw = std::move(*message), .update = {}, .map = nullptr};
   if (!parse(worker, arrival)) return;
-  if (const auto reason = refused(worker, arrival.raw, arrival.update.update)) {
+  if (const auto reason = refused(worker, arrival)) {
     record_declined(arrival.update.update, arrival.update.newest, *reason);
     return;
   }
@@ -119,14 +119,18 @@ void MapDownlink::build(Arrival& arrival) {
   arrival.map->commit(arrival.update.map);
 }
 
-std::optional<std::string_view> MapDownlink::refused(Worker& worker, const Message& raw,
-                                                     std::uint64_t update) const {
-  return decline_reason(rules_, {.relocalisation = is_relocalisation(raw),
+std::optional<std::string_view> MapDownlink::refused(Worker& worker,
+                                                     const Arrival& arrival) const {
+  return decline_reason(rules_, {.relocalisation = is_relocalisation(arrival.raw),
                                  .lost = node_.tracker().state() == TrackingState::kLost,
-                                 .former_edge =
-                                     raw.incarnation != node_.network().peer().incarnation,
-                                 .update = update,
-                                 .applied = raw.incarnation == applied_incarnation_ ? applied_ : 0,
+                                 .former_edge = arrival.raw.incarnation !=
+                                                node_.network().peer().incarnation,
+                                 .update = arrival.update.update,
+                                 .applied = arrival.raw.incarnation == applied_incarnation_
+                                                ? applied_
+                                                : 0,
+                                 .epoch = arrival.update.map.epoch,
+                                 .current_epoch = epoch_,
                                  .local_keyframes = count(*node_.tracker().map()).keyframes,
                                  .keyframes_created = keyframes_created_,
                                  .new_keyframe = new_keyframe_,
@@ -157,6 +161,7 @@ void MapDownlink::apply(Worker& worker, Arrival arrival) {
     }
   }
   new_keyframe_ = false;
+  if (on_applied_) on_applied_(arrival.update, arrival.map);
   for (const NewKeyFrame& keyframe : arrival.update.map.keyframes) {
     node_.poses().placed(keyframe.id, keyframe.T_cw);
   }

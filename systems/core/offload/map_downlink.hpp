@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -31,6 +32,15 @@ class MapDownlink {
   std::uint64_t applied_update() const { return applied_; }
   /// Newest point of an edge mapper among all updates taken over; none before the first.
   MapPointId newest_edge_point() const { return newest_edge_point_; }
+  /// Updates of an older epoch are declined from now on; they are counted anew. On the tracking
+  /// worker.
+  void begin_epoch(std::uint64_t epoch) {
+    epoch_ = epoch;
+    applied_ = 0;
+  }
+  /// Called on the tracking worker with each update and the map it has become.
+  using Applied = std::function<void(const wire::MapUpdate&, const std::shared_ptr<Map>&)>;
+  void on_applied(Applied applied) { on_applied_ = std::move(applied); }
 
  private:
   /// An update on its way into the tracker.
@@ -43,8 +53,7 @@ class MapDownlink {
   void work(Worker& worker);
   bool parse(Worker& worker, Arrival& arrival);
   void build(Arrival& arrival);
-  std::optional<std::string_view> refused(Worker& worker, const Message& raw,
-                                          std::uint64_t update) const;
+  std::optional<std::string_view> refused(Worker& worker, const Arrival& arrival) const;
   void apply(Worker& worker, Arrival arrival);
   void record_declined(std::uint64_t update, KeyFrameId newest, std::string_view reason);
   void record_received(const Arrival& arrival);
@@ -53,6 +62,7 @@ class MapDownlink {
   Channel& channel_;
   Mode mode_;
   UpdateRules rules_;
+  Applied on_applied_;
   Mailbox<Arrival> ready_;                 ///< parallel: built by the worker
   Mailbox<std::shared_ptr<Map>> disused_;  ///< parallel: to be disposed of by the worker
 
@@ -60,6 +70,7 @@ class MapDownlink {
   std::uint64_t applied_ = 0;
   std::uint64_t applied_incarnation_ = 0;  ///< of the edge it came from: each counts its own
   MapPointId newest_edge_point_;
+  std::uint64_t epoch_ = 0;
   std::size_t keyframes_created_ = 0;
   bool new_keyframe_ = false;
   RunTime last_keyframe_{};

@@ -14,6 +14,7 @@ constexpr Duration kShortest = std::chrono::milliseconds(50);
 
 std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
   if (state.former_edge) return "its edge is gone";
+  if (state.epoch < state.current_epoch) return "older epoch";
   if (state.update <= state.applied) return "older than the map";
   if (state.relocalisation) {
     if (!state.lost) return "not lost any more";

@@ -21,6 +21,7 @@ struct UpdateState {
   bool lost = false;
   bool former_edge = false;  ///< the process that sent it is gone
   std::uint64_t update = 0, applied = 0;
+  std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;
   std::size_t keyframes_created = 0;  ///< since the run began
   bool new_keyframe = false;          ///< one was created since the last update was taken over

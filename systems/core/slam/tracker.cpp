@@ -344,6 +344,7 @@ MapDelta Tracker::create_keyframe(bool becomes_reference) {
   return impl_->create_keyframe(becomes_reference);
 }
 
+void Tracker::accept_keyframes() { impl_->provisional.clear(); }
 void Tracker::replace_map(std::shared_ptr<Map> map) { impl_->continue_on(std::move(map)); }
 std::shared_ptr<Map> Tracker::map() const { return impl_->map; }
 TrackingState Tracker::state() const { return impl_->state; }

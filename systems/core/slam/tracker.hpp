@@ -78,6 +78,8 @@ class Tracker {
   /// becomes_reference false: not a reference either until the map is replaced (Edge-SLAM's
   /// keyframes that the edge has yet to accept).
   MapDelta create_keyframe(bool becomes_reference = true);
+  /// Keyframes that were not to be references (yet) may be from now on: mapping has come here.
+  void accept_keyframes();
 
   /// Continues on another map (Edge-SLAM's update): point ids of the last frame are looked up in
   /// it, the last pose is re-expressed through the reference keyframe when that is known there.

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <set>
 
-#include "edgeslam/tests/virtual_pair.hpp"
+#include "node/tests/virtual_pair.hpp"
 
 namespace slambed {
 namespace {
@@ -52,7 +52,8 @@ std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
 
 PairResult run(const nlohmann::json& params, int frames = 160, double one_way_ms = 0.1,
                testing::WorldSource::Look look = turn) {
-  return testing::run_pair(edgeslam_system(), params, frames, 10, one_way_ms, std::move(look));
+  return testing::run_pair(edgeslam_system(), params, frames, 10, {.one_way_ms = {one_way_ms}},
+                           std::move(look));
 }
 
 double sum_of_parts(const nlohmann::json& applied) {

@@ -32,13 +32,15 @@ class Admission : public ::testing::Test {
   AdmissionState state;
 };
 
-TEST_F(Admission, TheFirstKeyframeIsAlwaysWelcomeAndNothingBeforeIt) {
+TEST_F(Admission, TheFirstKeyframeIsWelcomeAndNothingBeforeIt) {
   state.last_accepted_s = -1;
   EXPECT_EQ(reason(), "not the first keyframe");
   message.first = true;
   EXPECT_EQ(reason(), "welcome");
-  state.last_accepted_s = 50;  // the mobile started again
+  state.last_accepted_s = 5;  // the mobile started again
   EXPECT_EQ(reason(), "welcome");
+  state.last_accepted_s = 50;  // the edge has gone on with a map that came another way
+  EXPECT_EQ(reason(), "older than the last accepted");
 }
 
 TEST_F(Admission, AnOrdinaryKeyframeNeedsAnIdleMapperOrASecond) {

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "wire/delta_codec.hpp"
+#include "wire/handover_messages.hpp"
 #include "wire/message_type.hpp"
 #include "wire/tests/examples.hpp"
 
@@ -39,6 +40,13 @@ std::vector<Target> targets() {
       {"poses", encode_poses(delta.poses), [](auto b) { decode_poses(b); }},
       {"ack", encode(AckMessage{300}), [](auto b) { decode_ack(b); }},
       {"bye", encode(ByeMessage{300, 5, 7}), [](auto b) { decode_bye(b); }},
+      {"state", encode(StateMessage{2, 300, RunTime(5), Duration(7)}),
+       [](auto b) { decode_state(b); }},
+      {"stop", encode(StopMessage{300}), [](auto b) { decode_stop(b); }},
+      {"start", encode(StartMessage{300, 4}), [](auto b) { decode_start(b); }},
+      {"handover", encode(MapHandover{.epoch = 3, .number = 4, .whole = true, .changes = delta}),
+       [=](auto b) { decode_handover(b, sensor); }},
+      {"handover_ack", encode(HandoverAck{3, 4, true}), [](auto b) { decode_handover_ack(b); }},
       {"hello", encode(hello), [](auto b) { decode_hello(b); }},
   };
 }

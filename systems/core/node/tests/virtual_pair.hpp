@@ -4,6 +4,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "map/map_snapshot.hpp"
 #include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
 #include "node/tests/temporary_folder.hpp"
@@ -39,6 +40,24 @@ inline DeviceModel uniform_device(double stage_us) {
   return model;
 }
 
+/// One-way delays in ms, alike in both directions: one for good, or one per step.
+struct PairLink {
+  std::vector<double> one_way_ms = {0.1};
+  double step_s = 0.1;
+  std::vector<link::Gap> gaps = {};
+
+  link::DirectionOptions direction() const {
+    link::DirectionOptions options;
+    options.delays_ns.clear();
+    for (const double ms : one_way_ms) options.delays_ns.push_back(std::llround(ms * 1e6));
+    options.step_ns = std::llround(step_s * 1e9);
+    options.rate = link::RateOptions{.bits_per_s = 100e6, .queue_bytes = 10'000'000};
+    options.gaps = gaps;
+    options.gap_drops = true;
+    return options;
+  }
+};
+
 struct PairResult {
   std::string mobile_text, edge_text;  ///< events.jsonl
   std::string trajectory;
@@ -46,6 +65,7 @@ struct PairResult {
   std::string end_reason;
   bool finished = false;
   MapCounts mobile_counts, edge_counts;
+  MapDelta mobile_map, edge_map;  ///< as they were at the end
 
   std::vector<nlohmann::json> of(const std::string& type) const {
     std::vector<nlohmann::json> found;
@@ -60,7 +80,7 @@ struct PairResult {
 
 /// Mobile and edge of one system in one process under virtual time.
 inline PairResult run_pair(const System& system, const nlohmann::json& params, int frames,
-                           double fps, double one_way_ms, WorldSource::Look look) {
+                           double fps, const PairLink& path, WorldSource::Look look) {
   TemporaryFolder folder;
   const Parameters parameters(params, system.parameters, "params.");
   std::vector<std::int64_t> times;
@@ -77,10 +97,7 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     }
     VirtualRuntime mobile_runtime(simulator, uniform_device(2000), 1, mobile_log);
     VirtualRuntime edge_runtime(simulator, uniform_device(2000), 2, edge_log);
-    link::DirectionOptions path;
-    path.delays_ns = {std::llround(one_way_ms * 1e6)};
-    path.rate = link::RateOptions{.bits_per_s = 100e6, .queue_bytes = 10'000'000};
-    VirtualLink link(simulator, path, path, 1);
+    VirtualLink link(simulator, path.direction(), path.direction(), 1);
     WorldSource source(std::move(look));
     PeerInfo peer;
     const auto sensor = source.sensor();
@@ -108,6 +125,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     result.end_reason = edge.end_reason();
     result.mobile_counts = mobile.counts();
     result.edge_counts = edge.counts();
+    result.mobile_map = mobile.tracker().map()->read(snapshot);
+    result.edge_map = edge.map()->read(snapshot);
   }
   const auto parse = [](const std::string& text) {
     std::vector<nlohmann::json> events;

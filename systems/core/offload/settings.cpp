@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/settings.hpp"
+
+#include <algorithm>
+
+namespace slambed {
+
+std::vector<ParameterSpec> offload_parameters() {
+  return {
+      ParameterSpec::integer("n_orb", 50, 10'000),
+      ParameterSpec::integer("n_kf", 1, 100),
+      ParameterSpec::real("sync_period_s", 0, 600),
+      ParameterSpec::choice("map_update", {"serial", "parallel"}),
+      ParameterSpec::integer("update_neighbours", 0, 100),
+      ParameterSpec::integer("min_local_keyframes", 0, 100),
+      ParameterSpec::real("fast_motion_ms", 0, 10'000),
+      ParameterSpec::integer("keyframe_queue", 1, 1000),
+      ParameterSpec::integer("edge_queue", 1, 1000),
+      ParameterSpec::boolean("update_poses"),
+      ParameterSpec::boolean("final_poses"),
+      ParameterSpec::real("reloc_request_ms", 0, 60'000),
+      ParameterSpec::real("reloc_map_period_s", 0, 600),
+      ParameterSpec::integer("reloc_candidates", 1, 100),
+      ParameterSpec::integer("reloc_covisibles", 0, 100),
+  };
+}
+
+System offload_system(std::string name) {
+  System system;
+  system.name = std::move(name);
+  system.channels = {"control", "keyframe", "map", "frame"};
+  system.parameters = offload_parameters();
+  system.orb = [](const Parameters& parameters) {
+    OrbOptions options;
+    options.features = parameters.integer("n_orb");
+    return options;
+  };
+  system.tracker = [](const Parameters& parameters) {
+    TrackerOptions options;
+    options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
+    // The local map is small by design: being lost in it is a case for relocalisation.
+    options.reset_below_keyframes = 0;
+    return options;
+  };
+  system.sequential = [](const Parameters&) { return false; };
+  return system;
+}
+
+OffloadChannels::OffloadChannels(Network& network, const Parameters& parameters)
+    : control(network.open({.name = "control", .heartbeat = true})),
+      keyframe(network.open({.name = "keyframe",
+                             .send_queue = parameters.integer("keyframe_queue"),
+                             .receive_queue = parameters.integer("keyframe_queue")})),
+      map(network.open({.name = "map", .receive_queue = 1})),
+      frame(network.open({.name = "frame", .send_queue = 1, .receive_queue = 1})) {}
+
+MapDownlink::Mode downlink_mode(const Parameters& parameters) {
+  return parameters.text("map_update") == "parallel" ? MapDownlink::Mode::kParallel
+                                                     : MapDownlink::Mode::kSerial;
+}
+
+UpdateRules update_rules(const Parameters& parameters) {
+  return {.min_local_keyframes = parameters.integer("min_local_keyframes"),
+          .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000)};
+}
+
+EdgeMappingOptions mapping_options(const Parameters& parameters) {
+  return {.queue_limit = parameters.integer("edge_queue"),
+          .update_keyframes = parameters.integer("n_kf"),
+          .update_neighbours = parameters.integer("update_neighbours"),
+          .update_period = from_seconds(parameters.real("sync_period_s")),
+          .update_poses = parameters.boolean("update_poses")};
+}
+
+RelocalisationOptions relocalisation_options(const Parameters& parameters) {
+  return {.map_period = from_seconds(parameters.real("reloc_map_period_s")),
+          .max_candidates = parameters.integer("reloc_candidates"),
+          .covisibles = parameters.integer("reloc_covisibles")};
+}
+
+Duration relocalisation_period(const Parameters& parameters) {
+  return from_seconds(parameters.real("reloc_request_ms") / 1000);
+}
+
+}  // namespace slambed

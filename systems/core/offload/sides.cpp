@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/sides.hpp"
+
+#include "offload/rtt_monitor.hpp"
+
+namespace slambed {
+namespace {
+
+/// ORB-SLAM2's mMaxFrames: for a second after a relocalisation poses are not trusted with
+/// keyframes.
+constexpr double kAfterRelocalisationS = 1;
+
+}  // namespace
+
+OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters)
+    : node_(node),
+      channels_(node.network(), parameters),
+      downlink_(node, channels_.map, downlink_mode(parameters), update_rules(parameters)),
+      farewell_(node, channels_.control),
+      uplink_(node, channels_.keyframe),
+      relocalisation_(channels_.frame, relocalisation_period(parameters)) {}
+
+void OffloadMobile::start() {
+  downlink_.start();
+  spawn_rtt_monitor(node_.runtime(), node_.log(), channels_.keyframe);
+}
+
+void OffloadMobile::note(const TrackedFrame& frame) {
+  if (frame.relocalised_now) relocalised_s_ = frame.offered.played.seq_s();
+}
+
+MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& frame,
+                                        KeyFrameNeed need, bool becomes_reference) {
+  MapDelta made = node_.create_keyframe(worker, frame, need, becomes_reference);
+  if (!made.keyframes.empty()) downlink_.keyframe_created(worker.now());
+  return made;
+}
+
+void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
+                         KeyFrameNeed need, bool first) {
+  const double since_s = frame.offered.played.seq_s() - relocalised_s_;
+  uplink_.send(worker, frame, std::move(made),
+               {.need = need,
+                .first = first,
+                .after_relocalisation = relocalised_s_ >= 0 && since_s < kAfterRelocalisationS,
+                .applied_update = downlink_.applied_update(),
+                .newest_edge_point = downlink_.newest_edge_point()});
+}
+
+OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
+    : channels_(node.network(), parameters),
+      mapping_(node, mapping_options(parameters), channels_.keyframe, channels_.map),
+      relocalisation_(node, mapping_, channels_.frame, parameters.integer("n_kf"),
+                      relocalisation_options(parameters)),
+      farewell_(node, channels_.control, mapping_,
+                {.final_poses = parameters.boolean("final_poses")}) {}
+
+void OffloadEdge::start() {
+  mapping_.start();
+  relocalisation_.start();
+  farewell_.start();
+}
+
+}  // namespace slambed

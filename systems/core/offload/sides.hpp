@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "offload/edge_mapping.hpp"
+#include "offload/farewell.hpp"
+#include "offload/keyframe_uplink.hpp"
+#include "offload/map_downlink.hpp"
+#include "offload/relocalisation.hpp"
+#include "offload/settings.hpp"
+
+namespace slambed {
+
+/// Edge-SLAM's mobile node without its decisions: keyframes up, updates down, relocalisation and
+/// farewell on their channels.
+class OffloadMobile {
+ public:
+  OffloadMobile(MobileNode& node, const Parameters& parameters);
+
+  void start();
+  /// Between two frames: an update may replace the local map.
+  void before_frame(Worker& worker) { downlink_.before_frame(worker); }
+  /// First thing after each frame.
+  void note(const TrackedFrame& frame);
+  /// While tracking is lost, asks the edge where it is.
+  void ask(Worker& worker, const TrackedFrame& frame) { relocalisation_.after_frame(worker, frame); }
+  /// Makes a keyframe of the frame; the update rules hear of it.
+  MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
+                           bool becomes_reference);
+  /// first: the edge's map begins with it.
+  void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need,
+            bool first);
+  void say_goodbye(Worker& worker) { farewell_.say(worker, uplink_.last_sequence()); }
+
+  OffloadChannels& channels() { return channels_; }
+  MapDownlink& downlink() { return downlink_; }
+  const MobileFarewell& farewell() const { return farewell_; }
+
+ private:
+  MobileNode& node_;
+  OffloadChannels channels_;
+  MapDownlink downlink_;
+  MobileFarewell farewell_;
+  KeyFrameUplink uplink_;
+  RelocalisationRequests relocalisation_;
+  double relocalised_s_ = -1;  ///< sequence time of the last relocalisation; negative: none
+};
+
+/// Edge-SLAM's edge node.
+class OffloadEdge {
+ public:
+  OffloadEdge(EdgeNode& node, const Parameters& parameters);
+
+  void start();
+  std::shared_ptr<const Map> map() const { return mapping_.map(); }
+  EdgeMapping& mapping() { return mapping_; }
+
+ private:
+  OffloadChannels channels_;
+  EdgeMapping mapping_;
+  RelocalisationService relocalisation_;
+  EdgeFarewell farewell_;
+};
+
+}  // namespace slambed

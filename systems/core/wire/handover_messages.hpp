@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "wire/messages.hpp"
+
+namespace slambed::wire {
+
+/// STATE, mobile -> edge: where mapping runs now. Repeated while nothing changes; the edge answers
+/// each with an ACK, so both know that the other is alive.
+struct StateMessage {
+  std::uint8_t state = 0;  ///< the system's own number
+  std::uint64_t epoch = 0;
+  RunTime time{};
+  std::optional<Duration> rtt;  ///< absent while unknown
+};
+
+/// STOP, mobile -> edge: mapping rests; what the edge sends of an older epoch is worthless.
+struct StopMessage {
+  std::uint64_t epoch = 0;
+};
+
+/// START, mobile -> edge: map again on the map as it is. Answered by a HANDOVER_ACK.
+struct StartMessage {
+  std::uint64_t epoch = 0;
+  std::uint64_t number = 0;  ///< shared with MAP_HANDOVER, counts from 1
+};
+
+/// MAP_HANDOVER, mobile -> edge: START with what has changed since the edge knew the map last.
+struct MapHandover {
+  std::uint64_t epoch = 0;
+  std::uint64_t number = 0;
+  bool whole = false;  ///< needs no earlier map at the edge
+  MapDelta changes;
+};
+
+/// HANDOVER_ACK, edge -> mobile. With number 0 and not accepted it follows a STATE: the edge has no
+/// map at all.
+struct HandoverAck {
+  std::uint64_t epoch = 0;
+  std::uint64_t number = 0;
+  bool accepted = false;  ///< false: the edge has no map to change, it needs a whole one
+};
+
+Bytes encode(const StateMessage& message);
+Bytes encode(const StopMessage& message);
+Bytes encode(const StartMessage& message);
+Bytes encode(const MapHandover& message);
+Bytes encode(const HandoverAck& message);
+
+/// All throw DecodeError and nothing else.
+StateMessage decode_state(std::span<const std::uint8_t> bytes);
+StopMessage decode_stop(std::span<const std::uint8_t> bytes);
+StartMessage decode_start(std::span<const std::uint8_t> bytes);
+MapHandover decode_handover(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+HandoverAck decode_handover_ack(std::span<const std::uint8_t> bytes);
+
+}  // namespace slambed::wire

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynnetslam/policies.hpp"
+
+namespace slambed::dynnetslam {
+namespace {
+
+StrategyOptions strategy_options(const Parameters& parameters) {
+  StrategyOptions options;
+  options.hysteresis = parameters.boolean("hysteresis");
+  options.safe_zone = parameters.boolean("safe_zone");
+  options.limit_ms = parameters.real("l_ol_ms");
+  options.band_ms = parameters.real("b_ms");
+  const double safe_ms = parameters.real("l_sz_ms");
+  if (safe_ms >= 0) options.safe_limit_ms = safe_ms;
+  return options;
+}
+
+ContactOptions contact_options(const Parameters& parameters) {
+  return {.source = parameters.text("rtt_source") == "echo" ? RttSource::kEcho
+                                                            : RttSource::kTcpInfo,
+          .probe_hz = parameters.real("mes_probe_hz"),
+          .probe_bytes = parameters.integer("mes_probe_bytes"),
+          .echo_hz = parameters.real("echo_hz"),
+          .missing = from_seconds(parameters.real("rtt_missing_s")),
+          .retry = from_seconds(parameters.real("handover_retry_s"))};
+}
+
+Channel& open_handover(Network& network) { return network.open({.name = "handover"}); }
+
+std::optional<double> in_ms(std::optional<Duration> rtt) {
+  return rtt ? std::optional(to_ms(*rtt)) : std::nullopt;
+}
+
+}  // namespace
+
+DynNetSlamMobile::DynNetSlamMobile(MobileNode& node, const Parameters& parameters)
+    : node_(node),
+      thresholds_(thresholds(strategy_options(parameters))),
+      decision_gap_(from_seconds(parameters.real("decision_gap_s"))),
+      offload_(node, parameters),
+      contact_(node, open_handover(node.network()), offload_.channels().keyframe,
+               contact_options(parameters)),
+      mapping_(node.runtime(), node.log(), {}, node.tracker().map(), IdSpace::kMobileMapper,
+               LocalMapping::Mode::kWorker) {
+  offload_.downlink().on_applied([this](const wire::MapUpdate&, const std::shared_ptr<Map>& map) {
+    contact_.received(map);
+    mapping_.go_on_with(map);
+  });
+}
+
+void DynNetSlamMobile::start() {
+  offload_.start();
+  contact_.start();
+  mapping_.park(true);
+  mapping_.start();
+}
+
+void DynNetSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
+  offload_.before_frame(worker);
+  settle_handover(worker);
+  if (contact_.edge_is_empty() && state_ != State::kMobile && !contact_.handing_over()) {
+    node_.log().warning("the edge has no map; it gets the one there is here");
+    begin_epoch();
+    mapping_.park(false);
+    contact_.hand_over(epoch_, node_.tracker().map());
+    contact_.tell(state_, epoch_, contact_.rtt(worker.now()));
+  }
+}
+
+/// What the edge sent before is worthless from now on.
+void DynNetSlamMobile::begin_epoch() {
+  ++epoch_;
+  offload_.downlink().begin_epoch(epoch_);
+}
+
+void DynNetSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
+  offload_.note(frame);
+  if (state_ != State::kMobile) offload_.ask(worker, frame);
+  if (frame.outcome.state == TrackingState::kOk) {
+    const bool wanted = state_ == State::kMobile
+                            ? node_.tracker().wants_keyframe(mapping_.status())
+                            : node_.tracker().keyframe_need() != KeyFrameNeed::kNone;
+    if (wanted) {
+      decide(worker);
+      return make_keyframe(worker, frame);
+    }
+  }
+  // The camera may stand still, or be lost: without keyframes no state must become a trap.
+  if (decided_ && decision_gap_ > Duration::zero() &&
+      worker.now() - last_decision_ >= decision_gap_) {
+    decide(worker);
+  }
+}
+
+void DynNetSlamMobile::decide(Worker& worker) {
+  last_decision_ = worker.now();
+  const auto rtt = contact_.rtt(worker.now());
+  const State next = decided_ ? next_state(state_, in_ms(rtt), thresholds_)
+                              : initial_state(in_ms(rtt), thresholds_);
+  if (decided_ && next == state_) return;
+  enter(worker, next, rtt);
+}
+
+void DynNetSlamMobile::enter(Worker& worker, State next, std::optional<Duration> rtt) {
+  const State from = state_;
+  state_ = next;
+  if (next == State::kMobile) {
+    begin_epoch();
+    contact_.stop(epoch_);
+    held_.clear();
+  }
+  if (next != State::kOffloading) {
+    mapping_.park(false);
+    node_.tracker().accept_keyframes();
+  }
+  if (from == State::kMobile) contact_.hand_over(epoch_, node_.tracker().map());
+  contact_.tell(next, epoch_, rtt);
+  JsonLine event("state_changed");
+  event.add("from", decided_ ? to_string(from) : "start").add("to", to_string(next));
+  if (rtt) event.add_ms("rtt_ms", *rtt);
+  node_.log().write(event.add("epoch", epoch_));
+  decided_ = true;
+  settle_handover(worker);
+}
+
+void DynNetSlamMobile::settle_handover(Worker& worker) {
+  if (contact_.handing_over() || state_ == State::kMobile) return;
+  if (state_ == State::kOffloading) mapping_.park(true);
+  for (Held& held : held_) send(worker, held.frame, std::move(held.made), held.need);
+  held_.clear();
+}
+
+void DynNetSlamMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
+                            KeyFrameNeed need) {
+  offload_.send(worker, frame, std::move(made), need, frame.outcome.initialised_now);
+  contact_.keyframe_sent(worker.now());
+}
+
+void DynNetSlamMobile::make_keyframe(Worker& worker, const TrackedFrame& frame) {
+  const KeyFrameNeed need = node_.tracker().keyframe_need();
+  const bool here = maps_here() && node_.tracker().wants_keyframe(mapping_.status());
+  // A keyframe that only the edge may want, and still decline, must not become the reference.
+  const bool certain = here || need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
+  MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
+  if (made.keyframes.empty()) return;
+  if (here) mapping_.submit(worker, made.keyframes.front().id);
+  if (state_ == State::kMobile) return;
+  if (contact_.handing_over()) {
+    held_.push_back({frame, std::move(made), need});
+  } else {
+    send(worker, frame, std::move(made), need);
+  }
+}
+
+void DynNetSlamMobile::finish(Worker& worker) {
+  if (maps_here()) mapping_.drain(worker);
+  offload_.say_goodbye(worker);
+}
+
+void DynNetSlamMobile::place_keyframes(PoseBook& book) {
+  for (const KeyFramePose& pose : offload_.farewell().poses()) book.placed(pose.id, pose.T_cw);
+  if (state_ != State::kMobile) return;
+  // The edge has not seen how the map went on here.
+  const auto map = node_.tracker().map();
+  for (const KeyFrameId id : book.keyframes()) {
+    const auto pose = map->read([&](const MapView& view) { return view.pose_of(id); });
+    if (pose) book.placed(id, *pose);
+  }
+}
+
+MapCounts DynNetSlamMobile::counts() const {
+  return state_ == State::kMobile ? count(*node_.tracker().map()) : offload_.farewell().counts();
+}
+
+DynNetSlamEdge::DynNetSlamEdge(EdgeNode& node, const Parameters& parameters)
+    : offload_(node, parameters),
+      handover_(node, offload_.mapping(), open_handover(node.network())) {}
+
+void DynNetSlamEdge::start() {
+  offload_.start();
+  handover_.start();
+}
+
+}  // namespace slambed::dynnetslam
