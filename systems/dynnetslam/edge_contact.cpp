@@ -87,7 +87,7 @@ void EdgeContact::received(std::shared_ptr<const Map> map) {
 }
 
 void EdgeContact::work(Worker& worker) {
-  RunTime next_state{};
+  RunTime next_state = worker.now();  // before the run begins: the first decision needs an RTT
   while (!worker.stopping()) {
     const auto ticket = channel_.signal().ticket();
     while (const auto message = channel_.try_receive()) take(*message, worker.now());

@@ -13,6 +13,7 @@ from slambed.metrics.accuracy import absolute_error, relative_error
 from slambed.metrics.collect import read_link, read_samples
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.network import RttProof, bytes_moved, rtt_proof, series
+from slambed.metrics.offloading import offloading_summary
 from slambed.metrics.resources import NOTHING, Resources, resources_of
 from slambed.metrics.stages import mapping_ms_per_keyframe, total_ms
 from slambed.metrics.tracking import mean_of, quantile_of, tracking_of, values_of
@@ -39,6 +40,7 @@ SUMMARY_KEYS = (
     "bytes_up", "bytes_down", "updates_applied", "update_delay_ms_median",
     "update_gap_keyframes_mean", "update_parts_error_ms_max",
     "keyframe_bytes_median", "update_bytes_median", "serialise_ms_median", "parse_ms_median",
+    "state_switches", "state_os_s", "state_sz_s", "state_mes_s", "updates_stale",
     "rtt_asked_ms_mean", "rtt_measured_ms_mean", "rtt_error_ms_median", "rtt_error_ms_p99",
     "throttled_ms", "throttled_share", "wall_s",
 )  # fmt: skip
@@ -101,6 +103,7 @@ def summarise_with_problems(
     summary |= _network(log, proof, has_edge)
     if (summary["update_parts_error_ms_max"] or 0.0) > CLOSURE_LIMIT_MS:
         problems.append("update_applied: the parts of T_Total do not add up to it")
+    summary |= offloading_summary(log, end_s)
     if is_virtual(spec) and link is not None:
         summary["rtt_asked_ms_mean"] = _asked_mean(link, end_s)
     summary["wall_s"] = end_s

@@ -1,17 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // slambed-node as a user meets it: processes, files, ports, signals, exit codes.
-#include <arpa/inet.h>
-#include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <time.h>
-
-#include <algorithm>
-#include <nlohmann/json.hpp>
-
-#include "node/tests/temporary_folder.hpp"
-#include "programs/tests/process.hpp"
-#include "synth/generator.hpp"
+#include "programs/tests/node_program.hpp"
 
 namespace slambed {
 namespace {
@@ -23,138 +12,9 @@ namespace fs = std::filesystem;
 
 constexpr int kFrames = 75;
 
-/// One short generated sequence for all tests.
-const fs::path& sequence() {
-  static const testing::TemporaryFolder folder;
-  static const fs::path path = [] {
-    const fs::path made = folder.path() / "sequence";
-    synth::GeneratorOptions options;
-    options.width = 320;
-    options.height = 240;
-    options.fps = 15;
-    options.seconds = kFrames / options.fps;
-    synth::generate(options, made, 2, [](int, int) { return true; });
-    return made;
-  }();
-  return path;
-}
-
-/// Four ports that were free a moment ago.
-std::vector<int> free_ports() {
-  std::vector<int> fds, ports;
-  for (int i = 0; i < 4; ++i) {
-    const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    ::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
-    socklen_t length = sizeof address;
-    ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length);
-    fds.push_back(fd);
-    ports.push_back(ntohs(address.sin_port));
-  }
-  for (const int fd : fds) ::close(fd);
-  return ports;
-}
-
-class NodeProgram : public ::testing::Test {
+class NodeProgram : public testing::NodeProgramTest {
  protected:
-  NodeProgram() {
-    const auto ports = free_ports();
-    config = {{"format", "slambed-run"},
-              {"version", 1},
-              {"run_key", "test"},
-              {"seed", 1},
-              {"variant", "default"},
-              {"sequence", sequence()},
-              {"playback",
-               {{"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}}},
-              {"output", folder.path()},
-              {"connect_timeout_s", 20.0},
-              {"system", "edgeslam"},
-              {"params",
-               {{"n_orb", 600},
-                {"n_kf", 2},
-                {"sync_period_s", 0.5},
-                {"map_update", "parallel"},
-                {"update_neighbours", 1},
-                {"min_local_keyframes", 1},
-                {"fast_motion_ms", 0.0},
-                {"keyframe_queue", 2},
-                {"edge_queue", 3},
-                {"update_poses", true},
-                {"final_poses", true},
-                {"reloc_request_ms", 500.0},
-                {"reloc_map_period_s", 1.0},
-                {"reloc_candidates", 5},
-                {"reloc_covisibles", 2}}},
-              {"network",
-               {{"edge_address", "127.0.0.1"},
-                {"ports",
-                 {{"control", ports[0]},
-                  {"keyframe", ports[1]},
-                  {"map", ports[2]},
-                  {"frame", ports[3]}}}}}};
-  }
-
-  void use_orbslam2() {
-    config["system"] = "orbslam2";
-    config["params"] = {{"n_orb", 600},
-                        {"loop_closing", true},
-                        {"sequential", false},
-                        {"prior_map", ""},
-                        {"save_map", false}};
-    config["network"] = nullptr;
-  }
-
-  Process node(const std::string& role, std::vector<std::string> more = {}) {
-    folder.write("run.json", config.dump());
-    std::vector<std::string> words = {SLAMBED_NODE, "--role", role, "--config",
-                                      folder.path() / "run.json"};
-    words.insert(words.end(), more.begin(), more.end());
-    return Process(words, folder.path() / (role + ".log"));
-  }
-
-  std::string log(const std::string& role) { return read_text(folder.path() / (role + ".log")); }
-  nlohmann::json end(const std::string& role) {
-    return nlohmann::json::parse(read_text(folder.path() / role / "node.json"));
-  }
-  bool await(const fs::path& file) {
-    for (int i = 0; i < 6000; ++i) {
-      if (fs::exists(folder.path() / file)) return true;
-      std::this_thread::sleep_for(5ms);
-    }
-    return false;
-  }
-  void start() {
-    timespec now{};
-    ::clock_gettime(CLOCK_MONOTONIC, &now);
-    folder.write(
-        "start.partial",
-        nlohmann::json{{"t0_ns", now.tv_sec * 1'000'000'000 + now.tv_nsec + 50'000'000}}.dump());
-    fs::rename(folder.path() / "start.partial", folder.path() / "start.json");
-  }
-  /// Events of one type of one node.
-  std::vector<nlohmann::json> events(const std::string& role, const std::string& type) {
-    std::vector<nlohmann::json> found;
-    std::istringstream lines(read_text(folder.path() / role / "events.jsonl"));
-    for (std::string line; std::getline(lines, line);) {
-      if (!nlohmann::json::accept(line)) continue;  // cut by a kill
-      auto event = nlohmann::json::parse(line);
-      if (event["type"] == type) found.push_back(std::move(event));
-    }
-    return found;
-  }
-  /// One line that says what is wrong.
-  void expect_error(const std::string& role, const std::string& part) {
-    const std::string text = log(role);
-    EXPECT_EQ(text.rfind("error: ", 0), 0u) << text;
-    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
-    EXPECT_NE(text.find(part), std::string::npos) << text;
-  }
-
-  testing::TemporaryFolder folder;
-  nlohmann::json config;
+  NodeProgram() : NodeProgramTest(kFrames) {}
 };
 
 TEST_F(NodeProgram, MobileAndEdgeRunOverLoopbackToTheEnd) {
