@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# `make` alone lists what there is. Live runs need root: they are started through sudo where needed.
+# `make` alone lists what there is. Live runs need root or the group docker: they are started through sudo where neither is there.
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
@@ -11,11 +11,14 @@ NAME ?= quickstart
 DATASET ?= quickstart
 ENGINE ?= auto
 PAPER ?= all
+comma := ,
 BUILD := build
 VENV := .venv/bin
 SLAMBED := $(VENV)/slambed
 # Kept through sudo: where data and caches lie.
-SUDO := $(if $(filter 0,$(shell id -u)),,sudo --preserve-env=SLAMBED_DATA,SLAMBED_CACHE,HOME)
+UNPRIVILEGED := $(filter-out 0,$(shell id -u))
+WITHOUT_DOCKER := $(if $(filter local,$(ENGINE)),yes,$(if $(UNPRIVILEGED),$(shell docker info >/dev/null 2>&1 || echo yes)))
+SUDO := $(if $(UNPRIVILEGED),$(if $(WITHOUT_DOCKER),sudo --preserve-env=SLAMBED_DATA$(comma)SLAMBED_CACHE$(comma)HOME))
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
