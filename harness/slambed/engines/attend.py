@@ -28,7 +28,6 @@ from slambed.sampling.tcp_info import TcpWatch
 SAMPLES_PER_S = 10.0
 SCAN_BEFORE_START_S = 0.005
 """Threads appear while a node starts; none shall run free for long."""
-SCAN_S = 0.05
 METRONOME_TIMEOUT_S = 5.0
 
 
@@ -104,8 +103,8 @@ class Attendant:
                 next_sample_s = max(next_sample_s + 1 / SAMPLES_PER_S, now_s)
             wait_s = SCAN_BEFORE_START_S
             if self._t0_ns is not None:
-                scan_s = SCAN_S if self._caps else 1.0
-                wait_s = max(0.0, min(next_sample_s - time.monotonic(), scan_s))
+                # From now on threads are looked for with each sample: one wake-up for both.
+                wait_s = max(0.0, next_sample_s - time.monotonic())
             if not select.select([commands], [], [], wait_s)[0]:
                 continue
             chunk = os.read(commands, 65536)
@@ -128,6 +127,8 @@ class Attendant:
             caps.scan()
 
     def _start(self, t0_ns: int) -> None:
+        for caps in self._caps.values():
+            caps.read_names()
         self._t0_ns = t0_ns
         self._started = (time.monotonic(), time.process_time())
 

@@ -16,8 +16,6 @@ from slambed.sampling.kept_files import KeptFiles
 from slambed.sampling.tasks import thread_ids, thread_name
 
 PREFIX = "thread-"
-NAMED_AFTER_SCANS = 5
-"""A thread names itself soon after its start; so often the name is read again."""
 GONE = (errno.ESRCH, errno.ENOENT, errno.ENODEV)
 NS_PER_S = 1e9
 US_PER_S = 1e6
@@ -29,13 +27,13 @@ class CappedThread:
 
     tid: int
     folder: Path
+    stat_file: str
     name: str = ""
     cores: float | None = None
     """Read back; None = no cap."""
     period_ms: float = 0.0
     throttled_s: float = 0.0
     throttled_periods: int = 0
-    scans: int = 0
     alive: bool = True
 
 
@@ -66,14 +64,16 @@ class ThreadCaps:
         for tid in present:
             known = self.threads.get(tid)
             if known is None or not known.alive:
-                known = self._cap(tid)
-            if known is not None and known.scans < NAMED_AFTER_SCANS:
-                known.scans += 1
-                known.name = thread_name(self.pid, tid) or known.name
+                self._cap(tid)
         for tid in self.threads.keys() - set(present):
             self._forget(self.threads[tid])
 
-    def _cap(self, tid: int) -> CappedThread | None:
+    def read_names(self) -> None:
+        """Threads name themselves soon after their start, and the program replaces the gate."""
+        for thread in self.threads.values():
+            thread.name = thread_name(self.pid, thread.tid) or thread.name
+
+    def _cap(self, tid: int) -> None:
         folder = self._group / f"{PREFIX}{tid}"
         try:
             folder.mkdir(exist_ok=True)
@@ -85,15 +85,15 @@ class ThreadCaps:
                 # The thread, or the whole group, has ended meanwhile.
                 with contextlib.suppress(OSError):
                     folder.rmdir()
-                return None
+                return
             raise environment_error(
                 f"cannot cap a thread: {error.strerror}, {error.filename}; run as root, on a host "
                 "where cgroups can be written"
             ) from None
-        thread = CappedThread(tid, folder)
+        thread = CappedThread(tid, folder, f"{folder}/cpu.stat")
         thread.cores, thread.period_ms = self._granted(folder)
+        thread.name = thread_name(self.pid, tid) or ""
         self.threads[tid] = thread
-        return thread
 
     def _limit_v1(self, folder: Path) -> None:
         period_us, quota_us = self._quota()
@@ -141,7 +141,7 @@ class ThreadCaps:
 
     def _read(self, thread: CappedThread) -> None:
         with contextlib.suppress(OSError):
-            rows = self._files.read(thread.folder / "cpu.stat").splitlines()
+            rows = self._files.read(thread.stat_file).splitlines()
             stat = {key: int(value) for key, _, value in (row.partition(" ") for row in rows)}
             if self._is_v1:
                 thread.throttled_s = stat.get("throttled_time", 0) / NS_PER_S
@@ -153,7 +153,7 @@ class ThreadCaps:
         if not thread.alive:
             return
         self._read(thread)
-        self._files.forget(thread.folder / "cpu.stat")
+        self._files.forget(thread.stat_file)
         with contextlib.suppress(OSError):
             thread.folder.rmdir()
             thread.alive = False

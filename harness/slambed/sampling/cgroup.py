@@ -132,16 +132,20 @@ class CgroupReader:
         self._files = KeptFiles()
         if paths.v1("cpuacct") is None and paths.unified is None:
             raise environment_error("no cgroup with a CPU counter is mounted under /sys/fs/cgroup")
+        accounting, memory = paths.v1("cpuacct"), paths.v1("memory") or paths.unified
+        stat_in = (paths.v1("cpu") or accounting) if accounting is not None else paths.unified
+        self._usage_file = str(accounting / "cpuacct.usage") if accounting is not None else None
+        self._stat_file = f"{stat_in}/cpu.stat"
+        has_memory = memory is not None and (memory / "memory.stat").exists()
+        self._memory_file = f"{memory}/memory.stat" if has_memory else None
 
     def usage(self) -> Usage:
         """Counters now; OSError when the group is gone."""
-        if (accounting := self.paths.v1("cpuacct")) is not None:
-            cpu_s = int(self._files.read(accounting / "cpuacct.usage")) / NS_PER_S
-            stat = self._table((self.paths.v1("cpu") or accounting) / "cpu.stat")
+        stat = self._table(self._stat_file)
+        if self._usage_file is not None:
+            cpu_s = int(self._files.read(self._usage_file)) / NS_PER_S
             throttled_s = stat.get("throttled_time", 0) / NS_PER_S
         else:
-            assert self.paths.unified is not None
-            stat = self._table(self.paths.unified / "cpu.stat")
             cpu_s = stat.get("usage_usec", 0) / US_PER_S
             throttled_s = stat.get("throttled_usec", 0) / US_PER_S
         return Usage(
@@ -153,14 +157,14 @@ class CgroupReader:
         )
 
     def _memory(self) -> int:
-        if (folder := self.paths.v1("memory")) is not None:
-            stat = self._table(folder / "memory.stat")
+        if self._memory_file is None:
+            return 0
+        stat = self._table(self._memory_file)
+        if self.paths.v1("memory") is not None:
             return stat.get("total_rss", stat.get("rss", 0))
-        if self.paths.unified is not None and (self.paths.unified / "memory.stat").exists():
-            return self._table(self.paths.unified / "memory.stat").get("anon", 0)
-        return 0
+        return stat.get("anon", 0)
 
-    def _table(self, path: Path) -> dict[str, int]:
+    def _table(self, path: str) -> dict[str, int]:
         return _parsed(self._files.read(path))
 
     def close(self) -> None:

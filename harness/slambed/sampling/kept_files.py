@@ -2,7 +2,6 @@
 """Small kernel files that are read again and again: opened once, read from the start each time."""
 
 import os
-from pathlib import Path
 
 LARGEST_BYTES = 16384
 
@@ -11,9 +10,10 @@ class KeptFiles:
     """Open files by path. Opening a file costs more than the kernel needs to write it."""
 
     def __init__(self) -> None:
-        self._fds: dict[Path, int] = {}
+        # By text: to hash a Path costs as much as to read the file.
+        self._fds: dict[str, int] = {}
 
-    def read(self, path: Path) -> str:
+    def read(self, path: str) -> str:
         """Its content now; OSError when it has gone."""
         if (fd := self._fds.get(path)) is None:
             fd = self._fds[path] = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -23,7 +23,7 @@ class KeptFiles:
             self.forget(path)
             raise
 
-    def forget(self, path: Path) -> None:
+    def forget(self, path: str) -> None:
         """Closes one file, if it is open."""
         if (fd := self._fds.pop(path, None)) is not None:
             os.close(fd)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the kernel tells about the threads of a process: names, and time spent waiting for a CPU."""
 
+import os
 from pathlib import Path
 
 from slambed.sampling.kept_files import KeptFiles
@@ -11,7 +12,8 @@ NS_PER_S = 1e9
 def thread_ids(pid: int) -> list[int]:
     """Threads of a process, in order of their numbers; none when it has gone."""
     try:
-        return sorted(int(path.name) for path in Path(f"/proc/{pid}/task").iterdir())
+        # Ten times a second: Path.iterdir would take most of the sampler's time.
+        return sorted(map(int, os.listdir(f"/proc/{pid}/task")))  # noqa: PTH208
     except OSError:
         return []
 
@@ -39,7 +41,7 @@ class RunQueueDelay:
     def seconds(self) -> float | None:
         """Sum over all threads so far; None where the kernel does not count it."""
         for tid in thread_ids(self._pid):
-            path = Path(f"/proc/{self._pid}/task/{tid}/schedstat")
+            path = f"/proc/{self._pid}/task/{tid}/schedstat"
             try:
                 self._delay_ns[tid] = int(self._files.read(path).split()[1])
             except (OSError, IndexError):
@@ -57,7 +59,7 @@ class Pressure:
     def __init__(self, group: Path | None) -> None:
         """Of a cgroup v2 where it has it, else of the whole host."""
         own = group / "cpu.pressure" if group is not None else None
-        self._path = own if own is not None and own.exists() else Path("/proc/pressure/cpu")
+        self._path = str(own) if own is not None and own.exists() else "/proc/pressure/cpu"
         self._files = KeptFiles()
 
     def seconds(self) -> float | None:
