@@ -103,19 +103,21 @@ def test_no_docker_is_one_line() -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become another user")
-def test_without_permission_a_run_is_one_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("engine", ["local", "docker", "auto"])
+def test_without_permission_a_run_is_one_line(tmp_path: Path, engine: str) -> None:
     code = f"""
 import os, sys
 import slambed.campaign.campaign, slambed.explain.cli
 from slambed.cli import run_command
 os.chdir({str(tmp_path)!r})
 os.setgroups([]); os.setgid(65534); os.setuid(65534)
-sys.exit(run_command(["run", "quickstart", "--engine", "local"]))
+sys.exit(run_command(["run", "quickstart", "--engine", {engine!r}]))
 """
     tmp_path.chmod(0o777)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == ExitCode.ENVIRONMENT, done.stderr
     assert done.stderr.startswith("error: ") and "sudo" in done.stderr
+    assert "--engine virtual" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 

@@ -7,15 +7,19 @@ import os
 import tarfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import docker
+import pandas as pd
 import pytest
 from docker.errors import DockerException
 from harness_parts import IdleLink, device, needs_root, run_spec
+from link_parts import needs_relay
 
+from slambed.campaign.links import read_profile
+from slambed.campaign.remote_link import HelperLinks
 from slambed.engines.base import NodePlan
 from slambed.engines.docker import DockerEngine
 from slambed.engines.host_lock import host_lock
@@ -24,7 +28,7 @@ from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec.experiment import Playback
-from slambed.spec.matrix import RunSpec
+from slambed.spec.matrix import LinkSpec, RunSpec
 
 BASE = "debian:bookworm-slim"
 TAG = "slambed-test:stand-in"
@@ -167,3 +171,65 @@ def test_containers_of_a_dead_harness_are_removed(bench: Bench) -> None:
     )
     bench.engine.start(plan)
     assert "slambed-leftover-mobile" in reap().containers
+
+
+def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) -> RunResult:
+    """As a member of the group docker: the engine is told that it is not root."""
+    bench.engine.unprivileged = True
+    profile = read_profile({"name": "flat", "rtt_ms": 30}, "here")
+    link = LinkSpec(backend="relay", profile="flat", content=profile.content)
+    limits = {"cores": 1, "quota_cores": 0.8, "thread_cores": 0.3, "memory_mb": 256}
+    spec = run_spec(
+        edge=True, engine="docker", device_mobile=device(**limits), link=link, profile="flat"
+    )
+    live = LiveRun(
+        spec, bench.engine, bench.sequence, 0.5, bench.raw, HelperLinks(bench.engine), bench.stop
+    )
+
+    def wait_and_act() -> None:
+        while not (bench.raw / "start.json").exists():
+            time.sleep(0.01)
+        during()
+
+    watcher = threading.Thread(target=wait_and_act)
+    watcher.start()
+    result = live.execute()
+    watcher.join()
+    return result
+
+
+@needs_relay
+def test_without_root_helpers_make_the_link_and_the_limits(bench: Bench) -> None:
+    hosts: list[dict[str, Any]] = []
+
+    def look() -> None:
+        assert CLIENT is not None
+        for name in ("attend", "link_helper"):
+            (found,) = CLIENT.containers.list(filters={"label": f"slambed.role={name}"})
+            hosts.append(found.attrs["HostConfig"])
+
+    result = unprivileged_run(bench, look)
+    assert (result.outcome, result.limits["mobile"]["shortfall"]) == ("completed", None)
+    assert {thread["cores"] for thread in result.limits["mobile"]["threads"]} == {0.3}
+    assert result.link is not None and result.link["backend"] == "relay"
+    assert result.link["died"] is None and result.link["base_rtt_ms"] > 0
+    log = pd.read_parquet(bench.raw / "link" / "link.parquet")
+    # The kernel of the node sees the latency. (How exactly is the link's own test.)
+    assert log[log["series"] == "probe_rtt_ms"]["value"].median() > 28
+    rows = [json.loads(x) for x in (bench.raw / "samples.jsonl").read_text().splitlines()]
+    assert {row["node"] for row in rows} == {"mobile", "edge"}
+    for host in hosts:
+        assert not host["Privileged"] and host["ReadonlyRootfs"] and host["CapDrop"] == ["ALL"]
+    assert [len(host["CapAdd"]) for host in hosts] == [2, 5]
+
+
+@needs_relay
+def test_a_helper_that_is_killed_is_a_link_that_died(bench: Bench) -> None:
+    def kill() -> None:
+        assert CLIENT is not None
+        (found,) = CLIENT.containers.list(filters={"label": "slambed.role=link_helper"})
+        found.kill("SIGKILL")
+
+    result = unprivileged_run(bench, kill)
+    assert result.outcome == "link_died"
+    assert result.link is not None and "the link ended" in result.link["died"]
