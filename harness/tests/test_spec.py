@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from harness_parts import EXPERIMENT, run_spec, write_library
 
+from slambed.campaign.campaign import check
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.spec.library import Library
@@ -172,6 +173,15 @@ def test_canonical_json_refuses_nan() -> None:
 def test_the_same_cell_twice_is_refused(tmp_path: Path) -> None:
     text = complaint(tmp_path, "- {system: solo}", "- {system: solo}\n  - {system: solo, label: b}")
     assert "are the same" in text
+
+
+def test_the_same_system_on_two_datasets_is_two_cells(tmp_path: Path) -> None:
+    text = EXPERIMENT.replace("datasets: [room]", "datasets: [room, hall]")
+    write_library(tmp_path, text)
+    library = Library(tmp_path)
+    experiment, source = library.experiment("tiny")
+    # Before anything is prepared: neither has a checksum yet.
+    assert check(experiment, source, library, "local")
 
 
 def test_different_cells_need_different_names(tmp_path: Path) -> None:

@@ -225,7 +225,8 @@ def check(
 ) -> list[Profile]:
     """Finds what is wrong with an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
-    nowhere = {name: (name, "") for name in experiment.datasets}
+    # Not prepared yet: its name stands for its content.
+    nowhere = {name: (name, name) for name in experiment.datasets}
     anyhow = {profile.name: "" for profile in profiles}
     engine = VIRTUAL if engine == VIRTUAL else ""
     host = Circumstances(engine, anyhow, "", nowhere)
