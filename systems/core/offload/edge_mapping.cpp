@@ -10,8 +10,6 @@
 namespace slambed {
 namespace {
 
-constexpr double kKilo = 1000;
-
 bool same_pose(const SE3& a, const SE3& b) { return a.R == b.R && a.t == b.t; }
 
 }  // namespace
@@ -52,10 +50,10 @@ void EdgeMapping::admit(Worker& worker, const Message& raw) {
   Pending pending;
   AdmissionState state;
   std::optional<std::string> declined;
-  const bool parsed = worker.stage("parse", [&](StageUnits& units) {
-    units.n1 = static_cast<double>(raw.payload.size()) / kKilo;
+  const bool parsed = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
+    units.n1 = kilobytes(raw.payload);
     try {
-      pending.message = wire::decode_keyframe(raw.payload, node_.peer().sensor());
+      pending.message = options_.codec.keyframe(raw.payload, node_.peer().sensor());
     } catch (const wire::DecodeError& error) {
       node_.log().warning(std::string("KEYFRAME refused: ") + error.what());
       return false;
@@ -182,9 +180,11 @@ void EdgeMapping::send_update(Worker& worker, wire::UpdateTimes times, KeyFrameI
     if (options_.update_poses) update.poses = moved_poses(update.map);
     units.n1 = static_cast<double>(update.map.keyframes.size());
     units.n2 = static_cast<double>(update.map.points.size());
-    return update.map.keyframes.empty() ? Bytes() : encode(update);
+    // Binary costs next to nothing beside collecting; text is a stage of its own.
+    return update.map.keyframes.empty() || options_.codec.text() ? Bytes() : encode(update);
   });
-  if (payload.empty()) return;
+  if (update.map.keyframes.empty()) return;
+  if (options_.codec.text()) payload = options_.codec.serialise(worker, update);
   const std::size_t bytes = payload.size();
   map_channel_.send(static_cast<std::uint8_t>(relocalisation ? wire::MessageType::kRelocMap
                                                              : wire::MessageType::kMapUpdate),

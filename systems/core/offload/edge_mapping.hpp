@@ -8,6 +8,7 @@
 #include "node/edge_node.hpp"
 #include "node/local_mapping.hpp"
 #include "offload/admission.hpp"
+#include "offload/message_codec.hpp"
 
 namespace slambed {
 
@@ -17,6 +18,7 @@ struct EdgeMappingOptions {
   int update_neighbours = 0;  ///< best covisibles of the newest one besides
   Duration update_period{};   ///< at least so long between two updates; 0: after each keyframe
   bool update_poses = true;   ///< an update also says where other keyframes moved
+  MessageCodec codec{};
 };
 
 /// Edge-SLAM's edge: a receiver that parses and admits keyframes, the mapper on the global map, and

@@ -18,11 +18,7 @@ void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta de
   message.applied_update = about.applied_update;
   message.newest_edge_point = about.newest_edge_point;
   message.delta = std::move(delta);
-  Bytes payload = worker.stage("serialise", [&](StageUnits& units) {
-    Bytes bytes = encode(message);
-    units.n1 = static_cast<double>(bytes.size()) / 1000;
-    return bytes;
-  });
+  Bytes payload = codec_.serialise(worker, message, *node_.tracker().map());
   last_sequence_ =
       channel_.send(static_cast<std::uint8_t>(wire::MessageType::kKeyFrame), std::move(payload));
   node_.log().write(JsonLine("keyframe_sent").add("keyframe", message.keyframe.value));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "node/mobile_node.hpp"
+#include "offload/message_codec.hpp"
 
 namespace slambed {
 
@@ -9,7 +10,8 @@ namespace slambed {
 /// does.
 class KeyFrameUplink {
  public:
-  KeyFrameUplink(MobileNode& node, Channel& channel) : node_(node), channel_(channel) {}
+  KeyFrameUplink(MobileNode& node, Channel& channel, MessageCodec codec = {})
+      : node_(node), channel_(channel), codec_(std::move(codec)) {}
 
   /// What goes along with a keyframe.
   struct About {
@@ -27,6 +29,7 @@ class KeyFrameUplink {
  private:
   MobileNode& node_;
   Channel& channel_;
+  MessageCodec codec_;
   std::uint64_t last_sequence_ = 0;
 };
 

@@ -38,11 +38,13 @@ bool made_by_edge(MapPointId id) {
 
 }  // namespace
 
-MapDownlink::MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRules rules)
+MapDownlink::MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRules rules,
+                         MessageCodec codec)
     : node_(node),
       channel_(channel),
       mode_(mode),
       rules_(rules),
+      codec_(std::move(codec)),
       ready_(node.runtime(), 1),
       disused_(node.runtime()) {}
 
@@ -99,10 +101,10 @@ void MapDownlink::before_frame(Worker& worker) {
 }
 
 bool MapDownlink::parse(Worker& worker, Arrival& arrival) {
-  const bool good = worker.stage("parse", [&](StageUnits& units) {
-    units.n1 = static_cast<double>(arrival.raw.payload.size()) / 1000;
+  const bool good = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
+    units.n1 = kilobytes(arrival.raw.payload);
     try {
-      arrival.update = wire::decode_update(arrival.raw.payload, node_.sensor());
+      arrival.update = codec_.update(arrival.raw.payload, node_.sensor());
     } catch (const wire::DecodeError& error) {
       node_.log().warning(std::string("MAP_UPDATE refused: ") + error.what());
       return false;
@@ -134,7 +136,9 @@ std::optional<std::string_view> MapDownlink::refused(Worker& worker,
                                  .local_keyframes = count(*node_.tracker().map()).keyframes,
                                  .keyframes_created = keyframes_created_,
                                  .new_keyframe = new_keyframe_,
-                                 .since_keyframe = worker.now() - last_keyframe_});
+                                 .since_keyframe = worker.now() - last_keyframe_,
+                                 .keyframes_in_window =
+                                     keyframes_since(worker.now() - kRateWindow)});
 }
 
 void MapDownlink::apply(Worker& worker, Arrival arrival) {
@@ -188,7 +192,15 @@ void MapDownlink::apply(Worker& worker, Arrival arrival) {
                         .add_ms("t_total_ms", now - times.captured));
 }
 
+int MapDownlink::keyframes_since(RunTime begin) const {
+  return static_cast<int>(
+      std::count_if(recent_keyframes_.begin(), recent_keyframes_.end(),
+                    [&](RunTime created) { return created > begin; }));
+}
+
 void MapDownlink::keyframe_created(RunTime when) {
+  recent_keyframes_.push_back(when);
+  while (recent_keyframes_.front() + kRateWindow < when) recent_keyframes_.pop_front();
   ++keyframes_created_;
   new_keyframe_ = true;
   last_keyframe_ = when;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
 
 #include "node/mobile_node.hpp"
+#include "offload/message_codec.hpp"
 #include "offload/update_rules.hpp"
 #include "runtime/mailbox.hpp"
 #include "wire/messages.hpp"
@@ -22,7 +24,8 @@ class MapDownlink {
  public:
   enum class Mode { kSerial, kParallel };
 
-  MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRules rules);
+  MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRules rules,
+              MessageCodec codec = {});
 
   void start();
   /// On the tracking worker, between two frames.
@@ -54,6 +57,7 @@ class MapDownlink {
   bool parse(Worker& worker, Arrival& arrival);
   void build(Arrival& arrival);
   std::optional<std::string_view> refused(Worker& worker, const Arrival& arrival) const;
+  int keyframes_since(RunTime begin) const;
   void apply(Worker& worker, Arrival arrival);
   void record_declined(std::uint64_t update, KeyFrameId newest, std::string_view reason);
   void record_received(const Arrival& arrival);
@@ -62,6 +66,7 @@ class MapDownlink {
   Channel& channel_;
   Mode mode_;
   UpdateRules rules_;
+  MessageCodec codec_;
   Applied on_applied_;
   Mailbox<Arrival> ready_;                 ///< parallel: built by the worker
   Mailbox<std::shared_ptr<Map>> disused_;  ///< parallel: to be disposed of by the worker
@@ -74,6 +79,7 @@ class MapDownlink {
   std::size_t keyframes_created_ = 0;
   bool new_keyframe_ = false;
   RunTime last_keyframe_{};
+  std::deque<RunTime> recent_keyframes_;  ///< created within kRateWindow of the last one
 };
 
 }  // namespace slambed

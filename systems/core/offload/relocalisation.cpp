@@ -17,14 +17,11 @@ void RelocalisationRequests::after_frame(Worker& worker, const TrackedFrame& fra
   const RunTime now = worker.now();
   if (last_ != RunTime::min() && now - last_ < period_) return;
   last_ = now;
-  Bytes payload = worker.stage("serialise", [&](StageUnits& units) {
-    Bytes bytes = encode(wire::FrameMessage{.frame_index = frame.offered.played.index,
-                                            .timestamp_s = frame.offered.played.seq_s(),
-                                            .features = frame.features});
-    units.n1 = static_cast<double>(bytes.size()) / 1000;
-    return bytes;
-  });
-  channel_.send(static_cast<std::uint8_t>(wire::MessageType::kFrame), std::move(payload));
+  channel_.send(
+      static_cast<std::uint8_t>(wire::MessageType::kFrame),
+      codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
+                                                  .timestamp_s = frame.offered.played.seq_s(),
+                                                  .features = frame.features}));
 }
 
 RelocalisationService::RelocalisationService(EdgeNode& node, EdgeMapping& mapping, Channel& frames,
@@ -60,10 +57,10 @@ void RelocalisationService::serve(Worker& worker) {
     // The mobile has just sent the newest of its frames; older maps would come too late for it.
     if (last_map != RunTime::min() && worker.now() - last_map < options_.map_period) continue;
     std::vector<KeyFrameId> found;
-    const bool parsed = worker.stage("parse", [&](StageUnits& units) {
-      units.n1 = static_cast<double>(message->payload.size()) / 1000;
+    const bool parsed = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
+      units.n1 = kilobytes(message->payload);
       try {
-        found = find(wire::decode_frame(message->payload, node_.peer().sensor()));
+        found = find(options_.codec.frame(message->payload, node_.peer().sensor()));
         return true;
       } catch (const wire::DecodeError& error) {
         node_.log().warning(std::string("FRAME refused: ") + error.what());

@@ -12,12 +12,14 @@ namespace slambed {
 /// The mobile's side: while tracking is lost, asks the edge where it is, at most once per period.
 class RelocalisationRequests {
  public:
-  RelocalisationRequests(Channel& frames, Duration period) : channel_(frames), period_(period) {}
+  RelocalisationRequests(Channel& frames, Duration period, MessageCodec codec = {})
+      : channel_(frames), period_(period), codec_(std::move(codec)) {}
   void after_frame(Worker& worker, const TrackedFrame& frame);
 
  private:
   Channel& channel_;
   Duration period_;
+  MessageCodec codec_;
   RunTime last_ = RunTime::min();
 };
 
@@ -25,6 +27,7 @@ struct RelocalisationOptions {
   Duration map_period = std::chrono::seconds(1);  ///< between two maps sent
   int max_candidates = 5;
   int covisibles = 2;  ///< sent beside each candidate
+  MessageCodec codec{};
 };
 
 /// The edge's side: finds keyframes that look like the frame and sends them with the latest ones.

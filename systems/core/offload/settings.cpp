@@ -4,6 +4,13 @@
 #include <algorithm>
 
 namespace slambed {
+namespace {
+
+bool compatible(const Parameters& parameters) {
+  return parameters.text("codec") == "compatibility";
+}
+
+}  // namespace
 
 std::vector<ParameterSpec> offload_parameters() {
   return {
@@ -14,6 +21,8 @@ std::vector<ParameterSpec> offload_parameters() {
       ParameterSpec::integer("update_neighbours", 0, 100),
       ParameterSpec::integer("min_local_keyframes", 0, 100),
       ParameterSpec::real("fast_motion_ms", 0, 10'000),
+      ParameterSpec::real("decline_kf_rate_hz", 0, 1000),
+      ParameterSpec::choice("codec", {"binary", "compatibility"}),
       ParameterSpec::integer("keyframe_queue", 1, 1000),
       ParameterSpec::integer("edge_queue", 1, 1000),
       ParameterSpec::boolean("update_poses"),
@@ -46,13 +55,34 @@ System offload_system(std::string name) {
   return system;
 }
 
-OffloadChannels::OffloadChannels(Network& network, const Parameters& parameters)
+MessageCodec message_codec(const Parameters& parameters) {
+  return MessageCodec(compatible(parameters) ? MessageCodec::Form::kCompatibility
+                                             : MessageCodec::Form::kBinary);
+}
+
+OffloadChannels::OffloadChannels(Runtime& runtime, Network& network, Observer& observer,
+                                 const Parameters& parameters)
     : control(network.open({.name = "control", .heartbeat = true})),
-      keyframe(network.open({.name = "keyframe",
-                             .send_queue = parameters.integer("keyframe_queue"),
-                             .receive_queue = parameters.integer("keyframe_queue")})),
-      map(network.open({.name = "map", .receive_queue = 1})),
-      frame(network.open({.name = "frame", .send_queue = 1, .receive_queue = 1})) {}
+      keyframe(open(runtime, network, observer, compatible(parameters),
+                    {.name = "keyframe",
+                     .send_queue = parameters.integer("keyframe_queue"),
+                     .receive_queue = parameters.integer("keyframe_queue")})),
+      map(open(runtime, network, observer, compatible(parameters),
+               {.name = "map", .receive_queue = 1})),
+      frame(open(runtime, network, observer, compatible(parameters),
+                 {.name = "frame", .send_queue = 1, .receive_queue = 1})) {}
+
+Channel& OffloadChannels::open(Runtime& runtime, Network& network, Observer& observer, bool waits,
+                               const ChannelOptions& options) {
+  if (!waits) return network.open(options);
+  Channel& below = network.open({.name = options.name, .max_payload = options.max_payload});
+  waiting_.push_back(std::make_unique<StopAndWaitChannel>(runtime, observer, below, options));
+  return *waiting_.back();
+}
+
+void OffloadChannels::start() {
+  for (const auto& channel : waiting_) channel->start();
+}
 
 MapDownlink::Mode downlink_mode(const Parameters& parameters) {
   return parameters.text("map_update") == "parallel" ? MapDownlink::Mode::kParallel
@@ -61,7 +91,8 @@ MapDownlink::Mode downlink_mode(const Parameters& parameters) {
 
 UpdateRules update_rules(const Parameters& parameters) {
   return {.min_local_keyframes = parameters.integer("min_local_keyframes"),
-          .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000)};
+          .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
+          .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")};
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters) {
@@ -69,13 +100,15 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
           .update_keyframes = parameters.integer("n_kf"),
           .update_neighbours = parameters.integer("update_neighbours"),
           .update_period = from_seconds(parameters.real("sync_period_s")),
-          .update_poses = parameters.boolean("update_poses")};
+          .update_poses = parameters.boolean("update_poses"),
+          .codec = message_codec(parameters)};
 }
 
 RelocalisationOptions relocalisation_options(const Parameters& parameters) {
   return {.map_period = from_seconds(parameters.real("reloc_map_period_s")),
           .max_candidates = parameters.integer("reloc_candidates"),
-          .covisibles = parameters.integer("reloc_covisibles")};
+          .covisibles = parameters.integer("reloc_covisibles"),
+          .codec = message_codec(parameters)};
 }
 
 Duration relocalisation_period(const Parameters& parameters) {

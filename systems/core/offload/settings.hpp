@@ -7,6 +7,7 @@
 #include "offload/edge_mapping.hpp"
 #include "offload/map_downlink.hpp"
 #include "offload/relocalisation.hpp"
+#include "offload/stop_and_wait.hpp"
 
 namespace slambed {
 
@@ -17,11 +18,24 @@ std::vector<ParameterSpec> offload_parameters();
 /// A system with these parameters and channels, ORB and tracking options; policies are missing.
 System offload_system(std::string name);
 
-/// The channels of Edge-SLAM, with its drop-oldest queues on both sides.
-struct OffloadChannels {
-  OffloadChannels(Network& network, const Parameters& parameters);
+/// The channels of Edge-SLAM, with its drop-oldest queues on both sides. With the compatibility
+/// codec all but control also send as Edge-SLAM does: they wait for acknowledgements.
+class OffloadChannels {
+ public:
+  OffloadChannels(Runtime& runtime, Network& network, Observer& observer,
+                  const Parameters& parameters);
+  void start();
+
+ private:
+  Channel& open(Runtime& runtime, Network& network, Observer& observer, bool waits,
+                const ChannelOptions& options);
+  std::vector<std::unique_ptr<StopAndWaitChannel>> waiting_;  ///< before the channels: made by open
+
+ public:
   Channel &control, &keyframe, &map, &frame;
 };
+
+MessageCodec message_codec(const Parameters& parameters);
 
 MapDownlink::Mode downlink_mode(const Parameters& parameters);
 UpdateRules update_rules(const Parameters& parameters);

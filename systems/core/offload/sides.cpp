@@ -14,13 +14,16 @@ constexpr double kAfterRelocalisationS = 1;
 
 OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters)
     : node_(node),
-      channels_(node.network(), parameters),
-      downlink_(node, channels_.map, downlink_mode(parameters), update_rules(parameters)),
+      channels_(node.runtime(), node.network(), node.log(), parameters),
+      downlink_(node, channels_.map, downlink_mode(parameters), update_rules(parameters),
+                message_codec(parameters)),
       farewell_(node, channels_.control),
-      uplink_(node, channels_.keyframe),
-      relocalisation_(channels_.frame, relocalisation_period(parameters)) {}
+      uplink_(node, channels_.keyframe, message_codec(parameters)),
+      relocalisation_(channels_.frame, relocalisation_period(parameters),
+                      message_codec(parameters)) {}
 
 void OffloadMobile::start() {
+  channels_.start();
   downlink_.start();
   spawn_rtt_monitor(node_.runtime(), node_.log(), channels_.keyframe);
 }
@@ -48,7 +51,7 @@ void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta mad
 }
 
 OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
-    : channels_(node.network(), parameters),
+    : channels_(node.runtime(), node.network(), node.log(), parameters),
       mapping_(node, mapping_options(parameters), channels_.keyframe, channels_.map),
       relocalisation_(node, mapping_, channels_.frame, parameters.integer("n_kf"),
                       relocalisation_options(parameters)),
@@ -56,6 +59,7 @@ OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
                 {.final_poses = parameters.boolean("final_poses")}) {}
 
 void OffloadEdge::start() {
+  channels_.start();
   mapping_.start();
   relocalisation_.start();
   farewell_.start();

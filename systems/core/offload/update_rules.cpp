@@ -26,6 +26,10 @@ std::optional<std::string_view> decline_reason(const UpdateRules& rules, const U
       rules.fast_motion /
       (static_cast<std::int64_t>(state.keyframes_created) / kKeyframesPerStep + 1);
   if (limit >= kShortest && state.since_keyframe < limit) return "fast motion";
+  if (rules.keyframe_rate_hz > 0 &&
+      state.keyframes_in_window > rules.keyframe_rate_hz * to_seconds(kRateWindow)) {
+    return "fast motion";
+  }
   return std::nullopt;
 }
 

@@ -13,7 +13,12 @@ namespace slambed {
 struct UpdateRules {
   int min_local_keyframes = 6;  ///< declined while the local map has fewer
   Duration fast_motion{};       ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
+  /// DynNetSLAM's: declined while more keyframes per second are made; 0: never for that.
+  double keyframe_rate_hz = 0;
 };
+
+/// Over which keyframe_rate_hz is counted.
+inline constexpr Duration kRateWindow = std::chrono::seconds(1);
 
 /// What the mobile knows when an update lies ready.
 struct UpdateState {
@@ -26,6 +31,7 @@ struct UpdateState {
   std::size_t keyframes_created = 0;  ///< since the run began
   bool new_keyframe = false;          ///< one was created since the last update was taken over
   Duration since_keyframe{};
+  int keyframes_in_window = 0;  ///< created within kRateWindow
 };
 
 /// Nothing when the update is welcome, else why it is declined.

@@ -29,6 +29,7 @@ struct PathStats {
   std::optional<Duration> smoothed_rtt;  ///< tcpi_rtt, or its model
   std::uint64_t unacknowledged_bytes = 0;
   bool connected = false;
+  std::uint64_t connections = 0;  ///< how many there were so far, this one included
 };
 
 struct ChannelOptions {

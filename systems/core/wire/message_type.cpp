@@ -21,6 +21,8 @@ std::string_view message_name(std::uint8_t type) {
       return "BYE";
     case MessageType::kPoses:
       return "POSES";
+    case MessageType::kAnnounce:
+      return "ANNOUNCE";
     case MessageType::kState:
       return "STATE";
     case MessageType::kStart:

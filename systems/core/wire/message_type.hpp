@@ -19,6 +19,7 @@ enum class MessageType : std::uint8_t {
   kProbe = 6,      ///< keeps RTT samples coming; content is ignored
   kBye = 7,        ///< last message of a node
   kPoses = 8,      ///< edge -> mobile: where all keyframes ended up
+  kAnnounce = 9,   ///< sender -> receiver: a message of this size wants to come
   // DynNetSLAM
   kState = 16,
   kStart = 17,

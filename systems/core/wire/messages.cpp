@@ -111,6 +111,24 @@ AckMessage decode_ack(std::span<const std::uint8_t> bytes) {
   return whole(bytes, [](ByteReader& in) { return AckMessage{in.varint()}; });
 }
 
+Bytes encode(const AnnounceMessage& message) {
+  ByteWriter out;
+  out.varint(message.sequence);
+  put_time(out, message.queued);
+  out.varint(message.bytes);
+  return out.take();
+}
+
+AnnounceMessage decode_announce(std::span<const std::uint8_t> bytes) {
+  return whole(bytes, [](ByteReader& in) {
+    AnnounceMessage message;
+    message.sequence = in.varint();
+    message.queued = get_time(in);
+    message.bytes = in.varint();
+    return message;
+  });
+}
+
 Bytes encode(const ByeMessage& message) {
   ByteWriter out;
   out.varint(message.last_keyframe_sequence);

@@ -57,6 +57,14 @@ struct AckMessage {
   std::uint64_t sequence = 0;
 };
 
+/// ANNOUNCE: goes ahead of a message that waits to be acknowledged, and says what of it the
+/// transport below would get wrong.
+struct AnnounceMessage {
+  std::uint64_t sequence = 0;
+  RunTime queued{};  ///< when it began to wait
+  std::uint64_t bytes = 0;
+};
+
 /// BYE on the control channel. The mobile names the last KEYFRAME it sent, so that the edge can
 /// take in what is still under way; the edge answers with its final counts.
 struct ByeMessage {
@@ -68,6 +76,7 @@ Bytes encode(const KeyFrameMessage& message);
 Bytes encode(const MapUpdate& message);
 Bytes encode(const FrameMessage& message);
 Bytes encode(const AckMessage& message);
+Bytes encode(const AnnounceMessage& message);
 Bytes encode(const ByeMessage& message);
 Bytes encode_poses(const std::vector<KeyFramePose>& poses);
 
@@ -76,6 +85,7 @@ KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const Senso
 MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 FrameMessage decode_frame(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 AckMessage decode_ack(std::span<const std::uint8_t> bytes);
+AnnounceMessage decode_announce(std::span<const std::uint8_t> bytes);
 ByeMessage decode_bye(std::span<const std::uint8_t> bytes);
 std::vector<KeyFramePose> decode_poses(std::span<const std::uint8_t> bytes);
 

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <numbers>
 #include <set>
 
@@ -24,6 +25,8 @@ nlohmann::json conventional() {
           {"update_neighbours", 0},
           {"min_local_keyframes", 6},
           {"fast_motion_ms", 300.0},
+          {"decline_kf_rate_hz", 0.0},
+          {"codec", "binary"},
           {"keyframe_queue", 2},
           {"edge_queue", 3},
           {"update_poses", true},
@@ -158,6 +161,35 @@ TEST(EdgeSlam, AnUpdateAfterEveryKeyframeWithThePeriodAtZero) {
   const PairResult result = run(params, 60);
   EXPECT_EQ(result.of("update_sent").size(), result.of("keyframe_mapped").size());
   EXPECT_GT(result.of("update_applied").size(), 3u);
+}
+
+TEST(EdgeSlam, TheCompatibilityCodecCostsWhatEdgeSlamsMessagesCost) {
+  auto params = conventional();
+  params["codec"] = "compatibility";
+  params["min_local_keyframes"] = 1;
+  const PairResult text = run(params, 160, 20);
+  const auto applied = text.of("update_applied");
+  ASSERT_FALSE(applied.empty());
+  for (const auto& update : applied) {
+    EXPECT_GE(update["t_me_ms"].get<double>(), 60);  // length, OK, message
+    EXPECT_GE(update["t_em_ms"].get<double>(), 60);
+    EXPECT_NEAR(sum_of_parts(update), update["t_total_ms"].get<double>(), 0.01);
+  }
+  std::map<std::string, std::vector<double>> bytes;
+  for (const auto& message : text.of("message")) {
+    bytes[message["message"]].push_back(message["bytes"]);
+  }
+  EXPECT_GT(bytes["ACK"].size(), 2 * bytes["KEYFRAME"].size());
+  ASSERT_FALSE(bytes["KEYFRAME"].empty());
+  for (const double size : bytes["KEYFRAME"]) EXPECT_GT(size, 100e3);
+  std::set<std::string> stages;
+  for (const auto& event : text.of("stage")) stages.insert(event["name"].get<std::string>());
+  EXPECT_TRUE(stages.contains("serialise_text") && stages.contains("parse_text"));
+  EXPECT_FALSE(stages.contains("serialise") || stages.contains("parse"));
+  EXPECT_TRUE(text.of("warning").empty());
+  // The edge maps what was sent, as with the binary codec.
+  EXPECT_GT(text.edge_counts.keyframes, 5u);
+  EXPECT_EQ(text.of("frame_tracked").back()["state"], "ok");
 }
 
 TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {

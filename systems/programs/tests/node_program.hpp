@@ -74,6 +74,8 @@ class NodeProgramTest : public ::testing::Test {
                 {"update_neighbours", 1},
                 {"min_local_keyframes", 1},
                 {"fast_motion_ms", 0.0},
+                {"decline_kf_rate_hz", 0.0},
+                {"codec", "binary"},
                 {"keyframe_queue", 2},
                 {"edge_queue", 3},
                 {"update_poses", true},

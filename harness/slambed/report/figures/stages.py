@@ -92,7 +92,8 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
 
 
 STAGES = (
-    "extract", "track", "create_keyframe", "serialise", "parse", "insert", "cull_points",
+    "extract", "track", "create_keyframe", "serialise", "serialise_text",
+    "parse", "parse_text", "insert", "cull_points",
     "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update",
 )  # fmt: skip
 """In the order in which a frame meets them."""

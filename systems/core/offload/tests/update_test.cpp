@@ -56,6 +56,19 @@ TEST(UpdateRules, FastMotionMattersLessTheMoreKeyframesThereAre) {
   EXPECT_EQ(reason({.min_local_keyframes = 1, .fast_motion = 0ms}, state), "welcome");
 }
 
+TEST(UpdateRules, ManyKeyframesPerSecondAreFastMotionToo) {
+  const UpdateRules rules{.min_local_keyframes = 1, .keyframe_rate_hz = 3};
+  auto state = usual();
+  state.since_keyframe = 0ms;
+  state.keyframes_in_window = 3;
+  EXPECT_EQ(reason(rules, state), "welcome");
+  state.keyframes_in_window = 4;
+  EXPECT_EQ(reason(rules, state), "fast motion");
+  EXPECT_EQ(reason({.min_local_keyframes = 1}, state), "welcome");
+  state.relocalisation = state.lost = true;
+  EXPECT_EQ(reason(rules, state), "welcome");
+}
+
 TEST(UpdateRules, ARelocalisationMapIsForTheLostOnly) {
   const UpdateRules rules{.min_local_keyframes = 6, .fast_motion = 300ms};
   auto state = usual();

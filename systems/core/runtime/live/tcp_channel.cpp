@@ -51,6 +51,7 @@ std::optional<Message> TcpChannel::try_receive() {
 PathStats TcpChannel::path() const {
   std::lock_guard lock(mutex_);
   PathStats stats;
+  stats.connections = connections_;
   for (const Message& message : outgoing_) {
     stats.unacknowledged_bytes += message.payload.size() + FrameHeader::kSize;
   }
@@ -101,6 +102,7 @@ void TcpChannel::set_connection(int fd) {
   {
     std::lock_guard lock(mutex_);
     fd_ = fd;
+    if (fd >= 0) ++connections_;
   }
   signal_->notify();
 }

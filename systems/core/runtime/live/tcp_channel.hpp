@@ -53,6 +53,7 @@ class TcpChannel final : public Channel {
   std::uint64_t next_sequence_ = 1;
   std::uint64_t last_received_ = 0;
   int fd_ = -1;
+  std::uint64_t connections_ = 0;
 };
 
 }  // namespace slambed

@@ -68,6 +68,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   PathStats path() const override {
     PathStats stats;
     stats.connected = flow_ != nullptr;
+    stats.connections = flow_ ? 1 : 0;
     if (flow_) {
       stats.smoothed_rtt = flow_->smoothed_rtt();
       stats.unacknowledged_bytes = flow_->unacknowledged();

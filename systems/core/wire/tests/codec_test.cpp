@@ -165,6 +165,10 @@ TEST_F(Codec, MessagesComeBack) {
   EXPECT_EQ(frame_back.frame_index, 77u);
   EXPECT_EQ(frame_back.features->size(), 20);
   EXPECT_EQ(decode_ack(encode(AckMessage{1234567})).sequence, 1234567u);
+  const auto announce = decode_announce(encode(AnnounceMessage{5, RunTime(6), 7}));
+  EXPECT_EQ(announce.sequence, 5u);
+  EXPECT_EQ(announce.queued, RunTime(6));
+  EXPECT_EQ(announce.bytes, 7u);
   const auto bye = decode_bye(encode(ByeMessage{1, 2, 3}));
   EXPECT_EQ(bye.last_keyframe_sequence + bye.keyframes * 10 + bye.points * 100, 321u);
 }

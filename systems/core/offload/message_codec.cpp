@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/message_codec.hpp"
+
+#include <array>
+
+#include "features/default_vocabulary.hpp"
+#include "offload/update_content.hpp"
+#include "wire/compatibility_codec.hpp"
+
+namespace slambed {
+
+MessageCodec::MessageCodec(Form form) : form_(form) {
+  if (text()) vocabulary_ = default_vocabulary();
+}
+
+template <typename Write>
+Bytes MessageCodec::staged(Worker& worker, Write write) const {
+  return worker.stage(text() ? "serialise_text" : "serialise", [&](StageUnits& units) {
+    Bytes bytes = write();
+    units.n1 = kilobytes(bytes);
+    return bytes;
+  });
+}
+
+Bytes MessageCodec::serialise(Worker& worker, const wire::KeyFrameMessage& message,
+                              const Map& local) const {
+  return staged(worker, [&] {
+    if (!text()) return encode(message);
+    const std::array ids{message.keyframe};
+    const MapDelta whole =
+        local.read([&](const MapView& view) { return extract_keyframes(view, ids); });
+    return encode_text(message, whole.points, *vocabulary_);
+  });
+}
+
+Bytes MessageCodec::serialise(Worker& worker, const wire::MapUpdate& message) const {
+  return staged(worker,
+                [&] { return text() ? encode_text(message, *vocabulary_) : encode(message); });
+}
+
+Bytes MessageCodec::serialise(Worker& worker, const wire::FrameMessage& message) const {
+  return staged(worker,
+                [&] { return text() ? encode_text(message, *vocabulary_) : encode(message); });
+}
+
+wire::KeyFrameMessage MessageCodec::keyframe(const Bytes& bytes,
+                                             const wire::SensorPtr& sensor) const {
+  return text() ? wire::decode_keyframe_text(bytes, sensor) : wire::decode_keyframe(bytes, sensor);
+}
+
+wire::MapUpdate MessageCodec::update(const Bytes& bytes, const wire::SensorPtr& sensor) const {
+  return text() ? wire::decode_update_text(bytes, sensor) : wire::decode_update(bytes, sensor);
+}
+
+wire::FrameMessage MessageCodec::frame(const Bytes& bytes, const wire::SensorPtr& sensor) const {
+  return text() ? wire::decode_frame_text(bytes, sensor) : wire::decode_frame(bytes, sensor);
+}
+
+}  // namespace slambed

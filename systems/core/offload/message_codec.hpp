@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "features/vocabulary.hpp"
+#include "map/map.hpp"
+#include "runtime/channel.hpp"
+#include "wire/messages.hpp"
+
+namespace slambed {
+
+/// How keyframes, updates and frames are written: our checked binary form, or the text archives of
+/// Edge-SLAM, for what they cost. Stages: serialise and parse, or serialise_text and parse_text; n1
+/// is kilobytes.
+class MessageCodec {
+ public:
+  enum class Form { kBinary, kCompatibility };
+
+  MessageCodec() = default;
+  explicit MessageCodec(Form form);
+
+  bool text() const { return form_ == Form::kCompatibility; }
+  std::string_view parse_stage() const { return text() ? "parse_text" : "parse"; }
+
+  /// local: the map that holds the keyframe and the points it sees.
+  Bytes serialise(Worker& worker, const wire::KeyFrameMessage& message, const Map& local) const;
+  Bytes serialise(Worker& worker, const wire::MapUpdate& message) const;
+  Bytes serialise(Worker& worker, const wire::FrameMessage& message) const;
+
+  /// All throw wire::DecodeError. Within the stage parse_stage().
+  wire::KeyFrameMessage keyframe(const Bytes& bytes, const wire::SensorPtr& sensor) const;
+  wire::MapUpdate update(const Bytes& bytes, const wire::SensorPtr& sensor) const;
+  wire::FrameMessage frame(const Bytes& bytes, const wire::SensorPtr& sensor) const;
+
+ private:
+  template <typename Write>
+  Bytes staged(Worker& worker, Write write) const;
+
+  Form form_ = Form::kBinary;
+  std::shared_ptr<const Vocabulary> vocabulary_;  ///< text carries bags of words
+};
+
+/// Size of a message as a stage counts it.
+inline double kilobytes(const Bytes& bytes) { return static_cast<double>(bytes.size()) / 1000; }
+
+}  // namespace slambed

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/stop_and_wait.hpp"
+
+#include "runtime/frame_header.hpp"
+#include "runtime/message_queue.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
+
+/// One number says which message is acknowledged, and whether its length or the whole of it.
+constexpr std::uint64_t ack_code(std::uint64_t sequence, bool whole) {
+  return 2 * sequence + (whole ? 1 : 0);
+}
+
+}  // namespace
+
+StopAndWaitChannel::StopAndWaitChannel(Runtime& runtime, Observer& observer, Channel& below,
+                                       ChannelOptions options)
+    : runtime_(runtime),
+      observer_(observer),
+      below_(below),
+      options_(std::move(options)),
+      signal_(runtime.make_signal()) {}
+
+void StopAndWaitChannel::start() {
+  runtime_.spawn("ack-" + options_.name, [this](Worker& worker) { run(worker); });
+}
+
+std::uint64_t StopAndWaitChannel::send(std::uint8_t type, Bytes payload) {
+  Message message;
+  message.type = type;
+  message.queued = runtime_.now();
+  message.payload = std::move(payload);
+  std::optional<Message> dropped;
+  std::uint64_t sequence = 0;
+  {
+    std::lock_guard lock(mutex_);
+    message.sequence = sequence = next_sequence_++;
+    dropped = push_newest_wins(outgoing_, std::move(message), options_.send_queue);
+  }
+  if (dropped) record_drop(*dropped, false);
+  below_.signal().notify();  // wakes the worker
+  return sequence;
+}
+
+std::optional<Message> StopAndWaitChannel::try_receive() {
+  std::lock_guard lock(mutex_);
+  if (incoming_.empty()) return std::nullopt;
+  std::optional<Message> message(std::move(incoming_.front()));
+  incoming_.pop_front();
+  return message;
+}
+
+PathStats StopAndWaitChannel::path() const {
+  PathStats stats = below_.path();
+  std::lock_guard lock(mutex_);
+  for (const Message& message : outgoing_) {
+    stats.unacknowledged_bytes += message.payload.size() + FrameHeader::kSize;
+  }
+  return stats;
+}
+
+void StopAndWaitChannel::run(Worker& worker) {
+  std::uint64_t connections = 0;
+  while (!worker.stopping()) {
+    const auto ticket = below_.signal().ticket();
+    while (auto message = below_.try_receive()) take(std::move(*message));
+    if (phase_ == Phase::kIdle) {
+      begin_next();
+    } else if (below_.path().connections != connection_) {
+      announce();  // whatever was under way is gone
+    }
+    if (const auto now = below_.path().connections; now != connections) {
+      connections = now;
+      signal_->notify();
+    }
+    worker.wait(below_.signal(), ticket, kNever);
+  }
+  signal_->notify();
+}
+
+void StopAndWaitChannel::take(Message message) {
+  if (message.incarnation != incarnation_) {  // a restarted peer counts from 1 again
+    incarnation_ = message.incarnation;
+    last_delivered_ = 0;
+    announced_.reset();
+  }
+  try {
+    if (message.type == type_of(wire::MessageType::kAck)) return acknowledged(message);
+    if (message.type == type_of(wire::MessageType::kAnnounce)) {
+      announced_ = wire::decode_announce(message.payload);
+      return acknowledge(announced_->sequence, false);
+    }
+  } catch (const wire::DecodeError& error) {
+    observer_.link({.channel = options_.name, .event = "rejected", .detail = error.what()});
+    return;
+  }
+  deliver(std::move(message));
+}
+
+void StopAndWaitChannel::acknowledged(const Message& message) {
+  const std::uint64_t code = wire::decode_ack(message.payload).sequence;
+  if (phase_ == Phase::kAnnounced && code == ack_code(current_.sequence, false)) {
+    phase_ = Phase::kSent;
+    below_.send(current_.type, current_.payload);
+  } else if (phase_ == Phase::kSent && code == ack_code(current_.sequence, true)) {
+    phase_ = Phase::kIdle;
+  }
+}
+
+void StopAndWaitChannel::deliver(Message message) {
+  if (!announced_) return;  // the rest of a transfer that began on another connection
+  const wire::AnnounceMessage announced = *announced_;
+  announced_.reset();
+  acknowledge(announced.sequence, true);
+  if (announced.sequence <= last_delivered_) return;
+  last_delivered_ = announced.sequence;
+  message.sequence = announced.sequence;
+  message.queued = announced.queued;
+  std::optional<Message> dropped;
+  {
+    std::lock_guard lock(mutex_);
+    dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
+  }
+  if (dropped) record_drop(*dropped, true);
+  signal_->notify();
+}
+
+void StopAndWaitChannel::begin_next() {
+  {
+    std::lock_guard lock(mutex_);
+    if (outgoing_.empty()) return;
+    current_ = std::move(outgoing_.front());
+    outgoing_.pop_front();
+  }
+  announce();
+}
+
+void StopAndWaitChannel::announce() {
+  phase_ = Phase::kAnnounced;
+  connection_ = below_.path().connections;
+  below_.send(type_of(wire::MessageType::kAnnounce),
+              encode(wire::AnnounceMessage{.sequence = current_.sequence,
+                                           .queued = current_.queued,
+                                           .bytes = current_.payload.size()}));
+}
+
+void StopAndWaitChannel::acknowledge(std::uint64_t sequence, bool whole) {
+  below_.send(type_of(wire::MessageType::kAck),
+              encode(wire::AckMessage{.sequence = ack_code(sequence, whole)}));
+}
+
+void StopAndWaitChannel::record_drop(const Message& message, bool incoming) const {
+  observer_.message({.channel = options_.name,
+                     .incoming = incoming,
+                     .dropped = true,
+                     .type = message.type,
+                     .bytes = message.payload.size() + FrameHeader::kSize,
+                     .sequence = message.sequence,
+                     .queued = message.queued,
+                     .sent = message.sent,
+                     .received = message.received});
+}
+
+}  // namespace slambed

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// The text form of Edge-SLAM's messages: nothing is lost, and it is as large as theirs.
+#include "wire/compatibility_codec.hpp"
+
+#include <gtest/gtest.h>
+
+#include "features/default_vocabulary.hpp"
+#include "wire/delta_codec.hpp"
+#include "wire/tests/examples.hpp"
+#include "wire/text_archive.hpp"
+
+namespace slambed::wire {
+namespace {
+
+class Compatibility : public ::testing::Test {
+ protected:
+  /// A keyframe with new points and, by value, as many known ones.
+  KeyFrameMessage keyframe(int features, int known_points, int fresh) {
+    KeyFrameMessage message;
+    message.keyframe = keyframe_id(40);
+    message.delta = example_keyframe(random, sensor, features, known_points, fresh);
+    for (const MapPointId id : message.delta.keyframes[0].points) {
+      if (!id || id.value >> kSpaceShift == static_cast<std::uint64_t>(IdSpace::kTracker)) continue;
+      NewPoint point = message.delta.points.at(0);
+      point.id = id;
+      known.push_back(point);
+    }
+    return message;
+  }
+  static constexpr int kSpaceShift = 56;
+
+  std::mt19937 random{5};
+  std::shared_ptr<const Sensor> sensor = example_camera().make_sensor();
+  std::shared_ptr<const Vocabulary> vocabulary = default_vocabulary();
+  std::vector<NewPoint> known;
+};
+
+void expect_equal(const FeatureSet& a, const FeatureSet& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (int i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a.keypoint(i).u, b.keypoint(i).u);
+    EXPECT_EQ(a.keypoint(i).v, b.keypoint(i).v);
+    EXPECT_EQ(a.keypoint(i).right_u, b.keypoint(i).right_u);
+    EXPECT_EQ(a.keypoint(i).depth_m, b.keypoint(i).depth_m);
+    EXPECT_EQ(a.keypoint(i).angle_deg, b.keypoint(i).angle_deg);
+    EXPECT_EQ(a.keypoint(i).octave, b.keypoint(i).octave);
+    EXPECT_EQ(a.descriptor(i), b.descriptor(i));
+  }
+}
+
+void expect_equal(const NewPoint& a, const NewPoint& b) {
+  EXPECT_EQ(a.id, b.id);
+  EXPECT_EQ(a.p_w.cast<float>(), b.p_w.cast<float>());
+  EXPECT_EQ(a.appearance.descriptor, b.appearance.descriptor);
+  EXPECT_EQ(a.appearance.normal, b.appearance.normal);
+  EXPECT_EQ(a.appearance.min_distance_m, b.appearance.min_distance_m);
+  EXPECT_EQ(a.appearance.max_distance_m, b.appearance.max_distance_m);
+  EXPECT_EQ(a.reference, b.reference);
+  EXPECT_EQ(a.first_keyframe, b.first_keyframe);
+  EXPECT_EQ(a.visible, b.visible);
+  EXPECT_EQ(a.found, b.found);
+  EXPECT_EQ(a.version, b.version);
+}
+
+TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
+  KeyFrameMessage message = keyframe(200, 60, 40);
+  message.captured = RunTime(-17);
+  message.urgent = message.after_relocalisation = true;
+  message.applied_update = 6;
+  message.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
+  const auto back = decode_keyframe_text(encode_text(message, known, *vocabulary), sensor);
+  EXPECT_EQ(back.keyframe, message.keyframe);
+  EXPECT_EQ(back.captured, message.captured);
+  EXPECT_TRUE(back.urgent && back.after_relocalisation && !back.first);
+  EXPECT_EQ(back.applied_update, 6u);
+  EXPECT_EQ(back.newest_edge_point, message.newest_edge_point);
+  EXPECT_EQ(back.delta.epoch, message.delta.epoch);
+  const NewKeyFrame &a = message.delta.keyframes.at(0), &b = back.delta.keyframes.at(0);
+  EXPECT_EQ(a.frame_index, b.frame_index);
+  EXPECT_EQ(a.timestamp_s, b.timestamp_s);
+  EXPECT_EQ(a.parent, b.parent);
+  EXPECT_EQ(a.points, b.points);
+  EXPECT_LT((a.T_cw.R - b.T_cw.R).norm(), 1e-14);
+  EXPECT_EQ(a.T_cw.t, b.T_cw.t);
+  expect_equal(*a.features, *b.features);
+  ASSERT_EQ(back.delta.points.size(), 40u);
+  for (std::size_t i = 0; i < 40; ++i) expect_equal(message.delta.points[i], back.delta.points[i]);
+}
+
+TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
+  MapUpdate update;
+  update.update = 12;
+  update.newest = keyframe_id(40);
+  update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
+  update.map = keyframe(60, 0, 40).delta;
+  update.map.keyframes.push_back(update.map.keyframes[0]);  // sees the same points
+  update.map.keyframes[1].id = keyframe_id(41);
+  update.poses = {{keyframe_id(1), SE3(), 3}};
+  const auto back = decode_update_text(encode_text(update, *vocabulary), sensor);
+  EXPECT_EQ(back.update, 12u);
+  EXPECT_EQ(back.newest, update.newest);
+  EXPECT_EQ(back.times.captured, RunTime(1));
+  EXPECT_EQ(back.times.due, RunTime(6));
+  ASSERT_EQ(back.map.keyframes.size(), 2u);
+  EXPECT_EQ(back.map.keyframes[1].id, keyframe_id(41));
+  EXPECT_EQ(back.map.points.size(), 40u);
+  EXPECT_EQ(back.poses.at(0).id, keyframe_id(1));
+  EXPECT_EQ(back.poses.at(0).version, 3u);
+}
+
+TEST_F(Compatibility, FrameComesBack) {
+  const auto features = example_features(random, 20, sensor);
+  const auto back = decode_frame_text(encode_text(FrameMessage{77, 2.5, features}, *vocabulary),
+                                      sensor);
+  EXPECT_EQ(back.frame_index, 77u);
+  EXPECT_EQ(back.timestamp_s, 2.5);
+  expect_equal(*features, *back.features);
+}
+
+/// Measured with Edge-SLAM's own classes on 640x480 frames of about 1,000 key points: 0.375 MB for
+/// a frame, 0.53 MB for a keyframe with 500 points, 0.63 to 0.65 MB with 800 to 860, 3.5 MB for an
+/// update of six.
+TEST_F(Compatibility, MessagesAreAsLargeAsEdgeSlams) {
+  const auto kilobytes = [](const Bytes& bytes) { return static_cast<double>(bytes.size()) / 1e3; };
+  const FrameMessage frame{77, 2.5, example_features(random, 1000, sensor)};
+  EXPECT_NEAR(kilobytes(encode_text(frame, *vocabulary)), 375, 40);
+  const KeyFrameMessage small = keyframe(1000, 300, 200);
+  EXPECT_NEAR(kilobytes(encode_text(small, known, *vocabulary)), 530, 55);
+  known.clear();
+  const KeyFrameMessage large = keyframe(1000, 600, 230);
+  EXPECT_NEAR(kilobytes(encode_text(large, known, *vocabulary)), 640, 65);
+  MapUpdate update;
+  update.update = 1;
+  update.newest = keyframe_id(40);
+  update.map = keyframe(1000, 0, 700).delta;
+  for (std::uint64_t i = 0; i < 5; ++i) {
+    update.map.keyframes.push_back(update.map.keyframes[0]);
+    update.map.keyframes.back().id = keyframe_id(41 + i);
+  }
+  EXPECT_NEAR(kilobytes(encode_text(update, *vocabulary)), 3500, 350);
+}
+
+TEST_F(Compatibility, ContradictionsAreRefused) {
+  KeyFrameMessage message = keyframe(50, 10, 10);
+  message.keyframe = keyframe_id(41);  // not the one inside
+  EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), sensor),
+               DecodeError);
+  message.keyframe = keyframe_id(40);
+  SensorInfo coarse = example_camera();
+  coarse.levels = 2;
+  EXPECT_THROW(
+      decode_keyframe_text(encode_text(message, known, *vocabulary), coarse.make_sensor()),
+      DecodeError);
+  SensorInfo small = example_camera();
+  small.camera.width = 320;
+  EXPECT_THROW(
+      decode_keyframe_text(encode_text(message, known, *vocabulary), small.make_sensor()),
+      DecodeError);
+  EXPECT_THROW(decode_frame_text(encode_text(message, known, *vocabulary), sensor), DecodeError);
+}
+
+TEST(TextArchive, NumbersComeBackAndOthersAreRefused) {
+  TextWriter out;
+  out.integer(std::int64_t{-5});
+  out.real(0.1f);
+  out.real(1.0 / 3);
+  out.text("a b");
+  TextReader in(out.take());
+  EXPECT_EQ(in.integer(-5, 5), -5);
+  EXPECT_EQ(in.real32(), 0.1f);
+  EXPECT_EQ(in.real64(), 1.0 / 3);
+  EXPECT_EQ(in.text(), "a b");
+  EXPECT_THROW(in.integer(0, 1), DecodeError);
+  for (const char* bad : {"6 ", "-6 ", "x ", "", "99999999999999999999 "}) {
+    EXPECT_THROW(TextReader(bad).integer(-5, 5), DecodeError) << bad;
+  }
+  for (const char* bad : {"nan ", "inf ", "1e999 ", "0x", ""}) {
+    TextReader reader(bad);
+    EXPECT_THROW({ const double value = reader.real64(); EXPECT_EQ(value, 0); reader.real64(); },
+                 DecodeError)
+        << bad;
+  }
+  EXPECT_THROW(TextReader("1000000 1 2").count(2), DecodeError);
+  EXPECT_THROW(TextReader("5 abc").text(), DecodeError);
+}
+
+}  // namespace
+}  // namespace slambed::wire

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+
+#include "features/default_vocabulary.hpp"
+#include "wire/compatibility_codec.hpp"
+#include "wire/delta_codec.hpp"
+#include "wire/handover_messages.hpp"
+#include "wire/message_type.hpp"
+#include "wire/tests/examples.hpp"
+
+namespace slambed::wire {
+
+struct Target {
+  const char* name;
+  Bytes valid;
+  std::function<void(std::span<const std::uint8_t>)> decode;
+  std::size_t bit_step = 1;  ///< text is long, and its bits are much alike
+};
+
+/// The same messages as text, with few features: the grid alone makes them long.
+inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& sensor) {
+  constexpr std::size_t kStep = 7;
+  const auto vocabulary = default_vocabulary();
+  KeyFrameMessage keyframe{.keyframe = keyframe_id(40),
+                           .captured = {},
+                           .delta = example_keyframe(random, sensor, 6, 2, 2)};
+  MapUpdate update{.update = 1,
+                   .newest = keyframe_id(40),
+                   .times = {},
+                   .map = keyframe.delta,
+                   .poses = {{keyframe_id(8), SE3(), 9}}};
+  FrameMessage frame{3, 0.5, example_features(random, 5, sensor)};
+  return {
+      {"keyframe text", encode_text(keyframe, {}, *vocabulary),
+       [=](auto b) { decode_keyframe_text(b, sensor); }, kStep},
+      {"update text", encode_text(update, *vocabulary),
+       [=](auto b) { decode_update_text(b, sensor); }, kStep},
+      {"frame text", encode_text(frame, *vocabulary),
+       [=](auto b) { decode_frame_text(b, sensor); }, kStep},
+  };
+}
+
+/// Every decoder of this floor with a valid message.
+inline std::vector<Target> targets() {
+  std::mt19937 random(11);
+  const auto sensor = example_camera().make_sensor();
+  const MapDelta delta = example_delta(random, sensor);
+  KeyFrameMessage keyframe{.keyframe = keyframe_id(40), .captured = {}, .delta = delta};
+  MapUpdate update{
+      .update = 1, .newest = keyframe_id(40), .times = {}, .map = delta, .poses = delta.poses};
+  FrameMessage frame{3, 0.5, example_features(random, 40, sensor)};
+  Hello hello{.wire_version = kWireVersion,
+              .channel = "map",
+              .run_key = "k",
+              .system = "s",
+              .sensor = example_camera()};
+  std::vector<Target> all = {
+      {"delta", encode(delta), [=](auto b) { decode_delta(b, sensor); }},
+      {"keyframe", encode(keyframe), [=](auto b) { decode_keyframe(b, sensor); }},
+      {"update", encode(update), [=](auto b) { decode_update(b, sensor); }},
+      {"frame", encode(frame), [=](auto b) { decode_frame(b, sensor); }},
+      {"poses", encode_poses(delta.poses), [](auto b) { decode_poses(b); }},
+      {"ack", encode(AckMessage{300}), [](auto b) { decode_ack(b); }},
+      {"announce", encode(AnnounceMessage{300, RunTime(7), 70'000}),
+       [](auto b) { decode_announce(b); }},
+      {"bye", encode(ByeMessage{300, 5, 7}), [](auto b) { decode_bye(b); }},
+      {"state", encode(StateMessage{2, 300, RunTime(5), Duration(7)}),
+       [](auto b) { decode_state(b); }},
+      {"stop", encode(StopMessage{300}), [](auto b) { decode_stop(b); }},
+      {"start", encode(StartMessage{300, 4}), [](auto b) { decode_start(b); }},
+      {"handover", encode(MapHandover{.epoch = 3, .number = 4, .whole = true, .changes = delta}),
+       [=](auto b) { decode_handover(b, sensor); }},
+      {"handover_ack", encode(HandoverAck{3, 4, true}), [](auto b) { decode_handover_ack(b); }},
+      {"hello", encode(hello), [](auto b) { decode_hello(b); }},
+  };
+  for (Target& target : text_targets(random, sensor)) all.push_back(std::move(target));
+  return all;
+}
+
+}  // namespace slambed::wire
