@@ -82,6 +82,6 @@ def test_report_has_one_row_per_cell_that_tells_its_rounds(tmp_path: Path) -> No
     (table,) = update_round_tables(load(experiment))
     assert [row[0] for row in table.rows] == ["edgeslam:static"] * 2  # not the one without edge
     row = dict(zip(table.headings, table.rows[0], strict=True))
-    assert row["T_MU"] == "30.0 +/- 0.0"
+    assert row["T_MU"] == "30.0 ± 0.0"
     assert int(row["updates"]) > 0
     assert "T_Total" in (write_report(experiment, figures=False).markdown).read_text()

@@ -15,6 +15,8 @@ RUNS_READ = 20
 def update_round_tables(results: Results) -> list[Table]:
     """One table with a row per cell whose events tell the parts; none where no cell does."""
     rows: list[list[str]] = []
+    datasets = list(dict.fromkeys(map(text, results.valid["dataset"])))
+    one = len(datasets) == 1
     for _, runs in results.valid.groupby("cell", sort=False):
         rounds: list[UpdateRound] = []
         for key in runs["run_key"].head(RUNS_READ):
@@ -26,8 +28,8 @@ def update_round_tables(results: Results) -> list[Table]:
         first = runs.iloc[0]
         rows.append(
             [
-                text(first["label"]), text(first["dataset"]), text(first["profile"]),
-                str(len(rounds)),
+                text(first["label"]), *([] if one else [text(first["dataset"])]),
+                text(first["profile"]), str(len(rounds)),
                 *(_spread([r.parts_ms[part] for r in rounds]) for part in PART_FIELDS),
                 _spread([r.computed_ms for r in rounds]),
                 _spread([r.total_ms for r in rounds]),
@@ -38,12 +40,14 @@ def update_round_tables(results: Results) -> list[Table]:
         "Table 1: parts of a map update round in ms, mean +/- standard deviation over the "
         "accepted updates. T_Wait is the pacing of updates, which the paper's T_Total (here "
         "T_Computed) does not contain; gap: keyframes that the local map loses by an update"
+        + (f"; {datasets[0]}" if one else "")
     )
     headings = [
-        "system", "dataset", "link", "updates", *PART_FIELDS, "T_Computed", "T_Total", "gap",
+        "system", *([] if one else ["dataset"]), "link", "updates",
+        *PART_FIELDS, "T_Computed", "T_Total", "gap",
     ]  # fmt: skip
-    return [Table("update_rounds", caption, headings, rows, words=3)] if rows else []
+    return [Table("update_rounds", caption, headings, rows, words=2 if one else 3)] if rows else []
 
 
 def _spread(values: list[float]) -> str:
-    return f"{np.mean(values):.1f} +/- {np.std(values):.1f}"
+    return f"{np.mean(values):.1f} ± {np.std(values):.1f}"
