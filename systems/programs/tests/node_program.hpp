@@ -104,7 +104,8 @@ class NodeProgramTest : public ::testing::Test {
   }
 
   Process node(const std::string& role, std::vector<std::string> more = {}) {
-    folder.write("run.json", config.dump());
+    folder.write("run.partial", config.dump());  // the other node may be reading
+    std::filesystem::rename(folder.path() / "run.partial", folder.path() / "run.json");
     std::vector<std::string> words = {SLAMBED_NODE, "--role", role, "--config",
                                       folder.path() / "run.json"};
     words.insert(words.end(), more.begin(), more.end());
@@ -119,6 +120,14 @@ class NodeProgramTest : public ::testing::Test {
     for (int i = 0; i < 6000; ++i) {
       if (std::filesystem::exists(folder.path() / file)) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return false;
+  }
+  /// Waits until the node's log on disk has an event of this type.
+  bool await_event(const std::string& role, const std::string& type) {
+    for (int i = 0; i < 600; ++i) {
+      if (!events(role, type).empty()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
     return false;
   }

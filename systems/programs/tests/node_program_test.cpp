@@ -134,7 +134,7 @@ TEST_F(NodeProgram, ARestartedEdgeJoinsTheRunningMobile) {
     Process edge = node("edge");
     ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json")) << log("mobile");
     start();
-    std::this_thread::sleep_for(1s);
+    ASSERT_TRUE(await_event("edge", "keyframe_received"));
   }  // SIGKILL
   Process edge = node("edge");
   EXPECT_EQ(mobile.wait(), 0) << log("mobile");
