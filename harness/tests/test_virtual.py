@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from virtual_parts import (
+    EXPERIMENT,
     Quiet,
     fingerprints,
     make_sequence,
@@ -55,6 +56,30 @@ def test_processes_order_and_cache_leave_no_trace(plan: Plan, tmp_path: Path) ->
     assert names >= {"events.parquet", "link.parquet", "trajectory.txt", "summary.json"}
     again = fingerprints(uncached)
     assert again == {name: first[name] for name in again} and len(again) > 2 * len(specs)
+
+
+def test_a_run_that_may_stop_at_its_first_loss_is_the_same_until_then(tmp_path: Path) -> None:
+    dark = ("--trajectory", "office", "--blackout-start-s", "2", "--blackout-end-s", "3")
+    sequence = make_sequence(tmp_path / "walk", 5, *dark)
+    found = {}
+    for name, text in (
+        ("whole", EXPERIMENT),
+        ("stopped", EXPERIMENT.replace("fps: 10}}", "fps: 10, stop_at_first_loss: true}}")),
+    ):
+        (tmp_path / name).mkdir()
+        plan = plan_of(write_experiment(tmp_path / name, sequence, runs=1, text=text))
+        folder = make(plan, tmp_path / name / "x", plan.specs, jobs=2, features=tmp_path / "f")
+        for spec in plan.specs:
+            found[name, spec.label] = folder.runs / spec.run_key
+    for label in ("alone", "offloaded"):
+        whole, stopped = (
+            pd.read_parquet(found[name, label] / "events.parquet") for name in ("whole", "stopped")
+        )
+        (loss_ns,) = stopped.loc[stopped["type"] == "track_lost", "t_ns"]
+        assert loss_ns == whole.loc[whole["type"] == "track_lost", "t_ns"].iloc[0]
+        frames = whole[(whole["type"] == "frame_tracked") & (whole["t_ns"] <= loss_ns)]
+        assert list(stopped.loc[stopped["type"] == "frame_tracked", "t_ns"]) == list(frames["t_ns"])
+        assert len(frames) < (whole["type"] == "frame_tracked").sum()
 
 
 def test_another_seed_is_another_run(plan: Plan, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "node/message_trace.hpp"
 #include "node/node_files.hpp"
 #include "node/virtual_run.hpp"
 #include "programs/program.hpp"
@@ -18,9 +19,17 @@ int simulate(int argc, char** argv) {
   app.name("slambed-sim");
   app.set_version_flag("--version", std::string("slambed-sim ") + version());
   std::filesystem::path config;
-  app.add_option("--config", config, "path of sim.json")->required();
+  std::filesystem::path messages;
+  auto* source = app.add_option_group("source")->require_option(1);
+  source->add_option("--config", config, "path of sim.json");
+  source->add_option("--messages", messages,
+                     "path of a message trace: only the link, arrivals on standard output");
   if (const auto code = parse(app, argc, argv)) return *code;
-  run_virtually(config, all_systems());
+  if (!messages.empty()) {
+    play_message_trace(messages, std::cout);
+  } else {
+    run_virtually(config, all_systems());
+  }
   return 0;
 }
 

@@ -198,6 +198,23 @@ def bench(
 
 
 @link_app.command()
+def messages(
+    backend: Annotated[str, typer.Option(help="relay or netem.")] = "relay",
+    repetitions: Annotated[int, typer.Option(min=1, help="Of each size.")] = 5,
+    output: Annotated[Path, typer.Option(help="CSV to write.")] = Path("messages.csv"),
+) -> None:
+    """Send the same messages through a real link and through the virtual engine's model of it."""
+    from slambed.link import messages as traffic
+
+    profiles = [(rtt, rate) for rate in traffic.RATES_MBPS for rtt in traffic.RTTS_MS]
+    table = traffic.compare(profiles, traffic.SIZES, repetitions, backend)
+    table.to_csv(output, index=False, float_format="%.4f")
+    typer.echo(table.round(2).to_string(index=False))
+    error = table["error_percent"].abs()
+    typer.echo(f"error of the model: median {error.median():.1f} %, largest {error.max():.1f} %")
+
+
+@link_app.command()
 def compare(
     logs: Annotated[list[Path], typer.Argument(help="Link logs: CSV of `link bench` or Parquet.")],
     output: Annotated[Path, typer.Option(help="PNG to write.")] = Path("links.png"),

@@ -21,12 +21,21 @@ class Playback(BaseModel):
     fps: float | None = Field(default=None, gt=0)
     start_s: float = Field(default=0.0, ge=0)
     end_s: float | None = Field(default=None, gt=0)
+    stop_at_first_loss: bool = False
+    """Playback ends with the first track loss: for experiments that only ask whether and when."""
 
     @model_validator(mode="after")
     def _has_length(self) -> "Playback":
         if self.end_s is not None and self.end_s <= self.start_s:
             raise ValueError(f"end_s {self.end_s} is not after start_s {self.start_s}")
         return self
+
+    def meaning(self) -> dict[str, Any]:
+        """Part of a run's key, which what a run does not ask for leaves as it is."""
+        content = self.model_dump(mode="json")
+        if not self.stop_at_first_loss:
+            del content["stop_at_first_loss"]
+        return content
 
 
 class DeviceChoice(BaseModel):

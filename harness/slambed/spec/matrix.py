@@ -67,7 +67,7 @@ class RunSpec(BaseModel):
             # A file is its content, wherever it lies.
             "params": self.params | self.inputs,
             "sequence": self.sequence_checksum,
-            "playback": self.playback.model_dump(mode="json"),
+            "playback": self.playback.meaning(),
             "device_mobile": self.device_mobile.meaning(self.engine),
             "device_edge": self.device_edge.meaning(self.engine) if self.device_edge else None,
             "profile": self.profile,

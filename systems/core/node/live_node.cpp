@@ -95,6 +95,7 @@ class LiveNode {
                                 .features = *features_,
                                 .feed = *feed_,
                                 .played_fps = playlist_->played_fps(),
+                                .stop_at_first_loss = config_.playback.stop_at_first_loss,
                                 .timestamps_ns = sequence_->timestamps_ns(),
                                 .time_origin_ns = sequence_->time_origin_ns(),
                                 .prior_map = maps_->prior()},

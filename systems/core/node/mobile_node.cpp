@@ -105,6 +105,8 @@ void MobileNode::track(Worker& worker) {
                     frame.outcome.T_cw, frame.outcome.reference, frame.outcome.T_cr);
     }
     record(frame, before, worker.now() - begin);
+    const bool lost = before == TrackingState::kOk && frame.outcome.state != TrackingState::kOk;
+    if (lost && parts_.stop_at_first_loss) break;
   }
   finished_ = !worker.stopping();
   policy_->finish(worker);

@@ -18,6 +18,7 @@ struct MobileParts {
   FeatureSource& features;
   FrameFeed& feed;
   double played_fps = 30;
+  bool stop_at_first_loss = false;  ///< playback ends with the first track loss
   std::span<const std::int64_t> timestamps_ns;  ///< of the whole sequence
   std::int64_t time_origin_ns = 0;
   /// A map made before: tracking starts lost in it. Null: tracking makes the first keyframe.

@@ -22,6 +22,11 @@ PlaybackConfig read_playback(const nlohmann::json& json, const std::string& wher
   playback.end_s = in.number_or_null("end_s");
   if (playback.end_s && *playback.end_s <= playback.start_s)
     in.fail("end_s", "must be after start_s");
+  if (in.has("stop_at_first_loss")) {
+    const auto& stop = in.any("stop_at_first_loss");
+    if (!stop.is_boolean()) in.fail("stop_at_first_loss", "must be true or false");
+    playback.stop_at_first_loss = stop.get<bool>();
+  }
   in.done();
   return playback;
 }

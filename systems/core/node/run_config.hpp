@@ -17,6 +17,7 @@ struct PlaybackConfig {
   std::optional<double> fps{};    ///< nothing: as recorded
   double start_s = 0;             ///< sequence time
   std::optional<double> end_s{};  ///< nothing: to the last frame
+  bool stop_at_first_loss = false;
 };
 
 struct NetworkConfig {

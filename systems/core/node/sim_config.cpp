@@ -38,6 +38,13 @@ DeviceModel read_device(const nlohmann::json& json, const std::string& where) {
 
 }  // namespace
 
+LinkModel read_link(const nlohmann::json& json, const std::string& where) {
+  const link::Section root(json, where);
+  root.only({"step_ms", "interpolation", "up", "down"});
+  return {.up = link::read_direction(root.section("up"), root, kMtu),
+          .down = link::read_direction(root.section("down"), root, kMtu)};
+}
+
 SimConfig read_sim_config(const std::filesystem::path& path) {
   const nlohmann::json json = read_json(path);
   const std::string where = path.string() + ": ";
@@ -57,10 +64,7 @@ SimConfig read_sim_config(const std::filesystem::path& path) {
   device.done();
 
   if (const auto* json_link = in.object_or_null("link")) {
-    const link::Section root(*json_link, where + "link");
-    root.only({"step_ms", "interpolation", "up", "down"});
-    config.up = link::read_direction(root.section("up"), root, kMtu);
-    config.down = link::read_direction(root.section("down"), root, kMtu);
+    config.link = read_link(*json_link, where + "link");
   }
   if (const auto* cache = in.object_or_null("feature_cache")) {
     JsonReader file(*cache, where + "feature_cache.");

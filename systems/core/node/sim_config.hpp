@@ -11,13 +11,21 @@
 
 namespace slambed {
 
+/// Both directions of a link, as slambed-relay reads them.
+struct LinkModel {
+  link::DirectionOptions up, down;
+};
+
+/// where: full name of the object, for messages. bad_input as read_sim_config.
+LinkModel read_link(const nlohmann::json& json, const std::string& where);
+
 /// sim.json (docs/formats.md, "Virtual run"): a run.json plus what the world around the nodes is
 /// like.
 struct SimConfig {
   RunConfig run;
   DeviceModel mobile;
   std::optional<DeviceModel> edge;  ///< with a network
-  link::DirectionOptions up, down;
+  LinkModel link;
   struct Cache {
     std::filesystem::path path;
     std::string key;

@@ -52,7 +52,7 @@ class VirtualRun {
         parameters_(config_.run.params, system_.parameters, path.string() + ": params."),
         sequence_(config_.run.sequence),
         playlist_(sequence_.timestamps_ns(), sequence_.fps(), config_.run.playback),
-        link_(simulator_, config_.up, config_.down, config_.run.seed),
+        link_(simulator_, config_.link.up, config_.link.down, config_.run.seed),
         mobile_(simulator_, config_, NodeRole::kMobile, config_.mobile) {
     check_network(system_, config_.run, path.string());
     if (config_.edge) edge_.emplace(simulator_, config_, NodeRole::kEdge, *config_.edge);
@@ -109,6 +109,7 @@ class VirtualRun {
                                      .features = *features_,
                                      .feed = *feed_,
                                      .played_fps = playlist_.played_fps(),
+                                     .stop_at_first_loss = config_.run.playback.stop_at_first_loss,
                                      .timestamps_ns = sequence_.timestamps_ns(),
                                      .time_origin_ns = sequence_.time_origin_ns(),
                                      .prior_map = maps_->prior()},

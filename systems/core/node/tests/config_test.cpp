@@ -41,11 +41,15 @@ TEST(RunConfig, IsReadAsWritten) {
   EXPECT_EQ(config.playback.mode, PlaybackMode::kRealtime);
   EXPECT_EQ(config.playback.fps, 10.0);
   EXPECT_FALSE(config.playback.end_s);
+  EXPECT_FALSE(config.playback.stop_at_first_loss);
   ASSERT_TRUE(config.network);
   EXPECT_EQ(config.network->ports.at("map"), 47002);
   auto alone = valid();
   alone["network"] = nullptr;
-  EXPECT_FALSE(read_run_config(folder.write("alone.json", alone.dump())).network);
+  alone["playback"]["stop_at_first_loss"] = true;
+  const RunConfig changed = read_run_config(folder.write("alone.json", alone.dump()));
+  EXPECT_FALSE(changed.network);
+  EXPECT_TRUE(changed.playback.stop_at_first_loss);
 }
 
 TEST(RunConfig, EveryKeyIsNeeded) {

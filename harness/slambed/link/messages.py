@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The same trace of messages through a real link and through the virtual engine's model of it.
+
+One TCP connection, messages going up. Live: two namespaces, the kernel's TCP, a link backend.
+Virtual: `slambed-sim --messages`.
+"""
+
+import json
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.engines.virtual import PROGRAM
+from slambed.engines.virtual_link import link_json
+from slambed.link.backend import open_link
+from slambed.link.profile import Profile, parse_profile
+from slambed.link.scratch import two_namespaces
+from slambed.link.session import EDGE_ADDRESS
+from slambed.namespaces import inside
+from slambed.native import find_program
+
+PORT = 47095
+HEADER_BYTES = 44
+"""Of a frame on a channel (runtime/frame_header.hpp): the virtual link adds them."""
+HEAD_START_S = 0.5
+NS = 1e9
+
+SIZES = (1_000, 10_000, 40_000, 160_000, 640_000)
+"""Bytes: a probe, a small and a usual keyframe, an update, Edge-SLAM's text keyframe."""
+RTTS_MS = (0.25, 20.0, 40.0, 80.0)
+RATES_MBPS = (None, 50.0)
+GAP_S = 2.5
+"""Between messages, so that each starts on an idle connection."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """When messages are sent, and how large they are."""
+
+    sent_s: NDArray[np.float64]
+    sizes: NDArray[np.int64]
+
+    @staticmethod
+    def of(sizes: Sequence[int], repetitions: int, gap_s: float = GAP_S) -> "Trace":
+        """All sizes in turn, one message at a time."""
+        every = np.array([*sizes] * repetitions)
+        return Trace(gap_s * np.arange(len(every), dtype=np.float64), every)
+
+    @property
+    def end_s(self) -> float:
+        """When the last message has surely arrived."""
+        return float(self.sent_s[-1]) + GAP_S
+
+
+def bench_profile(rtt_ms: float, rate_mbps: float | None) -> Profile:
+    """A constant RTT, with or without a rate."""
+    rate = {} if rate_mbps is None else {"rate": {"mbps": rate_mbps}}
+    return parse_profile({"name": "messages", "rtt_ms": rtt_ms, **rate}, "messages")
+
+
+def virtual_ms(profile: Profile, trace: Trace, seed: int = 1) -> NDArray[np.float64]:
+    """Time from sending to arrival of each message in the model."""
+    content = {
+        "format": "slambed-messages",
+        "version": 1,
+        "seed": seed,
+        "link": link_json(profile, trace.end_s),
+        "messages": [
+            {"sent_s": float(t), "bytes": int(max(0, size - HEADER_BYTES))}
+            for t, size in zip(trace.sent_s, trace.sizes, strict=True)
+        ],
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "messages.json"
+        path.write_text(json.dumps(content))
+        done = subprocess.run(
+            [find_program(PROGRAM), "--messages", path], capture_output=True, text=True, check=True
+        )
+    arrived = [json.loads(line)["received_ns"] / NS for line in done.stdout.splitlines()]
+    return (np.array(arrived) - trace.sent_s) * 1e3
+
+
+def live_ms(
+    profile: Profile, trace: Trace, backend: str = "relay", seed: int = 1
+) -> NDArray[np.float64]:
+    """The same between two namespaces, measured."""
+    with ExitStack() as stack:
+        log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        mobile, edge = stack.enter_context(two_namespaces())
+        link = stack.enter_context(
+            open_link(backend, mobile, edge, profile, seed, log_dir, probe_hz=0)
+        )
+        server = stack.enter_context(
+            inside(edge, lambda: socket.create_server((EDGE_ADDRESS, PORT)))
+        )
+        link.start(time.monotonic_ns())
+        client = stack.enter_context(
+            inside(mobile, lambda: socket.create_connection((EDGE_ADDRESS, PORT), timeout=20))
+        )
+        peer, _ = server.accept()
+        stack.enter_context(peer)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sent = np.empty(len(trace.sizes))
+
+        def send() -> None:
+            begin = time.monotonic() + HEAD_START_S
+            for index, (due_s, size) in enumerate(zip(trace.sent_s, trace.sizes, strict=True)):
+                time.sleep(max(0.0, begin + due_s - time.monotonic()))
+                sent[index] = time.monotonic()
+                client.sendall(bytes(int(size)))
+
+        thread = threading.Thread(target=send, daemon=True)
+        thread.start()
+        peer.settimeout(30.0)
+        arrived = [_take(peer, int(size)) for size in trace.sizes]
+        thread.join()
+    return (np.array(arrived) - sent) * 1e3
+
+
+def _take(peer: socket.socket, size: int) -> float:
+    """When the last byte of a message came."""
+    left = size
+    while left > 0:
+        if not (piece := peer.recv(min(left, 1 << 18))):
+            raise ConnectionError("the sender closed the connection")
+        left -= len(piece)
+    return time.monotonic()
+
+
+def compare(
+    profiles: Sequence[tuple[float, float | None]],
+    sizes: Sequence[int],
+    repetitions: int,
+    backend: str = "relay",
+) -> pd.DataFrame:
+    """One row per profile (RTT, rate) and size: medians of both, and the error."""
+    rows = []
+    for rtt_ms, rate_mbps in profiles:
+        profile, trace = bench_profile(rtt_ms, rate_mbps), Trace.of(sizes, repetitions)
+        live, virtual = live_ms(profile, trace, backend), virtual_ms(profile, trace)
+        for size in sizes:
+            own = trace.sizes == size
+            measured, modelled = float(np.median(live[own])), float(np.median(virtual[own]))
+            rows.append(
+                {
+                    "rtt_ms": rtt_ms,
+                    "rate_mbps": rate_mbps,
+                    "bytes": size,
+                    "live_ms": measured,
+                    "live_spread_ms": float(np.ptp(live[own])),
+                    "virtual_ms": modelled,
+                    "error_ms": modelled - measured,
+                    "error_percent": 100 * (modelled / measured - 1),
+                }
+            )
+    return pd.DataFrame(rows)
