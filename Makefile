@@ -47,7 +47,7 @@ test: setup ## All tests and checks: ctest, pytest, ruff, mypy
 	@tools/setup.sh build test
 	@tools/test.sh $(BUILD)
 
-test-netem: setup build ## The kernel's own netem, in a small virtual machine (user-mode Linux)
+test-netem: setup build ## The kernel's own netem and cgroup v2, in a small virtual machine (user-mode Linux)
 	@tools/netem_vm.sh
 
 data: setup build ## Prepare a sequence: DATASET=quickstart (see 'slambed data list')

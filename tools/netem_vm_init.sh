@@ -11,6 +11,7 @@ mount -t tmpfs tmpfs /run
 mkdir -p /run/out /run/netns
 mount -t hostfs none /run/out -o "$VM_OUT"
 mount -t tmpfs tmpfs /tmp
+mount -t cgroup2 none /sys/fs/cgroup
 ip link set lo up
 [ -n "$VM_BIN" ] && export SLAMBED_BIN="$VM_BIN"
 cd "$(dirname "$0")/.." || exit 1

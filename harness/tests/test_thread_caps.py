@@ -86,12 +86,14 @@ def test_groups_of_ended_threads_go_and_their_throttling_stays(
     _, paths = group
     code = (
         "import threading, time\n"
+        "print('ready', flush=True)\n"
         "def burn():\n    end = time.monotonic() + 0.4\n    while time.monotonic() < end: pass\n"
         "threading.Thread(target=burn).start()\ntime.sleep(1.5)"
     )
     join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
     shell = ["/bin/sh", "-c", f'{join} exec "$0" -c "$1"', sys.executable, code]
-    with subprocess.Popen(shell) as burner:
+    with subprocess.Popen(shell, stdout=subprocess.PIPE, text=True) as burner:
+        assert burner.stdout is not None and burner.stdout.readline() == "ready\n"
         caps = ThreadCaps(burner.pid, paths, 0.1, 10.0)
         seen_s = 0.0
         while burner.poll() is None:

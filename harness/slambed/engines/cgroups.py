@@ -73,14 +73,18 @@ class CgroupMaker:
         parent = self.v2 / LABEL
         parent.mkdir(exist_ok=True)
         folder = parent / name
+        # A kernel for one CPU has no cpuset; what is missing shows when limits are read back.
+        offered = (self.v2 / "cgroup.controllers").read_text().split()
         for level in (self.v2, parent):
             for controller in V2_CONTROLLERS:
-                (level / "cgroup.subtree_control").write_text(f"+{controller}")
+                if controller in offered:
+                    (level / "cgroup.subtree_control").write_text(f"+{controller}")
         folder.mkdir(exist_ok=True)
         (parent / "cpu.weight").write_text(str(V2_LARGEST_WEIGHT))
         period_us, quota_us = _quota(limits)
         (folder / "cpu.max").write_text(f"{quota_us or 'max'} {period_us}")
-        (folder / "cpuset.cpus").write_text(",".join(map(str, cpus)))
+        if "cpuset" in offered:
+            (folder / "cpuset.cpus").write_text(",".join(map(str, cpus)))
         if limits.memory_mb is not None:
             (folder / "memory.max").write_text(str(limits.memory_mb * 2**20))
         return CgroupPaths({}, folder)
