@@ -23,6 +23,10 @@ class SlambedError(Exception):
         self.code = code
 
 
+class MissingDataError(SlambedError):
+    """A known dataset whose source is not on this machine."""
+
+
 def environment_error(line: str) -> SlambedError:
     """A privilege, device, port or disk refused; not the user's input."""
     return SlambedError(line, ExitCode.ENVIRONMENT)

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness_parts import IdleLink, needs_root, run_spec, stand_in
+from data_samples import write_prepared
+from harness_parts import IdleLink, needs_root, run_spec, stand_in, write_library
 
-from slambed.campaign.campaign import repetitions
+from slambed.campaign.campaign import Plan, make_plan, repetitions
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.makers import LiveMaker
@@ -22,9 +23,11 @@ from slambed.campaign.order import interleaved
 from slambed.campaign.progress import duration
 from slambed.campaign.runner import Runner
 from slambed.campaign.status import status_of
+from slambed.data import places
 from slambed.engines.host_lock import host_lock
 from slambed.engines.local import LocalEngine
 from slambed.errors import ExitCode, SlambedError
+from slambed.spec.library import Library
 from slambed.spec.matrix import RunSpec
 
 
@@ -181,6 +184,36 @@ def test_a_second_campaign_is_told_who_runs(tmp_path: Path) -> None:
 
 def test_durations_read_well() -> None:
     assert [duration(s) for s in (12.4, 200, 3900)] == ["12 s", "3 min 20 s", "1 h 05 min"]
+
+
+def plan_with(datasets: list[str], root: Path, **changes: Any) -> Plan:
+    text = json.dumps(
+        {"id": "tiny", "title": "Tiny", "systems": [{"system": "solo"}], "datasets": datasets,
+         "devices": {"mobile": "small"}, **changes}
+    )  # fmt: skip
+    write_library(root, text)
+    library = Library(root)
+    experiment, source = library.experiment("tiny")
+    return make_plan(experiment, source, library, [], "local", "test", 2)
+
+
+def test_a_dataset_that_is_not_here_ends_the_experiment_or_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(places, "search_path", lambda: [tmp_path / "nothing"])
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    here = str(write_prepared(tmp_path / "here").path)
+    with pytest.raises(SlambedError, match=r"'kitti_07_left' not found.*line"):
+        plan_with(["kitti_07_left", here], tmp_path)
+    plan = plan_with(["kitti_07_left", here], tmp_path, missing_datasets="skip")
+    assert {spec.dataset for spec in plan.specs} == {"tiny"}
+    assert len(plan.specs) == 2
+    assert len(plan.left_out) == 1 and "SLAMBED_DATA" in plan.left_out[0]
+    with pytest.raises(SlambedError, match="no dataset of"):
+        plan_with(["kitti_07_left"], tmp_path, missing_datasets="skip")
+    # A name that nobody knows is a mistake, not missing data.
+    with pytest.raises(SlambedError, match="not known"):
+        plan_with(["kiti_07", here], tmp_path, missing_datasets="skip")
 
 
 @pytest.mark.parametrize(("asked", "count"), [(None, 2), ("default", 2), ("paper", 100), ("5", 5)])

@@ -18,7 +18,7 @@ from slambed.metrics.resources import resources_of
 from slambed.metrics.run import SUMMARY_KEYS, summarise_run, summarise_with_problems
 from slambed.metrics.stages import delays, stage_times
 from slambed.metrics.tracking import tracking_of
-from slambed.metrics.trajectory import read_tum
+from slambed.metrics.trajectory import read_tum, write_tum
 
 FORMATS = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
@@ -40,6 +40,7 @@ def test_the_keys_are_those_of_the_contract(raw: Path) -> None:
     ]
     values = {
         "completed", "edge_died", "mobile_died", "timeout", "link_died", "trajectory",
+        "se3", "sim3",
     }  # fmt: skip
     assert set(SUMMARY_KEYS) == set(named) - values
     assert tuple(summarise_run(raw, EDGE_SPEC)) == SUMMARY_KEYS
@@ -80,6 +81,32 @@ def test_without_an_edge_there_are_no_network_figures(tmp_path: Path) -> None:
     assert {found[key] for key in network} == {None}
     assert found["valid"] is True
     assert found["keyframes"] > 0 < found["local_mapping_ms_mean"]
+
+
+@pytest.mark.parametrize(("sensor", "alignment"), [("mono", "sim3"), ("stereo", "se3")])
+def test_one_camera_is_judged_up_to_its_scale_and_marked(
+    tmp_path: Path, sensor: str, alignment: str
+) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun(edge=False))
+    spec = spec_of("orbslam2", "default", None, 0)
+    metric = summarise_run(raw, spec)
+    assert (metric["ate_alignment"], metric["ate_scale"]) == ("se3", 1.0)
+    for name in ("trajectory.txt", "trajectory_live.txt"):
+        path = raw / "mobile" / name
+        write_tum(path, read_tum(path).scaled(0.25))
+    sequence = tmp_path / "sequence"
+    sequence.mkdir()
+    (sequence / "sequence.json").write_text(json.dumps({"sensor": sensor}))
+    (raw / "run.json").write_text(json.dumps({"sequence": str(sequence)}))
+    found = summarise_run(raw, spec)
+    assert found["ate_alignment"] == alignment
+    if sensor == "mono":
+        assert found["ate_scale"] == pytest.approx(4, rel=0.01)
+        for key in ("ate_rmse_m", "ate_live_rmse_m", "rpe_trans_m", "rpe_rot_deg"):
+            assert found[key] == pytest.approx(metric[key], rel=0.02), key
+    else:
+        assert found["ate_scale"] == 1
+        assert found["ate_rmse_m"] > 10 * metric["ate_rmse_m"]
 
 
 def test_ate_leaves_out_what_was_not_tracked(raw: Path) -> None:

@@ -7,6 +7,7 @@ namespace slambed {
 
 System edgeslam_system() {
   System system = offload_system("edgeslam");
+  system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<EdgeSlamMobile>(node, parameters);
   };

@@ -31,7 +31,7 @@ from slambed.engines.helper import is_root
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import mark_children, reap
 from slambed.engines.virtual import PROGRAM, prune_features
-from slambed.errors import SlambedError, environment_error
+from slambed.errors import MissingDataError, SlambedError, environment_error
 from slambed.metrics.collect import keep_groundtruth
 from slambed.native import find_program
 from slambed.spec.device import VIRTUAL
@@ -72,6 +72,8 @@ class Plan:
     specs: list[RunSpec]
     sequences: dict[str, Sequence]
     circumstances: Circumstances
+    left_out: list[str]
+    """Datasets that are not here and that the experiment can do without, with what to do."""
 
 
 def run_experiment(name: str, options: Options, console: Console) -> Verdict:
@@ -162,6 +164,8 @@ def _run_plan(
 ) -> Verdict:
     """Runs what is missing of a plan, then shows the report."""
     experiment, engine = plan.experiment, plan.circumstances.engine
+    for line in plan.left_out:
+        _say(console, f"left out: {line}")
     folder = ResultFolder(options.results / experiment.id)
     folder.create()
     ledger = Ledger(folder.path / "ledger.jsonl")
@@ -246,11 +250,15 @@ def make_plan(
     """Prepares the datasets and expands the matrix."""
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
+    left_out: list[str] = []
     for index, name in enumerate(experiment.datasets):
         try:
             sequence = prepare_sequence(name)
             sequence.played_s(experiment.playback)
         except SlambedError as error:
+            if isinstance(error, MissingDataError) and experiment.missing_datasets == "skip":
+                left_out.append(str(error))
+                continue
             line = source.line_of(("datasets", index))
             raise SlambedError(f"{error} ({source.path} line {line})", error.code) from None
         for choice in experiment.systems:
@@ -263,6 +271,8 @@ def make_plan(
                 )
         sequences[sequence.id] = sequence
         names[name] = (sequence.id, sequence.checksum)
+    if not sequences:
+        raise SlambedError(f"no dataset of {source.path} is on this machine: {left_out[0]}")
     backends: dict[str, str] = {}
     if experiment.link is not None and needs_link(experiment, library):
         asked = experiment.link.backend
@@ -271,7 +281,7 @@ def make_plan(
             backends = {p.name: backend_for(asked, p) for p in profiles}
     circumstances = Circumstances(engine, backends, software, names)
     specs = expand(experiment, source, library, profiles, circumstances, count)
-    return Plan(experiment, specs, sequences, circumstances)
+    return Plan(experiment, specs, sequences, circumstances, left_out)
 
 
 def experiment_json(plan: Plan, source: YamlSource, ordered: list[RunSpec]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset
 from slambed.data.recipe_file import load_recipe
 from slambed.data.suggestion import did_you_mean
-from slambed.errors import SlambedError
+from slambed.errors import MissingDataError, SlambedError
 from slambed.native import repository_root
 
 
@@ -85,7 +85,7 @@ class Catalog:
         for folder in self.search:
             if (file := folder / wanted).is_file():
                 return file
-        raise SlambedError(
+        raise MissingDataError(
             f"dataset '{dataset.id}' follows the camera path {wanted}, which is not in "
             f"{self._folders()}; put it there or set SLAMBED_DATA"
         )
@@ -108,7 +108,7 @@ class Catalog:
         if source is None:
             if (kept := cache.find(dataset)) is not None:
                 return PreparedSequence.open(kept)
-            raise SlambedError(self._missing(dataset))
+            raise MissingDataError(self._missing(dataset))
         if (source / SEQUENCE_FILE).is_file():
             return PreparedSequence.open(source)
         return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress)

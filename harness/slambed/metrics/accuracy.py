@@ -52,6 +52,8 @@ class ErrorStatistics:
     maximum: float
     pairs: int
     alignment: str = "SE3"
+    scale: float = 1.0
+    """What the estimate was multiplied by; 1 unless the scale was free."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) 
     return Alignment(rotation, target_mean - scale * rotation @ source_mean, scale)
 
 
-def statistics_of(errors: Floats, alignment: str = "SE3") -> ErrorStatistics:
+def statistics_of(errors: Floats, alignment: str = "SE3", scale: float = 1.0) -> ErrorStatistics:
     """Summary of non-negative errors (population standard deviation)."""
     return ErrorStatistics(
         rmse=float(np.sqrt(np.mean(errors**2))),
@@ -99,6 +101,7 @@ def statistics_of(errors: Floats, alignment: str = "SE3") -> ErrorStatistics:
         maximum=float(errors.max()),
         pairs=len(errors),
         alignment=alignment,
+        scale=scale,
     )
 
 
@@ -113,7 +116,7 @@ def absolute_error(
     matched, reference = associate(estimate, truth, max_difference_s, method)
     alignment = align_umeyama(matched.positions_m, reference.positions_m, with_scale)
     errors = np.linalg.norm(alignment.apply(matched.positions_m) - reference.positions_m, axis=1)
-    return statistics_of(errors, "Sim3" if with_scale else "SE3")
+    return statistics_of(errors, "Sim3" if with_scale else "SE3", alignment.scale)
 
 
 def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[np.intp]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from slambed.data.prepared import SEQUENCE_FILE
 from slambed.errors import SlambedError
 from slambed.metrics.accuracy import absolute_error, relative_error
 from slambed.metrics.collect import read_link, read_samples
@@ -32,7 +33,8 @@ SUMMARY_KEYS = (
     "track_losses", "lost", "first_loss_s", "relocalisations", "reloc_s_max", "resets",
     "loops_closed",
     "keyframes", "map_points",
-    "ate_rmse_m", "ate_pairs", "ate_live_rmse_m", "rpe_trans_m", "rpe_rot_deg",
+    "ate_rmse_m", "ate_pairs", "ate_alignment", "ate_scale", "ate_live_rmse_m",
+    "rpe_trans_m", "rpe_rot_deg",
     "track_ms_median", "track_ms_mean", "track_ms_p95", "extract_ms_median",
     "local_mapping_ms_mean", "local_mapping_cpu_ms_mean",
     "mobile_cpu_percent_mean", "edge_cpu_percent_mean",
@@ -151,10 +153,22 @@ def _map_size(log: EventLog) -> dict[str, Any]:
 
 def _find_groundtruth(raw_dir: Path, given: Path | None) -> Path | None:
     candidates = [given, raw_dir / "groundtruth.txt"]
-    configuration = _read_json(raw_dir / "run.json", [])
-    if isinstance(sequence := configuration.get("sequence"), str):
-        candidates.append(Path(sequence) / "groundtruth.txt")
+    if (sequence := _sequence(raw_dir)) is not None:
+        candidates.append(sequence / "groundtruth.txt")
     return next((path for path in candidates if path is not None and path.is_file()), None)
+
+
+def _sequence(raw_dir: Path) -> Path | None:
+    """The prepared sequence that was played."""
+    sequence = _read_json(raw_dir / "run.json", []).get("sequence")
+    return Path(sequence) if isinstance(sequence, str) else None
+
+
+def _sensor(raw_dir: Path) -> str | None:
+    """What the played sequence brought: rgbd, stereo or mono."""
+    sequence = _sequence(raw_dir)
+    told = _read_json(sequence / SEQUENCE_FILE, []).get("sensor") if sequence else None
+    return told if isinstance(told, str) else None
 
 
 def _accuracy(raw_dir: Path, truth_file: Path | None, problems: list[str]) -> dict[str, Any]:
@@ -162,17 +176,20 @@ def _accuracy(raw_dir: Path, truth_file: Path | None, problems: list[str]) -> di
         return {}
     found: dict[str, Any] = {}
     truth = read_tum(truth_file)
+    # A single camera knows no scale: its path is judged up to one, and marked.
+    free_scale = _sensor(raw_dir) == "mono"
     estimate = _trajectory(raw_dir, "trajectory.txt", problems)
     live = _trajectory(raw_dir, "trajectory_live.txt", problems)
     try:
-        error = absolute_error(estimate, truth)
+        error = absolute_error(estimate, truth, with_scale=free_scale)
         found |= {"ate_rmse_m": error.rmse, "ate_pairs": error.pairs}
-        drift = relative_error(estimate, truth, RPE_DELTA_S)
+        found |= {"ate_alignment": error.alignment.lower(), "ate_scale": error.scale}
+        drift = relative_error(estimate.scaled(error.scale), truth, RPE_DELTA_S)
         found |= {"rpe_trans_m": drift.translation_m.rmse, "rpe_rot_deg": drift.rotation_deg.rmse}
     except SlambedError as error_line:
         problems.append(f"trajectory.txt: {error_line}")
     try:
-        found["ate_live_rmse_m"] = absolute_error(live, truth).rmse
+        found["ate_live_rmse_m"] = absolute_error(live, truth, with_scale=free_scale).rmse
     except SlambedError as error_line:
         problems.append(f"trajectory_live.txt: {error_line}")
     return found

@@ -33,6 +33,10 @@ class Trajectory:
             self.stamps_s[indices], self.positions_m[indices], self.quaternions_xyzw[indices]
         )
 
+    def scaled(self, factor: float) -> "Trajectory":
+        """The same path in another unit of length."""
+        return Trajectory(self.stamps_s, factor * self.positions_m, self.quaternions_xyzw)
+
     def rotations(self) -> Rotation:
         """All orientations; quaternions are normalised by scipy."""
         return Rotation.from_quat(self.quaternions_xyzw)

@@ -56,6 +56,7 @@ def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric]) -> Cell:
     reasons = rows.loc[~rows["valid"].eq(True), "invalid_reason"].astype(str).value_counts()
     notes += [f"{count} not valid: {reason}" for reason, count in reasons.items()]
     notes += _coverage_note(good)
+    notes += _scale_note(good)
     return Cell(
         name=name,
         label=str(first["label"]),
@@ -118,6 +119,15 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
         f"{LEAST_COVERAGE:.0%} of their frames; ATE of the others "
         f"{ate.show(found.survivor_median_m)} {ate.unit}, {over_all}"
     ]
+
+
+def _scale_note(rows: pd.DataFrame) -> list[str]:
+    """A path that was judged up to its scale must not pass for one in metres."""
+    free = rows[rows["ate_alignment"] == "sim3"]
+    if not len(free):
+        return []
+    factor = float(np.median(finite(free["ate_scale"].to_numpy())))
+    return [f"errors after Sim(3) alignment: the scale is free (median factor {factor:.3g})"]
 
 
 def number(value: object) -> float | None:

@@ -112,6 +112,8 @@ class Experiment(BaseModel):
     reproduces: list[str] = Field(default_factory=list)
     systems: list[SystemChoice] = Field(min_length=1)
     datasets: list[str] = Field(min_length=1)
+    missing_datasets: Literal["refuse", "skip"] = "refuse"
+    """Whether a dataset that is not on this machine ends the experiment or is left out of it."""
     playback: Playback = Field(default_factory=Playback)
     link: LinkChoice | None = None
     devices: DeviceChoice = Field(default_factory=DeviceChoice)

@@ -165,6 +165,8 @@ def expand(
             _device(devices, "edge", source, at, library, host.engine) if system.has_edge else None
         )
         for dataset in experiment.datasets:
+            if dataset not in host.datasets:
+                continue  # left out, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
             for profile in _profiles_of(choice, profiles, source, index):
                 cell = "/".join([label, found, *([profile.name] if profile else [])])

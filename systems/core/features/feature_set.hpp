@@ -12,12 +12,21 @@
 
 namespace slambed {
 
+/// What a sequence brings besides a grey image.
+enum class SensorKind : std::uint8_t { kRgbd, kStereo, kMono };
+
+/// Images that features are extracted from per frame.
+constexpr int images_per_frame(SensorKind kind) { return kind == SensorKind::kStereo ? 2 : 1; }
+
 /// What all frames of one sequence share.
 struct Sensor {
   Camera camera;
   ImageBounds bounds;
   ScalePyramid pyramid;
   float close_depth_m = 0;  ///< bf * ThDepth / fx: nearer points are "close"
+
+  /// Depth is measured, so the map has a scale; a single camera knows none.
+  bool metric() const { return camera.bf > 0; }
 };
 
 /// Immutable features of one image with a 64x48 grid for area search. Shared by frame, keyframe and
@@ -56,5 +65,10 @@ std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
                                                      GreyView grey, DepthView depth,
                                                      double depth_unit_m);
+
+/// Extraction and undistortion only: no feature has depth. Throws as make_rgbd_features.
+std::shared_ptr<const FeatureSet> make_mono_features(OrbExtractor& extractor,
+                                                     std::shared_ptr<const Sensor> sensor,
+                                                     GreyView grey);
 
 }  // namespace slambed

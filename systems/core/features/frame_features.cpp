@@ -21,6 +21,21 @@ void check_size(const char* what, int width, int height, const Camera& camera) {
                     "; check the camera of the sequence");
 }
 
+/// Raw pixel to ideal pixel.
+Eigen::Vector2d ideal_pixel(const RawKeyPoint& raw, const Camera& camera) {
+  return camera.distorted() ? camera.undistort(raw.x, raw.y) : Eigen::Vector2d(raw.x, raw.y);
+}
+
+/// A feature without depth.
+KeyPoint feature_at(const Eigen::Vector2d& ideal, const RawKeyPoint& raw) {
+  KeyPoint point;
+  point.u = static_cast<float>(ideal.x());
+  point.v = static_cast<float>(ideal.y());
+  point.angle_deg = raw.angle_deg;
+  point.octave = raw.octave;
+  return point;
+}
+
 }  // namespace
 
 std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
@@ -40,13 +55,8 @@ std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
   std::vector<KeyPoint> keypoints;
   keypoints.reserve(raw.size());
   for (const RawKeyPoint& r : raw) {
-    KeyPoint p;
-    const Eigen::Vector2d ideal =
-        camera.distorted() ? camera.undistort(r.x, r.y) : Eigen::Vector2d(r.x, r.y);
-    p.u = static_cast<float>(ideal.x());
-    p.v = static_cast<float>(ideal.y());
-    p.angle_deg = r.angle_deg;
-    p.octave = r.octave;
+    const Eigen::Vector2d ideal = ideal_pixel(r, camera);
+    KeyPoint p = feature_at(ideal, r);
     const std::uint16_t steps =
         depth.at(static_cast<int>(r.x + 0.5f), static_cast<int>(r.y + 0.5f));
     if (steps > 0) {
@@ -56,6 +66,22 @@ std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
     }
     keypoints.push_back(p);
   }
+  return std::make_shared<const FeatureSet>(std::move(sensor), std::move(keypoints),
+                                            std::move(descriptors));
+}
+
+std::shared_ptr<const FeatureSet> make_mono_features(OrbExtractor& extractor,
+                                                     std::shared_ptr<const Sensor> sensor,
+                                                     GreyView grey) {
+  if (!sensor) throw bad_input("monocular frame: no sensor given");
+  const Camera& camera = sensor->camera;
+  check_size("monocular frame: the image", grey.width, grey.height, camera);
+  std::vector<RawKeyPoint> raw;
+  std::vector<Descriptor> descriptors;
+  extractor.extract(grey, raw, descriptors);
+  std::vector<KeyPoint> keypoints;
+  keypoints.reserve(raw.size());
+  for (const RawKeyPoint& r : raw) keypoints.push_back(feature_at(ideal_pixel(r, camera), r));
   return std::make_shared<const FeatureSet>(std::move(sensor), std::move(keypoints),
                                             std::move(descriptors));
 }

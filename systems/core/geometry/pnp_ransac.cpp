@@ -6,27 +6,10 @@
 #include <cmath>
 
 #include "geometry/p3p.hpp"
+#include "geometry/random_sample.hpp"
 
 namespace slambed {
 namespace {
-
-/// SplitMix64: the same seed draws the same samples on every machine.
-std::uint64_t next_random(std::uint64_t& state) {
-  std::uint64_t x = state += 0x9E3779B97F4A7C15u;
-  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
-  x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;
-  return x ^ (x >> 31);
-}
-
-std::array<std::size_t, 4> draw(std::uint64_t& state, std::size_t count) {
-  std::array<std::size_t, 4> sample{};
-  for (std::size_t i = 0; i < sample.size(); ++i) {
-    do {
-      sample[i] = next_random(state) % count;
-    } while (std::find(sample.begin(), sample.begin() + i, sample[i]) != sample.begin() + i);
-  }
-  return sample;
-}
 
 double chi2(const Camera& camera, const SE3& T_cw, const PnpCorrespondence& match) {
   const Eigen::Vector3d p_c = T_cw * match.p_w;
@@ -66,7 +49,7 @@ std::optional<PnpResult> solve_pnp_ransac(const Camera& camera,
   std::uint64_t state = options.seed;
   int limit = options.max_iterations;
   for (int iteration = 0; iteration < limit; ++iteration) {
-    const auto sample = draw(state, matches.size());
+    const auto sample = draw_sample<4>(state, matches.size());
     std::array<Eigen::Vector3d, 3> points, directions;
     for (int i = 0; i < 3; ++i) {
       const PnpCorrespondence& match = matches[sample[i]];

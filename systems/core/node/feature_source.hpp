@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "features/feature_set.hpp"
 #include "features/orb_extractor.hpp"
+#include "features/stereo_matcher.hpp"
 #include "node/prepared_sequence.hpp"
 
 namespace slambed {
@@ -18,24 +20,26 @@ class FeatureSource {
   virtual std::shared_ptr<const Sensor> sensor() const = 0;
 };
 
-/// Extracts from a prepared sequence. Owns scratch memory: one per worker.
+/// Extracts from a prepared sequence of any sensor. Owns scratch memory: one per worker.
 class ExtractingSource final : public FeatureSource {
  public:
   ExtractingSource(const PreparedSequence& sequence, std::shared_ptr<const Sensor> sensor,
-                   const OrbOptions& options)
-      : sequence_(sequence), sensor_(std::move(sensor)), extractor_(options) {}
+                   const OrbOptions& options);
 
-  std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override {
-    const auto image = sequence_.frame(frame);
-    return make_rgbd_features(extractor_, sensor_, image.grey, image.depth,
-                              sequence_.depth_unit_m());
-  }
+  std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override;
   std::shared_ptr<const Sensor> sensor() const override { return sensor_; }
 
  private:
+  /// What only a rectified pair needs.
+  struct Right {
+    OrbExtractor extractor;
+    StereoMatcher matcher;
+  };
+
   const PreparedSequence& sequence_;
   std::shared_ptr<const Sensor> sensor_;
   OrbExtractor extractor_;
+  std::optional<Right> right_;
 };
 
 }  // namespace slambed

@@ -73,6 +73,7 @@ class LiveNode {
  private:
   void open_sequence(bool verify) {
     sequence_.emplace(config_.sequence);
+    check_sensor(system_, *sequence_);
     if (verify) sequence_->verify_all();
     playlist_.emplace(sequence_->timestamps_ns(), sequence_->fps(), config_.playback);
     const OrbOptions orb = system_.orb(parameters_);
@@ -94,6 +95,7 @@ class LiveNode {
                                 .log = log_,
                                 .features = *features_,
                                 .feed = *feed_,
+                                .sensor = sequence_->sensor(),
                                 .played_fps = playlist_->played_fps(),
                                 .stop_at_first_loss = config_.playback.stop_at_first_loss,
                                 .timestamps_ns = sequence_->timestamps_ns(),

@@ -59,7 +59,7 @@ void spawn_log_writer(Runtime& runtime, EventLog& log) {
 
 MobileNode::MobileNode(MobileParts parts, const System& system, const Parameters& parameters)
     : parts_(parts) {
-  TrackerOptions options = system.tracker(parameters);
+  TrackerOptions options = suited(system.tracker(parameters), parts_.sensor);
   // ORB-SLAM2's mMaxFrames: one second.
   options.max_frames_between_keyframes =
       std::max(1, static_cast<int>(std::lround(parts_.played_fps)));
@@ -117,7 +117,7 @@ TrackedFrame MobileNode::track_frame(Worker& worker, const OfferedFrame& offered
   TrackedFrame frame{.offered = offered, .outcome = {}, .features = nullptr};
   frame.features = worker.stage("extract", [&](StageUnits& units) {
     auto features = parts_.features.features(offered.played.index);
-    units.n1 = features->size();
+    units.n1 = images_per_frame(parts_.sensor) * features->size();
     return features;
   });
   frame.outcome = worker.stage("track", [&](StageUnits& units) {

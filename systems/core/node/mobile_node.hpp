@@ -17,6 +17,7 @@ struct MobileParts {
   EventLog& log;
   FeatureSource& features;
   FrameFeed& feed;
+  SensorKind sensor = SensorKind::kRgbd;
   double played_fps = 30;
   bool stop_at_first_loss = false;  ///< playback ends with the first track loss
   std::span<const std::int64_t> timestamps_ns;  ///< of the whole sequence

@@ -35,6 +35,16 @@ bool succeeds_a_dead_edge(const fs::path& output, NodeRole role) {
          fs::exists(folder / "events.jsonl") && !fs::exists(folder / "node.json");
 }
 
+void check_sensor(const System& system, const PreparedSequence& sequence) {
+  std::string known;
+  for (const SensorKind kind : system.sensors) {
+    if (kind == sequence.sensor()) return;
+    known += (known.empty() ? "" : ", ") + std::string(sensor_name(kind));
+  }
+  throw bad_input("sequence '" + sequence.id() + "' is " + sensor_name(sequence.sensor()) + ", " +
+                  system.name + " plays " + known + "; choose another sequence or system");
+}
+
 fs::path prepare_node_folder(const fs::path& output, NodeRole role) {
   const fs::path folder = output / role_name(role);
   std::error_code error;

@@ -10,6 +10,7 @@
 
 #include "base/ids.hpp"
 #include "node/policy.hpp"
+#include "node/prepared_sequence.hpp"
 #include "node/run_config.hpp"
 
 namespace slambed {
@@ -26,6 +27,9 @@ void check_network(const System& system, const RunConfig& config, const std::str
 /// True when an edge of this run was here before and did not end: its successor joins the running
 /// mobile. Asked before the folder is prepared.
 bool succeeds_a_dead_edge(const std::filesystem::path& output, NodeRole role);
+
+/// bad_input unless the system can do with what the sequence brings.
+void check_sensor(const System& system, const PreparedSequence& sequence);
 
 /// Creates <output>/<role> and removes what an earlier run said there; environment_error.
 std::filesystem::path prepare_node_folder(const std::filesystem::path& output, NodeRole role);

@@ -60,6 +60,7 @@ struct System {
   std::string name;
   std::vector<ParameterSpec> parameters;
   std::vector<std::string> channels;  ///< none: everything runs on the mobile
+  std::vector<SensorKind> sensors{SensorKind::kRgbd};
   std::function<OrbOptions(const Parameters&)> orb;
   std::function<TrackerOptions(const Parameters&)> tracker;
   std::function<bool(const Parameters&)> sequential;  ///< frames as fast as they can be tracked

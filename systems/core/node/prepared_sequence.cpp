@@ -28,7 +28,30 @@ constexpr std::size_t kIndexEntry = 16;  ///< int64 time, uint32 checksum, uint3
 /// Recorded times are given in seconds, mostly to the microsecond; a double holds no more.
 std::int64_t to_ns(double seconds) { return std::llround(seconds * 1e6) * 1000; }
 
+SensorKind sensor_kind(JsonReader& in) {
+  const std::string name = in.text("sensor");
+  for (const SensorKind kind : {SensorKind::kRgbd, SensorKind::kStereo, SensorKind::kMono})
+    if (name == sensor_name(kind)) return kind;
+  in.fail("sensor", "is '" + name + "', not rgbd, stereo or mono");
+}
+
+constexpr std::size_t bytes_per_pixel(SensorKind kind) {
+  return kind == SensorKind::kRgbd ? 3 : kind == SensorKind::kStereo ? 2 : 1;
+}
+
 }  // namespace
+
+const char* sensor_name(SensorKind kind) {
+  switch (kind) {
+    case SensorKind::kStereo:
+      return "stereo";
+    case SensorKind::kMono:
+      return "mono";
+    case SensorKind::kRgbd:
+      break;
+  }
+  return "rgbd";
+}
 
 PreparedSequence::PreparedSequence(std::filesystem::path folder) : folder_(std::move(folder)) {
   read_header();
@@ -48,13 +71,13 @@ void PreparedSequence::read_header() {
   if (in.text("format") != "slambed-sequence") in.fail("format", "must be 'slambed-sequence'");
   in.integer("version", 1, 1);
   id_ = in.text("id");
-  const std::string sensor = in.text("sensor");
-  if (sensor != "rgbd")
-    in.fail("sensor", "is '" + sensor + "'; this node plays rgbd sequences only");
+  sensor_ = sensor_kind(in);
   camera_.width = static_cast<int>(in.integer("width", 1, kMaxSide));
   camera_.height = static_cast<int>(in.integer("height", 1, kMaxSide));
+  const bool rgbd = sensor_ == SensorKind::kRgbd;
   // Blocks are page-aligned; an even plane in front keeps the 16-bit one aligned too.
-  if (camera_.width * camera_.height % 2 != 0) in.fail("width", "times height must be even");
+  if (rgbd && camera_.width * camera_.height % 2 != 0)
+    in.fail("width", "times height must be even");
   frame_count_ = static_cast<std::uint64_t>(in.integer("frames", 1, kMaxFrames));
   stride_bytes_ = static_cast<std::size_t>(in.integer("frame_stride_bytes", 1, INT32_MAX));
   if (stride_bytes_ % kPage != 0 || stride_bytes_ < block_bytes()) {
@@ -63,7 +86,7 @@ void PreparedSequence::read_header() {
   fps_ = in.number("fps");
   if (fps_ <= 0) in.fail("fps", "must be above 0");
   depth_unit_m_ = in.number("depth_unit_m");
-  if (depth_unit_m_ <= 0) in.fail("depth_unit_m", "must be above 0");
+  if (rgbd && depth_unit_m_ <= 0) in.fail("depth_unit_m", "must be above 0");
   close_depth_baselines_ = in.number("close_depth_baselines");
   if (close_depth_baselines_ <= 0) in.fail("close_depth_baselines", "must be above 0");
   time_origin_ns_ = to_ns(in.number("time_origin_s"));
@@ -75,7 +98,8 @@ void PreparedSequence::read_header() {
   camera_.cy = lens.number("cy");
   camera_.bf = lens.number("bf");
   if (camera_.fx <= 0 || camera_.fy <= 0) lens.fail("fx", "and fy must be above 0");
-  if (camera_.bf <= 0) lens.fail("bf", "must be above 0");
+  if (sensor_ == SensorKind::kMono) camera_.bf = 0;
+  else if (camera_.bf <= 0) lens.fail("bf", "must be above 0");
   const auto& distortion = lens.any("distortion");
   if (!distortion.is_array() || distortion.size() != camera_.distortion.size()) {
     lens.fail("distortion", "must be [k1, k2, p1, p2, k3]");
@@ -87,7 +111,8 @@ void PreparedSequence::read_header() {
 }
 
 std::size_t PreparedSequence::block_bytes() const {
-  return 3 * static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height);
+  return bytes_per_pixel(sensor_) * static_cast<std::size_t>(camera_.width) *
+         static_cast<std::size_t>(camera_.height);
 }
 
 void PreparedSequence::read_index() {
@@ -139,13 +164,17 @@ void PreparedSequence::map_frames() {
 
 PreparedSequence::Frame PreparedSequence::frame(std::uint64_t index) const {
   const std::uint8_t* block = data_ + index * stride_bytes_;
-  const std::size_t pixels = block_bytes() / 3;
+  const std::uint8_t* second =
+      block + static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height);
   Frame frame;
   frame.index = index;
   frame.timestamp_ns = timestamps_ns_[index];
   frame.grey = {block, camera_.width, camera_.height, camera_.width};
-  frame.depth = {reinterpret_cast<const std::uint16_t*>(block + pixels), camera_.width,
-                 camera_.height, camera_.width};
+  if (sensor_ == SensorKind::kRgbd)
+    frame.depth = {reinterpret_cast<const std::uint16_t*>(second), camera_.width, camera_.height,
+                   camera_.width};
+  if (sensor_ == SensorKind::kStereo)
+    frame.right = {second, camera_.width, camera_.height, camera_.width};
   return frame;
 }
 

@@ -8,10 +8,14 @@
 #include <string>
 #include <vector>
 
+#include "features/feature_set.hpp"
 #include "features/image.hpp"
 #include "geometry/camera.hpp"
 
 namespace slambed {
+
+/// "rgbd", "stereo" or "mono".
+const char* sensor_name(SensorKind kind);
 
 /// A prepared sequence (docs/formats.md), mapped read-only: frames cost nothing until looked at.
 class PreparedSequence {
@@ -20,7 +24,8 @@ class PreparedSequence {
     std::uint64_t index = 0;
     std::int64_t timestamp_ns = 0;  ///< since time_origin
     GreyView grey;
-    DepthView depth;
+    DepthView depth;  ///< of an RGB-D sequence
+    GreyView right;   ///< of a stereo sequence
   };
 
   /// Checks header, sizes, time stamps and the first frame's checksum. bad_input when the folder is
@@ -31,6 +36,8 @@ class PreparedSequence {
   PreparedSequence& operator=(const PreparedSequence&) = delete;
 
   const std::string& id() const { return id_; }
+  SensorKind sensor() const { return sensor_; }
+  /// A monocular one has no baseline, whatever the file says.
   const Camera& camera() const { return camera_; }
   double depth_unit_m() const { return depth_unit_m_; }
   double close_depth_m() const { return close_depth_baselines_ * camera_.baseline_m(); }
@@ -52,6 +59,7 @@ class PreparedSequence {
 
   std::filesystem::path folder_;
   std::string id_;
+  SensorKind sensor_ = SensorKind::kRgbd;
   Camera camera_;
   double depth_unit_m_ = 0, close_depth_baselines_ = 0, fps_ = 0;
   std::int64_t time_origin_ns_ = 0;

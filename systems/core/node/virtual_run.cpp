@@ -55,6 +55,7 @@ class VirtualRun {
         link_(simulator_, config_.link.up, config_.link.down, config_.run.seed),
         mobile_(simulator_, config_, NodeRole::kMobile, config_.mobile) {
     check_network(system_, config_.run, path.string());
+    check_sensor(system_, sequence_);
     if (config_.edge) edge_.emplace(simulator_, config_, NodeRole::kEdge, *config_.edge);
     make_nodes();
   }
@@ -108,6 +109,7 @@ class VirtualRun {
                                      .log = mobile_.log,
                                      .features = *features_,
                                      .feed = *feed_,
+                                     .sensor = sequence_.sensor(),
                                      .played_fps = playlist_.played_fps(),
                                      .stop_at_first_loss = config_.run.playback.stop_at_first_loss,
                                      .timestamps_ns = sequence_.timestamps_ns(),

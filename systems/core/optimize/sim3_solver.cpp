@@ -6,29 +6,12 @@
 #include <array>
 #include <cmath>
 
+#include "geometry/random_sample.hpp"
 #include "optimize/damping.hpp"
 #include "optimize/reprojection.hpp"
 
 namespace slambed {
 namespace {
-
-/// SplitMix64: the same seed draws the same samples on every machine.
-std::uint64_t next_random(std::uint64_t& state) {
-  std::uint64_t x = state += 0x9E3779B97F4A7C15u;
-  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
-  x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;
-  return x ^ (x >> 31);
-}
-
-std::array<std::size_t, 3> draw(std::uint64_t& state, std::size_t count) {
-  std::array<std::size_t, 3> sample{};
-  for (std::size_t i = 0; i < sample.size(); ++i) {
-    do {
-      sample[i] = next_random(state) % count;
-    } while (std::find(sample.begin(), sample.begin() + i, sample[i]) != sample.begin() + i);
-  }
-  return sample;
-}
 
 std::optional<Sim3> align(std::span<const Eigen::Vector3d> from,
                           std::span<const Eigen::Vector3d> to, bool fix_scale) {
@@ -192,7 +175,7 @@ std::optional<Sim3Result> solve_sim3_ransac(const Camera& camera,
   std::uint64_t state = options.seed;
   int limit = options.max_iterations;
   for (int iteration = 0; iteration < limit; ++iteration) {
-    const auto sample = draw(state, matches.size());
+    const auto sample = draw_sample<3>(state, matches.size());
     std::array<Eigen::Vector3d, 3> in_1, in_2;
     for (int i = 0; i < 3; ++i) {
       in_1[i] = matches[sample[i]].p_1;

@@ -96,7 +96,7 @@ EssentialGraph::EssentialGraph(const Map& map, const LoopCorrection& loop, const
     const auto held = edges.place(loop.matched);
     if (!problem.fixed.empty()) problem.fixed[held ? *held : 0] = 1;
     if (!ids_.empty())
-      problem.fix_scale = view.keyframe(ids_.front())->features->sensor().camera.bf > 0;
+      problem.fix_scale = view.keyframe(ids_.front())->features->sensor().metric();
     return 0;
   });
   problem.S_cw = start_;

@@ -5,9 +5,7 @@ namespace slambed {
 namespace {
 
 constexpr float kYoungMapRatio = 0.4f;  ///< c2 while the map has a single keyframe
-constexpr float kUrgentRatio = 0.25f;   ///< c1c
 constexpr int kLeastInliers = 15;       ///< c2 asks for more than this
-constexpr int kQueueLimit = 3;          ///< keyframes waiting for a busy mapper
 constexpr int kYoungMap = 2;            ///< keyframes
 
 }  // namespace
@@ -28,7 +26,7 @@ KeyFrameNeed keyframe_need(const TrackerOptions& options, const KeyFrameEvidence
   const auto reference = static_cast<float>(evidence.reference_matches);
   const bool c2 = (inliers < ratio * reference || need_close) && evidence.inliers > kLeastInliers;
   if (!c2) return KeyFrameNeed::kNone;
-  const bool c1c = inliers < kUrgentRatio * reference || need_close;
+  const bool c1c = inliers < options.urgent_ratio * reference || need_close;
   return c1c ? KeyFrameNeed::kUrgent : KeyFrameNeed::kIfMapperAgrees;
 }
 
@@ -43,7 +41,7 @@ bool wants_keyframe(const TrackerOptions& options, const KeyFrameEvidence& evide
         evidence.frames_since_keyframe >= options.min_frames_between_keyframes && mapper.idle;
     if (!c1a && !c1b) return false;
   }
-  return mapper.idle || mapper.queued < kQueueLimit;
+  return mapper.idle || mapper.queued < options.busy_queue;
 }
 
 }  // namespace slambed

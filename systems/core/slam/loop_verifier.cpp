@@ -10,9 +10,6 @@
 namespace slambed {
 namespace {
 
-/// A camera without a baseline knows no scale.
-bool metric(const Sensor& sensor) { return sensor.camera.bf > 0; }
-
 /// Where a point of this camera frame is seen; false behind the camera or outside the image.
 bool project_local(const Sensor& sensor, const Eigen::Vector3d& p_c, Projection& out) {
   return Viewpoint(sensor, SE3()).project(p_c, out);
@@ -82,7 +79,7 @@ bool LoopVerifier::estimate(Pairs& pairs, Sim3& S_12, bool from_scratch) const {
                        a.v, b.u, b.v, ours.inv_sigma2(i), theirs.inv_sigma2(j)});
   }
   Sim3Options options;
-  options.fix_scale = metric(ours.sensor());
+  options.fix_scale = ours.sensor().metric();
   Sim3Result result;
   if (from_scratch) {
     auto found = solve_sim3_ransac(ours.sensor().camera, matches, options);

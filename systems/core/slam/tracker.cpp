@@ -21,7 +21,6 @@ constexpr int kLeastReferenceMatches = 15;
 constexpr int kLeastPoseInliers = 10;
 constexpr float kReferenceRatio = 0.7f;
 constexpr int kFramesWithoutMotionModel = 2;  ///< after a relocalisation
-constexpr float kLocalFactor = 3;             ///< of the window, RGB-D
 constexpr float kLocalFactorRelocalised = 5;
 /// A first keyframe with fewer points than this could not be tracked in the next frame anyway.
 constexpr int kLeastInitPoints = 50;
@@ -213,8 +212,9 @@ bool Tracker::Impl::track_local(TrackOutcome& outcome) {
     if (!known) return false;
     T_rw = *known;
   }
-  const float factor =
-      recently_relocalised(kFramesWithoutMotionModel) ? kLocalFactorRelocalised : kLocalFactor;
+  const float factor = recently_relocalised(kFramesWithoutMotionModel)
+                           ? kLocalFactorRelocalised
+                           : options.local_window_factor;
   search.add_local(local, factor, static_cast<std::uint32_t>(frame_number), current);
   outcome.local_points = static_cast<int>(local.points().size());
   outcome.matches = current.matches();

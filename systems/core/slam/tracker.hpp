@@ -23,11 +23,17 @@ struct TrackerOptions {
   int min_local_map_inliers = 30;
   int min_inliers_after_relocalisation = 50;
   float motion_window_px = 15;
+  float local_window_factor = 3;    ///< of the windows in which local points are looked for
   int close_points_wanted = 100;    ///< needClose: fewer tracked than this ...
   int close_points_available = 70;  ///< ... and more untracked than this
   float reference_ratio = 0.75f;
+  float urgent_ratio = 0.25f;  ///< of the reference's points; fewer: not to be put off
+  int busy_queue = 3;          ///< fewer keyframes than this may wait for a busy mapper
   int reset_below_keyframes = 6;  ///< lost with fewer keyframes: start over
 };
+
+/// What ORB-SLAM2 does differently with this sensor; the options are those for RGB-D.
+TrackerOptions suited(TrackerOptions options, SensorKind sensor);
 
 struct TrackOutcome {
   TrackingState state = TrackingState::kNotInitialised;

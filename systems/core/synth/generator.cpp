@@ -82,15 +82,16 @@ Camera generator_camera(const GeneratorOptions& o) {
   camera.fx = camera.fy = 525.0 * o.width / 640;
   camera.cx = (o.width - 1) / 2.0;
   camera.cy = (o.height - 1) / 2.0;
-  camera.bf = o.sensor == "stereo" ? camera.fx * 0.11 : 40.0 * o.width / 640;
+  if (o.sensor == "rgbd") camera.bf = 40.0 * o.width / 640;
+  if (o.sensor == "stereo") camera.bf = camera.fx * 0.11;
   return camera;
 }
 
 bool generate(const GeneratorOptions& options, const std::filesystem::path& folder, int threads,
               const Progress& progress, const std::string& extra_source) {
-  const bool stereo = options.sensor == "stereo";
-  if (!stereo && options.sensor != "rgbd")
-    throw bad_input("sensor '" + options.sensor + "' is not known; choose rgbd or stereo");
+  const bool stereo = options.sensor == "stereo", rgbd = options.sensor == "rgbd";
+  if (!stereo && !rgbd && options.sensor != "mono")
+    throw bad_input("sensor '" + options.sensor + "' is not known; choose rgbd, stereo or mono");
   if (!(options.fps > 0) || options.width < 32 || options.height < 32)
     throw bad_input("fps must be positive and the image at least 32x32");
   const ChosenPath chosen = choose_path(options);
@@ -107,7 +108,7 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
   sensor.baseline_m = camera.baseline_m();
 
   SequenceHeader header{options.id, options.title,  options.sensor,
-                        camera,     options.fps,    stereo ? 0 : sensor.depth_unit_m,
+                        camera,     options.fps,    rgbd ? sensor.depth_unit_m : 0,
                         40,         chosen.origin_s};
   SequenceWriter writer(folder, header);
   std::vector<SensorModel> sensors;
@@ -123,12 +124,11 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
       FrameBlock& block = blocks[k];
       block.bytes.clear();
       const Shot shot = stereo ? sensors[k].capture_stereo(*chosen.path, first + k, t)
-                               : sensors[k].capture_rgbd(*chosen.path, first + k, t);
+                        : rgbd ? sensors[k].capture_rgbd(*chosen.path, first + k, t)
+                               : sensors[k].capture_mono(*chosen.path, first + k, t);
       block.append(shot.grey.data(), shot.grey.size());
-      if (stereo)
-        block.append(shot.right.data(), shot.right.size());
-      else
-        block.append(shot.depth.data(), shot.depth.size() * 2);
+      block.append(shot.right.data(), shot.right.size());
+      block.append(shot.depth.data(), shot.depth.size() * 2);
       block.seal();
     };
     {

@@ -17,7 +17,7 @@ inline constexpr const char* kGeneratorVersion = "2";
 /// Everything a generated sequence depends on.
 struct GeneratorOptions {
   std::string id = "synthetic", title = "Generated room";
-  std::string sensor = "rgbd";        ///< or "stereo"
+  std::string sensor = "rgbd";        ///< or "stereo", "mono"
   std::string trajectory = "spline";  ///< a named path or a TUM-format file
   double seconds = 0;                 ///< 0: as long as the path
   double fps = 30;
@@ -31,7 +31,8 @@ struct GeneratorOptions {
 /// Called with frames done and frames in all; returning false stops and leaves nothing behind.
 using Progress = std::function<bool(int done, int total)>;
 
-/// Pinhole with a 62.7 degree field of view; rgbd: bf 40 px m as in TUM's settings, stereo: 11 cm.
+/// Pinhole with a 62.7 degree field of view; rgbd: bf 40 px m as in TUM's settings, stereo: 11 cm,
+/// mono: none.
 Camera generator_camera(const GeneratorOptions& options);
 
 /// Writes a prepared sequence. The bytes depend on the options only, not on the number of threads.

@@ -71,6 +71,12 @@ Shot SensorModel::capture_stereo(const CameraPath& path, int frame, double time_
   return shot;
 }
 
+Shot SensorModel::capture_mono(const CameraPath& path, int frame, double time_s) {
+  Shot shot;
+  shot.grey = expose(path, frame, time_s, 0, 0);
+  return shot;
+}
+
 bool SensorModel::covered(double time_s) const {
   return time_s >= options_.blackout_start_s && time_s < options_.blackout_end_s;
 }

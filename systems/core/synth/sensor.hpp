@@ -39,6 +39,8 @@ class SensorModel {
   Shot capture_rgbd(const CameraPath& path, int frame, double time_s);
   /// Left and right grey of a rectified pair.
   Shot capture_stereo(const CameraPath& path, int frame, double time_s);
+  /// Grey alone.
+  Shot capture_mono(const CameraPath& path, int frame, double time_s);
 
  private:
   std::vector<std::uint8_t> expose(const CameraPath& path, int frame, double time_s,

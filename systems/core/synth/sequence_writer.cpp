@@ -56,7 +56,7 @@ void FrameBlock::seal() {
 SequenceWriter::SequenceWriter(fs::path folder, SequenceHeader header)
     : folder_(std::move(folder)), header_(std::move(header)) {
   const std::size_t pixels = static_cast<std::size_t>(header_.camera.width) * header_.camera.height;
-  block_bytes_ = pixels * (header_.sensor == "rgbd" ? 3 : 2);
+  block_bytes_ = pixels * (header_.sensor == "rgbd" ? 3 : header_.sensor == "stereo" ? 2 : 1);
   stride_bytes_ = (block_bytes_ + kAlignment_bytes - 1) / kAlignment_bytes * kAlignment_bytes;
   partial_ = folder_.parent_path() /
              ("." + folder_.filename().string() + ".partial-" + std::to_string(getpid()));

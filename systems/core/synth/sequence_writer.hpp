@@ -16,7 +16,7 @@ namespace slambed::synth {
 /// Header of a prepared sequence (docs/formats.md, "Prepared sequence").
 struct SequenceHeader {
   std::string id, title;
-  std::string sensor;  ///< "rgbd" or "stereo"
+  std::string sensor;  ///< "rgbd", "stereo" or "mono"
   Camera camera;
   double fps = 30;
   double depth_unit_m = 0;

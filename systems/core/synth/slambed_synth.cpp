@@ -30,7 +30,7 @@ int main(int argc, char** argv) {
   app.add_option("--out", out, "folder to write; appears when complete")->required();
   app.add_option("--id", options.id, "id of the sequence");
   app.add_option("--title", options.title, "title of the sequence");
-  app.add_option("--sensor", options.sensor, "rgbd or stereo");
+  app.add_option("--sensor", options.sensor, "rgbd, stereo or mono");
   app.add_option("--trajectory", options.trajectory,
                  "still, spline, office, two_laps, or a TUM-format file (with . or / in its name)");
   app.add_option("--seconds", options.seconds, "length; default: the whole path")

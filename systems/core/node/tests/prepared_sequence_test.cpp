@@ -14,7 +14,7 @@ namespace slambed {
 namespace {
 
 constexpr int kWidth = 64, kHeight = 48, kFrames = 3;
-constexpr std::size_t kBlock = 3 * kWidth * kHeight, kStride = 12288;
+constexpr std::size_t kPixels = kWidth * kHeight, kStride = 12288;
 
 nlohmann::json header() {
   return {{"format", "slambed-sequence"},
@@ -54,7 +54,7 @@ class PreparedSequenceTest : public ::testing::Test {
     for (int i = 0; i < kFrames; ++i) {
       const std::int64_t time = times[i];
       const std::uint32_t crc =
-          checksum({reinterpret_cast<const std::uint8_t*>(frames.data()) + i * kStride, kBlock});
+          checksum({reinterpret_cast<const std::uint8_t*>(frames.data()) + i * kStride, block});
       const std::uint32_t flags = 0;
       char entry[16];
       std::memcpy(entry, &time, 8);
@@ -80,6 +80,7 @@ class PreparedSequenceTest : public ::testing::Test {
   testing::TemporaryFolder folder;
   nlohmann::json json = header();
   std::string frames;
+  std::size_t block = 3 * kPixels;
   std::int64_t times[kFrames] = {0, 33'333'333, 66'666'667};
 };
 
@@ -97,6 +98,36 @@ TEST_F(PreparedSequenceTest, ShowsHeaderAndPixels) {
   std::memcpy(&depth, frames.data() + 2 * kStride + kWidth * kHeight + 2 * (7 * kWidth + 5), 2);
   EXPECT_EQ(frame.depth.at(5, 7), depth);
   EXPECT_NO_THROW(sequence.verify_all());
+}
+
+TEST_F(PreparedSequenceTest, AStereoSequenceHasARightImageAndNoDepth) {
+  json["sensor"] = "stereo";
+  json["depth_unit_m"] = 0.0;
+  block = 2 * kPixels;
+  write();
+  const PreparedSequence sequence(folder.path());
+  EXPECT_EQ(sequence.sensor(), SensorKind::kStereo);
+  EXPECT_NO_THROW(sequence.verify_all());
+  const auto frame = sequence.frame(1);
+  EXPECT_EQ(frame.right.at(5, 7),
+            static_cast<std::uint8_t>(frames[kStride + kPixels + 7 * kWidth + 5]));
+  EXPECT_EQ(frame.depth.data, nullptr);
+}
+
+TEST_F(PreparedSequenceTest, AMonoSequenceHasOneImageAndNoBaseline) {
+  json["sensor"] = "mono";
+  json["depth_unit_m"] = 0.0;
+  block = kPixels;
+  write();
+  const PreparedSequence sequence(folder.path());
+  EXPECT_EQ(sequence.sensor(), SensorKind::kMono);
+  EXPECT_NO_THROW(sequence.verify_all());
+  EXPECT_EQ(sequence.camera().bf, 0);
+  EXPECT_EQ(sequence.close_depth_m(), 0);
+  const auto frame = sequence.frame(2);
+  EXPECT_EQ(frame.grey.at(5, 7), static_cast<std::uint8_t>(frames[2 * kStride + 7 * kWidth + 5]));
+  EXPECT_EQ(frame.right.data, nullptr);
+  EXPECT_EQ(frame.depth.data, nullptr);
 }
 
 TEST_F(PreparedSequenceTest, DamageIsFoundAndNamed) {

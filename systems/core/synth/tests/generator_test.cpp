@@ -84,6 +84,23 @@ TEST_F(Generator, BytesAreTheKnownOnes) {
             "d7132e4d4b10b6be7526dd4b483fb076bde4455bddb0100d469fb6956b056095");
 }
 
+TEST_F(Generator, MonoIsTheLeftPictureOfStereo) {
+  GeneratorOptions options = small();
+  options.sensor = "stereo";
+  make(options, "stereo", 2);
+  options.sensor = "mono";
+  make(options, "mono", 2);
+  constexpr std::size_t kPixels = 160 * 120, kStereoStride = 40960, kMonoStride = 20480;
+  const std::string stereo = slurp(folder_ / "stereo" / "frames.bin");
+  const std::string mono = slurp(folder_ / "mono" / "frames.bin");
+  ASSERT_EQ(mono.size(), 5 * kMonoStride);
+  for (int i = 0; i < 5; ++i)
+    EXPECT_EQ(mono.substr(i * kMonoStride, kPixels), stereo.substr(i * kStereoStride, kPixels)) << i;
+  const auto header = nlohmann::json::parse(slurp(folder_ / "mono" / "sequence.json"));
+  EXPECT_EQ(header["sensor"], "mono");
+  EXPECT_EQ(header["camera"]["bf"], 0);
+}
+
 TEST_F(Generator, StoppingLeavesNothing) {
   EXPECT_FALSE(generate(small(), folder_ / "stopped", 2, [](int done, int) { return done < 3; }));
   EXPECT_TRUE(fs::is_empty(folder_));
