@@ -220,3 +220,14 @@ def test_bad_trajectories_are_refused(tmp_path: Path, text: str, complaint: str)
     (tmp_path / "t.txt").write_text(text)
     with pytest.raises(SlambedError, match=complaint):
         read_tum(tmp_path / "t.txt")
+
+
+def test_rpe_finds_partners_where_a_second_is_no_whole_number_of_frames() -> None:
+    """KITTI's frames are 103.7 ms apart: none lies within 20 ms of a second later."""
+    truth = room_walk(20.0, 30.0)
+    indices = np.round(np.arange(0, 19.9, 0.1037) * 30).astype(int)
+    stamps_s = truth.stamps_s[0] + 0.1037 * np.arange(len(indices))
+    path = Trajectory(stamps_s, truth.positions_m[indices], truth.quaternions_xyzw[indices])
+    drift = relative_error(path, path, 1.0)
+    assert drift.translation_m.pairs == len(path) - 10
+    assert drift.translation_m.rmse == pytest.approx(0, abs=1e-9)

@@ -73,7 +73,7 @@ class OrbSlam2Policy final : public MobilePolicy {
 System orbslam2_system() {
   System system;
   system.name = "orbslam2";
-  system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
+  system.sensors = {SensorKind::kRgbd, SensorKind::kStereo, SensorKind::kMono};
   system.parameters = {ParameterSpec::integer("n_orb", 50, 10'000),
                        ParameterSpec::boolean("loop_closing"),
                        ParameterSpec::boolean("sequential"), ParameterSpec::path("prior_map"),

@@ -134,6 +134,12 @@ def pairs_by_time(
     return np.column_stack([starts[keep], ends[keep]]).astype(np.intp)
 
 
+def _half_a_frame(stamps_s: Floats) -> float:
+    """Tolerance that leaves a partner even where the interval is no multiple of the frame time."""
+    usual_s = float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else 0.0
+    return max(DEFAULT_MAX_DIFFERENCE_S, usual_s / 2)
+
+
 def relative_error(
     estimate: Trajectory,
     truth: Trajectory,
@@ -149,7 +155,7 @@ def relative_error(
     """
     matched, reference = associate(estimate, truth, max_difference_s, method)
     if delta_s is not None:
-        pairs = pairs_by_time(matched.stamps_s, delta_s)
+        pairs = pairs_by_time(matched.stamps_s, delta_s, _half_a_frame(matched.stamps_s))
         label = f"{delta_s:g} s"
     else:
         pairs = pairs_by_frames(len(matched), delta_frames, all_pairs)

@@ -45,6 +45,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("failed", "runs that tracked less than 90 %", "%", 100, 0, kind="share",
            relevant_step=0.10),
     Metric("ate_rmse_m", "ATE RMSE", "cm", 100, 2, relevant_step=0.001),
+    Metric("ate_scale", "scale that fits best", "", 1, 3, "neither"),
     Metric("ate_live_rmse_m", "ATE RMSE, live poses", "cm", 100, 2, relevant_step=0.001),
     Metric("rpe_trans_m", "RPE over 1 s", "cm", 100, 2, relevant_step=0.001),
     Metric("rpe_rot_deg", "RPE over 1 s", "deg", 1, 2, relevant_step=0.02),

@@ -13,16 +13,17 @@
 namespace slambed {
 namespace {
 
-// Chi-square, 5 %: a homography fixes two numbers of a match, an epipolar line one. Both models
+// Chi-square, 5 %, of a standard deviation of one pixel: a homography fixes two numbers of a match, an epipolar line one. Both models
 // score against the same limit, so that the scores compare.
 constexpr double kChi2Homography = 5.991, kChi2Line = 3.841, kScore = 5.991;
 constexpr std::size_t kSample = 8;
 constexpr int kMostRefits = 10;
 /// Reprojection error of a point worth counting: two standard deviations, squared.
-constexpr double kLimit = 4;
+constexpr double kLimit_px2 = 4;
 /// Rays closer together than this (0.36 degrees) say nothing about depth.
 constexpr double kParallelCosine = 0.99998;
-constexpr int kParallaxRank = 50;
+/// Points that must have the parallax: fifty (ORB-SLAM), and a quarter, because we match many more.
+constexpr std::size_t kParallaxPoints = 50, kParallaxShare = 4;
 constexpr double kDegrees = 57.29577951308232;
 
 struct Model {
@@ -134,9 +135,8 @@ Hypothesis try_motion(const Camera& camera, std::span<const PixelPair> pairs,
     const bool near = cosine < kParallelCosine;
     // What is too far away may come out on the wrong side.
     if (near && (p_1->z() <= 0 || p_2.z() <= 0)) continue;
-    const double limit = kLimit / pairs[i].inv_sigma2;
-    if (!(squared_error(camera, *p_1, pairs[i].first) <= limit) ||
-        !(squared_error(camera, p_2, pairs[i].second) <= limit))
+    if (!(squared_error(camera, *p_1, pairs[i].first) <= kLimit_px2) ||
+        !(squared_error(camera, p_2, pairs[i].second) <= kLimit_px2))
       continue;
     cosines.push_back(cosine);
     tried.p_1[i] = *p_1;
@@ -144,7 +144,8 @@ Hypothesis try_motion(const Camera& camera, std::span<const PixelPair> pairs,
     ++tried.points;
   }
   if (cosines.empty()) return tried;
-  const std::size_t rank = std::min<std::size_t>(kParallaxRank, cosines.size() - 1);
+  const std::size_t rank =
+      std::min(std::max(kParallaxPoints, cosines.size() / kParallaxShare), cosines.size() - 1);
   std::nth_element(cosines.begin(), cosines.begin() + static_cast<std::ptrdiff_t>(rank),
                    cosines.end());
   tried.parallax_deg = std::acos(std::clamp(cosines[rank], -1.0, 1.0)) * kDegrees;

@@ -40,7 +40,7 @@ struct TwoViewResult {
   std::vector<Eigen::Vector3d> p_1;  ///< per pair, in the first camera's frame
   std::vector<std::uint8_t> good;    ///< per pair: p_1 is a point worth keeping
   int points = 0;
-  double parallax_deg = 0;  ///< exceeded by fifty points, or by the least of fewer
+  double parallax_deg = 0;  ///< exceeded by fifty points and by a quarter of them
 
   explicit operator bool() const { return outcome == TwoViewOutcome::kFound; }
 };

@@ -102,7 +102,7 @@ PairError homography_error(const Eigen::Matrix3d& H, const Eigen::Matrix3d& H_in
   const auto error = [&](const Eigen::Matrix3d& map, const Eigen::Vector2d& from,
                          const Eigen::Vector2d& to) {
     const Eigen::Vector3d p = map * homogeneous(from);
-    const double e2 = (p.head<2>() / p.z() - to).squaredNorm() * pair.inv_sigma2;
+    const double e2 = (p.head<2>() / p.z() - to).squaredNorm();
     return std::isfinite(e2) ? e2 : std::numeric_limits<double>::infinity();
   };
   return {error(H, pair.first, pair.second), error(H_inverse, pair.second, pair.first)};
@@ -111,7 +111,7 @@ PairError homography_error(const Eigen::Matrix3d& H, const Eigen::Matrix3d& H_in
 PairError fundamental_error(const Eigen::Matrix3d& F, const PixelPair& pair) {
   const Eigen::Vector3d a = homogeneous(pair.first), b = homogeneous(pair.second);
   const Eigen::Vector3d in_second = F * a, in_first = F.transpose() * b;
-  const double product = b.dot(in_second), squared = product * product * pair.inv_sigma2;
+  const double product = b.dot(in_second), squared = product * product;
   const auto over = [&](double norm2) {
     return norm2 > 0 ? squared / norm2 : std::numeric_limits<double>::infinity();
   };

@@ -13,7 +13,6 @@ namespace slambed {
 /// The same thing in two images, ideal pixels.
 struct PixelPair {
   Eigen::Vector2d first, second;
-  double inv_sigma2 = 1;  ///< one over the variance of either, px^-2
 };
 
 /// Homography with second ~ H * first, by the normalised linear method (Hartley and Zisserman,
@@ -25,7 +24,7 @@ std::optional<Eigen::Matrix3d> fit_homography(std::span<const PixelPair> pairs);
 /// (same book, chapter 11). Nothing with fewer than eight pairs.
 std::optional<Eigen::Matrix3d> fit_fundamental(std::span<const PixelPair> pairs);
 
-/// Squared errors of one pair, px^2 over its variance: in the second image and in the first.
+/// Squared errors of one pair, px^2: in the second image and in the first.
 struct PairError {
   double second = 0, first = 0;
 };

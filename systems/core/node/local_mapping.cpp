@@ -13,9 +13,10 @@ struct WindowSize {
   double covisibles = 0;  ///< keyframes that share points with it
   double shared = 0;      ///< observations shared with them
   double unmatched = 0;   ///< features without a point
+  double neighbours = 0;  ///< keyframes that are searched for them
 };
 
-WindowSize window_size(const Map& map, KeyFrameId id) {
+WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& options) {
   return map.read([&](const MapView& view) {
     WindowSize size;
     const KeyFrame* keyframe = view.keyframe(id);
@@ -23,6 +24,8 @@ WindowSize window_size(const Map& map, KeyFrameId id) {
     size.covisibles = static_cast<double>(keyframe->covisibles.size());
     for (const Covisible& covisible : keyframe->covisibles) size.shared += covisible.weight;
     for (const MapPointId point : keyframe->points) size.unmatched += point ? 0 : 1;
+    size.neighbours = std::min<double>(options.neighbours_for(keyframe->features->sensor()),
+                                       size.covisibles);
     return size;
   });
 }
@@ -34,7 +37,7 @@ LocalMapping::LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions o
     : runtime_(runtime),
       log_(log),
       map_(map),
-      neighbours_(options.neighbours),
+      options_(options),
       mapper_(options, map, ids),
       mode_(mode),
       queue_(runtime),
@@ -132,7 +135,7 @@ void LocalMapping::commit_stage(Worker& worker, std::string_view name, StageUnit
 
 void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
   if (prepare_ && !prepare_(worker, keyframe)) return;
-  const WindowSize window = window_size(*map_, keyframe);
+  const WindowSize window = window_size(*map_, keyframe, options_);
   const StageUnits size{window.covisibles, window.shared};
   worker.stage("insert", [&](StageUnits& units) {
     units = size;
@@ -140,8 +143,7 @@ void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
   });
   commit_stage(worker, "cull_points", size, [&] { return mapper_.cull_points(); });
   // Every unmatched feature is looked for in each neighbour.
-  const double neighbours = std::min<double>(neighbours_, window.covisibles);
-  commit_stage(worker, "triangulate", {neighbours, neighbours * window.unmatched},
+  commit_stage(worker, "triangulate", {window.neighbours, window.neighbours * window.unmatched},
                [&] { return mapper_.triangulate(); });
   if (!interrupted()) commit_stage(worker, "fuse", size, [&] { return mapper_.fuse(); });
   if (!interrupted()) {

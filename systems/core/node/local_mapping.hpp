@@ -75,7 +75,7 @@ class LocalMapping {
   Runtime& runtime_;
   EventLog& log_;
   std::shared_ptr<Map> map_;  ///< changed on the mapping side only
-  int neighbours_;
+  LocalMapperOptions options_;
   LocalMapper mapper_;
   Mode mode_;
   Done done_;

@@ -163,7 +163,10 @@ MapDelta MobileNode::create_keyframe(Worker& worker, const TrackedFrame& frame, 
     } else {
       poses_.created(keyframe.id, frame.outcome.reference, frame.outcome.T_cr, keyframe.T_cw);
     }
-    parts_.log.write(frame_event("keyframe_created", frame.offered)
+    // The first of two that start a map is an earlier frame.
+    parts_.log.write(JsonLine("keyframe_created")
+                         .add("frame", keyframe.frame_index)
+                         .add("seq_s", keyframe.timestamp_s)
                          .add("keyframe", keyframe.id.value)
                          .add("new_points", delta.points.size())
                          .add("need", need_name(need, frame.outcome.initialised_now)));

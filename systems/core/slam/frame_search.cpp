@@ -41,8 +41,9 @@ int FrameSearch::match_last_frame(std::span<const SeenPoint> points, const SE3& 
   const Sensor& sensor = features.sensor();
   const Viewpoint camera(sensor, frame.T_cw);
   const double forward_m = (T_lw * camera.centre()).z();
-  const bool forward = forward_m > sensor.camera.baseline_m();
-  const bool backward = -forward_m > sensor.camera.baseline_m();
+  // Without a scale nobody knows how far forward is far.
+  const bool forward = sensor.metric() && forward_m > sensor.camera.baseline_m();
+  const bool backward = sensor.metric() && -forward_m > sensor.camera.baseline_m();
   const int top = sensor.pyramid.levels() - 1;
   int matches = 0;
   for (const SeenPoint& point : points) {

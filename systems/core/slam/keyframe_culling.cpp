@@ -17,12 +17,12 @@ bool redundant(const MapView& view, const KeyFrame& keyframe, const std::vector<
   const auto is_culled = [&](KeyFrameId id) {
     return std::find(culled.begin(), culled.end(), id) != culled.end();
   };
-  const float close_m = keyframe.features->sensor().close_depth_m;
+  const Sensor& sensor = keyframe.features->sensor();
   int counted = 0, redundant_points = 0;
   for (std::size_t i = 0; i < keyframe.points.size(); ++i) {
     if (!keyframe.points[i]) continue;
     const KeyPoint& own = keyframe.features->keypoint(static_cast<int>(i));
-    if (!own.has_depth() || own.depth_m > close_m) continue;
+    if (sensor.metric() && (!own.has_depth() || own.depth_m > sensor.close_depth_m)) continue;
     const MapPoint& point = *view.point(keyframe.points[i]);
     ++counted;
     if (point.weight <= kLeastWeight) continue;

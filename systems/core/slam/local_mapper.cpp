@@ -14,10 +14,11 @@ namespace slambed {
 namespace {
 
 // ORB-SLAM2's probation of new points: found in at least a quarter of the frames that should see
-// them, and after two keyframes observed with more than weight three; free after three.
+// them, and after two keyframes observed with more than weight three (two without depth, where an
+// observation weighs one); free after three.
 constexpr double kLeastFoundShare = 0.25;
 constexpr int kProbation = 2, kGraduation = 3;  ///< keyframes
-constexpr int kLeastWeight = 3;
+constexpr int kLeastWeight = 3, kLeastWeightMono = 2;
 
 }  // namespace
 
@@ -36,7 +37,9 @@ struct LocalMapper::Impl {
   std::shared_ptr<Map> map;
   IdSource<MapPointId> point_ids;
   KeyFrameId current;
-  int keyframes = 0;  ///< inserted so far
+  int neighbours = 0;    ///< of the current keyframe to work with
+  int least_weight = 0;  ///< that a recent point must exceed
+  int keyframes = 0;     ///< inserted so far
   std::vector<Recent> recent;
   PointTriangulation triangulation;
   PointMerging merging;
@@ -64,6 +67,9 @@ void LocalMapper::insert(KeyFrameId keyframe) {
   impl_->map->read([&](const MapView& view) {
     const KeyFrame* added = view.keyframe(keyframe);
     if (!added) return 0;
+    const Sensor& sensor = added->features->sensor();
+    impl_->neighbours = impl_->options.neighbours_for(sensor);
+    impl_->least_weight = sensor.metric() ? kLeastWeight : kLeastWeightMono;
     for (const MapPointId id : added->points)
       if (id && view.point(id)->first_keyframe == keyframe)
         impl_->recent.push_back({id, impl_->keyframes});
@@ -80,7 +86,7 @@ MapDelta LocalMapper::cull_points() {
       if (!point) return true;
       const int age = impl_->keyframes - recent.since;
       const bool hardly_found = point->found < kLeastFoundShare * point->visible;
-      const bool hardly_seen = age >= kProbation && point->weight <= kLeastWeight;
+      const bool hardly_seen = age >= kProbation && point->weight <= impl_->least_weight;
       if (hardly_found || hardly_seen) {
         delta.culled_points.push_back(recent.id);
         return true;
@@ -93,14 +99,14 @@ MapDelta LocalMapper::cull_points() {
 }
 
 MapDelta LocalMapper::triangulate() {
-  MapDelta delta = impl_->triangulation.run(*impl_->map, impl_->current, impl_->options.neighbours,
+  MapDelta delta = impl_->triangulation.run(*impl_->map, impl_->current, impl_->neighbours,
                                             impl_->point_ids);
   for (const NewPoint& point : delta.points) impl_->recent.push_back({point.id, impl_->keyframes});
   return delta;
 }
 
 MapDelta LocalMapper::fuse() {
-  return impl_->merging.run(*impl_->map, impl_->current, impl_->options.neighbours,
+  return impl_->merging.run(*impl_->map, impl_->current, impl_->neighbours,
                             impl_->options.second_neighbours);
 }
 

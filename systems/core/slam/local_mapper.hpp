@@ -10,10 +10,15 @@
 namespace slambed {
 
 struct LocalMapperOptions {
-  int neighbours = 10;           ///< best covisibles used for triangulation and fusion
+  int neighbours = 10;           ///< best covisibles used for triangulation and fusion ...
+  int neighbours_mono = 20;      ///< ... where every point must be triangulated
   int second_neighbours = 5;     ///< of each neighbour, for fusion
   double redundant_share = 0.9;  ///< keyframe culling
   BundleOptions bundle;
+
+  int neighbours_for(const Sensor& sensor) const {
+    return sensor.metric() ? neighbours : neighbours_mono;
+  }
 };
 
 /// ORB-SLAM2's local mapping, one call per stage. Each call reads the map, computes without holding

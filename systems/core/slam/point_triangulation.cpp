@@ -2,6 +2,7 @@
 #include "slam/point_triangulation.hpp"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -22,6 +23,8 @@ constexpr double kParallelCosine = 0.9998;
 /// Distances and octave scales of the two views must agree within 1.5 scale steps of 1.2.
 constexpr double kScaleTolerance = 1.5;
 constexpr double kChi2StereoNewPoint = 7.8;  ///< ORB-SLAM2 rounds 7.815 here
+/// Least baseline without depth, as a share of the median depth of what the other keyframe sees.
+constexpr double kLeastBaselineShare = 0.01;
 
 Eigen::Vector2d normalised(const Camera& camera, const KeyPoint& p) {
   return {(p.u - camera.cx) / camera.fx, (p.v - camera.cy) / camera.fy};
@@ -68,6 +71,20 @@ std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, cons
   if (stereo_a && from_a <= from_b) return unproject(a, seen_a);
   if (stereo_b) return unproject(b, seen_b);
   return std::nullopt;
+}
+
+/// Baseline from which on a neighbour tells something: that of the camera itself, or else a share of
+/// the depth of the neighbour's points.
+double least_baseline(const MapView& view, const KeyFrame& neighbour) {
+  const Sensor& sensor = neighbour.features->sensor();
+  if (sensor.metric()) return sensor.camera.baseline_m();
+  std::vector<double> depths;
+  for (const MapPointId id : neighbour.points)
+    if (id) depths.push_back((neighbour.T_cw * view.point(id)->p_w).z());
+  if (depths.empty()) return 0;
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return kLeastBaselineShare * *middle;
 }
 
 bool scales_agree(const KeyFrameCopy& a, int feature_a, const KeyFrameCopy& b, int feature_b,
@@ -156,13 +173,16 @@ void PointTriangulation::match(const KeyFrameCopy& a, const KeyFrameCopy& b) {
 MapDelta PointTriangulation::run(const Map& map, KeyFrameId keyframe, int neighbours,
                                  IdSource<MapPointId>& ids) {
   MapDelta delta;
+  std::vector<double> least_baselines;  // of the neighbours
   std::vector<KeyFrameCopy> copies = map.read([&](const MapView& view) {
     std::vector<KeyFrameCopy> list;
     delta.epoch = view.epoch();
     if (const KeyFrame* current = view.keyframe(keyframe)) {
       list.push_back(copy_of(*current));
-      for (const KeyFrameId id : best_covisibles(*current, neighbours))
+      for (const KeyFrameId id : best_covisibles(*current, neighbours)) {
         list.push_back(copy_of(*view.keyframe(id)));
+        least_baselines.push_back(least_baseline(view, *view.keyframe(id)));
+      }
     }
     return list;
   });
@@ -171,7 +191,7 @@ MapDelta PointTriangulation::run(const Map& map, KeyFrameId keyframe, int neighb
   const Eigen::Vector3d centre_a = a.T_cw.inverse().t;
   for (std::size_t n = 1; n < copies.size(); ++n) {
     const KeyFrameCopy& b = copies[n];
-    if ((b.T_cw.inverse().t - centre_a).norm() < a.features->sensor().camera.baseline_m()) continue;
+    if ((b.T_cw.inverse().t - centre_a).norm() < least_baselines[n - 1]) continue;
     match(a, b);
     for (const auto& [i, j] : matches_) {
       const auto p_w = locate(a, i, b, j);

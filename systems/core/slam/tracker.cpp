@@ -11,6 +11,7 @@
 #include "slam/local_view.hpp"
 #include "slam/map_change.hpp"
 #include "slam/relocaliser.hpp"
+#include "slam/two_view_start.hpp"
 
 namespace slambed {
 namespace {
@@ -35,6 +36,7 @@ struct Tracker::Impl {
 
   TrackOutcome track(std::uint64_t index, double time_s, std::shared_ptr<const FeatureSet> set);
   void initialise(TrackOutcome& outcome);
+  std::optional<MapDelta> first_keyframe();
   void refresh_last();
   bool track_motion();
   bool track_reference();
@@ -63,12 +65,13 @@ struct Tracker::Impl {
   int keyframe_at = 0, relocalised_at = 0;
   bool relocalised_ever = false;
   KeyFrameEvidence evidence;
-  MapDelta first_delta;  ///< of the keyframe made by initialise()
+  MapDelta first_delta;  ///< of the keyframes made by initialise()
   bool first_delta_waiting = false;
 
   LocalView local;
   FrameSearch search;
   Relocaliser relocaliser;
+  TwoViewStart two_views;
   std::vector<SeenPoint> last_points;
 };
 
@@ -124,17 +127,27 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
   return outcome;
 }
 
-void Tracker::Impl::initialise(TrackOutcome& outcome) {
+/// With depth one frame is enough for a map.
+std::optional<MapDelta> Tracker::Impl::first_keyframe() {
   const auto keypoints = current.features->keypoints();
   const auto with_depth = std::count_if(keypoints.begin(), keypoints.end(),
                                         [](const KeyPoint& p) { return p.has_depth(); });
-  if (current.features->size() <= options.min_init_features || with_depth < kLeastInitPoints)
-    return;
+  if (with_depth < kLeastInitPoints) return std::nullopt;
   current.T_cw = SE3();
-  first_delta = make_keyframe(*map, current, current.T_cw, NewPoints::kAllWithDepth, ids);
+  return make_keyframe(*map, current, current.T_cw, NewPoints::kAllWithDepth, ids);
+}
+
+void Tracker::Impl::initialise(TrackOutcome& outcome) {
+  if (current.features->size() <= options.min_init_features) {
+    two_views.reset();
+    return;
+  }
+  auto made = current.features->sensor().metric() ? first_keyframe() : two_views.offer(current, ids);
+  if (!made) return;
+  first_delta = std::move(*made);
   first_delta_waiting = true;
   map->commit(first_delta);
-  reference = first_delta.keyframes[0].id;
+  reference = first_delta.keyframes.back().id;
   current.has_pose = true;
   current.reference = reference;
   current.T_cr = SE3();
@@ -258,6 +271,7 @@ void Tracker::Impl::gather_evidence(int inliers) {
 void Tracker::Impl::start_over() {
   map->clear();
   local.clear();
+  two_views.reset();
   provisional.clear();
   reference = {};
   velocity.reset();

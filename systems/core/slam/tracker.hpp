@@ -37,7 +37,7 @@ TrackerOptions suited(TrackerOptions options, SensorKind sensor);
 
 struct TrackOutcome {
   TrackingState state = TrackingState::kNotInitialised;
-  bool initialised_now = false;  ///< this frame became the first keyframe
+  bool initialised_now = false;  ///< this frame became the first keyframe (mono: the second)
   bool reset_now = false;        ///< map was thrown away (lost too early)
   SE3 T_cw;                      ///< valid when state is kOk
   KeyFrameId reference;          ///< keyframe the pose is relative to
@@ -79,8 +79,9 @@ class Tracker {
   /// The whole ORB-SLAM2 decision with a mapper in the same node.
   bool wants_keyframe(const MapperStatus& mapper) const;
   /// Makes a keyframe (and points for its unmatched close features) of the frame just tracked,
-  /// commits it to the map and returns the committed delta. The first keyframe comes the same way:
-  /// track() has committed it already, the next call hands its delta out. Empty without a pose.
+  /// commits it to the map and returns the committed delta. The first keyframe (a single camera
+  /// starts with two) comes the same way: track() has committed it already, the next call hands its
+  /// delta out. Empty without a pose.
   /// becomes_reference false: not a reference either until the map is replaced (Edge-SLAM's
   /// keyframes that the edge has yet to accept).
   MapDelta create_keyframe(bool becomes_reference = true);

@@ -9,7 +9,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kFrames = 45;
+constexpr int kFrames = 75;
 
 /// Places of a TUM file, in its order.
 std::vector<Eigen::Vector3d> places(const fs::path& trajectory) {
@@ -33,12 +33,13 @@ class SensorProgram : public testing::NodeProgramTest {
   SensorProgram() : NodeProgramTest(kFrames) {}
 
   /// The run plays a generated room as this kind of camera sees it.
-  fs::path play(const std::string& sensor) {
+  fs::path play(const std::string& sensor, int width = 320) {
     const fs::path made = folder.path() / sensor;
     synth::GeneratorOptions options;
     options.sensor = sensor;
-    options.width = 320;
-    options.height = 240;
+    options.seed = 7;
+    options.width = width;
+    options.height = width * 3 / 4;
     options.fps = 15;
     options.seconds = kFrames / options.fps;
     synth::generate(options, made, 2, [](int, int) { return true; });
@@ -46,8 +47,9 @@ class SensorProgram : public testing::NodeProgramTest {
     return made;
   }
 
-  void run_alone_and_sequentially() {
+  void run_alone_and_sequentially(int features = 600) {
     use_orbslam2();
+    config["params"]["n_orb"] = features;
     config["playback"]["mode"] = "every_frame";
     config["params"]["sequential"] = true;
     start();
@@ -80,9 +82,8 @@ TEST_F(SensorProgram, StereoRunsWithAnEdge) {
 }
 
 TEST_F(SensorProgram, OneCameraStartsFromTwoFrames) {
-  play("mono");
-  config["params"]["n_orb"] = 1000;
-  run_alone_and_sequentially();
+  play("mono", 640);
+  run_alone_and_sequentially(1000);
   const auto first = events("mobile", "initialised");
   ASSERT_EQ(first.size(), 1u);
   const auto keyframes = events("mobile", "keyframe_created");

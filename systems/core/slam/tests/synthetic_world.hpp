@@ -22,10 +22,12 @@ struct Seeing {
   double wrong_share = 0;      ///< features moved somewhere else
 };
 
-/// A room of points with unique descriptors, seen by a perfect or a noisy RGB-D camera.
+/// A room of points with unique descriptors, seen by a perfect or a noisy RGB-D camera, or by one
+/// without depth.
 class SyntheticWorld {
  public:
-  explicit SyntheticWorld(int points = 5000, unsigned seed = 1) : random_(seed) {
+  explicit SyntheticWorld(int points = 5000, unsigned seed = 1, bool mono = false)
+      : random_(seed) {
     auto sensor = std::make_shared<Sensor>();
     Camera& camera = sensor->camera;
     camera.width = 640;
@@ -33,9 +35,9 @@ class SyntheticWorld {
     camera.fx = camera.fy = 500;
     camera.cx = 320;
     camera.cy = 240;
-    camera.bf = 40;
+    camera.bf = mono ? 0 : 40;
     sensor->bounds = {0, 0, 640, 480};
-    sensor->close_depth_m = 3.2f;
+    sensor->close_depth_m = mono ? 0 : 3.2f;
     sensor_ = std::move(sensor);
     // The walls of a box 8 m wide and deep and 4 m high, and things inside it.
     std::uniform_real_distribution<double> unit(-1, 1);
@@ -86,7 +88,7 @@ class SyntheticWorld {
       seen.v = static_cast<float>(uv.y());
       seen.octave = static_cast<std::uint8_t>(octave);
       seen.angle_deg = static_cast<float>(thing.angle_deg);
-      if (p.z() < view.depth_limit_m) {
+      if (sensor_->metric() && p.z() < view.depth_limit_m) {
         const double depth_m = p.z() * (1 + view.depth_noise * noise(random_));
         seen.depth_m = static_cast<float>(depth_m);
         seen.right_u = static_cast<float>(uv.x() - camera.bf / depth_m);
