@@ -221,7 +221,7 @@ def test_a_missing_program_is_an_error(bench: Bench) -> None:
 
 def test_a_stop_request_ends_a_run_quickly(bench: Bench) -> None:
     def stop_once_it_runs() -> None:
-        while not (bench.folder / "raw" / "start.json").exists():
+        while not (bench.folder / "raw" / "mobile" / "events.jsonl").exists():
             time.sleep(0.01)
         bench.stop.set()
 
@@ -239,7 +239,7 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
     spec = run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 1.5}))
 
     def stop_edge() -> None:
-        while not (bench.folder / "raw" / "start.json").exists():
+        while not (bench.folder / "raw" / "edge" / "events.jsonl").exists():
             time.sleep(0.01)
         assert bench.live is not None
         os.kill(bench.live._nodes["edge"].pid, signal.SIGTERM)
