@@ -33,11 +33,11 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
                    .poses = {{keyframe_id(8), SE3(), 9}}};
   FrameMessage frame{3, 0.5, example_features(random, 5, sensor)};
   return {
-      {"keyframe text", encode_text(keyframe, {}, *vocabulary),
+      {"keyframe_text", encode_text(keyframe, {}, *vocabulary),
        [=](auto b) { decode_keyframe_text(b, sensor); }, kStep},
-      {"update text", encode_text(update, *vocabulary),
+      {"update_text", encode_text(update, *vocabulary),
        [=](auto b) { decode_update_text(b, sensor); }, kStep},
-      {"frame text", encode_text(frame, *vocabulary),
+      {"frame_text", encode_text(frame, *vocabulary),
        [=](auto b) { decode_frame_text(b, sensor); }, kStep},
   };
 }

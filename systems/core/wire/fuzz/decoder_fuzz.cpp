@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// One decoder, named by SLAMBED_DECODER: whatever bytes come, it returns a message or throws
+// DecodeError. The first byte says whether the rest edits a valid message or is the message.
+#include <cstdlib>
+#include <cstring>
+
+#include "wire/tests/decoders.hpp"
+
+namespace slambed::wire {
+namespace {
+
+const Target& chosen() {
+  static const std::vector<Target> all = targets();
+  for (const Target& target : all) {
+    if (std::strcmp(target.name, SLAMBED_DECODER) == 0) return target;
+  }
+  std::abort();  // the name is not in decoders.hpp
+}
+
+/// Groups of four bytes (place in three, value) replace single bytes of a valid message, so that
+/// the depths of the format are reached without a corpus; what is left over is appended.
+Bytes edited(Bytes valid, std::span<const std::uint8_t> edits) {
+  for (; edits.size() >= 4; edits = edits.subspan(4)) {
+    const std::size_t place = edits[0] | edits[1] << 8 | edits[2] << 16;
+    valid[place % valid.size()] = edits[3];
+  }
+  valid.insert(valid.end(), edits.begin(), edits.end());
+  return valid;
+}
+
+}  // namespace
+}  // namespace slambed::wire
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace slambed::wire;
+  static const Target& target = chosen();
+  if (size == 0) return 0;
+  const std::span<const std::uint8_t> rest(data + 1, size - 1);
+  const Bytes bytes =
+      (data[0] & 1) != 0 ? Bytes(rest.begin(), rest.end()) : edited(target.valid, rest);
+  try {
+    target.decode(bytes);
+  } catch (const DecodeError&) {
+  }
+  return 0;
+}
