@@ -272,16 +272,41 @@ def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
     return len(found), found
 
 
+def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of the stages in each frame that becomes a keyframe."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "frame_tracked"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "frame_tracked":
+            found += [spent] if spent else []
+            spent = 0.0
+        elif event["name"] in component.stages and event["worker"] == TRACKING:
+            spent += event["wall_ms"]
+    return len(found), found
+
+
 def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """A part of T_Total; its mean stands for all its occurrences."""
+    """A part of T_Total as applied updates tell it; its stages run for all keyframes."""
     delay = delays(log).get(component.measure)
     if delay is None:
         return 0, []
+    executions = len(log.of(*EXECUTED_FOR[component.measure]))
     # Two values with the same mean and standard deviation as the many.
-    return delay.count, [delay.mean_ms - delay.std_ms, delay.mean_ms + delay.std_ms]
+    return executions, [delay.mean_ms - delay.std_ms, delay.mean_ms + delay.std_ms]
 
 
 TRACKING = "tracking"
+EXECUTED_FOR: Mapping[str, tuple[str, ...]] = {
+    "T_Track": ("frame_tracked",),
+    "T_RKF": ("keyframe_received", "keyframe_declined"),
+    "T_LM": ("keyframe_mapped",),
+    "T_PLMU": ("update_sent",),
+    "T_MU": ("update_received",),
+}
+"""Events that come once for each execution of a part's stages."""
 MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
-    "per_frame": _per_frame
+    "per_frame": _per_frame,
+    "per_keyframe": _per_keyframe,
 }

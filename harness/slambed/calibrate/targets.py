@@ -34,7 +34,8 @@ class Component(BaseModel):
     stages: list[str]
     """None: the time follows from the others and is only shown."""
     measure: str = "per_frame"
-    """A part of T_Total (`T_LM`, ...), or `per_frame`: the stages' time per tracked frame."""
+    """A part of T_Total (`T_LM`, ...), `per_frame` or `per_keyframe`: the stages' time in a tracked
+    frame, or in one that becomes a keyframe."""
     fixed_on: str | None = None
     """Stage that may get a time independent of sizes, where one factor cannot serve all
     conditions."""
