@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup build experiment paper plots test test-netem data images doctor clean
+.PHONY: help packages setup build experiment paper plots test test-asan test-tsan fuzz bench test-netem data images doctor clean
 # The Python environment and the C++ programs are made side by side: one loads, the other computes.
 MAKEFLAGS += -j2
 
@@ -11,6 +11,7 @@ NAME ?= quickstart
 DATASET ?= quickstart
 ENGINE ?= auto
 PAPER ?= all
+SECONDS ?= 20
 comma := ,
 BUILD := build
 VENV := .venv/bin
@@ -46,6 +47,22 @@ plots: setup ## Draw all reports again without running anything
 test: setup ## All tests and checks: ctest, pytest, ruff, mypy
 	@tools/setup.sh build test
 	@tools/test.sh $(BUILD)
+
+test-asan: setup ## The C++ tests under AddressSanitizer and UBSan
+	@tools/setup.sh build test
+	@tools/sanitize.sh asan
+
+test-tsan: setup ## The C++ tests under ThreadSanitizer
+	@tools/setup.sh build test
+	@tools/sanitize.sh tsan
+
+fuzz: packages ## Every fuzz target under AddressSanitizer for a while: [SECONDS=20]
+	@tools/setup.sh build fuzz
+	@tools/fuzz.sh $(SECONDS)
+
+bench: packages ## Google Benchmarks of every stage, and how times grow with the map
+	@tools/setup.sh build bench
+	@tools/bench.sh
 
 test-netem: setup build ## The kernel's own netem and cgroup v2, in a small virtual machine (user-mode Linux)
 	@tools/netem_vm.sh

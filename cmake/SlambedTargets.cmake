@@ -20,6 +20,16 @@ foreach(sanitizer IN LISTS SLAMBED_SANITIZE)
   target_compile_options(slambed_flags INTERFACE -fsanitize=${sanitizer} -fno-omit-frame-pointer -g)
   target_link_options(slambed_flags INTERFACE -fsanitize=${sanitizer})
 endforeach()
+if(SLAMBED_SANITIZE)
+  # A finding ends the program, so that no test passes with one.
+  target_compile_options(slambed_flags INTERFACE -fno-sanitize-recover=all)
+endif()
+if(SLAMBED_FUZZ)
+  target_compile_options(slambed_flags INTERFACE
+    -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -g)
+  target_link_options(slambed_flags INTERFACE -fsanitize=address,undefined)
+  add_custom_target(fuzz_targets)
+endif()
 
 # slambed_floor(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>.
 # Arrows point only downwards; CMake refuses static-library cycles because order of definition is kept.
@@ -50,6 +60,18 @@ function(slambed_test name)
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   include(GoogleTest)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300)
+endfunction()
+
+# slambed_fuzzer(name SOURCES ... DEPENDS ...): a libFuzzer program, part of the target fuzz_targets.
+function(slambed_fuzzer name)
+  if(NOT SLAMBED_FUZZ)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS})
+  target_link_options(${name} PRIVATE -fsanitize=fuzzer)
+  add_dependencies(fuzz_targets ${name})
 endfunction()
 
 function(slambed_benchmark name)

@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# setup.sh run|build|test|image: installs the Debian/Ubuntu packages that are missing, nothing else.
+# setup.sh run|build|test|bench|fuzz|image: installs the Debian/Ubuntu packages that are missing, nothing else.
 set -euo pipefail
 
 packages_for() {
@@ -10,8 +10,10 @@ packages_for() {
     # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
     # the whole of it only.
     test) echo libgtest-dev libopencv-dev libceres-dev ;;
+    bench) echo libbenchmark-dev ;;
+    fuzz) echo clang ;;
     image) echo debootstrap debian-archive-keyring ;;
-    *) echo "error: setup.sh $1: not one of run, build, test, image" >&2; exit 2 ;;
+    *) echo "error: setup.sh $1: not one of run, build, test, bench, fuzz, image" >&2; exit 2 ;;
   esac
 }
 

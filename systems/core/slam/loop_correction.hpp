@@ -4,6 +4,7 @@
 #include <map>
 #include <vector>
 
+#include "slam/loop_detector.hpp"
 #include "slam/loop_verifier.hpp"
 
 namespace slambed {
@@ -39,6 +40,7 @@ class LoopCorrector {
   void join(Target& target, int feature, MapPointId old_point, LoopCorrection& loop);
   MapPointId alive(MapPointId id) const;
 
+  ConnectedKeyFrames connected_;
   std::vector<Target> targets_;
   std::vector<PointSketch> loop_points_;
   std::map<MapPointId, MapPointId> survivors_;  ///< of points fused in this correction

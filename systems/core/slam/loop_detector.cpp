@@ -22,16 +22,21 @@ void insert(std::vector<KeyFrameId>& ascending, KeyFrameId id) {
 
 }  // namespace
 
-std::vector<KeyFrameId> connected_keyframes(const MapView& map, const KeyFrame& keyframe) {
+std::vector<KeyFrameId> ConnectedKeyFrames::of(const MapView& map, const KeyFrame& keyframe) {
+  ++run_;
+  *seen_in_.make(keyframe.id) = run_;
   std::vector<KeyFrameId> connected;
   for (const MapPointId id : keyframe.points) {
     const MapPoint* point = id ? map.point(id) : nullptr;
     if (!point) continue;
-    for (const Observation& seen : point->observations) connected.push_back(seen.keyframe);
+    for (const Observation& seen : point->observations) {
+      std::uint32_t& run = *seen_in_.make(seen.keyframe);
+      if (run == run_) continue;
+      run = run_;
+      connected.push_back(seen.keyframe);
+    }
   }
   std::sort(connected.begin(), connected.end());
-  connected.erase(std::unique(connected.begin(), connected.end()), connected.end());
-  std::erase(connected, keyframe.id);
   return connected;
 }
 
@@ -51,14 +56,16 @@ std::vector<KeyFrameId> LoopDetector::detect(const Map& map, KeyFrameId id) {
     for (const Covisible& near : keyframe->covisibles)
       if (const auto other = places_->bag(near.id))
         least = std::min(least, similarity(*bag, *other));
-    std::vector<KeyFrameId> exclude = connected_keyframes(view, *keyframe);
+    std::vector<KeyFrameId> exclude = connected_.of(view, *keyframe);
     insert(exclude, id);
 
     std::vector<Group> groups;
     std::vector<KeyFrameId> consistent;
-    for (const KeyFrameId candidate : places_->candidates(*bag, view, exclude, least)) {
+    std::vector<KeyFrameId> candidates = places_->candidates(*bag, view, exclude, least);
+    if (candidates.size() > options_.candidates) candidates.resize(options_.candidates);
+    for (const KeyFrameId candidate : candidates) {
       Group group;
-      group.keyframes = connected_keyframes(view, *view.keyframe(candidate));
+      group.keyframes = connected_.of(view, *view.keyframe(candidate));
       insert(group.keyframes, candidate);
       for (const Group& before : groups_)
         if (share_one(before.keyframes, group.keyframes))

@@ -52,15 +52,21 @@ bool LoopVerifier::copy(const Map& map, KeyFrameId keyframe, KeyFrameId candidat
       }
       return true;
     };
-    if (!take(keyframe, current_) || !take(candidate, matched_)) return false;
+    return take(keyframe, current_) && take(candidate, matched_);
+  });
+}
+
+bool LoopVerifier::copy_loop_points(const Map& map, KeyFrameId candidate) {
+  return map.read([&](const MapView& view) {
+    const KeyFrame* old = view.keyframe(candidate);
+    if (!old) return false;
     std::vector<MapPointId> ids;
     const auto gather = [&](const KeyFrame& k) {
       for (const MapPointId id : k.points)
         if (id) ids.push_back(id);
     };
-    const KeyFrame& old = *view.keyframe(candidate);
-    gather(old);
-    for (const Covisible& near : old.covisibles) gather(*view.keyframe(near.id));
+    gather(*old);
+    for (const Covisible& near : old->covisibles) gather(*view.keyframe(near.id));
     std::sort(ids.begin(), ids.end());
     ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
     loop_points_ = sketch_points(view, ids);
@@ -176,7 +182,7 @@ std::optional<LoopMatch> LoopVerifier::verify(const Map& map, KeyFrameId keyfram
   if (static_cast<int>(pairs.size()) < options_.least_matches || !estimate(pairs, S_12, true))
     return std::nullopt;
   add_pairs(S_12, pairs);
-  if (!estimate(pairs, S_12, false)) return std::nullopt;
+  if (!estimate(pairs, S_12, false) || !copy_loop_points(map, candidate)) return std::nullopt;
 
   LoopMatch match;
   match.keyframe = keyframe;

@@ -51,6 +51,8 @@ class LoopVerifier {
   using Pairs = std::vector<std::pair<int, int>>;  ///< feature of the new one, of the old one
 
   bool copy(const Map& map, KeyFrameId keyframe, KeyFrameId candidate);
+  /// What only a candidate that holds so far is worth.
+  bool copy_loop_points(const Map& map, KeyFrameId candidate);
   /// Similarity of the pairs, from scratch or from a start; keeps the pairs that fit.
   bool estimate(Pairs& pairs, Sim3& S_12, bool from_scratch) const;
   void add_pairs(const Sim3& S_12, Pairs& pairs);

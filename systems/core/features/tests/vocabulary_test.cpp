@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <fstream>
@@ -152,6 +153,42 @@ TEST_F(VocabularyFile, EveryFlippedByteAndEveryCutIsNoticed) {
     EXPECT_THROW(Vocabulary::load(folder_ / "bad.slv"), Error) << "cut at " << cut;
   }
   EXPECT_THROW(Vocabulary::load(folder_ / "absent.slv"), Error);
+}
+
+TEST_F(VocabularyFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
+  World world(3, 20);
+  trained(world, 2).save(folder_ / "v.slv");
+  std::ifstream in(folder_ / "v.slv", std::ios::binary);
+  const std::vector<std::uint8_t> good((std::istreambuf_iterator<char>(in)), {});
+  ASSERT_NO_THROW(Vocabulary::parse(good, "good"));
+  constexpr std::size_t kHeader = 24, kRecord = 48, kLinks = 32;
+  const auto image = world.image(1);
+  std::mt19937 random(6);
+  int refused = 0;
+  constexpr int kTries = 4000;
+  for (int i = 0; i < kTries; ++i) {
+    auto bad = good;
+    for (std::uint32_t n = 1 + random() % 3; n > 0; --n) {
+      // Mostly in the links and levels, where damage could lead astray.
+      const std::size_t record = kHeader + random() % ((bad.size() - kHeader) / kRecord) * kRecord;
+      const bool header = random() % 8 == 0;
+      bad[header ? 4 + random() % 16 : record + kLinks + random() % 16] =
+          static_cast<std::uint8_t>(random());
+    }
+    const auto crc = static_cast<std::uint32_t>(
+        ::crc32_z(0, bad.data() + kHeader, bad.size() - kHeader));
+    for (int b = 0; b < 4; ++b) bad[20 + b] = static_cast<std::uint8_t>(crc >> (8 * b));
+    try {
+      // What is taken for a vocabulary must be usable as one.
+      const BagOfWords bag = Vocabulary::parse(bad, "bad").transform(image);
+      EXPECT_LE(similarity(bag, bag), 1 + 1e-6);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::kBadInput);
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, kTries / 4);
+  EXPECT_LT(refused, kTries);
 }
 
 TEST(DefaultVocabulary, IsBuiltInAndTellsPlacesApart) {

@@ -1,0 +1,19 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# bench.sh: builds and runs every Google Benchmark program and the growth of the map; figures go to
+# build-bench/*.json and build-bench/growth.csv, and to docs/benchmarks.md by hand.
+set -euo pipefail
+
+cd "$(dirname "$0")/.."
+cmake -S . -B build-bench -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_BENCHMARKS=ON >/dev/null
+ninja -C build-bench --quiet ${SLAMBED_NINJA_FLAGS:-}
+for program in build-bench/bin/*_bench; do
+  name=$(basename "$program")
+  echo "== $name"
+  # Random order and medians: the host's speed drifts, and neighbours in time drift together.
+  "$program" --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true \
+    --benchmark_report_aggregates_only=true --benchmark_out="build-bench/$name.json"
+done
+echo "== growth"
+build-bench/bin/slam_growth "${KEYFRAMES:-2000}" | tee build-bench/growth.csv
+python3 tools/growth_summary.py build-bench/growth.csv

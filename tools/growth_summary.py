@@ -1,0 +1,52 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""growth_summary.py CSV [PNG]: how times and memory change with the size of the map, in a table;
+with matplotlib and a second argument also as a picture."""
+
+import csv
+import statistics
+import sys
+
+WARM_UP = 200
+"""Keyframes before which the local window is still filling."""
+COLUMNS = ("yardstick_ms", "track_ms", "map_ms", "bundle_ms", "detect_ms")
+
+
+def main() -> None:
+    with open(sys.argv[1], encoding="utf-8") as file:
+        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    late = [row for row in rows if row["keyframes"] >= WARM_UP]
+    if len(late) < 8:
+        sys.exit(f"error: {sys.argv[1]}: too few rows beyond {WARM_UP} keyframes; let it grow")
+    third = len(late) // 3
+    first, last = late[:third], late[-third:]
+    print(f"{'':12} {'first third':>12} {'last third':>12} {'ratio':>7} {'per yardstick':>12}")
+    for name in COLUMNS:
+        a, b = (statistics.median(row[name] for row in part) for part in (first, last))
+        # Beside work that stays the same: what the host does to both is no growth.
+        x, y = (statistics.median(row[name] / row["yardstick_ms"] for row in part) for part in (first, last))
+        print(f"{name:12} {a:12.3f} {b:12.3f} {b / a if a else float('nan'):7.2f} {y / x if x else float('nan'):12.2f}")
+    grown = late[-1]["keyframes"] - late[0]["keyframes"]
+    heap_kb = 1e3 * (late[-1]["heap_mb"] - late[0]["heap_mb"]) / grown
+    print(f"{heap_kb:.0f} KB of heap per keyframe, {late[-1]['points'] / late[-1]['keyframes']:.0f} points")
+    if len(sys.argv) > 2:
+        draw(rows, sys.argv[2])
+
+
+def draw(rows: list[dict[str, float]], path: str) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, 2, figsize=(8, 5), sharex=True, constrained_layout=True)
+    for axis, name in zip(axes.flat, ("track_ms", "map_ms", "detect_ms", "heap_mb"), strict=True):
+        axis.plot([row["keyframes"] for row in rows], [row[name] for row in rows])
+        axis.set_ylim(bottom=0)
+        axis.set_ylabel(name)
+        axis.set_xlabel("keyframes")
+    figure.savefig(path, dpi=120)
+
+
+if __name__ == "__main__":
+    main()
