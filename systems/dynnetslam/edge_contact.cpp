@@ -34,7 +34,8 @@ void EdgeContact::start() {
 }
 
 std::optional<Duration> EdgeContact::rtt(RunTime now) const {
-  if (now - RunTime(heard_.load()) > options_.missing) return std::nullopt;
+  const bool alive = node_.network().peer().connected;
+  if (!alive && now - RunTime(heard_.load()) > options_.missing) return std::nullopt;
   if (options_.source == RttSource::kEcho) {
     const Duration echo = echo_;
     return echo == Duration::min() ? std::nullopt : std::optional(echo);
@@ -213,6 +214,7 @@ void EdgeContact::take_echo(std::uint64_t sequence, RunTime received) {
   if (echoes_.empty() || echoes_.front().first != sequence) return;
   const Duration sample = received - echoes_.front().second;
   echoes_.pop_front();
+  if (handing_over_) return;  // waited behind the map
   const Duration before = echo_;
   echo_ = before == Duration::min() ? sample : before + (sample - before) / kSmoothing;
   node_.log().write(JsonLine("rtt_sample")

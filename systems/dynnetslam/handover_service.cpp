@@ -11,21 +11,22 @@ constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t
 }  // namespace
 
 void HandoverService::start() {
-  node_.runtime().spawn("handover", [this](Worker& worker) { serve(worker); });
+  node_.runtime().spawn("handover", [this](Worker& worker) { listen(worker); });
+  node_.runtime().spawn("merge", [this](Worker& worker) { merge(worker); });
 }
 
-void HandoverService::serve(Worker& worker) {
-  while (const auto message = channel_.receive(worker, kNever)) {
+void HandoverService::listen(Worker& worker) {
+  while (auto message = channel_.receive(worker, kNever)) {
+    const auto type = message->type;
     try {
-      take(worker, *message);
+      take(std::move(*message));
     } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string(wire::message_name(message->type)) +
-                          " refused: " + error.what());
+      node_.log().warning(std::string(wire::message_name(type)) + " refused: " + error.what());
     }
   }
 }
 
-void HandoverService::take(Worker& worker, const Message& message) {
+void HandoverService::take(Message message) {
   if (message.type == type_of(wire::MessageType::kState)) {
     const wire::StateMessage state = wire::decode_state(message.payload);
     channel_.send(type_of(wire::MessageType::kAck),
@@ -34,27 +35,46 @@ void HandoverService::take(Worker& worker, const Message& message) {
     if (count(*mapping_.map()).keyframes == 0) answer(state.epoch, 0, false);
   } else if (message.type == type_of(wire::MessageType::kStop)) {
     stop(wire::decode_stop(message.payload));
-  } else if (message.type == type_of(wire::MessageType::kStart)) {
-    begin(worker, wire::decode_start(message.payload));
-  } else if (message.type == type_of(wire::MessageType::kMapHandover)) {
-    take_over(worker, message);
+  } else if (message.type == type_of(wire::MessageType::kStart) ||
+             message.type == type_of(wire::MessageType::kMapHandover)) {
+    arrived_.put(std::move(message));
   }
 }
 
 void HandoverService::stop(const wire::StopMessage& stop) {
+  std::lock_guard lock(mutex_);
   if (stop.epoch <= epoch_) return;
   epoch_ = stop.epoch;
   mapping_.stop();
 }
 
-void HandoverService::begin(Worker&, const wire::StartMessage& start) {
+void HandoverService::merge(Worker& worker) {
+  while (const auto message = arrived_.take(worker)) {
+    try {
+      if (message->type == type_of(wire::MessageType::kStart)) {
+        begin(wire::decode_start(message->payload));
+      } else {
+        take_over(worker, *message);
+      }
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string(wire::message_name(message->type)) +
+                          " refused: " + error.what());
+    }
+  }
+}
+
+void HandoverService::begin(const wire::StartMessage& start) {
   if (is_stale(start.epoch, start.number)) return;
   const bool possible = count(*mapping_.map()).keyframes > 0;
-  if (possible) {
-    epoch_ = start.epoch;
-    mapping_.resume(epoch_);
-  }
+  if (possible) resume(start.epoch);
   answer(start.epoch, start.number, possible);
+}
+
+void HandoverService::resume(std::uint64_t epoch) {
+  std::lock_guard lock(mutex_);
+  if (epoch < epoch_) return;  // stopped again meanwhile
+  epoch_ = epoch;
+  mapping_.resume(epoch);
 }
 
 void HandoverService::take_over(Worker& worker, const Message& raw) {
@@ -74,7 +94,6 @@ void HandoverService::take_over(Worker& worker, const Message& raw) {
   if (!handover.whole && count(*mapping_.map()).keyframes == 0) {
     return answer(handover.epoch, handover.number, false);
   }
-  epoch_ = handover.epoch;
   mapping_.stop();
   const std::size_t keyframes = handover.changes.keyframes.size();
   const std::size_t points = handover.changes.points.size();
@@ -87,12 +106,15 @@ void HandoverService::take_over(Worker& worker, const Message& raw) {
                         .add("applied", report.applied)
                         .add("stale", report.stale)
                         .add("unknown", report.unknown));
-  mapping_.resume(epoch_);
+  resume(handover.epoch);
   answer(handover.epoch, handover.number, true);
 }
 
 bool HandoverService::is_stale(std::uint64_t epoch, std::uint64_t number) {
-  if (epoch >= epoch_) return false;
+  {
+    std::lock_guard lock(mutex_);
+    if (epoch >= epoch_) return false;
+  }
   node_.log().write(JsonLine("handover_declined")
                         .add("epoch", epoch)
                         .add("number", number)

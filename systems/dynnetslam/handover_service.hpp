@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <mutex>
+
 #include "offload/edge_mapping.hpp"
+#include "runtime/mailbox.hpp"
 #include "wire/handover_messages.hpp"
 
 namespace slambed::dynnetslam {
@@ -11,16 +14,19 @@ namespace slambed::dynnetslam {
 class HandoverService {
  public:
   HandoverService(EdgeNode& node, EdgeMapping& mapping, Channel& channel)
-      : node_(node), mapping_(mapping), channel_(channel) {}
+      : node_(node), mapping_(mapping), channel_(channel), arrived_(node.runtime()) {}
 
   void start();
 
  private:
-  void serve(Worker& worker);
-  void take(Worker& worker, const Message& message);
+  void listen(Worker& worker);
+  void take(Message message);
   void stop(const wire::StopMessage& stop);
-  void begin(Worker& worker, const wire::StartMessage& start);
+  /// Taking a map over may last: who listens must not wait for it.
+  void merge(Worker& worker);
+  void begin(const wire::StartMessage& start);
   void take_over(Worker& worker, const Message& raw);
+  void resume(std::uint64_t epoch);
   /// True, and recorded, when the epoch is over.
   bool is_stale(std::uint64_t epoch, std::uint64_t number);
   void answer(std::uint64_t epoch, std::uint64_t number, bool accepted);
@@ -28,6 +34,8 @@ class HandoverService {
   EdgeNode& node_;
   EdgeMapping& mapping_;
   Channel& channel_;
+  Mailbox<Message> arrived_;  ///< START and MAP_HANDOVER
+  std::mutex mutex_;          ///< orders the ends of mapping's rests with their beginnings
   std::uint64_t epoch_ = 0;
 };
 

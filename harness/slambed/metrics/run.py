@@ -144,8 +144,8 @@ def _name(device: object) -> object:
 
 
 def _map_size(log: EventLog) -> dict[str, Any]:
-    """The global map is where mapping happens: the last keyframe_mapped of either node tells."""
-    mapped = log.of("keyframe_mapped")
+    """The global map is the edge's where there is one: its last keyframe_mapped tells."""
+    mapped = log.of("keyframe_mapped", node="edge") or log.of("keyframe_mapped")
     if not mapped:
         return {}
     return {"keyframes": mapped[-1].get("keyframes"), "map_points": mapped[-1].get("points")}
