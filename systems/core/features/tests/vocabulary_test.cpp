@@ -205,7 +205,7 @@ TEST_F(VocabularyFile, ReadsDbow2Text) {
   // Two children of the root, the first of them with two leaves of its own.
   const auto line = [](int parent, bool leaf, int byte, const char* weight) {
     std::string text = std::to_string(parent) + (leaf ? " 1" : " 0");
-    for (int i = 0; i < 32; ++i) text += " " + std::to_string(byte);
+    for (int i = 0; i < 32; ++i) text.append(" ").append(std::to_string(byte));
     return text + " " + weight + "\n";
   };
   std::ofstream(folder_ / "orb.txt") << "2 2 0 0\n"
