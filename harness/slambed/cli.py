@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from slambed import __version__
 from slambed.errors import ExitCode, SlambedError
+from slambed.terminal import console
 
 INTERRUPTED = 130
 """128 + SIGINT, as shells have it."""
 
-WIDTH_WITHOUT_TERMINAL = 160
 
 app = typer.Typer(
     name="slambed",
@@ -26,13 +25,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
-
-
-def _console() -> Console:
-    """A log file or pipe has no width: wide tables are not folded there."""
-    if sys.stdout.isatty() or "COLUMNS" in os.environ:
-        return Console()
-    return Console(width=WIDTH_WITHOUT_TERMINAL)
 
 
 @app.callback(invoke_without_command=True)
@@ -90,11 +82,11 @@ def run(
         campaign.check(found, source, library, engine or found.engine)
         typer.echo(f"{source.path}: good")
         return
-    console = _console()
+    screen = console()
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
     options = campaign.Options(runs, engine, results, wait, jobs, scheduler, slurm)
-    verdict = campaign.run_experiment(experiment, options, console)
+    verdict = campaign.run_experiment(experiment, options, screen)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])
         typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
@@ -129,14 +121,14 @@ def status(
     table = Table("cell", "valid", "invalid", "missing", box=None)
     for cell in found.cells:
         table.add_row(cell.cell, str(cell.valid), str(len(cell.invalid)), str(cell.missing))
-    console = _console()
-    console.print(table)
+    screen = console()
+    screen.print(table)
     for line in [
         *(f"invalid: {line}" for cell in found.cells for line in cell.invalid),
         *(f"stale: {line}" for line in found.stale),
         *(f"note: {line}" for line in found.notes),
     ]:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        screen.print(line, highlight=False, markup=False, soft_wrap=True)
     if not found.complete:
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
 
@@ -152,7 +144,7 @@ def report(
     folder = results / Path(experiment).stem
     if not (folder / "runs").is_dir():
         raise SlambedError(f"no runs in {folder}; start with 'slambed run {experiment}'")
-    show_report(folder, _console())
+    show_report(folder, console())
 
 
 @app.command()
@@ -165,7 +157,7 @@ def doctor() -> None:
     table = Table("", "", "found", "without it", box=None)
     for item in findings:
         table.add_row(marks[item.level], item.topic, item.found, item.cost)
-    _console().print(table)
+    console().print(table)
     if not examination.can_run(findings):
         raise typer.Exit(ExitCode.ENVIRONMENT)
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from slambed.calibrate.device_file import write_model
@@ -24,6 +23,7 @@ from slambed.spec.host_speed import load_host_speed, save_host_speed
 from slambed.spec.library import Library
 from slambed.spec.software import host_software
 from slambed.spec.yaml_source import load_yaml, parse
+from slambed.terminal import console
 
 
 def calibrate(
@@ -199,7 +199,7 @@ def match_table(fit: Fit) -> Table:
 
 
 def _print(table: Table) -> None:
-    Console(width=120).print(table)
+    console().print(table)
 
 
 def fit_table(fits: list[StageFit]) -> Table:

@@ -19,6 +19,7 @@ from slambed.data.download import download as fetch
 from slambed.data.download import recipe_text
 from slambed.data.prepared import PreparedSequence
 from slambed.data.recipe import Dataset
+from slambed.terminal import console
 
 app = typer.Typer(help="Recorded and generated sequences.", no_args_is_help=True)
 Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
@@ -44,9 +45,9 @@ def list_datasets() -> None:
         names = ", ".join((dataset.id, *dataset.aliases))
         sensor = "" if dataset.first_of else dataset.sensor
         table.add_row(names, sensor, state(catalog, dataset), dataset.title)
-    console = Console()
-    console.print(table)
-    console.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
+    screen = console()
+    screen.print(table)
+    screen.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
 
 
 @app.command("prepare")

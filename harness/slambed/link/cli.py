@@ -8,12 +8,12 @@ from typing import Annotated
 import numpy as np
 import pandas as pd
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.impairments import Side
 from slambed.link.profile import Profile, load_profile, parse_profile, profile_names
+from slambed.terminal import console
 
 app = typer.Typer(help="Link profiles: how latency, loss and rate change.", no_args_is_help=True)
 link_app = typer.Typer(help="The emulated link between the nodes.", no_args_is_help=True)
@@ -59,7 +59,7 @@ def list_profiles() -> None:
         rtt = f"{low:g}" if low == high else f"{low:.4g} to {high:.4g}"
         length = "for ever" if not profile.duration else f"{profile.duration:g}"
         table.add_row(name, rtt, length, profile.description)
-    Console().print(table)
+    console().print(table)
 
 
 @app.command()
@@ -81,7 +81,7 @@ def show(
     for t in np.linspace(0.0, end, ROWS):
         up, down = profile.delays_ms(float(t))
         table.add_row(f"{t:.2f}", f"{up + down:.3f}", f"{up:.3f}", f"{down:.3f}")
-    Console().print(table)
+    console().print(table)
     for line in facts(profile, end):
         typer.echo(line)
     target = output or Path(f"profile_{profile.name}.png")
@@ -147,7 +147,7 @@ def measure(
         table.add_row(key, shown or "-")
     table.add_row("backend", run.record.backend)
     table.add_row("dropped", f"{run.record.drops['up']} up, {run.record.drops['down']} down")
-    Console().print(table)
+    console().print(table)
     if log is not None:
         _write_log(run.record.frame, log)
         typer.echo(f"log: {log}")

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.terminal import console
 
 ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
 RESULTS = Path("results")
@@ -47,7 +47,7 @@ def report(
 
     folder = experiment_folder(results, experiment)
     write_report(folder, figures=figures)
-    terminal_summary(folder, Console())
+    terminal_summary(folder, console())
 
 
 @app.command()
@@ -92,7 +92,7 @@ def truth(
     from slambed.report.truth import truth_table
 
     table = truth_table(load(live), load(virtual))
-    Console().print(table.rich())
+    console().print(table.rich())
     if output is not None:
         output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
         typer.echo(f"table: {output}")
@@ -103,7 +103,7 @@ def paper(
     name: Annotated[str, typer.Argument(help="A name in papers/, or 'all'.")] = "all",
     results: ResultsOption = RESULTS,
     runs: Annotated[str | None, typer.Option(help="Runs per cell: a number, 'paper'.")] = None,
-    engine: Annotated[str | None, typer.Option(help="docker, local or auto.")] = None,
+    engine: Annotated[str | None, typer.Option(help="docker, local, virtual or auto.")] = None,
     reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
 ) -> None:
     """Run or reuse every experiment of a paper and write one page about it."""
@@ -116,7 +116,7 @@ def paper(
 
         for experiment in experiments_of(chosen):
             options = campaign.Options(runs, engine, results)
-            if campaign.run_experiment(experiment, options, Console()).interrupted:
+            if campaign.run_experiment(experiment, options, console()).interrupted:
                 raise SlambedError(
                     "interrupted; finished runs are kept, the same command goes on",
                     ExitCode.NOT_ALL_GOOD,
@@ -130,15 +130,15 @@ def _write_pages(names: list[str] | None, results: Path, out: Path, show_not_run
     from slambed.report.paper_page import write_paper_page
     from slambed.report.papers import read_papers
 
-    console = Console()
+    screen = console()
     papers = read_papers(names)
     experiments = [load(folder) for folder in _folders(results)]
     for item in papers:
         page = write_paper_page(item, experiments, out)
         rows = page.rows if show_not_run else [r for r in page.rows if r.verdict != "not run"]
         if rows:
-            console.print(comparison_table(item.id, item.paper.title, rows).rich())
-        console.print(f"{item.id}: {page.summary}; {page.html}", highlight=False, soft_wrap=True)
+            screen.print(comparison_table(item.id, item.paper.title, rows).rich())
+        screen.print(f"{item.id}: {page.summary}; {page.html}", highlight=False, soft_wrap=True)
 
 
 def _folders(results: Path) -> list[Path]:
@@ -163,19 +163,19 @@ def gate(
 
     if baseline is None and not first_night:
         raise SlambedError("nothing to compare with, no --baseline: give one or --first-night")
-    console = Console()
+    screen = console()
     reasons = 0
     for name in experiments:
         tonight, problems = read_runs(results, Path(name).stem)
         before = tonight if baseline is None else read_runs(baseline, Path(name).stem)[0]
         found = judge(before, tonight, alpha / len(experiments))
-        console.print(f"{name}: {len(found.findings)} comparisons, {len(found.failures)} failures")
+        screen.print(f"{name}: {len(found.findings)} comparisons, {len(found.failures)} failures")
         if any(f.alarm or f.relevant for f in found.findings):
-            console.print(found.table().rich())
+            screen.print(found.table().rich())
         for line in [*problems, *found.notes]:
-            console.print(f"note: {line}", highlight=False, markup=False, soft_wrap=True)
+            screen.print(f"note: {line}", highlight=False, markup=False, soft_wrap=True)
         for line in found.failures:
-            console.print(f"FAIL: {line}", highlight=False, markup=False, soft_wrap=True)
+            screen.print(f"FAIL: {line}", highlight=False, markup=False, soft_wrap=True)
         reasons += len(found.failures)
         if history is not None and len(tonight):
             night = datetime.now(UTC).strftime("%Y-%m-%d")
