@@ -38,8 +38,8 @@ build: packages ## Compile the C++ programs (inside the image build where Docker
 experiment: setup build ## Run an experiment and show its report: NAME=quickstart [RUNS=3] [ENGINE=auto]
 	@$(SUDO) $(SLAMBED) run $(NAME) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
-paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=paper]
-	@$(SUDO) $(SLAMBED) paper $(PAPER) $(if $(RUNS),--runs $(RUNS))
+paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=paper] [ENGINE=virtual]
+	@$(SUDO) $(SLAMBED) paper $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
 plots: setup ## Draw all reports again without running anything
 	@$(SLAMBED) plots all
