@@ -47,7 +47,7 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
             made,
             file_name("rtt", condition.dataset, condition.profile),
             f"Round-trip time: {condition.title}",
-            f"Asked by the profile, applied by the link, measured by ICMP echo; run {key}, "
+            f"Asked by the profile, applied by the link, measured by echoes; run {key}, "
             f"{row['label']}, the one with the median error.{proof}",
             pd.concat(
                 [
