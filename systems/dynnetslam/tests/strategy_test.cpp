@@ -30,7 +30,7 @@ std::string walk(const Thresholds& t, const Rtts& rtts) {
   std::string states(to_string(state));
   for (std::size_t i = 1; i < rtts.size(); ++i) {
     state = next_state(state, rtts[i], t);
-    states += " " + std::string(to_string(state));
+    states.append(" ").append(to_string(state));
   }
   return states;
 }

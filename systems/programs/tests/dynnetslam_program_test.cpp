@@ -61,7 +61,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
   std::string states() {
     std::string text;
     for (const auto& event : events("mobile", "state_changed"))
-      text += (text.empty() ? "" : " ") + event["to"].get<std::string>();
+      text.append(text.empty() ? "" : " ").append(event["to"].get<std::string>());
     return text.rfind("MES ", 0) == 0 ? text.substr(4) : text;
   }
   void await_start() {
