@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from harness_parts import run_spec
 from test_cli import refused, slambed
+from virtual_parts import needs_programs
 
 from slambed.engines.result import run_json
 from slambed.errors import ExitCode, SlambedError
@@ -25,20 +26,6 @@ devices: {{mobile: host}}
 engine: virtual
 runs: {{default: 1}}
 """
-
-
-def programs_are_built() -> bool:
-    try:
-        for name in ("slambed-sim", "slambed-synth"):
-            find_program(name)
-    except SlambedError:
-        return False
-    return True
-
-
-needs_programs = pytest.mark.skipif(
-    not programs_are_built(), reason="needs the programs ('make build')"
-)
 
 
 @pytest.fixture(scope="module")
