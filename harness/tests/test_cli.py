@@ -74,6 +74,12 @@ devices: {mobile: host}
         ("title:", "titel:", "unknown key 'titel'"),
         ("mobile: host", "mobile: hots", "did you mean 'host'"),
         ("system: orbslam2", "system: orbslam", "did you mean 'orbslam2'"),
+        ("[synthetic_room]", "[synthetic_rom]", "did you mean 'synthetic_room'"),
+        (
+            "system: orbslam2}]\ndatasets: [synthetic_room]",
+            "system: edgeslam}]\ndatasets: [synthetic_mono_room]",
+            "is mono, system edgeslam",
+        ),
     ],
 )
 def test_a_bad_experiment_is_refused_before_anything_starts(
@@ -83,6 +89,7 @@ def test_a_bad_experiment_is_refused_before_anything_starts(
     path.write_text(REAL.replace(old, new))
     line = refused(ExitCode.BAD_INPUT, "run", str(path), "--results", str(tmp_path / "results"))
     assert part in line and "tiny.yaml" in line
+    assert refused(ExitCode.BAD_INPUT, "run", str(path), "--check") == line
     assert not (tmp_path / "results").exists()
 
 

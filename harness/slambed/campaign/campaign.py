@@ -14,7 +14,7 @@ from rich.console import Console
 
 from slambed.campaign.choose import choose_engine
 from slambed.campaign.cluster import join_cluster, start_on_slurm
-from slambed.campaign.datasets import Sequence, prepare_sequence
+from slambed.campaign.datasets import Sequence, prepare_sequence, sensor_of
 from slambed.campaign.folder import ResultFolder, give_to_caller
 from slambed.campaign.ledger import Ledger, utc_now
 from slambed.campaign.links import backend_for, open_for_run, read_profile
@@ -235,7 +235,32 @@ def check(
     engine = VIRTUAL if engine == VIRTUAL else ""
     host = Circumstances(engine, anyhow, "", nowhere)
     expand(experiment, source, library, profiles, host, runs=1)
+    for index, name in enumerate(experiment.datasets):
+        try:
+            sensor = sensor_of(name)
+        except SlambedError as error:
+            raise _of_dataset(error, source, index) from None
+        _check_sensor(sensor, experiment, source, library, index)
     return profiles
+
+
+def _of_dataset(error: SlambedError, source: YamlSource, index: int) -> SlambedError:
+    line = source.line_of(("datasets", index))
+    return SlambedError(f"{error} ({source.path} line {line})", error.code)
+
+
+def _check_sensor(
+    sensor: str, experiment: Experiment, source: YamlSource, library: Library, index: int
+) -> None:
+    """Every system must play what the dataset was recorded with."""
+    for choice in experiment.systems:
+        sensors = library.system(choice.system).sensors
+        if sensor not in sensors:
+            raise source.complaint(
+                f"dataset {experiment.datasets[index]} is {sensor}, system {choice.system} plays "
+                + " and ".join(sensors),
+                ("datasets", index),
+            )
 
 
 def make_plan(
@@ -259,16 +284,8 @@ def make_plan(
             if isinstance(error, MissingDataError) and experiment.missing_datasets == "skip":
                 left_out.append(str(error))
                 continue
-            line = source.line_of(("datasets", index))
-            raise SlambedError(f"{error} ({source.path} line {line})", error.code) from None
-        for choice in experiment.systems:
-            sensors = library.system(choice.system).sensors
-            if sequence.sensor not in sensors:
-                raise source.complaint(
-                    f"dataset {name} is {sequence.sensor}, system {choice.system} plays "
-                    + " and ".join(sensors),
-                    ("datasets", index),
-                )
+            raise _of_dataset(error, source, index) from None
+        _check_sensor(sequence.sensor, experiment, source, library, index)
         sequences[sequence.id] = sequence
         names[name] = (sequence.id, sequence.checksum)
     if not sequences:

@@ -33,6 +33,16 @@ class Sequence:
         return min(end_s, playback.end_s or end_s) - playback.start_s
 
 
+def sensor_of(name: str) -> str:
+    """What a dataset was recorded with, known without preparing it."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
+
+    if (Path(name) / SEQUENCE_FILE).is_file():
+        return PreparedSequence.open(name).info.sensor
+    return Catalog.load().resolve(name).sensor
+
+
 def prepare_sequence(name: str) -> Sequence:
     """Prepares a dataset, and reads every frame of it once against its checksums."""
     from slambed.data.catalog import prepare

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,14 +64,16 @@ class Catalog:
         """True when prepare would succeed in finding the source."""
         if dataset.synthetic:
             wanted = dataset.synthetic.path_file
-            return wanted is None or any((folder / wanted).is_file() for folder in self.search)
+            return wanted is None or any(
+                (folder / wanted).is_file() for folder in self._open_folders()
+            )
         if self.locate(dataset) is not None:
             return True
         return SequenceCache(places.prepared_folder(cache_dir)).find(dataset) is not None
 
     def locate(self, dataset: Dataset) -> Path | None:
         """The source on the search path, or None."""
-        for folder in self.search:
+        for folder in self._open_folders():
             for pattern in dataset.paths:
                 if found := sorted(folder.glob(pattern)):
                     return found[0]
@@ -82,13 +85,17 @@ class Catalog:
         wanted = dataset.synthetic.path_file
         if wanted is None:
             return None
-        for folder in self.search:
+        for folder in self._open_folders():
             if (file := folder / wanted).is_file():
                 return file
         raise MissingDataError(
             f"dataset '{dataset.id}' follows the camera path {wanted}, which is not in "
             f"{self._folders()}; put it there or set SLAMBED_DATA"
         )
+
+    def _open_folders(self) -> list[Path]:
+        """Those of the search path that are there and ours to read."""
+        return [folder for folder in self.search if os.access(folder, os.R_OK | os.X_OK)]
 
     def _folders(self) -> str:
         return ":".join(str(folder) for folder in self.search)
