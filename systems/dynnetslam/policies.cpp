@@ -132,7 +132,8 @@ void DynNetSlamMobile::settle_handover(Worker& worker) {
 
 void DynNetSlamMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
                             KeyFrameNeed need) {
-  offload_.send(worker, frame, std::move(made), need, frame.outcome.initialised_now);
+  const bool first = frame.outcome.initialised_now;
+  offload_.send(worker, frame, std::move(made), need, first, first);
   contact_.keyframe_sent(worker.now());
 }
 

@@ -2,10 +2,28 @@
 #include "edgeslam/policies.hpp"
 
 #include <array>
+#include <utility>
 
 #include "offload/update_content.hpp"
+#include "wire/message_type.hpp"
 
 namespace slambed {
+
+EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters)
+    : node_(node), offload_(node, parameters) {
+  offload_.downlink().on_applied([this](const wire::MapUpdate&, const std::shared_ptr<Map>&) {
+    edge_has_map_ = true;
+  });
+}
+
+void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
+  offload_.before_frame(worker);
+  while (const auto message = offload_.channels().keyframe.try_receive()) {
+    if (message->type != static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted)) continue;
+    // Several come when several keyframes were under way: one answer is enough.
+    if (std::exchange(edge_has_map_, false)) keyframe_wanted_ = true;
+  }
+}
 
 void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   offload_.note(frame);
@@ -15,24 +33,28 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   const PeerState edge = node_.network().peer();
   const bool edge_is_new = edge.connected && edge.incarnation != edge_incarnation_ &&
                            !frame.outcome.initialised_now;
-  const KeyFrameNeed need =
-      edge_is_new ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
+  const bool at_once = edge_is_new || std::exchange(keyframe_wanted_, false);
+  const KeyFrameNeed need = at_once ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
   if (need == KeyFrameNeed::kNone) return;
   // A keyframe that the edge may still decline must not become the reference.
   const bool certain = need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
   MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
-  if (edge_is_new) {
-    const std::array first{made.keyframes.front().id};
+  // The first keyframe of a map is whole as it is made; the next ones lean on points sent before.
+  const bool whole = edge_is_new || !edge_has_map_;
+  if (whole) {
+    const std::array keyframe{made.keyframes.front().id};
     made = node_.tracker().map()->read(
-        [&](const MapView& view) { return extract_keyframes(view, first); });
+        [&](const MapView& view) { return extract_keyframes(view, keyframe); });
+  }
+  if (edge_is_new) {
     node_.log().write(JsonLine("edge_restarted")
-                          .add("keyframe", first.front().value)
+                          .add("keyframe", made.keyframes.front().id.value)
                           .add("incarnation", edge.incarnation));
   }
   const bool first = edge_is_new || frame.outcome.initialised_now;
   if (first) edge_incarnation_ = edge.incarnation;
-  offload_.send(worker, frame, std::move(made), need, first);
+  offload_.send(worker, frame, std::move(made), need, first, whole || first);
 }
 
 void EdgeSlamMobile::place_keyframes(PoseBook& book) {

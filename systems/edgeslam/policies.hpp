@@ -7,11 +7,10 @@ namespace slambed {
 
 class EdgeSlamMobile final : public MobilePolicy {
  public:
-  EdgeSlamMobile(MobileNode& node, const Parameters& parameters)
-      : node_(node), offload_(node, parameters) {}
+  EdgeSlamMobile(MobileNode& node, const Parameters& parameters);
 
   void start() override { offload_.start(); }
-  void before_frame(Worker& worker, const OfferedFrame&) override { offload_.before_frame(worker); }
+  void before_frame(Worker& worker, const OfferedFrame& frame) override;
   void after_frame(Worker& worker, const TrackedFrame& frame) override;
   void finish(Worker& worker) override { offload_.say_goodbye(worker); }
   void place_keyframes(PoseBook& book) override;
@@ -21,11 +20,15 @@ class EdgeSlamMobile final : public MobilePolicy {
   MobileNode& node_;
   OffloadMobile offload_;
   std::uint64_t edge_incarnation_ = 0;  ///< of the edge whose map began with one of our keyframes
+  bool edge_has_map_ = true;      ///< false: it said that it has none, and has sent none since
+  bool keyframe_wanted_ = false;  ///< at the next frame
 };
 
 class EdgeSlamEdge final : public EdgePolicy {
  public:
-  EdgeSlamEdge(EdgeNode& node, const Parameters& parameters) : offload_(node, parameters) {}
+  EdgeSlamEdge(EdgeNode& node, const Parameters& parameters) : offload_(node, parameters) {
+    offload_.mapping().ask_when_empty();
+  }
 
   void start() override { offload_.start(); }
   std::shared_ptr<const Map> map() const override { return offload_.map(); }

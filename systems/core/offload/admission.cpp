@@ -21,7 +21,10 @@ std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& mess
     return "older than the last accepted";
   }
   if (message.first) return std::nullopt;
-  if (state.last_accepted_s < 0) return "not the first keyframe";
+  if (state.last_accepted_s < 0) {
+    if (message.whole) return std::nullopt;
+    return kNoMap;
+  }
   if (message.after_relocalisation &&
       static_cast<double>(state.keyframes) > state.played_fps * kMaxGapS) {
     return "just relocalised";
@@ -41,9 +44,11 @@ MapDelta rebase_keyframe(const MapView& view, MapDelta delta) {
     std::set<MapPointId> seen;
     for (MapPointId& id : keyframe.points) {
       if (!id) continue;
-      if (!fresh.contains(id)) {
-        const MapPointId now = view.resolve(id);
-        id = now && view.point(now) ? now : MapPointId{};
+      const MapPointId now = view.resolve(id);
+      if (now && view.point(now)) {
+        id = now;
+      } else if (!fresh.contains(id)) {
+        id = {};
       }
       if (id && !seen.insert(id).second) id = {};
     }

@@ -75,6 +75,9 @@ void EdgeMapping::admit(Worker& worker, const Message& raw) {
   if (declined) {
     node_.log().write(
         JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *declined));
+    if (asks_ && *declined == kNoMap) {
+      keyframe_channel_.send(static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted), {});
+    }
     return;
   }
   if (pending.message.first && state.last_accepted_s >= 0) begin_again(worker);

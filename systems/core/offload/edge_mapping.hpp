@@ -33,6 +33,9 @@ class EdgeMapping {
   /// Called on the mapping worker after each mapped keyframe and before an update is made.
   void on_mapped(std::function<void(Worker&, KeyFrameId)> mapped) { mapped_ = std::move(mapped); }
 
+  /// Answers keyframes that no map can start with by KEYFRAME_WANTED. Before start().
+  void ask_when_empty() { asks_ = true; }
+
   /// Waits until the keyframe with this sequence has come (or the deadline) and all are mapped.
   void drain(Worker& worker, std::uint64_t last_sequence, RunTime deadline);
   /// Where every keyframe that was ever accepted is now, culled ones through their parents.
@@ -77,6 +80,7 @@ class EdgeMapping {
   LocalMapping mapping_;
   std::function<void(Worker&, KeyFrameId)> mapped_;
   std::unique_ptr<Signal> received_;
+  bool asks_ = false;
 
   mutable std::mutex mutex_;  ///< guards what follows
   std::uint64_t received_sequence_ = 0;

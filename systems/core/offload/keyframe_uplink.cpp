@@ -14,6 +14,7 @@ void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta de
   message.captured = frame.offered.offered;
   message.urgent = about.need == KeyFrameNeed::kUrgent;
   message.first = about.first;
+  message.whole = about.whole;
   message.after_relocalisation = about.after_relocalisation;
   message.applied_update = about.applied_update;
   message.newest_edge_point = about.newest_edge_point;

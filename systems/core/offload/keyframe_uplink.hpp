@@ -17,6 +17,7 @@ class KeyFrameUplink {
   struct About {
     KeyFrameNeed need = KeyFrameNeed::kIfMapperAgrees;
     bool first = false;  ///< the edge's map begins with it
+    bool whole = false;  ///< the delta has all points that the keyframe sees
     bool after_relocalisation = false;
     std::uint64_t applied_update = 0;
     MapPointId newest_edge_point{};

@@ -40,11 +40,12 @@ MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& fram
 }
 
 void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
-                         KeyFrameNeed need, bool first) {
+                         KeyFrameNeed need, bool first, bool whole) {
   const double since_s = frame.offered.played.seq_s() - relocalised_s_;
   uplink_.send(worker, frame, std::move(made),
                {.need = need,
                 .first = first,
+                .whole = whole,
                 .after_relocalisation = relocalised_s_ >= 0 && since_s < kAfterRelocalisationS,
                 .applied_update = downlink_.applied_update(),
                 .newest_edge_point = downlink_.newest_edge_point()});

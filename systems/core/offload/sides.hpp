@@ -26,9 +26,9 @@ class OffloadMobile {
   /// Makes a keyframe of the frame; the update rules hear of it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
-  /// first: the edge's map begins with it.
-  void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need,
-            bool first);
+  /// first: the edge's map begins with it; whole: made has all points that the keyframe sees.
+  void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need, bool first,
+            bool whole);
   void say_goodbye(Worker& worker) { farewell_.say(worker, uplink_.last_sequence()); }
 
   OffloadChannels& channels() { return channels_; }

@@ -209,6 +209,7 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   put_time(out, message.captured);
   out.integer(message.urgent);
   out.integer(message.first);
+  out.integer(message.whole);
   out.integer(message.after_relocalisation);
   out.integer(message.applied_update);
   put_id(out, message.newest_edge_point);
@@ -228,6 +229,7 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes,
   message.captured = get_time(in);
   message.urgent = in.flag();
   message.first = in.flag();
+  message.whole = in.flag();
   message.after_relocalisation = in.flag();
   message.applied_update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest_edge_point = get_id_or_none<MapPointId>(in);

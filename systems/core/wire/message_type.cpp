@@ -23,6 +23,8 @@ std::string_view message_name(std::uint8_t type) {
       return "POSES";
     case MessageType::kAnnounce:
       return "ANNOUNCE";
+    case MessageType::kKeyFrameWanted:
+      return "KEYFRAME_WANTED";
     case MessageType::kState:
       return "STATE";
     case MessageType::kStart:

@@ -7,7 +7,7 @@
 namespace slambed::wire {
 
 /// Version of every payload layout below this folder; both nodes must have the same.
-inline constexpr std::uint16_t kWireVersion = 2;
+inline constexpr std::uint16_t kWireVersion = 3;
 
 /// Message::type. Numbers are never reused.
 enum class MessageType : std::uint8_t {
@@ -20,6 +20,7 @@ enum class MessageType : std::uint8_t {
   kBye = 7,        ///< last message of a node
   kPoses = 8,      ///< edge -> mobile: where all keyframes ended up
   kAnnounce = 9,   ///< sender -> receiver: a message of this size wants to come
+  kKeyFrameWanted = 10,  ///< edge -> mobile: there is no map yet that a keyframe could join
   // DynNetSLAM
   kState = 16,
   kStart = 17,

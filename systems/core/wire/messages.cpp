@@ -33,6 +33,7 @@ Bytes encode(const KeyFrameMessage& message) {
   put_time(out, message.captured);
   out.u8(message.urgent);
   out.u8(message.first);
+  out.u8(message.whole);
   out.u8(message.after_relocalisation);
   out.varint(message.applied_update);
   IdStream().put(out, message.newest_edge_point);
@@ -47,6 +48,7 @@ KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const Senso
     message.captured = get_time(in);
     message.urgent = in.flag();
     message.first = in.flag();
+    message.whole = in.flag();
     message.after_relocalisation = in.flag();
     message.applied_update = in.varint();
     message.newest_edge_point = IdStream().get_or_none<MapPointId>(in);

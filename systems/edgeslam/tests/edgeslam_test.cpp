@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <numbers>
 #include <set>
@@ -14,6 +15,7 @@
 namespace slambed {
 namespace {
 
+using testing::PairLink;
 using testing::PairResult;
 using testing::SyntheticWorld;
 
@@ -44,13 +46,24 @@ nlohmann::json enhanced() {
   return params;
 }
 
-/// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
-/// new to make keyframes of.
-std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
+SE3 pose_at(int frame) {
   const double yaw = 2.5 * frame * std::numbers::pi / 180;
   const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
   const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return world.look(SE3(R_wc, centre).inverse());
+  return SE3(R_wc, centre).inverse();
+}
+
+/// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
+/// new to make keyframes of.
+std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
+  return world.look(pose_at(frame));
+}
+
+/// How far a keyframe of the edge's map may be from where the camera was.
+constexpr double kPositionTolerance_m = 0.02;
+
+PairResult run_over(const PairLink& link, const nlohmann::json& params, int frames = 160) {
+  return testing::run_pair(edgeslam_system(), params, frames, 10, link, turn);
 }
 
 PairResult run(const nlohmann::json& params, int frames = 160, double one_way_ms = 0.1,
@@ -112,6 +125,38 @@ TEST_P(EdgeSlamVariants, UpdatesComeEveryPeriodAndTheirDelaysAddUp) {
     EXPECT_LE(update["keyframes"].get<int>(), params()["n_kf"].get<int>());
     EXPECT_NEAR(sum_of_parts(update), update["t_total_ms"].get<double>(), 0.01);
   }
+}
+
+TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
+  PairLink link;
+  link.lost_keyframes = 3;
+  const PairResult result = run_over(link, params());
+  EXPECT_EQ(result.end_reason, "bye");
+  EXPECT_TRUE(result.of("track_lost").empty());
+  int wanted = 0;
+  for (const auto& message : result.of("message")) {
+    wanted += message["message"] == "KEYFRAME_WANTED";
+  }
+  EXPECT_GT(wanted, 0);
+  const auto received = result.of("keyframe_received");
+  ASSERT_GT(received.size(), 5u);
+  EXPECT_GT(received.front()["keyframe"].get<std::uint64_t>() & 0xffff, 3u);
+  // Once there is a map nothing else is asked for, and it is the mobile's map.
+  const double begun = received.front()["t_ns"];
+  for (const auto& declined : result.of("keyframe_declined")) {
+    if (declined["t_ns"].get<double>() > begun) EXPECT_NE(declined["reason"], "not the first keyframe");
+  }
+  EXPECT_GT(result.edge_counts.keyframes, 5u);
+  for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
+    const SE3 truth = pose_at(static_cast<int>(keyframe.frame_index)) * pose_at(0).inverse();
+    EXPECT_LT((keyframe.T_cw.inverse().t - truth.inverse().t).norm(), kPositionTolerance_m)
+        << "frame " << keyframe.frame_index;
+  }
+  // The keyframe that the map started with came with all it saw, not only with its new points.
+  const auto& first = result.edge_map.keyframes.front();
+  EXPECT_GT(std::count_if(first.points.begin(), first.points.end(), [](MapPointId id) { return bool(id); }),
+            200);
+  EXPECT_GE(result.of("update_applied").size(), 1u);
 }
 
 INSTANTIATE_TEST_SUITE_P(Variants, EdgeSlamVariants, ::testing::Values(false, true),

@@ -41,11 +41,52 @@ inline DeviceModel uniform_device(double stage_us) {
   return model;
 }
 
+/// A network on which one channel never delivers its first so many messages.
+class LosingNetwork final : public Network {
+ public:
+  LosingNetwork(Network& below, std::string channel, std::uint64_t lost)
+      : below_(below), channel_(std::move(channel)), lost_(lost) {}
+  Channel& open(const ChannelOptions& options) override {
+    Channel& opened = below_.open(options);
+    if (options.name != channel_) return opened;
+    losing_ = std::make_unique<Losing>(opened, lost_);
+    return *losing_;
+  }
+  PeerState peer() const override { return below_.peer(); }
+  Signal& peer_signal() override { return below_.peer_signal(); }
+
+ private:
+  class Losing final : public Channel {
+   public:
+    Losing(Channel& below, std::uint64_t lost) : below_(below), lost_(lost) {}
+    const ChannelOptions& options() const override { return below_.options(); }
+    std::uint64_t send(std::uint8_t type, Bytes payload) override {
+      return below_.send(type, std::move(payload));
+    }
+    std::optional<Message> try_receive() override {
+      auto message = below_.try_receive();
+      while (message && message->sequence <= lost_) message = below_.try_receive();
+      return message;
+    }
+    Signal& signal() override { return below_.signal(); }
+    PathStats path() const override { return below_.path(); }
+
+   private:
+    Channel& below_;
+    std::uint64_t lost_;
+  };
+  Network& below_;
+  std::string channel_;
+  std::uint64_t lost_;
+  std::unique_ptr<Losing> losing_;
+};
+
 /// One-way delays in ms, alike in both directions: one for good, or one per step.
 struct PairLink {
   std::vector<double> one_way_ms = {0.1};
   double step_s = 0.1;
   std::vector<link::Gap> gaps = {};
+  std::uint64_t lost_keyframes = 0;  ///< the first messages on the channel never reach the edge
 
   link::DirectionOptions direction() const {
     link::DirectionOptions options;
@@ -106,7 +147,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
               .close_depth_m = sensor->close_depth_m,
               .played_fps = playlist.played_fps()});
     RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
-    EdgeNode edge({edge_runtime, link.edge_side(edge_log), edge_log, peer}, system, parameters);
+    LosingNetwork edge_network(link.edge_side(edge_log), "keyframe", path.lost_keyframes);
+    EdgeNode edge({edge_runtime, edge_network, edge_log, peer}, system, parameters);
     MobileNode mobile({.runtime = mobile_runtime,
                        .network = &link.mobile_side(mobile_log),
                        .log = mobile_log,

@@ -35,6 +35,9 @@ class Admission : public ::testing::Test {
 TEST_F(Admission, TheFirstKeyframeIsWelcomeAndNothingBeforeIt) {
   state.last_accepted_s = -1;
   EXPECT_EQ(reason(), "not the first keyframe");
+  message.whole = true;
+  EXPECT_EQ(reason(), "welcome");
+  message.whole = false;
   message.first = true;
   EXPECT_EQ(reason(), "welcome");
   state.last_accepted_s = 5;  // the mobile started again
