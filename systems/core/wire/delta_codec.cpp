@@ -5,7 +5,6 @@
 
 #include "wire/feature_codec.hpp"
 #include "wire/id_codec.hpp"
-#include "wire/point_codec.hpp"
 
 namespace slambed::wire {
 namespace {
@@ -117,11 +116,11 @@ std::vector<KeyFramePose> get_poses(ByteReader& in) {
   return poses;
 }
 
-void put_delta(ByteWriter& out, const MapDelta& delta) {
+void put_delta(ByteWriter& out, const MapDelta& delta, FreshPoints fresh) {
   Streams ids;
   out.varint(delta.epoch);
   put_list(out, delta.keyframes, [&](const NewKeyFrame& k) { put_keyframe(out, ids, k); });
-  PointCodec points(delta.keyframes);
+  PointCodec points(delta.keyframes, fresh);
   put_list(out, delta.points, [&](const NewPoint& p) { points.put(out, ids.points, p); });
   put_edits(out, ids, delta.attach);
   put_edits(out, ids, delta.detach);
@@ -149,8 +148,10 @@ MapDelta get_delta(ByteReader& in, const std::shared_ptr<const Sensor>& sensor) 
   MapDelta delta;
   delta.epoch = in.varint();
   get_list(in, delta.keyframes, kPoseBytes + 13, [&] { return get_keyframe(in, ids, sensor); });
-  const PointCodec points(delta.keyframes);
-  get_list(in, delta.points, PointCodec::kMinBytes, [&] { return points.get(in, ids.points); });
+  PointCodec points(delta.keyframes);
+  const std::size_t count = points.get_count(in);
+  delta.points.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) delta.points.push_back(points.get(in, ids.points));
   get_edits(in, ids, delta.attach);
   get_edits(in, ids, delta.detach);
   get_list(in, delta.fusions, 2, [&] {
@@ -175,9 +176,9 @@ MapDelta get_delta(ByteReader& in, const std::shared_ptr<const Sensor>& sensor) 
   return delta;
 }
 
-Bytes encode(const MapDelta& delta) {
+Bytes encode(const MapDelta& delta, FreshPoints fresh) {
   ByteWriter out;
-  put_delta(out, delta);
+  put_delta(out, delta, fresh);
   return out.take();
 }
 

@@ -7,6 +7,7 @@
 
 #include "map/map_delta.hpp"
 #include "wire/byte_io.hpp"
+#include "wire/point_codec.hpp"
 
 namespace slambed::wire {
 
@@ -14,11 +15,11 @@ namespace slambed::wire {
 /// positions, poses, sightings, culled points, culled keyframes. Lost: features as said in
 /// feature_codec.hpp, positions to 32-bit floats, normals to 1.6e-5. A point's descriptor is named
 /// rather than repeated when a keyframe of the same delta shows it.
-void put_delta(ByteWriter& out, const MapDelta& delta);
+void put_delta(ByteWriter& out, const MapDelta& delta, FreshPoints fresh = FreshPoints::kWhole);
 /// Throws DecodeError. The sensor is needed only when keyframes are inside.
 MapDelta get_delta(ByteReader& in, const std::shared_ptr<const Sensor>& sensor);
 
-Bytes encode(const MapDelta& delta);
+Bytes encode(const MapDelta& delta, FreshPoints fresh = FreshPoints::kWhole);
 MapDelta decode_delta(std::span<const std::uint8_t> bytes,
                       const std::shared_ptr<const Sensor>& sensor);
 

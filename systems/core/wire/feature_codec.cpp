@@ -48,6 +48,16 @@ float restore_depth(std::uint16_t code) {
   return std::bit_cast<float>((code + kDepthBase) << (kFloatMantissaBits - kMantissaBits));
 }
 
+KeyPoint as_received(const KeyPoint& point, const Sensor& sensor) {
+  const Axis columns(sensor.bounds.min_x, sensor.bounds.max_x);
+  const Axis rows(sensor.bounds.min_y, sensor.bounds.max_y);
+  KeyPoint received = point;
+  received.u = columns.restore(columns.quantise(point.u));
+  received.v = rows.restore(rows.quantise(point.v));
+  received.depth_m = restore_depth(quantise_depth(point.depth_m));
+  return received;
+}
+
 void put_features(ByteWriter& out, const FeatureSet& features) {
   const Sensor& sensor = features.sensor();
   const Axis columns(sensor.bounds.min_x, sensor.bounds.max_x);

@@ -17,6 +17,9 @@ void put_features(ByteWriter& out, const FeatureSet& features);
 std::shared_ptr<const FeatureSet> get_features(ByteReader& in,
                                                std::shared_ptr<const Sensor> sensor);
 
+/// The feature as the receiver gets it; a received one stays as it is.
+KeyPoint as_received(const KeyPoint& point, const Sensor& sensor);
+
 inline constexpr std::size_t kFeatureBytes = 40;
 /// Feature numbers are 16 bits wide.
 inline constexpr std::size_t kMaxFeatures = 65'000;

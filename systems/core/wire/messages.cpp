@@ -37,7 +37,7 @@ Bytes encode(const KeyFrameMessage& message) {
   out.u8(message.after_relocalisation);
   out.varint(message.applied_update);
   IdStream().put(out, message.newest_edge_point);
-  put_delta(out, message.delta);
+  put_delta(out, message.delta, FreshPoints::kDerived);
   return out.take();
 }
 

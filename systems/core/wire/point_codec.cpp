@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "map/appearance.hpp"
+#include "wire/feature_codec.hpp"
+
 namespace slambed::wire {
 namespace {
 
@@ -12,8 +15,20 @@ enum Flags : std::uint8_t {
   kFirstIsReference = 2,  ///< first_keyframe is not repeated
   kReferenceIsNamed = 4,  ///< reference is the keyframe named for the descriptor
   kNearestDerived = 8,    ///< min_distance follows from max_distance and the pyramid
-  kAllFlags = 15,
+  kFresh = 16,            ///< nothing but the id follows: all else does from the feature
+  kAllFlags = 31,
 };
+
+/// The least a fresh point can take (flags, id), and any other (position, normal, distance, two
+/// counters and a version besides).
+constexpr std::size_t kFreshBytes = 2;
+constexpr std::size_t kOtherBytes = kFreshBytes + 12 + 6 + 4 + 3;
+
+/// How far a fresh point may be from the one that its quantised feature makes, relative to its
+/// distance: depth has 12 bits, a pixel is a smaller part.
+constexpr double kFreshTolerance = 2e-4;
+
+bool is_near(float a, float b) { return std::abs(a - b) <= static_cast<float>(kFreshTolerance) * std::abs(b); }
 
 constexpr float kNormalSteps = 32767;
 
@@ -28,7 +43,8 @@ float restore_normal(std::uint16_t code) {
 
 }  // namespace
 
-PointCodec::PointCodec(const std::vector<NewKeyFrame>& keyframes) : keyframes_(keyframes) {}
+PointCodec::PointCodec(const std::vector<NewKeyFrame>& keyframes, FreshPoints fresh)
+    : keyframes_(keyframes), fresh_(fresh) {}
 
 const std::vector<PointCodec::Sighting>& PointCodec::sightings() {
   if (sightings_.empty()) {
@@ -53,6 +69,44 @@ const PointCodec::Sighting* PointCodec::find_descriptor(const NewPoint& point) {
   return nullptr;
 }
 
+std::optional<PointCodec::Fresh> PointCodec::fresh(MapPointId id) {
+  const auto& all = sightings();
+  const auto seen = std::lower_bound(all.begin(), all.end(), Sighting{id.value, 0, 0});
+  if (seen == all.end() || seen->point != id.value) return std::nullopt;
+  const NewKeyFrame& keyframe = keyframes_[seen->keyframe];
+  const FeatureSet& features = *keyframe.features;
+  const int feature = static_cast<int>(seen->feature);
+  const KeyPoint received = as_received(features.keypoint(feature), features.sensor());
+  if (!received.has_depth()) return std::nullopt;
+  const Eigen::Vector3d p_c =
+      features.sensor().camera.unproject(received.u, received.v, received.depth_m);
+  Fresh made{.point = {}, .distance_m = p_c.norm()};
+  NewPoint& point = made.point;
+  point.id = id;
+  point.p_w = keyframe.T_cw.inverse() * p_c;
+  point.appearance = appearance_of(point.p_w, keyframe.T_cw, features, feature);
+  point.reference = point.first_keyframe = keyframe.id;
+  // A received pose may be so far away that nothing is left of the distance.
+  const float farthest_m = point.appearance.max_distance_m;
+  if (!(farthest_m > 0) || !std::isfinite(farthest_m)) return std::nullopt;
+  return made;
+}
+
+bool PointCodec::is_fresh(const NewPoint& point) {
+  if (fresh_ == FreshPoints::kWhole) return false;
+  if (point.visible != 1 || point.found != 1 || point.version != 0) return false;
+  const auto derived = fresh(point.id);
+  if (!derived) return false;
+  const Appearance &look = point.appearance, &like = derived->point.appearance;
+  return point.reference == derived->point.reference &&
+         point.first_keyframe == derived->point.first_keyframe &&
+         look.descriptor == like.descriptor &&
+         (point.p_w - derived->point.p_w).norm() <= kFreshTolerance * derived->distance_m &&
+         (look.normal - like.normal).norm() < kFreshTolerance &&
+         is_near(look.max_distance_m, like.max_distance_m) &&
+         is_near(look.min_distance_m, like.min_distance_m);
+}
+
 /// ORB-SLAM2's range: a point seen at the coarsest level at most distance is seen at the finest at
 /// this one.
 float PointCodec::nearest_from(float max_distance_m) const {
@@ -61,6 +115,10 @@ float PointCodec::nearest_from(float max_distance_m) const {
 }
 
 void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
+  if (is_fresh(point)) {
+    out.u8(kFresh);
+    return ids.put(out, point.id);
+  }
   const Appearance& look = point.appearance;
   const Sighting* named = find_descriptor(point);
   std::uint8_t flags = 0;
@@ -88,11 +146,26 @@ void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
   out.varint(point.version);
 }
 
-NewPoint PointCodec::get(ByteReader& in, IdStream& ids) const {
+std::size_t PointCodec::get_count(ByteReader& in) {
+  const std::size_t count = in.count(kFreshBytes);
+  // Each fresh point needs a feature that sees it, so that few bytes cannot ask for much memory.
+  if (count > sightings().size() + in.remaining() / kOtherBytes) {
+    throw DecodeError("more points than there can be");
+  }
+  return count;
+}
+
+NewPoint PointCodec::get(ByteReader& in, IdStream& ids) {
   NewPoint point;
   Appearance& look = point.appearance;
   const std::uint8_t flags = in.u8();
   if (flags & ~kAllFlags) throw DecodeError("unknown point flags");
+  if (flags & kFresh) {
+    if (flags != kFresh) throw DecodeError("fresh point with other flags");
+    auto derived = fresh(ids.get<MapPointId>(in));
+    if (!derived) throw DecodeError("fresh point without a feature that has depth");
+    return derived->point;
+  }
   if ((flags & kReferenceIsNamed) && !(flags & kNamedDescriptor)) {
     throw DecodeError("reference keyframe is not named");
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "map/map_delta.hpp"
@@ -8,16 +9,21 @@
 
 namespace slambed::wire {
 
+/// Whether a writer leaves fresh points to the receiver.
+enum class FreshPoints { kWhole, kDerived };
+
 /// Writes and reads new points beside the keyframes of the same delta: whatever follows from those
-/// (descriptor, reference keyframe, nearest distance) is named in a few bytes instead of repeated.
+/// (descriptor, reference keyframe, nearest distance) is named in a few bytes instead of repeated. A
+/// fresh point, as tracking makes it of one feature with depth, follows whole from that feature: its
+/// id is enough, where it may be off by what quantising moved the feature.
 class PointCodec {
  public:
-  explicit PointCodec(const std::vector<NewKeyFrame>& keyframes);
+  explicit PointCodec(const std::vector<NewKeyFrame>& keyframes,
+                      FreshPoints fresh = FreshPoints::kWhole);
   void put(ByteWriter& out, IdStream& ids, const NewPoint& point);
-  NewPoint get(ByteReader& in, IdStream& ids) const;
-
-  /// The least a point can take: flags, id, position, normal, distance, two counters, version.
-  static constexpr std::size_t kMinBytes = 2 + 12 + 6 + 4 + 3;
+  NewPoint get(ByteReader& in, IdStream& ids);
+  /// Number of points that follow; throws DecodeError for more than can be there.
+  std::size_t get_count(ByteReader& in);
 
  private:
   struct Sighting {
@@ -27,10 +33,19 @@ class PointCodec {
     auto operator<=>(const Sighting&) const = default;
   };
   const Sighting* find_descriptor(const NewPoint& point);
+  struct Fresh {
+    NewPoint point;
+    double distance_m = 0;  ///< from the camera
+  };
+  /// The point that the receiver makes of the first feature that sees it; none without depth.
+  std::optional<Fresh> fresh(MapPointId id);
+  /// Whether the point can be sent as its id alone.
+  bool is_fresh(const NewPoint& point);
   float nearest_from(float max_distance_m) const;
   const std::vector<Sighting>& sightings();
 
   const std::vector<NewKeyFrame>& keyframes_;
+  FreshPoints fresh_;
   std::vector<Sighting> sightings_;  ///< sorted; filled when first needed
 };
 

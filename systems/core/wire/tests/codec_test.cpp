@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -116,6 +117,66 @@ TEST_F(Codec, DeltaComesBackWhole) {
   EXPECT_EQ(back.culled_keyframes, delta.culled_keyframes);
 }
 
+TEST_F(Codec, FreshPointsAreMadeAgainFromTheirFeatures) {
+  const MapDelta delta = fresh_keyframe(random, sensor, 400, 300);
+  const MapDelta back = decode_delta(encode(delta, FreshPoints::kDerived), sensor);
+  ASSERT_EQ(back.points.size(), delta.points.size());
+  const Eigen::Vector3d centre = delta.keyframes[0].T_cw.inverse().t;
+  for (std::size_t i = 0; i < back.points.size(); ++i) {
+    const NewPoint &a = delta.points[i], &b = back.points[i];
+    EXPECT_EQ(a.id, b.id);
+    EXPECT_LT((a.p_w - b.p_w).norm(), 2e-4 * (a.p_w - centre).norm());
+    EXPECT_EQ(a.appearance.descriptor, b.appearance.descriptor);
+    EXPECT_LT((a.appearance.normal - b.appearance.normal).norm(), 2e-4);
+    EXPECT_NEAR(a.appearance.max_distance_m, b.appearance.max_distance_m, 2e-3);
+    EXPECT_NEAR(a.appearance.min_distance_m, b.appearance.min_distance_m, 2e-3);
+    EXPECT_EQ(a.reference, b.reference);
+    EXPECT_EQ(a.first_keyframe, b.first_keyframe);
+    EXPECT_EQ(b.visible, 1u);
+    EXPECT_EQ(b.found, 1u);
+    EXPECT_EQ(b.version, 0u);
+  }
+  // Sent on they change no more.
+  const Bytes again = encode(back, FreshPoints::kDerived);
+  const MapDelta twice = decode_delta(again, sensor);
+  for (std::size_t i = 0; i < back.points.size(); ++i)
+    EXPECT_LT((twice.points[i].p_w - back.points[i].p_w).norm(), 1e-9);
+}
+
+TEST_F(Codec, AFreshPointCostsItsIdAndAChangedOneAllOfItself) {
+  MapDelta delta = fresh_keyframe(random, sensor, 400, 300);
+  const std::size_t size = encode(delta, FreshPoints::kDerived).size();
+  EXPECT_LT(size, 400 * kFeatureBytes + 300 * (2 + 4) + 200);
+  EXPECT_GT(encode(delta).size(), size + 300 * 20);  // where no position may be off
+  const auto cost_of = [&](auto change) {
+    MapDelta changed = delta;
+    change(changed.points[7]);
+    return encode(changed, FreshPoints::kDerived).size() - size;
+  };
+  constexpr std::size_t kWhole = 20;
+  EXPECT_GT(cost_of([](NewPoint& p) { p.version = 1; }), kWhole);
+  EXPECT_GT(cost_of([](NewPoint& p) { p.visible = 2; }), kWhole);
+  EXPECT_GT(cost_of([](NewPoint& p) { p.p_w.z() += 0.01; }), kWhole);
+  EXPECT_GT(cost_of([](NewPoint& p) { p.appearance.descriptor[0] ^= 1; }), kWhole);
+  EXPECT_GT(cost_of([](NewPoint& p) { p.first_keyframe = keyframe_id(3); }), kWhole);
+}
+
+TEST_F(Codec, FewBytesCannotAskForManyPoints) {
+  MapDelta delta = fresh_keyframe(random, sensor, 20, 5);
+  for (NewPoint& point : delta.points) point.version = 1;  // they count as others
+  const NewPoint one = delta.points.front();
+  delta.points.clear();
+  Bytes bytes = encode(delta);
+  delta.points.push_back(one);
+  const Bytes with_one = encode(delta);
+  const auto place = static_cast<std::size_t>(
+      std::mismatch(bytes.begin(), bytes.end(), with_one.begin()).first - bytes.begin());
+  ASSERT_EQ(bytes[place], 0);  // the number of points
+  bytes[place] = 100;
+  bytes.resize(bytes.size() + 400);  // enough for 100 fresh ones, but five features see any
+  EXPECT_THROW(decode_delta(bytes, sensor), DecodeError);
+}
+
 TEST_F(Codec, EmptyDeltaNeedsNoCamera) {
   const Bytes bytes = encode(MapDelta{});
   EXPECT_TRUE(decode_delta(bytes, nullptr).empty());
@@ -129,6 +190,9 @@ TEST_F(Codec, KeyFrameWithItsPointsStaysBelowFiftyKilobytes) {
   message.delta = example_keyframe(random, sensor, 1000, 350, 200);
   EXPECT_EQ(message.delta.points.size(), 200u);
   EXPECT_LE(encode(message).size(), 50'000u);
+  message.delta = fresh_keyframe(random, sensor, 1000, 700);
+  EXPECT_EQ(message.delta.points.size(), 700u);
+  EXPECT_LE(encode(message).size(), 45'000u);
 }
 
 TEST_F(Codec, MessagesComeBack) {
@@ -136,13 +200,15 @@ TEST_F(Codec, MessagesComeBack) {
   keyframe.keyframe = keyframe_id(40);
   keyframe.captured = RunTime(-17);
   keyframe.urgent = keyframe.after_relocalisation = true;
+  keyframe.whole = true;
   keyframe.applied_update = 6;
   keyframe.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
   keyframe.delta = example_keyframe(random, sensor, 50, 10, 10);
   const auto keyframe_back = decode_keyframe(encode(keyframe), sensor);
   EXPECT_EQ(keyframe_back.keyframe, keyframe.keyframe);
   EXPECT_EQ(keyframe_back.captured, keyframe.captured);
-  EXPECT_TRUE(keyframe_back.urgent && keyframe_back.after_relocalisation && !keyframe_back.first);
+  EXPECT_TRUE(keyframe_back.urgent && keyframe_back.after_relocalisation && !keyframe_back.first &&
+              keyframe_back.whole);
   EXPECT_EQ(keyframe_back.applied_update, 6u);
   EXPECT_EQ(keyframe_back.newest_edge_point, keyframe.newest_edge_point);
   EXPECT_EQ(keyframe_back.delta.points.size(), 10u);

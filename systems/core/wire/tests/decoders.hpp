@@ -60,6 +60,8 @@ inline std::vector<Target> targets() {
       {"delta", encode(delta), [=](auto b) { decode_delta(b, sensor); }},
       {"keyframe", encode(keyframe), [=](auto b) { decode_keyframe(b, sensor); }},
       {"update", encode(update), [=](auto b) { decode_update(b, sensor); }},
+      {"fresh", encode(fresh_keyframe(random, sensor, 30, 12), FreshPoints::kDerived),
+       [=](auto b) { decode_delta(b, sensor); }},
       {"frame", encode(frame), [=](auto b) { decode_frame(b, sensor); }},
       {"poses", encode_poses(delta.poses), [](auto b) { decode_poses(b); }},
       {"ack", encode(AckMessage{300}), [](auto b) { decode_ack(b); }},

@@ -3,6 +3,7 @@
 
 #include <random>
 
+#include "map/appearance.hpp"
 #include "wire/hello.hpp"
 #include "wire/messages.hpp"
 
@@ -75,6 +76,28 @@ inline MapDelta example_keyframe(std::mt19937& random, std::shared_ptr<const Sen
     delta.points.push_back(point);
   }
   delta.keyframes.push_back(std::move(keyframe));
+  return delta;
+}
+
+/// A keyframe that makes a point of each of its first features with depth, as tracking does.
+inline MapDelta fresh_keyframe(std::mt19937& random, std::shared_ptr<const Sensor> sensor,
+                               int features, int fresh) {
+  MapDelta delta = example_keyframe(random, sensor, features, 0, 1);
+  delta.points.clear();
+  NewKeyFrame& keyframe = delta.keyframes.front();
+  keyframe.points.assign(keyframe.points.size(), {});
+  for (int i = 0; i < features && std::ssize(delta.points) < fresh; ++i) {
+    const KeyPoint& seen = keyframe.features->keypoint(i);
+    if (!seen.has_depth()) continue;
+    NewPoint point;
+    point.id = point_id(9000 + static_cast<std::uint64_t>(i));
+    point.p_w =
+        keyframe.T_cw.inverse() * sensor->camera.unproject(seen.u, seen.v, seen.depth_m);
+    point.appearance = appearance_of(point.p_w, keyframe.T_cw, *keyframe.features, i);
+    point.reference = point.first_keyframe = keyframe.id;
+    keyframe.points[static_cast<std::size_t>(i)] = point.id;
+    delta.points.push_back(point);
+  }
   return delta;
 }
 
