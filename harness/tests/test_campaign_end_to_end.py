@@ -3,7 +3,6 @@
 
 import json
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pandas as pd
 import pytest
 from harness_parts import needs_root
 from test_cli import refused, slambed
+from virtual_parts import make_sequence
 
 from slambed.engines.docker_image import connect, find_image
 from slambed.engines.reaper import OWNER_VARIABLE, start_time
@@ -61,10 +61,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("synthetic") / "walk"
-    command = [find_program("slambed-synth"), "--out", path, "--seconds", "4", "--fps", "10"]
-    subprocess.run([*map(str, command), "--id", "walk", "--seed", "3"], check=True)
-    return path
+    return make_sequence(tmp_path_factory.mktemp("synthetic") / "walk")
 
 
 def write_experiment(folder: Path, sequence: Path) -> Path:

@@ -2,18 +2,16 @@
 """A run that starts in the map of an earlier one, from YAML to result, in virtual time."""
 
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 from harness_parts import run_spec
 from test_cli import refused, slambed
-from virtual_parts import needs_programs
+from virtual_parts import make_sequence, needs_programs
 
 from slambed.engines.result import run_json
 from slambed.errors import ExitCode, SlambedError
-from slambed.native import find_program
 from slambed.spec import inputs
 
 EXPERIMENT = """\
@@ -30,10 +28,7 @@ runs: {{default: 1}}
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("synthetic") / "walk"
-    command = [find_program("slambed-synth"), "--out", path, "--seconds", "4", "--fps", "10"]
-    subprocess.run([*map(str, command), "--id", "walk", "--seed", "3"], check=True)
-    return path
+    return make_sequence(tmp_path_factory.mktemp("synthetic") / "walk")
 
 
 def experiment(folder: Path, name: str, sequence: Path, params: str) -> Path:
