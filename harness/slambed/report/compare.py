@@ -49,10 +49,9 @@ def compare_paper(paper: Paper, pool: Pool) -> list[Comparison]:
     """Every numeric table cell and every stated result of a paper, per kind of engine."""
     found: list[Comparison] = []
     for engine in pool.engines() or ["live"]:
-        own = pool.of_engine(engine)
         for table in paper.tables:
-            found += _table(paper, table, own, engine)
-        found += _claims(paper, own, engine)
+            found += _table(paper, table, pool.about(paper, table.id).of_engine(engine), engine)
+        found += _claims(paper, pool, engine)
     return found
 
 
@@ -97,7 +96,7 @@ def _claims(paper: Paper, pool: Pool, engine: str) -> list[Comparison]:
         if claim.kind == "qualitative" or number is None:
             found.append(replace(base, reason="stated in words: " + (claim.note or claim.where)))
             continue
-        measured = _measure(paper, pool, base)
+        measured = _measure(paper, pool.about(paper, claim.id).of_engine(engine), base)
         if claim.op in ("eq", "approx") or measured.ours is None:
             found.append(_judge(measured, [], paper))
         else:

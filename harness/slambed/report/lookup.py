@@ -34,11 +34,22 @@ class Pool:
         virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
         return Pool(self.runs[virtual if engine == VIRTUAL else ~virtual], self.results)
 
+    def about(self, paper: Paper, source: str) -> "Pool":
+        """Only runs of experiments that say they reproduce this table or claim: others, such as
+        sensitivity studies, differ from it in ways its coordinates do not name."""
+        own = [r for r in self.results.values() if source in paper.sources(reproduces(r))]
+        return pool_of(own)
+
     def engines(self) -> list[str]:
         """`live`, `virtual`, both or none."""
         virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
         found = [LIVE] if (~virtual).any() else []
         return [*found, VIRTUAL] if virtual.any() else found
+
+
+def reproduces(results: Results) -> set[str]:
+    """What an experiment says it reproduces: ids of papers, tables, figures and claims."""
+    return {str(name) for name in results.spec.get("reproduces") or []}
 
 
 def pool_of(experiments: list[Results]) -> Pool:

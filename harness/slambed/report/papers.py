@@ -173,6 +173,15 @@ class Paper(BaseModel):
     claims: list[Claim] = []
     setups: dict[str, PeerSetup] = Field(default={})
 
+    def sources(self, names: set[str]) -> set[str]:
+        """Tables and claims among `names`; a figure stands for the claims stated with it, the
+        paper's own id for everything in it."""
+        known = {table.id for table in self.tables} | {claim.id for claim in self.claims}
+        if self.id in names:
+            return known
+        stated = {s for figure in self.figures if figure.id in names for s in figure.stated}
+        return (names & known) | stated
+
 
 def papers_folder() -> Path:
     """The papers/ of this checkout."""
