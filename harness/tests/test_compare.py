@@ -164,6 +164,24 @@ def test_only_experiments_that_reproduce_a_table_count(dynnetslam: Paper) -> Non
     assert (cell.ours.value, cell.ours.count) == (0.0, 30)
 
 
+def stand_in_of(dynnetslam: Paper, ate_rmse_m: float) -> Comparison:
+    """Table 4 at one threshold (1.7 cm printed), on a generated sequence."""
+    rows = runs_of(
+        "dynnetslam", "wh_wosz", "sine", 0, 20, ate_rmse_m=ate_rmse_m,
+        dataset="synthetic_office_10fps", **{"params.l_ol_ms": 30, "params.b_ms": 10},
+    )  # fmt: skip
+    found = compare_paper(dynnetslam, pool_of([results_of(rows)]))
+    return verdicts(found, "dynnet.T4")["W-H/WO-SZ", "office 30"]
+
+
+def test_the_same_number_on_a_stand_in_is_close(dynnetslam: Paper) -> None:
+    published = stand_in_of(dynnetslam, 0.0).published
+    cell = stand_in_of(dynnetslam, 1.09 * published / 100)
+    assert (cell.verdict, cell.reason) == ("close", "within 10%; on a stand-in sequence")
+    assert stand_in_of(dynnetslam, 1.12 * published / 100).verdict == "differs"
+    assert tally([cell]) == "0 reproduced, 0 same ordering, 1 close, 0 differs, 0 not run"
+
+
 def test_live_and_virtual_runs_are_never_mixed(dynnetslam: Paper) -> None:
     rows = [
         *runs_of("edgeslam", "static", "none", 0, 20),

@@ -2,7 +2,7 @@
 """Paper | ours | interval | verdict, with the reason."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from slambed.metrics.comparison import fisher
 from slambed.metrics.statistics import Interval, wilson
@@ -10,7 +10,7 @@ from slambed.report.lookup import Pool, find_runs, matching, our_value
 from slambed.report.papers import Paper, PaperMetric, PublishedTable
 from slambed.report.tables import Table
 
-Verdict = Literal["reproduced", "same ordering", "differs", "not run"]
+Verdict = Literal["reproduced", "same ordering", "close", "differs", "not run"]
 
 FEWEST_RUNS = 5
 """Fewer runs cannot reproduce anything: their interval holds almost every value."""
@@ -132,7 +132,8 @@ def _judge(cell: Comparison, table: list[Comparison], paper: Paper) -> Compariso
     notes = [cell.reason] if cell.reason else []
     if cell.stand_in:
         notes.append("on a stand-in sequence")
-    if not cell.stand_in and (same := _agrees(cell)):
+    same = _agrees(cell)
+    if same and not cell.stand_in:
         return replace(cell, verdict="reproduced", reason="; ".join([same, *notes]))
     agree, against = _ordering(cell, table, paper)
     short = _too_little(cell)
@@ -145,6 +146,9 @@ def _judge(cell: Comparison, table: list[Comparison], paper: Paper) -> Compariso
         first = f"ordering reversed against {against[0]}"
         more = f" and {len(against) - 1} more" if len(against) > 1 else ""
         return replace(cell, verdict="differs", reason="; ".join([first + more, *notes]))
+    if same:
+        # Another sequence cannot reproduce the number; that it comes out alike is worth saying.
+        return replace(cell, verdict="close", reason="; ".join([same, *notes]))
     return replace(cell, verdict="differs", reason="; ".join([_distance(cell), *notes]))
 
 
@@ -292,9 +296,8 @@ def _digits(number: float) -> int:
 
 
 def tally(rows: list[Comparison]) -> str:
-    """`3 reproduced, 2 same ordering, 1 differs, 40 not run`."""
-    names: tuple[Verdict, ...] = ("reproduced", "same ordering", "differs", "not run")
-    return ", ".join(f"{sum(r.verdict == n for r in rows)} {n}" for n in names)
+    """`3 reproduced, 2 same ordering, 0 close, 1 differs, 40 not run`."""
+    return ", ".join(f"{sum(r.verdict == n for r in rows)} {n}" for n in get_args(Verdict))
 
 
 def metric_of(paper: Paper, row: Comparison) -> PaperMetric | None:

@@ -33,6 +33,7 @@ PAGE = """<!doctype html>
 <p class="soft">A number is <i>reproduced</i> when it and ours cannot be told apart (shares:
 Fisher's test; means: overlapping intervals, or within 10 %) and ours is narrow enough to tell;
 <i>same ordering</i> when that fails but the differences inside the table point the same way;
+<i>close</i> when a stand-in sequence gives the same number and no difference decides;
 <i>differs</i> when they do not; else <i>not run</i>, with the reason. Live and virtual runs are
 never mixed.</p>
 {% if experiments %}<p>Runs: {% for name, link in experiments %}<a href="{{ link }}">{{ name }}</a>
