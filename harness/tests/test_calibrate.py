@@ -103,6 +103,12 @@ def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
         model, shipped = fit.model(role), library.device(fitted.device).model
         assert shipped is not None and shipped.cores == fitted.cores
         assert set(shipped.stages) >= set(model.stages)
+        # A fit changes what it is about and nothing else, such as the stages of the text codec.
+        about = {name for c in targets.components if c.node == role for name in c.stages}
+        others = set(model.stages) - about
+        assert {name: model.stages[name] for name in others} == {
+            name: shipped.stages[name] for name in others
+        }
 
 
 def test_a_fit_with_a_stage_that_is_not_its_own_is_refused() -> None:

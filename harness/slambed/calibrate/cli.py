@@ -35,6 +35,10 @@ def calibrate(
         str | None,
         typer.Option("--match", help="Name in devices/fits/: scale devices to a paper's times."),
     ] = None,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="With --match: show what the devices give as they are."),
+    ] = False,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Device file that gets the model of --stages."),
@@ -65,17 +69,20 @@ def calibrate(
 
     --stages fits the cost model of a device (what each stage costs, a + b*n1 + c*n2) to live runs
     of this host, shows the residuals, and writes it into a device file. --match scales it until
-    virtual runs show the component times that a paper prints, and writes the devices of that fit.
+    virtual runs show the component times that a paper prints, and writes the devices of that fit;
+    with --check it writes nothing and shows how well they fit.
     """
     asked = [stages is not None, match is not None, host, limits is not None]
     if sum(asked) != 1:
         raise SlambedError("give one of --host, --limits DEVICE, --stages RUNS, --match FIT")
+    if check and match is None:
+        raise SlambedError("--check goes with --match FIT")
     if host:
         calibrate_host()
     elif limits is not None:
         check_limits(limits, engine, seconds)
     elif match is not None:
-        match_paper(match, jobs)
+        match_paper(match, jobs, check)
     else:
         fit_host(stages or [], output, cores)
 
@@ -145,8 +152,8 @@ def fit_host(stages: list[Path], output: Path | None, cores: int | None) -> None
         typer.echo(f"cost model written to {output}")
 
 
-def match_paper(name: str, jobs: int | None) -> None:
-    """`--match`."""
+def match_paper(name: str, jobs: int | None, check: bool) -> None:
+    """`--match`, `--check`."""
     library = Library()
     source = load_yaml(library.root / "devices" / "fits" / f"{name}.yaml")
     targets = parse(Targets, source)
@@ -161,6 +168,10 @@ def match_paper(name: str, jobs: int | None) -> None:
         jobs=jobs or len(os.sched_getaffinity(0)),
     )
     fit = Fit(targets, source, library)
+    if check:
+        fit.look_again(setting, as_written=True)
+        _print(match_table(fit))
+        return
     for number in range(targets.rounds):
         fit.round(setting)
         typer.echo(f"round {number + 1} of {targets.rounds}: {worst_line(fit)}")

@@ -84,9 +84,22 @@ class Fit:
         for role, device in self._base.items():
             if device.model is None:
                 raise SlambedError(f"device {device.name} of {role} has no cost model to scale")
+        self._kept = {role: self._stages_kept(role) for role in targets.devices}
         self.scales = {c.name: Scale(targets.devices[c.node].factor) for c in targets.components}
         self.seen: dict[tuple[str, str], Seen] = {}
         """(component, condition) as the last round showed it."""
+
+    def _stages_kept(self, role: Role) -> dict[str, StageCost]:
+        fitted = self.targets.devices[role]
+        if not fitted.kept:
+            return {}
+        model = self._library.device(fitted.device).model
+        stages = model.stages if model else {}
+        if missing := set(fitted.kept) - set(stages):
+            raise SlambedError(
+                f"device {fitted.device} has no stage {min(missing)} to keep; write its cost first"
+            )
+        return {name: stages[name] for name in fitted.kept}
 
     def model(self, role: Role) -> CostModel:
         """The device as found so far."""
@@ -104,7 +117,7 @@ class Fit:
                 beta = found.beta_us if name == component.fixed_on else 0.0
                 jitter = found.jitter if component.sd_ms else base.stages[name].jitter
                 stages[name] = scaled(base.stages[name], found.alpha, beta, jitter)
-        return CostModel(cores=fitted.cores, stages=stages)
+        return CostModel(cores=fitted.cores, stages=stages | self._kept[role])
 
     def error_percent(self, component: str, condition: str) -> float:
         """Mean as last seen against the printed one."""
@@ -118,9 +131,10 @@ class Fit:
             if component.stages:
                 self._improve(component)
 
-    def look_again(self, setting: Setting) -> None:
-        """Simulates all conditions with the present models."""
-        for condition, logs in self._simulate(setting).items():
+    def look_again(self, setting: Setting, as_written: bool = False) -> None:
+        """Simulates all conditions with the present models, or with the device files' own."""
+        devices = {} if as_written else self._devices()
+        for condition, logs in self._simulate(setting, devices).items():
             for component in self.targets.components:
                 if condition in component.mean_ms:
                     self.seen[component.name, condition] = look(component, logs)
@@ -146,8 +160,10 @@ class Fit:
             step = (asked / max(shown, 1e-3)) ** JITTER_GAIN
             scale.jitter = float(np.clip(scale.jitter * step, 0.01, LARGEST_JITTER))
 
-    def _simulate(self, setting: Setting) -> dict[str, list[EventLog]]:
-        specs = self._specs(setting)
+    def _simulate(
+        self, setting: Setting, devices: Mapping[str, Device]
+    ) -> dict[str, list[EventLog]]:
+        specs = self._specs(setting, devices)
         with tempfile.TemporaryDirectory(prefix="slambed-fit-") as folder:
 
             def simulate(spec: RunSpec) -> EventLog:
@@ -168,7 +184,7 @@ class Fit:
             found.setdefault(spec.label, []).append(log)
         return found
 
-    def _specs(self, setting: Setting) -> list[RunSpec]:
+    def _specs(self, setting: Setting, devices: Mapping[str, Device]) -> list[RunSpec]:
         experiment = Experiment(
             id="fit",
             title=self.targets.title,
@@ -188,7 +204,7 @@ class Fit:
             setting.software,
             {self.targets.dataset: (self.targets.dataset, setting.checksum)},
         )
-        library = _FittedLibrary(self._library, self._devices())
+        library = _FittedLibrary(self._library, devices)
         return expand(experiment, self._source, library, profiles, host, self.targets.runs)
 
     def _devices(self) -> dict[str, Device]:

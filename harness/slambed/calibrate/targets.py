@@ -20,6 +20,8 @@ class FittedDevice(BaseModel):
     cores: int = Field(ge=1)
     factor: float = Field(default=1.0, gt=0)
     """For stages that no component is about, and to start with."""
+    kept: list[str] = Field(default_factory=list)
+    """Stages whose cost the device file has from elsewhere: neither scaled nor overwritten."""
 
 
 class Component(BaseModel):
@@ -77,4 +79,7 @@ class Targets(BaseModel):
                 raise ValueError(f"component {component.name}: no condition {min(unknown)}")
             if component.node not in self.devices:
                 raise ValueError(f"component {component.name}: no device for {component.node}")
+            both = {*component.stages} & {*self.devices[component.node].kept}
+            if both:
+                raise ValueError(f"component {component.name}: stage {min(both)} is to be kept")
         return self
