@@ -3,11 +3,16 @@
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, TypeVar
+
+from pyroute2 import IPRoute
 
 from slambed.errors import SlambedError, environment_error
 from slambed.namespaces import inside, namespace_path
+
+Result = TypeVar("Result")
 
 TCP_SETTINGS = {
     # Machines differ in their default; bbr, for one, behaves quite differently on a changing link.
@@ -63,6 +68,19 @@ def _read(key: str) -> str:
     with contextlib.suppress(OSError):
         return (Path("/proc/sys") / key).read_text(encoding="ascii").strip()
     return ""
+
+
+def by_netlink(namespace: str | Path, work: Callable[[Any], Result]) -> Result:
+    """The result of `work` on a pyroute2.IPRoute inside the namespace.
+
+    Not pyroute2.NetNS, which forks this whole process for every socket.
+    """
+
+    def visit() -> Result:
+        with IPRoute() as netlink:
+            return work(netlink)
+
+    return inside(namespace, visit)
 
 
 def check_privilege(what: str) -> None:

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pyroute2 import NetNS
 from pyroute2.netlink.exceptions import NetlinkError
 
 from slambed.errors import SlambedError, environment_error
 from slambed.link.impairments import Side
+from slambed.link.namespaces import by_netlink
 from slambed.link.netlink import (
     NetemControl,
     NetemSettings,
@@ -68,9 +68,8 @@ class VethPair:
         self._mobile = mobile
         fd = os.open(edge, os.O_RDONLY | os.O_CLOEXEC)
         try:
-            with _namespace(mobile) as ns:
-                peer = {"ifname": DEVICE, "net_ns_fd": fd}
-                ns.link("add", ifname=DEVICE, kind="veth", peer=peer)
+            peer = {"ifname": DEVICE, "net_ns_fd": fd}
+            by_netlink(mobile, lambda n: n.link("add", ifname=DEVICE, kind="veth", peer=peer))
         except NetlinkError as error:
             raise environment_error(
                 f"cannot make the veth pair {DEVICE}: {error}; remove a device of that name"
@@ -88,22 +87,24 @@ class VethPair:
 
     @staticmethod
     def _bring_up(namespace: Path, address: str, options: LinkOptions) -> None:
-        with _namespace(namespace) as ns:
-            (index,) = ns.link_lookup(ifname=DEVICE)
-            ns.link("set", index=index, mtu=options.mtu, txqlen=options.tx_queue_packets)
-            ns.addr("add", index=index, address=address, prefixlen=PREFIX_LENGTH)
-            ns.link("set", index=index, state="up")
+        def work(netlink: Any) -> None:
+            (index,) = netlink.link_lookup(ifname=DEVICE)
+            netlink.link("set", index=index, mtu=options.mtu, txqlen=options.tx_queue_packets)
+            netlink.addr("add", index=index, address=address, prefixlen=PREFIX_LENGTH)
+            netlink.link("set", index=index, state="up")
+
+        by_netlink(namespace, work)
 
     def remove(self) -> None:
         """Removes the pair; its other end goes with it."""
+
+        def work(netlink: Any) -> None:
+            for index in netlink.link_lookup(ifname=DEVICE):
+                netlink.link("del", index=index)
+
         # The namespace, or the device, may have gone before.
-        with contextlib.suppress(NetlinkError, OSError), _namespace(self._mobile) as ns:
-            for index in ns.link_lookup(ifname=DEVICE):
-                ns.link("del", index=index)
-
-
-def _namespace(path: Path) -> Any:
-    return NetNS(str(path), flags=0)
+        with contextlib.suppress(NetlinkError, OSError, SlambedError):
+            by_netlink(self._mobile, work)
 
 
 def _no_ipv6(namespace: Path) -> None:
@@ -267,10 +268,15 @@ def _limits(profile: Profile) -> list[int]:
 
 def _dropped(namespace: Path) -> int:
     """Packets that netem threw away because its queue was full."""
-    with contextlib.suppress(NetlinkError, OSError, ValueError), _namespace(namespace) as ns:
-        (index,) = ns.link_lookup(ifname=DEVICE)
-        for qdisc in ns.get_qdiscs(index):
+
+    def work(netlink: Any) -> int:
+        (index,) = netlink.link_lookup(ifname=DEVICE)
+        for qdisc in netlink.get_qdiscs(index):
             if qdisc.get_attr("TCA_KIND") == "netem":
                 stats = qdisc.get_attr("TCA_STATS2").get_attr("TCA_STATS_QUEUE")
                 return int(stats["drops"])
+        return 0
+
+    with contextlib.suppress(NetlinkError, OSError, ValueError, SlambedError):
+        return by_netlink(namespace, work)
     return 0

@@ -7,29 +7,33 @@ sticky). As a metric of the route it holds for every connection, whatever the pr
 """
 
 from pathlib import Path
+from typing import Any
 
-from pyroute2 import NetNS
 from pyroute2.netlink.exceptions import NetlinkError
 
 from slambed.errors import environment_error
+from slambed.link.namespaces import by_netlink
 
 SCOPE_LINK, PROTOCOL_KERNEL = 253, 2
 
 
 def acknowledge_at_once(namespace: Path, device: str, network: str, address: str) -> None:
     """Sets the metric on the route to the other end."""
+
+    def work(netlink: Any) -> None:
+        (index,) = netlink.link_lookup(ifname=device)
+        netlink.route(
+            "replace",
+            dst=network,
+            oif=index,
+            prefsrc=address,
+            scope=SCOPE_LINK,
+            proto=PROTOCOL_KERNEL,
+            metrics={"quickack": 1},
+        )
+
     try:
-        with NetNS(str(namespace), flags=0) as ns:
-            (index,) = ns.link_lookup(ifname=device)
-            ns.route(
-                "replace",
-                dst=network,
-                oif=index,
-                prefsrc=address,
-                scope=SCOPE_LINK,
-                proto=PROTOCOL_KERNEL,
-                metrics={"quickack": 1},
-            )
+        by_netlink(namespace, work)
     except NetlinkError as error:
         raise environment_error(
             f"cannot set the route to {network}: {error}, {namespace}; run as root"
