@@ -6,28 +6,32 @@
 #
 #   tools/netem_vm.sh [--out FOLDER] [command ...]     default command: the tests of netem and cgroup v2
 #
-# The command finds FOLDER, writable, as /run/out. Exit status: the command's; 3 when the machine cannot start.
+# The command finds FOLDER, writable, as /run/out. Exit status: the command's; 3 when there can be no such machine
+# here, said in one line; 4 when it died or took longer than SLAMBED_VM_SECONDS.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 repository=$PWD
 cache=${SLAMBED_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/slambed}/uml
 memory=${SLAMBED_VM_MEMORY:-1024M}
-limit_s=${SLAMBED_VM_SECONDS:-170}
+# Far more than its tests take on a machine that has time for them.
+limit_s=${SLAMBED_VM_SECONDS:-540}
 
-fail() { echo "error: $1" >&2; exit 3; }
+no_machine() { echo "no virtual machine: $1" >&2; exit 3; }
 
 out=
 if [ "${1:-}" = --out ]; then out=$(mkdir -p "$2" && cd "$2" && pwd); shift 2; fi
 if [ $# -eq 0 ]; then
-  set -- .venv/bin/python -m pytest -q --color=no -p no:cacheprovider harness/tests/test_link_backends.py \
+  set -- .venv/bin/python -m pytest --color=no -p no:cacheprovider harness/tests/test_link_backends.py \
     harness/tests/test_thread_caps.py harness/tests/test_sampling_cgroup.py
 fi
 
 # The package is unpacked, not installed: it starts nothing and touches nothing.
 if [ ! -x "$cache/usr/bin/linux.uml" ]; then
+  [ "$(uname -m)" = x86_64 ] || no_machine "user-mode Linux is for x86-64, this is $(uname -m)"
+  command -v apt-get dpkg > /dev/null || no_machine "the package user-mode-linux is Debian's, and there is no apt-get"
   mkdir -p "$cache"
-  (cd "$cache" && apt-get -qq download user-mode-linux 2>/dev/null) ||
-    fail "cannot download the package user-mode-linux; run 'apt-get update' on a Debian machine"
+  (cd "$cache" && apt-get -qq download user-mode-linux 2> /dev/null) ||
+    no_machine "cannot download the package user-mode-linux; 'apt-get update' may help"
   dpkg -x "$cache"/user-mode-linux_*.deb "$cache"
   rm "$cache"/user-mode-linux_*.deb
 fi
@@ -48,7 +52,11 @@ TMPDIR=$scratch $first timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.u
   con=null con0=null,fd:1 ssl=null "umid=slambed$$" "uml_dir=$scratch" \
   "init=$repository/tools/netem_vm_init.sh" "VM_SCRATCH=$scratch" "VM_OUT=$out" \
   "VM_MODULES=$modules" "VM_PYTHON=$repository/.venv/bin/python" "VM_BIN=${SLAMBED_BIN:-}" \
-  < /dev/null 2>&1 | tee "$log" | grep -v -e '^SLAMBED_VM_RESULT ' || true
+  < /dev/null 2>&1 | tee "$log" | sed -u -n '/^SLAMBED_VM_READY/,/^SLAMBED_VM_RESULT/{/^SLAMBED_VM_/!p}' || true
+grep -q '^SLAMBED_VM_READY' "$log" || no_machine "user-mode Linux does not start here: $(tail -n 1 "$log")"
 result=$(sed -n 's/^SLAMBED_VM_RESULT \([0-9]*\).*/\1/p' "$log" | tail -1)
-[ -n "$result" ] || fail "the virtual machine ended without a result (limit: $limit_s s)"
+if [ -z "$result" ]; then
+  echo "error: the virtual machine ended without a result (limit: $limit_s s)" >&2
+  exit 4
+fi
 exit "$result"

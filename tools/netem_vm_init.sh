@@ -23,6 +23,7 @@ for name in ("net/sched/sch_netem.ko", "drivers/net/veth.ko"):
     if ctypes.CDLL(None, use_errno=True).syscall(FINIT_MODULE, fd, b"", 0) != 0:
         print("cannot load", name, os.strerror(ctypes.get_errno()))
 END
+echo SLAMBED_VM_READY
 sh -c "$command"
 echo "SLAMBED_VM_RESULT $?"
 "$VM_PYTHON" -c 'import ctypes, os; os.sync(); ctypes.CDLL(None).reboot(0x4321FEDC)'

@@ -21,6 +21,11 @@ compile() {
     && PYTHONPATH=harness python3 -m slambed.spec.software >"$build/bin/sources.sha256"
 }
 
+# Where user-mode Linux cannot be had, its one line says so and the rest goes on.
+netem() {
+  tools/netem_vm.sh || [ $? -eq 3 ]
+}
+
 # Where Docker is, its engine is tested with the real image.
 if docker info >/dev/null 2>&1; then
   step image tools/build.sh docker
@@ -29,6 +34,7 @@ step ruff .venv/bin/ruff check harness
 step format .venv/bin/ruff format --check harness
 step mypy .venv/bin/mypy harness/slambed
 step compile compile
+step netem netem
 step ctest ctest --test-dir "$build" --output-on-failure --no-tests=error
 step pytest .venv/bin/pytest
 

@@ -1,8 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the live link tests share: namespaces, the built relay, reasons to skip."""
+"""What the live link tests share: the built relay, reasons to skip, measurements that may be
+disturbed."""
 
+import functools
 import os
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
+from typing import ParamSpec, Self
 
 import pytest
 
@@ -25,3 +32,58 @@ def why_no_relay() -> str:
 
 needs_relay = pytest.mark.skipif(bool(why_no_relay()), reason=why_no_relay() or "-")
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for network namespaces")
+
+P = ParamSpec("P")
+
+ATTEMPTS = 4
+NAP_S = 0.02
+CALM_MS = 0.5
+"""A sleeping thread is woken this late on average, at most."""
+
+
+class Lateness:
+    """How late this machine wakes what sleeps: a virtual machine's one CPU is a process of a host
+    that may be busy, and then its clock says nothing about its kernel."""
+
+    def __init__(self) -> None:
+        self.mean_ms = 0.0
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def _watch(self) -> None:
+        late_s: list[float] = []
+        while not self._stopped.is_set():
+            start = time.monotonic()
+            time.sleep(NAP_S)
+            late_s.append(time.monotonic() - start - NAP_S)
+        self.mean_ms = 1e3 * sum(late_s) / len(late_s)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stopped.set()
+        self._thread.join()
+
+
+def again_when_late(test: Callable[P, None]) -> Callable[P, None]:
+    """Repeats a test that fails on a machine that does not wake in time."""
+
+    @functools.wraps(test)
+    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        for left in reversed(range(ATTEMPTS)):
+            with Lateness() as lateness:
+                try:
+                    return test(*args, **kwargs)
+                except AssertionError as error:
+                    failure = error
+            if not left or lateness.mean_ms < CALM_MS:
+                raise failure
+
+    return run

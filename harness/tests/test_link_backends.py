@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from link_parts import needs_root
+from link_parts import again_when_late, needs_root
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link import netem
 from slambed.link.backend import choose_backend, open_link
 from slambed.link.netem import netem_available, why_not_netem
 from slambed.link.netlink import NetemSettings
-from slambed.link.profile import parse_profile
+from slambed.link.profile import Profile, parse_profile
+from slambed.link.record import LinkRecord
 from slambed.link.scratch import two_namespaces
 from slambed.link.traffic import TcpFollower, one_way
 from slambed.namespaces import inside
@@ -89,14 +90,24 @@ def test_netem_is_told_nanoseconds_limit_and_rate() -> None:
     assert struct.unpack("=Q", found[8]) == (10**10,)
 
 
-@needs_root
-def test_the_plain_pair_adds_nothing(ends: Ends, tmp_path: Path) -> None:
-    with open_link("none", *ends, parse_profile("none", "test"), 1, tmp_path) as link:
+def proved(backend: str, ends: Ends, profile: Profile, log_dir: Path, seconds: float) -> LinkRecord:
+    """What a link says of itself after some seconds."""
+    with open_link(backend, *ends, profile, 1, log_dir) as link:
         link.start(time.monotonic_ns())
-        time.sleep(1.0)
-        record = link.stop()
+        time.sleep(seconds)
+        return link.stop()
+
+
+def measured_ms(record: LinkRecord) -> float:
+    return float(record.frame[record.frame["series"] == "probe_rtt_ms"]["value"].median())
+
+
+@needs_root
+@again_when_late
+def test_the_plain_pair_adds_nothing(ends: Ends, tmp_path: Path) -> None:
+    record = proved("none", ends, parse_profile("none", "test"), tmp_path, 1.0)
     assert record.proof.valid, record.proof.reason
-    assert record.proof.measured_ms_mean < 1.0
+    assert measured_ms(record) < 1.0
     assert inside(ends[0], lambda: [name for _, name in socket.if_nameindex()]) == ["lo"]
 
 
@@ -112,23 +123,20 @@ def test_without_netem_one_line_says_so(ends: Ends, tmp_path: Path) -> None:
 @needs_root
 @pytest.mark.skipif(not netem_available(), reason="this kernel has no netem: make test-netem")
 class TestNetem:
-    """The kernel's own emulation."""
+    """The kernel's own emulation. Medians are judged: one late wake-up of the machine is not
+    netem's."""
 
+    @again_when_late
     def test_a_constant_profile_is_delivered_and_proved(self, ends: Ends, tmp_path: Path) -> None:
-        with open_link("netem", *ends, parse_profile(40, "test"), 1, tmp_path) as link:
-            link.start(time.monotonic_ns())
-            time.sleep(2.0)
-            record = link.stop()
+        record = proved("netem", ends, parse_profile(40, "test"), tmp_path, 2.0)
         assert record.backend == "netem"
         assert record.proof.valid, record.proof.reason
-        assert record.proof.measured_ms_mean == pytest.approx(40.5, abs=1.5)
+        assert measured_ms(record) == pytest.approx(40.5, abs=1.0)
 
+    @again_when_late
     def test_a_ramp_is_followed_and_logged(self, ends: Ends, tmp_path: Path) -> None:
         ramp = parse_profile({"rtt_ms": {"ramp": {"to_ms": 85, "rise_s": 2, "fall_s": 2}}}, "test")
-        with open_link("netem", *ends, ramp, 1, tmp_path) as link:
-            link.start(time.monotonic_ns())
-            time.sleep(4.5)
-            record = link.stop()
+        record = proved("netem", ends, ramp, tmp_path, 4.5)
         applied = record.frame[record.frame["series"] == "applied_up_ms"]
         assert applied["value"].max() > 40
         wanted = ramp.up_ms(applied["t_s"].to_numpy())
@@ -149,9 +157,11 @@ class TestNetem:
         assert samples.reordered == 0
         assert np.isfinite(samples.delay_ms).mean() > 0.99
 
+    @again_when_late
     def test_tcp_sees_the_delay(self, ends: Ends, tmp_path: Path) -> None:
         with open_link("netem", *ends, parse_profile(60, "test"), 1, tmp_path) as link:
             link.start(time.monotonic_ns())
             with TcpFollower(*ends, "10.77.0.2") as follower:
                 time.sleep(1.5)
-        assert follower.samples[-1][1] == pytest.approx(60.5, abs=5)
+        rtt_ms = np.median([rtt_ms for _, rtt_ms in follower.samples])
+        assert rtt_ms == pytest.approx(60.5, abs=5)

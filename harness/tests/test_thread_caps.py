@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -25,6 +25,32 @@ for _ in range(2): threading.Thread(target=time.sleep, args=(600,), daemon=True)
 print("ready", flush=True)
 time.sleep(600)
 """
+BURNING_THREAD = """
+import sys, threading
+told = threading.Event()
+def burn():
+    while not told.is_set(): pass
+print("ready", flush=True)
+thread = threading.Thread(target=burn)
+thread.start()
+sys.stdin.readline()
+told.set()
+thread.join()
+sys.stdin.read()
+"""
+
+
+def scan_until(caps: ThreadCaps, done: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60
+    while not done() and time.monotonic() < deadline:
+        caps.scan()
+        time.sleep(0.01)
+    assert done()
+
+
+def entering(paths: CgroupPaths) -> str:
+    """Shell code that puts the shell into the group."""
+    return "".join(f"echo $$ > {file};" for file in entry_files(paths))
 
 
 def test_a_v2_group_becomes_threaded_and_gets_its_cap(tmp_path: Path) -> None:
@@ -41,9 +67,8 @@ def test_a_v2_group_becomes_threaded_and_gets_its_cap(tmp_path: Path) -> None:
 @pytest.fixture(name="group")
 def group_of_three_threads() -> Iterator[tuple[subprocess.Popen[str], CgroupPaths]]:
     paths = CgroupMaker().make("test-threads", LIMITS, sorted(os.sched_getaffinity(0)))
-    join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
     process = subprocess.Popen(
-        ["/bin/sh", "-c", f'{join} exec "$0" -c "$1"', sys.executable, THREE_THREADS],
+        ["/bin/sh", "-c", f'{entering(paths)} exec "$0" -c "$1"', sys.executable, THREE_THREADS],
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -84,27 +109,29 @@ def test_groups_of_ended_threads_go_and_their_throttling_stays(
     group: tuple[subprocess.Popen[str], CgroupPaths],
 ) -> None:
     _, paths = group
-    code = (
-        "import threading, time\n"
-        "print('ready', flush=True)\n"
-        "def burn():\n    end = time.monotonic() + 0.4\n    while time.monotonic() < end: pass\n"
-        "threading.Thread(target=burn).start()\ntime.sleep(1.5)"
-    )
-    join = "".join(f"echo $$ > {file};" for file in entry_files(paths))
-    shell = ["/bin/sh", "-c", f'{join} exec "$0" -c "$1"', sys.executable, code]
-    with subprocess.Popen(shell, stdout=subprocess.PIPE, text=True) as burner:
-        assert burner.stdout is not None and burner.stdout.readline() == "ready\n"
+    with subprocess.Popen(
+        ["/bin/sh", "-c", f'{entering(paths)} exec "$0" -c "$1"', sys.executable, BURNING_THREAD],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as burner:
+        assert burner.stdin is not None and burner.stdout is not None
+        assert burner.stdout.readline() == "ready\n"
         caps = ThreadCaps(burner.pid, paths, 0.1, 10.0)
-        seen_s = 0.0
-        while burner.poll() is None:
-            caps.scan()
-            seen_s = max(seen_s, caps.read_throttling()[0])
-            time.sleep(0.01)
+
+        def throttled_s() -> float:
+            return caps.read_throttling()[0] if len(caps.threads) >= 2 else 0.0
+
+        scan_until(caps, lambda: throttled_s() > 0)
+        seen_s = throttled_s()
+        burner.stdin.write("\n")
+        burner.stdin.flush()
+        scan_until(caps, lambda: not all(thread.alive for thread in caps.threads.values()))
+        assert burner.poll() is None
+    # Its standard input was closed, and it has ended.
     caps.scan()
-    assert len(caps.threads) >= 2
-    assert seen_s > 0
-    assert caps.read_throttling()[0] >= seen_s
     assert not any(thread.alive for thread in caps.threads.values())
+    assert 0 < seen_s <= caps.read_throttling()[0]
     top = paths.v1("cpu") or paths.unified
     assert top is not None and below(top) == []
 
