@@ -8,7 +8,7 @@
 namespace slambed {
 
 /// The vocabulary that is built into every program (features/data/orb_10k.slv, trained on generated
-/// rooms; docs/slam.md says how). Each call reads it again, a few milliseconds: share the result.
+/// rooms by tools/train_vocabulary.sh). Each call reads it again, a few milliseconds: share it.
 std::shared_ptr<const Vocabulary> default_vocabulary();
 
 }  // namespace slambed

@@ -49,6 +49,7 @@ struct KeyFrame {
   std::shared_ptr<const FeatureSet> features;  ///< immutable
   SE3 T_cw;
   std::vector<MapPointId> points;     ///< per feature; none where unmatched
+  std::vector<Covisible> connected;   ///< every weight >= 1, ascending by id
   std::vector<Covisible> covisibles;  ///< weight >= 15 (or the best one), heaviest first
   KeyFrameId parent;                  ///< spanning tree
   std::vector<KeyFrameId> children;

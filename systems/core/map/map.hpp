@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -20,6 +21,13 @@ struct CommitReport {
   int applied = 0;  ///< edits that changed something
   int stale = 0;    ///< older than what the map holds
   int unknown = 0;  ///< named an element that is not (any longer) there
+};
+
+/// Which keyframes came and went: lets a follower catch up at the price of what changed.
+struct KeyFrameJournal {
+  /// Of a map between two clears: a follower that keeps it never takes another life for this one.
+  std::shared_ptr<const std::byte> life = std::make_shared<const std::byte>();
+  std::vector<KeyFrameId> changes;  ///< each coming and each going names the keyframe once more
 };
 
 /// Read access to a consistent state; valid only inside Map::read.
@@ -43,6 +51,7 @@ class MapView {
   /// Grows with every commit that changed more than sightings: equal means nothing else has
   /// changed.
   virtual std::uint64_t revision() const = 0;
+  virtual const KeyFrameJournal& keyframe_journal() const = 0;
 };
 
 /// Keyframes, points and covisibility. Changes only through commit(); readers run under a shared

@@ -68,10 +68,11 @@ void MapState::refresh_covisibles(Node& keyframe) {
   };
   auto& list = keyframe.covisibles;
   list.clear();
-  for (const Covisible& other : keyframe.shared)
+  for (const Covisible& other : keyframe.connected)
     if (other.weight >= kStrongCovisibility) list.push_back(other);
-  if (list.empty() && !keyframe.shared.empty())
-    list.push_back(*std::min_element(keyframe.shared.begin(), keyframe.shared.end(), heavier));
+  if (list.empty() && !keyframe.connected.empty())
+    list.push_back(
+        *std::min_element(keyframe.connected.begin(), keyframe.connected.end(), heavier));
   std::sort(list.begin(), list.end(), heavier);
 }
 

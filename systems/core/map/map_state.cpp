@@ -85,10 +85,10 @@ void MapState::touch(Node& keyframe) {
 
 void MapState::change_shared(Node& a, Node& b, int change) {
   const auto change_one = [change](Node& from, KeyFrameId to) {
-    auto it = std::lower_bound(from.shared.begin(), from.shared.end(), to, by_id);
-    if (it == from.shared.end() || it->id != to) it = from.shared.insert(it, {to, 0});
+    auto it = std::lower_bound(from.connected.begin(), from.connected.end(), to, by_id);
+    if (it == from.connected.end() || it->id != to) it = from.connected.insert(it, {to, 0});
     it->weight += change;
-    if (it->weight <= 0) from.shared.erase(it);
+    if (it->weight <= 0) from.connected.erase(it);
   };
   change_one(a, b.id);
   change_one(b, a.id);
@@ -176,6 +176,7 @@ Edit MapState::put(const NewKeyFrame& edit) {
   keyframe.version = edit.version;
   keyframe.points.resize(edit.points.size());
   ++keyframe_count_;
+  journal_.changes.push_back(edit.id);
   if (!origin_) origin_ = edit.id;
   wished_parents_.push_back({edit.id, edit.parent});
   touch(keyframe);
@@ -290,6 +291,7 @@ void MapState::clear() {
   keyframe_count_ = point_count_ = 0;
   origin_ = {};
   epoch_ = 0;
+  journal_ = {};
   touched_points_ = {};
   touched_keyframes_ = {};
   wished_parents_ = {};

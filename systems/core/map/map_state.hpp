@@ -30,6 +30,7 @@ class MapState final : public MapView {
   KeyFrameId origin() const override { return origin_; }
   std::uint64_t epoch() const override { return epoch_; }
   std::uint64_t revision() const override { return revision_; }
+  const KeyFrameJournal& keyframe_journal() const override { return journal_; }
 
   Edit put(const NewPoint& edit);
   Edit put(const NewKeyFrame& edit);
@@ -48,10 +49,8 @@ class MapState final : public MapView {
   void clear();
 
  private:
-  /// A keyframe with all its shared-point counts (the public list holds the strong ones only).
   struct Node : KeyFrame {
-    std::vector<Covisible> shared;  ///< by id, every weight >= 1
-    bool touched = false;           ///< shared changed in this commit
+    bool touched = false;  ///< connected changed in this commit
   };
   /// What stays of a culled keyframe: its pose relative to the parent it had, or to the world.
   struct Remains {
@@ -101,6 +100,7 @@ class MapState final : public MapView {
   std::size_t keyframe_count_ = 0, point_count_ = 0;
   KeyFrameId origin_;
   std::uint64_t epoch_ = 0, revision_ = 0;
+  KeyFrameJournal journal_;
 
   std::vector<Touch> touched_points_;
   std::vector<KeyFrameId> touched_keyframes_;

@@ -108,6 +108,7 @@ Edit MapState::cull(KeyFrameId id) {
   slot.remains = std::move(remains);
   slot.live.reset();
   --keyframe_count_;
+  journal_.changes.push_back(id);
   if (origin_ == id) {
     origin_ = {};
     if (keyframe_count_ > 0) origin_ = keyframe_ids().front();

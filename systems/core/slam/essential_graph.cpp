@@ -36,6 +36,14 @@ class EdgeCollector {
   LoopEdges taken_;
 };
 
+bool was_connected(const LoopCorrection::Moved& moved, KeyFrameId id) {
+  const auto& before = moved.connected_before;
+  const auto at = std::lower_bound(
+      before.begin(), before.end(), id,
+      [](const Covisible& other, KeyFrameId wanted) { return other.id < wanted; });
+  return at != before.end() && at->id == id;
+}
+
 /// Links that the loop made: between the moved keyframes and what they are connected with only now.
 void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::vector<Sim3>& S_cw,
                     EdgeCollector& edges) {
@@ -49,8 +57,7 @@ void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::
     if (!keyframe) continue;
     for (const Covisible& near : keyframe->covisibles) {
       if (near.weight < kStrongWeight) break;
-      const auto& before = moved.connected_before;
-      if (!std::binary_search(before.begin(), before.end(), near.id) && !is_moved(near.id))
+      if (!was_connected(moved, near.id) && !is_moved(near.id))
         edges.hold(moved.id, near.id, S_cw);
     }
   }

@@ -31,7 +31,7 @@ LoopCorrection LoopCorrector::correct(const Map& map, const LoopMatch& match) {
       const KeyFrame& keyframe = *view.keyframe(id);
       const Sim3 before = to_sim3(keyframe.T_cw);
       const Sim3 after = normalized(before * T_wc * match.S_cw);
-      loop.moved.push_back({id, before, after, connected_.of(view, keyframe)});
+      loop.moved.push_back({id, before, after, keyframe.connected});
       loop.delta.poses.push_back({id, to_se3(after), keyframe.version + 1});
       targets_.push_back({copy_of(keyframe), to_se3(after)});
     }

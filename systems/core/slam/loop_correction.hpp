@@ -4,7 +4,6 @@
 #include <map>
 #include <vector>
 
-#include "slam/loop_detector.hpp"
 #include "slam/loop_verifier.hpp"
 
 namespace slambed {
@@ -14,7 +13,7 @@ struct LoopCorrection {
   struct Moved {
     KeyFrameId id;
     Sim3 before, after;
-    std::vector<KeyFrameId> connected_before;  ///< shared a point with it; ascending
+    std::vector<Covisible> connected_before;  ///< shared a point with it; ascending
   };
   KeyFrameId keyframe, matched;
   std::vector<Moved> moved;              ///< the new keyframe and its covisibles, ascending
@@ -40,7 +39,6 @@ class LoopCorrector {
   void join(Target& target, int feature, MapPointId old_point, LoopCorrection& loop);
   MapPointId alive(MapPointId id) const;
 
-  ConnectedKeyFrames connected_;
   std::vector<Target> targets_;
   std::vector<PointSketch> loop_points_;
   std::map<MapPointId, MapPointId> survivors_;  ///< of points fused in this correction

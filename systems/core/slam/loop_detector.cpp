@@ -15,30 +15,15 @@ bool share_one(const std::vector<KeyFrameId>& a, const std::vector<KeyFrameId>& 
   return false;
 }
 
-void insert(std::vector<KeyFrameId>& ascending, KeyFrameId id) {
-  const auto place = std::lower_bound(ascending.begin(), ascending.end(), id);
-  if (place == ascending.end() || *place != id) ascending.insert(place, id);
+/// The keyframe and every one that shares a point with it, ascending.
+std::vector<KeyFrameId> group_around(const KeyFrame& keyframe) {
+  std::vector<KeyFrameId> group{keyframe.id};
+  for (const Covisible& other : keyframe.connected) group.push_back(other.id);
+  std::sort(group.begin(), group.end());
+  return group;
 }
 
 }  // namespace
-
-std::vector<KeyFrameId> ConnectedKeyFrames::of(const MapView& map, const KeyFrame& keyframe) {
-  ++run_;
-  *seen_in_.make(keyframe.id) = run_;
-  std::vector<KeyFrameId> connected;
-  for (const MapPointId id : keyframe.points) {
-    const MapPoint* point = id ? map.point(id) : nullptr;
-    if (!point) continue;
-    for (const Observation& seen : point->observations) {
-      std::uint32_t& run = *seen_in_.make(seen.keyframe);
-      if (run == run_) continue;
-      run = run_;
-      connected.push_back(seen.keyframe);
-    }
-  }
-  std::sort(connected.begin(), connected.end());
-  return connected;
-}
 
 std::vector<KeyFrameId> LoopDetector::detect(const Map& map, KeyFrameId id) {
   places_->follow(map);
@@ -56,17 +41,14 @@ std::vector<KeyFrameId> LoopDetector::detect(const Map& map, KeyFrameId id) {
     for (const Covisible& near : keyframe->covisibles)
       if (const auto other = places_->bag(near.id))
         least = std::min(least, similarity(*bag, *other));
-    std::vector<KeyFrameId> exclude = connected_.of(view, *keyframe);
-    insert(exclude, id);
-
     std::vector<Group> groups;
     std::vector<KeyFrameId> consistent;
-    std::vector<KeyFrameId> candidates = places_->candidates(*bag, view, exclude, least);
+    std::vector<KeyFrameId> candidates =
+        places_->candidates(*bag, view, group_around(*keyframe), least);
     if (candidates.size() > options_.candidates) candidates.resize(options_.candidates);
     for (const KeyFrameId candidate : candidates) {
       Group group;
-      group.keyframes = connected_.of(view, *view.keyframe(candidate));
-      insert(group.keyframes, candidate);
+      group.keyframes = group_around(*view.keyframe(candidate));
       for (const Group& before : groups_)
         if (share_one(before.keyframes, group.keyframes))
           group.seen = std::max(group.seen, before.seen + 1);

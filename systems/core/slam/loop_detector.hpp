@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "map/map.hpp"
-#include "map/slot_table.hpp"
 #include "slam/place_index.hpp"
 
 namespace slambed {
@@ -18,17 +16,6 @@ struct LoopDetectorOptions {
   /// Best groups looked at. ORB-SLAM2 looks at all, and in a large map whose places look alike that
   /// is most of the map.
   std::size_t candidates = 20;
-};
-
-/// Every keyframe that shares at least one point with another, ascending. A keyframe's points are seen
-/// thousands of times by a few dozen others: marks tell them apart faster than sorting.
-class ConnectedKeyFrames {
- public:
-  std::vector<KeyFrameId> of(const MapView& map, const KeyFrame& keyframe);
-
- private:
-  SlotTable<KeyFrameId, std::uint32_t> seen_in_;  ///< number of the last call that met it
-  std::uint32_t run_ = 0;
 };
 
 /// Watches keyframe after keyframe for one that looks like an old part of the map: as similar as
@@ -54,7 +41,6 @@ class LoopDetector {
 
   LoopDetectorOptions options_;
   std::shared_ptr<PlaceIndex> places_;
-  ConnectedKeyFrames connected_;
   std::vector<Group> groups_;  ///< of the keyframe before
   int quiet_ = 0;              ///< keyframes still to let pass
 };

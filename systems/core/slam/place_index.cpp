@@ -13,6 +13,16 @@ constexpr double kCommonWordShare = 0.8;
 constexpr double kGroupScoreShare = 0.75;
 constexpr std::size_t kGroupNeighbours = 10;
 
+/// Lists lie all over memory and are short: most of a walk would be waiting for them.
+constexpr std::size_t kListsAhead = 4;
+constexpr std::size_t kCacheLine_bytes = 64;
+
+template <typename Item>
+void fetch(const std::vector<Item>& list) {
+  for (std::size_t i = 0; i < list.size(); i += kCacheLine_bytes / sizeof(Item))
+    __builtin_prefetch(&list[i]);
+}
+
 struct Group {
   KeyFrameId best;
   double score = 0;
@@ -21,102 +31,152 @@ struct Group {
 }  // namespace
 
 PlaceIndex::PlaceIndex(std::shared_ptr<const Vocabulary> vocabulary)
-    : vocabulary_(std::move(vocabulary)), slots_of_word_(vocabulary_->words()) {}
+    : vocabulary_(std::move(vocabulary)), postings_(vocabulary_->words()) {}
+
+std::vector<PlaceIndex::Posting>::iterator PlaceIndex::place_of(std::uint32_t slot,
+                                                               std::vector<Posting>& list) {
+  return std::lower_bound(
+      list.begin(), list.end(), slot,
+      [](const Posting& posting, std::uint32_t wanted) { return posting.slot < wanted; });
+}
+
+const PlaceIndex::Entry* PlaceIndex::find(KeyFrameId keyframe) const {
+  const SlotNumber* number = slots_.find(keyframe);
+  return number && *number > 0 ? &entries_[*number - 1] : nullptr;
+}
 
 void PlaceIndex::insert(KeyFrameId keyframe, Bag bag) {
-  erase(keyframe);
-  std::uint32_t slot = static_cast<std::uint32_t>(bags_.size());
+  SlotNumber* number = slots_.make(keyframe);
+  if (!number) return;
+  if (*number > 0) erase(keyframe);
+  std::uint32_t slot = static_cast<std::uint32_t>(entries_.size());
   if (free_.empty()) {
-    bags_.emplace_back();
+    entries_.emplace_back();
   } else {
     slot = free_.back();
     free_.pop_back();
   }
-  for (const auto& [word, weight] : bag->words) slots_of_word_[word].push_back(slot);
-  bags_[slot] = std::move(bag);
-  slots_.emplace(keyframe, slot);
+  for (const auto& [word, weight] : bag->words) {
+    auto& list = postings_[word];
+    list.insert(place_of(slot, list), {slot, weight});
+  }
+  entries_[slot] = {keyframe, std::move(bag)};
+  *number = slot + 1;
 }
 
 void PlaceIndex::erase(KeyFrameId keyframe) {
-  const auto found = slots_.find(keyframe);
-  if (found == slots_.end()) return;
-  for (const auto& [word, weight] : bags_[found->second]->words)
-    std::erase(slots_of_word_[word], found->second);
-  bags_[found->second].reset();
-  free_.push_back(found->second);
-  slots_.erase(found);
+  SlotNumber* number = slots_.find(keyframe);
+  if (!number || *number == 0) return;
+  const std::uint32_t slot = *number - 1;
+  for (const auto& [word, weight] : entries_[slot].bag->words) {
+    auto& list = postings_[word];
+    list.erase(place_of(slot, list));
+  }
+  entries_[slot] = {};
+  free_.push_back(slot);
+  *number = 0;
 }
 
 void PlaceIndex::follow(const Map& map) {
   std::vector<KeyFrameId> gone;
   std::vector<std::pair<KeyFrameId, std::shared_ptr<const FeatureSet>>> fresh;
-  map.read([&](const MapView& view) {
-    const std::vector<KeyFrameId> known = view.keyframe_ids();
+  const Followed now = map.read([&](const MapView& view) {
+    const KeyFrameJournal& journal = view.keyframe_journal();
     std::shared_lock lock(mutex_);
-    for (const KeyFrameId id : known)
-      if (!slots_.contains(id)) fresh.emplace_back(id, view.keyframe(id)->features);
-    for (const auto& [id, slot] : slots_)
-      if (!std::binary_search(known.begin(), known.end(), id)) gone.push_back(id);
-    return 0;
+    const bool further = followed_.life == journal.life;
+    if (!further)
+      for (const Entry& entry : entries_)
+        if (entry.bag && !view.keyframe(entry.keyframe)) gone.push_back(entry.keyframe);
+    for (std::size_t i = further ? followed_.changes : 0; i < journal.changes.size(); ++i) {
+      const KeyFrameId id = journal.changes[i];
+      const KeyFrame* keyframe = view.keyframe(id);
+      if (!keyframe)
+        gone.push_back(id);
+      else if (!find(id))
+        fresh.emplace_back(id, keyframe->features);
+    }
+    return Followed{journal.life, journal.changes.size()};
   });
-  for (const auto& [id, features] : fresh) add(id, vocabulary_->transform(features->descriptors()));
-  for (const KeyFrameId id : gone) remove(id);
+  std::vector<Bag> bags;
+  for (const auto& [id, features] : fresh)
+    bags.push_back(
+        std::make_shared<const BagOfWords>(vocabulary_->transform(features->descriptors())));
+  std::unique_lock lock(mutex_);
+  for (std::size_t i = 0; i < fresh.size(); ++i) insert(fresh[i].first, std::move(bags[i]));
+  for (const KeyFrameId id : gone) erase(id);
+  followed_ = now;
 }
 
 void PlaceIndex::add(KeyFrameId keyframe, BagOfWords bag) {
   auto shared = std::make_shared<const BagOfWords>(std::move(bag));
   std::unique_lock lock(mutex_);
   insert(keyframe, std::move(shared));
+  followed_ = {};
 }
 
 void PlaceIndex::remove(KeyFrameId keyframe) {
   std::unique_lock lock(mutex_);
   erase(keyframe);
+  followed_ = {};
 }
 
 void PlaceIndex::clear() {
   std::unique_lock lock(mutex_);
   slots_.clear();
-  bags_.clear();
+  entries_.clear();
   free_.clear();
-  for (auto& list : slots_of_word_) list.clear();
+  for (auto& list : postings_) list.clear();
+  followed_ = {};
 }
 
 std::size_t PlaceIndex::size() const {
   std::shared_lock lock(mutex_);
-  return slots_.size();
+  return entries_.size() - free_.size();
 }
 
 PlaceIndex::Bag PlaceIndex::bag(KeyFrameId keyframe) const {
   std::shared_lock lock(mutex_);
-  const auto found = slots_.find(keyframe);
-  return found == slots_.end() ? nullptr : bags_[found->second];
+  const Entry* entry = find(keyframe);
+  return entry ? entry->bag : nullptr;
+}
+
+/// Keyframes that share many words with the bag and are similar enough, ascending, with their
+/// similarity: one walk over the postings counts the words and adds up the similarity.
+std::vector<std::pair<KeyFrameId, double>> PlaceIndex::similar(const BagOfWords& bag,
+                                                               std::span<const KeyFrameId> exclude,
+                                                               double min_score) const {
+  struct Shared {
+    double score = 0;
+    int words = 0;
+  };
+  std::shared_lock lock(mutex_);
+  std::vector<Shared> shared(entries_.size());
+  for (std::size_t i = 0; i < bag.words.size(); ++i) {
+    if (i + kListsAhead < bag.words.size()) fetch(postings_[bag.words[i + kListsAhead].first]);
+    const auto& [word, weight] = bag.words[i];
+    for (const Posting& posting : postings_[word]) {
+      Shared& with = shared[posting.slot];
+      ++with.words;
+      with.score += std::min(weight, posting.weight);
+    }
+  }
+  for (const KeyFrameId id : exclude)
+    if (const Entry* entry = find(id)) shared[entry - entries_.data()] = {};
+  int most = 0;
+  for (const Shared& with : shared) most = std::max(most, with.words);
+
+  std::vector<std::pair<KeyFrameId, double>> scores;
+  for (std::size_t slot = 0; slot < shared.size(); ++slot) {
+    const Shared& with = shared[slot];
+    if (with.words > kCommonWordShare * most && with.score >= min_score)
+      scores.emplace_back(entries_[slot].keyframe, with.score);
+  }
+  std::sort(scores.begin(), scores.end());
+  return scores;
 }
 
 std::vector<KeyFrameId> PlaceIndex::candidates(const BagOfWords& bag, const MapView& map) const {
   return candidates(bag, map, {}, 0);
-}
-
-/// Keyframes that share many words with the bag and are similar enough, ascending, with their
-/// similarity.
-std::vector<std::pair<KeyFrameId, double>> PlaceIndex::similar(const BagOfWords& bag,
-                                                               std::span<const KeyFrameId> exclude,
-                                                               double min_score) const {
-  std::shared_lock lock(mutex_);
-  std::vector<int> common(bags_.size(), 0);
-  for (const auto& [word, weight] : bag.words)
-    for (const std::uint32_t slot : slots_of_word_[word]) ++common[slot];
-  for (const KeyFrameId id : exclude)
-    if (const auto found = slots_.find(id); found != slots_.end()) common[found->second] = 0;
-  const int most = common.empty() ? 0 : *std::max_element(common.begin(), common.end());
-
-  std::vector<std::pair<KeyFrameId, double>> scores;
-  for (const auto& [id, slot] : slots_) {
-    if (common[slot] == 0 || common[slot] <= kCommonWordShare * most) continue;
-    const double score = similarity(bag, *bags_[slot]);
-    if (score >= min_score) scores.emplace_back(id, score);
-  }
-  return scores;
 }
 
 std::vector<KeyFrameId> PlaceIndex::candidates(const BagOfWords& bag, const MapView& map,

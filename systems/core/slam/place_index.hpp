@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <shared_mutex>
 #include <span>
@@ -11,11 +11,12 @@
 #include "base/ids.hpp"
 #include "features/vocabulary.hpp"
 #include "map/map.hpp"
+#include "map/slot_table.hpp"
 
 namespace slambed {
 
 /// Which keyframes look like this image? An inverted file from visual words to keyframes, with
-/// ORB-SLAM2's rules for choosing among them (docs/slam.md). May be shared between threads:
+/// ORB-SLAM2's rules for choosing among them. May be shared between threads:
 /// tracking asks while loop closing adds. Its lock is taken after a map's, never before.
 class PlaceIndex {
  public:
@@ -24,7 +25,8 @@ class PlaceIndex {
   explicit PlaceIndex(std::shared_ptr<const Vocabulary> vocabulary);
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
-  /// Takes in the keyframes of a map that are missing here and drops those it does not have.
+  /// Takes in the keyframes of a map that are missing here and drops those it does not have; costs
+  /// what changed since the last call. One thread at a time.
   void follow(const Map& map);
   void add(KeyFrameId keyframe, BagOfWords bag);
   void remove(KeyFrameId keyframe);
@@ -40,6 +42,25 @@ class PlaceIndex {
                                      std::span<const KeyFrameId> exclude, double min_score) const;
 
  private:
+  struct Entry {
+    KeyFrameId keyframe;
+    Bag bag;  ///< null where free
+  };
+  /// A keyframe has a word, with this weight in its bag.
+  struct Posting {
+    std::uint32_t slot;
+    float weight;
+  };
+  /// Place in entries_ plus one; 0 for a keyframe that is not here.
+  using SlotNumber = std::uint32_t;
+  /// How far into which map's journal we have followed.
+  struct Followed {
+    std::shared_ptr<const std::byte> life;
+    std::size_t changes = 0;
+  };
+
+  static std::vector<Posting>::iterator place_of(std::uint32_t slot, std::vector<Posting>& list);
+  const Entry* find(KeyFrameId keyframe) const;
   void insert(KeyFrameId keyframe, Bag bag);
   void erase(KeyFrameId keyframe);
   std::vector<std::pair<KeyFrameId, double>> similar(const BagOfWords& bag,
@@ -48,10 +69,11 @@ class PlaceIndex {
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   mutable std::shared_mutex mutex_;
-  std::map<KeyFrameId, std::uint32_t> slots_;
-  std::vector<Bag> bags_;            ///< by slot; null where free
+  SlotTable<KeyFrameId, SlotNumber> slots_;
+  std::vector<Entry> entries_;
   std::vector<std::uint32_t> free_;  ///< slots
-  std::vector<std::vector<std::uint32_t>> slots_of_word_;
+  std::vector<std::vector<Posting>> postings_;  ///< per word, slots ascending
+  Followed followed_;
 };
 
 }  // namespace slambed

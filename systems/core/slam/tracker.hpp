@@ -55,7 +55,7 @@ struct MapperStatus {
   bool accepts = true;  ///< false while stopped or parked
 };
 
-/// Outcome of ORB-SLAM2's rule, cut as Edge-SLAM cuts it (docs/slam.md).
+/// Outcome of ORB-SLAM2's rule, cut as Edge-SLAM cuts it.
 enum class KeyFrameNeed {
   kNone,
   kIfMapperAgrees,  ///< c2 only: needs c1a (time) or c1b (mapper idle)

@@ -3,6 +3,8 @@
 // a repeated delta changes nothing, and the same sequence always ends in the same map.
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "map_fixture.hpp"
 
 namespace slambed::testing {
@@ -112,6 +114,12 @@ void check_covisibility(const MapView& view) {
       all.push_back({other, weight});
       if (weight >= 15) expected.push_back({other, weight});
     }
+    const auto& connected = view.keyframe(id)->connected;
+    ASSERT_EQ(connected.size(), all.size());
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      ASSERT_EQ(connected[i].id, all[i].id);
+      ASSERT_EQ(connected[i].weight, all[i].weight);
+    }
     const auto heavier = [](const Covisible& a, const Covisible& b) {
       return a.weight != b.weight ? a.weight > b.weight : a.id > b.id;
     };
@@ -146,19 +154,32 @@ void check_tree(const MapView& view) {
   }
 }
 
+/// Who only reads the journal knows which keyframes there are.
+void check_journal(const MapView& view, std::size_t& read, std::set<KeyFrameId>& followed) {
+  const auto& changes = view.keyframe_journal().changes;
+  ASSERT_LE(changes.size() - read, 2u) << "one new keyframe and one culled per delta";
+  for (; read < changes.size(); ++read)
+    if (!followed.erase(changes[read])) followed.insert(changes[read]);
+  const auto ids = view.keyframe_ids();
+  ASSERT_TRUE(std::equal(ids.begin(), ids.end(), followed.begin(), followed.end()));
+}
+
 class RandomDeltas : public ::testing::TestWithParam<unsigned> {};
 
 TEST_P(RandomDeltas, KeepEverythingConsistentAndIdempotent) {
   Map map, twin;
   DeltaMaker maker(GetParam());
+  std::size_t read = 0;
+  std::set<KeyFrameId> followed;
   for (int step = 0; step < 50; ++step) {
     const MapDelta delta = maker.next();
     map.commit(delta);
     twin.commit(delta);
-    map.read([](const MapView& view) {
+    map.read([&](const MapView& view) {
       check_observations(view);
       check_covisibility(view);
       check_tree(view);
+      check_journal(view, read, followed);
       return 0;
     });
     if (HasFatalFailure()) FAIL() << "after step " << step;

@@ -4,6 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <random>
+#include <set>
+
 #include "synthetic_world.hpp"
 #include "world_vocabulary.hpp"
 
@@ -106,6 +111,87 @@ TEST_F(PlaceIndexTest, FollowsAMap) {
   index.follow(map);
   EXPECT_EQ(index.size(), 3u);
   EXPECT_EQ(ask(*bag).size(), 2u);  // of equal groups each
+}
+
+TEST_F(PlaceIndexTest, FollowsAMapThatBeginsAnewAndAnotherMap) {
+  index.follow(map);
+  MapDelta other;
+  for (std::uint64_t k : {5, 6}) {
+    NewKeyFrame keyframe;
+    keyframe.id = keyframe_id(k);
+    keyframe.features = world.look(SE3(), {}, 60);
+    keyframe.points.resize(keyframe.features->size());
+    other.keyframes.push_back(keyframe);
+  }
+  map.clear();
+  map.commit(other);
+  index.follow(map);
+  EXPECT_EQ(index.size(), 2u);
+  EXPECT_TRUE(index.bag(keyframe_id(5)));
+  EXPECT_FALSE(index.bag(keyframe_id(1)));
+  Map another;
+  other.keyframes.front().id = keyframe_id(7);
+  another.commit(other);
+  index.follow(another);
+  EXPECT_EQ(index.size(), 2u);
+  EXPECT_TRUE(index.bag(keyframe_id(7)));
+  EXPECT_FALSE(index.bag(keyframe_id(5)));
+}
+
+TEST_F(PlaceIndexTest, ComparesAsIfEveryBagWereComparedOneByOne) {
+  std::mt19937_64 random(3);
+  const auto random_bag = [&] {
+    std::set<std::uint32_t> words;
+    while (words.size() < 30) words.insert(static_cast<std::uint32_t>(random() % 100));
+    BagOfWords bag;
+    for (const std::uint32_t word : words)
+      bag.words.emplace_back(word, static_cast<float>(1 + random() % 9) / 150);
+    return bag;
+  };
+  // None shares a point with another, so each is a group of its own.
+  std::map<KeyFrameId, BagOfWords> all;
+  MapDelta lonely;
+  for (std::uint64_t k = 11; k <= 60; ++k) {
+    NewKeyFrame keyframe;
+    keyframe.id = keyframe_id(k);
+    keyframe.features = world.look(SE3(), {}, 1);
+    keyframe.points.resize(1);
+    lonely.keyframes.push_back(keyframe);
+  }
+  map.commit(lonely);
+  for (int round = 0; round < 300; ++round) {
+    const KeyFrameId changed = keyframe_id(11 + random() % 50);
+    if (all.contains(changed) && random() % 3 == 0) {
+      index.remove(changed);
+      all.erase(changed);
+    } else {
+      all[changed] = random_bag();
+      index.add(changed, all[changed]);
+    }
+    const BagOfWords asked = random_bag();
+    const std::vector<KeyFrameId> exclude = {keyframe_id(20), keyframe_id(30)};
+    const double least = 0.001 * static_cast<double>(random() % 400);
+    std::map<KeyFrameId, int> common;
+    int most = 0;
+    for (const auto& [id, bag] : all) {
+      if (std::find(exclude.begin(), exclude.end(), id) != exclude.end()) continue;
+      for (const auto& [word, weight] : asked.words)
+        common[id] += std::any_of(bag.words.begin(), bag.words.end(),
+                                  [&](const auto& other) { return other.first == word; });
+      most = std::max(most, common[id]);
+    }
+    std::vector<std::pair<double, KeyFrameId>> expected;
+    for (const auto& [id, words] : common)
+      if (const double score = similarity(asked, all[id]); words > 0.8 * most && score >= least)
+        expected.emplace_back(-score, id);
+    std::sort(expected.begin(), expected.end());
+    const auto found = ask(asked, exclude, least);
+    std::size_t held = 0;
+    while (held < expected.size() && (held == 0 || expected[held].first < 0.75 * expected[0].first))
+      ++held;
+    ASSERT_EQ(found.size(), held) << "round " << round;
+    for (std::size_t i = 0; i < held; ++i) ASSERT_EQ(found[i], expected[i].second) << round;
+  }
 }
 
 TEST_F(PlaceIndexTest, AnEmptyIndexOrBagHasNoAnswer) {
