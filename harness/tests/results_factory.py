@@ -36,6 +36,9 @@ def noisy(truth: Trajectory, noise_m: float, rng: np.random.Generator) -> Trajec
     return Trajectory(truth.stamps_s, positions, (turn * truth.rotations() * wobble).as_quat())
 
 
+STALLED_FRAME = 30
+
+
 @dataclass
 class RawRun:
     """What happens in an invented run."""
@@ -50,6 +53,8 @@ class RawRun:
     base_rtt_ms: float = 0.2
     lost_at_s: tuple[tuple[float, float], ...] = ()
     """Intervals of sequence time without a pose."""
+    stall_ms: float = 0.0
+    """How long the host holds up the extraction of one frame."""
     seed: int = 1
     manifest: dict[str, Any] = field(default_factory=dict)
 
@@ -83,8 +88,10 @@ def write_raw(folder: Path, run: RawRun) -> Path:
         track_ms = float(rng.gamma(16, run.track_ms / 16))
         t_ns = taken_ns + int(track_ms * 1e6)
         extract_ms = 0.4 * track_ms
+        stall_ms = run.stall_ms if frame == STALLED_FRAME else 0.0
         mobile += [
-            stage(t_ns, "extract", "track", extract_ms, n1=750),
+            stage(t_ns, "extract", "track", extract_ms + stall_ms, n1=750)
+            | {"cpu_ms": 0.9 * extract_ms},
             stage(t_ns, "track", "track", track_ms - extract_ms, n1=200),
         ]
         if state == "ok":

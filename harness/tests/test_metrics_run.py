@@ -131,6 +131,21 @@ def test_invalid_runs_say_why(tmp_path: Path, change: dict, reason: str) -> None
     assert reason in found["invalid_reason"]
 
 
+def test_a_stall_of_the_host_is_told_and_judged_where_asked(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun(stall_ms=250))
+    found = summarise_run(raw, EDGE_SPEC)
+    assert found["host_stall_ms_max"] == pytest.approx(250, abs=1e-6)
+    assert found["valid"] is True
+    strict = EDGE_SPEC | {"tolerances": {"host_stall_ms_max": 100.0}}
+    judged = summarise_run(raw, strict)
+    assert judged["invalid_reason"] == "the host stalled the mobile node for 250 ms, above 100 ms"
+    calm = summarise_run(write_raw(tmp_path / "calm", RawRun()), strict)
+    assert calm["host_stall_ms_max"] == pytest.approx(0, abs=1e-6)
+    assert calm["valid"] is True
+    virtual = summarise_run(raw, strict | {"engine": "virtual"})
+    assert virtual["host_stall_ms_max"] is None
+
+
 def test_a_link_without_proof_is_invalid(raw: Path) -> None:
     for file in (raw / "link").iterdir():
         file.unlink()

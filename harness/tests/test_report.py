@@ -225,6 +225,16 @@ def test_an_empty_experiment_says_nothing_was_measured(tmp_path: Path) -> None:
         write_report(tmp_path / "no_such_place")
 
 
+def test_a_loss_in_a_stalled_run_is_told(experiment: Path) -> None:
+    runs = load(experiment).runs
+    lost = runs[runs["lost"].eq(True)].iloc[0]
+    file = experiment / "runs" / lost["run_key"] / "summary.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"host_stall_ms_max": 250.0}))
+    told = [line for line in load(experiment).problems if "held up by the host" in line]
+    assert len(told) == 1
+    assert told[0].startswith(f"{lost['cell']}: 1 of the runs")
+
+
 def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
     planned = [{"run_key": "feedface", "cell": "edgeslam:static/room_walk/none", "label": "e"}]
     content = {"experiment": {"title": "Planned", "report": {"metrics": ["keyframes"]}}}

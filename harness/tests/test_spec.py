@@ -176,7 +176,7 @@ def test_the_same_cell_twice_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_same_system_on_two_datasets_is_two_cells(tmp_path: Path) -> None:
-    text = EXPERIMENT.replace("datasets: [room]", "datasets: [room, hall]")
+    text = EXPERIMENT.replace("datasets: [room]", "datasets: [synthetic_room, redkitchen]")
     write_library(tmp_path, text)
     library = Library(tmp_path)
     experiment, source = library.experiment("tiny")

@@ -16,7 +16,7 @@ from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.network import RttProof, bytes_moved, rtt_proof, series
 from slambed.metrics.offloading import offloading_summary
 from slambed.metrics.resources import NOTHING, Resources, resources_of
-from slambed.metrics.stages import mapping_ms_per_keyframe, total_ms
+from slambed.metrics.stages import host_stall_ms_max, mapping_ms_per_keyframe, total_ms
 from slambed.metrics.tracking import mean_of, quantile_of, tracking_of, values_of
 from slambed.metrics.trajectory import EMPTY, Trajectory, read_tum
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS, round_summary
@@ -44,7 +44,7 @@ SUMMARY_KEYS = (
     "keyframe_bytes_median", "update_bytes_median", "serialise_ms_median", "parse_ms_median",
     "state_switches", "state_os_s", "state_sz_s", "state_mes_s", "updates_stale",
     "rtt_asked_ms_mean", "rtt_measured_ms_mean", "rtt_error_ms_median", "rtt_error_ms_p99",
-    "throttled_ms", "throttled_share", "wall_s",
+    "throttled_ms", "throttled_share", "host_stall_ms_max", "wall_s",
 )  # fmt: skip
 """The columns of summary.csv in their order."""
 
@@ -106,7 +106,9 @@ def summarise_with_problems(
     if (summary["update_parts_error_ms_max"] or 0.0) > CLOSURE_LIMIT_MS:
         problems.append("update_applied: the parts of T_Total do not add up to it")
     summary |= offloading_summary(log, end_s)
-    if is_virtual(spec) and link is not None:
+    if not is_virtual(spec):
+        summary["host_stall_ms_max"] = host_stall_ms_max(log)
+    elif link is not None:
         summary["rtt_asked_ms_mean"] = _asked_mean(link, end_s)
     summary["wall_s"] = end_s
     outcome, reason = _verdict(spec, manifest, summary)
@@ -298,6 +300,12 @@ def _verdict(
     if not summary["frames_total"]:
         return outcome, "no frame was played"
     tolerances = spec.get("tolerances") or {}
+    stall, bearable = summary["host_stall_ms_max"], tolerances.get("host_stall_ms_max")
+    if stall is not None and bearable is not None and stall > bearable:
+        return (
+            outcome,
+            f"the host stalled the mobile node for {stall:.0f} ms, above {bearable:g} ms",
+        )
     if not spec.get("link") or is_virtual(spec):
         return outcome, None
     record = manifest.get("link")

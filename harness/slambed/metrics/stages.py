@@ -68,6 +68,21 @@ def stage_times(log: EventLog) -> list[StageTime]:
     return result
 
 
+def host_stall_ms_max(log: EventLog) -> float | None:
+    """By how much an extraction on the mobile node took longer than its CPU time explains, at most.
+
+    Extracting waits for nothing, so what it takes beyond its CPU time, at the run's usual (median)
+    ratio of the two, is not the device's limits: something else on the host had the processor. A
+    lower bound, for extraction fills a part of the time only. None where nothing was timed.
+    """
+    stages = [e for e in log.of("stage", node="mobile") if e.get("name") == "extract"]
+    both = [e for e in stages if e.get("wall_ms") is not None and e.get("cpu_ms")]
+    if not both:
+        return None
+    wall, cpu = values_of(both, "wall_ms"), values_of(both, "cpu_ms")
+    return max(0.0, float((wall - cpu * np.median(wall / cpu)).max()))
+
+
 def mapping_ms_per_keyframe(log: EventLog, key: str = "wall_ms") -> float | None:
     """Mean over the mapped keyframes of all mapping stages together."""
     keyframes = len(log.of("keyframe_mapped"))

@@ -93,6 +93,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("rtt_error_ms_p99", "RTT error, 99th percentile", "ms", 1, 2, "neither"),
     Metric("throttled_ms", "throttled", "ms", 1, 0, "neither"),
     Metric("throttled_share", "throttled share", "%", 100, 1, "neither"),
+    Metric("host_stall_ms_max", "longest stall by the host", "ms", 1, 0, "neither"),
     Metric("wall_s", "playback", "s", 1, 1, "neither"),
 )  # fmt: skip
 

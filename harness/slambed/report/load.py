@@ -18,6 +18,8 @@ from slambed.metrics.run import SUMMARY_KEYS
 from slambed.metrics.trajectory import Trajectory, read_tum
 
 MOST_PROBLEMS_PER_KIND = 10
+STALL_MS = 100.0
+"""The time between two frames of the papers' playback: a longer stall drops one."""
 TEXT_KEYS = frozenset(
     (
         "run_key", "experiment", "cell", "system", "variant", "dataset", "profile",
@@ -147,6 +149,7 @@ def load(folder: Path) -> Results:
         spec=spec,
     )
     _report_missing(results, planned)
+    _report_stalls(results)
     return results
 
 
@@ -306,6 +309,19 @@ def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
         return position.get(text, len(position) if text else -1), text
 
     return rank
+
+
+def _report_stalls(results: Results) -> None:
+    """A track loss in a run that the host held up may not be the system's."""
+    runs = results.valid
+    if "host_stall_ms_max" not in runs or "lost" not in runs:
+        return
+    stalled = runs[(runs["host_stall_ms_max"] > STALL_MS) & runs["lost"].eq(True)]
+    for cell, count in list(Counter(stalled["cell"].astype(str)).items())[:MOST_PROBLEMS_PER_KIND]:
+        results.complain(
+            f"{cell}: {count} of the runs with a track loss were held up by the host for more than "
+            f"{STALL_MS:g} ms; tolerances.host_stall_ms_max makes such runs invalid"
+        )
 
 
 def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:

@@ -91,6 +91,8 @@ class Tolerances(BaseModel):
     rtt_error_ms_median: float = Field(default=1.0, gt=0)
     """Median of |measured RTT - asked RTT| over the run."""
     rtt_error_ms_p99: float | None = Field(default=None, gt=0)
+    host_stall_ms_max: float | None = Field(default=None, gt=0)
+    """Longest time for which something else on the host held the mobile node up."""
 
 
 class Report(BaseModel):
