@@ -2,12 +2,13 @@
 // slambed-map: describes map files and writes them in other programs' formats.
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <string>
 
 #include "base/error.hpp"
+#include "programs/program.hpp"
 #include "store/map_export.hpp"
 #include "store/map_file.hpp"
 
@@ -57,7 +58,7 @@ void export_map(const Options& o) {
 
 int run(int argc, char** argv) {
   Options o;
-  CLI::App app{"Map files: describe them, write them for other programs."};
+  CLI::App app{"Map files: describe them, write them for other programs.", "slambed-map"};
   app.require_subcommand(1);
   auto* describing = app.add_subcommand("info", "describe a map");
   describing->add_option("file", o.file, "map file")->required();
@@ -68,27 +69,12 @@ int run(int argc, char** argv) {
   exporting->add_option("--tum", o.tum, "keyframes as a TUM trajectory");
   exporting->add_option("--kitti", o.kitti, "keyframes as a KITTI trajectory");
   exporting->callback([&] { export_map(o); });
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& wrong) {
-    if (wrong.get_exit_code() == 0) return app.exit(wrong);
-    std::fprintf(stderr, "error: %s; see slambed-map --help\n", wrong.what());
-    return static_cast<int>(ExitCode::kBadInput);
-  }
-  return 0;
+  return parse(app, argc, argv).value_or(0);
 }
 
 }  // namespace
 }  // namespace slambed
 
 int main(int argc, char** argv) {
-  try {
-    return slambed::run(argc, argv);
-  } catch (const slambed::Error& error) {
-    std::fprintf(stderr, "error: %s\n", error.what());
-    return static_cast<int>(error.code());
-  } catch (const std::exception& bug) {
-    std::fprintf(stderr, "error: unexpected: %s\n", bug.what());
-    return static_cast<int>(slambed::ExitCode::kInternal);
-  }
+  return slambed::run_program([&] { return slambed::run(argc, argv); });
 }

@@ -4,11 +4,10 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
-#include <exception>
 
-#include "base/error.hpp"
 #include "features/default_vocabulary.hpp"
 #include "node/feature_source.hpp"
+#include "programs/program.hpp"
 #include "tools/retrieval.hpp"
 
 namespace slambed {
@@ -94,7 +93,7 @@ void measure(const Options& o) {
 
 int run(int argc, char** argv) {
   Options o;
-  CLI::App app{"Vocabularies of visual words: train, import, describe, measure."};
+  CLI::App app{"Vocabularies of visual words: train, import, describe, measure.", "slambed-vocab"};
   app.require_subcommand(1);
   const auto add_sequences = [&](CLI::App* command) {
     command->add_option("sequence", o.sequences, "prepared sequences (folders)")->required();
@@ -122,27 +121,12 @@ int run(int argc, char** argv) {
   add_sequences(measuring);
   measuring->add_option("--vocabulary", o.file, "default: the built-in one");
   measuring->callback([&] { measure(o); });
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& wrong) {
-    if (wrong.get_exit_code() == 0) return app.exit(wrong);
-    std::fprintf(stderr, "error: %s; see slambed-vocab --help\n", wrong.what());
-    return static_cast<int>(ExitCode::kBadInput);
-  }
-  return 0;
+  return parse(app, argc, argv).value_or(0);
 }
 
 }  // namespace
 }  // namespace slambed
 
 int main(int argc, char** argv) {
-  try {
-    return slambed::run(argc, argv);
-  } catch (const slambed::Error& error) {
-    std::fprintf(stderr, "error: %s\n", error.what());
-    return static_cast<int>(error.code());
-  } catch (const std::exception& bug) {
-    std::fprintf(stderr, "error: unexpected: %s\n", bug.what());
-    return static_cast<int>(slambed::ExitCode::kInternal);
-  }
+  return slambed::run_program([&] { return slambed::run(argc, argv); });
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/stop_and_wait.hpp"
 
-#include "runtime/frame_header.hpp"
 #include "runtime/message_queue.hpp"
+#include "runtime/message_record.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {
@@ -58,7 +58,7 @@ PathStats StopAndWaitChannel::path() const {
   PathStats stats = below_.path();
   std::lock_guard lock(mutex_);
   for (const Message& message : outgoing_) {
-    stats.unacknowledged_bytes += message.payload.size() + FrameHeader::kSize;
+    stats.unacknowledged_bytes += size_on_wire(message);
   }
   return stats;
 }
@@ -154,15 +154,7 @@ void StopAndWaitChannel::acknowledge(std::uint64_t sequence, bool whole) {
 }
 
 void StopAndWaitChannel::record_drop(const Message& message, bool incoming) const {
-  observer_.message({.channel = options_.name,
-                     .incoming = incoming,
-                     .dropped = true,
-                     .type = message.type,
-                     .bytes = message.payload.size() + FrameHeader::kSize,
-                     .sequence = message.sequence,
-                     .queued = message.queued,
-                     .sent = message.sent,
-                     .received = message.received});
+  observer_.message(record_of(message, options_.name, incoming, true));
 }
 
 }  // namespace slambed

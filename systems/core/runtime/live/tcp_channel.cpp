@@ -2,8 +2,8 @@
 #include "runtime/live/tcp_channel.hpp"
 
 #include "base/error.hpp"
-#include "runtime/frame_header.hpp"
 #include "runtime/message_queue.hpp"
+#include "runtime/message_record.hpp"
 
 namespace slambed {
 TcpChannel::TcpChannel(LiveRuntime& runtime, Observer& observer, ChannelOptions options,
@@ -53,7 +53,7 @@ PathStats TcpChannel::path() const {
   PathStats stats;
   stats.connections = connections_;
   for (const Message& message : outgoing_) {
-    stats.unacknowledged_bytes += message.payload.size() + FrameHeader::kSize;
+    stats.unacknowledged_bytes += size_on_wire(message);
   }
   if (fd_ >= 0) {
     stats.connected = true;
@@ -122,15 +122,7 @@ void TcpChannel::record_link(std::string_view event, std::string_view detail) co
 }
 
 void TcpChannel::record(const Message& message, bool incoming, bool dropped) const {
-  observer_.message({.channel = options_.name,
-                     .incoming = incoming,
-                     .dropped = dropped,
-                     .type = message.type,
-                     .bytes = message.payload.size() + FrameHeader::kSize,
-                     .sequence = message.sequence,
-                     .queued = message.queued,
-                     .sent = message.sent,
-                     .received = message.received});
+  observer_.message(record_of(message, options_.name, incoming, dropped));
 }
 
 }  // namespace slambed

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "base/error.hpp"
-#include "runtime/frame_header.hpp"
 #include "runtime/message_queue.hpp"
+#include "runtime/message_record.hpp"
 
 namespace slambed {
 namespace {
@@ -81,10 +81,6 @@ class VirtualLink::VirtualChannel final : public Channel {
   }
 
  private:
-  static std::uint64_t size_on_wire(const Message& m) {
-    return m.payload.size() + FrameHeader::kSize;
-  }
-
   void hand_over() {
     while (flow_ && !outgoing_.empty() && flow_->unsent() < kUnsentLimit) {
       Message message = std::move(outgoing_.front());
@@ -112,15 +108,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   }
 
   void record(const Message& m, bool incoming, bool dropped) const {
-    observer_.message({.channel = options_.name,
-                       .incoming = incoming,
-                       .dropped = dropped,
-                       .type = m.type,
-                       .bytes = static_cast<std::size_t>(size_on_wire(m)),
-                       .sequence = m.sequence,
-                       .queued = m.queued,
-                       .sent = m.sent,
-                       .received = m.received});
+    observer_.message(record_of(m, options_.name, incoming, dropped));
   }
 
   Simulator& simulator_;
