@@ -167,6 +167,7 @@ void EdgeMapping::send_update(Worker& worker, wire::UpdateTimes times, KeyFrameI
                               const std::vector<KeyFrameId>& keyframes, bool relocalisation) {
   wire::MapUpdate update;
   update.newest = newest;
+  update.settled = settled();
   update.times = times;
   update.times.due = worker.now();
   Bytes payload = worker.stage("prepare_update", [&](StageUnits& units) {
@@ -253,6 +254,13 @@ std::vector<KeyFrameId> EdgeMapping::latest(int count) const {
     }
     return found;
   });
+}
+
+KeyFrameId EdgeMapping::settled() const {
+  std::lock_guard lock(mutex_);
+  const auto mapped = std::ssize(mapped_keyframes_);
+  const auto place = mapped - 1 - LocalMapper::kGraduation;
+  return place < 0 ? KeyFrameId{} : mapped_keyframes_[static_cast<std::size_t>(place)];
 }
 
 void EdgeMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime deadline) {

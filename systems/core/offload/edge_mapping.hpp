@@ -64,6 +64,8 @@ class EdgeMapping {
     wire::UpdateTimes times;
   };
 
+  /// wire::MapUpdate::settled as of now.
+  KeyFrameId settled() const;
   void receive(Worker& worker);
   void admit(Worker& worker, const Message& raw);
   void begin_again(Worker& worker);

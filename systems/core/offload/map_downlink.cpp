@@ -158,6 +158,7 @@ void MapDownlink::apply(Worker& worker, Arrival arrival) {
     channel_.signal().notify();  // wakes the worker that disposes of it
   }
   applied_ = arrival.update.update;
+  settled_ = arrival.update.settled;
   applied_incarnation_ = arrival.raw.incarnation;
   for (const NewPoint& point : arrival.update.map.points) {
     if (made_by_edge(point.id)) {

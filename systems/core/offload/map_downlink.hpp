@@ -35,6 +35,8 @@ class MapDownlink {
   std::uint64_t applied_update() const { return applied_; }
   /// Newest point of an edge mapper among all updates taken over; none before the first.
   MapPointId newest_edge_point() const { return newest_edge_point_; }
+  /// What the last update said of points that need no more counting; none before the first.
+  KeyFrameId settled() const { return settled_; }
   /// Updates of an older epoch are declined from now on; they are counted anew. On the tracking
   /// worker.
   void begin_epoch(std::uint64_t epoch) {
@@ -75,6 +77,7 @@ class MapDownlink {
   std::uint64_t applied_ = 0;
   std::uint64_t applied_incarnation_ = 0;  ///< of the edge it came from: each counts its own
   MapPointId newest_edge_point_;
+  KeyFrameId settled_{};
   std::uint64_t epoch_ = 0;
   std::size_t keyframes_created_ = 0;
   bool new_keyframe_ = false;

@@ -39,8 +39,21 @@ MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& fram
   return made;
 }
 
+/// Sightings decide about a point only while it is on probation at the edge.
+void OffloadMobile::leave_out_settled(MapDelta& made) const {
+  const KeyFrameId settled = downlink_.settled();
+  if (!settled) return;
+  node_.tracker().map()->read([&](const MapView& view) {
+    return std::erase_if(made.sightings, [&](const PointSightings& sightings) {
+      const MapPoint* point = view.point(sightings.id);
+      return !point || point->first_keyframe <= settled;
+    });
+  });
+}
+
 void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
                          KeyFrameNeed need, bool first, bool whole) {
+  leave_out_settled(made);
   const double since_s = frame.offered.played.seq_s() - relocalised_s_;
   uplink_.send(worker, frame, std::move(made),
                {.need = need,

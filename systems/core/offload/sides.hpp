@@ -36,6 +36,8 @@ class OffloadMobile {
   const MobileFarewell& farewell() const { return farewell_; }
 
  private:
+  void leave_out_settled(MapDelta& made) const;
+
   MobileNode& node_;
   OffloadChannels channels_;
   MapDownlink downlink_;

@@ -17,7 +17,7 @@ namespace {
 // them, and after two keyframes observed with more than weight three (two without depth, where an
 // observation weighs one); free after three.
 constexpr double kLeastFoundShare = 0.25;
-constexpr int kProbation = 2, kGraduation = 3;  ///< keyframes
+constexpr int kProbation = 2;  ///< keyframes
 constexpr int kLeastWeight = 3, kLeastWeightMono = 2;
 
 }  // namespace

@@ -27,6 +27,9 @@ struct LocalMapperOptions {
 /// step_bundle / finish_bundle, cull_keyframes.
 class LocalMapper {
  public:
+  /// Keyframes after its own until a point is culled for its sightings no more.
+  static constexpr int kGraduation = 3;
+
   LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids);
   ~LocalMapper();
 

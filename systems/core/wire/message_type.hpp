@@ -7,7 +7,7 @@
 namespace slambed::wire {
 
 /// Version of every payload layout below this folder; both nodes must have the same.
-inline constexpr std::uint16_t kWireVersion = 3;
+inline constexpr std::uint16_t kWireVersion = 4;
 
 /// Message::type. Numbers are never reused.
 enum class MessageType : std::uint8_t {

@@ -65,6 +65,7 @@ Bytes encode(const MapUpdate& message) {
   ByteWriter out;
   out.varint(message.update);
   IdStream().put(out, message.newest);
+  IdStream().put(out, message.settled);
   for (const auto time : kTimes) put_time(out, message.times.*time);
   put_delta(out, message.map);
   put_poses(out, message.poses);
@@ -76,6 +77,7 @@ MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& se
     MapUpdate message;
     message.update = in.varint();
     message.newest = IdStream().get<KeyFrameId>(in);
+    message.settled = IdStream().get_or_none<KeyFrameId>(in);
     for (const auto time : kTimes) message.times.*time = get_time(in);
     message.map = get_delta(in, sensor);
     message.poses = get_poses(in);

@@ -41,6 +41,9 @@ struct UpdateTimes {
 struct MapUpdate {
   std::uint64_t update = 0;  ///< counts from 1
   KeyFrameId newest;
+  /// Points first seen by this keyframe or an earlier one will not be culled for how rarely they are
+  /// found; none: too few keyframes were mapped.
+  KeyFrameId settled{};
   UpdateTimes times;
   MapDelta map;                     ///< the keyframes with all their points
   std::vector<KeyFramePose> poses;  ///< of other keyframes that moved since the last update

@@ -144,7 +144,9 @@ TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
   // Once there is a map nothing else is asked for, and it is the mobile's map.
   const double begun = received.front()["t_ns"];
   for (const auto& declined : result.of("keyframe_declined")) {
-    if (declined["t_ns"].get<double>() > begun) EXPECT_NE(declined["reason"], "not the first keyframe");
+    if (declined["t_ns"].get<double>() > begun) {
+      EXPECT_NE(declined["reason"], "not the first keyframe");
+    }
   }
   EXPECT_GT(result.edge_counts.keyframes, 5u);
   for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
@@ -163,6 +165,26 @@ INSTANTIATE_TEST_SUITE_P(Variants, EdgeSlamVariants, ::testing::Values(false, tr
                          [](const auto& variant) {
                            return variant.param ? "Enhanced" : "Conventional";
                          });
+
+TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
+  auto params = enhanced();
+  params["fast_motion_ms"] = 0.0;
+  const PairResult result = run(params);
+  const auto applied = result.of("update_applied");
+  ASSERT_GE(applied.size(), 2u);
+  const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
+  // Sightings of every point in view grow with the local map until an update says which are settled.
+  double before = 0, after = 0;
+  for (const auto& message : result.of("message")) {
+    if (message["message"] != "KEYFRAME") continue;
+    const double sent = message["queued_ns"], bytes = message["bytes"];
+    if (sent < first) before = std::max(before, bytes);
+    // Right behind an update the local map has few points that are not settled.
+    if (sent > second && sent < second + 5e8) after = std::max(after, bytes);
+  }
+  EXPECT_GT(after, 0);
+  EXPECT_LT(after, before - 1000);
+}
 
 TEST(EdgeSlam, TheSameSeedGivesTheSameBytes) {
   const PairResult first = run(enhanced(), 80), second = run(enhanced(), 80);

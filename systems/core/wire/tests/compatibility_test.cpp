@@ -91,6 +91,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   MapUpdate update;
   update.update = 12;
   update.newest = keyframe_id(40);
+  update.settled = keyframe_id(37);
   update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
   update.map = keyframe(60, 0, 40).delta;
   update.map.keyframes.push_back(update.map.keyframes[0]);  // sees the same points
@@ -99,6 +100,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   const auto back = decode_update_text(encode_text(update, *vocabulary), sensor);
   EXPECT_EQ(back.update, 12u);
   EXPECT_EQ(back.newest, update.newest);
+  EXPECT_EQ(back.settled, update.settled);
   EXPECT_EQ(back.times.captured, RunTime(1));
   EXPECT_EQ(back.times.due, RunTime(6));
   ASSERT_EQ(back.map.keyframes.size(), 2u);
