@@ -14,7 +14,7 @@ System dynnetslam_system() {
       ParameterSpec::real("l_ol_ms", 0, 60'000),
       ParameterSpec::real("l_sz_ms", -1, 60'000),
       ParameterSpec::real("b_ms", 0, 60'000),
-      ParameterSpec::choice("rtt_source", {"tcp_info", "echo"}),
+      ParameterSpec::choice("rtt_source", {"tcp_info", "echo", "profile"}),
       ParameterSpec::real("mes_probe_hz", 0, 1000),
       ParameterSpec::integer("mes_probe_bytes", 0, 65'536),
       ParameterSpec::real("echo_hz", 0.5, 100),

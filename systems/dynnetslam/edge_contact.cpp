@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/error.hpp"
 #include "map/map_snapshot.hpp"
 #include "offload/map_sync.hpp"
 #include "wire/message_type.hpp"
@@ -27,7 +28,11 @@ Duration period_of(double hz) { return from_seconds(1 / hz); }
 
 EdgeContact::EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
                          ContactOptions options)
-    : node_(node), channel_(handover), keyframe_channel_(keyframe), options_(options) {}
+    : node_(node), channel_(handover), keyframe_channel_(keyframe), options_(options) {
+  if (options_.source == RttSource::kProfile && !node_.profile_rtt()) {
+    throw bad_input("params.rtt_source: profile needs network.profile_rtt in run.json");
+  }
+}
 
 void EdgeContact::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { work(worker); });
@@ -36,6 +41,7 @@ void EdgeContact::start() {
 std::optional<Duration> EdgeContact::rtt(RunTime now) const {
   const bool alive = node_.network().peer().connected;
   if (!alive && now - RunTime(heard_.load()) > options_.missing) return std::nullopt;
+  if (options_.source == RttSource::kProfile) return node_.profile_rtt()->at(now);
   if (options_.source == RttSource::kEcho) {
     const Duration echo = echo_;
     return echo == Duration::min() ? std::nullopt : std::optional(echo);

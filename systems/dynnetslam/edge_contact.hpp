@@ -13,7 +13,7 @@
 
 namespace slambed::dynnetslam {
 
-enum class RttSource { kTcpInfo, kEcho };
+enum class RttSource { kTcpInfo, kEcho, kProfile };
 
 struct ContactOptions {
   RttSource source = RttSource::kTcpInfo;

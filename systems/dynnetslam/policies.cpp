@@ -16,8 +16,10 @@ StrategyOptions strategy_options(const Parameters& parameters) {
 }
 
 ContactOptions contact_options(const Parameters& parameters) {
-  return {.source = parameters.text("rtt_source") == "echo" ? RttSource::kEcho
-                                                            : RttSource::kTcpInfo,
+  const std::string source = parameters.text("rtt_source");
+  return {.source = source == "echo"      ? RttSource::kEcho
+                    : source == "profile" ? RttSource::kProfile
+                                          : RttSource::kTcpInfo,
           .probe_hz = parameters.real("mes_probe_hz"),
           .probe_bytes = parameters.integer("mes_probe_bytes"),
           .echo_hz = parameters.real("echo_hz"),

@@ -87,6 +87,7 @@ class LiveRun:
             self._engine.output_path(self._run_dir),
         )
         (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
+            self._time_limit_s(),
         with ExitStack() as cleanup:
             limits, problems = self._start_nodes(cleanup)
             attendant = Attendant(

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every engine takes and gives: the run configuration, and how a run ended."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from slambed.link.profile import parse_profile
 from slambed.spec import inputs
-from slambed.spec.matrix import RunSpec
+from slambed.spec.matrix import LinkSpec, RunSpec
 
 Outcome = Literal["completed", "edge_died", "mobile_died", "timeout", "link_died"]
 
 NETWORK_EDGE_ADDRESS = "10.77.0.2"
 FIRST_PORT = 47000
 CONNECT_TIMEOUT_S = 20.0
+RTT_STEP_S = 0.1
+"""DynNetSLAM's specification: profiles change every 100 ms."""
 
 
 class InterruptedRunError(Exception):
@@ -31,12 +35,24 @@ class RunResult:
     """What sampler and metronome took themselves."""
 
 
-def run_json(spec: RunSpec, sequence: str, output: str) -> dict[str, Any]:
-    """The run configuration (docs/formats.md); both paths as the nodes see them."""
+def profile_rtt(link: LinkSpec, horizon_s: float) -> dict[str, Any]:
+    """The RTT that the profile asks for, for a node that shall not measure it."""
+    profile = parse_profile(link.content, f"profile {link.profile}")
+    end_s = horizon_s if profile.duration is None else min(profile.duration, horizon_s)
+    steps = range(math.ceil(end_s / RTT_STEP_S) + 1)
+    rtt_ms = [round(profile.rtt_ms(step * RTT_STEP_S), 4) for step in steps]
+    return {"step_s": RTT_STEP_S, "rtt_ms": rtt_ms}
+
+
+def run_json(spec: RunSpec, sequence: str, output: str, horizon_s: float) -> dict[str, Any]:
+    """The run configuration (docs/formats.md); both paths as the nodes see them. The run is over
+    before the horizon."""
     network: dict[str, Any] | None = None
     if spec.link is not None:
         ports = {name: FIRST_PORT + index for index, name in enumerate(spec.channels)}
         network = {"edge_address": NETWORK_EDGE_ADDRESS, "ports": ports}
+        if spec.params.get("rtt_source") == "profile":
+            network["profile_rtt"] = profile_rtt(spec.link, horizon_s)
     return {
         "format": "slambed-run",
         "version": 1,

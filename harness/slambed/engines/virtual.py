@@ -112,7 +112,7 @@ class VirtualRun:
 
     def _write_files(self) -> None:
         # The output path is relative: equal runs in different folders leave equal files.
-        config = run_json(self.spec, str(self.sequence.resolve()), ".")
+        config = run_json(self.spec, str(self.sequence.resolve()), ".", self.played_s + DRAIN_S)
         (self.run_dir / "run.json").write_text(json.dumps(config, indent=1))
         features = feature_file(self.features, self.spec).resolve() if self.features else None
         world = sim_json(self.spec, self.played_s + DRAIN_S, features)

@@ -100,7 +100,8 @@ class LiveNode {
                                 .stop_at_first_loss = config_.playback.stop_at_first_loss,
                                 .timestamps_ns = sequence_->timestamps_ns(),
                                 .time_origin_ns = sequence_->time_origin_ns(),
-                                .prior_map = maps_->prior()},
+                                .prior_map = maps_->prior(),
+                                .profile_rtt = config_.network ? config_.network->profile_rtt : std::nullopt},
                     system_, parameters_);
   }
 

@@ -3,10 +3,12 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "node/event_log.hpp"
 #include "node/feature_source.hpp"
 #include "node/policy.hpp"
+#include "node/rtt_table.hpp"
 
 namespace slambed {
 
@@ -24,6 +26,7 @@ struct MobileParts {
   std::int64_t time_origin_ns = 0;
   /// A map made before: tracking starts lost in it. Null: tracking makes the first keyframe.
   std::shared_ptr<Map> prior_map{};
+  std::optional<RttTable> profile_rtt{};
 };
 
 /// The mobile node: tracks what playback offers and lets the system's policy decide the rest. The
@@ -48,6 +51,8 @@ class MobileNode {
   /// Which keyframes look alike; tracking finds lost frames with it.
   std::shared_ptr<PlaceIndex> places() const { return places_; }
   double played_fps() const { return parts_.played_fps; }
+  /// What the link's profile asks for; nothing where the run does not tell.
+  const std::optional<RttTable>& profile_rtt() const { return parts_.profile_rtt; }
   std::shared_ptr<const Sensor> sensor() const { return parts_.features.sensor(); }
   /// Makes a keyframe of the frame just tracked and records it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,

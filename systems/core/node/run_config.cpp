@@ -31,6 +31,26 @@ PlaybackConfig read_playback(const nlohmann::json& json, const std::string& wher
   return playback;
 }
 
+constexpr double kLongestStep_s = 3600, kLargestRtt_ms = 1e6;
+
+RttTable read_rtt(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  RttTable table;
+  const double step_s = in.number("step_s");
+  if (!(step_s >= 1e-3 && step_s <= kLongestStep_s)) in.fail("step_s", "must be 0.001 to 3600");
+  table.step = from_seconds(step_s);
+  const auto& values = in.any("rtt_ms");
+  if (!values.is_array() || values.empty()) in.fail("rtt_ms", "must be a list of numbers");
+  for (const auto& value : values) {
+    if (!value.is_number() || value < 0 || value > kLargestRtt_ms) {
+      in.fail("rtt_ms", "must be numbers from 0 to 1,000,000");
+    }
+    table.values.push_back(from_seconds(value.get<double>() / 1000));
+  }
+  in.done();
+  return table;
+}
+
 NetworkConfig read_network(const nlohmann::json& json, const std::string& where) {
   JsonReader in(json, where);
   NetworkConfig network;
@@ -39,6 +59,9 @@ NetworkConfig read_network(const nlohmann::json& json, const std::string& where)
   JsonReader names(ports, in.where() + "ports.");
   for (const auto& [channel, port] : ports.items()) {
     network.ports[channel] = static_cast<std::uint16_t>(names.integer(channel, 1, UINT16_MAX));
+  }
+  if (in.has("profile_rtt")) {
+    network.profile_rtt = read_rtt(in.any("profile_rtt"), in.where() + "profile_rtt.");
   }
   in.done();
   return network;

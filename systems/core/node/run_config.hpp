@@ -8,6 +8,8 @@
 #include <optional>
 #include <string>
 
+#include "node/rtt_table.hpp"
+
 namespace slambed {
 
 enum class PlaybackMode { kRealtime, kEveryFrame };
@@ -23,6 +25,7 @@ struct PlaybackConfig {
 struct NetworkConfig {
   std::string edge_address;
   std::map<std::string, std::uint16_t> ports;  ///< by channel
+  std::optional<RttTable> profile_rtt{};
 };
 
 /// run.json (docs/formats.md, "Run configuration"). params are checked by the system's own list.

@@ -114,7 +114,8 @@ class VirtualRun {
                                      .stop_at_first_loss = config_.run.playback.stop_at_first_loss,
                                      .timestamps_ns = sequence_.timestamps_ns(),
                                      .time_origin_ns = sequence_.time_origin_ns(),
-                                     .prior_map = maps_->prior()},
+                                     .prior_map = maps_->prior(),
+                                     .profile_rtt = config_.run.network ? config_.run.network->profile_rtt : std::nullopt},
                          system_, parameters_);
   }
 

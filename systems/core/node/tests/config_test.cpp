@@ -96,6 +96,29 @@ TEST(RunConfig, WrongValuesAreNamed) {
   EXPECT_EQ(with("/playback/fps", nullptr), "");
 }
 
+TEST(RunConfig, TheProfilesRttIsATableOverRunTime) {
+  testing::TemporaryFolder folder;
+  const auto with = [&](const nlohmann::json& table) {
+    auto json = valid();
+    json["network"]["profile_rtt"] = table;
+    return read_run_config(folder.write("run.json", json.dump())).network->profile_rtt;
+  };
+  const auto rtt = with({{"step_s", 0.1}, {"rtt_ms", {0, 20, 10}}});
+  ASSERT_TRUE(rtt);
+  EXPECT_EQ(rtt->at(from_seconds(-1)), Duration::zero());
+  EXPECT_EQ(rtt->at(from_seconds(0.05)), from_seconds(0.010));
+  EXPECT_EQ(rtt->at(from_seconds(0.1)), from_seconds(0.020));
+  EXPECT_EQ(rtt->at(from_seconds(0.15)), from_seconds(0.015));
+  EXPECT_EQ(rtt->at(from_seconds(0.2)), from_seconds(0.010));
+  EXPECT_EQ(rtt->at(from_seconds(100)), from_seconds(0.010));
+  EXPECT_EQ(with({{"step_s", 1}, {"rtt_ms", {7}}})->at(from_seconds(3)), from_seconds(0.007));
+  EXPECT_THROW(with({{"step_s", 0}, {"rtt_ms", {7}}}), Error);
+  EXPECT_THROW(with({{"step_s", 1}, {"rtt_ms", nlohmann::json::array()}}), Error);
+  EXPECT_THROW(with({{"step_s", 1}, {"rtt_ms", {-1}}}), Error);
+  EXPECT_THROW(with({{"step_s", 1}, {"rtt_ms", {"7"}}}), Error);
+  EXPECT_THROW(with({{"step_s", 1}}), Error);
+}
+
 TEST(RunConfig, AFileThatIsNoJsonOrIsMissingIsBadInput) {
   testing::TemporaryFolder folder;
   EXPECT_THROW(read_run_config(folder.write("run.json", "{\"format\": ")), Error);

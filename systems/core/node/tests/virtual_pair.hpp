@@ -86,6 +86,7 @@ struct PairLink {
   std::vector<double> one_way_ms = {0.1};
   double step_s = 0.1;
   std::vector<link::Gap> gaps = {};
+  std::optional<RttTable> profile_rtt{};  ///< told to the mobile, whatever the path does
   std::uint64_t lost_keyframes = 0;  ///< the first messages on the channel never reach the edge
 
   link::DirectionOptions direction() const {
@@ -156,7 +157,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
                        .feed = feed,
                        .played_fps = playlist.played_fps(),
                        .timestamps_ns = times,
-                       .time_origin_ns = 0},
+                       .time_origin_ns = 0,
+                       .profile_rtt = path.profile_rtt},
                       system, parameters);
     mobile.start();
     edge.start();
