@@ -3,11 +3,12 @@
 
 import json
 import os
+import re
 import signal
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.errors import ExitCode, SlambedError
 from slambed.sampling.cgroup import Granted, mounted
 from slambed.spec.device import Board, Device, Limits
+from slambed.spec.faults import Fault
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
 from slambed.spec.matrix import RunSpec
 
@@ -246,6 +248,85 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
 
     threading.Thread(target=stop_edge, daemon=True).start()
     assert bench.run(spec).outcome == "edge_died"
+
+
+@dataclass
+class EdgeProbe(IdleLink):
+    """An idle link that looks at the edge's process whenever it is asked whether it lives."""
+
+    bench: Bench | None = None
+    seen: list[tuple[int, str, str, str]] = field(default_factory=list)
+    """Number, state, network namespace and control groups, each time one of them is another."""
+
+    def alive(self) -> bool:
+        assert self.bench is not None and self.bench.live is not None
+        pid = self.bench.live._nodes["edge"].pid
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+            network = str(netns(pid).readlink())
+            groups = Path(f"/proc/{pid}/cgroup").read_text()
+        except OSError:
+            return True
+        # Running or sleeping makes no difference here.
+        look = (pid, "T" if state == "T" else "", network, re.sub("/thread-[0-9]+", "", groups))
+        if not self.seen or self.seen[-1] != look:
+            self.seen.append(look)
+        return True
+
+
+def run_with(bench: Bench, *faults: Fault, **changes: Any) -> tuple[RunResult, EdgeProbe]:
+    bench.link = probe = EdgeProbe(bench=bench)
+    playback = run_spec().playback.model_copy(update={"end_s": 2.0})
+    return bench.run(run_spec(edge=True, playback=playback, faults=[*faults], **changes)), probe
+
+
+def faults_of(bench: Bench) -> list[tuple[str, str]]:
+    lines = (bench.folder / "raw" / "faults.jsonl").read_text().splitlines()
+    return [(event["type"], event["fault"]) for event in map(json.loads, lines)]
+
+
+def test_an_edge_killed_on_purpose_does_not_spoil_the_run(bench: Bench) -> None:
+    result, _ = run_with(bench, Fault(at_s=0.4, edge="kill"))
+    assert (result.outcome, result.reason) == ("completed", None)
+    assert faults_of(bench) == [("fault_began", "kill")]
+    assert not (bench.folder / "raw/edge/node.json").exists()
+
+
+def test_a_killed_edge_starts_again_where_it_was(bench: Bench) -> None:
+    cap = device("big", **CAPPED)
+    kill, again = Fault(at_s=0.4, edge="kill"), Fault(at_s=0.8, edge="restart")
+    result, probe = run_with(bench, kill, again, device_edge=cap)
+    assert (result.outcome, result.reason) == ("completed", None)
+    assert faults_of(bench) == [("fault_began", "kill"), ("fault_ended", "kill")]
+    first, second = probe.seen[0], probe.seen[-1]
+    assert first[0] != second[0]
+    assert first[1:] == second[1:]  # the same namespace and groups
+    assert bench.read("edge/node.json")["stopped"] is False
+    threads = result.limits["edge"]["threads"]
+    assert len(threads) >= 2 and {thread["cores"] for thread in threads} == {0.3}
+    samples = [json.loads(x) for x in (bench.folder / "raw/samples.jsonl").read_text().splitlines()]
+    cpu_s = [row["cpu_s"] for row in samples if row["node"] == "edge"]
+    assert cpu_s == sorted(cpu_s)
+
+
+def test_a_frozen_edge_stands_still_and_goes_on(bench: Bench) -> None:
+    result, probe = run_with(bench, Fault(at_s=0.4, edge="freeze", for_s=0.5))
+    assert (result.outcome, result.reason) == ("completed", None)
+    assert [state for _, state, _, _ in probe.seen] == ["", "T", ""]
+    assert len({pid for pid, _, _, _ in probe.seen}) == 1
+    assert faults_of(bench) == [("fault_began", "freeze"), ("fault_ended", "freeze")]
+
+
+def test_an_edge_frozen_at_the_end_may_still_end(bench: Bench) -> None:
+    result, _ = run_with(bench, Fault(at_s=1.5, edge="freeze", for_s=60))
+    assert (result.outcome, result.reason) == ("completed", None)
+    assert bench.read("edge/node.json")["stopped"] is False
+
+
+def test_an_edge_that_dies_after_a_restart_is_an_accident(bench: Bench) -> None:
+    kill, again = Fault(at_s=0.1, edge="kill"), Fault(at_s=0.15, edge="restart")
+    result, _ = run_with(bench, kill, again, params={"edge_act": "die"})
+    assert result.outcome == "edge_died" and "signal 11" in (result.reason or "")
 
 
 def test_cpus_are_kept_apart_where_there_are_enough() -> None:

@@ -37,7 +37,15 @@ from slambed.native import find_program
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
-from slambed.spec.matrix import Circumstances, Profile, RunSpec, expand, needs_link, read_profiles
+from slambed.spec.matrix import (
+    Circumstances,
+    Profile,
+    RunSpec,
+    expand,
+    has_cuts,
+    needs_link,
+    read_profiles,
+)
 from slambed.spec.software import host_software
 from slambed.spec.yaml_source import YamlSource
 
@@ -295,7 +303,8 @@ def make_plan(
         asked = experiment.link.backend
         backends = {p.name: VIRTUAL for p in profiles}
         if engine != VIRTUAL:
-            backends = {p.name: backend_for(asked, p) for p in profiles}
+            cut = has_cuts(experiment)
+            backends = {p.name: backend_for(asked, p, cut) for p in profiles}
     circumstances = Circumstances(engine, backends, software, names)
     specs = expand(experiment, source, library, profiles, circumstances, count)
     return Plan(experiment, specs, sequences, circumstances, left_out)

@@ -8,7 +8,10 @@ from slambed.link.backend import choose_backend, open_link
 from slambed.link.profile import parse_profile
 from slambed.link.proof import LinkTolerance
 from slambed.link.session import LinkSession
+from slambed.spec.faults import Fault, with_cuts
 from slambed.spec.matrix import Profile, RunSpec
+
+ANY_CUT = Fault(at_s=0.0, link="cut", for_s=1.0)
 
 # Words about a profile; a change of them does not change a run.
 WORDS = ("description", "source")
@@ -21,9 +24,12 @@ def read_profile(item: str | float | dict[str, Any], where: str) -> Profile:
     return Profile(profile.name, content)
 
 
-def backend_for(asked: str, profile: Profile) -> str:
-    """The backend that a profile gets on this host."""
-    return choose_backend(asked, parse_profile(profile.content, f"profile {profile.name}"))
+def backend_for(asked: str, profile: Profile, cut: bool = False) -> str:
+    """The backend that a profile gets on this host; cut: some runs drop everything for a while."""
+    content = profile.content
+    if cut:
+        content = with_cuts(content | {"gap_mode": "drop"}, [ANY_CUT])
+    return choose_backend(asked, parse_profile(content, f"profile {profile.name}"))
 
 
 class RunLink:

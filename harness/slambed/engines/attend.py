@@ -2,7 +2,8 @@
 """The process beside the nodes of a run: caps their threads, samples them, keeps the metronome.
 
 Run as `python -m slambed.engines.attend`. It reads lines of JSON: first what to attend to, then
-`{"start": t0_ns}` and `{"stop": true}`, and answers each with a line. It ends with its input.
+`{"start": t0_ns}`, `{"follow": node, "pid": n}` and `{"stop": true}`, and answers each with a line.
+It ends with its input.
 """
 
 import contextlib
@@ -116,6 +117,9 @@ class Attendant:
                     self._start(int(request["start"]))
                     next_sample_s = time.monotonic()
                     _tell(answers, {"started": True, "threads": self._threads()})
+                if "follow" in request:
+                    self._follow(request["follow"], int(request["pid"]))
+                    _tell(answers, {"following": True})
                 if "stop" in request:
                     _tell(answers, self._finish())
                     return
@@ -131,6 +135,16 @@ class Attendant:
             caps.read_names()
         self._t0_ns = t0_ns
         self._started = (time.monotonic(), time.process_time())
+
+    def _follow(self, name: str, pid: int) -> None:
+        """A node was started again: other threads, perhaps another group."""
+        for watch in self._watches:
+            if watch.name == name:
+                watch.follow(pid)
+        if (caps := self._caps.get(name)) is not None:
+            caps.pid = pid
+            caps.scan()
+            caps.read_names()
 
     def _finish(self) -> dict[str, Any]:
         own: dict[str, Any] = {"samples": self._sampler.samples}

@@ -80,6 +80,10 @@ class Attendant:
         threads: dict[str, Any] = self._process.ask({"start": t0_ns}, ANSWER_TIMEOUT_S)["threads"]
         return threads
 
+    def follow(self, role: Role, node: Node) -> None:
+        """The node's program was started again."""
+        self._process.ask({"follow": role, "pid": node.pid}, ANSWER_TIMEOUT_S)
+
     def stop(self) -> Attended:
         """Ends after one last sample; calling it again returns the same."""
         if self._done is None:

@@ -28,6 +28,8 @@ class NodePlan:
     limits: Limits
     cpus: list[int]
     """Host CPUs the node may use."""
+    dies: bool = False
+    """It will be killed on purpose: its network namespace has to outlive it."""
 
 
 class Node(Protocol):
@@ -55,6 +57,9 @@ class Node(Protocol):
     def kill(self) -> None:
         """SIGKILL, and waits for the end."""
 
+    def freeze(self, frozen: bool) -> None:
+        """SIGSTOP or SIGCONT to the program; the kernel's TCP goes on without it."""
+
     def remove(self) -> None:
         """Removes every trace but the output files; calling it twice is harmless."""
 
@@ -77,6 +82,10 @@ class Engine(Protocol):
 
     def start(self, plan: NodePlan) -> Node:
         """Brings the node to the gate: namespaces and limits in place, program not started."""
+
+    def start_again(self, plan: NodePlan, dead: Node) -> Node:
+        """The program of a killed node that `dies`, in the same namespace, with the same limits,
+        past its gate."""
 
     def beside(self, module: str, writable: list[Path]) -> list[str]:
         """The command that runs a module of slambed beside the nodes that are started, with what

@@ -32,14 +32,22 @@ class DockerNode:
     """A running container whose shell waits at the gate, then is the node."""
 
     def __init__(
-        self, role: Role, container: Any, run_dir: Path, pid: int, namespace: Path
+        self,
+        role: Role,
+        container: Any,
+        run_dir: Path,
+        pid: int,
+        namespace: Path,
+        keeper: Any | None = None,
     ) -> None:
         self.role = role
         self.pid = pid
         self.namespace = namespace
-        self.sandbox = str(container.attrs["NetworkSettings"]["SandboxKey"])
+        self.sandbox = str((keeper or container).attrs["NetworkSettings"]["SandboxKey"])
         """The file by which the daemon keeps the network namespace."""
-        self._container = container
+        self.container = container
+        self.keeper = keeper
+        """The container whose network this one uses, if it will be killed."""
         self._run_dir = run_dir
         self._watch = ProcessWatch(pid)
         self.reader = CgroupReader(paths_of(pid))
@@ -55,7 +63,7 @@ class DockerNode:
         """None while it runs; the daemon is asked only once the process has ended."""
         if self._code is None and not self._watch.alive():
             with contextlib.suppress(DockerException):
-                self._code = int(self._container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
+                self._code = int(self.container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
             self._code = 70 if self._code is None else self._code
             self._write_log()
         return self._code
@@ -63,36 +71,47 @@ class DockerNode:
     def out_of_memory(self) -> bool:
         """As the daemon saw it."""
         with contextlib.suppress(DockerException):
-            self._container.reload()
-            return bool(self._container.attrs["State"]["OOMKilled"])
+            self.container.reload()
+            return bool(self.container.attrs["State"]["OOMKilled"])
         return False
 
     def ask_to_stop(self) -> None:
         """SIGTERM."""
         with contextlib.suppress(APIError):
-            self._container.kill("SIGTERM")
+            self.container.kill("SIGTERM")
 
     def kill(self) -> None:
         """SIGKILL."""
         if self._watch.alive():
             with contextlib.suppress(APIError):
-                self._container.kill("SIGKILL")
+                self.container.kill("SIGKILL")
             self._watch.wait(KILL_TIMEOUT_S)
 
+    def freeze(self, frozen: bool) -> None:
+        """SIGSTOP or SIGCONT."""
+        with contextlib.suppress(APIError):
+            self.container.kill("SIGSTOP" if frozen else "SIGCONT")
+
     def remove(self) -> None:
-        """Removes the container."""
+        """Removes the container, and the one that kept its network."""
         if self._removed:
             return
         self._removed = True
         if self._code is None:
             self._write_log()
-        with contextlib.suppress(NotFound):
-            self._container.remove(force=True, v=True)
+        for container in filter(None, (self.container, self.keeper)):
+            with contextlib.suppress(NotFound):
+                container.remove(force=True, v=True)
+        self._watch.close()
+
+    def give_up(self) -> None:
+        """Another node object has the container from now on."""
+        self._removed = True
         self._watch.close()
 
     def _write_log(self) -> None:
         with contextlib.suppress(DockerException, OSError):
-            (self._run_dir / self.role / "log.txt").write_bytes(self._container.logs())
+            (self._run_dir / self.role / "log.txt").write_bytes(self.container.logs())
 
 
 class DockerEngine:
@@ -137,30 +156,43 @@ class DockerEngine:
             role_dir.chmod(0o777)
         else:
             os.chown(role_dir, NODE_UID, NODE_UID)
+        if plan.run_key != self._run_key:
+            self._nodes, self._run_key = {}, plan.run_key
+        made: list[Any] = []
         try:
-            container = self._create(plan)
-            try:
-                container.start()
-                container.reload()
-                pid = int(container.attrs["State"]["Pid"])
-                if pid == 0 or not Path(f"/proc/{pid}").exists():
-                    raise environment_error(
-                        f"container {container.short_id} has no process on this host; "
-                        "slambed needs a daemon on the same machine"
-                    )
-                namespace = NAMESPACES / plan.role if self.unprivileged else netns(pid)
-                node = DockerNode(plan.role, container, plan.run_dir, pid, namespace)
-                if plan.run_key != self._run_key:
-                    self._nodes, self._run_key = {}, plan.run_key
-                self._nodes[plan.role] = node
-                return node
-            except BaseException:
+            if plan.dies:
+                made.append(self._create_keeper(plan))
+                _started(made[0])
+            made.append(self._create(plan, made[0] if made else None))
+            return self._node(plan, made[-1], made[0] if plan.dies else None)
+        except BaseException as error:
+            for container in reversed(made):
                 container.remove(force=True, v=True)
-                raise
+            if isinstance(error, APIError):
+                raise environment_error(
+                    f"Docker refused the {plan.role} node: {error.explanation or error}"
+                ) from None
+            raise
+
+    def start_again(self, plan: NodePlan, dead: Node) -> Node:
+        """The same container: the gate is open, its network was kept."""
+        assert isinstance(dead, DockerNode)
+        try:
+            node = self._node(plan, dead.container, dead.keeper)
         except APIError as error:
             raise environment_error(
-                f"Docker refused the {plan.role} node: {error.explanation or error}"
+                f"Docker did not start the {plan.role} node again: {error.explanation or error}"
             ) from None
+        dead.give_up()
+        return node
+
+    def _node(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
+        pid = _started(container)
+        inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
+        namespace = NAMESPACES / plan.role if self.unprivileged else inside
+        node = DockerNode(plan.role, container, plan.run_dir, pid, namespace, keeper)
+        self._nodes[plan.role] = node
+        return node
 
     def beside(self, module: str, writable: list[Path]) -> list[str]:
         """A child of this process where it is root, else a helper container."""
@@ -171,7 +203,23 @@ class DockerEngine:
         helper = Helper(str(self._image.id), self._run_key, namespaces)
         return helper.command(module, writable)
 
-    def _create(self, plan: NodePlan) -> Any:
+    def _create_keeper(self, plan: NodePlan) -> Any:
+        """A container that does nothing but keep a network namespace."""
+        assert self._image is not None
+        return self._client.containers.create(
+            self._image.id,
+            entrypoint=["/bin/sleep", "infinity"],
+            name=f"{LABEL}-{plan.run_key}-{plan.role}-network",
+            labels={LABEL: plan.run_key, f"{LABEL}.role": "network"},
+            network_mode="none",
+            user=f"{NODE_UID}:{NODE_UID}",
+            read_only=True,
+            cap_drop=["ALL"],
+            security_opt=["no-new-privileges"],
+            pids_limit=1,
+        )
+
+    def _create(self, plan: NodePlan, keeper: Any | None) -> Any:
         assert self._image is not None
         limits = plan.limits
         period_us = round(limits.period_ms * 1000)
@@ -186,7 +234,7 @@ class DockerEngine:
             command=["--role", plan.role, "--config", f"{OUTPUT}/run.json"],
             name=f"{LABEL}-{plan.run_key}-{plan.role}",
             labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
-            network_mode="none",
+            network_mode="none" if keeper is None else f"container:{keeper.id}",
             user=f"{NODE_UID}:{NODE_UID}",
             read_only=True,
             cap_drop=["ALL"],
@@ -200,3 +248,16 @@ class DockerEngine:
             },
             **quota,
         )
+
+
+def _started(container: Any) -> int:
+    """Starts it; the number of its process on this host."""
+    container.start()
+    container.reload()
+    pid = int(container.attrs["State"]["Pid"])
+    if pid == 0 or not Path(f"/proc/{pid}").exists():
+        raise environment_error(
+            f"container {container.short_id} has no process on this host; "
+            "slambed needs a daemon on the same machine"
+        )
+    return pid

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process that becomes a node of the local engine: limits and namespace first, then a gate.
 
-Run as `python launcher.py PARENT_PID READY_FD TASKS_FILE... -- PROGRAM ARGUMENT...`. Imports
-nothing of slambed, so that it starts fast. It writes one byte to READY_FD when everything is in
+Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] TASKS_FILE... -- PROGRAM ARGUMENT...`.
+NETWORK_FD is a namespace to enter; without it the node gets a new one. Imports nothing of slambed,
+so that it starts fast. It writes one byte to READY_FD when everything is in
 place and waits for one byte before it becomes the program; at the end of its input it exits.
 """
 
@@ -29,7 +30,7 @@ LAST_CAPABILITY_TRIED = 63
 def main() -> None:
     parent = int(sys.argv[1])
     split = sys.argv.index("--")
-    ready_fd = int(sys.argv[2])
+    ready_fd, *network_fd = map(int, sys.argv[2].split(","))
     tasks_files, program = sys.argv[3:split], sys.argv[split + 1 :]
     libc = ctypes.CDLL(None, use_errno=True)
 
@@ -44,8 +45,12 @@ def main() -> None:
     for path in tasks_files:
         with open(path, "w") as tasks:  # noqa: PTH123 - pathlib costs start-up time here
             tasks.write(str(os.getpid()))
-    check(libc.unshare(CLONE_NEWNET), "unshare(CLONE_NEWNET)")
-    bring_up_loopback()
+    if network_fd:
+        check(libc.setns(network_fd[0], CLONE_NEWNET), "setns(CLONE_NEWNET)")
+        os.close(network_fd[0])
+    else:
+        check(libc.unshare(CLONE_NEWNET), "unshare(CLONE_NEWNET)")
+        bring_up_loopback()
     drop_capabilities(libc)
     check(libc.prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0), "PR_SET_NO_NEW_PRIVS")
 

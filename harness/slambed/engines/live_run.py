@@ -21,6 +21,7 @@ from slambed.engines.base import (
     last_line,
     thread_problems,
 )
+from slambed.engines.faults import FaultDriver, RunEdge
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec.device import Device, Limits
@@ -77,6 +78,7 @@ class LiveRun:
         self._limits: dict[Role, Limits] = {}
         self._cpus: dict[Role, list[int]] = {}
         self._nodes: dict[Role, Node] = {}
+        self._plans: dict[Role, NodePlan] = {}
         self._link: OpenLink | None = None
 
     def execute(self) -> RunResult:
@@ -85,15 +87,17 @@ class LiveRun:
             self._spec,
             self._engine.sequence_path(self._sequence),
             self._engine.output_path(self._run_dir),
+            self._time_limit_s(),
         )
         (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
-            self._time_limit_s(),
         with ExitStack() as cleanup:
             limits, problems = self._start_nodes(cleanup)
             attendant = Attendant(
                 self._engine, self._nodes, self._limits, self._cpus, self._run_dir
             )
             cleanup.callback(attendant.close)
+            edge = RunEdge(self._engine, self._plans.get("edge"), self._nodes, attendant, cleanup)
+            faults = FaultDriver(self._spec.faults, edge, self._run_dir)
             if self._spec.link is not None:
                 log_dir = self._run_dir / "link"
                 log_dir.mkdir()
@@ -108,8 +112,9 @@ class LiveRun:
             for node in self._nodes.values():
                 node.release()
             self._await_ready()
-            self._start_clock(attendant)
-            outcome, reason = self._watch()
+            faults.start(self._start_clock(attendant))
+            outcome, reason = self._watch(faults)
+            faults.write()
             attended = attendant.stop()
             link = self._close_link()
             for role, threads in attended.threads.items():
@@ -150,12 +155,12 @@ class LiveRun:
         # The edge first: it is ready to listen by the time the mobile connects.
         for role in sorted(cpus):
             asked = self._limits[role]
-            plan = NodePlan(
-                role, self._spec.run_key, self._run_dir, self._sequence, asked, cpus[role]
-            )
+            dies = role == "edge" and any(fault.edge == "kill" for fault in self._spec.faults)
+            key, own = self._spec.run_key, cpus[role]
+            plan = NodePlan(role, key, self._run_dir, self._sequence, asked, own, dies)
             node = self._engine.start(plan)
             cleanup.callback(node.remove)
-            self._nodes[role] = node
+            self._nodes[role], self._plans[role] = node, plan
             limits[role] = {
                 "asked": asked.model_dump(mode="json") | {"cpus": cpus[role]},
                 "granted": asdict(node.granted),
@@ -190,7 +195,8 @@ class LiveRun:
         known = code in set(ExitCode) and code != ExitCode.OK
         return SlambedError(line, ExitCode(code) if known else ExitCode.INTERNAL)
 
-    def _start_clock(self, attendant: Attendant) -> None:
+    def _start_clock(self, attendant: Attendant) -> int:
+        """Run time 0 on CLOCK_MONOTONIC."""
         t0_ns = time.monotonic_ns() + int(START_AHEAD_S * 1e9)
         if self._link is not None:
             self._link.start(t0_ns)
@@ -199,32 +205,38 @@ class LiveRun:
         partial.write_text(json.dumps({"t0_ns": t0_ns}))
         partial.chmod(0o644)
         partial.rename(self._run_dir / "start.json")
+        return t0_ns
 
     def _time_limit_s(self) -> float:
         factor = EVERY_FRAME_FACTOR if self._spec.playback.mode == "every_frame" else 1.0
         return START_AHEAD_S + self._played_s * factor + DRAIN_S
 
-    def _watch(self) -> tuple[Outcome, str | None]:
+    def _watch(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
         """Until the mobile node has ended. A dead edge or link does not end the run: what the
         mobile node makes of it is the result."""
         deadline = time.monotonic() + self._time_limit_s()
         ended: tuple[Outcome, str] | None = None
-        mobile, edge = self._nodes["mobile"], self._nodes.get("edge")
+        mobile = self._nodes["mobile"]
         while (code := mobile.exit_code()) is None:
-            if self._stop.wait(WATCH_PERIOD_S):
+            faults.act()
+            edge = self._nodes.get("edge")
+            if self._stop.wait(faults.wait_s(WATCH_PERIOD_S)):
                 self._end_nodes()
                 raise InterruptedRunError
             if time.monotonic() > deadline:
                 self._end_nodes()
                 return "timeout", f"not finished after {self._time_limit_s():.0f} s"
-            if ended is None and edge is not None and self._ended_early(edge):
+            missed = ended is None and not faults.edge_is_dead
+            if missed and edge is not None and self._ended_early(edge):
                 ended = "edge_died", self._died("edge", edge.exit_code() or 0)
             if ended is None and self._link is not None and not self._link.alive():
                 ended = "link_died", "the link ended in the middle of the run"
+        faults.finish()
         if code != 0:
             self._end_nodes()
             return "mobile_died", self._died("mobile", code)
-        if edge is not None and ended is None:
+        edge = self._nodes.get("edge")
+        if edge is not None and ended is None and not faults.edge_is_dead:
             ended = self._await_edge(edge)
         self._end_nodes()
         return ended or ("completed", None)

@@ -34,6 +34,21 @@ class LocalNode:
         self._process = process
         self._watch = ProcessWatch(process.pid)
         self._paths = paths
+        self._namespace_fd = -1
+
+    def keep_namespace(self) -> None:
+        """The network namespace lives until `remove`, even without the process."""
+        self._namespace_fd = os.open(self.namespace, os.O_RDONLY | os.O_CLOEXEC)
+        self.namespace = Path(f"/proc/{os.getpid()}/fd/{self._namespace_fd}")
+
+    def hand_over_namespace(self) -> int:
+        """Whoever gets it closes it."""
+        fd, self._namespace_fd = self._namespace_fd, -1
+        return fd
+
+    def take_over_namespace(self, dead: "LocalNode") -> None:
+        """From the node that this one follows."""
+        self.namespace, self._namespace_fd = dead.namespace, dead.hand_over_namespace()
 
     def release(self) -> None:
         """Opens the gate."""
@@ -63,9 +78,16 @@ class LocalNode:
             self._watch.signal(signal.SIGKILL)
             self._process.wait(KILL_TIMEOUT_S)
 
+    def freeze(self, frozen: bool) -> None:
+        """SIGSTOP or SIGCONT."""
+        if self._process.poll() is None:
+            self._watch.signal(signal.SIGSTOP if frozen else signal.SIGCONT)
+
     def remove(self) -> None:
         """Kills the process and removes its groups."""
         self.kill()
+        if self._namespace_fd >= 0:
+            os.close(self.hand_over_namespace())
         if self._process.stdin is not None and not self._process.stdin.closed:
             self._process.stdin.close()
         self._watch.close()
@@ -109,24 +131,39 @@ class LocalEngine:
 
     def start(self, plan: NodePlan) -> Node:
         """A process at the gate, in its own network namespace and groups."""
+        node = self._launch(plan, None)
+        if plan.dies:
+            node.keep_namespace()
+        return node
+
+    def start_again(self, plan: NodePlan, dead: Node) -> Node:
+        """The dead node's groups are still there: `make` finds them."""
+        assert isinstance(dead, LocalNode)
+        node = self._launch(plan, dead)
+        node.release()
+        return node
+
+    def _launch(self, plan: NodePlan, dead: LocalNode | None) -> LocalNode:
+        network_fd = -1 if dead is None else os.open(dead.namespace, os.O_RDONLY)
         paths = self._groups.make(f"{plan.run_key}-{plan.role}", plan.limits, plan.cpus)
         ready_read, ready_write = os.pipe()
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
         command = [
-            *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid()), str(ready_write)),
+            *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid())),
+            ",".join(str(fd) for fd in (ready_write, network_fd) if fd >= 0),
             *map(str, entry_files(paths)),
             *("--", str(self._program), "--role", plan.role),
             *("--config", str(plan.run_dir.resolve() / "run.json")),
         ]
         try:
-            with (role_dir / "log.txt").open("wb") as log:
+            with (role_dir / "log.txt").open("wb" if dead is None else "ab") as log:
                 process = subprocess.Popen(
                     command,
                     stdin=subprocess.PIPE,
                     stdout=log,
                     stderr=subprocess.STDOUT,
-                    pass_fds=[ready_write],
+                    pass_fds=[fd for fd in (ready_write, network_fd) if fd >= 0],
                     cwd="/",
                     # Ctrl-C reaches the harness alone; it ends the nodes in its own order.
                     start_new_session=True,
@@ -138,11 +175,13 @@ class LocalEngine:
                 node.remove()
                 told = last_line(role_dir / "log.txt")
                 raise environment_error(f"the {plan.role} node did not reach its gate: {told}")
+            if dead is not None:
+                node.take_over_namespace(dead)
             return node
         finally:
-            os.close(ready_read)
-            if ready_write >= 0:
-                os.close(ready_write)
+            for fd in (ready_read, ready_write, network_fd):
+                if fd >= 0:
+                    os.close(fd)
 
 
 def _one_byte(fd: int) -> bool:

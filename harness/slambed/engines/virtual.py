@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from slambed.engines.base import last_line
+from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, RunResult, run_json
 from slambed.engines.virtual_link import link_json, write_link_log
 from slambed.errors import ExitCode, SlambedError, environment_error
@@ -55,6 +56,7 @@ def sim_json(spec: RunSpec, horizon_s: float, features: Path | None) -> dict[str
             "edge": _device(spec.device_edge) if spec.device_edge else None,
         },
         "link": link,
+        "edge_frozen_s": [[f.at_s, f.end_s] for f in spec.faults if f.edge == "freeze"],
         "feature_cache": (
             {"path": str(features), "key": feature_key(spec)} if features is not None else None
         ),
@@ -120,6 +122,7 @@ class VirtualRun:
         if self.spec.link is not None:
             profile = parse_profile(self.spec.link.content, f"profile {self.spec.link.profile}")
             write_link_log(profile, self.played_s, self.run_dir / "link")
+        write_planned(self.spec.faults, self.played_s, self.run_dir)
 
     def _run(self, stop: threading.Event) -> int | None:
         """Exit code; None when it took too long."""

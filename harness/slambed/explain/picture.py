@@ -39,6 +39,8 @@ CHANNEL_COLOURS = {
 }  # fmt: skip
 SOURCE_COLOURS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
 LOSS_COLOUR = "#D55E00"
+FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
+FAULT_SHADE = 0.18
 ORDER = ("camera", "tracking", "map-update", "local-mapping", "receiver", "control", "rtt")
 """Workers from top to bottom; others follow by name."""
 
@@ -81,14 +83,21 @@ def figure_of(run: RunLog, window: Window) -> Figure:
     )  # fmt: skip
     for axis, (_, paint) in zip(axes.ravel(), rows, strict=True):
         paint(axis)
+        for span in run.faults():
+            end_s = run.end_s if span.end_s is None else span.end_s
+            colour = FAULT_COLOURS.get(span.fault, OTHER_COLOUR)
+            axis.axvspan(span.begin_s, end_s, color=colour, alpha=FAULT_SHADE, linewidth=0)
         for loss_s in run.losses_s():
             axis.axvline(loss_s, color=LOSS_COLOUR, linewidth=0.9, linestyle="--")
     axes[0, 0].set_xlim(window.begin_s, window.end_s)
     axes[0, 0].set_title(run.title, loc="left")
     axes[-1, 0].set_xlabel("run time [s]")
-    shown = _stage_names(run, window)
+    shown = [Patch(color=_colour(name), label=name) for name in _stage_names(run, window)]
+    for fault in dict.fromkeys(span.fault for span in run.faults()):
+        colour = FAULT_COLOURS.get(fault, OTHER_COLOUR)
+        shown.append(Patch(color=colour, alpha=FAULT_SHADE, label=f"fault: {fault}"))
     figure.legend(
-        handles=[Patch(color=_colour(name), label=name) for name in shown],
+        handles=shown,
         loc="outside lower center",
         ncols=8,
     )

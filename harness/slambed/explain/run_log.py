@@ -12,6 +12,7 @@ from slambed.campaign.folder import read_object
 from slambed.errors import SlambedError
 from slambed.metrics.collect import read_link
 from slambed.metrics.events import read_events
+from slambed.metrics.faults import Span, spans
 
 NS_PER_S = 1e9
 LEAST_DIGITS = 4
@@ -39,6 +40,11 @@ class RunLog:
     def losses_s(self) -> list[float]:
         """Run times at which tracking was lost."""
         return [float(t) for t in self.of("track_lost")["t_s"]]
+
+    def faults(self) -> list[Span]:
+        """What went wrong on purpose."""
+        rows = self.of("fault_began", "fault_ended").to_dict("records")
+        return spans({str(key): value for key, value in row.items()} for row in rows)
 
     def frame_times_s(self) -> list[float]:
         """Run times at which each tracked frame was done."""

@@ -7,11 +7,12 @@ from slambed.explain.run_log import RunLog
 
 MOST_LOSSES = 5
 BEFORE_LOSS_S = 2.0
+WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 
 
 def story(run: RunLog) -> list[str]:
     """One line per fact."""
-    return [_frames(run), *_busy(run), *_updates(run), *_losses(run)]
+    return [_frames(run), *_faults(run), *_busy(run), *_updates(run), *_losses(run)]
 
 
 def _frames(run: RunLog) -> str:
@@ -22,6 +23,14 @@ def _frames(run: RunLog) -> str:
         f"{len(dropped)} dropped, {_count(len(run.of('track_lost')), 'track loss', 'es')}; "
         f"{len(run.of('keyframe_created'))} keyframes"
     )
+
+
+def _faults(run: RunLog) -> list[str]:
+    lines = []
+    for span in run.faults():
+        until = "the end" if span.end_s is None else f"{span.end_s:.2f} s"
+        lines.append(f"{span.target} {WORDS[span.fault]} from {span.begin_s:.2f} s to {until}")
+    return lines
 
 
 def _count(number: int, what: str, plural: str = "s") -> str:

@@ -29,7 +29,7 @@ EVENT_COLUMNS: dict[str, pa.DataType] = {
     "name": _S, "worker": _S, "wall_ms": _F, "cpu_ms": _F, "n1": _F, "n2": _F,
     "direction": _S, "message": _S, "bytes": _I, "sequence": _I,
     "queued_ns": _I, "sent_ns": _I, "received_ns": _I, "dropped": _B,
-    "event": _S, "detail": _S, "text": _S,
+    "event": _S, "detail": _S, "text": _S, "target": _S, "fault": _S,
 }  # fmt: skip
 SAMPLE_COLUMNS: dict[str, pa.DataType] = {
     "t_s": _F, "node": _S, "cpu_s": _F, "cpu_percent": _F, "memory_mb": _F,

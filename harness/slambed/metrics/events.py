@@ -8,9 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slambed.spec.faults import FAULT_FILE
+
 Event = dict[str, Any]
 
 NODES = ("mobile", "edge")
+HARNESS = "harness"
+"""Its events are the faults that it made happen."""
 
 
 @dataclass
@@ -76,11 +80,11 @@ def _parse(line: bytes) -> Event | None:
 
 
 def read_events(raw_dir: Path, nodes: Iterable[str] = NODES) -> EventLog:
-    """Reads `<raw_dir>/<node>/events.jsonl` of every node that left one."""
+    """Reads `<raw_dir>/<node>/events.jsonl` of every node that left one, and the faults."""
     events: list[Event] = []
     problems: list[str] = []
-    for node in nodes:
-        path = raw_dir / node / "events.jsonl"
+    logs = {node: raw_dir / node / "events.jsonl" for node in nodes}
+    for node, path in (logs | {HARNESS: raw_dir / FAULT_FILE}).items():
         if not path.exists():
             continue
         objects, complaints = read_jsonl(path)
@@ -93,6 +97,6 @@ def read_events(raw_dir: Path, nodes: Iterable[str] = NODES) -> EventLog:
             else:
                 incomplete += 1
         if incomplete:
-            problems.append(f"{node}/events.jsonl: {incomplete} events without t_ns or type")
+            problems.append(f"{node}/{path.name}: {incomplete} events without t_ns or type")
     events.sort(key=lambda event: event["t_ns"])
     return EventLog(events, problems)

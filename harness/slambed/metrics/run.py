@@ -13,6 +13,7 @@ from slambed.errors import SlambedError
 from slambed.metrics.accuracy import absolute_error, relative_error
 from slambed.metrics.collect import read_link, read_samples
 from slambed.metrics.events import EventLog, read_events
+from slambed.metrics.faults import told
 from slambed.metrics.network import RttProof, bytes_moved, rtt_proof, series
 from slambed.metrics.offloading import offloading_summary
 from slambed.metrics.resources import NOTHING, Resources, resources_of
@@ -28,7 +29,7 @@ SUMMARY_KEYS = (
     "run_key", "experiment", "cell", "repetition",
     "system", "variant", "dataset", "profile", "device_mobile", "device_edge",
     "engine", "link_backend", "seed",
-    "outcome", "valid", "invalid_reason",
+    "outcome", "valid", "invalid_reason", "faults",
     "frames_total", "frames_tracked", "frames_dropped", "coverage",
     "track_losses", "lost", "first_loss_s", "relocalisations", "reloc_s_max", "resets",
     "loops_closed",
@@ -84,6 +85,7 @@ def summarise_with_problems(
     measured = len(log.events) > 0
     summary: dict[str, Any] = dict.fromkeys(SUMMARY_KEYS)
     summary |= _identity(spec, manifest)
+    summary["faults"] = told(log.of("fault_began", "fault_ended"))
     if measured:
         summary |= {
             "frames_total": tracking.frames_total,

@@ -24,7 +24,7 @@ TEXT_KEYS = frozenset(
     (
         "run_key", "experiment", "cell", "system", "variant", "dataset", "profile",
         "device_mobile", "device_edge", "engine", "link_backend", "outcome", "invalid_reason",
-        "ate_alignment",
+        "faults", "ate_alignment",
     )
 )  # fmt: skip
 FLAG_KEYS = frozenset(("valid", "lost"))

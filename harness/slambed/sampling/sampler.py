@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TextIO
 
-from slambed.sampling.cgroup import CgroupReader, Usage
+from slambed.sampling.cgroup import CgroupReader, Usage, paths_of
 from slambed.sampling.tasks import Pressure, RunQueueDelay
 from slambed.sampling.tcp_info import TcpWatch
 
@@ -28,10 +28,30 @@ class NodeWatch:
     pressure: Pressure
     tcp: TcpWatch | None = None
     below: Throttling | None = None
+    earlier: Usage | None = None
+    """What a group had counted that ended with its process."""
+    seen: Usage | None = None
+
+    def follow(self, pid: int) -> None:
+        """Another process is the node now. Its group may be a new one: counters go on."""
+        self.reader.close()
+        self.reader = CgroupReader(paths_of(pid))
+        self.run_queue.follow(pid)
+        if self.seen is not None and self.reader.usage().cpu_s < self.seen.cpu_s:
+            self.earlier = self.seen
 
     def usage(self) -> Usage:
         """Counters now, those of groups below added; OSError when the group is gone."""
         usage = self.reader.usage()
+        if self.earlier is not None:
+            usage = replace(
+                usage,
+                cpu_s=usage.cpu_s + self.earlier.cpu_s,
+                throttled_s=usage.throttled_s + self.earlier.throttled_s,
+                throttled_periods=usage.throttled_periods + self.earlier.throttled_periods,
+                periods=usage.periods + self.earlier.periods,
+            )
+        self.seen = usage
         if self.below is None:
             return usage
         seconds, periods = self.below()

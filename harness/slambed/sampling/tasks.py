@@ -38,6 +38,10 @@ class RunQueueDelay:
         self._files = KeptFiles()
         self._delay_ns: dict[int, int] = {}
 
+    def follow(self, pid: int) -> None:
+        """Counts the threads of another process besides from now on."""
+        self._pid = pid
+
     def seconds(self) -> float | None:
         """Sum over all threads so far; None where the kernel does not count it."""
         for tid in thread_ids(self._pid):

@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """experiments/*.yaml: what is compared, on what, over which link, how often."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    field_validator,
+    model_validator,
+)
 
 from slambed.spec.device import DeviceChange
+from slambed.spec.faults import Fault, check_faults
 from slambed.spec.system import Scalar
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -47,6 +55,9 @@ class DeviceChoice(BaseModel):
     edge: str | DeviceChange = "host"
 
 
+Faults = Annotated[list[Fault], AfterValidator(check_faults)]
+
+
 class SystemChoice(BaseModel):
     """One system of the comparison with its parameters."""
 
@@ -61,6 +72,8 @@ class SystemChoice(BaseModel):
     """Only these link profiles of the experiment; all when not given."""
     devices: DeviceChoice | None = None
     """Instead of the experiment's devices."""
+    faults: Faults | None = None
+    """Instead of the experiment's faults."""
 
 
 class LinkChoice(BaseModel):
@@ -117,6 +130,8 @@ class Experiment(BaseModel):
     missing_datasets: Literal["refuse", "skip"] = "refuse"
     """Whether a dataset that is not on this machine ends the experiment or is left out of it."""
     playback: Playback = Field(default_factory=Playback)
+    faults: Faults = Field(default_factory=list)
+    """What goes wrong in every run of a system with an edge."""
     link: LinkChoice | None = None
     devices: DeviceChoice = Field(default_factory=DeviceChoice)
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"

@@ -13,6 +13,7 @@ from slambed.errors import SlambedError
 from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL, Device, DeviceChange
 from slambed.spec.experiment import DeviceChoice, Experiment, Playback, SystemChoice, Tolerances
+from slambed.spec.faults import Fault, as_json, cuts, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.system import Role, Scalar, System
 from slambed.spec.yaml_source import Location, YamlSource, suggestion
@@ -53,6 +54,7 @@ class RunSpec(BaseModel):
     device_edge: Device | None
     profile: str | None
     link: LinkSpec | None
+    faults: list[Fault] = Field(default_factory=list)
     engine: str
     seed: int
     software: str
@@ -61,7 +63,9 @@ class RunSpec(BaseModel):
     def meaning(self) -> dict[str, Any]:
         """What the run means. Experiment, cell and label are only names for it, tolerances judge
         it afterwards."""
-        return {
+        # A run without faults keeps the key it had before there were any.
+        wrong = {"faults": as_json(self.faults)} if self.faults else {}
+        return wrong | {
             "system": self.system,
             "variant": self.variant,
             # A file is its content, wherever it lies.
@@ -157,6 +161,7 @@ def expand(
             raise source.complaint(str(error), place) from None
         if system.has_edge and experiment.link is None:
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
+        faults = _faults(experiment, choice, system, source, place, host.engine)
         label = choice.label or _label(system, variant)
         devices = choice.devices or experiment.devices
         at: Location = (*place, "devices") if choice.devices else ("devices",)
@@ -189,7 +194,8 @@ def expand(
                             device_mobile=mobile,
                             device_edge=edge,
                             profile=profile.name if profile else None,
-                            link=_link(system, profile, host.link_backends),
+                            link=_link(system, profile, host.link_backends, faults, source),
+                            faults=faults,
                             engine=host.engine,
                             # The same repetition has the same seed in every cell: cells differ
                             # in what is compared and in nothing else.
@@ -250,10 +256,50 @@ def _profiles_of(
     return [profile for profile in profiles if profile.name in choice.profiles]
 
 
-def _link(system: System, profile: Profile | None, backends: Mapping[str, str]) -> LinkSpec | None:
+def _link(
+    system: System,
+    profile: Profile | None,
+    backends: Mapping[str, str],
+    faults: list[Fault],
+    source: YamlSource,
+) -> LinkSpec | None:
     if not system.has_edge or profile is None:
         return None
-    return LinkSpec(backend=backends[profile.name], profile=profile.name, content=profile.content)
+    try:
+        content = with_cuts(profile.content, faults)
+    except ValueError as error:
+        line = f"profile '{profile.name}': {error}"
+        raise source.complaint(line, ("link", "profiles")) from None
+    return LinkSpec(backend=backends[profile.name], profile=profile.name, content=content)
+
+
+def _faults(
+    experiment: Experiment,
+    choice: SystemChoice,
+    system: System,
+    source: YamlSource,
+    place: Location,
+    engine: str,
+) -> list[Fault]:
+    """Of the system where it has its own, else of the experiment; none without an edge."""
+    own = choice.faults is not None
+    faults = choice.faults if choice.faults is not None else experiment.faults
+    at: Location = (*place, "faults") if own else ("faults",)
+    if not system.has_edge:
+        if own and faults:
+            raise source.complaint(f"system {system.name} has no edge that could fail", at)
+        return []
+    for index, fault in enumerate(faults):
+        if engine == VIRTUAL and fault.edge in ("kill", "restart"):
+            raise source.complaint(
+                f"engine virtual cannot {fault.edge} a node", (*at, index), "use docker or local"
+            )
+    return faults
+
+
+def has_cuts(experiment: Experiment) -> bool:
+    """True when the link of any run is cut."""
+    return any(cuts(f or []) for f in (experiment.faults, *(c.faults for c in experiment.systems)))
 
 
 def _refuse_twins(specs: list[RunSpec], source: YamlSource) -> None:

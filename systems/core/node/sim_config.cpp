@@ -9,6 +9,7 @@ namespace {
 
 constexpr int kMaxCores = 1024;
 constexpr int kMtu = 1500;  ///< as live; a queue must hold at least one packet
+constexpr double kLongest_s = 1e6;
 
 StageCost read_stage(const nlohmann::json& json, const std::string& where) {
   JsonReader in(json, where);
@@ -65,6 +66,17 @@ SimConfig read_sim_config(const std::filesystem::path& path) {
 
   if (const auto* json_link = in.object_or_null("link")) {
     config.link = read_link(*json_link, where + "link");
+  }
+  const nlohmann::json& frozen = in.any("edge_frozen_s");
+  if (!frozen.is_array()) in.fail("edge_frozen_s", "must be a list of [begin, end]");
+  for (const auto& span : frozen) {
+    const bool pair = span.is_array() && span.size() == 2 && span[0].is_number() &&
+                      span[1].is_number() && 0 <= span[0] && span[0] < span[1] &&
+                      span[1] <= kLongest_s;
+    if (!pair || !config.edge) {
+      in.fail("edge_frozen_s", "must be a list of [begin, end] in s, and empty without an edge");
+    }
+    config.edge_frozen.push_back({from_seconds(span[0]), from_seconds(span[1])});
   }
   if (const auto* cache = in.object_or_null("feature_cache")) {
     JsonReader file(*cache, where + "feature_cache.");

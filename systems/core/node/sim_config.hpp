@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "link/direction.hpp"
 #include "node/run_config.hpp"
@@ -26,6 +28,7 @@ struct SimConfig {
   DeviceModel mobile;
   std::optional<DeviceModel> edge;  ///< with a network
   LinkModel link;
+  std::vector<std::pair<RunTime, RunTime>> edge_frozen;  ///< the edge's program stands still
   struct Cache {
     std::filesystem::path path;
     std::string key;

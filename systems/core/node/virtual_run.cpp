@@ -68,6 +68,14 @@ class VirtualRun {
       mobile_.runtime.on_failure([this] { edge_->runtime.stop(); });
       edge_->runtime.on_failure([this] { mobile_.runtime.stop(); });
     }
+    for (const auto& [begin, end] : config_.edge_frozen) {
+      for (const bool frozen : {true, false}) {
+        simulator_.at(frozen ? begin : end, [this, frozen] {
+          edge_->runtime.freeze(frozen);
+          link_.freeze_edge(frozen);
+        });
+      }
+    }
     mobile_node_->start();
     if (edge_node_) edge_node_->start();
     simulator_.run();

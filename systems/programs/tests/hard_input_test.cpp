@@ -94,6 +94,7 @@ class HardInput : public ::testing::Test {
                       {{"mobile", {{"cores", 2}, {"speed", 1.0}, {"stages", stages}}},
                        {"edge", nullptr}}},
                      {"link", nullptr},
+                     {"edge_frozen_s", nlohmann::json::array()},
                      {"feature_cache", nullptr}}
                      .dump());
     Process sim({SLAMBED_SIM, "--config", folder.path() / "sim.json"}, folder.path() / "log");

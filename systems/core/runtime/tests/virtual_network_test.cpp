@@ -198,6 +198,28 @@ TEST(VirtualNetwork, ThePeerIsAwayInALongGapForTheSideThatListens) {
   EXPECT_EQ(nodes.observer.links, 2 + 2);  // both ends connected; silent, heard
 }
 
+TEST(VirtualNetwork, AFrozenEdgesKernelAcknowledgesWhatItsProgramReadsLater) {
+  Nodes nodes(constant(10), constant(10), {.name = "map", .heartbeat = true});
+  for (const bool frozen : {true, false}) {
+    nodes.simulator.at(frozen ? 1s : 4s, [&, frozen] {
+      nodes.edge.freeze(frozen);
+      nodes.link.freeze_edge(frozen);
+    });
+  }
+  std::vector<bool> connected;
+  std::uint64_t unacknowledged = 1;
+  for (const auto t : {1900ms, 2100ms, 3900ms, 4100ms}) {
+    nodes.simulator.at(t, [&] {
+      connected.push_back(nodes.link.mobile_side(nodes.observer).peer().connected);
+      if (nodes.simulator.now() == 3900ms) unacknowledged = nodes.near.path().unacknowledged_bytes;
+    });
+  }
+  EXPECT_EQ(deliver(nodes, 100, {0ms, 2000ms, 5000ms}),
+            (std::vector<Duration>{10ms, 4000ms, 5010ms}));
+  EXPECT_EQ(unacknowledged, 0u);
+  EXPECT_EQ(connected, (std::vector<bool>{true, false, false, true}));
+}
+
 TEST(VirtualNetwork, EqualSeedsLoseTheSamePackets) {
   const auto run = [] {
     Nodes nodes(constant(10, 20, 0.1), constant(10, 0, 0.1));

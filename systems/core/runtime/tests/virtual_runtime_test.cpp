@@ -50,6 +50,36 @@ TEST(VirtualRuntime, StagesAreChargedByTheModel) {
   EXPECT_EQ(runtime.cpu_time(), 4ms);
 }
 
+TEST(VirtualRuntime, AFrozenNodeGoesOnWhereItWas) {
+  Simulator simulator;
+  RecordingObserver observer;
+  VirtualRuntime runtime(simulator, device(1), 1, observer);
+  const auto signal = runtime.make_signal();
+  RunTime slept{}, woken{};
+  runtime.spawn("busy", [](Worker& w) {
+    for (int i = 0; i < 3; ++i) work(w);
+  });
+  runtime.spawn("sleeper", [&](Worker& w) {
+    w.sleep_until(5ms);
+    slept = w.now();
+  });
+  runtime.spawn("waiter", [&](Worker& w) {
+    EXPECT_TRUE(w.wait(*signal, signal->ticket(), kNever));
+    woken = w.now();
+  });
+  simulator.at(1500us, [&] { runtime.freeze(true); });
+  simulator.at(6ms, [&] { signal->notify(); });
+  simulator.at(7ms, [&] { EXPECT_EQ(runtime.cpu_time(), 1500us); });
+  simulator.at(10ms, [&] { runtime.freeze(false); });
+  simulator.run();
+  runtime.join();
+  // The second stage ran from 1 ms on, stood still from 1.5 to 10 ms and then had half a ms left.
+  EXPECT_EQ(observer.log, (std::vector<std::string>{"busy:work 0+1000", "busy:work 1000+9500",
+                                                    "busy:work 10500+1000"}));
+  EXPECT_EQ(slept, 10ms);
+  EXPECT_EQ(woken, 10ms);
+}
+
 TEST(VirtualRuntime, WorkersShareTheCoresFairly) {
   Simulator simulator;
   RecordingObserver observer;

@@ -13,7 +13,7 @@ constexpr double kDone_ns = 0.1;
 }  // namespace
 
 double Device::rate() const {
-  return jobs_.empty() ? 0 : std::min(1.0, cores_ / static_cast<double>(jobs_.size()));
+  return jobs_.empty() || frozen_ ? 0 : std::min(1.0, cores_ / static_cast<double>(jobs_.size()));
 }
 
 Duration Device::cpu_time() const {
@@ -34,7 +34,7 @@ void Device::advance() {
 
 void Device::plan() {
   const std::uint64_t plan = ++plan_;
-  if (jobs_.empty()) return;
+  if (jobs_.empty() || frozen_) return;
   const auto next = std::min_element(jobs_.begin(), jobs_.end(), [](const Job& a, const Job& b) {
     return a.remaining_ns < b.remaining_ns;
   });
@@ -52,6 +52,12 @@ void Device::plan() {
     }
     this->plan();
   });
+}
+
+void Device::freeze(bool frozen) {
+  advance();
+  frozen_ = frozen;
+  plan();
 }
 
 void Device::execute(Task& task, Duration work) {

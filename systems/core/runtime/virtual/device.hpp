@@ -17,6 +17,8 @@ class Device {
 
   /// Keeps the task busy for the given amount of undisturbed compute time.
   void execute(Task& task, Duration work);
+  /// Frozen, no stage gets on; each goes on where it was once thawed.
+  void freeze(bool frozen);
   /// Compute time spent so far, over all cores.
   Duration cpu_time() const;
 
@@ -31,6 +33,7 @@ class Device {
 
   Simulator& simulator_;
   int cores_;
+  bool frozen_ = false;
   std::list<Job> jobs_;
   RunTime updated_{};
   double spent_ns_ = 0;

@@ -76,13 +76,21 @@ class VirtualLink::VirtualChannel final : public Channel {
     return stats;
   }
 
+  /// The kernel goes on without the program.
+  void freeze(bool frozen) {
+    frozen_ = frozen;
+    if (frozen) return;
+    take_in(arrived_);
+    hand_over();
+  }
+
   void record_link(std::string_view event) const {
     observer_.link({.channel = options_.name, .event = event, .detail = ""});
   }
 
  private:
   void hand_over() {
-    while (flow_ && !outgoing_.empty() && flow_->unsent() < kUnsentLimit) {
+    while (!frozen_ && flow_ && !outgoing_.empty() && flow_->unsent() < kUnsentLimit) {
       Message message = std::move(outgoing_.front());
       outgoing_.pop_front();
       message.sent = simulator_.now();
@@ -94,8 +102,9 @@ class VirtualLink::VirtualChannel final : public Channel {
   }
 
   void take_in(std::uint64_t upto) {
+    arrived_ = upto;
     bool arrived = false;
-    while (!under_way_.empty() && under_way_.front().first <= upto) {
+    while (!frozen_ && !under_way_.empty() && under_way_.front().first <= upto) {
       Message message = std::move(under_way_.front().second);
       under_way_.pop_front();
       message.received = simulator_.now();
@@ -120,6 +129,8 @@ class VirtualLink::VirtualChannel final : public Channel {
   std::deque<Message> outgoing_, incoming_;
   std::deque<std::pair<std::uint64_t, Message>> under_way_;  ///< to us, by end in the byte stream
   std::uint64_t expected_ = 0;
+  std::uint64_t arrived_ = 0;  ///< bytes of the stream that the kernel has
+  bool frozen_ = false;
   std::uint64_t next_sequence_ = 1;
 };
 
@@ -140,11 +151,15 @@ class VirtualLink::Side final : public Network {
                      std::all_of(channels_.begin(), channels_.end(), [](const auto& channel) {
                        return channel.second->path().connected;
                      });
-    return {.connected = met && !silent_, .incarnation = met ? kOnlyIncarnation : 0};
+    return {.connected = met && silences_ == 0, .incarnation = met ? kOnlyIncarnation : 0};
   }
   Signal& peer_signal() override { return peer_signal_; }
+  void freeze(bool frozen) {
+    for (const auto& [name, channel] : channels_) channel->freeze(frozen);
+  }
   void hear(bool silent) {
-    silent_ = silent;
+    const int before = std::exchange(silences_, silences_ + (silent ? 1 : -1));
+    if (before != 0 && silences_ != 0) return;
     peer_signal_.notify();
     for (const auto& [name, channel] : channels_) {
       if (channel->options().heartbeat) channel->record_link(silent ? "silent" : "heard");
@@ -160,7 +175,7 @@ class VirtualLink::Side final : public Network {
   VirtualLink& link_;
   Observer& observer_;
   VirtualSignal peer_signal_;
-  bool silent_ = false;
+  int silences_ = 0;  ///< reasons to hear nothing at present
   std::map<std::string, std::unique_ptr<VirtualChannel>> channels_;
 };
 
@@ -184,10 +199,28 @@ void VirtualLink::watch_gaps(const link::DirectionOptions& direction, int listen
     const RunTime noticed = RunTime(gap.start_ns) + kPeerSilence, over(gap.end_ns);
     if (over <= noticed) continue;
     for (const bool silent : {true, false}) {
-      simulator_.at_background(silent ? noticed : over, [this, listener, silent] {
-        if (sides_[listener]) sides_[listener]->hear(silent);
-      });
+      simulator_.at_background(silent ? noticed : over,
+                               [this, listener, silent] { hear(listener, silent); });
     }
+  }
+}
+
+void VirtualLink::hear(int listener, bool silent) {
+  if (sides_[listener]) sides_[listener]->hear(silent);
+}
+
+void VirtualLink::freeze_edge(bool frozen) {
+  const int mine = ++freezes_;
+  if (sides_[1]) sides_[1]->freeze(frozen);
+  if (frozen) {
+    simulator_.at_background(simulator_.now() + kPeerSilence, [this, mine] {
+      if (mine == freezes_) {
+        hear(0, true);
+        frozen_heard_ = true;
+      }
+    });
+  } else if (std::exchange(frozen_heard_, false)) {
+    hear(0, false);
   }
 }
 

@@ -27,6 +27,10 @@ class VirtualLink {
   Network& mobile_side(Observer& observer);
   Network& edge_side(Observer& observer);
 
+  /// The edge's program stands still, or goes on: what arrives meanwhile waits in its kernel, which
+  /// acknowledges it. Once that has lasted for kPeerSilence the mobile misses its signs of life.
+  void freeze_edge(bool frozen);
+
   /// Round trip that a small packet would see now, without queueing.
   Duration rtt_now() const { return up_.delay_now() + down_.delay_now(); }
   const PathModel& up() const { return up_; }
@@ -37,11 +41,14 @@ class VirtualLink {
   class VirtualChannel;
   Side& side(int index, Observer& observer);
   void connect(const std::string& name);
+  void hear(int listener, bool silent);
   void watch_gaps(const link::DirectionOptions& direction, int listener);
 
   Simulator& simulator_;
   PathModel up_, down_;
   std::array<std::unique_ptr<Side>, 2> sides_;  ///< mobile, edge
+  int freezes_ = 0;                             ///< beginnings and ends so far
+  bool frozen_heard_ = false;                   ///< the mobile misses the edge's signs of life
 };
 
 }  // namespace slambed

@@ -8,7 +8,7 @@ namespace slambed {
 
 /// One wait of one task; whoever wakes it first decides, later wake-ups find it done.
 struct VirtualSignal::Waiter {
-  Simulator& simulator;
+  VirtualRuntime& runtime;
   Task& task;
   bool done = false;
   bool notified = false;
@@ -16,7 +16,7 @@ struct VirtualSignal::Waiter {
   void wake(bool by_signal) {
     if (std::exchange(done, true)) return;
     notified = by_signal;
-    simulator.resume(task);
+    runtime.wake(task);
   }
 };
 
@@ -99,6 +99,21 @@ void VirtualRuntime::stop() {
   }
 }
 
+void VirtualRuntime::freeze(bool frozen) {
+  frozen_ = frozen;
+  device_.freeze(frozen);
+  if (frozen) return;
+  for (Task* task : std::exchange(woken_, {})) simulator_.resume(*task);
+}
+
+void VirtualRuntime::wake(Task& task) {
+  if (frozen_) {
+    woken_.push_back(&task);
+  } else {
+    simulator_.resume(task);
+  }
+}
+
 void VirtualRuntime::join() {
   if (auto error = std::exchange(error_, nullptr)) std::rethrow_exception(error);
 }
@@ -107,7 +122,7 @@ bool VirtualRuntime::wait(Task& task, VirtualSignal* signal, std::uint64_t ticke
                           RunTime deadline) {
   if (signal && signal->count_ != ticket) return true;
   if (stopping_ || deadline <= now()) return false;
-  auto waiter = std::make_shared<VirtualSignal::Waiter>(simulator_, task);
+  auto waiter = std::make_shared<VirtualSignal::Waiter>(*this, task);
   if (signal) {
     std::erase_if(signal->waiters_, [](const auto& old) { return old->done; });
     signal->waiters_.push_back(waiter);

@@ -41,6 +41,10 @@ class VirtualRuntime final : public Runtime {
   /// After Simulator::run: rethrows the first exception that left a worker.
   void join() override;
 
+  /// As SIGSTOP and SIGCONT do: workers stand still, in the middle of a stage too, and what would
+  /// have woken them does so when they go on.
+  void freeze(bool frozen);
+
   /// Called at the first exception that leaves a worker: the other node must not wait for ever for
   /// one that is gone without a word.
   void on_failure(std::function<void()> hook) { failed_ = std::move(hook); }
@@ -50,6 +54,8 @@ class VirtualRuntime final : public Runtime {
 
  private:
   class VirtualWorker;
+  friend struct VirtualSignal::Waiter;
+  void wake(Task& task);
   bool wait(Task& task, VirtualSignal* signal, std::uint64_t ticket, RunTime deadline);
 
   Simulator& simulator_;
@@ -58,6 +64,8 @@ class VirtualRuntime final : public Runtime {
   std::uint64_t seed_;
   Observer& observer_;
   bool stopping_ = false;
+  bool frozen_ = false;
+  std::vector<Task*> woken_;  ///< while frozen
   std::exception_ptr error_;
   std::function<void()> failed_ = [] {};
   std::vector<std::weak_ptr<VirtualSignal::Waiter>> waiting_;

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the faults of a run happen, and writes down when each began and was over.
+
+`faults.jsonl` in the run folder becomes events of the node `harness` (docs/formats.md).
+"""
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from slambed.engines.attendant import Attendant
+from slambed.engines.base import Engine, Node, NodePlan
+from slambed.spec.faults import FAULT_FILE, Fault
+from slambed.spec.system import Role
+
+NS_PER_S = 1e9
+
+
+class Edge(Protocol):
+    """What can be done to the edge node of a run."""
+
+    def kill(self) -> None: ...
+    def freeze(self, frozen: bool) -> None: ...
+    def start_again(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class RunEdge:
+    """The edge node of a live run; a node that is started again takes its place in `nodes`."""
+
+    engine: Engine
+    plan: NodePlan | None
+    nodes: dict[Role, Node]
+    attendant: Attendant
+    cleanup: ExitStack
+
+    def kill(self) -> None:
+        """SIGKILL, and waits for the end."""
+        self.nodes["edge"].kill()
+
+    def freeze(self, frozen: bool) -> None:
+        """SIGSTOP or SIGCONT."""
+        self.nodes["edge"].freeze(frozen)
+
+    def start_again(self) -> None:
+        """Its program, where the killed one was."""
+        assert self.plan is not None
+        node = self.engine.start_again(self.plan, self.nodes["edge"])
+        self.cleanup.callback(node.remove)
+        self.nodes["edge"] = node
+        self.attendant.follow("edge", node)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A moment at which something is to be done."""
+
+    at_s: float
+    fault: str
+    target: str
+    begins: bool
+
+
+def steps(faults: list[Fault]) -> list[Step]:
+    """Beginnings and ends in order of time; a restart is the end of a kill."""
+    found: list[Step] = []
+    for fault in faults:
+        if fault.edge == "restart":
+            found.append(Step(fault.at_s, "kill", "edge", begins=False))
+            continue
+        found.append(Step(fault.at_s, fault.kind, fault.target, begins=True))
+        if fault.for_s is not None:
+            found.append(Step(fault.end_s, fault.kind, fault.target, begins=False))
+    return sorted(found, key=lambda step: step.at_s)
+
+
+def event(step: Step, t_ns: int) -> dict[str, Any]:
+    """As it stands in the log."""
+    kind = "fault_began" if step.begins else "fault_ended"
+    return {"t_ns": t_ns, "type": kind, "target": step.target, "fault": step.fault}
+
+
+def write_planned(faults: list[Fault], end_s: float, run_dir: Path) -> None:
+    """The log of a virtual run: there everything happens when it is asked for."""
+    if not faults:
+        return
+    events = (event(s, round(s.at_s * NS_PER_S)) for s in steps(faults) if s.at_s <= end_s)
+    _write(run_dir, events)
+
+
+class FaultDriver:
+    """Does what is due. The link cuts itself (its profile has the gaps); here it is only noted."""
+
+    def __init__(self, faults: list[Fault], edge: Edge, run_dir: Path) -> None:
+        self._left = steps(faults)
+        self._edge = edge
+        self._run_dir = run_dir
+        self._done: list[dict[str, Any]] = []
+        self._frozen: Step | None = None
+        self._t0_ns = 0
+        self.edge_is_dead = False
+        """Killed here, and not started again since."""
+
+    def start(self, t0_ns: int) -> None:
+        """Run time 0 on CLOCK_MONOTONIC."""
+        self._t0_ns = t0_ns
+
+    def wait_s(self, longest_s: float) -> float:
+        """Until the next step, at most `longest_s`."""
+        if not self._left:
+            return longest_s
+        return min(longest_s, max(0.0, self._left[0].at_s - self._now_s()))
+
+    def act(self) -> None:
+        """Does every step whose time has come."""
+        while self._left and self._left[0].at_s <= self._now_s():
+            self._do(self._left.pop(0))
+
+    def finish(self) -> None:
+        """Nothing more will fail; an edge that stands still goes on, so that it can end."""
+        self._left = []
+        if self._frozen is not None:
+            self._do(Step(0.0, "freeze", "edge", begins=False))
+
+    def write(self) -> None:
+        """Leaves the log in the run folder."""
+        if self._done:
+            _write(self._run_dir, iter(self._done))
+
+    def _now_s(self) -> float:
+        return (time.monotonic_ns() - self._t0_ns) / NS_PER_S
+
+    def _do(self, step: Step) -> None:
+        at_ns = time.monotonic_ns()
+        if step.fault == "cut":
+            at_ns = self._t0_ns + round(step.at_s * NS_PER_S)
+        elif step.fault == "freeze":
+            self._edge.freeze(step.begins)
+            self._frozen = step if step.begins else None
+        elif step.begins:
+            self.edge_is_dead = True  # First: who watches must not take it for an accident.
+            self._edge.kill()
+        else:
+            self._edge.start_again()
+            self.edge_is_dead = False
+            at_ns = time.monotonic_ns()
+        self._done.append(event(step, at_ns - self._t0_ns))
+
+
+def _write(run_dir: Path, events: Iterator[dict[str, Any]]) -> None:
+    lines = [json.dumps(line) + "\n" for line in events]
+    (run_dir / FAULT_FILE).write_text("".join(lines), encoding="utf-8")
