@@ -198,6 +198,32 @@ def bench(
 
 
 @link_app.command()
+def statistics(
+    seconds: Annotated[float, typer.Option(min=1.0, help="Per impairment.")] = 30.0,
+    seed: Annotated[int, typer.Option(help="Of losses and jitter.")] = 1,
+) -> None:
+    """Are loss and jitter of real packets those asked for? Each within 3 standard errors."""
+    from slambed.link import statistics as measurements
+
+    headings = ["impairment", "packets", "held up", "", "asked", "found", "standard errors"]
+    table = Table(*headings, box=None)
+    found = []
+    for case in measurements.CASES:
+        result = measurements.check(case, seconds, seed)
+        found.append(result)
+        whose = [result.case, str(result.packets), str(result.held_up)]
+        for figure in result.figures:
+            numbers = [f"{figure.asked:.4g}", f"{figure.found:.4g}", f"{figure.sigmas:+.1f}"]
+            table.add_row(*whose, figure.name, *numbers)
+        if result.repeated is not None:
+            same = "yes" if result.repeated else "no"
+            table.add_row(*whose, "same packets again", "yes", same, "")
+    console().print(table)
+    if bad := [result.case for result in found if not result.good]:
+        raise SlambedError(f"not as asked: {', '.join(bad)}", ExitCode.NOT_ALL_GOOD)
+
+
+@link_app.command()
 def messages(
     backend: Annotated[str, typer.Option(help="relay or netem.")] = "relay",
     repetitions: Annotated[int, typer.Option(min=1, help="Of each size.")] = 5,

@@ -24,9 +24,11 @@ RECORD = np.dtype(
 )
 """struct PacketRecord of harness/relay/packet_log.hpp: keep both in step."""
 
+PACKET_LOG = "packets.bin"
+"""In the log folder of a link."""
 FATES = ["delivered", "lost", "queue_full", "in_gap", "overflow"]
 SIDES = ["up", "down"]
-ICMP = 1
+ICMP, UDP = 1, 17
 
 
 def read_packets(path: Path) -> pd.DataFrame:

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slambed.errors import ExitCode, SlambedError, environment_error
-from slambed.link.packets import ICMP, SIDES, delivered, lateness_ms, read_packets
+from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
 from slambed.link.proof import Waits
@@ -62,7 +62,7 @@ def relay_config(
         "spin_us": options.spin_us,
         "fifo_priority": FIFO_PRIORITY if options.real_time else 0,
         "parent_pid": os.getpid(),
-        "packet_log": str(log_dir / "packets.bin"),
+        "packet_log": str(log_dir / PACKET_LOG),
         "summary": str(log_dir / "relay_summary.json"),
     }
 
@@ -116,7 +116,7 @@ class RelayShaper:
     def stop(self, t0_ns: int) -> Outcome:
         """Ends the program and reads its log."""
         self._end()
-        packets = read_packets(self._log_dir / "packets.bin")
+        packets = read_packets(self._log_dir / PACKET_LOG)
         summary_file = self._log_dir / "relay_summary.json"
         summary = json.loads(summary_file.read_text("utf-8")) if summary_file.exists() else {}
         kernel = sum(summary.get("kernel_drops", {}).values())
