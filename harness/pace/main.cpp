@@ -7,23 +7,19 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "base/error.hpp"
+#include "base/program.hpp"
 #include "busy.hpp"
 #include "metronome.hpp"
 
+namespace slambed::pace {
 namespace {
-
-using slambed::Error;
-using slambed::ExitCode;
-using slambed::pace::BusyOptions;
-using slambed::pace::MetronomeOptions;
 
 /// As a node of an engine: options and place of the result from a file, no start signal.
 int run_as_node(const std::string& config, const std::string& role) {
   std::ifstream file(config);
   const auto json = nlohmann::json::parse(file, nullptr, false);
   if (!json.is_object() || !json.contains("output")) {
-    throw slambed::bad_input("not a configuration of slambed-pace, " + config);
+    throw bad_input("not a configuration of slambed-pace, " + config);
   }
   BusyOptions options;
   options.threads = json.value("threads", options.threads);
@@ -34,15 +30,14 @@ int run_as_node(const std::string& config, const std::string& role) {
   std::ofstream out(place);
   out << busy_json(options, result) << '\n';
   if (!out.flush()) {
-    throw slambed::environment_error("cannot write the result, " + place.string());
+    throw environment_error("cannot write the result, " + place.string());
   }
-  return static_cast<int>(ExitCode::kOk);
+  return 0;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app("How fast threads compute under their limits, and a metronome for exact limits");
+  app.name("slambed-pace");
   BusyOptions busy;
   MetronomeOptions metronome;
   std::string config;
@@ -56,28 +51,20 @@ int main(int argc, char** argv) {
   tick->add_option("--cpus", metronome.cpus, "CPU numbers")->required()->delimiter(',');
   tick->add_option("--period-us", metronome.period_us, "between two interrupts")
       ->check(CLI::Range(50, 1'000'000));
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    std::cerr << "error: " << error.what() << ", command line, see --help\n";
-    return static_cast<int>(ExitCode::kBadInput);
+  if (const auto code = parse(app, argc, argv)) return *code;
+  if (tick->parsed()) {
+    run_metronome(metronome);
+  } else if (!config.empty()) {
+    return run_as_node(config, role);
+  } else {
+    std::cout << busy_json(busy, measure_busy(busy)) << '\n';
   }
-  try {
-    if (tick->parsed()) {
-      run_metronome(metronome);
-    } else if (!config.empty()) {
-      return run_as_node(config, role);
-    } else {
-      std::cout << busy_json(busy, measure_busy(busy)) << '\n';
-    }
-    return static_cast<int>(ExitCode::kOk);
-  } catch (const Error& error) {
-    std::cerr << "error: " << error.what() << '\n';
-    return static_cast<int>(error.code());
-  } catch (const std::exception& error) {
-    std::cerr << "error: internal failure, " << error.what() << ", please report it\n";
-    return static_cast<int>(ExitCode::kInternal);
-  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace slambed::pace
+
+int main(int argc, char** argv) {
+  return slambed::run_program([&] { return slambed::pace::run(argc, argv); });
 }

@@ -3,9 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "base/program.hpp"
 #include "node/live_node.hpp"
 #include "node/node_files.hpp"
-#include "programs/program.hpp"
 #include "programs/systems.hpp"
 
 namespace slambed {

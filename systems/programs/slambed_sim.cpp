@@ -3,10 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "base/program.hpp"
 #include "node/message_trace.hpp"
 #include "node/node_files.hpp"
 #include "node/virtual_run.hpp"
-#include "programs/program.hpp"
 #include "programs/systems.hpp"
 
 namespace slambed {

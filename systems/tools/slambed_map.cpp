@@ -7,8 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "base/error.hpp"
-#include "programs/program.hpp"
+#include "base/program.hpp"
 #include "store/map_export.hpp"
 #include "store/map_file.hpp"
 

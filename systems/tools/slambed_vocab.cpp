@@ -5,9 +5,9 @@
 #include <chrono>
 #include <cstdio>
 
+#include "base/program.hpp"
 #include "features/default_vocabulary.hpp"
 #include "node/feature_source.hpp"
-#include "programs/program.hpp"
 #include "tools/retrieval.hpp"
 
 namespace slambed {

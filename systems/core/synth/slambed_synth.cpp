@@ -4,21 +4,18 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
-#include <exception>
 #include <thread>
 
-#include "base/error.hpp"
+#include "base/program.hpp"
 #include "synth/generator.hpp"
 
+namespace slambed {
 namespace {
 
 volatile std::sig_atomic_t stop_asked = 0;
 void ask_stop(int) { stop_asked = 1; }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  using namespace slambed;
+int run(int argc, char** argv) {
   synth::GeneratorOptions options;
   synth::SensorOptions& sensor = options.sensor_model;
   std::string out, extra_source = "{}";
@@ -26,6 +23,7 @@ int main(int argc, char** argv) {
   bool show_progress = false;
 
   CLI::App app{"Renders a furnished room along a camera path into a prepared sequence."};
+  app.name("slambed-synth");
   app.set_version_flag("--version", std::string("slambed-synth ") + synth::kGeneratorVersion);
   app.add_option("--out", out, "folder to write; appears when complete")->required();
   app.add_option("--id", options.id, "id of the sequence");
@@ -59,35 +57,26 @@ int main(int argc, char** argv) {
   app.add_option("--threads", threads, "default: all cores; does not change the result")
       ->check(CLI::Range(1, 256));
   app.add_flag("--progress", show_progress, "print 'progress DONE TOTAL' lines");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& wrong) {
-    if (wrong.get_exit_code() == 0) return app.exit(wrong);
-    std::fprintf(stderr, "error: %s; see slambed-synth --help\n", wrong.what());
-    return static_cast<int>(ExitCode::kBadInput);
-  }
+  if (const auto code = parse(app, argc, argv)) return *code;
   if (threads == 0) threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::signal(SIGINT, ask_stop);
   std::signal(SIGTERM, ask_stop);
-  try {
-    const auto progress = [&](int done, int total) {
-      if (show_progress && (done % 10 == 0 || done == total)) {
-        std::printf("progress %d %d\n", done, total);
-        std::fflush(stdout);
-      }
-      return stop_asked == 0;
-    };
-    if (!synth::generate(options, out, threads, progress, extra_source)) {
-      std::fprintf(stderr, "error: stopped before %s was complete; nothing was written\n",
-                   out.c_str());
-      return static_cast<int>(ExitCode::kEnvironment);
+  const auto progress = [&](int done, int total) {
+    if (show_progress && (done % 10 == 0 || done == total)) {
+      std::printf("progress %d %d\n", done, total);
+      std::fflush(stdout);
     }
-  } catch (const Error& error) {
-    std::fprintf(stderr, "error: %s\n", error.what());
-    return static_cast<int>(error.code());
-  } catch (const std::exception& bug) {
-    std::fprintf(stderr, "error: unexpected: %s\n", bug.what());
-    return static_cast<int>(ExitCode::kInternal);
+    return stop_asked == 0;
+  };
+  if (!synth::generate(options, out, threads, progress, extra_source)) {
+    throw environment_error("stopped before " + out + " was complete; nothing was written");
   }
   return 0;
+}
+
+}  // namespace
+}  // namespace slambed
+
+int main(int argc, char** argv) {
+  return slambed::run_program([&] { return slambed::run(argc, argv); });
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+/// The command line and the last words of every program. Only mains include it: they have CLI11.
 #pragma once
 
 #include <CLI/CLI.hpp>
