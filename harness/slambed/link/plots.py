@@ -15,6 +15,8 @@ from slambed.link.traces import MAHIMAHI_PACKET_BITS
 ASKED, APPLIED, MEASURED, TCP = "#555555", "#D55E00", "#0072B2", "#009E73"
 SIZE_IN = (8.0, 3.2)
 DPI = 150
+LINKS_DPI = 80
+"""Of pictures with thousands of points: files stay small."""
 DEFAULT_SPAN_S = 30.0
 """Shown of a profile that has settled from the start."""
 POINTS = 4000
@@ -96,7 +98,7 @@ def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
             each.grid(color="#dddddd")
     for bottom in axes[-1]:
         bottom.set_xlabel("run time [s]")
-    figure.savefig(path, dpi=DPI)
+    figure.savefig(path, dpi=LINKS_DPI, pil_kwargs={"optimize": True})
 
 
 def _plot_link(top: Axes, bottom: Axes, frame: pd.DataFrame) -> None:
