@@ -178,7 +178,7 @@ void TcpNetwork::serve(Link& link, PollSet& polled) {
   }
   for (std::size_t i = 0; i < link.connections.size();) {
     const auto before = link.connections[i].get();
-    pump(link, i, polled.result(before->fd()));
+    pump(link, *before, polled.result(before->fd()));
     if (i < link.connections.size() && link.connections[i].get() == before) ++i;
   }
 }
@@ -227,8 +227,7 @@ void TcpNetwork::adopt(Link& link, FileDescriptor fd) {
   link.connections.back()->greet(session_, greeting_.own(options.name));
 }
 
-void TcpNetwork::pump(Link& link, std::size_t index, short events) {
-  TcpConnection& connection = *link.connections[index];
+void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
   const auto clock = [this] { return runtime_.now(); };
   std::optional<TcpConnection::End> ended;
   bool newly_greeted = false;
@@ -258,23 +257,23 @@ void TcpNetwork::pump(Link& link, std::size_t index, short events) {
       monotonic_now() - connection.opened() > options_.greeting_limit) {
     ended = TcpConnection::End{true, "no greeting in time"};
   }
+  // First, so that what the connection before it did not take whole is the first to go.
+  if (newly_greeted && !ended) promote(link, connection);
   if (!ended) {
     ended = connection.write_some(clock, [&] { return link.channel->next_to_send(); });
   }
-  if (newly_greeted && !ended) promote(link, index);
-  if (ended) end(link, index, *ended);
+  if (ended) end(link, connection, *ended);
 }
 
-void TcpNetwork::promote(Link& link, std::size_t index) {
-  TcpConnection* fresh = link.connections[index].get();
-  if (link.current != fresh) {  // the peer is back before we saw it go
+void TcpNetwork::promote(Link& link, TcpConnection& fresh) {
+  if (link.current != &fresh) {  // the peer is back before we saw it go
     end_current(link, "replaced by a new connection");
   }
-  link.current = fresh;
+  link.current = &fresh;
   for (auto& other : links_) {  // what is left of a process that is no more
     if (other->peer_session != peer_session_) end_current(*other, "the peer was restarted");
   }
-  link.channel->set_connection(fresh->fd());
+  link.channel->set_connection(fresh.fd());
   std::string detail = link.endpoint.address + " port " + std::to_string(link.endpoint.port);
   if (link.incarnation > 1) detail += ", incarnation " + std::to_string(link.incarnation);
   if (!link.untuned.empty()) detail += ", could not set " + link.untuned;
@@ -283,8 +282,9 @@ void TcpNetwork::promote(Link& link, std::size_t index) {
   announce();
 }
 
-void TcpNetwork::end(Link& link, std::size_t index, const TcpConnection::End& why) {
-  const auto at = link.connections.begin() + static_cast<std::ptrdiff_t>(index);
+void TcpNetwork::end(Link& link, const TcpConnection& ended, const TcpConnection::End& why) {
+  const auto at = std::find_if(link.connections.begin(), link.connections.end(),
+                               [&](const auto& c) { return c.get() == &ended; });
   const auto connection = std::move(*at);
   link.connections.erase(at);
   if (why.rejected) link.reject(why.reason);
@@ -305,10 +305,7 @@ void TcpNetwork::end(Link& link, std::size_t index, const TcpConnection::End& wh
 }
 
 void TcpNetwork::end_current(Link& link, const std::string& reason) {
-  const auto current = std::find_if(link.connections.begin(), link.connections.end(),
-                                    [&](const auto& c) { return c.get() == link.current; });
-  if (current == link.connections.end()) return;
-  end(link, static_cast<std::size_t>(current - link.connections.begin()), {false, reason});
+  if (link.current) end(link, *link.current, {false, reason});
 }
 
 /// A greeting was accepted: by it a restarted peer is told from one that reconnects.

@@ -55,9 +55,9 @@ class TcpNetwork final : public Network {
   void connect(Link& link);
   void accept(Link& link);
   void adopt(Link& link, FileDescriptor fd);
-  void pump(Link& link, std::size_t index, short events);
-  void promote(Link& link, std::size_t index);
-  void end(Link& link, std::size_t index, const TcpConnection::End& why);
+  void pump(Link& link, TcpConnection& connection, short events);
+  void promote(Link& link, TcpConnection& fresh);
+  void end(Link& link, const TcpConnection& ended, const TcpConnection::End& why);
   void end_current(Link& link, const std::string& reason);
   void meet(Link& link, std::uint64_t session);
   void keep_alive(Link& link);

@@ -23,9 +23,31 @@ class FrozenPeer {
   ~FrozenPeer() { ::close(fd_); }
   FrozenPeer(const FrozenPeer&) = delete;
   FrozenPeer& operator=(const FrozenPeer&) = delete;
+  /// Number of the next message that comes.
+  std::uint64_t receive() {
+    for (;;) {
+      std::array<std::uint8_t, FrameHeader::kSize> bytes{};
+      EXPECT_TRUE(read_all(bytes));
+      const auto decoded = FrameHeader::decode(bytes);
+      const auto* header = std::get_if<FrameHeader>(&decoded);
+      if (!header) {
+        ADD_FAILURE() << std::get<std::string>(decoded);
+        return 0;
+      }
+      Bytes payload(header->length);
+      EXPECT_TRUE(read_all(payload));
+      if (header->flags == 0) return header->sequence;
+    }
+  }
   void show_life() { write_frame(fd_, {.flags = FrameHeader::kAliveFlag}, {}); }
 
  private:
+  bool read_all(std::span<std::uint8_t> into) const {
+    if (into.empty()) return true;  // recv waits for a byte also when none is wanted
+    const auto n = ::recv(fd_, into.data(), into.size(), MSG_WAITALL);
+    return n == static_cast<ssize_t>(into.size());
+  }
+
   int fd_;
 };
 
@@ -104,6 +126,22 @@ TEST(TcpPeer, AReconnectedOneIsTheSame) {
   a = std::make_unique<FrozenPeer>(edge, "a", 77);
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
   EXPECT_EQ(edge.network->peer().incarnation, 1u);
+}
+
+TEST(TcpPeer, WhatAReplacedConnectionDidNotTakeWholeIsTheFirstOnTheNext) {
+  Node edge(true, {{"k", 0}}, {{.name = "k"}});
+  FrozenPeer old(edge, "k", 77);
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  constexpr std::size_t kMoreThanTheKernelTakes = 48u << 20;
+  const auto first = edge.channel->send(1, Bytes(kMoreThanTheKernelTakes));
+  ASSERT_TRUE(eventually([&] {  // begun
+    const auto waiting = edge.channel->path().unacknowledged_bytes;
+    return waiting > 0 && waiting < kMoreThanTheKernelTakes;
+  }));
+  const auto second = edge.channel->send(1, {});
+  FrozenPeer next(edge, "k", 77);  // before anybody saw the old one go
+  EXPECT_EQ(next.receive(), first);
+  EXPECT_EQ(next.receive(), second);
 }
 
 TEST(TcpPeer, WhatIsLeftOfADeadProcessIsCutOff) {
