@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "features/default_vocabulary.hpp"
 #include "offload/map_sync.hpp"
 #include "offload/update_content.hpp"
 #include "wire/message_type.hpp"
@@ -20,16 +21,25 @@ EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& ke
       options_(options),
       keyframe_channel_(keyframes),
       map_channel_(map),
+      places_(std::make_shared<PlaceIndex>(default_vocabulary())),
       mapping_(node.runtime(), node.log(), {}, map_, IdSpace::kEdgeMapper,
                LocalMapping::Mode::kWorker),
       received_(node.runtime().make_signal()) {
+  if (options_.loop_closing) {
+    loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), map_, places_, mapping_,
+                   LocalMapping::Mode::kWorker);
+  }
   mapping_.on_take([this](Worker&, KeyFrameId id) { return take(id); });
   mapping_.on_done([this](Worker& worker, KeyFrameId id) { mapped(worker, id); });
-  mapping_.on_idle([this](Worker& worker) { return update_if_due(worker); });
+  mapping_.on_idle([this](Worker& worker) {
+    close_loops([&] { loops_->idle(worker); });
+    return update_if_due(worker);
+  });
 }
 
 void EdgeMapping::start() {
   mapping_.start();
+  if (loops_) loops_->start();
   node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
 }
 
@@ -99,6 +109,8 @@ void EdgeMapping::admit(Worker& worker, const Message& raw) {
 void EdgeMapping::begin_again(Worker& worker) {
   mapping_.reset(worker, map_);
   map_->clear();
+  if (loops_) loops_->reset();
+  jumps_.forget();
   std::lock_guard lock(mutex_);
   pending_.clear();
   accepted_.clear();
@@ -109,14 +121,18 @@ void EdgeMapping::begin_again(Worker& worker) {
 
 bool EdgeMapping::take(KeyFrameId keyframe) {
   MapDelta delta;
+  std::uint64_t applied = 0;
   {
     std::lock_guard lock(mutex_);
     const auto found = pending_.find(keyframe);
     if (found == pending_.end()) return false;
     delta = std::move(found->second.message.delta);
+    applied = found->second.message.applied_update;
     mapping_.skip(found->second.message.newest_edge_point);
   }
-  delta = map_->read([&](const MapView& view) { return rebase_keyframe(view, std::move(delta)); });
+  delta = map_->read([&](const MapView& view) {
+    return jumps_.follow(view, rebase_keyframe(view, std::move(delta)), applied);
+  });
   map_->commit(delta);
   return true;
 }
@@ -134,6 +150,18 @@ void EdgeMapping::mapped(Worker& worker, KeyFrameId keyframe) {
   }
   if (mapped_) mapped_(worker, keyframe);
   update_if_due(worker);
+  close_loops([&] { loops_->mapped(worker, keyframe); });
+}
+
+template <typename Work>
+void EdgeMapping::close_loops(Work work) {
+  if (!loops_) return;
+  std::uint64_t updates = 0;
+  {
+    std::lock_guard lock(mutex_);
+    updates = updates_;
+  }
+  jumps_.watch(*map_, updates, work);
 }
 
 RunTime EdgeMapping::update_if_due(Worker& worker) {
@@ -274,6 +302,7 @@ void EdgeMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime dea
     worker.wait(*received_, ticket, deadline);
   }
   mapping_.drain(worker);
+  if (loops_) loops_->drain(worker);
 }
 
 RunTime EdgeMapping::last_sent() const {
@@ -301,6 +330,8 @@ CommitReport EdgeMapping::merge(Worker& worker, MapDelta changes) {
   }
   changes = map_->read([&](const MapView& view) { return rebase_changes(view, changes); });
   const CommitReport report = map_->commit(changes);
+  if (loops_) loops_->reset();
+  jumps_.forget();
   {
     std::lock_guard lock(mutex_);
     for (const NewKeyFrame& keyframe : changes.keyframes) {

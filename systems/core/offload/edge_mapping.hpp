@@ -3,11 +3,14 @@
 
 #include <map>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "node/edge_node.hpp"
 #include "node/local_mapping.hpp"
+#include "node/loop_closing.hpp"
 #include "offload/admission.hpp"
+#include "offload/map_jumps.hpp"
 #include "offload/message_codec.hpp"
 
 namespace slambed {
@@ -18,6 +21,7 @@ struct EdgeMappingOptions {
   int update_neighbours = 0;  ///< best covisibles of the newest one besides
   Duration update_period{};   ///< at least so long between two updates; 0: after each keyframe
   bool update_poses = true;   ///< an update also says where other keyframes moved
+  bool loop_closing = true;   ///< look for loops in the global map and close them
   MessageCodec codec{};
 };
 
@@ -29,6 +33,8 @@ class EdgeMapping {
 
   void start();
   std::shared_ptr<Map> map() const { return map_; }
+  /// Which keyframes of the map look alike.
+  std::shared_ptr<PlaceIndex> places() const { return places_; }
   LocalMapping& mapping() { return mapping_; }
   /// Called on the mapping worker after each mapped keyframe and before an update is made.
   void on_mapped(std::function<void(Worker&, KeyFrameId)> mapped) { mapped_ = std::move(mapped); }
@@ -71,6 +77,9 @@ class EdgeMapping {
   void begin_again(Worker& worker);
   bool take(KeyFrameId keyframe);
   void mapped(Worker& worker, KeyFrameId keyframe);
+  /// Whatever of closing loops may be due; the map may jump.
+  template <typename Work>
+  void close_loops(Work work);
   RunTime update_if_due(Worker& worker);
   std::vector<KeyFramePose> moved_poses(const MapDelta& update);
 
@@ -79,7 +88,10 @@ class EdgeMapping {
   Channel& keyframe_channel_;
   Channel& map_channel_;
   std::shared_ptr<Map> map_ = std::make_shared<Map>();
+  std::shared_ptr<PlaceIndex> places_;
   LocalMapping mapping_;
+  std::optional<LoopClosing> loops_;
+  MapJumps jumps_;
   std::function<void(Worker&, KeyFrameId)> mapped_;
   std::unique_ptr<Signal> received_;
   bool asks_ = false;

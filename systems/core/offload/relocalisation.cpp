@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "features/default_vocabulary.hpp"
 #include "offload/update_content.hpp"
 #include "wire/message_type.hpp"
 
@@ -31,7 +30,7 @@ RelocalisationService::RelocalisationService(EdgeNode& node, EdgeMapping& mappin
       channel_(frames),
       update_keyframes_(update_keyframes),
       options_(options),
-      places_(default_vocabulary()) {
+      places_(mapping.places()) {
   mapping_.on_mapped([this](Worker&, KeyFrameId keyframe) { index(keyframe); });
 }
 
@@ -45,9 +44,7 @@ void RelocalisationService::index(KeyFrameId keyframe) {
     return found ? found->features : nullptr;
   });
   if (!features) return;
-  auto bag = places_.vocabulary().transform(features->descriptors());
-  std::lock_guard lock(mutex_);
-  places_.add(keyframe, std::move(bag));
+  places_->add(keyframe, places_->vocabulary().transform(features->descriptors()));
 }
 
 void RelocalisationService::serve(Worker& worker) {
@@ -85,13 +82,9 @@ void RelocalisationService::serve(Worker& worker) {
 }
 
 std::vector<KeyFrameId> RelocalisationService::find(const wire::FrameMessage& frame) {
-  const auto bag = places_.vocabulary().transform(frame.features->descriptors());
+  const auto bag = places_->vocabulary().transform(frame.features->descriptors());
   return mapping_.map()->read([&](const MapView& view) {
-    std::vector<KeyFrameId> found;
-    {
-      std::lock_guard lock(mutex_);
-      found = places_.candidates(bag, view);
-    }
+    auto found = places_->candidates(bag, view);
     std::erase_if(found, [&](KeyFrameId id) { return view.keyframe(id) == nullptr; });
     if (std::ssize(found) > options_.max_candidates) {
       found.resize(static_cast<std::size_t>(options_.max_candidates));

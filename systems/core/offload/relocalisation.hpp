@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <mutex>
+#include <memory>
 
 #include "node/mobile_node.hpp"
 #include "offload/edge_mapping.hpp"
@@ -47,8 +47,7 @@ class RelocalisationService {
   Channel& channel_;
   int update_keyframes_;
   RelocalisationOptions options_;
-  std::mutex mutex_;  ///< guards the index
-  PlaceIndex places_;
+  std::shared_ptr<PlaceIndex> places_;
 };
 
 }  // namespace slambed

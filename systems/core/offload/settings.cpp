@@ -27,6 +27,7 @@ std::vector<ParameterSpec> offload_parameters() {
       ParameterSpec::integer("edge_queue", 1, 1000),
       ParameterSpec::boolean("update_poses"),
       ParameterSpec::boolean("final_poses"),
+      ParameterSpec::boolean("loop_closing"),
       ParameterSpec::real("reloc_request_ms", 0, 60'000),
       ParameterSpec::real("reloc_map_period_s", 0, 600),
       ParameterSpec::integer("reloc_candidates", 1, 100),
@@ -101,6 +102,7 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
           .update_neighbours = parameters.integer("update_neighbours"),
           .update_period = from_seconds(parameters.real("sync_period_s")),
           .update_poses = parameters.boolean("update_poses"),
+          .loop_closing = parameters.boolean("loop_closing"),
           .codec = message_codec(parameters)};
 }
 

@@ -36,7 +36,8 @@ nlohmann::json conventional() {
           {"reloc_request_ms", 500.0},
           {"reloc_map_period_s", 1.0},
           {"reloc_candidates", 5},
-          {"reloc_covisibles", 2}};
+          {"reloc_covisibles", 2},
+          {"loop_closing", true}};
 }
 
 nlohmann::json enhanced() {

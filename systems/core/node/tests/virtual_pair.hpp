@@ -35,7 +35,7 @@ inline DeviceModel uniform_device(double stage_us) {
   for (const char* stage :
        {"extract", "track", "create_keyframe", "serialise", "parse", "insert", "cull_points",
         "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update",
-        "serialise_text", "parse_text"}) {
+        "serialise_text", "parse_text", "loop_detect", "loop_close", "global_bundle"}) {
     model.stages[stage] = {.a_us = stage_us, .b_us = 0, .c_us = 0, .jitter = 0};
   }
   return model;
