@@ -6,6 +6,7 @@ with matplotlib and a second argument also as a picture."""
 import csv
 import statistics
 import sys
+from pathlib import Path
 
 WARM_UP = 200
 """Keyframes before which the local window is still filling."""
@@ -13,7 +14,7 @@ COLUMNS = ("yardstick_ms", "track_ms", "map_ms", "bundle_ms", "detect_ms")
 
 
 def main() -> None:
-    with open(sys.argv[1], encoding="utf-8") as file:
+    with Path(sys.argv[1]).open(encoding="utf-8") as file:
         rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     late = [row for row in rows if row["keyframes"] >= WARM_UP]
     if len(late) < 8:
@@ -24,13 +25,21 @@ def main() -> None:
     for name in COLUMNS:
         a, b = (statistics.median(row[name] for row in part) for part in (first, last))
         # Beside work that stays the same: what the host does to both is no growth.
-        x, y = (statistics.median(row[name] / row["yardstick_ms"] for row in part) for part in (first, last))
-        print(f"{name:12} {a:12.3f} {b:12.3f} {b / a if a else float('nan'):7.2f} {y / x if x else float('nan'):12.2f}")
+        x, y = (
+            statistics.median(row[name] / row["yardstick_ms"] for row in part)
+            for part in (first, last)
+        )
+        print(f"{name:12} {a:12.3f} {b:12.3f} {ratio(b, a):7.2f} {ratio(y, x):12.2f}")
     grown = late[-1]["keyframes"] - late[0]["keyframes"]
     heap_kb = 1e3 * (late[-1]["heap_mb"] - late[0]["heap_mb"]) / grown
-    print(f"{heap_kb:.0f} KB of heap per keyframe, {late[-1]['points'] / late[-1]['keyframes']:.0f} points")
+    points = late[-1]["points"] / late[-1]["keyframes"]
+    print(f"{heap_kb:.0f} KB of heap per keyframe, {points:.0f} points")
     if len(sys.argv) > 2:
         draw(rows, sys.argv[2])
+
+
+def ratio(later: float, earlier: float) -> float:
+    return later / earlier if earlier else float("nan")
 
 
 def draw(rows: list[dict[str, float]], path: str) -> None:
