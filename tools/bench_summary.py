@@ -18,7 +18,10 @@ def main() -> None:
     print("| program | benchmark | CPU, us: median | spread, % |\n|---|---|---|---|")
     for path in map(Path, sys.argv[1:]):
         found: dict[str, dict[str, float]] = {}
-        for row in json.loads(path.read_text(encoding="utf-8"))["benchmarks"]:
+        rows = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
+        # They ran and were written in random order.
+        rows.sort(key=lambda row: (row["family_index"], row["per_family_instance_index"]))
+        for row in rows:
             # The coefficient of variation is a share, everything else a time.
             scale = 100 if row["aggregate_name"] == "cv" else TO_US[row["time_unit"]]
             found.setdefault(row["run_name"], {})[row["aggregate_name"]] = row["cpu_time"] * scale
