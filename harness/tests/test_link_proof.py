@@ -79,6 +79,22 @@ def test_asked_losses_are_allowed_for_and_gaps_are_left_out() -> None:
     assert proof.error_ms_max < 0.01
 
 
+def test_what_a_cut_takes_is_not_missed() -> None:
+    cut = {"rtt_ms": 20, "gaps": [{"start_s": 2, "length_s": 5}], "gap_mode": "drop"}
+    profile = parse_profile(cut, "here")
+    seen = echoes(profile, 10)
+    sent_s = (seen.sent_ns - T0) / 1e9
+    seen.rtt_ms[(sent_s > 1.99) & (sent_s < 7)] = np.nan
+    assert verdict(profile, seen).valid
+    # What is lost besides is missed all the same, and a gap that only holds loses nothing.
+    seen.rtt_ms[sent_s > 8] = np.nan
+    assert "RTT probes came back" in verdict(profile, seen).reason
+    held = parse_profile(cut | {"gap_mode": "hold"}, "here")
+    seen = echoes(held, 10)
+    seen.rtt_ms[(sent_s > 1.99) & (sent_s < 7)] = np.nan
+    assert "RTT probes came back" in verdict(held, seen).reason
+
+
 def test_an_echo_meets_each_direction_when_it_gets_there() -> None:
     slope = parse_profile({"rtt_ms": {"points": [[0, 0], [10, 1000]]}}, "here")
     (total,) = expected_rtt_ms(slope, np.array([1.0]), Waits.none(1))

@@ -96,6 +96,18 @@ def touches_gap(profile: Profile, sent_s: Values, rtt_ms: Values) -> NDArray[np.
     return touched
 
 
+def dropping_s(profile: Profile, end_s: float) -> float:
+    """How long nothing could come back because a gap drops what is under way."""
+    if profile.gap_mode != "drop":
+        return 0.0
+    total_s = 0.0
+    for gap in profile.gaps:
+        for start, end in gap.within(end_s):
+            # What was sent a round trip before meets the gap too.
+            total_s += min(end, end_s) - max(0.0, start - profile.rtt_ms(start) / 1e3)
+    return total_s
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Echoes of one run against what was asked."""
@@ -144,7 +156,8 @@ def judge(
     """The verdict over the echoes sent from t0 to the end."""
     waits = waits or Waits.none(len(echoes))
     seen = compare(profile, echoes, t0_ns, end_ns, base_ms, waits)
-    due = max(1.0, last_chance_s(echoes, t0_ns, end_ns) * rate_hz)
+    chance_s = last_chance_s(echoes, t0_ns, end_ns)
+    due = max(1.0, (chance_s - dropping_s(profile, chance_s)) * rate_hz)
     answered = float(np.isfinite(seen.measured_ms).sum()) / due
     error, size = seen.error_ms, np.abs(seen.error_ms)
     late = late_ms if late_ms is not None and len(late_ms) else None
