@@ -56,6 +56,7 @@ void PacketLog::write_until_closed() {
       writing.swap(handed_over_);
       open = !closed_;
     }
+    if (writing.empty()) continue;  // closed; an empty vector has no data to point at
     std::fwrite(writing.data(), sizeof(PacketRecord), writing.size(), file_.get());
     writing.clear();
   }
