@@ -19,6 +19,7 @@ const std::vector<std::string> kChannels = {"control", "keyframe", "map", "frame
 class DynNetSlamProgram : public testing::NodeProgramTest {
  protected:
   DynNetSlamProgram() : NodeProgramTest(kFrames) {
+    drop_no_frame();
     config["system"] = "dynnetslam";
     config["params"].update({{"hysteresis", true},
                              {"safe_zone", false},

@@ -104,6 +104,10 @@ class NodeProgramTest : public ::testing::Test {
     config["network"] = nullptr;
   }
 
+  /// Frames still come at their times, but a machine that is too slow for them (under a sanitizer,
+  /// say) falls behind instead of losing track.
+  void drop_no_frame() { config["playback"]["mode"] = "every_frame"; }
+
   Process node(const std::string& role, std::vector<std::string> more = {}) {
     folder.write("run.partial", config.dump());  // the other node may be reading
     std::filesystem::rename(folder.path() / "run.partial", folder.path() / "run.json");

@@ -43,8 +43,9 @@ class Process {
 
   void signal(int number) const { ::kill(pid_, number); }
 
-  /// Exit code; 128 + signal when killed; -1 when it does not end within the limit.
-  int wait(std::chrono::seconds limit = std::chrono::seconds(60)) {
+  /// Exit code; 128 + signal when killed; -1 when it does not end within the limit, which a program
+  /// under a sanitizer on a busy machine stays below.
+  int wait(std::chrono::seconds limit = std::chrono::seconds(240)) {
     const auto deadline = std::chrono::steady_clock::now() + limit;
     int status = 0;
     while (::waitpid(pid_, &status, WNOHANG) == 0) {
