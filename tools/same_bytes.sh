@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # same_bytes.sh BUILD_A BUILD_B [SECONDS]: plays a generated sequence frame by frame, sequentially,
-# with the nodes of two builds (with and without sanitizers, say) and compares what they leave.
+# with the nodes of two builds (with and without sanitizers, say) and compares what they leave; then
+# one cell of 20 virtual runs.
 set -euo pipefail
 
 a=$(realpath "$1") b=$(realpath "$2") seconds=${3:-4}
@@ -34,3 +35,4 @@ done
 poses=$(grep -vc '^#' "$work/a/mobile/trajectory.txt")
 [ "$poses" -gt 0 ] || { echo "error: nothing was tracked" >&2; exit 1; }
 echo "same bytes: $poses poses, $(sha256sum <"$work/a/mobile/trajectory.txt" | cut -c1-16)"
+PYTHONPATH=harness:harness/tests "${PYTHON:-.venv/bin/python}" tools/same_cell.py "$a/bin" "$b/bin" 20

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# sanitize.sh asan|tsan [ctest arguments]: the C++ tests under AddressSanitizer and
-# UndefinedBehaviorSanitizer, or under ThreadSanitizer. Every finding fails the test that found it.
+# sanitize.sh asan|tsan [TEST ...]: the C++ tests (all, or the test programs named) under
+# AddressSanitizer and UndefinedBehaviorSanitizer, or under ThreadSanitizer. A finding fails its test.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -16,8 +16,34 @@ build=build-$1
 shift
 cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_SANITIZE="$sanitizers" \
   -DCMAKE_CXX_FLAGS_RELEASE=-O1 >/dev/null
-"${run[@]}" ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-}
-export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1
-export UBSAN_OPTIONS=print_stacktrace=1
-export TSAN_OPTIONS=second_deadlock_stack=1
-"${run[@]}" ctest --test-dir "$build" --output-on-failure --no-tests=error "$@"
+"${run[@]}" ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-} "$@"
+
+# Also what nodes find that a test starts and kills: their output is nobody's. The reports of all
+# processes are counted, whoever started them.
+reports=$(realpath "$build")/reports
+rm -rf "$reports"
+mkdir "$reports"
+export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1:log_path=$reports/asan
+export UBSAN_OPTIONS=print_stacktrace=1:log_path=$reports/ubsan
+export TSAN_OPTIONS=second_deadlock_stack=1:log_path=$reports/tsan
+
+# Whole programs, not ctest's single cases: their sequences are generated once, and slowly.
+if [ $# -eq 0 ]; then
+  set -- $(cd "$build/bin" && ls | grep '_test$')
+fi
+failed=()
+for test in "$@"; do
+  echo "== $test"
+  SECONDS=0
+  "${run[@]}" "$build/bin/$test" --gtest_brief=1 || failed+=("$test")
+  echo "$test: $SECONDS s"
+done
+for report in "$reports"/*; do
+  [ -e "$report" ] || continue
+  cat "$report"
+  failed+=("$(basename "$report")")
+done
+if [ ${#failed[@]} -gt 0 ]; then
+  echo "error: ${#failed[@]} failed: ${failed[*]}" >&2
+  exit 1
+fi

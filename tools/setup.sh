@@ -11,10 +11,15 @@ packages_for() {
     # the whole of it only.
     test) echo libgtest-dev libopencv-dev libceres-dev ;;
     bench) echo libbenchmark-dev ;;
-    fuzz) echo clang ;;
+    fuzz) echo clang "$(clang_runtime)" ;;
     image) echo debootstrap debian-archive-keyring ;;
     *) echo "error: setup.sh $1: not one of run, build, test, bench, fuzz, image" >&2; exit 2 ;;
   esac
+}
+
+# clang only recommends the runtime of its sanitizers and of its fuzzer, and the package has clang's version in its name.
+clang_runtime() {
+  apt-cache depends clang 2>/dev/null | sed -n 's/.*Depends: clang-\([0-9]*\)$/libclang-rt-\1-dev/p'
 }
 
 installed() {
