@@ -65,7 +65,8 @@ def test_the_fixed_share_has_a_limit() -> None:
 
 def test_scaling_keeps_the_dependence_on_sizes() -> None:
     cost = StageCost(a_us=10, b_us=2, c_us=0.5, jitter=0.1)
-    assert scaled(cost, 3, 7, 0.2) == StageCost(a_us=37, b_us=6, c_us=1.5, jitter=0.2)
+    assert scaled(cost, 3, 0.2) == StageCost(a_us=30, b_us=6, c_us=1.5, jitter=0.2)
+    assert scaled(cost, 3, 0.2, fixed_us=7) == StageCost(a_us=7, b_us=6, c_us=1.5, jitter=0.2)
 
 
 def stage(name: str, t_ms: float, wall_ms: float, cpu_ms: float) -> dict[str, object]:
@@ -109,6 +110,12 @@ def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
         assert {name: model.stages[name] for name in others} == {
             name: shipped.stages[name] for name in others
         }
+
+
+def test_a_device_that_is_another_at_its_own_speed_follows_its_fit() -> None:
+    known, derived = (Library().device(name).model for name in ("edge_i7_6700t", "edge_m1_pro"))
+    assert known is not None and derived is not None
+    assert derived.stages == known.stages
 
 
 def test_a_fit_with_a_stage_that_is_not_its_own_is_refused() -> None:

@@ -2,8 +2,9 @@
 """Finds cost models with which virtual runs show the component times that a paper prints.
 
 A component's mean is alpha * h + beta * r + w: h what its stages cost on the device it is scaled
-from, r how often its stage with a fixed time occurs, w what it waits besides. One round of runs
-gives h, r and w for every condition; alpha and beta follow. As all depend on the costs, a few
+from, r how often its stage with a fixed time occurs, w what it waits besides. That stage's own part
+independent of sizes is not in h: beta takes its place, and may be smaller or larger. One round of
+runs gives h, r and w for every condition; alpha and beta follow. As all depend on the costs, a few
 rounds are made.
 """
 
@@ -41,7 +42,8 @@ START_JITTER = 0.1
 
 @dataclass
 class Scale:
-    """What was found for a component: cost = alpha * (cost of the base device) + beta [us]."""
+    """What was found for a component: its stages cost alpha times what they do on the base device,
+    but the stage `fixed_on` has beta in place of the part that does not depend on sizes."""
 
     alpha: float
     beta_us: float = 0.0
@@ -106,17 +108,16 @@ class Fit:
         fitted, base = self.targets.devices[role], self._base[role].model
         assert base is not None
         stages = {
-            name: scaled(cost, fitted.factor, 0.0, cost.jitter)
-            for name, cost in base.stages.items()
+            name: scaled(cost, fitted.factor, cost.jitter) for name, cost in base.stages.items()
         }
         for component in self.targets.components:
             if component.node != role:
                 continue
             found = self.scales[component.name]
             for name in component.stages:
-                beta = found.beta_us if name == component.fixed_on else 0.0
+                beta_us = found.beta_us if name == component.fixed_on else None
                 jitter = found.jitter if component.sd_ms else base.stages[name].jitter
-                stages[name] = scaled(base.stages[name], found.alpha, beta, jitter)
+                stages[name] = scaled(base.stages[name], found.alpha, jitter, beta_us)
         return CostModel(cores=fitted.cores, stages=stages | self._kept[role])
 
     def error_percent(self, component: str, condition: str) -> float:
@@ -241,10 +242,12 @@ class _FittedLibrary(Library):
         return self._devices.get(name) or super().device(name)
 
 
-def scaled(cost: StageCost, alpha: float, beta_us: float, jitter: float) -> StageCost:
-    """alpha * cost + beta, to four digits."""
+def scaled(
+    cost: StageCost, alpha: float, jitter: float, fixed_us: float | None = None
+) -> StageCost:
+    """alpha * cost, to four digits; a fixed time takes the place of what no size changes."""
     return StageCost(
-        a_us=_short(cost.a_us * alpha + beta_us),
+        a_us=_short(cost.a_us * alpha if fixed_us is None else fixed_us),
         b_us=_short(cost.b_us * alpha),
         c_us=_short(cost.c_us * alpha),
         jitter=_short(jitter),

@@ -39,8 +39,8 @@ class Component(BaseModel):
     """A part of T_Total (`T_LM`, ...), `per_frame` or `per_keyframe`: the stages' time in a tracked
     frame, or in one that becomes a keyframe."""
     fixed_on: str | None = None
-    """Stage that may get a time independent of sizes, where one factor cannot serve all
-    conditions."""
+    """Stage whose time independent of sizes is found instead of scaled, where one factor cannot
+    serve all conditions."""
     fixed_at_most: float = Field(default=1.0, gt=0, le=1)
     """Largest share of the mean that may be independent of sizes."""
     mean_ms: dict[str, float]
