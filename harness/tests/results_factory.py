@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from slambed.engines.faults import write_planned
 from slambed.metrics.collect import keep_groundtruth, to_parquet
 from slambed.metrics.run import SUMMARY_KEYS, summarise_run
 from slambed.metrics.trajectory import Trajectory, write_tum
+from slambed.spec.faults import Fault
 
 ORIGIN_S = 1000.0  # recorded time of frame 0
 FPS = 10.0
@@ -55,6 +57,7 @@ class RawRun:
     """Intervals of sequence time without a pose."""
     stall_ms: float = 0.0
     """How long the host holds up the extraction of one frame."""
+    faults: tuple[Fault, ...] = ()
     seed: int = 1
     manifest: dict[str, Any] = field(default_factory=dict)
 
@@ -174,6 +177,7 @@ def write_raw(folder: Path, run: RawRun) -> Path:
             json.dumps({"role": node, "exit_reason": "end of sequence", "stopped": False})
         )
     write_samples(folder, run, nodes, rng)
+    write_planned(list(run.faults), run.duration_s, folder)
     manifest = {
         "commit": "0123456789abcdef", "dirty": False, "kernel": "6.1.0",
         "cpu_model": "Invented CPU", "cores": 2, "seed": run.seed,

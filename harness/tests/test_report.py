@@ -25,6 +25,7 @@ from slambed.report.style import COLOURS
 from slambed.report.tables import Table, cell_tables
 from slambed.report.timeline import timeline_svg
 from slambed.report.view import find_run, write_png, write_rerun
+from slambed.spec.faults import Fault
 
 
 @pytest.fixture(scope="module")
@@ -267,6 +268,38 @@ def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     note = next(note for note in cell.notes if "tracked less than" in note)
     assert note.startswith("3 of 5 runs")
     assert "the median run failed" in note
+
+
+def test_a_report_tells_the_faults_of_its_runs(tmp_path: Path) -> None:
+    freeze = Fault(at_s=2, edge="freeze", for_s=1.5)
+    kill = Fault(at_s=3, edge="kill")
+    runs = [
+        (spec_of("edgeslam", "static", "none", 0, label=label, cell=f"{label}/room_walk/none"),
+         RawRun(duration_s=4, faults=faults))
+        for label, faults in (("plain", ()), ("frozen", (freeze,)), ("killed", (kill,)))
+    ]  # fmt: skip
+    folder = write_experiment(tmp_path, runs)
+    content = {"experiment": {"title": "Faults", "report": {"metrics": ["faults", "keyframes"]}}}
+    (folder / "experiment.json").write_text(json.dumps(content))
+    paths = write_report(folder, figures=False)
+    assert paths.problems == []
+    for text in (paths.markdown.read_text(), paths.html.read_text()):
+        assert "faults [s]" in text and "freeze 2.0-3.5" in text and "kill 3.0-" in text
+    rows = pd.read_csv(folder / "report" / "tables" / "cells_1.csv").set_index("system")
+    assert rows["faults [s]"].to_dict() == {
+        "plain": "-", "frozen": "freeze 2.0-3.5", "killed": "kill 3.0-",
+    }  # fmt: skip
+    results = load(folder)
+    assert metrics_to_show(results)[0].key == "keyframes"
+    shades = {
+        key: [float(w) for w in re.findall(r'class="fault".*?width="([\d.]+)"', timeline)]
+        for key in results.runs["run_key"]
+        if (timeline := timeline_svg(results, key)) is not None
+    }
+    ends = results.runs.set_index("label")["run_key"]
+    assert shades[ends["plain"]] == []
+    (frozen,), (killed,) = shades[ends["frozen"]], shades[ends["killed"]]
+    assert 1.2 < frozen / killed < 1.8  # 1.5 s, and about one to the end
 
 
 def test_timeline_shows_the_loss(reported: Path) -> None:

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from slambed.explain.run_log import NS_PER_S, RunLog
 from slambed.metrics.network import series
-from slambed.report.style import RC
+from slambed.report.style import FAULT_SHADE, RC, fault_colour
 
 WIDTH_IN, LANE_IN = 13.0, 0.30
 LEAST_WIDTH = 0.4
@@ -39,8 +39,6 @@ CHANNEL_COLOURS = {
 }  # fmt: skip
 SOURCE_COLOURS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
 LOSS_COLOUR = "#D55E00"
-FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
-FAULT_SHADE = 0.18
 ORDER = ("camera", "tracking", "map-update", "local-mapping", "receiver", "control", "rtt")
 """Workers from top to bottom; others follow by name."""
 
@@ -85,7 +83,7 @@ def figure_of(run: RunLog, window: Window) -> Figure:
         paint(axis)
         for span in run.faults():
             end_s = run.end_s if span.end_s is None else span.end_s
-            colour = FAULT_COLOURS.get(span.fault, OTHER_COLOUR)
+            colour = fault_colour(span.fault)
             axis.axvspan(span.begin_s, end_s, color=colour, alpha=FAULT_SHADE, linewidth=0)
         for loss_s in run.losses_s():
             axis.axvline(loss_s, color=LOSS_COLOUR, linewidth=0.9, linestyle="--")
@@ -94,8 +92,8 @@ def figure_of(run: RunLog, window: Window) -> Figure:
     axes[-1, 0].set_xlabel("run time [s]")
     shown = [Patch(color=_colour(name), label=name) for name in _stage_names(run, window)]
     for fault in dict.fromkeys(span.fault for span in run.faults()):
-        colour = FAULT_COLOURS.get(fault, OTHER_COLOUR)
-        shown.append(Patch(color=colour, alpha=FAULT_SHADE, label=f"fault: {fault}"))
+        patch = Patch(color=fault_colour(fault), alpha=FAULT_SHADE, label=f"fault: {fault}")
+        shown.append(patch)
     figure.legend(
         handles=shown,
         loc="outside lower center",

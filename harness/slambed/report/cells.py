@@ -10,7 +10,10 @@ from slambed.metrics.comparison import fisher, holm, mann_whitney, two_modes
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE, coverage_aware_ate
 from slambed.metrics.statistics import Interval, bootstrap, finite, wilson
 from slambed.report.catalog import COMPARED, MAIN, Metric, metric
-from slambed.report.load import Results
+from slambed.report.load import TEXT_KEYS, Results
+
+MOST_FAULTS = 3
+"""So many different words about the faults of a cell are told, the most frequent first."""
 
 
 @dataclass(frozen=True)
@@ -23,19 +26,25 @@ class Cell:
     profile: str
     runs: int
     valid: int
+    faults: str
+    """What went wrong on purpose in its runs, nothing when nothing did."""
     values: dict[str, Interval]
     """By metric key; a metric without any measured value is absent."""
     notes: list[str]
 
 
 def metrics_to_show(results: Results) -> list[Metric]:
-    """What the experiment asks for first, then the usual ones; only what was measured anywhere."""
+    """What the experiment asks for first, then the usual ones; only what was measured anywhere.
+
+    Words are no metrics: cells have what is said about them.
+    """
     report = results.spec.get("report")
     asked = report.get("metrics") if isinstance(report, dict) else None
     asked = [key for key in asked if isinstance(key, str)] if isinstance(asked, list) else []
     keys = dict.fromkeys([*("lost" if k == "track_losses" else k for k in asked), *asked, *MAIN])
     runs = results.valid
-    return [metric(k) for k in keys if k in runs and len(finite(runs[k].to_numpy()))]
+    numbers = [k for k in keys if k in runs and k not in TEXT_KEYS]
+    return [metric(k) for k in numbers if len(finite(runs[k].to_numpy()))]
 
 
 def cells_of(results: Results, metrics: list[Metric]) -> list[Cell]:
@@ -64,9 +73,17 @@ def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric]) -> Cell:
         profile=text(first["profile"]) or "no link",
         runs=len(rows),
         valid=len(good),
+        faults=_faults(rows),
         values=values,
         notes=notes,
     )
+
+
+def _faults(rows: pd.DataFrame) -> str:
+    """Each different one once: live runs of a cell may differ by some tenths of a second."""
+    found = list(rows["faults"].dropna().astype(str).value_counts().index)
+    more = len(found) - MOST_FAULTS
+    return "; ".join(found[:MOST_FAULTS]) + (f"; {more} more" if more > 0 else "")
 
 
 def text(value: object) -> str:

@@ -121,7 +121,7 @@ of each cell.</p>{% endif %}
 {% for run in runs if run.timeline %}<div id="t-{{ run.key }}"><h3>{{ run.key }}: {{ run.cell }},
 repetition {{ run.repetition }}</h3>{{ run.timeline | safe }}</div>{% endfor %}
 <p class="soft">Time lines: green tracked, orange lost, grey not initialised; ticks under the state
-are applied map updates.</p>
+are applied map updates; shaded: a fault (its name appears under the pointer).</p>
 </section>
 <section id="manifest"><h2>Manifest</h2>
 <div class="scroll"><table><thead><tr><th class="word">fact</th><th class="word">value</th>

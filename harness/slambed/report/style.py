@@ -23,6 +23,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 GROUND_TRUTH = "#777777"
+FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
+FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
 WIDTH_IN = 5.4
 PNG_DPI = 150
@@ -79,6 +81,11 @@ def figure(
 def colour(index: int) -> str:
     """Colour of the n-th thing."""
     return COLOURS[index % len(COLOURS)]
+
+
+def fault_colour(fault: str) -> str:
+    """Colour of a kind of fault."""
+    return FAULT_COLOURS.get(fault, GROUND_TRUTH)
 
 
 def marker(index: int) -> str:

@@ -94,6 +94,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
     tables: list[Table] = []
     datasets = list(dict.fromkeys(cell.dataset for cell in cells))
     one = len(datasets) == 1
+    failing = any(cell.faults for cell in cells)
     for start in range(0, len(metrics), per_table):
         part = metrics[start : start + per_table]
         tables.append(
@@ -101,19 +102,21 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
                 f"cells_{start // per_table + 1}",
                 "Medians (shares) of the valid runs with 95 % intervals"
                 + (f"; {datasets[0]}" if one else ""),
-                ["system", *([] if one else ["dataset"]), "link", "runs"]
+                ["system", *([] if one else ["dataset"]), "link"]
+                + [*(["faults [s]"] if failing else []), "runs"]
                 + [m.heading for m in part],
                 [
                     [
                         cell.label,
                         *([] if one else [cell.dataset]),
                         cell.profile,
+                        *([cell.faults or "-"] if failing else []),
                         f"{cell.valid}/{cell.runs}",
                         *(with_interval(m, cell.values.get(m.key)) for m in part),
                     ]
                     for cell in cells
                 ],
-                words=2 if one else 3,
+                words=2 + (not one) + failing,
             )
         )
     return tables

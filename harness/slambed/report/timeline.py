@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The time line of one run as a small inline SVG: state, RTT, CPU, keyframes and map updates."""
+"""The time line of one run as a small inline SVG: state, RTT, CPU, map updates and faults."""
 
 import html
 
 import numpy as np
 import pandas as pd
 
+from slambed.metrics.faults import spans
 from slambed.metrics.network import series
 from slambed.report.load import Results
+from slambed.report.style import FAULT_SHADE, fault_colour
 
 WIDTH, HEIGHT = 720, 150
 LEFT, RIGHT = 64, 8
@@ -26,7 +28,7 @@ def timeline_svg(results: Results, run_key: str) -> str | None:
         return None
     frames = events[events["type"] == "frame_tracked"]
     end_s = max(1.0, float(events["t_ns"].max()) / 1e9)
-    parts = [_states(frames, end_s), _marks(events, end_s)]
+    parts = [_faults(results, run_key, end_s), _states(frames, end_s), _marks(events, end_s)]
     link = results.table(run_key, "link")
     if link is not None:
         probe = series(link, "probe_rtt_ms")
@@ -43,6 +45,22 @@ def timeline_svg(results: Results, run_key: str) -> str | None:
 
 def _x(t_s: float, end_s: float) -> float:
     return LEFT + (WIDTH - LEFT - RIGHT) * min(max(t_s / end_s, 0.0), 1.0)
+
+
+def _faults(results: Results, run_key: str, end_s: float) -> str:
+    """A shade behind the curves while something was wrong on purpose."""
+    log = results.events(run_key, ("fault_began", "fault_ended"))
+    out: list[str] = []
+    for span in spans(log.events if log is not None else []):
+        name = f"{span.target}: {span} s"
+        x0 = _x(span.begin_s, end_s)
+        x1 = _x(end_s if span.end_s is None else span.end_s, end_s)
+        out.append(
+            f'<rect class="fault" x="{x0:.1f}" y="{STATE_TOP}" width="{max(x1 - x0, 0.8):.1f}" '
+            f'height="{CPU_TOP + CPU_HEIGHT - STATE_TOP}" fill="{fault_colour(span.fault)}" '
+            f'fill-opacity="{FAULT_SHADE}"><title>{html.escape(name)}</title></rect>'
+        )
+    return "".join(out)
 
 
 def _states(frames: pd.DataFrame, end_s: float) -> str:
