@@ -212,6 +212,35 @@ def test_every_experiment_of_the_checkout_reads(name: str) -> None:
     LIBRARY.device(experiment.devices.edge)
 
 
+@pytest.mark.parametrize(
+    ("own", "devices"),
+    [
+        ("{mobile: big}", ("big", "big")),
+        ("{edge: small}", ("small", "small")),
+        ("{mobile: big, edge: small}", ("big", "small")),
+    ],
+)
+def test_a_system_has_the_experiments_device_where_it_names_none(
+    tmp_path: Path, own: str, devices: tuple[str, str]
+) -> None:
+    text = EXPERIMENT.replace("variant: better", f"variant: better\n    devices: {own}")
+    for spec in matrix(tmp_path, text):
+        edge = spec.device_edge.name if spec.device_edge else None
+        expected = ("small", None) if spec.system == "solo" else devices
+        assert (spec.device_mobile.name, edge) == expected
+
+
+def test_a_device_that_nobody_names_is_the_host(tmp_path: Path) -> None:
+    (tmp_path / "devices").mkdir()
+    (tmp_path / "devices" / "host.yaml").write_text("name: host\ntitle: host\nlimits: {}\n")
+    for devices, expected in (("", ("host", "host")), ("devices: {edge: big}\n", ("host", "big"))):
+        specs = matrix(
+            tmp_path, EXPERIMENT.replace("devices: {mobile: small, edge: big}\n", devices)
+        )
+        assert specs[-1].device_edge is not None
+        assert (specs[-1].device_mobile.name, specs[-1].device_edge.name) == expected
+
+
 @pytest.mark.parametrize("name", LIBRARY.systems())
 def test_every_system_of_the_checkout_reads(name: str) -> None:
     system = LIBRARY.system(name)

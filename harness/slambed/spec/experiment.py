@@ -55,6 +55,15 @@ class DeviceChoice(BaseModel):
     edge: str | DeviceChange = "host"
 
 
+class OwnDevices(BaseModel):
+    """Devices of one system; a role that is not given has the experiment's."""
+
+    model_config = STRICT
+
+    mobile: str | DeviceChange | None = None
+    edge: str | DeviceChange | None = None
+
+
 Faults = Annotated[list[Fault], AfterValidator(check_faults)]
 
 
@@ -70,7 +79,7 @@ class SystemChoice(BaseModel):
     """Name of this row in tables; `system` or `system:variant` when not given."""
     profiles: list[str] | None = None
     """Only these link profiles of the experiment; all when not given."""
-    devices: DeviceChoice | None = None
+    devices: OwnDevices = Field(default_factory=OwnDevices)
     """Instead of the experiment's devices."""
     faults: Faults | None = None
     """Instead of the experiment's faults."""

@@ -5,6 +5,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -12,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from slambed.errors import SlambedError
 from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL, Device, DeviceChange
-from slambed.spec.experiment import DeviceChoice, Experiment, Playback, SystemChoice, Tolerances
+from slambed.spec.experiment import Experiment, Playback, SystemChoice, Tolerances
 from slambed.spec.faults import Fault, as_json, cuts, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.system import Role, Scalar, System
@@ -163,12 +164,8 @@ def expand(
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
         faults = _faults(experiment, choice, system, source, place, host.engine)
         label = choice.label or _label(system, variant)
-        devices = choice.devices or experiment.devices
-        at: Location = (*place, "devices") if choice.devices else ("devices",)
-        mobile = _device(devices, "mobile", source, at, library, host.engine)
-        edge = (
-            _device(devices, "edge", source, at, library, host.engine) if system.has_edge else None
-        )
+        of_role = partial(_device, experiment, index, source, library, host.engine)
+        mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
         for dataset in experiment.datasets:
             if dataset not in host.datasets:
                 continue  # left out, see Experiment.missing_datasets
@@ -209,15 +206,19 @@ def expand(
 
 
 def _device(
-    devices: DeviceChoice,
-    role: Role,
+    experiment: Experiment,
+    index: int,
     source: YamlSource,
-    place: Location,
     library: Library,
     engine: str,
+    role: Role,
 ) -> Device:
-    asked = devices.mobile if role == "mobile" else devices.edge
-    place = (*place, role)
+    """Of the system where it has its own for this role, else of the experiment."""
+    place: Location = ("systems", index, "devices", role)
+    asked: str | DeviceChange | None = getattr(experiment.systems[index].devices, role)
+    if asked is None:
+        place = ("devices", role)
+        asked = experiment.devices.mobile if role == "mobile" else experiment.devices.edge
     try:
         if not isinstance(asked, DeviceChange):
             device = library.device(asked)
