@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from slambed import __version__
 from slambed.errors import ExitCode, SlambedError
@@ -16,6 +17,7 @@ from slambed.terminal import console
 
 INTERRUPTED = 130
 """128 + SIGINT, as shells have it."""
+YAML = (".yaml", ".yml")
 
 
 app = typer.Typer(
@@ -74,6 +76,7 @@ def run(
     from slambed.campaign import campaign
     from slambed.spec.library import Library
 
+    _must_be_an_experiment(experiment, Library().experiments())
     if engine not in (None, "auto", "docker", "local", "virtual"):
         raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
     if check:
@@ -97,6 +100,18 @@ def run(
             f"{bad} of {verdict.done} runs are not valid; 'slambed status {experiment}' says why",
             ExitCode.NOT_ALL_GOOD,
         )
+
+
+def _must_be_an_experiment(given: str, known: list[str]) -> None:
+    """A name or a YAML file; what is neither, but is there, is told for what it is."""
+    path = Path(given)
+    if given in known or path.suffix in YAML:
+        return
+    what = "an experiment is a name in experiments/ or a file that ends in .yaml or .yml"
+    if path.is_dir():
+        raise SlambedError(f"{given} is a folder; {what}")
+    if path.is_file() or path.suffix.lower() in YAML:
+        raise SlambedError(f"{given} does not end in .yaml or .yml; {what}")
 
 
 @app.command()
@@ -153,7 +168,9 @@ def doctor() -> None:
     from slambed import doctor as examination
 
     findings = examination.examine()
-    marks = {"good": "[green]ok[/]", "missing": "[yellow]--[/]", "fatal": "[red]no[/]"}
+    marks = {
+        "good": Text("ok", "green"), "missing": Text("--", "yellow"), "fatal": Text("no", "red")
+    }  # fmt: skip
     table = Table("", "", "found", "without it", box=None)
     for item in findings:
         table.add_row(marks[item.level], item.topic, item.found, item.cost)
@@ -218,7 +235,9 @@ def run_command(arguments: list[str]) -> int:
     except SlambedError as error:
         return _fail(str(error), error.code)
     except typer.TyperException as error:
-        return _fail(f"{error.format_message()}; see 'slambed --help'", ExitCode.BAD_INPUT)
+        told = error.format_message()
+        stop = "" if told.endswith((".", "?")) else "."
+        return _fail(f"{told}{stop} See 'slambed --help'", ExitCode.BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:

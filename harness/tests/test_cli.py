@@ -48,12 +48,32 @@ def test_version() -> None:
 
 def test_wrong_usage_is_one_line() -> None:
     assert "--runz" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--runz", "3")
-    assert "rnu" in refused(ExitCode.BAD_INPUT, "rnu")
+    assert "'rnu'. Did you mean 'run'? See" in refused(ExitCode.BAD_INPUT, "rnu")
+    assert "'frobnicate'. See" in refused(ExitCode.BAD_INPUT, "frobnicate")
     assert "docker, local" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--engine", "moby")
 
 
 def test_an_unknown_experiment_names_its_neighbour() -> None:
     assert "did you mean 'quickstart'" in refused(ExitCode.BAD_INPUT, "run", "quikstart")
+
+
+def test_what_is_no_experiment_is_told_for_what_it_is(tmp_path: Path) -> None:
+    line = refused(ExitCode.BAD_INPUT, "run", str(tmp_path))
+    assert f"{tmp_path} is a folder" in line
+    line = refused(ExitCode.BAD_INPUT, "run", "mine.YML")
+    assert "mine.YML does not end in .yaml or .yml" in line
+
+
+def test_results_in_a_file_or_nowhere_are_refused(tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("")
+    line = refused(
+        ExitCode.BAD_INPUT, "run", "quickstart", "--engine", "virtual", "--results", str(taken)
+    )
+    assert "choose another --results" in line or "slambed-sim is not built" in line
+    line = refused(ExitCode.BAD_INPUT, "compare", "--results", str(tmp_path / "nope"))
+    assert "no such folder" in line and "nope" in line
+    assert not (tmp_path / "nope").exists()
 
 
 REAL = """\

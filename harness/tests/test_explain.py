@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from test_cli import refused, slambed
 from virtual_parts import EXPERIMENT, make_sequence, needs_programs, write_experiment
 
-from slambed.errors import ExitCode
+from slambed.errors import ExitCode, SlambedError
 from slambed.explain.cli import choose_window
 from slambed.explain.picture import LOSS_COLOUR, STATE_COLOURS, Window, figure_of
 from slambed.explain.run_log import RunLog, read_run
@@ -179,6 +179,13 @@ def test_windows(offloaded: RunLog) -> None:
     assert choose_window(offloaded, None, None, "loss") == Window(loss_s - 2, loss_s + 2)
     assert choose_window(offloaded, None, None, "1") == Window(0.0, 3.0)
     assert choose_window(offloaded, None, None, None) == Window(0.0, offloaded.end_s)
+    assert choose_window(offloaded, -5.0, 900.0, None) == Window(0.0, offloaded.end_s)
+    for begin, end, around in (
+        (None, None, "500"), (None, None, "-1"), (None, None, "nan"),
+        (900.0, None, None), (600.0, 900.0, None), (-5.0, -1.0, None), (-5.0, 0.0, None),
+    ):  # fmt: skip
+        with pytest.raises(SlambedError, match="outside the run, 0 to"):
+            choose_window(offloaded, begin, end, around)
 
 
 def test_the_command_finds_the_run_by_its_key_and_writes_the_picture(
@@ -196,3 +203,10 @@ def test_the_command_finds_the_run_by_its_key_and_writes_the_picture(
         ExitCode.BAD_INPUT, "explain", key, "--results", str(results), "--from", "3", "--to", "2"
     )
     assert "--to 2 is not after --from 3" in line
+    wide = ("--results", str(results), "--from", "-5", "--to", "900")
+    code, out, err = slambed("explain", key, "-o", str(target), *wide)
+    assert code == ExitCode.OK, err
+    assert "note: the run is from 0 to" in out
+    nowhere = str(tmp_path / "nowhere" / "x.png")
+    line = refused(ExitCode.BAD_INPUT, "explain", key, "--results", str(results), "-o", nowhere)
+    assert "No such file or directory; choose another --output" in line

@@ -49,6 +49,30 @@ def test_every_impairment_is_told(tmp_path: Path) -> None:
 def test_all_profiles_are_listed() -> None:
     shown = RUNNER.invoke(app, ["list"], catch_exceptions=False).stdout
     assert "ramp_85" in shown and "ijnc_wifi" in shown
+    for heading in ("RTT [ms]", "length [s]"):
+        assert heading in shown
+
+
+def test_the_table_of_a_profile_has_units(tmp_path: Path) -> None:
+    arguments = ["show", "ramp", "--output", str(tmp_path / "x.png")]
+    shown = RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
+    for heading in ("time [s]", "RTT [ms]", "up [ms]", "down [ms]"):
+        assert heading in shown
+
+
+@pytest.mark.parametrize("until", ["-3", "0", "nan", "inf"])
+def test_a_time_that_cannot_be_shown_is_refused(tmp_path: Path, until: str) -> None:
+    picture = tmp_path / "x.png"
+    arguments = ["show", "ramp", f"--until-s={until}", "--output", str(picture)]
+    with pytest.raises(SlambedError, match=r"--until-s .* is not between"):
+        RUNNER.invoke(app, arguments, catch_exceptions=False)
+    assert not picture.exists()
+
+
+def test_a_picture_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    arguments = ["show", "ramp", "--output", str(tmp_path / "nowhere" / "x.png")]
+    with pytest.raises(SlambedError, match="No such file or directory; choose another --output"):
+        RUNNER.invoke(app, arguments, catch_exceptions=False)
 
 
 def test_logs_are_compared_in_one_picture(tmp_path: Path) -> None:

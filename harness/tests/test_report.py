@@ -348,6 +348,11 @@ def test_commands(reported: Path, tmp_path: Path) -> None:
     assert (tmp_path / "results" / "papers" / "dynnetslam" / "index.html").exists()
     seen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(tmp_path), *options])
     assert seen.exit_code == 0, seen.output
+    taken = tmp_path / "taken"
+    taken.write_text("")
+    unseen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(taken), *options])
+    assert isinstance(unseen.exception, SlambedError)
+    assert "choose another --out" in str(unseen.exception)
     truth = tmp_path / "results" / "invented" / "groundtruth" / "room_walk.txt"
     own = tmp_path / "results" / "invented" / "runs" / "0000000000000003" / "trajectory.txt"
     judged = runner.invoke(cli.app, ["evaluate", str(own), str(truth)])

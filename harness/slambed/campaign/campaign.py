@@ -34,6 +34,7 @@ from slambed.engines.virtual import PROGRAM, prune_features
 from slambed.errors import MissingDataError, SlambedError, environment_error
 from slambed.metrics.collect import keep_groundtruth
 from slambed.native import find_program
+from slambed.outputs import make_folder
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
@@ -103,6 +104,7 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
             "add --engine virtual"
         )
     check_privilege(asked)
+    make_folder(options.results, "--results")
     with host_lock(f"slambed run {experiment.id}", wait_s=math.inf if options.wait else 0.0):
         mark_children()
         if found := str(reap()):
@@ -142,7 +144,7 @@ def _run_virtually(
     program = find_program(PROGRAM)
     features = cache_folder() / "features"
     folder = options.results / files[0].id
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, "--results")
     with host_lock(
         f"slambed run {files[0].id}",
         folder / ".lock",

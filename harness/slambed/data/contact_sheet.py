@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
+from slambed.outputs import writing
 
 _TILE_WIDTH_PX = 320
 _FARTHEST_SHOWN_M = 6.0
@@ -26,10 +27,8 @@ def write_contact_sheet(sequence: PreparedSequence, file: Path, frames: int = 12
     ok, png = cv2.imencode(".png", np.vstack(rows))
     if not ok:
         raise SlambedError(f"{file}: the picture could not be encoded")
-    try:
+    with writing(file):
         file.write_bytes(png.tobytes())
-    except OSError as refused:
-        raise SlambedError(f"{file}: {refused.strerror}; choose another --output") from refused
 
 
 def _tile(sequence: PreparedSequence, i: int) -> NDArray[np.uint8]:

@@ -42,6 +42,8 @@ def explain(
         raise SlambedError(f"unknown picture format {path}; known: {', '.join(FORMATS)}")
     for line in story(log):
         typer.echo(line)
+    if (begin is not None and begin < 0.0) or (end is not None and end > log.end_s):
+        typer.echo(f"note: the run is from 0 to {log.end_s:.1f} s, there is nothing beyond")
     draw(log, window, path)
     typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {path}")
 
@@ -49,15 +51,20 @@ def explain(
 def choose_window(
     log: RunLog, begin: float | None, end: float | None, around: str | None
 ) -> Window:
-    """What the options ask for; the whole run when they ask for nothing."""
+    """What the options ask for of the run; the whole of it when they ask for nothing."""
     if around is not None:
         centre_s = _centre(log, around)
+        if not 0.0 <= centre_s <= log.end_s:
+            raise SlambedError(f"--around {around} is outside the run, 0 to {log.end_s:.1f} s")
         return Window(max(0.0, centre_s - AROUND_S), centre_s + AROUND_S)
     begin_s = 0.0 if begin is None else begin
     end_s = log.end_s if end is None else end
-    if end_s <= begin_s:
+    if end is not None and not end_s > begin_s:
         raise SlambedError(f"--to {end_s:g} is not after --from {begin_s:g}")
-    return Window(begin_s, end_s)
+    if not begin_s < log.end_s or end_s <= 0.0:
+        asked = f"--from {begin_s:g}" if end is None else f"{begin_s:g} to {end_s:g} s"
+        raise SlambedError(f"{asked} is outside the run, 0 to {log.end_s:.1f} s")
+    return Window(max(0.0, begin_s), min(end_s, log.end_s))
 
 
 def _centre(log: RunLog, around: str) -> float:

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 
 from slambed.explain.run_log import NS_PER_S, RunLog
 from slambed.metrics.network import series
+from slambed.outputs import writing
 from slambed.report.style import FAULT_SHADE, RC, fault_colour
 
 WIDTH_IN, LANE_IN = 13.0, 0.30
@@ -56,7 +57,8 @@ def draw(run: RunLog, window: Window, path: Path) -> None:
     with plt.rc_context(RC):
         figure = figure_of(run, window)
         try:
-            figure.savefig(path, dpi=110)
+            with writing(path):
+                figure.savefig(path, dpi=110)
         finally:
             plt.close(figure)
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.impairments import Side
 from slambed.link.profile import Profile, load_profile, parse_profile, profile_names
+from slambed.outputs import make_folder, writing
 from slambed.terminal import console
 
 app = typer.Typer(help="Link profiles: how latency, loss and rate change.", no_args_is_help=True)
@@ -21,6 +22,7 @@ link_app = typer.Typer(help="The emulated link between the nodes.", no_args_is_h
 ROWS = 12
 CROSSING_MS = 40.0
 """DynNetSLAM's offloading limit L_OL."""
+LEAST_SHOWN_S, MOST_SHOWN_S = 0.1, 86_400.0
 
 
 def _params(values: list[str]) -> dict[str, float]:
@@ -72,11 +74,15 @@ def show(
     """Print a profile's values over time and plot them."""
     from slambed.link.plots import plot_profile, span_s
 
+    if until_s is not None and not LEAST_SHOWN_S <= until_s <= MOST_SHOWN_S:
+        raise SlambedError(
+            f"--until-s {until_s:g} is not between {LEAST_SHOWN_S:g} and {MOST_SHOWN_S:g}"
+        )
     profile = _load(name, values or [])
     typer.echo(f"{profile.name}: {profile.description}")
     if profile.source:
         typer.echo(f"source: {profile.source}")
-    end = until_s or span_s(profile)
+    end = span_s(profile) if until_s is None else until_s
     table = Table("time [s]", "RTT [ms]", "up [ms]", "down [ms]", box=None)
     for t in np.linspace(0.0, end, ROWS):
         up, down = profile.delays_ms(float(t))
@@ -149,7 +155,7 @@ def measure(
     table.add_row("dropped", f"{run.record.drops['up']} up, {run.record.drops['down']} down")
     console().print(table)
     if log is not None:
-        _write_log(run.record.frame, log)
+        _write_log(run.record.frame, log, "--log")
         typer.echo(f"log: {log}")
     if output is not None:
         plot_links({run.record.backend: run.record.frame}, output)
@@ -158,11 +164,12 @@ def measure(
         raise SlambedError(f"link not proved: {run.record.proof.reason}", ExitCode.NOT_ALL_GOOD)
 
 
-def _write_log(frame: pd.DataFrame, path: Path) -> None:
-    if path.suffix == ".parquet":
-        frame.to_parquet(path)
-    else:
-        frame.to_csv(path, index=False, float_format="%.6g")
+def _write_log(frame: pd.DataFrame, path: Path, option: str = "--output") -> None:
+    with writing(path, option):
+        if path.suffix == ".parquet":
+            frame.to_parquet(path)
+        else:
+            frame.to_csv(path, index=False, float_format="%.6g")
 
 
 @link_app.command()
@@ -177,7 +184,7 @@ def bench(
     """Measure a backend: delay errors of six profiles, TCP throughput, reordering."""
     from slambed.link import bench as measurements
 
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output, "--output")
     rows = []
     for profile in measurements.bench_profiles(seconds):
         row, frame = measurements.bench(profile, backend, seconds)
@@ -234,7 +241,8 @@ def messages(
 
     profiles = [(rtt, rate) for rate in traffic.RATES_MBPS for rtt in traffic.RTTS_MS]
     table = traffic.compare(profiles, traffic.SIZES, repetitions, backend)
-    table.to_csv(output, index=False, float_format="%.4f")
+    with writing(output):
+        table.to_csv(output, index=False, float_format="%.4f")
     typer.echo(table.round(2).to_string(index=False))
     error = table["error_percent"].abs()
     typer.echo(f"error of the model: median {error.median():.1f} %, largest {error.max():.1f} %")

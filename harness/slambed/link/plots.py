@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from slambed.link.profile import Profile
 from slambed.link.traces import MAHIMAHI_PACKET_BITS
+from slambed.outputs import writing
 
 ASKED, APPLIED, MEASURED, TCP = "#555555", "#D55E00", "#0072B2", "#009E73"
 SIZE_IN = (8.0, 3.2)
@@ -53,7 +54,8 @@ def plot_profile(profile: Profile, path: Path, until_s: float | None = None) -> 
     axes[-1].set_xlabel("run time [s]")
     for each in axes:
         each.grid(color="#dddddd")
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
 
 
 def _plot_rates(axes: Axes, profile: Profile, end_s: float) -> None:
@@ -98,7 +100,8 @@ def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
             each.grid(color="#dddddd")
     for bottom in axes[-1]:
         bottom.set_xlabel("run time [s]")
-    figure.savefig(path, dpi=LINKS_DPI, pil_kwargs={"optimize": True})
+    with writing(path):
+        figure.savefig(path, dpi=LINKS_DPI, pil_kwargs={"optimize": True})
 
 
 def _plot_link(top: Axes, bottom: Axes, frame: pd.DataFrame) -> None:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.outputs import make_folder, writing
 from slambed.terminal import console
 
 ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
@@ -94,7 +95,8 @@ def truth(
     table = truth_table(load(live), load(virtual))
     console().print(table.rich())
     if output is not None:
-        output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
+        with writing(output):
+            output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
         typer.echo(f"table: {output}")
 
 
@@ -130,8 +132,11 @@ def _write_pages(names: list[str] | None, results: Path, out: Path, show_not_run
     from slambed.report.paper_page import write_paper_page
     from slambed.report.papers import read_papers
 
-    screen = console()
     papers = read_papers(names)
+    if not results.is_dir():
+        raise SlambedError(f"no such folder: {results}; give the right --results")
+    make_folder(out, "--results" if out == results / "papers" else "--out")
+    screen = console()
     experiments = [load(folder) for folder in _folders(results)]
     for item in papers:
         page = write_paper_page(item, experiments, out)
@@ -196,7 +201,7 @@ def view(
     from slambed.report.view import find_run, write_png, write_rerun
 
     found = find_run(results, run)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out, "--out")
     typer.echo(f"{write_png(found, out)}")
     if rerun:
         typer.echo(f"{write_rerun(found, out / f'{found.run_key}.rrd', sequence)}")

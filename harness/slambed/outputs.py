@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files and folders that a user named: what cannot be written is told in one line."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from slambed.errors import SlambedError
+
+
+@contextmanager
+def writing(path: Path, option: str = "--output") -> Iterator[None]:
+    """Around whatever writes to the place that `option` named."""
+    try:
+        yield
+    except OSError as refused:
+        why = refused.strerror or str(refused)
+        raise SlambedError(f"{path}: {why}; choose another {option}") from refused
+
+
+def make_folder(path: Path, option: str) -> None:
+    """The folder that `option` named, with all above it."""
+    with writing(path, option):
+        path.mkdir(parents=True, exist_ok=True)
