@@ -246,6 +246,46 @@ def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
     assert metrics_to_show(results)[0].key == "keyframes"
 
 
+def test_the_summary_tells_engine_and_devices(reported: Path) -> None:
+    for text in (
+        (reported / "report" / "index.html").read_text(),
+        (reported / "report.md").read_text(),
+    ):
+        assert "Engine local: processes under the limits of their device, in real time." in text
+        assert "Devices: mobile half_core; edge host." in text
+        assert "simulated" not in text
+
+
+def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
+    link = {"backend": "virtual", "profile": "ramp_85"}
+    spec = spec_of("edgeslam", "static", "ramp_85", 0, engine="virtual", link=link)
+    run = RawRun(duration_s=6.0, manifest={"limits": {}})
+    experiment = write_experiment(tmp_path, [(spec, run)])
+    (folder,) = (experiment / "runs").iterdir()
+    log = pd.read_parquet(folder / "link.parquet")
+    log[log["series"] != "probe_rtt_ms"].to_parquet(folder / "link.parquet")
+    values = json.loads((folder / "summary.json").read_text())
+    values |= dict.fromkeys([key for key in values if key.startswith("rtt_")])
+    (folder / "summary.json").write_text(json.dumps(values))
+    devices = {"mobile": {"device": "host", "name": "half_core", "cores": 1, "speed": 0.5}}
+    content = {"experiment": {"title": "Virtual", "devices": devices}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plots, "BOXED", ())
+        write_report(experiment)
+    for text in (
+        (experiment / "report" / "index.html").read_text(),
+        (experiment / "report.md").read_text(),
+    ):
+        assert "Engine virtual: simulated time" in text
+        assert "mobile half_core (what if: host with 1 core, 0.5 times its speed)" in text
+        assert "applied by the modelled link" in text and "measured by echoes" not in text
+        assert "0/1" not in text and "No limits were recorded" not in text
+        assert "Virtual runs have no limits" in text
+    figure = (experiment / "report" / "rtt_room_walk_ramp_85.svg").read_text()
+    assert "<!-- applied, both ways -->" in figure and "<!-- measured -->" not in figure
+
+
 def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
     runs = [
         (spec_of("orbslam2", "default", None, i),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from results_factory import RawRun, quickstart_like, write_raw
+from results_factory import RawRun, quickstart_like, spec_of, write_experiment, write_raw
 
 from slambed.metrics.events import EventLog
 from slambed.metrics.run import summarise_with_problems
@@ -77,11 +77,22 @@ def test_summary_tells_gap_messages_and_how_far_the_parts_are_off(
     assert any("do not add up" in line for line in problems) == (error_ms > CLOSURE_LIMIT_MS)
 
 
+def test_one_update_has_no_spread(tmp_path: Path) -> None:
+    run = RawRun(duration_s=1.5)  # three keyframes, one update
+    (table,) = update_round_tables(
+        load(write_experiment(tmp_path, [(spec_of("edgeslam", "static", "none", 0), run)]))
+    )
+    row = dict(zip(table.headings, table.rows[0], strict=True))
+    assert row["updates"] == "1"
+    assert row["T_MU"] == "30.0 ± -"
+
+
 def test_report_has_one_row_per_cell_that_tells_its_rounds(tmp_path: Path) -> None:
     experiment = quickstart_like(tmp_path, repetitions=2)
     (table,) = update_round_tables(load(experiment))
     assert [row[0] for row in table.rows] == ["edgeslam:static"] * 2  # not the one without edge
     row = dict(zip(table.headings, table.rows[0], strict=True))
     assert row["T_MU"] == "30.0 ± 0.0"
-    assert int(row["updates"]) > 0
+    assert int(row["updates"]) > 1
+    assert table.caption.startswith("Parts of a map update round")
     assert "T_Total" in (write_report(experiment, figures=False).markdown).read_text()

@@ -15,6 +15,7 @@ from slambed.report.load import Results, load
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.published import comparisons_for
 from slambed.report.rounds import update_round_tables
+from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
 from slambed.report.tables import (
     Table,
     cell_tables,
@@ -100,6 +101,7 @@ def write_tables(tables: list[Table], folder: Path) -> None:
 
 def _markdown(results: Results, content: PageContent) -> str:
     lines = [f"# {results.title}", "", headline(results, content.cells), ""]
+    lines += [text for line in setup_lines(results) for text in (line, "")]
     lines += ["The same with all details: [report/index.html](report/index.html).", ""]
     if results.problems:
         lines += ["## Warnings", "", *(f"- {line}" for line in results.problems), ""]
@@ -117,6 +119,8 @@ def _markdown(results: Results, content: PageContent) -> str:
         if heading == "Tables":
             notes = [f"- {cell.name}: {note}" for cell in content.cells for note in cell.notes]
             lines += [*notes, ""] if notes else []
+        if heading == "Link and limits" and shown and is_virtual(results.runs):
+            lines += [NO_LIMITS, ""]
     if content.figures:
         lines += ["## Figures", ""]
     for figure in content.figures:

@@ -14,6 +14,7 @@ from slambed.report.catalog import metric
 from slambed.report.cells import Cell, number
 from slambed.report.load import Results
 from slambed.report.page import STYLE, TEMPLATE
+from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
 from slambed.report.style import SavedFigure
 from slambed.report.tables import Table
 from slambed.report.timeline import timeline_svg
@@ -62,6 +63,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         notes=results.spec.get("notes") or "",
         sections=sections,
         tiles=_tiles(results, content.cells),
+        setup=setup_lines(results),
         hint=_hint(content.cells),
         problems=results.problems,
         tables=content.tables,
@@ -72,6 +74,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         left_out=content.left_out,
         link=content.link,
         limits=content.limits,
+        no_limits=NO_LIMITS if is_virtual(results.runs) else "No limits were recorded.",
         runs=runs,
         runs_left_out=len(results.runs) - len(runs),
         facts=[

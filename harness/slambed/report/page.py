@@ -76,6 +76,7 @@ TEMPLATE = """<!doctype html>
 <div class="tiles">{% for value, text, mood in tiles %}
 <div class="tile"><b class="{{ mood }}">{{ value }}</b><span>{{ text }}</span></div>{% endfor %}
 </div>
+{% for line in setup %}<p>{{ line }}</p>{% endfor %}
 <p>{{ hint }}</p>
 {% if problems %}<div class="warn" id="warnings"><b>Warnings</b>
 <ul>{% for line in problems %}<li>{{ line }}</li>{% endfor %}</ul></div>{% endif %}
@@ -102,7 +103,7 @@ TEMPLATE = """<!doctype html>
 <section id="validity"><h2>Validity of link and limits</h2>
 {% if link.rows %}{{ grid(link) }}{% else %}<p class="soft">No run had a link.</p>{% endif %}
 {% if limits.rows %}{{ grid(limits) }}{% else %}
-<p class="soft">No limits were recorded.</p>{% endif %}
+<p class="soft">{{ no_limits }}</p>{% endif %}
 </section>
 <section id="runs"><h2>Runs</h2>
 {% if runs_left_out %}<p class="soft">{{ runs_left_out }} more runs are in

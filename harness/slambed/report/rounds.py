@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""DynNetSLAM's Table 1 of our own runs: the parts of a map update round."""
+"""The parts of a map update round in our own runs, as DynNetSLAM's Table 1 has them."""
 
 import numpy as np
 
@@ -37,9 +37,9 @@ def update_round_tables(results: Results) -> list[Table]:
             ]
         )  # fmt: skip
     caption = (
-        "Table 1: parts of a map update round in ms, mean +/- standard deviation over the "
-        "accepted updates. T_Wait is the pacing of updates, which the paper's T_Total (here "
-        "T_Computed) does not contain; gap: keyframes that the local map loses by an update"
+        "Parts of a map update round in ms, mean ± standard deviation over the accepted updates "
+        "(- for the deviation of one). T_Wait is the pacing of updates, T_Computed is T_Total "
+        "without it; gap: keyframes that the local map loses by an update"
         + (f"; {datasets[0]}" if one else "")
     )
     headings = [
@@ -50,4 +50,5 @@ def update_round_tables(results: Results) -> list[Table]:
 
 
 def _spread(values: list[float]) -> str:
-    return f"{np.mean(values):.1f} ± {np.std(values):.1f}"
+    deviation = f"{np.std(values):.1f}" if len(values) > 1 else "-"
+    return f"{np.mean(values):.1f} ± {deviation}"

@@ -13,6 +13,7 @@ from slambed.metrics.statistics import Interval
 from slambed.report.catalog import Metric
 from slambed.report.cells import Cell, Difference
 from slambed.report.load import Results
+from slambed.spec.device import VIRTUAL
 
 LATEX_SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
@@ -148,7 +149,9 @@ def link_table(results: Results) -> Table:
     rows: list[list[str]] = []
     runs = results.runs[results.runs["link_backend"].notna()]
     for cell, part in runs.groupby("cell", sort=False):
-        good = int(part["rtt_error_ms_median"].notna().sum())
+        real = part[part["link_backend"] != VIRTUAL]
+        good = int(real["rtt_error_ms_median"].notna().sum())
+        proven = f"{good}/{len(real)}" if len(real) else "modelled"
         numbers = [
             _range(part[key].dropna().tolist())
             for key in (
@@ -157,7 +160,7 @@ def link_table(results: Results) -> Table:
             )
         ]  # fmt: skip
         backends = ", ".join(sorted(set(part["link_backend"])))
-        rows.append([str(cell), backends, f"{good}/{len(part)}", *numbers])
+        rows.append([str(cell), backends, proven, *numbers])
     headings = [
         "cell", "backend", "runs proven", "RTT asked, mean [ms]", "RTT measured, mean [ms]",
         "error, median [ms]", "error, p99 [ms]",

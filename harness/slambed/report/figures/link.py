@@ -7,6 +7,7 @@ from slambed.metrics.network import series
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results
 from slambed.report.style import FigureWriter, figure, file_name
+from slambed.spec.device import VIRTUAL
 
 PROBE, ASKED, APPLIED = "#0072B2", "#000000", "#E69F00"
 
@@ -25,8 +26,9 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
         return
     with figure(height_in=3.2) as (made, axes):
         axis = axes[0]
-        axis.plot(probe["t_s"], probe["value"], ".", color=PROBE, markersize=3, zorder=3,
-                  label="measured")  # fmt: skip
+        if len(probe):
+            axis.plot(probe["t_s"], probe["value"], ".", color=PROBE, markersize=3, zorder=3,
+                      label="measured")  # fmt: skip
         if len(applied):
             axis.step(
                 applied["t_s"], applied["value"], where="post", color=APPLIED,
@@ -42,13 +44,14 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
         axis.legend(loc="best")
         row = runs[runs["run_key"] == key].iloc[0]
         error = row["rtt_error_ms_median"]
-        proof = f" Median error {error:.2f} ms." if error is not None and error == error else ""
+        proof = "."
+        if error is not None and error == error:
+            proof = f", the one with the median error. Median error {error:.2f} ms."
         writer.save(
             made,
             file_name("rtt", condition.dataset, condition.profile),
             f"Round-trip time: {condition.title}",
-            f"Asked by the profile, applied by the link, measured by echoes; run {key}, "
-            f"{row['label']}, the one with the median error.{proof}",
+            f"{_source(row, probe)}; run {key}, {row['label']}{proof}",
             pd.concat(
                 [
                     asked.assign(series="asked_rtt_ms"),
@@ -58,6 +61,15 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
                 ignore_index=True,
             ),
         )
+
+
+def _source(row: pd.Series, probe: pd.DataFrame) -> str:
+    """Where the curves come from; only a link of real packets can be measured."""
+    if row["link_backend"] == VIRTUAL:
+        return "Asked by the profile and applied by the modelled link, which needs no measurement"
+    if probe.empty:
+        return "Asked by the profile, applied by the link, not measured"
+    return "Asked by the profile, applied by the link, measured by echoes"
 
 
 def _both_ways(link: pd.DataFrame) -> pd.DataFrame:
