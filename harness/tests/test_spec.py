@@ -86,6 +86,30 @@ def test_a_mistake_is_one_line_with_its_place(
         assert part in text
 
 
+@pytest.mark.parametrize(
+    ("mobile", "parts"),
+    [
+        ("{device: small, name: x, speed: -2}", ["'devices.mobile.speed'", "greater than 0", "-2"]),
+        ("{device: small, name: x, cores: 0}", ["'devices.mobile.cores'", "equal to 1", "is 0"]),
+        ("{device: small, name: x y}", ["'devices.mobile.name'", "'x y'"]),
+        ("{device: small, speed: 2}", ["key 'devices.mobile.name' is missing"]),
+        ("{device: small, name: x, sped: 2}", ["unknown key 'sped'", "did you mean 'speed'?"]),
+        ("{device: small, name: big, speed: 2}", ["there is a device big already"]),
+        ("5", ["'devices.mobile': input should be a valid string (it is 5)"]),
+    ],
+)
+def test_a_mistake_in_a_changed_device_is_told_as_one(
+    tmp_path: Path, mobile: str, parts: list[str]
+) -> None:
+    text = complaint(tmp_path, "mobile: small", f"mobile: {mobile}")
+    for part in [*parts, "tiny.yaml line 13"]:
+        assert part in text
+    own = f"{{system: solo, devices: {{mobile: {mobile}}}}}"
+    text = complaint(tmp_path, "{system: solo}", own)
+    for part in [*(p.replace("'devices", "'systems.0.devices") for p in parts), "line 4"]:
+        assert part in text
+
+
 def test_a_system_with_an_edge_needs_a_link(tmp_path: Path) -> None:
     text = complaint(tmp_path, "link:\n  backend: relay\n  profiles: [none, ramp]\n", "")
     assert "system pair has an edge but there is no link" in text

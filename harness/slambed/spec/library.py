@@ -40,8 +40,12 @@ class Library:
     def device(self, name: str) -> Device:
         """A device of devices/*.yaml."""
         path = self.root / "devices" / f"{name}.yaml"
-        self._must_exist(path, "device", name, _stems(self.root / "devices"))
+        self._must_exist(path, "device", name, self.devices())
         return self._named(Device, path)
+
+    def devices(self) -> list[str]:
+        """Names of all devices."""
+        return _stems(self.root / "devices")
 
     def system(self, name: str) -> System:
         """A system of systems/*/system.yaml."""

@@ -222,6 +222,8 @@ def _device(
     try:
         if not isinstance(asked, DeviceChange):
             device = library.device(asked)
+        elif asked.name in library.devices():
+            raise SlambedError(f"there is a device {asked.name} already, name the changed one anew")
         elif engine not in (VIRTUAL, ""):
             raise SlambedError(f"a changed device needs engine virtual, not {engine}")
         else:

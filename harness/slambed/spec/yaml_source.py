@@ -98,14 +98,19 @@ def parse(model: type[Model], source: YamlSource) -> Model:
     try:
         return model.model_validate(source.data)
     except ValidationError as error:
-        # An unknown key explains a "missing" one next to it, so it is told first.
-        first = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
-        raise _explain(model, source, first) from None
+        raise _explain(model, source, min(error.errors(), key=_order)) from None
+
+
+def _order(item: Any) -> tuple[bool, bool]:
+    """An unknown key explains a "missing" one next to it, so it is told first. Who writes a mapping
+    where a name would do as well has a mistake in the mapping."""
+    no_name = isinstance(item["input"], dict) and str(item["type"]).endswith("_type")
+    return item["type"] != "extra_forbidden", no_name
 
 
 def _explain(model: type[BaseModel], source: YamlSource, item: Any) -> SlambedError:
     # Union branches add their own name to the location; they are not in the file.
-    location = _written(source, tuple(item["loc"]))
+    location = _written(source, tuple(item["loc"]), missing=item["type"] == "missing")
     name = ".".join(str(part) for part in location)
     if item["type"] == "extra_forbidden":
         key = str(location[-1])
@@ -117,15 +122,16 @@ def _explain(model: type[BaseModel], source: YamlSource, item: Any) -> SlambedEr
     shown = item["input"]
     if isinstance(shown, str | int | float) and not isinstance(shown, bool):
         message += f" (it is {shown!r})"
-    what = f"'{name}': {message}" if name else message
-    return source.complaint(what[:1].lower() + what[1:], location)
+    message = message[:1].lower() + message[1:]
+    return source.complaint(f"'{name}': {message}" if name else message, location)
 
 
-def _written(source: YamlSource, location: Location) -> Location:
+def _written(source: YamlSource, location: Location, missing: bool) -> Location:
+    """The part of `location` that is in the file, and the key that is missing there."""
     kept: Location = ()
     for index, part in enumerate(location):
         last = index == len(location) - 1
-        if (*kept, part) in source.lines or (last and isinstance(part, str)):
+        if (*kept, part) in source.lines or (last and missing):
             kept = (*kept, part)
     return kept
 
