@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """`faults:` of an experiment: what is read, when it happens, what is told of it."""
 
+import re
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from harness_parts import EXPERIMENT, run_spec
-from test_spec import HOST, complaint, matrix, named
+from test_spec import HOST, complaint, complaint_of, matrix, named
 
 from slambed.campaign.links import backend_for, read_profile
 from slambed.engines.faults import FaultDriver, steps, write_planned
@@ -87,20 +88,45 @@ def test_a_system_may_have_its_own_faults(tmp_path: Path) -> None:
         "    variant: better\n", "    variant: better\n    faults: []\n"
     )
     assert all(spec.faults == [] for spec in matrix(tmp_path, text))
-    own = "    variant: better\n    faults: [{at_s: 5, link: cut, for_s: 2}]\n"
+    own = "    variant: better\n    faults: [{at_s: 1, link: cut, for_s: 2}]\n"
     text = EXPERIMENT.replace("    variant: better\n", own)
     (spec, *_) = [s for s in matrix(tmp_path, text) if s.system == "pair"]
     assert spec.link is not None and spec.link.content["gap_mode"] == "drop"
-    assert spec.link.content["gaps"] == [{"start_s": 5.0, "length_s": 2.0}]
+    assert spec.link.content["gaps"] == [{"start_s": 1.0, "length_s": 2.0}]
     line = complaint(
         tmp_path, "- {system: solo}", "- {system: solo, faults: [{at_s: 1, edge: kill}]}"
     )
     assert "solo has no edge that could fail" in line and "line 4" in line
 
 
+def test_a_fault_after_the_end_of_playback_is_refused(tmp_path: Path) -> None:
+    late = "[{at_s: 1, edge: kill}, {at_s: 2, edge: restart}]"
+    line = complaint(tmp_path, "seed: 7", f"seed: 7\nfaults: {late}")
+    assert "restart at 2 s: playback is over at 2 s" in line and "line 16" in line
+    own = f"    variant: better\n    faults: {late}\n"
+    assert "line 7" in complaint(tmp_path, "    variant: better\n", own)
+    text = with_faults(late)
+    later = text.replace("end_s: 2", "start_s: 0.5, end_s: 2")
+    assert "over at 1.5 s" in complaint_of(tmp_path, later)
+    # Where frames wait for tracking, a run may last longer than its sequence.
+    assert matrix(tmp_path, text.replace("mode: realtime", "mode: every_frame"))
+    open_end = text.replace(", end_s: 2", "")
+    assert matrix(tmp_path, open_end)
+    short, long = (replace(HOST, played_s={"room": seconds}) for seconds in (1.9, 2.1))
+    assert "over at 1.9 s" in complaint_of(tmp_path, open_end, short)
+    assert matrix(tmp_path, open_end, host=long)
+
+
+def test_faults_need_an_edge(tmp_path: Path) -> None:
+    text = with_faults("[{at_s: 1, link: cut, for_s: 1}]")
+    alone = re.sub(r"  - system: pair\n(    .*\n)+", "", text)
+    line = complaint_of(tmp_path, alone)
+    assert "there are faults but no system has an edge" in line and "line 13" in line
+
+
 def test_the_virtual_engine_refuses_to_kill(tmp_path: Path) -> None:
     library = Library(tmp_path)
-    matrix(tmp_path, with_faults("[{at_s: 1, link: cut, for_s: 1}, {at_s: 2, edge: kill}]"))
+    matrix(tmp_path, with_faults("[{at_s: 0, link: cut, for_s: 1}, {at_s: 1, edge: kill}]"))
     experiment, source = library.experiment("tiny")
     host = Circumstances("virtual", HOST.link_backends, HOST.software, HOST.datasets)
     profiles = read_profiles(experiment, source, named)

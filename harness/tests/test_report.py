@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from slambed.errors import SlambedError
 from slambed.metrics.run import SUMMARY_KEYS
 from slambed.report import cli, plots
+from slambed.report.catalog import BOXED, FIGURES
 from slambed.report.cells import cells_of, differences, metrics_to_show
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
@@ -284,6 +285,16 @@ def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
         assert "Virtual runs have no limits" in text
     figure = (experiment / "report" / "rtt_room_walk_ramp_85.svg").read_text()
     assert "<!-- applied, both ways -->" in figure and "<!-- measured -->" not in figure
+
+
+def test_the_plots_that_are_asked_for_come_first(experiment: Path) -> None:
+    content = {"experiment": {"title": "T", "report": {"plots": ["trajectory", "keyframes"]}}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    results = load(experiment)
+    jobs = [name for name, _ in plots.jobs_of(results, [], plots.FigureWriter(experiment, "", []))]
+    conditions = jobs.count("trajectory")
+    assert conditions and jobs[: conditions + 1] == ["trajectory"] * conditions + ["keyframes"]
+    assert {*jobs} <= {*FIGURES, *BOXED, "keyframes"}
 
 
 def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from harness_parts import EXPERIMENT, run_spec, write_library
 from slambed.campaign.campaign import check
 from slambed.errors import SlambedError
 from slambed.native import repository_root
+from slambed.report.asked import check_asked
 from slambed.spec.library import Library
 from slambed.spec.matrix import (
     Circumstances,
@@ -34,21 +35,27 @@ def named(item: str | float | dict[str, Any], where: str) -> Profile:
     return Profile(str(item), {"name": str(item)})
 
 
-def matrix(root: Path, text: str = EXPERIMENT, runs: int = 2) -> list[RunSpec]:
+def matrix(
+    root: Path, text: str = EXPERIMENT, runs: int = 2, host: Circumstances = HOST
+) -> list[RunSpec]:
     write_library(root, text)
     library = Library(root)
     experiment, source = library.experiment("tiny")
     profiles = read_profiles(experiment, source, named)
-    return expand(experiment, source, library, profiles, HOST, runs)
+    return expand(experiment, source, library, profiles, host, runs)
 
 
 def complaint(root: Path, old: str, new: str) -> str:
     assert old in EXPERIMENT
+    return complaint_of(root, EXPERIMENT.replace(old, new))
+
+
+def complaint_of(root: Path, text: str, host: Circumstances = HOST) -> str:
     with pytest.raises(SlambedError) as caught:
-        matrix(root, EXPERIMENT.replace(old, new))
-    text = str(caught.value)
-    assert "\n" not in text
-    return text
+        matrix(root, text, host=host)
+    line = str(caught.value)
+    assert "\n" not in line
+    return line
 
 
 @pytest.mark.parametrize(
@@ -226,12 +233,34 @@ def test_source_hash_follows_sources_but_not_tests(tmp_path: Path) -> None:
     assert source_hash(tmp_path) != first
 
 
+@pytest.mark.parametrize(
+    ("asked", "parts"),
+    [
+        ("report: {metrics: [lost, ate_rmse]}", ["metric 'ate_rmse'", "'ate_rmse_m'"]),
+        ("report: {metrics: [outcome]}", ["metric 'outcome'", "known: "]),
+        ("report: {plots: [trajectories]}", ["plot 'trajectories'", "'trajectory'"]),
+        ("reproduces: [nopaper.T9]", ["published number 'nopaper.T9'"]),
+        ("reproduces: [dynnet.T1, dynnet.T66]", ["published number 'dynnet.T66'", "'dynnet.T"]),
+    ],
+)
+def test_what_a_report_cannot_show_is_refused_before_anything_runs(
+    tmp_path: Path, asked: str, parts: list[str]
+) -> None:
+    write_library(tmp_path, EXPERIMENT.replace("seed: 7", f"seed: 7\n{asked}"))
+    library = Library(tmp_path)
+    with pytest.raises(SlambedError) as caught:
+        check(*library.experiment("tiny"), library)
+    for part in [*parts, "unknown ", "tiny.yaml line 16"]:
+        assert part in str(caught.value)
+
+
 LIBRARY = Library()
 
 
 @pytest.mark.parametrize("name", LIBRARY.experiments())
 def test_every_experiment_of_the_checkout_reads(name: str) -> None:
-    experiment, _ = LIBRARY.experiment(name)
+    experiment, source = LIBRARY.experiment(name)
+    check_asked(experiment, source)
     LIBRARY.device(experiment.devices.mobile)
     LIBRARY.device(experiment.devices.edge)
 

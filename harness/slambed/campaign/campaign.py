@@ -35,6 +35,7 @@ from slambed.errors import MissingDataError, SlambedError, environment_error
 from slambed.metrics.collect import keep_groundtruth
 from slambed.native import find_program
 from slambed.outputs import make_folder
+from slambed.report.asked import check_asked
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
@@ -238,6 +239,7 @@ def check(
     experiment: Experiment, source: YamlSource, library: Library, engine: str = ""
 ) -> list[Profile]:
     """Finds what is wrong with an experiment without preparing or starting anything."""
+    check_asked(experiment, source)
     profiles = read_profiles(experiment, source, read_profile)
     # Not prepared yet: its name stands for its content.
     nowhere = {name: (name, name) for name in experiment.datasets}
@@ -285,11 +287,12 @@ def make_plan(
     """Prepares the datasets and expands the matrix."""
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
+    played_s: dict[str, float] = {}
     left_out: list[str] = []
     for index, name in enumerate(experiment.datasets):
         try:
             sequence = prepare_sequence(name)
-            sequence.played_s(experiment.playback)
+            played_s[name] = sequence.played_s(experiment.playback)
         except SlambedError as error:
             if isinstance(error, MissingDataError) and experiment.missing_datasets == "skip":
                 left_out.append(str(error))
@@ -307,7 +310,7 @@ def make_plan(
         if engine != VIRTUAL:
             cut = has_cuts(experiment)
             backends = {p.name: backend_for(asked, p, cut) for p in profiles}
-    circumstances = Circumstances(engine, backends, software, names)
+    circumstances = Circumstances(engine, backends, software, names, played_s)
     specs = expand(experiment, source, library, profiles, circumstances, count)
     return Plan(experiment, specs, sequences, circumstances, left_out)
 

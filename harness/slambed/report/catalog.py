@@ -106,6 +106,17 @@ MAIN = (
 )  # fmt: skip
 """Shown for every experiment, after what the experiment asks for."""
 
+BOXED = (
+    "lost", "ate_rmse_m", "rpe_trans_m", "coverage", "track_ms_median", "mobile_cpu_percent_mean",
+    "mobile_mem_mb_peak", "update_delay_ms_median", "local_mapping_ms_mean",
+)  # fmt: skip
+"""Metrics that have a figure of their own, after those that the experiment asks for."""
+
+FIGURES = (
+    "losses", "trajectory", "rtt", "cpu", "memory", "stages", "losses_by_profile", "tradeoff",
+)  # fmt: skip
+"""Kinds of figures beside those of a metric."""
+
 COMPARED = (
     "lost", "coverage", "ate_rmse_m", "rpe_trans_m", "track_ms_median",
     "mobile_cpu_percent_mean", "mobile_mem_mb_peak", "update_delay_ms_median",

@@ -21,16 +21,9 @@ def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]
         except (OSError, yaml.YAMLError) as error:
             raise SlambedError(f"cannot read an experiment, {path}, {error}") from error
         wanted = set(content.get("reproduces") or []) if isinstance(content, dict) else set()
-        if any(wanted & _ids(paper) or path.stem in paper.setups for paper in papers):
+        if any(wanted & paper.names() or path.stem in paper.setups for paper in papers):
             found.append(path.stem)
     if not found:
         names = ", ".join(paper.id for paper in papers)
         raise SlambedError(f"no experiment in {folder} reproduces anything of {names}")
     return found
-
-
-def _ids(paper: Paper) -> set[str]:
-    """The paper itself, its tables, figures and claims."""
-    tables = {table.id for table in paper.tables}
-    figures = {figure.id for figure in paper.figures}
-    return {paper.id} | tables | figures | {claim.id for claim in paper.claims}

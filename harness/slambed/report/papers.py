@@ -173,6 +173,12 @@ class Paper(BaseModel):
     claims: list[Claim] = []
     setups: dict[str, PeerSetup] = Field(default={})
 
+    def names(self) -> set[str]:
+        """What an experiment may say it reproduces: the paper, its tables, figures and claims."""
+        tables = {table.id for table in self.tables}
+        figures = {figure.id for figure in self.figures}
+        return {self.id} | tables | figures | {claim.id for claim in self.claims}
+
     def sources(self, names: set[str]) -> set[str]:
         """Tables and claims among `names`; a figure stands for the claims stated with it, the
         paper's own id for everything in it."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from slambed.report.catalog import metric
+from slambed.report.catalog import BOXED, metric
 from slambed.report.cells import Cell
 from slambed.report.conditions import conditions_of
 from slambed.report.figures.boxes import draw_metric
@@ -17,18 +17,13 @@ from slambed.report.figures.paths import draw_paths
 from slambed.report.figures.resources import CPU, MEMORY, draw_over_time
 from slambed.report.figures.stages import draw_stages
 from slambed.report.figures.tradeoff import PAIRS, draw_tradeoff
-from slambed.report.load import Results
+from slambed.report.load import TEXT_KEYS, Results
 from slambed.report.style import FigureWriter, SavedFigure
 
 TIME_FOR_FIGURES_S = 25.0
 """A report of any size must be there within a minute; `slambed plots --all` has no limit."""
 CELLS_WITHOUT_LIMIT = 16
 """So few cells always get all their figures, however busy the machine is."""
-
-BOXED = (
-    "lost", "ate_rmse_m", "rpe_trans_m", "coverage", "track_ms_median", "mobile_cpu_percent_mean",
-    "mobile_mem_mb_peak", "update_delay_ms_median", "local_mapping_ms_mean",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -51,7 +46,7 @@ def draw_all(
     begin = time.monotonic()
     limited = limit_s is not None and len(cells) > CELLS_WITHOUT_LIMIT
     left_out = 0
-    for name, draw in _jobs(results, cells, writer):
+    for name, draw in jobs_of(results, cells, writer):
         if limited and time.monotonic() - begin > (limit_s or 0):
             left_out += 1
             continue
@@ -63,12 +58,29 @@ def draw_all(
     return Drawn(writer.saved, left_out)
 
 
-def _jobs(
+def plots_asked(results: Results) -> list[str]:
+    """What the experiment wants to see first: metrics and kinds of figures."""
+    report = results.spec.get("report")
+    asked = report.get("plots") if isinstance(report, dict) else None
+    return [name for name in asked if isinstance(name, str)] if isinstance(asked, list) else []
+
+
+def jobs_of(
     results: Results, cells: list[Cell], writer: FigureWriter
+) -> list[tuple[str, Callable[[], object]]]:
+    """Every figure with its kind, what the experiment asks for first."""
+    asked = plots_asked(results)
+    found = _jobs(results, cells, asked, writer)
+    return sorted(found, key=lambda job: asked.index(job[0]) if job[0] in asked else len(asked))
+
+
+def _jobs(
+    results: Results, cells: list[Cell], asked: list[str], writer: FigureWriter
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     """Most telling first: what comes last is what a large campaign goes without."""
     conditions = conditions_of(results)
-    for key in BOXED:
+    numbers = [key for key in asked if key in results.runs and key not in TEXT_KEYS]
+    for key in dict.fromkeys([*numbers, *BOXED]):
         yield key, partial(draw_metric, results, cells, metric(key), writer)
     for condition in conditions:
         yield "losses", partial(draw_losses, results, condition, writer)
@@ -80,9 +92,9 @@ def _jobs(
     for (label, dataset), runs in results.valid.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
             yield (
-                "losses by profile",
+                "losses_by_profile",
                 partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer),
             )
     for dataset in dict.fromkeys(cell.dataset for cell in cells):
         for x, y in PAIRS:
-            yield "trade-off", partial(draw_tradeoff, cells, dataset, x, y, writer)
+            yield "tradeoff", partial(draw_tradeoff, cells, dataset, x, y, writer)

@@ -3,8 +3,9 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -104,7 +105,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What an experiment file leaves open and the host decides: each becomes part of the key."""
+    """What an experiment file leaves open and the host decides: what a run means is in the key."""
 
     engine: str
     link_backends: Mapping[str, str]
@@ -112,6 +113,8 @@ class Circumstances:
     software: str
     datasets: Mapping[str, tuple[str, str]]
     """Name in the experiment -> (id of the dataset found, checksum of its prepared sequence)."""
+    played_s: Mapping[str, float] = field(default_factory=dict)
+    """Name of a dataset -> how long it plays, once that is known; in no key."""
 
 
 ProfileReader = Callable[[str | float | dict[str, Any], str], Profile]
@@ -162,7 +165,7 @@ def expand(
             raise source.complaint(str(error), place) from None
         if system.has_edge and experiment.link is None:
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
-        faults = _faults(experiment, choice, system, source, place, host.engine)
+        faults = _faults(experiment, choice, system, source, place, host)
         label = choice.label or _label(system, variant)
         of_role = partial(_device, experiment, index, source, library, host.engine)
         mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
@@ -201,6 +204,8 @@ def expand(
                             tolerances=experiment.tolerances,
                         )
                     )
+    if experiment.faults and not needs_link(experiment, library):
+        raise source.complaint("there are faults but no system has an edge", ("faults",))
     _refuse_twins(specs, source)
     return specs
 
@@ -282,7 +287,7 @@ def _faults(
     system: System,
     source: YamlSource,
     place: Location,
-    engine: str,
+    host: Circumstances,
 ) -> list[Fault]:
     """Of the system where it has its own, else of the experiment; none without an edge."""
     own = choice.faults is not None
@@ -292,12 +297,24 @@ def _faults(
         if own and faults:
             raise source.complaint(f"system {system.name} has no edge that could fail", at)
         return []
+    end_s = _playback_end_s(experiment.playback, host)
     for index, fault in enumerate(faults):
-        if engine == VIRTUAL and fault.edge in ("kill", "restart"):
+        if host.engine == VIRTUAL and fault.edge in ("kill", "restart"):
             raise source.complaint(
                 f"engine virtual cannot {fault.edge} a node", (*at, index), "use docker or local"
             )
+        if fault.at_s >= end_s:
+            line = f"{fault.kind} at {fault.at_s:g} s: playback is over at {end_s:g} s"
+            raise source.complaint(line, (*at, index))
     return faults
+
+
+def _playback_end_s(playback: Playback, host: Circumstances) -> float:
+    """Run time at which the shortest playback is over, as far as that is known already."""
+    if playback.mode != "realtime":
+        return math.inf  # a frame may take as long as it wants
+    asked = [] if playback.end_s is None else [playback.end_s - playback.start_s]
+    return min([*asked, *host.played_s.values()], default=math.inf)
 
 
 def has_cuts(experiment: Experiment) -> bool:
