@@ -92,6 +92,14 @@ TEST(VirtualNetwork, TheWindowStaysOpenWhileBusyAndClosesWhenIdle) {
   EXPECT_EQ(received[2], 5s + 50ms);  // idle: slow start again
 }
 
+TEST(VirtualNetwork, AShortIdleTimeHalvesTheWindow) {
+  Nodes nodes(constant(10), constant(10));
+  const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
+  // The first message opens the window to 80 segments. It lasts longer than one time-out and
+  // shorter than two until the second: 40 leave at once, the other 30 a round trip later.
+  EXPECT_EQ(deliver(nodes, bytes, {0ms, 400ms})[1], 400ms + 10ms + 20ms);
+}
+
 TEST(VirtualNetwork, TheRateSerialisesAllChannelsTogether) {
   Nodes nodes(constant(0, 8), constant(0));
   // 8 Mbit/s are 1 byte per microsecond: one message of 1,000 bytes and 96 of headers.

@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kInitialWindow = 10.0 * TcpFlow::kSegmentBytes;
 constexpr int kDuplicatesForLoss = 3;
-constexpr Duration kMinTimeout = std::chrono::milliseconds(200);  // Linux; RFC 6298 says 1 s
+// Linux bounds the part for the variation, RFC 6298 the whole (1 s).
+constexpr Duration kLeastVariation = std::chrono::milliseconds(200);
 constexpr Duration kMaxTimeout = std::chrono::seconds(120);
 
 }  // namespace
@@ -24,10 +25,17 @@ TcpFlow::TcpFlow(Simulator& simulator, PathModel& data_path, PathModel& ack_path
       on_acknowledged_(std::move(on_acknowledged)) {}
 
 void TcpFlow::write(std::uint64_t bytes) {
-  const bool idle = next_ == acknowledged_ && simulator_.now() - last_sent_ > timeout();
-  if (idle) window_ = std::min(window_, kInitialWindow);
+  if (next_ == acknowledged_) close_window_after(simulator_.now() - last_sent_);
   written_ += bytes;
   pump();
+}
+
+void TcpFlow::close_window_after(Duration idle) {
+  if (idle <= timeout()) return;
+  slow_start_limit_ = std::max(slow_start_limit_, 0.75 * window_);
+  for (idle -= timeout(); idle > Duration(0) && window_ > kInitialWindow; idle -= timeout()) {
+    window_ = std::max(window_ / 2, kInitialWindow);
+  }
 }
 
 void TcpFlow::pump() {
@@ -121,7 +129,7 @@ void TcpFlow::sample(Duration rtt) {
 }
 
 Duration TcpFlow::timeout() const {
-  const Duration base = std::max(kMinTimeout, srtt_ + 4 * rtt_variation_);
+  const Duration base = srtt_ + std::max(kLeastVariation, 4 * rtt_variation_);
   return std::min(kMaxTimeout, base * (1 << std::min(backoff_, 10)));
 }
 

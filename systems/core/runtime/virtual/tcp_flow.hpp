@@ -12,10 +12,11 @@
 
 namespace slambed {
 
-/// One direction of a TCP connection, segment by segment: ACK clocking, slow start (again after an
-/// idle time, RFC 5681 4.1), congestion avoidance, fast retransmit with NewReno recovery (RFC
-/// 6582), time-outs and the smoothed RTT of RFC 6298, sampled with time stamps (RFC 7323) and per
-/// ACK. Every segment is acknowledged at once, as the nodes ask for with TCP_QUICKACK.
+/// One direction of a TCP connection, segment by segment: ACK clocking, slow start, a window that an
+/// idle time halves once per time-out down to the initial one (RFC 2861, as Linux does it),
+/// congestion avoidance, fast retransmit with NewReno recovery (RFC 6582), time-outs and the smoothed
+/// RTT of RFC 6298, sampled with time stamps (RFC 7323) and per ACK. Every segment is acknowledged at
+/// once, as the nodes ask for with TCP_QUICKACK.
 class TcpFlow {
  public:
   static constexpr std::uint32_t kSegmentBytes = 1448;  ///< 1500-byte packets with time stamps
@@ -36,6 +37,7 @@ class TcpFlow {
   std::uint64_t retransmissions() const { return retransmissions_; }
 
  private:
+  void close_window_after(Duration idle);
   void pump();
   void send_segment(std::uint64_t from);
   void arrive(std::uint64_t from, std::uint64_t to, RunTime stamp);
