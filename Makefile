@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# `make` alone lists what there is. Live runs need root or the group docker: they are started through sudo where neither is there.
+# `make` alone lists what there is. Live runs need root or the group docker: they are started through sudo where neither is there. Virtual runs (ENGINE=virtual) need neither.
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
@@ -18,16 +18,17 @@ VENV := .venv/bin
 SLAMBED := $(VENV)/slambed
 # Kept through sudo: where data and caches lie.
 UNPRIVILEGED := $(filter-out 0,$(shell id -u))
-WITHOUT_DOCKER := $(if $(filter local,$(ENGINE)),yes,$(if $(UNPRIVILEGED),$(shell docker info >/dev/null 2>&1 || echo yes)))
+VIRTUAL := $(filter virtual,$(ENGINE))
+WITHOUT_DOCKER := $(if $(filter local,$(ENGINE)),yes,$(if $(UNPRIVILEGED),$(if $(VIRTUAL),,$(shell docker info >/dev/null 2>&1 || echo yes))))
 SUDO := $(if $(UNPRIVILEGED),$(if $(WITHOUT_DOCKER),sudo --preserve-env=SLAMBED_DATA$(comma)SLAMBED_CACHE$(comma)HOME))
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
 	@echo
-	@echo "  Start with: make experiment NAME=quickstart [RUNS=1] [ENGINE=docker|local]"
+	@echo "  Start with: make experiment NAME=quickstart [RUNS=1] [ENGINE=docker|local|virtual]"
 
 packages:
-	@tools/setup.sh run
+	@tools/setup.sh run $(if $(VIRTUAL),,live)
 
 setup: packages ## Install what is missing (apt, .venv)
 	@tools/venv.sh

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# build.sh [auto|docker|local]: the C++ programs in build/bin, once per state of the sources.
-# Where a Docker daemon answers they are compiled inside the image build, else on this host.
+# build.sh [auto|docker|local|virtual]: the C++ programs in build/bin, once per state of the sources.
+# Where a Docker daemon answers they are compiled inside the image build, else (and for virtual runs) on this host.
 set -euo pipefail
 
 engine=${1:-auto}

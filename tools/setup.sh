@@ -1,11 +1,12 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# setup.sh run|build|test|bench|fuzz|image: installs the Debian/Ubuntu packages that are missing, nothing else.
+# setup.sh run|live|build|test|bench|fuzz|image: installs the Debian/Ubuntu packages that are missing, nothing else.
 set -euo pipefail
 
 packages_for() {
   case $1 in
-    run) echo python3 python3-venv iproute2 ca-certificates ;;
+    run) echo python3 python3-venv ca-certificates ;;
+    live) echo iproute2 ;;
     build) echo g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev ;;
     # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
     # the whole of it only.
@@ -13,7 +14,7 @@ packages_for() {
     bench) echo libbenchmark-dev ;;
     fuzz) echo clang "$(clang_runtime)" ;;
     image) echo debootstrap debian-archive-keyring ;;
-    *) echo "error: setup.sh $1: not one of run, build, test, bench, fuzz, image" >&2; exit 2 ;;
+    *) echo "error: setup.sh $1: not one of run, live, build, test, bench, fuzz, image" >&2; exit 2 ;;
   esac
 }
 
