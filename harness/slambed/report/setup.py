@@ -11,7 +11,7 @@ from slambed.spec.device import VIRTUAL
 ENGINES = {
     "docker": "containers under the limits of their device, in real time",
     "local": "processes under the limits of their device, in real time",
-    VIRTUAL: "simulated time: computing time and link are models, none of it was measured here",
+    VIRTUAL: "simulated time; computing time and link are models, not measurements",
 }
 NO_LIMITS = (
     "Virtual runs have no limits: the time of every stage comes from the model of its device."
