@@ -216,6 +216,22 @@ def test_a_dataset_that_is_not_here_ends_the_experiment_or_is_left_out(
         plan_with(["kiti_07", here], tmp_path, missing_datasets="skip")
 
 
+def test_a_fault_after_the_end_of_a_sequence_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    here = str(write_prepared(tmp_path / "here").path)
+    helped: dict[str, Any] = {
+        "systems": [{"system": "pair"}],
+        "devices": {"mobile": "small", "edge": "big"},
+        "link": {"backend": "relay", "profiles": [0]},
+    }
+    plan = plan_with([here], tmp_path, **helped, faults=[{"at_s": 0.2, "edge": "kill"}])
+    assert plan.specs[0].faults
+    with pytest.raises(SlambedError, match=r"kill at 0.3 s: playback is over at 0.3 s"):
+        plan_with([here], tmp_path, **helped, faults=[{"at_s": 0.3, "edge": "kill"}])
+
+
 @pytest.mark.parametrize(("asked", "count"), [(None, 2), ("default", 2), ("paper", 100), ("5", 5)])
 def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
     from harness_parts import write_library
