@@ -78,8 +78,10 @@ PairLink ramp(double peak_rtt_ms, double half_s) {
 
 std::string states(const PairResult& result) {
   std::string text;
-  for (const auto& event : result.of("state_changed"))
-    text += (text.empty() ? "" : " ") + event["to"].get<std::string>();
+  for (const auto& event : result.of("state_changed")) {
+    if (!text.empty()) text += ' ';
+    text += event["to"].get<std::string>();
+  }
   return text;
 }
 
