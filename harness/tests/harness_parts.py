@@ -4,17 +4,31 @@
 import os
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from slambed.engines.host_lock import host_lock
+from slambed.engines.reaper import reap
 from slambed.spec.device import Device, Limits
 from slambed.spec.experiment import Playback, Tolerances
 from slambed.spec.matrix import LinkSpec, RunSpec
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for namespaces and cgroups")
+
+
+@contextmanager
+def nodes_of_tests() -> Iterator[None]:
+    """For every test that starts nodes: a campaign that began meanwhile would take them for
+    leftovers and kill them, and what a killed test run left behind would be taken for ours."""
+    with host_lock("tests of nodes", wait_s=300):
+        reap()
+        yield
+
 
 STAND_IN = Path(__file__).parent / "stand_in_node.py"
 

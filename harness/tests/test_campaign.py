@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from data_samples import write_prepared
-from harness_parts import IdleLink, needs_root, run_spec, stand_in, write_library
+from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, stand_in, write_library
 
 from slambed.campaign.campaign import Plan, make_plan, repetitions
 from slambed.campaign.folder import ResultFolder
@@ -234,9 +234,6 @@ def test_a_fault_after_the_end_of_a_sequence_is_refused(
 
 @pytest.mark.parametrize(("asked", "count"), [(None, 2), ("default", 2), ("paper", 100), ("5", 5)])
 def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
-    from harness_parts import write_library
-
-    from slambed.spec.library import Library
 
     write_library(tmp_path)
     experiment, _ = Library(tmp_path).experiment("tiny")
@@ -265,7 +262,8 @@ def runner(tmp_path: Path) -> Runner:
 def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> None:
     campaign, reporter = runner(tmp_path), Quiet()
     good, bad = run_spec(), run_spec(params={"mobile_act": "die"})
-    verdict = campaign.run([good, bad], reporter)
+    with nodes_of_tests():
+        verdict = campaign.run([good, bad], reporter)
     assert (verdict.done, verdict.valid, verdict.interrupted) == (2, 1, False)
     assert "5/5 frames tracked" in reporter.verdicts[0]
     assert "mobile_died" in reporter.verdicts[1]
@@ -284,7 +282,7 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
 @needs_root
 def test_a_refusing_node_ends_the_campaign(tmp_path: Path) -> None:
     campaign = runner(tmp_path)
-    with pytest.raises(SlambedError, match="bad parameter"):
+    with nodes_of_tests(), pytest.raises(SlambedError, match="bad parameter"):
         campaign.run([run_spec(params={"mobile_act": "refuse"}), run_spec()], Quiet())
     assert campaign.folder.run_keys() == []
     assert campaign.ledger.read()[-1]["event"] == "run_refused"

@@ -15,14 +15,13 @@ import docker
 import pandas as pd
 import pytest
 from docker.errors import DockerException
-from harness_parts import IdleLink, device, needs_root, run_spec
+from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec
 from link_parts import needs_relay
 
 from slambed.campaign.links import read_profile
 from slambed.campaign.remote_link import HelperLinks
 from slambed.engines.base import NodePlan
 from slambed.engines.docker import DockerEngine
-from slambed.engines.host_lock import host_lock
 from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
@@ -106,8 +105,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path, image: Any) -> Iterator[Bench]:
-    # A campaign that starts meanwhile would take our containers for leftovers.
-    with host_lock("tests of containers", wait_s=300):
+    with nodes_of_tests():
         yield Bench(tmp_path, image)
         assert CLIENT is not None
         assert CLIENT.containers.list(all=True, filters={"label": "slambed"}) == []

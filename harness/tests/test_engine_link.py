@@ -7,14 +7,13 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from harness_parts import needs_root, run_spec, stand_in
+from harness_parts import needs_root, nodes_of_tests, run_spec, stand_in
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import RunLink, backend_for, open_for_run, read_profile
 from slambed.campaign.makers import LiveMaker
 from slambed.campaign.runner import Runner
-from slambed.engines.host_lock import host_lock
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.errors import SlambedError
@@ -51,7 +50,8 @@ def test_a_run_records_what_its_link_delivered(tmp_path: Path) -> None:
     sequence.mkdir()
     engine = LocalEngine(stand_in(tmp_path))
     live = LiveRun(spec, engine, sequence, 2.0, raw, open_for_run, threading.Event())
-    result = live.execute()
+    with nodes_of_tests():
+        result = live.execute()
     assert result.outcome == "completed"
     assert result.link is not None and result.link["backend"] == "relay"
     log = pd.read_parquet(raw / "link" / "link.parquet")
@@ -97,7 +97,7 @@ def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_pa
         open_and_kill_the_first,
         {"room": (tmp_path / "sequence", 2.0)},
     )
-    with host_lock("tests of nodes", wait_s=300):
+    with nodes_of_tests():
         verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), maker).run(todo, Quiet())
     assert (verdict.done, verdict.interrupted) == (2, False)
     first, second = (folder.read(spec.run_key, "summary.json") for spec in todo)

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness_parts import IdleLink, device, needs_root, run_spec, stand_in
+from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec, stand_in
 
 from slambed.engines.base import NodePlan, allot_cpus, differences, netns, parse_cpus
 from slambed.engines.cgroups import CgroupMaker
-from slambed.engines.host_lock import host_lock
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.engines.result import InterruptedRunError, RunResult
@@ -60,8 +59,7 @@ class Bench:
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
     """Whatever a test does, no control group of a node outlives it."""
-    # A campaign that starts meanwhile would take our groups for leftovers.
-    with host_lock("tests of nodes", wait_s=300):
+    with nodes_of_tests():
         yield Bench(tmp_path)
         left = [folder for folder in CgroupMaker().leftovers() if folder.name != "slambed"]
         assert left == []
