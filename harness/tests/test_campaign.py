@@ -234,7 +234,6 @@ def test_a_fault_after_the_end_of_a_sequence_is_refused(
 
 @pytest.mark.parametrize(("asked", "count"), [(None, 2), ("default", 2), ("paper", 100), ("5", 5)])
 def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
-
     write_library(tmp_path)
     experiment, _ = Library(tmp_path).experiment("tiny")
     assert repetitions(experiment, asked) == count
