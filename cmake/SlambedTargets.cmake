@@ -21,7 +21,7 @@ foreach(sanitizer IN LISTS SLAMBED_SANITIZE)
   target_link_options(slambed_flags INTERFACE -fsanitize=${sanitizer})
 endforeach()
 if(SLAMBED_SANITIZE)
-  # A finding ends the program, so that no test passes with one.
+  # A finding of ASan or UBSan ends the program, one of TSan is its exit status: no test passes with one.
   target_compile_options(slambed_flags INTERFACE -fno-sanitize-recover=all)
 endif()
 if(SLAMBED_FUZZ)

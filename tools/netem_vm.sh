@@ -6,8 +6,8 @@
 #
 #   tools/netem_vm.sh [--out FOLDER] [command ...]     default command: the tests of netem and cgroup v2
 #
-# The command finds FOLDER, writable, as /run/out. Exit status: the command's; 3 when there can be no such machine
-# here, said in one line; 4 when it died or took longer than SLAMBED_VM_SECONDS.
+# The command finds FOLDER, writable, as /run/out. Exit status: the command's; 77 when there can be no such machine
+# here, said in one line; 78 when it lacks netem, died or took longer than SLAMBED_VM_SECONDS.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 repository=$PWD
@@ -16,7 +16,7 @@ memory=${SLAMBED_VM_MEMORY:-1024M}
 # Far more than its tests take on a machine that has time for them.
 limit_s=${SLAMBED_VM_SECONDS:-540}
 
-no_machine() { echo "no virtual machine: $1" >&2; exit 3; }
+no_machine() { echo "no virtual machine: $1" >&2; exit 77; }
 
 out=
 if [ "${1:-}" = --out ]; then out=$(mkdir -p "$2" && cd "$2" && pwd); shift 2; fi
@@ -56,7 +56,8 @@ TMPDIR=$scratch $first timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.u
 grep -q '^SLAMBED_VM_READY' "$log" || no_machine "user-mode Linux does not start here: $(tail -n 1 "$log")"
 result=$(sed -n 's/^SLAMBED_VM_RESULT \([0-9]*\).*/\1/p' "$log" | tail -1)
 if [ -z "$result" ]; then
-  echo "error: the virtual machine ended without a result (limit: $limit_s s)" >&2
-  exit 4
+  lacks=$(sed -n 's/^\(cannot load .*\)/; \1/p' "$log")
+  echo "error: the virtual machine ended without a result (limit: $limit_s s)$lacks" >&2
+  exit 78
 fi
 exit "$result"

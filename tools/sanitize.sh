@@ -12,6 +12,7 @@ case ${1:-} in
   tsan) sanitizers=thread run=(setarch "$(uname -m)" -R) ;;
   *) echo "error: sanitize.sh '${1:-}': give asan or tsan" >&2; exit 2 ;;
 esac
+limit_s=3600  # per program: a deadlock is a finding too
 build=build-$1
 shift
 cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_SANITIZE="$sanitizers" \
@@ -31,11 +32,12 @@ export TSAN_OPTIONS=second_deadlock_stack=1:log_path=$reports/tsan
 if [ $# -eq 0 ]; then
   set -- $(cd "$build/bin" && ls | grep '_test$')
 fi
+[ $# -gt 0 ] || { echo "error: no test program in $build/bin" >&2; exit 1; }
 failed=()
 for test in "$@"; do
   echo "== $test"
   SECONDS=0
-  "${run[@]}" "$build/bin/$test" --gtest_brief=1 || failed+=("$test")
+  timeout "$limit_s" "${run[@]}" "$build/bin/$test" --gtest_brief=1 || failed+=("$test")
   echo "$test: $SECONDS s"
 done
 for report in "$reports"/*; do

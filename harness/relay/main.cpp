@@ -28,7 +28,7 @@ int serve(int argc, char** argv) {
   block_stop_signals();
   Relay relay(options);
   relay.run();
-  relay.write_summary();
+  relay.finish();
   return 0;
 }
 

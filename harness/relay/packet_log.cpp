@@ -13,7 +13,7 @@ constexpr std::size_t kBatch = 256;  // records; at 20 pings a second both ways:
 
 }  // namespace
 
-PacketLog::PacketLog(const std::string& path) {
+PacketLog::PacketLog(const std::string& path) : path_(path) {
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) {
@@ -23,8 +23,20 @@ PacketLog::PacketLog(const std::string& path) {
   writer_ = std::thread([this] { write_until_closed(); });
 }
 
-PacketLog::~PacketLog() {
+PacketLog::~PacketLog() { end_writer(); }
+
+void PacketLog::close() {
   if (!file_) return;
+  end_writer();
+  if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
+  if (error_ != 0) {
+    throw environment_error(std::string("cannot write the packet log: ") + std::strerror(error_) +
+                            ", " + path_ + ", check the free space");
+  }
+}
+
+void PacketLog::end_writer() {
+  if (!writer_.joinable()) return;
   {
     const std::lock_guard lock(mutex_);
     handed_over_.insert(handed_over_.end(), filling_.begin(), filling_.end());
@@ -57,9 +69,14 @@ void PacketLog::write_until_closed() {
       open = !closed_;
     }
     if (writing.empty()) continue;  // closed; an empty vector has no data to point at
-    std::fwrite(writing.data(), sizeof(PacketRecord), writing.size(), file_.get());
+    if (error_ == 0 && !write(writing)) error_ = errno;
     writing.clear();
   }
+}
+
+bool PacketLog::write(const std::vector<PacketRecord>& records) {
+  return std::fwrite(records.data(), sizeof(PacketRecord), records.size(), file_.get()) ==
+         records.size();
 }
 
 }  // namespace slambed::relay

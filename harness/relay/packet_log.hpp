@@ -40,19 +40,27 @@ class PacketLog {
 
   void append(const PacketRecord& record);
 
+  /// Everything to the file; after it, nothing is logged any more. Throws environment_error when a
+  /// record could not be written. Calling it twice is harmless.
+  void close();
+
  private:
+  void end_writer();
   void write_until_closed();
+  bool write(const std::vector<PacketRecord>& records);
 
   struct CloseFile {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
 
+  std::string path_;
   std::unique_ptr<std::FILE, CloseFile> file_;
   std::vector<PacketRecord> filling_;  ///< only the relay's thread touches it
   std::mutex mutex_;
   std::condition_variable wake_;
   std::vector<PacketRecord> handed_over_;
   bool closed_ = false;
+  int error_ = 0;  ///< errno of the first write that failed; the writer's until it has ended
   std::thread writer_;
 };
 

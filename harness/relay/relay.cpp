@@ -206,7 +206,8 @@ void Relay::start(std::int64_t t0_ns) {
   std::cout << line.dump() << std::endl;
 }
 
-void Relay::write_summary() const {
+void Relay::finish() {
+  log_.close();
   if (options_.summary.empty()) return;
   const DeviceDrops mobile = mobile_.drops();
   const DeviceDrops edge = edge_.drops();
@@ -219,7 +220,13 @@ void Relay::write_summary() const {
                                     {"mobile_tx", mobile.tx},
                                     {"edge_rx", edge.rx},
                                     {"edge_tx", edge.tx}}}};
-  std::ofstream(options_.summary) << summary.dump(1) << '\n';
+  std::ofstream file(options_.summary);
+  file << summary.dump(1) << '\n';
+  file.close();
+  if (!file) {
+    throw environment_error("cannot write the summary: " + options_.summary +
+                            ", check the free space");
+  }
 }
 
 }  // namespace slambed::relay

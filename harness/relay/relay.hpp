@@ -21,8 +21,9 @@ class Relay {
   /// Throws Error with code kPeer when a device disappears.
   void run();
 
-  /// Writes the counters as JSON to options.summary.
-  void write_summary() const;
+  /// Closes the packet log and writes the counters as JSON to options.summary. Throws
+  /// environment_error when one of them cannot be written.
+  void finish();
 
  private:
   void announce() const;

@@ -321,6 +321,18 @@ def test_an_edge_frozen_at_the_end_may_still_end(bench: Bench) -> None:
     assert bench.read("edge/node.json")["stopped"] is False
 
 
+def test_a_frozen_edge_can_end_when_the_run_takes_too_long(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slambed.engines.live_run.DRAIN_S", 0.5)
+    result, _ = run_with(
+        bench, Fault(at_s=0.4, edge="freeze", for_s=60), params={"mobile_act": "hang"}
+    )
+    assert result.outcome == "timeout"
+    assert faults_of(bench) == [("fault_began", "freeze"), ("fault_ended", "freeze")]
+    assert (bench.folder / "raw/edge/node.json").exists()
+
+
 def test_an_edge_that_dies_after_a_restart_is_an_accident(bench: Bench) -> None:
     kill, again = Fault(at_s=0.1, edge="kill"), Fault(at_s=0.15, edge="restart")
     result, _ = run_with(bench, kill, again, params={"edge_act": "die"})

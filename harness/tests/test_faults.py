@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """`faults:` of an experiment: what is read, when it happens, what is told of it."""
 
+import os
 import re
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +14,9 @@ from harness_parts import EXPERIMENT, run_spec
 from test_spec import HOST, complaint, complaint_of, matrix, named
 
 from slambed.campaign.links import backend_for, read_profile
-from slambed.engines.faults import FaultDriver, steps, write_planned
+from slambed.engines.faults import FaultDriver, RunEdge, steps, write_planned
 from slambed.engines.virtual import sim_json
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.link.profile import parse_profile
 from slambed.metrics.events import read_events
 from slambed.metrics.faults import spans, told
@@ -214,6 +216,32 @@ def test_what_is_due_happens_in_its_order(tmp_path: Path) -> None:
     )
     (cut,) = [e for e in events if e["fault"] == "cut"]
     assert cut["t_ns"] == 5_000_000_000  # the link keeps its own time
+
+
+@dataclass
+class Stubborn:
+    """A node that signals do not reach."""
+
+    pid: int
+
+    def freeze(self, frozen: bool) -> None: ...
+
+    def exit_code(self) -> None: ...
+
+
+def test_a_freeze_that_did_not_happen_is_not_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slambed.engines.faults.SIGNAL_TIMEOUT_S", 0.05)
+    nodes: Any = {"edge": Stubborn(os.getpid())}
+    edge = RunEdge(None, None, nodes, None, ExitStack())  # type: ignore[arg-type]
+    driver = FaultDriver([FREEZE], edge, tmp_path)
+    driver.start(time.monotonic_ns() - round(4.5e9))
+    with pytest.raises(SlambedError, match="the edge node was not frozen") as caught:
+        driver.act()
+    assert caught.value.code == ExitCode.ENVIRONMENT
+    driver.write()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_dead_edge_stays_dead_without_a_restart(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from link_parts import again_when_late, needs_relay
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.backend import open_link
-from slambed.link.packets import read_packets
+from slambed.link.packets import PACKET_LOG, read_packets
 from slambed.link.profile import parse_profile
 from slambed.link.record import SERIES
 from slambed.link.relay import RelayShaper
@@ -202,6 +202,15 @@ def test_a_device_removed_in_mid_run_ends_the_relay_with_a_reason(
             time.sleep(0.02)
         why = link.why_dead()
     assert why is not None and "a device of the link went away" in why and "edge side" in why
+
+
+def test_a_packet_log_on_a_full_disk_is_an_error(ends: Ends, tmp_path: Path) -> None:
+    (tmp_path / PACKET_LOG).symlink_to("/dev/full")
+    link = start(ends, tmp_path, 0, probe_hz=50)
+    time.sleep(0.2)
+    with link, pytest.raises(SlambedError, match=r"No space left.*free space") as caught:
+        link.stop()
+    assert caught.value.code == ExitCode.ENVIRONMENT
 
 
 def test_the_relay_ends_with_the_harness(ends: Ends, tmp_path: Path) -> None:

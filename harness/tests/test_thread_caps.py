@@ -105,6 +105,24 @@ def test_the_kernel_has_each_thread_in_its_own_group(
 
 
 @needs_root
+def test_the_number_of_an_ended_process_is_nobodys(
+    group: tuple[subprocess.Popen[str], CgroupPaths], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, paths = group
+    caps = ThreadCaps(process.pid, paths, 0.25, 10.0)
+    caps.scan()
+    process.kill()
+    process.wait()
+    caps.scan()
+    # The kernel gives the number to somebody else.
+    monkeypatch.setattr("slambed.engines.thread_caps.thread_ids", lambda _: [os.getpid()])
+    caps.scan()
+    caps.release()
+    assert os.getpid() not in caps.threads
+    assert "thread-" not in Path("/proc/self/cgroup").read_text()
+
+
+@needs_root
 def test_groups_of_ended_threads_go_and_their_throttling_stays(
     group: tuple[subprocess.Popen[str], CgroupPaths],
 ) -> None:

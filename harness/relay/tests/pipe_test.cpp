@@ -170,5 +170,18 @@ TEST(PacketLog, AFileThatCannotBeWrittenIsNamed) {
   EXPECT_THROW(PacketLog("/nowhere/packets.bin"), Error);
 }
 
+TEST(PacketLog, AFullDiskIsToldWhenItIsClosed) {
+  PacketLog log("/dev/full");
+  log.append({});
+  try {
+    log.close();
+    FAIL() << "wrote to a full disk";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::kEnvironment);
+    EXPECT_NE(std::string(error.what()).find("No space left"), std::string::npos);
+  }
+  log.close();
+}
+
 }  // namespace
 }  // namespace slambed::relay

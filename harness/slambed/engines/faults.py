@@ -14,10 +14,12 @@ from typing import Any, Protocol
 
 from slambed.engines.attendant import Attendant
 from slambed.engines.base import Engine, Node, NodePlan
+from slambed.errors import environment_error
 from slambed.spec.faults import FAULT_FILE, Fault
 from slambed.spec.system import Role
 
 NS_PER_S = 1e9
+SIGNAL_TIMEOUT_S = 2.0
 
 
 class Edge(Protocol):
@@ -43,8 +45,15 @@ class RunEdge:
         self.nodes["edge"].kill()
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT."""
-        self.nodes["edge"].freeze(frozen)
+        """SIGSTOP or SIGCONT, and waits until it has happened: what is told did happen."""
+        node = self.nodes["edge"]
+        node.freeze(frozen)
+        deadline = time.monotonic() + SIGNAL_TIMEOUT_S
+        while node.exit_code() is None and is_stopped(node.pid) != frozen:
+            if time.monotonic() > deadline:
+                word = "frozen" if frozen else "woken"
+                raise environment_error(f"the edge node was not {word}, process {node.pid}")
+            time.sleep(0.001)
 
     def start_again(self) -> None:
         """Its program, where the killed one was."""
@@ -53,6 +62,13 @@ class RunEdge:
         self.cleanup.callback(node.remove)
         self.nodes["edge"] = node
         self.attendant.follow("edge", node)
+
+
+def is_stopped(pid: int) -> bool:
+    """By SIGSTOP; OSError when there is no such process."""
+    stat = Path(f"/proc/{pid}/stat").read_text()
+    # The command in parentheses may hold spaces.
+    return stat.rpartition(")")[2].split()[0] == "T"
 
 
 @dataclass(frozen=True)
@@ -135,19 +151,18 @@ class FaultDriver:
         return (time.monotonic_ns() - self._t0_ns) / NS_PER_S
 
     def _do(self, step: Step) -> None:
+        if step.fault == "freeze":
+            self._edge.freeze(step.begins)
+            self._frozen = step if step.begins else None
+        elif step.fault == "kill" and step.begins:
+            self.edge_is_dead = True  # First: who watches must not take it for an accident.
+            self._edge.kill()
+        elif step.fault == "kill":
+            self._edge.start_again()
+            self.edge_is_dead = False
         at_ns = time.monotonic_ns()
         if step.fault == "cut":
             at_ns = self._t0_ns + round(step.at_s * NS_PER_S)
-        elif step.fault == "freeze":
-            self._edge.freeze(step.begins)
-            self._frozen = step if step.begins else None
-        elif step.begins:
-            self.edge_is_dead = True  # First: who watches must not take it for an accident.
-            self._edge.kill()
-        else:
-            self._edge.start_again()
-            self.edge_is_dead = False
-            at_ns = time.monotonic_ns()
         self._done.append(event(step, at_ns - self._t0_ns))
 
 

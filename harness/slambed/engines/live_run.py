@@ -221,9 +221,11 @@ class LiveRun:
             faults.act()
             edge = self._nodes.get("edge")
             if self._stop.wait(faults.wait_s(WATCH_PERIOD_S)):
+                faults.finish()
                 self._end_nodes()
                 raise InterruptedRunError
             if time.monotonic() > deadline:
+                faults.finish()
                 self._end_nodes()
                 return "timeout", f"not finished after {self._time_limit_s():.0f} s"
             missed = ended is None and not faults.edge_is_dead

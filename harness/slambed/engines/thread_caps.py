@@ -42,6 +42,7 @@ class ThreadCaps:
     """The capped threads of one process."""
 
     pid: int
+    """0 once it has ended: its number may become another process's."""
     paths: CgroupPaths
     cores: float
     period_ms: float
@@ -60,7 +61,9 @@ class ThreadCaps:
 
     def scan(self) -> None:
         """Caps threads that are new, forgets those that have ended."""
-        present = thread_ids(self.pid)
+        present = thread_ids(self.pid) if self.pid else []
+        if not present:
+            self.pid = 0
         for tid in present:
             known = self.threads.get(tid)
             if known is None or not known.alive:

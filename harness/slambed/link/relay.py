@@ -114,8 +114,11 @@ class RelayShaper:
         return None if code is None else self._last_words(code)
 
     def stop(self, t0_ns: int) -> Outcome:
-        """Ends the program and reads its log."""
+        """Ends the program and reads its log. A log that could not be written is an error."""
+        worked = self.died() is None
         self._end()
+        if worked and self._process.returncode == ExitCode.ENVIRONMENT:
+            raise self._failure()
         packets = read_packets(self._log_dir / PACKET_LOG)
         summary_file = self._log_dir / "relay_summary.json"
         summary = json.loads(summary_file.read_text("utf-8")) if summary_file.exists() else {}

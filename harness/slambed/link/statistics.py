@@ -31,7 +31,7 @@ JITTER_HZ = 100.0
 ONE_WAY_MS = 20.0
 """On which jitter of both signs has room."""
 LIMIT = 3.0
-"""Standard errors; the thirteen figures of one seed in thirty have one outside by chance."""
+"""Standard errors; one seed in thirty has one of the eleven figures outside by chance."""
 HELD_UP_MS = 1.0
 """A packet that came this much later than the relay meant it to says something about the host."""
 MOST_HELD_UP = 0.02

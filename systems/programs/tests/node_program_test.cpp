@@ -18,6 +18,7 @@ class NodeProgram : public testing::NodeProgramTest {
 };
 
 TEST_F(NodeProgram, MobileAndEdgeRunOverLoopbackToTheEnd) {
+  drop_no_frame();
   Process edge = node("edge"), mobile = node("mobile", {"--verify"});
   ASSERT_TRUE(await("edge/ready.json") && await("mobile/ready.json"))
       << log("edge") << log("mobile");
@@ -30,8 +31,7 @@ TEST_F(NodeProgram, MobileAndEdgeRunOverLoopbackToTheEnd) {
   EXPECT_EQ(mobile_end["frames_total"], kFrames);
   EXPECT_EQ(edge_end["exit_reason"], "bye");
   EXPECT_EQ(mobile_end["keyframes"], edge_end["keyframes"]);
-  const auto tracked = events("mobile", "frame_tracked").size();
-  EXPECT_EQ(tracked + events("mobile", "frame_dropped").size(), static_cast<std::size_t>(kFrames));
+  EXPECT_EQ(events("mobile", "frame_tracked").size(), static_cast<std::size_t>(kFrames));
   EXPECT_EQ(events("mobile", "initialised").size(), 1u);
   EXPECT_FALSE(events("edge", "keyframe_mapped").empty());
   EXPECT_FALSE(events("mobile", "update_applied").empty());
@@ -39,8 +39,7 @@ TEST_F(NodeProgram, MobileAndEdgeRunOverLoopbackToTheEnd) {
   EXPECT_EQ(events("mobile", "link").size(), 4u);
   EXPECT_TRUE(events("mobile", "warning").empty());
   const std::string trajectory = read_text(folder.path() / "mobile" / "trajectory.txt");
-  // How many frames a slow machine drops is its own affair.
-  EXPECT_GT(std::count(trajectory.begin(), trajectory.end(), '\n'), 2);
+  EXPECT_GT(std::count(trajectory.begin(), trajectory.end(), '\n'), 10);
 }
 
 TEST_F(NodeProgram, OrbSlam2RunsAloneAndSequentiallyTheSameEachTime) {
