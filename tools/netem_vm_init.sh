@@ -19,9 +19,12 @@ cd "$(dirname "$0")/.." || exit 1
 import ctypes, os, sys
 FINIT_MODULE = 313  # x86-64; there may be no insmod
 for name in ("net/sched/sch_netem.ko", "drivers/net/veth.ko"):
-    fd = os.open(f"{sys.argv[1]}/{name}", os.O_RDONLY)
-    if ctypes.CDLL(None, use_errno=True).syscall(FINIT_MODULE, fd, b"", 0) != 0:
-        sys.exit(f"cannot load {name}: {os.strerror(ctypes.get_errno())}")
+    try:
+        fd = os.open(f"{sys.argv[1]}/{name}", os.O_RDONLY)
+        if ctypes.CDLL(None, use_errno=True).syscall(FINIT_MODULE, fd, b"", 0) != 0:
+            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    except OSError as error:
+        sys.exit(f"cannot load {name}: {error.strerror}")
 END
 loaded=$?
 echo SLAMBED_VM_READY
