@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `slambed` command. Errors are one line; exit codes are in docs/formats.md."""
 
+import errno
 import os
 import sys
 import traceback
@@ -12,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from slambed import __version__
-from slambed.errors import ExitCode, SlambedError
+from slambed.errors import ExitCode, SlambedError, no_space
 from slambed.terminal import console
 
 INTERRUPTED = 130
@@ -245,6 +246,9 @@ def run_command(arguments: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.OK
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            full = no_space(error.filename or "the results")
+            return _fail(str(full), full.code)
         if os.environ.get("SLAMBED_DEBUG"):
             traceback.print_exc()
         where = traceback.extract_tb(error.__traceback__)[-1]

@@ -27,6 +27,14 @@ class MissingDataError(SlambedError):
     """A known dataset whose source is not on this machine."""
 
 
+def no_space(where: object) -> SlambedError:
+    """A full disk. Everything is written whole or not at all, so work goes on from there."""
+    return environment_error(
+        f"no space left on the disk of {where}; free some and give the same command again, "
+        "what is finished stays"
+    )
+
+
 def environment_error(line: str) -> SlambedError:
     """A privilege, device, port or disk refused; not the user's input."""
     return SlambedError(line, ExitCode.ENVIRONMENT)

@@ -6,7 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -285,6 +287,39 @@ def test_a_refusing_node_ends_the_campaign(tmp_path: Path) -> None:
         campaign.run([run_spec(params={"mobile_act": "refuse"}), run_spec()], Quiet())
     assert campaign.folder.run_keys() == []
     assert campaign.ledger.read()[-1]["event"] == "run_refused"
+
+
+@dataclass
+class Greedy:
+    """A maker whose runs write until nothing fits any more."""
+
+    jobs: int
+
+    def make(self, spec: RunSpec, raw: Path, stop: threading.Event) -> dict[str, Any]:
+        with (raw / "events.jsonl").open("wb") as out:
+            while True:
+                out.write(bytes(65536))
+
+    def close(self) -> None: ...
+
+
+@needs_root
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_full_disk_ends_the_campaign_in_one_line(tmp_path: Path, jobs: int) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1200k", "tmpfs", str(disk)]
+    subprocess.run(mount, check=True)
+    try:
+        folder = ResultFolder(disk / "tiny")
+        folder.create()
+        campaign = Runner(folder, Ledger(folder.path / "ledger.jsonl"), Greedy(jobs))
+        with pytest.raises(SlambedError, match=r"no space left on the disk of .*tiny") as caught:
+            campaign.run(specs(), Quiet())
+        assert caught.value.code == ExitCode.ENVIRONMENT
+        assert folder.run_keys() == []
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
 
 
 CAMPAIGN = """

@@ -15,6 +15,8 @@ RESULT_FILES = ("manifest.json", "summary.json")
 MOBILE_FILES = ("trajectory.txt", "trajectory_live.txt", "map.slm")
 NODE_FILES = ("node.json", "ready.json", "log.txt")
 ROLES = ("mobile", "edge")
+FULL_BYTES = 1 << 20
+"""A disk with less than this is full: a run leaves some hundred kilobytes at least."""
 
 
 class ResultFolder:
@@ -69,6 +71,10 @@ class ResultFolder:
         # The nodes of containers run as another user and must be able to enter.
         raw.chmod(0o755)
         return raw
+
+    def is_full(self) -> bool:
+        """Whether the disk has no room for one more run."""
+        return shutil.disk_usage(self.path).free < FULL_BYTES
 
     def commit(self, run_key: str, raw: Path) -> None:
         """Gives a finished raw folder its final form and its place, by one rename."""

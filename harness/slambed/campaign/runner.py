@@ -14,7 +14,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.makers import Maker
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import SlambedError
+from slambed.errors import SlambedError, no_space
 from slambed.spec.matrix import RunSpec
 
 
@@ -92,11 +92,14 @@ class Runner:
                 self._tell("run_interrupted", spec)
             raise
         except Exception as error:
+            if wait_for_stop:
+                stop.set()
+            if self.folder.is_full():
+                # Whatever failed, failed for this; not even the ledger could be told.
+                raise no_space(self.folder.path) from error
             if isinstance(error, SlambedError):
                 with self._books:
                     self._tell("run_refused", spec, error=str(error))
-            if wait_for_stop:
-                stop.set()
             raise
         with self._books:
             self._tell(
