@@ -94,6 +94,52 @@ def test_a_mistake_is_one_line_with_its_place(
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("period_s: 1", "period_s: {a: 1}",
+         "'systems.1.params.period_s': expected true or false, a number or text, not a mapping"),
+        ("period_s: 1", "period_s:", "or text, not null"),
+        ("{period_s: 1}", "5", "'systems.1.params': expected a mapping, not 5"),
+        ("seed: 7", "seed: {first: 7}", "'seed': expected an integer, not a mapping"),
+        ("seed: 7", "seed: 7.5", "'seed': expected an integer, not 7.5"),
+        ("fps: 10", "fps: {a: 1}", "'playback.fps': expected a number, not a mapping"),
+        ("fps: 10", "fps: true", "'playback.fps': expected a number, not true"),
+        ("mode: realtime", "mode: {a: 1}", "'realtime' or 'every_frame' (it is a mapping)"),
+        ("title: A tiny experiment", "title: [tiny]", "'title': expected text, not a list"),
+        ("datasets: [room]", "datasets: room", "'datasets': expected a list, not 'room'"),
+        ("fps: 10", "stop_at_first_loss: 1", "expected true or false, not 1"),
+        ("[none, ramp]", "[none, [ramp]]",
+         "'link.profiles.1': expected text, a number or a mapping, not a list"),
+    ],
+)  # fmt: skip
+def test_the_wrong_kind_of_value_is_told_with_the_right_one(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    text = complaint(tmp_path, old, new)
+    assert told in text and "tiny.yaml line " in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("default: 1000,", "default: {a: 1},",
+         "'params.n_orb.default': expected true or false, a number or text, not a mapping"),
+        ("min: 100,", "min: [100],", "'params.n_orb.min': expected a number, not a list"),
+        ("unit: features", "unit: {of: features}", "'params.n_orb.unit': expected text, not a map"),
+    ],
+)  # fmt: skip
+def test_the_wrong_kind_of_value_in_a_system_too(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    write_library(tmp_path)
+    path = tmp_path / "systems" / "solo" / "system.yaml"
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(SlambedError) as caught:
+        Library(tmp_path).system("solo")
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
     ("mobile", "parts"),
     [
         ("{device: small, name: x, speed: -2}", ["'devices.mobile.speed'", "greater than 0", "-2"]),
@@ -102,7 +148,12 @@ def test_a_mistake_is_one_line_with_its_place(
         ("{device: small, speed: 2}", ["key 'devices.mobile.name' is missing"]),
         ("{device: small, name: x, sped: 2}", ["unknown key 'sped'", "did you mean 'speed'?"]),
         ("{device: small, name: big, speed: 2}", ["there is a device big already"]),
-        ("5", ["'devices.mobile': input should be a valid string (it is 5)"]),
+        (
+            "{device: small, name: x, speed: {a: 1}}",
+            ["mobile.speed': expected a number, not a map"],
+        ),
+        ("5", ["'devices.mobile': expected text or a mapping, not 5"]),
+        ("[small]", ["'devices.mobile': expected text or a mapping, not a list"]),
     ],
 )
 def test_a_mistake_in_a_changed_device_is_told_as_one(

@@ -19,7 +19,7 @@ from slambed.link.impairments import Gap, Jitter, Loss, Rate, Side
 from slambed.link.profile_reader import ProfileReader, substitute
 from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
 from slambed.native import repository_root
-from slambed.spec.yaml_source import load_yaml, suggestion
+from slambed.spec.yaml_source import in_words, load_yaml, suggestion
 
 LONGEST_MS = 60_000.0
 """One way; a longer delay is a mistake of unit."""
@@ -132,7 +132,8 @@ def parse_profile(mapping: str | float | Mapping[str, Any], where: str) -> Profi
         data = {"name": f"rtt_{mapping:g}", "rtt_ms": mapping}
         return _build(data, {}, reader)
     if not isinstance(mapping, Mapping):
-        raise reader.complaint("expected a profile's name, milliseconds or a mapping")
+        found = in_words(mapping)
+        raise reader.complaint(f"expected a profile's name, milliseconds or a mapping, not {found}")
     if "profile" in mapping:
         return _refer(mapping, reader)
     return _build({"name": "inline", **mapping}, {}, reader)
@@ -140,11 +141,9 @@ def parse_profile(mapping: str | float | Mapping[str, Any], where: str) -> Profi
 
 def _refer(mapping: Mapping[str, Any], reader: ProfileReader) -> Profile:
     data = reader.only(mapping, ["profile", "params", "name"], "")
-    params = data.get("params") or {}
-    if not isinstance(params, Mapping):
-        raise reader.complaint("expected a mapping of numbers", "params")
+    params, wanted = _mapping(data, "params", reader), _text(data, "profile", reader)
     try:
-        profile = load_profile(str(data["profile"]), params)
+        profile = load_profile(wanted, params)
     except SlambedError as error:
         raise SlambedError(f"{error} ({reader.where})", error.code) from None
     written = ",".join(f"{key}={value:g}" for key, value in params.items())
@@ -154,17 +153,19 @@ def _refer(mapping: Mapping[str, Any], reader: ProfileReader) -> Profile:
 
 def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: ProfileReader) -> Profile:
     data = reader.only(data, KEYS, "")
-    params = _params(data.pop("params", None) or {}, overrides, reader)
+    params = _params(_mapping(data, "params", reader), overrides, reader)
+    data.pop("params", None)
     data = {key: substitute(value, params, reader, key) for key, value in data.items()}
     up_curve, down_curve, up_share, down_share = _curves(data, reader)
     up, down = (_side(data, side, reader) for side in ("up", "down"))
     gaps = data.get("gaps") or []
     if not isinstance(gaps, list):
-        raise reader.complaint("expected a list of gaps", "gaps")
+        raise reader.complaint(f"expected a list of gaps, not {in_words(gaps)}", "gaps")
     gap_mode = data.get("gap_mode", "hold")
     if gap_mode not in ("hold", "drop"):
-        raise reader.complaint(f"unknown gap_mode '{gap_mode}'", "gap_mode", "known: hold, drop")
-    traces = _rate_traces((up, down), data.get("rate_sha256") or {}, reader)
+        found = in_words(gap_mode)
+        raise reader.complaint(f"unknown gap_mode {found}", "gap_mode", "known: hold, drop")
+    traces = _rate_traces((up, down), _mapping(data, "rate_sha256", reader), reader)
     content = reader.pin_traces(data)
     if traces:
         content["rate_sha256"] = {
@@ -190,8 +191,15 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
     return profile
 
 
-def _params(declared: Any, overrides: Mapping[str, Any], reader: ProfileReader) -> dict[str, float]:
-    params = reader.only(declared, list(declared), "params")
+def _mapping(data: Mapping[str, Any], key: str, reader: ProfileReader) -> dict[str, Any]:
+    value = data.get(key) or {}
+    return reader.only(value, list(value) if isinstance(value, Mapping) else [], key)
+
+
+def _params(
+    declared: Mapping[str, Any], overrides: Mapping[str, Any], reader: ProfileReader
+) -> dict[str, float]:
+    params = dict(declared)
     for key in overrides:
         if key not in params:
             raise reader.complaint(f"unknown parameter '{key}'", "params", suggestion(key, params))
@@ -199,7 +207,7 @@ def _params(declared: Any, overrides: Mapping[str, Any], reader: ProfileReader) 
     for key, value in params.items():
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not math.isfinite(value):
-            raise reader.complaint(f"expected a number, not {value!r}", f"params.{key}")
+            raise reader.complaint(f"expected a number, not {in_words(value)}", f"params.{key}")
     return params
 
 
@@ -209,7 +217,7 @@ def _curves(data: Mapping[str, Any], reader: ProfileReader) -> tuple[Curve, Curv
     if "rtt_ms" in data:
         share = data.get("up_share", 0.5)
         if isinstance(share, bool) or not isinstance(share, int | float) or not 0 <= share <= 1:
-            raise reader.complaint(f"expected a share 0..1, not {share!r}", "up_share")
+            raise reader.complaint(f"expected a share 0..1, not {in_words(share)}", "up_share")
         rtt = reader.curve(data["rtt_ms"], "rtt_ms")
         return rtt, rtt, float(share), 1.0 - float(share)
     if "up_share" in data:
@@ -248,7 +256,7 @@ def _rate_traces(
 def _text(data: Mapping[str, Any], key: str, reader: ProfileReader) -> str:
     value = data.get(key, "")
     if not isinstance(value, str):
-        raise reader.complaint(f"expected text, not {value!r}", key)
+        raise reader.complaint(f"expected text, not {in_words(value)}", key)
     return value.strip()
 
 
@@ -257,7 +265,7 @@ def _duration(
 ) -> float | None:
     if (asked := data.get("duration_s")) is not None:
         if isinstance(asked, bool) or not isinstance(asked, int | float) or not asked >= 0:
-            raise reader.complaint(f"expected seconds, not {asked!r}", "duration_s")
+            raise reader.complaint(f"expected seconds, not {in_words(asked)}", "duration_s")
         return float(asked)
     ends = [curve.duration_s() for curve in curves]
     return None if None in ends else max(end for end in ends if end is not None)

@@ -12,7 +12,7 @@ from slambed.errors import SlambedError
 from slambed.link import curves
 from slambed.link.curves import Curve
 from slambed.link.traces import TraceFile, find_trace, read_rtt_trace, sha256_of
-from slambed.spec.yaml_source import suggestion
+from slambed.spec.yaml_source import in_words, mistake, suggestion
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -32,7 +32,7 @@ class ProfileReader:
     def only(self, data: Any, known: list[str], place: str) -> dict[str, Any]:
         """`data` as a mapping that has known keys alone."""
         if not isinstance(data, Mapping):
-            raise self.complaint("expected a mapping of keys", place)
+            raise self.complaint(f"expected a mapping of keys, not {in_words(data)}", place)
         for key in data:
             if key not in known:
                 raise self.complaint(f"unknown key '{key}'", place, suggestion(str(key), known))
@@ -43,24 +43,26 @@ class ProfileReader:
         try:
             return model.model_validate(self.only(data, list(model.model_fields), place))
         except ValidationError as error:
-            first = error.errors()[0]
+            errors = error.errors()
+            first = errors[0]
             path = ".".join([place, *(str(part) for part in first["loc"])])
-            message = str(first["msg"]).removeprefix("Value error, ")
             if first["type"] == "extra_forbidden":
-                message = f"unknown key '{first['loc'][-1]}'"
-            elif first["type"] == "missing":
-                message = "missing"
-            elif isinstance(first["input"], str | int | float):
-                message += f" (it is {first['input']!r})"
-            raise self.complaint(message[:1].lower() + message[1:], path) from None
+                raise self.complaint(f"unknown key '{first['loc'][-1]}'", path) from None
+            if first["type"] == "missing":
+                raise self.complaint("missing", path) from None
+            same = [item for item in errors if item["loc"] == first["loc"]]
+            raise self.complaint(mistake(same), path) from None
 
     def curve(self, data: Any, place: str) -> Curve:
         """A curve from a number or a mapping with one key."""
         if isinstance(data, bool | str):
-            raise self.complaint(f"expected a number or a curve, not {data!r}", place)
+            raise self.complaint(f"expected a number or a curve, not {in_words(data)}", place)
         if isinstance(data, int | float):
             return self._constant(data, place)
-        if not isinstance(data, Mapping) or len(data) != 1:
+        if not isinstance(data, Mapping):
+            found = in_words(data)
+            raise self.complaint(f"expected a number or one curve, not {found}", place, _KNOWN)
+        if len(data) != 1:
             raise self.complaint("expected a number or one curve", place, _KNOWN)
         kind, inner = next(iter(data.items()))
         below = f"{place}.{kind}"
@@ -84,7 +86,7 @@ class ProfileReader:
 
     def _constant(self, value: Any, place: str) -> Curve:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.complaint(f"expected milliseconds, not {value!r}", place)
+            raise self.complaint(f"expected milliseconds, not {in_words(value)}", place)
         if not math.isfinite(value):
             raise self.complaint(f"latency is {value}", place, "give a finite number")
         if value < 0:
@@ -93,7 +95,8 @@ class ProfileReader:
 
     def _sum(self, parts: Any, place: str) -> Curve:
         if not isinstance(parts, list) or not parts:
-            raise self.complaint("expected a list of curves", place)
+            found = "an empty list" if parts == [] else in_words(parts)
+            raise self.complaint(f"expected a list of curves, not {found}", place)
         return curves.Sum(parts=[self.curve(p, f"{place}[{i}]") for i, p in enumerate(parts)])
 
     def _wrapped(self, model: type[BaseModel], data: Any, place: str) -> Curve:

@@ -14,6 +14,16 @@ from pydantic import BaseModel, ValidationError
 from slambed.errors import SlambedError
 
 Location = tuple[str | int, ...]
+KINDS = {
+    "bool_type": "true or false",
+    "int_type": "an integer",
+    "float_type": "a number",
+    "string_type": "text",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+}
+"""What pydantic misses, by its type of error, in words of YAML."""
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -98,32 +108,30 @@ def parse(model: type[Model], source: YamlSource) -> Model:
     try:
         return model.model_validate(source.data)
     except ValidationError as error:
-        raise _explain(model, source, min(error.errors(), key=_order)) from None
+        raise _explain(model, source, error.errors()) from None
 
 
-def _order(item: Any) -> tuple[bool, bool]:
-    """An unknown key explains a "missing" one next to it, so it is told first. Who writes a mapping
-    where a name would do as well has a mistake in the mapping."""
-    no_name = isinstance(item["input"], dict) and str(item["type"]).endswith("_type")
-    return item["type"] != "extra_forbidden", no_name
-
-
-def _explain(model: type[BaseModel], source: YamlSource, item: Any) -> SlambedError:
+def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
+    """Of several mistakes an unknown key is told first: it explains a "missing" one next to it."""
     # Union branches add their own name to the location; they are not in the file.
-    location = _written(source, tuple(item["loc"]), missing=item["type"] == "missing")
+    found = [(_written(source, tuple(i["loc"]), missing=i["type"] == "missing"), i) for i in items]
+    found = [(place, item) for place, item in found if not _is_inside(place, item, found)]
+    location, first = min(found, key=lambda pair: pair[1]["type"] != "extra_forbidden")
     name = ".".join(str(part) for part in location)
-    if item["type"] == "extra_forbidden":
+    if first["type"] == "extra_forbidden":
         key = str(location[-1])
         known = _fields_at(model, location[:-1])
         return source.complaint(f"unknown key '{key}'", location, suggestion(key, known))
-    if item["type"] == "missing":
+    if first["type"] == "missing":
         return source.complaint(f"key '{name}' is missing", location)
-    message = str(item["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
-    shown = item["input"]
-    if isinstance(shown, str | int | float) and not isinstance(shown, bool):
-        message += f" (it is {shown!r})"
-    message = message[:1].lower() + message[1:]
+    message = mistake([item for place, item in found if place == location])
     return source.complaint(f"'{name}': {message}" if name else message, location)
+
+
+def _is_inside(location: Location, item: Any, found: list[tuple[Location, Any]]) -> bool:
+    """Who writes a mapping where a name would do as well has a mistake inside the mapping."""
+    deeper = (place[: len(location)] == location != place for place, _ in found)
+    return item["type"] in KINDS and any(deeper)
 
 
 def _written(source: YamlSource, location: Location, missing: bool) -> Location:
@@ -134,6 +142,33 @@ def _written(source: YamlSource, location: Location, missing: bool) -> Location:
         if (*kept, part) in source.lines or (last and missing):
             kept = (*kept, part)
     return kept
+
+
+def mistake(items: list[Any]) -> str:
+    """What pydantic's errors about one place say: what was expected, and what is written there."""
+    kinds = dict.fromkeys(KINDS[item["type"]] for item in items if item["type"] in KINDS)
+    first = items[0]
+    if first["type"] in KINDS:
+        if "a number" in kinds:
+            kinds.pop("an integer", None)
+        *others, last = kinds
+        expected = f"{', '.join(others)} or {last}" if others else last
+        return f"expected {expected}, not {in_words(first['input'])}"
+    message = str(first["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    shown = first["input"]
+    scalar = isinstance(shown, str | int | float) and not isinstance(shown, bool)
+    if scalar or first["type"] == "literal_error":
+        message += f" (it is {in_words(shown)})"
+    return message[:1].lower() + message[1:]
+
+
+def in_words(value: object) -> str:
+    """A value of a YAML file for a complaint; what is not one value by its kind."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, dict):
+        return "a mapping"
+    return "a list" if isinstance(value, list) else repr(value)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
