@@ -113,6 +113,9 @@ def _finish(axis: Axes, runs: pd.DataFrame) -> None:
     axis.set_ylim(-0.03 * most, most * 1.05)
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     axis.legend(loc="upper left")
+    if not pd.to_numeric(runs["first_loss_s"]).notna().any():
+        words = f"no track loss in {len(runs)} run{'' if len(runs) == 1 else 's'}"
+        axis.text(0.5, 0.3, words, transform=axis.transAxes, ha="center", fontsize=11)
 
 
 def _end_s(runs: pd.DataFrame) -> float:

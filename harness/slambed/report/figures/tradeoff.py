@@ -1,11 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trade-off curves: what a cell costs against what it achieves, joined by system."""
 
+from typing import Any
+
 import pandas as pd
+from matplotlib.lines import Line2D
 
 from slambed.report.catalog import metric
 from slambed.report.cells import Cell
-from slambed.report.style import FigureWriter, colour, dash, figure, file_name, marker
+from slambed.report.style import (
+    COLOURS,
+    GROUND_TRUTH,
+    MARKERS,
+    WIDTH_IN,
+    FigureWriter,
+    colour,
+    dash,
+    figure,
+    file_name,
+    marker,
+)
 
 PAIRS = (
     ("mobile_cpu_percent_mean", "ate_rmse_m"),
@@ -17,6 +31,11 @@ PAIRS = (
 
 MINIMUM_PLACES = 3
 """Two points are a comparison, not a curve."""
+SHAPES = (*MARKERS, "<", ">", "*", "p", "h")
+"""One per link profile."""
+HEIGHT_IN, LEGEND_ROW_IN = 3.5, 0.17
+MOST_COLUMNS, KEY_IN, LETTER_IN = 3, 0.53, 0.068
+"""Of the legend: its columns, and what an entry takes beside its text."""
 
 
 def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: FigureWriter) -> bool:
@@ -26,11 +45,18 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
         return False
     across, up = metric(x), metric(y)
     labels = list(dict.fromkeys(cell.label for cell in cells))
+    profiles = list(dict.fromkeys(cell.profile for cell in shown))
     rows: list[dict[str, object]] = []
-    with figure(height_in=3.6) as (made, axes):
+    keys = [*dict.fromkeys(cell.label for cell in shown), *(profiles if len(profiles) > 1 else [])]
+    columns = _legend_columns(keys)
+    height_in = HEIGHT_IN + LEGEND_ROW_IN * -(-len(keys) // columns)
+    with figure(height_in=height_in) as (made, axes):
         axis = axes[0]
+        handles: list[Line2D] = []
         for label in dict.fromkeys(cell.label for cell in shown):
             index = labels.index(label)
+            # Where colours begin anew, hollow points tell the systems apart.
+            face = colour(index) if index < len(COLOURS) else "white"
             own = sorted((c for c in shown if c.label == label), key=lambda c: c.values[x].value)
             xs = [cell.values[x].scaled(across.scale) for cell in own]
             ys = [cell.values[y].scaled(up.scale) for cell in own]
@@ -38,24 +64,44 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
                 [v.value for v in xs], [v.value for v in ys],
                 xerr=[[v.value - v.low for v in xs], [v.high - v.value for v in xs]],
                 yerr=[[v.value - v.low for v in ys], [v.high - v.value for v in ys]],
-                color=colour(index), marker=marker(index), linestyle=dash(index),
-                elinewidth=0.8, capsize=2, linewidth=0.9, label=label,
+                color=colour(index), linestyle=dash(index),
+                elinewidth=0.8, capsize=2, linewidth=0.9, clip_on=False,
             )  # fmt: skip
+            look: Any = {"color": colour(index), "markerfacecolor": face}
             for cell, a, b in zip(own, xs, ys, strict=True):
-                axis.annotate(cell.profile, (a.value, b.value), xytext=(4, 4),
-                              textcoords="offset points", fontsize=6.5)  # fmt: skip
+                shape = SHAPES[profiles.index(cell.profile) % len(SHAPES)]
+                axis.plot(
+                    a.value, b.value, shape if len(profiles) > 1 else marker(index),
+                    markersize=5, clip_on=False, zorder=3, **look,
+                )  # fmt: skip
                 rows.append({"cell": cell.name, x: a.value, y: b.value})
+            if len(profiles) == 1:
+                look["marker"] = marker(index)
+            handles.append(Line2D([], [], linestyle=dash(index), label=label, **look))
+        if len(profiles) > 1:
+            handles += [
+                Line2D([], [], color=GROUND_TRUTH, marker=SHAPES[i % len(SHAPES)], markersize=5,
+                       linestyle="none", label=profile)
+                for i, profile in enumerate(profiles)
+            ]  # fmt: skip
         axis.set_xlabel(across.heading)
         axis.set_ylabel(up.heading)
         axis.set_ylim(bottom=0)
-        axis.legend(loc="best")
+        made.legend(handles=handles, loc="outside lower center", ncols=columns)
         title = f"{up.label[0].upper() + up.label[1:]} against {across.label}: {dataset}"
         axis.set_title(title)
         writer.save(
             made,
             file_name("tradeoff", dataset, x, y),
             title,
-            "One point per cell with 95 % intervals; lines join the cells of a system.",
+            "One point per cell with 95 % intervals; lines join the cells of a system"
+            + (", shapes tell the link profile." if len(profiles) > 1 else "."),
             pd.DataFrame(rows),
         )
     return True
+
+
+def _legend_columns(keys: list[str]) -> int:
+    """As many as are not wider than the figure."""
+    widest_in = KEY_IN + LETTER_IN * max(map(len, keys))
+    return max(1, min(MOST_COLUMNS, int(WIDTH_IN / widest_in)))
