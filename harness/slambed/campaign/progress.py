@@ -92,4 +92,4 @@ class CampaignProgress:
 
 
 def _name(spec: RunSpec) -> str:
-    return f"{spec.cell} #{spec.repetition + 1}"
+    return spec.run_name

@@ -99,5 +99,5 @@ def _difference(manifest: dict[str, Any] | None, specs: list[RunSpec]) -> str:
         if (spec.cell, spec.repetition) == (old.cell, old.repetition):
             now, then = spec.meaning(), old.meaning()
             changed = [name for name in now if now[name] != then[name]]
-            return f"{old.cell} #{old.repetition + 1}, other {', '.join(changed)}"
-    return f"{old.cell} #{old.repetition + 1} is not part of the experiment any more"
+            return f"{old.run_name}, other {', '.join(changed)}"
+    return f"{old.run_name} is not part of the experiment any more"

@@ -13,6 +13,7 @@ from slambed.errors import SlambedError
 from slambed.metrics.collect import read_link
 from slambed.metrics.events import read_events
 from slambed.metrics.faults import Span, spans
+from slambed.spec.matrix import run_name
 
 NS_PER_S = 1e9
 LEAST_DIGITS = 4
@@ -85,5 +86,5 @@ def _title(folder: Path) -> str:
     spec = manifest.get("spec") or {}
     if not spec:
         return folder.name
-    parts = [str(manifest.get("cell")), f"run {int(manifest.get('repetition') or 0) + 1}"]
+    parts = [run_name(manifest.get("cell"), manifest.get("repetition"))]
     return ", ".join([*parts, f"engine {spec.get('engine')}", str(manifest.get("run_key"))])

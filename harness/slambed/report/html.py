@@ -18,6 +18,7 @@ from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
 from slambed.report.style import SavedFigure
 from slambed.report.tables import Table
 from slambed.report.timeline import timeline_svg
+from slambed.spec.matrix import run_name
 
 MOST_RUNS = 300
 MOST_TIMELINES = 24
@@ -134,8 +135,7 @@ def _run(results: Results, row: dict[str, Any]) -> dict[str, Any]:
     reason = row["invalid_reason"]
     return {
         "key": row["run_key"],
-        "cell": row["cell"],
-        "repetition": row["repetition"],
+        "name": run_name(row["cell"], row["repetition"]),
         "outcome": "valid" if valid else f"{row['outcome']}: {reason}",
         "mood": "" if valid else "bad",
         "coverage": f"{metric('coverage').show(number(row['coverage']))} %",

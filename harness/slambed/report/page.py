@@ -110,17 +110,17 @@ TEMPLATE = """<!doctype html>
 <a href="../summary.csv">summary.csv</a>; shown are those that are not valid or lost track, then one
 of each cell.</p>{% endif %}
 <div class="scroll"><table><thead><tr><th class="word">run</th><th class="word">cell</th>
-<th>rep.</th><th class="word">outcome</th><th>coverage</th><th>losses</th><th>ATE [cm]</th>
+<th class="word">outcome</th><th>coverage</th><th>losses</th><th>ATE [cm]</th>
 <th class="word">time line</th></tr></thead><tbody>
 {% for run in runs %}<tr><td class="word"><a href="../runs/{{ run.key }}/">{{ run.key }}</a></td>
-<td class="word">{{ run.cell }}</td><td>{{ run.repetition }}</td>
+<td class="word">{{ run.name }}</td>
 <td class="word {{ run.mood }}">{{ run.outcome }}</td><td>{{ run.coverage }}</td>
 <td>{{ run.losses }}</td><td>{{ run.ate }}</td>
 <td class="word">{% if run.timeline %}<a href="#t-{{ run.key }}">here</a>{% else -%}
 <code>slambed view {{ run.key }}</code>{% endif %}</td></tr>
 {% endfor %}</tbody></table></div>
-{% for run in runs if run.timeline %}<div id="t-{{ run.key }}"><h3>{{ run.key }}: {{ run.cell }},
-repetition {{ run.repetition }}</h3>{{ run.timeline | safe }}</div>{% endfor %}
+{% for run in runs if run.timeline %}<div id="t-{{ run.key }}"><h3>{{ run.key }}:
+{{ run.name }}</h3>{{ run.timeline | safe }}</div>{% endfor %}
 <p class="soft">Time lines: green tracked, orange lost, grey not initialised; ticks under the state
 are applied map updates; shaded: a fault (its name appears under the pointer).</p>
 </section>

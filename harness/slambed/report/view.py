@@ -17,6 +17,7 @@ from slambed.metrics.trajectory import Floats, Trajectory
 from slambed.report.figures.paths import broken_line, widest_axes
 from slambed.report.load import Results, load
 from slambed.report.style import COLOURS, GROUND_TRUTH, FigureWriter, figure
+from slambed.spec.matrix import run_name
 
 MAP_FILES = ("map_points.txt", "map.txt")
 """Where a run keeps its map as `x y z` lines, if its system writes one."""
@@ -112,7 +113,7 @@ def write_png(view: RunView, folder: Path) -> Path:
             axis.set_xlabel(f"{'xyz'[a]} [m]")
             axis.set_ylabel(f"{'xyz'[b]} [m]")
         axes[0].legend(loc="best", fontsize=7)
-        made.suptitle(f"{view.row['cell']}, repetition {view.row['repetition']}", fontsize=10)
+        made.suptitle(run_name(view.row["cell"], view.row["repetition"]), fontsize=10)
         data = pd.DataFrame(estimate.positions_m, columns=["x_m", "y_m", "z_m"])
         data.insert(0, "stamp_s", estimate.stamps_s)
         writer.save(made, f"view_{view.run_key}", f"Run {view.run_key}", "", data)

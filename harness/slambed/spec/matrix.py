@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from numbers import Real
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -85,9 +86,21 @@ class RunSpec(BaseModel):
         }
 
     @property
+    def run_name(self) -> str:
+        """Cell and number of the repetition, from 1."""
+        return run_name(self.cell, self.repetition)
+
+    @property
     def run_key(self) -> str:
         """Hash of `meaning()`: the name of the run's folder."""
         return hashlib.sha256(canonical_json(self.meaning()).encode()).hexdigest()[:KEY_DIGITS]
+
+
+def run_name(cell: object, repetition: object) -> str:
+    """What a run is called where people read it: `edgeslam:static/room/ramp #1`."""
+    if not isinstance(repetition, Real) or not math.isfinite(repetition):
+        return str(cell)  # nobody wrote down which one
+    return f"{cell} #{float(repetition) + 1:.0f}"
 
 
 def canonical_json(value: object) -> str:
