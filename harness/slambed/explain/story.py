@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happened in a run, in lines: who was busy, how updates went, what preceded each loss."""
 
+from collections.abc import Hashable
+from typing import Any
+
 import pandas as pd
 
 from slambed.explain.run_log import RunLog
 
 MOST_LOSSES = 5
+MOST_CHANGES = 12
 BEFORE_LOSS_S = 2.0
 WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 
 
 def story(run: RunLog) -> list[str]:
     """One line per fact."""
-    return [_frames(run), *_faults(run), *_busy(run), *_updates(run), *_losses(run)]
+    return [_frames(run), *_faults(run), *_busy(run), *_updates(run), *_states(run), *_losses(run)]
 
 
 def _frames(run: RunLog) -> str:
@@ -63,6 +67,26 @@ def _updates(run: RunLog) -> list[str]:
         for reason, count in declined["reason"].value_counts().items():
             lines.append(f"{_count(int(count), what)} declined: {reason}")
     return lines
+
+
+def _states(run: RunLog) -> list[str]:
+    """The choices of a system that changes its state: each one, or how often which was made."""
+    changes = run.of("state_changed")
+    if len(changes) <= MOST_CHANGES:
+        return [_change(change) for change in changes.to_dict("records")]
+    ways = (changes["from"].astype(str) + " to " + changes["to"].astype(str)).value_counts()
+    ways = ways[~ways.index.str.startswith("start to ")]
+    often = ", ".join(f"{way} {count}" for way, count in ways.items())
+    first, second, *_, last = (_change(change) for change in changes.to_dict("records"))
+    return [first, second, f"... {len(changes) - 3} more state changes; of all: {often}", last]
+
+
+def _change(change: dict[Hashable, Any]) -> str:
+    rtt_ms = change.get("rtt_ms")
+    rtt = "no RTT known" if rtt_ms is None or rtt_ms != rtt_ms else f"RTT {rtt_ms:.0f} ms"
+    begun = change["from"] == "start"
+    what = f"state {change['to']}" if begun else f"state {change['from']} to {change['to']}"
+    return f"{what} at {change['t_s']:.2f} s: {rtt}"
 
 
 def _losses(run: RunLog) -> list[str]:
