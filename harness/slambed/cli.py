@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from slambed import __version__
+from slambed.caller import give_caches_to_caller
 from slambed.errors import ExitCode, SlambedError, no_space
 from slambed.terminal import console
 
@@ -255,6 +256,8 @@ def run_command(arguments: list[str]) -> int:
         place = f"{Path(where.filename).name}:{where.lineno}"
         line = f"a bug of slambed, {place}: {type(error).__name__}: {error}"
         return _fail(f"{line}; set SLAMBED_DEBUG=1 for details", ExitCode.INTERNAL)
+    finally:
+        give_caches_to_caller()
 
 
 def _fail(line: str, code: int) -> int:

@@ -12,10 +12,11 @@ from typing import Any
 
 from rich.console import Console
 
+from slambed.caller import give_to_caller
 from slambed.campaign.choose import choose_engine
 from slambed.campaign.cluster import join_cluster, start_on_slurm
 from slambed.campaign.datasets import Sequence, prepare_sequence, sensor_of
-from slambed.campaign.folder import ResultFolder, give_to_caller
+from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger, utc_now
 from slambed.campaign.links import backend_for, open_for_run, read_profile
 from slambed.campaign.makers import LiveMaker, Maker, Played

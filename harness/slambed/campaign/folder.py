@@ -134,12 +134,3 @@ def _flush(path: Path) -> None:
         os.fsync(fd)
     finally:
         os.close(fd)
-
-
-def give_to_caller(path: Path) -> None:
-    """Under sudo, results belong to the one who called it."""
-    uid, gid = os.environ.get("SUDO_UID"), os.environ.get("SUDO_GID")
-    if os.geteuid() != 0 or uid is None or gid is None:
-        return
-    for item in [path, *path.rglob("*")]:
-        os.lchown(item, int(uid), int(gid))

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Under sudo, files that are made belong to the one who called it."""
+
+import os
+import stat
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+ROOT = 0
+
+
+def give_to_caller(path: Path) -> None:
+    """A folder with all that is in it."""
+    if (caller := _caller()) is None:
+        return
+    for item in [path, *path.rglob("*")]:
+        os.lchown(item, *caller)
+
+
+def give_caches_to_caller() -> None:
+    """What root has left in the caller's caches, where without sudo it would only be in the way."""
+    if _caller() is None:
+        return
+    from slambed.data.places import cache_folder  # what `--help` need not wait for
+
+    folders = [cache_folder()]
+    if (matplotlib := sys.modules.get("matplotlib")) is not None:
+        folders += [Path(matplotlib.get_cachedir()), Path(matplotlib.get_configdir())]
+    for folder in folders:
+        with suppress(OSError):
+            give_cache_to_caller(folder.resolve())
+
+
+def give_cache_to_caller(cache: Path) -> None:
+    """What is root's of `cache`, and of the folders it lies in up to one that is the caller's.
+
+    A cache that the caller could not have made stays as it is. Raises OSError when it is not there.
+    """
+    if (caller := _caller()) is None:
+        return
+    above: list[Path] = []
+    for place in (cache, *cache.parents):
+        status = place.stat()
+        for_all = place in (cache, cache.parent) and status.st_mode & stat.S_IWOTH
+        if status.st_uid == caller[0] or for_all:
+            break
+        if status.st_uid != ROOT:
+            return
+        above.append(place)
+    else:
+        return
+    for item in [*above, *cache.rglob("*")]:
+        with suppress(OSError):  # another campaign may be tidying up
+            if item.lstat().st_uid == ROOT:
+                os.lchown(item, *caller)
+
+
+def _caller() -> tuple[int, int] | None:
+    """User and group behind sudo; None without it."""
+    uid, gid = os.environ.get("SUDO_UID"), os.environ.get("SUDO_GID")
+    if os.geteuid() != ROOT or uid is None or gid is None:
+        return None
+    return int(uid), int(gid)
