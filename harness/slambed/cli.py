@@ -118,15 +118,22 @@ def _must_be_an_experiment(given: str, known: list[str]) -> None:
 
 @app.command()
 def status(
-    experiment: Annotated[str, typer.Argument(help="Name of an experiment that was run.")],
+    experiment: Annotated[
+        str, typer.Argument(help="Name in experiments/, or of an experiment that was run.")
+    ],
     results: ResultsOption = Path("results"),
 ) -> None:
     """Say which runs are there, which are missing or stale, and why."""
-    from slambed.campaign.status import status_of
+    from slambed.campaign.status import not_run_yet, status_of, was_run
     from slambed.native import repository_root
+    from slambed.spec.library import Library
     from slambed.spec.software import host_software, image_software
 
     name = Path(experiment).stem
+    if not was_run(results, name):
+        _must_be_an_experiment(experiment, Library().experiments())
+        typer.echo(not_run_yet(experiment))
+        return
     software = {image_software()}
     for program in ("slambed-node", "slambed-sim"):
         try:

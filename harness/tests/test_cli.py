@@ -124,9 +124,23 @@ def test_an_experiment_can_be_checked_alone() -> None:
 
 
 def test_status_and_report_of_nothing_say_how_to_begin(tmp_path: Path) -> None:
-    for command in ("status", "report"):
-        line = refused(ExitCode.BAD_INPUT, command, "quickstart", "--results", str(tmp_path))
-        assert "slambed run quickstart" in line
+    nothing = ("--results", str(tmp_path))
+    line = refused(ExitCode.BAD_INPUT, "report", "quickstart", *nothing)
+    assert "slambed run quickstart" in line
+    code, out, err = slambed("status", "quickstart", *nothing)
+    told = "not run yet: 0 of 12 runs; start with 'slambed run quickstart'"
+    assert (code, out.strip(), err) == (ExitCode.OK, told, "")
+    _, out, _ = slambed("status", "sensors", *nothing)
+    assert "0 of at most 8 runs" in out
+    line = refused(ExitCode.BAD_INPUT, "status", "quikstart", *nothing)
+    assert "did you mean 'quickstart'" in line
+    assert "is a folder" in refused(ExitCode.BAD_INPUT, "status", str(tmp_path), *nothing)
+
+
+def test_status_of_runs_without_their_plan_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "quickstart" / "runs" / "0123").mkdir(parents=True)
+    line = refused(ExitCode.BAD_INPUT, "status", "quickstart", "--results", str(tmp_path))
+    assert "experiment.json is missing or not whole" in line
 
 
 def test_no_docker_is_one_line() -> None:

@@ -242,12 +242,7 @@ def check(
     """Finds what is wrong with an experiment without preparing or starting anything."""
     check_asked(experiment, source)
     profiles = read_profiles(experiment, source, read_profile)
-    # Not prepared yet: its name stands for its content.
-    nowhere = {name: (name, name) for name in experiment.datasets}
-    anyhow = {profile.name: "" for profile in profiles}
-    engine = VIRTUAL if engine == VIRTUAL else ""
-    host = Circumstances(engine, anyhow, "", nowhere)
-    expand(experiment, source, library, profiles, host, runs=1)
+    _expand_unprepared(experiment, source, library, profiles, engine)
     for index, name in enumerate(experiment.datasets):
         try:
             sensor = sensor_of(name)
@@ -255,6 +250,29 @@ def check(
             raise _of_dataset(error, source, index) from None
         _check_sensor(sensor, experiment, source, library, index)
     return profiles
+
+
+def planned_runs(experiment: Experiment, source: YamlSource, library: Library) -> int:
+    """How many runs an experiment stands for where all its datasets are."""
+    profiles = read_profiles(experiment, source, read_profile)
+    cells = _expand_unprepared(experiment, source, library, profiles, experiment.engine)
+    return len(cells) * repetitions(experiment, None)
+
+
+def _expand_unprepared(
+    experiment: Experiment,
+    source: YamlSource,
+    library: Library,
+    profiles: list[Profile],
+    engine: str,
+) -> list[RunSpec]:
+    """The first run of every cell, before anything is known of datasets and host."""
+    # Not prepared yet: its name stands for its content.
+    nowhere = {name: (name, name) for name in experiment.datasets}
+    anyhow = {profile.name: "" for profile in profiles}
+    engine = VIRTUAL if engine == VIRTUAL else ""
+    host = Circumstances(engine, anyhow, "", nowhere)
+    return expand(experiment, source, library, profiles, host, runs=1)
 
 
 def _of_dataset(error: SlambedError, source: YamlSource, index: int) -> SlambedError:

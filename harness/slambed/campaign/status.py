@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slambed.campaign.campaign import planned_runs
 from slambed.campaign.folder import ResultFolder, read_object
 from slambed.campaign.older import spec_of
 from slambed.errors import SlambedError
+from slambed.spec.library import Library
 from slambed.spec.matrix import RunSpec
 
 
@@ -39,19 +41,32 @@ class Status:
         return all(not cell.missing and not cell.invalid for cell in self.cells)
 
 
+def was_run(results: Path, name: str) -> bool:
+    """True when a campaign has begun at least."""
+    folder = ResultFolder(results / name)
+    return (folder.path / "experiment.json").exists() or bool(folder.run_keys())
+
+
+def not_run_yet(name: str) -> str:
+    """What there is to say of an experiment that was never run; a mistake in it is raised."""
+    library = Library()
+    experiment, source = library.experiment(name)
+    # What is not on this machine is known when its turn comes.
+    most = "at most " if experiment.missing_datasets == "skip" else ""
+    count = planned_runs(experiment, source, library)
+    return f"not run yet: 0 of {most}{count} runs; start with 'slambed run {name}'"
+
+
 def status_of(results: Path, name: str, yaml_path: Path | None, software: set[str]) -> Status:
     """Compares experiment.json with the run folders. `software`: tags of what would run now."""
     folder = ResultFolder(results / name)
     try:
         content = json.loads((folder.path / "experiment.json").read_text())
         specs = [RunSpec.model_validate(_without_key(run)) for run in content["runs"]]
-    except FileNotFoundError:
+    except (OSError, ValueError, KeyError, TypeError):
         raise SlambedError(
-            f"no results of '{name}' in {results}; start with 'slambed run {name}'"
-        ) from None
-    except (ValueError, KeyError, TypeError):
-        raise SlambedError(
-            f"{folder.path / 'experiment.json'} is not whole; 'slambed run {name}' writes it anew"
+            f"{folder.path / 'experiment.json'} is missing or not whole; "
+            f"'slambed run {name}' writes it anew"
         ) from None
     cells: dict[str, CellStatus] = {}
     for spec in specs:
