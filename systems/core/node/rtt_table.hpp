@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
-#include <cstdint>
+#include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include "base/time.hpp"
@@ -17,12 +17,14 @@ struct RttTable {
 
   /// Linear between two values, the first before run time 0, the last one for ever.
   Duration at(RunTime when) const {
-    const auto last = static_cast<std::int64_t>(values.size()) - 1;
-    const RunTime t = std::clamp(when, RunTime::zero(), step * last);
-    const std::int64_t before = std::min(t / step, std::max<std::int64_t>(last - 1, 0));
-    const Duration low = values[static_cast<std::size_t>(before)];
-    const Duration high = values[static_cast<std::size_t>(std::min(before + 1, last))];
-    return low + Duration((high - low).count() * (t - step * before).count() / step.count());
+    if (when < RunTime::zero()) return values.front();
+    const auto before = static_cast<std::size_t>(when / step);
+    if (before + 1 >= values.size()) return values.back();
+    // In floating point: the product of two long times does not fit into a Duration.
+    const double share =
+        static_cast<double>((when % step).count()) / static_cast<double>(step.count());
+    const double change = static_cast<double>((values[before + 1] - values[before]).count());
+    return values[before] + Duration(std::llround(change * share));
   }
 };
 

@@ -112,6 +112,13 @@ TEST(RunConfig, TheProfilesRttIsATableOverRunTime) {
   EXPECT_EQ(rtt->at(from_seconds(0.2)), from_seconds(0.010));
   EXPECT_EQ(rtt->at(from_seconds(100)), from_seconds(0.010));
   EXPECT_EQ(with({{"step_s", 1}, {"rtt_ms", {7}}})->at(from_seconds(3)), from_seconds(0.007));
+  // The largest numbers that are taken.
+  const auto large = with({{"step_s", 3600}, {"rtt_ms", {0, 1e6, 0}}});
+  EXPECT_EQ(large->at(from_seconds(1800)), from_seconds(500));
+  EXPECT_EQ(large->at(from_seconds(3600 + 2700)), from_seconds(250));
+  const RttTable centuries{.step = from_seconds(3600),
+                           .values = std::vector<Duration>(3'000'000, from_seconds(1))};
+  EXPECT_EQ(centuries.at(from_seconds(7000)), from_seconds(1));
   EXPECT_THROW(with({{"step_s", 0}, {"rtt_ms", {7}}}), Error);
   EXPECT_THROW(with({{"step_s", 1}, {"rtt_ms", nlohmann::json::array()}}), Error);
   EXPECT_THROW(with({{"step_s", 1}, {"rtt_ms", {-1}}}), Error);
