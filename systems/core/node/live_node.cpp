@@ -101,7 +101,8 @@ class LiveNode {
                                 .timestamps_ns = sequence_->timestamps_ns(),
                                 .time_origin_ns = sequence_->time_origin_ns(),
                                 .prior_map = maps_->prior(),
-                                .profile_rtt = config_.network ? config_.network->profile_rtt : std::nullopt},
+                                .profile_rtt = config_.network ? config_.network->profile_rtt
+                                                               : std::nullopt},
                     system_, parameters_);
   }
 

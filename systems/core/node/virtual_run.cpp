@@ -123,7 +123,9 @@ class VirtualRun {
                                      .timestamps_ns = sequence_.timestamps_ns(),
                                      .time_origin_ns = sequence_.time_origin_ns(),
                                      .prior_map = maps_->prior(),
-                                     .profile_rtt = config_.run.network ? config_.run.network->profile_rtt : std::nullopt},
+                                     .profile_rtt = config_.run.network
+                                                        ? config_.run.network->profile_rtt
+                                                        : std::nullopt},
                          system_, parameters_);
   }
 

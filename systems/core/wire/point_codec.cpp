@@ -28,7 +28,9 @@ constexpr std::size_t kOtherBytes = kFreshBytes + 12 + 6 + 4 + 3;
 /// distance: depth has 12 bits, a pixel is a smaller part.
 constexpr double kFreshTolerance = 2e-4;
 
-bool is_near(float a, float b) { return std::abs(a - b) <= static_cast<float>(kFreshTolerance) * std::abs(b); }
+bool is_near(float a, float b) {
+  return std::abs(a - b) <= static_cast<float>(kFreshTolerance) * std::abs(b);
+}
 
 constexpr float kNormalSteps = 32767;
 
