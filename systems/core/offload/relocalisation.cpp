@@ -31,20 +31,11 @@ RelocalisationService::RelocalisationService(EdgeNode& node, EdgeMapping& mappin
       update_keyframes_(update_keyframes),
       options_(options),
       places_(mapping.places()) {
-  mapping_.on_mapped([this](Worker&, KeyFrameId keyframe) { index(keyframe); });
+  mapping_.on_mapped([this](Worker&, KeyFrameId) { places_->follow(*mapping_.map()); });
 }
 
 void RelocalisationService::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
-}
-
-void RelocalisationService::index(KeyFrameId keyframe) {
-  const auto features = mapping_.map()->read([&](const MapView& view) {
-    const KeyFrame* found = view.keyframe(keyframe);
-    return found ? found->features : nullptr;
-  });
-  if (!features) return;
-  places_->add(keyframe, places_->vocabulary().transform(features->descriptors()));
 }
 
 void RelocalisationService::serve(Worker& worker) {

@@ -38,7 +38,6 @@ class RelocalisationService {
   void start();
 
  private:
-  void index(KeyFrameId keyframe);
   void serve(Worker& worker);
   std::vector<KeyFrameId> find(const wire::FrameMessage& frame);
 

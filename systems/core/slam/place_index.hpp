@@ -26,7 +26,8 @@ class PlaceIndex {
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
   /// Takes in the keyframes of a map that are missing here and drops those it does not have; costs
-  /// what changed since the last call. One thread at a time.
+  /// what changed since the last call. Of two calls at a time the one that saw less may end last:
+  /// the next call makes up for it.
   void follow(const Map& map);
   void add(KeyFrameId keyframe, BagOfWords bag);
   void remove(KeyFrameId keyframe);
