@@ -34,7 +34,6 @@ class OrbSlam2Policy final : public MobilePolicy {
       const auto map = node_.tracker().map();
       mapping_.reset(worker, map);
       map->clear();  // of what the mapper committed before it heard of the reset
-      if (loops_) loops_->reset();
     }
     if (frame.outcome.state != TrackingState::kOk ||
         !node_.tracker().wants_keyframe(mapping_.status())) {

@@ -81,6 +81,7 @@ void LocalMapping::go_on_with(std::shared_ptr<Map> map) {
 void LocalMapping::adopt(Task task) {
   map_ = std::move(task.map);
   mapper_.replace_map(map_);
+  if (change_) change_();
   changes_done_ = task.change;
   settled_->notify();
 }
@@ -116,7 +117,7 @@ void LocalMapping::run(Worker& worker) {
         continue;
       }
     }
-    worker.wait(queue_.signal(), ticket, idle_ ? idle_(worker) : kNever);
+    worker.wait(queue_.signal(), ticket, idle_ && !parked_ ? idle_(worker) : kNever);
   }
   settled_->notify();
 }

@@ -35,9 +35,12 @@ class LocalMapping {
   /// On the mapping side: the mapper's points count on behind this one.
   void skip(MapPointId used) { mapper_.skip(used); }
 
-  /// Called when nothing waits; returns when it wants to be called again (kNever: after the next
-  /// keyframe).
+  /// Called when nothing waits, but not while parked; returns when it wants to be called again
+  /// (kNever: after the next keyframe).
   void on_idle(std::function<RunTime(Worker&)> idle) { idle_ = std::move(idle); }
+  /// Called on the mapping side whenever it goes on with a map, be it the same one, before reset()
+  /// returns.
+  void on_change(std::function<void()> change) { change_ = std::move(change); }
 
   void start(const std::string& worker_name = "mapping");
   /// Queues a keyframe of the map gone on to last (sequential: maps it now).
@@ -49,8 +52,9 @@ class LocalMapping {
   void go_on_with(std::shared_ptr<Map> map);
   /// Returns when nothing waits or runs any more.
   void drain(Worker& worker);
-  /// A parked mapper finishes its keyframe and then leaves the queue alone.
+  /// A parked mapper finishes its keyframe and then leaves queue and map alone.
   void park(bool parked);
+  bool parked() const { return parked_; }
   /// No keyframe is accepted while the map is being put right.
   void hold(bool held) { held_ = held; }
   /// Lets the mapping side come round to on_idle. From any worker.
@@ -81,6 +85,7 @@ class LocalMapping {
   Done done_;
   std::function<bool(Worker&, KeyFrameId)> prepare_;
   std::function<RunTime(Worker&)> idle_;
+  std::function<void()> change_;
   Mailbox<Task> queue_;
   std::unique_ptr<Signal> settled_;  ///< a keyframe is done, or a change of map
   std::atomic<int> waiting_{0};      ///< keyframes in the queue

@@ -24,6 +24,11 @@ LoopClosing::LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions opti
     idle(worker);
     return kNever;
   });
+  mapping_.on_change([this] {
+    ++generation_;
+    closer_.replace_map(map_);
+  });
+  on_commit([this](const MapDelta& delta) { map_->commit(delta); });
 }
 
 void LoopClosing::start() {
@@ -32,7 +37,6 @@ void LoopClosing::start() {
 }
 
 void LoopClosing::mapped(Worker& worker, KeyFrameId keyframe) {
-  if (reset_.exchange(false)) closer_.replace_map(map_);
   idle(worker);
   const bool found = worker.stage("loop_detect", [&](StageUnits& units) {
     units.n1 = static_cast<double>(count(*map_).keyframes);
@@ -59,7 +63,7 @@ void LoopClosing::close(Worker& worker) {
     const MapDelta delta = closer_.correct();
     fused = delta.fusions.size();
     closed = !delta.empty();
-    map_->commit(delta);
+    commit_(delta);
   });
   if (closed && worker.stage("loop_close", [&](StageUnits& units) {
         charge(units);
@@ -70,7 +74,7 @@ void LoopClosing::close(Worker& worker) {
       return closer_.step_graph();
     })) {
     }
-    worker.stage("loop_close", nothing, [&](int) { map_->commit(closer_.finish_graph()); });
+    worker.stage("loop_close", nothing, [&](int) { commit_(closer_.finish_graph()); });
   }
   mapping_.hold(false);
   if (!closed) return;
@@ -113,7 +117,7 @@ void LoopClosing::take_over(Worker& worker, const GlobalBundle& bundle) {
         units.n1 = static_cast<double>(bundle.observations());
         return 0;
       },
-      [&](int) { map_->commit(bundle.result(*map_)); });
+      [&](int) { commit_(bundle.result(*map_)); });
 }
 
 void LoopClosing::work(Worker& worker) {
@@ -134,17 +138,13 @@ void LoopClosing::idle(Worker& worker) {
   }
 }
 
-void LoopClosing::reset() {
-  ++generation_;
-  reset_ = true;
-}
-
-void LoopClosing::drain(Worker& worker) {
-  while (open_ > 0 && !worker.stopping()) {
+void LoopClosing::drain(Worker& worker, RunTime deadline) {
+  while (open_ > 0 && !mapping_.parked() && !worker.stopping() && worker.now() < deadline) {
     const auto ticket = settled_->ticket();
     if (open_ == 0) break;
-    worker.wait(*settled_, ticket, kNever);
+    worker.wait(*settled_, ticket, deadline);
   }
+  if (open_ > 0) ++generation_;
 }
 
 }  // namespace slambed

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 
 #include "node/event_log.hpp"
@@ -15,24 +16,26 @@ namespace slambed {
 /// Closes loops behind a LocalMapping. Everything that changes the map happens on the mapping side,
 /// between two keyframes; the global bundle computes on a worker of its own and is taken over there
 /// when it is done. While a loop is being closed no keyframe is accepted. A newer loop or a reset
-/// makes a running bundle worthless: it stops at its next step.
+/// of the mapping makes a running bundle worthless: it stops at its next step.
 ///
-/// Takes LocalMapping's on_idle for itself; whoever uses on_done calls mapped() from there.
+/// Takes LocalMapping's on_change for itself, and on_idle, too: whoever sets that one anew
+/// afterwards calls idle() from there. Whoever uses on_done calls mapped().
 class LoopClosing {
  public:
   LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options, std::shared_ptr<Map> map,
               std::shared_ptr<PlaceIndex> places, LocalMapping& mapping, LocalMapping::Mode mode);
 
+  /// Called on the mapping side to commit a change, in place of Map::commit. Before start().
+  void on_commit(std::function<void(const MapDelta&)> commit) { commit_ = std::move(commit); }
   /// Starts the bundle's worker (not in sequential mode: there the bundle runs at once).
   void start();
   /// On the mapping side, after a keyframe was worked in.
   void mapped(Worker& worker, KeyFrameId keyframe);
   /// On the mapping side, when nothing waits: takes over a bundle that is done.
   void idle(Worker& worker);
-  /// The map was thrown away. From any worker, once mapping has come to rest (LocalMapping::reset).
-  void reset();
   /// Returns when no bundle runs or waits to be taken over; mapping must have been drained before.
-  void drain(Worker& worker);
+  /// What is not done by the deadline, or when mapping is parked, is dropped.
+  void drain(Worker& worker, RunTime deadline = kNever);
 
  private:
   struct Finished {
@@ -52,8 +55,8 @@ class LoopClosing {
   LoopCloser closer_;
   LocalMapping& mapping_;
   LocalMapping::Mode mode_;
+  std::function<void(const MapDelta&)> commit_;
   std::atomic<int> generation_{0};  ///< of the map as loops and resets left it
-  std::atomic<bool> reset_{false};
   std::atomic<int> open_{0};  ///< bundles asked for and not yet taken over or dropped
   Mailbox<int> wanted_;       ///< generations to adjust
   Mailbox<Finished> finished_;

@@ -28,11 +28,12 @@ EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& ke
   if (options_.loop_closing) {
     loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), map_, places_, mapping_,
                    LocalMapping::Mode::kWorker);
+    loops_->on_commit([this](const MapDelta& delta) { jumps_.commit(*map_, delta); });
   }
   mapping_.on_take([this](Worker&, KeyFrameId id) { return take(id); });
   mapping_.on_done([this](Worker& worker, KeyFrameId id) { mapped(worker, id); });
   mapping_.on_idle([this](Worker& worker) {
-    close_loops([&] { loops_->idle(worker); });
+    if (loops_) loops_->idle(worker);
     return update_if_due(worker);
   });
 }
@@ -109,7 +110,6 @@ void EdgeMapping::admit(Worker& worker, const Message& raw) {
 void EdgeMapping::begin_again(Worker& worker) {
   mapping_.reset(worker, map_);
   map_->clear();
-  if (loops_) loops_->reset();
   jumps_.forget();
   std::lock_guard lock(mutex_);
   pending_.clear();
@@ -131,9 +131,9 @@ bool EdgeMapping::take(KeyFrameId keyframe) {
     mapping_.skip(found->second.message.newest_edge_point);
   }
   delta = map_->read([&](const MapView& view) {
-    return jumps_.follow(view, rebase_keyframe(view, std::move(delta)), applied);
+    return rebase_keyframe(view, std::move(delta));
   });
-  map_->commit(delta);
+  map_->commit(jumps_.follow(*map_, std::move(delta), applied));
   return true;
 }
 
@@ -150,18 +150,7 @@ void EdgeMapping::mapped(Worker& worker, KeyFrameId keyframe) {
   }
   if (mapped_) mapped_(worker, keyframe);
   update_if_due(worker);
-  close_loops([&] { loops_->mapped(worker, keyframe); });
-}
-
-template <typename Work>
-void EdgeMapping::close_loops(Work work) {
-  if (!loops_) return;
-  std::uint64_t updates = 0;
-  {
-    std::lock_guard lock(mutex_);
-    updates = updates_;
-  }
-  jumps_.watch(*map_, updates, work);
+  if (loops_) loops_->mapped(worker, keyframe);
 }
 
 RunTime EdgeMapping::update_if_due(Worker& worker) {
@@ -203,13 +192,15 @@ void EdgeMapping::send_update(Worker& worker, wire::UpdateTimes times, KeyFrameI
     {
       std::lock_guard lock(mutex_);
       if (stopped_) return Bytes();
-      update.update = ++updates_;
       epoch = epoch_;
     }
-    update.map =
-        map_->read([&](const MapView& view) { return extract_keyframes(view, keyframes); });
+    jumps_.update([&](std::uint64_t number) {
+      update.update = number;
+      update.map =
+          map_->read([&](const MapView& view) { return extract_keyframes(view, keyframes); });
+      if (options_.update_poses) update.poses = moved_poses(update.map);
+    });
     update.map.epoch = epoch;
-    if (options_.update_poses) update.poses = moved_poses(update.map);
     units.n1 = static_cast<double>(update.map.keyframes.size());
     units.n2 = static_cast<double>(update.map.points.size());
     // Binary costs next to nothing beside collecting; text is a stage of its own.
@@ -291,18 +282,19 @@ KeyFrameId EdgeMapping::settled() const {
   return place < 0 ? KeyFrameId{} : mapped_keyframes_[static_cast<std::size_t>(place)];
 }
 
-void EdgeMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime deadline) {
+void EdgeMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
+                        RunTime deadline) {
   for (;;) {
     const auto ticket = received_->ticket();
     {
       std::lock_guard lock(mutex_);
       if (received_sequence_ >= last_sequence) break;
     }
-    if (worker.stopping() || worker.now() >= deadline) break;
-    worker.wait(*received_, ticket, deadline);
+    if (worker.stopping() || worker.now() >= transit) break;
+    worker.wait(*received_, ticket, transit);
   }
   mapping_.drain(worker);
-  if (loops_) loops_->drain(worker);
+  if (loops_) loops_->drain(worker, deadline);
 }
 
 RunTime EdgeMapping::last_sent() const {
@@ -322,7 +314,7 @@ void EdgeMapping::stop() {
 }
 
 CommitReport EdgeMapping::merge(Worker& worker, MapDelta changes) {
-  mapping_.reset(worker, map_);  // nobody else changes the map now
+  mapping_.reset(worker, map_);  // parked: nobody else changes the map now
   {
     std::lock_guard lock(mutex_);
     std::erase_if(accepted_, [this](KeyFrameId id) { return pending_.contains(id); });
@@ -330,7 +322,6 @@ CommitReport EdgeMapping::merge(Worker& worker, MapDelta changes) {
   }
   changes = map_->read([&](const MapView& view) { return rebase_changes(view, changes); });
   const CommitReport report = map_->commit(changes);
-  if (loops_) loops_->reset();
   jumps_.forget();
   {
     std::lock_guard lock(mutex_);

@@ -42,8 +42,9 @@ class EdgeMapping {
   /// Answers keyframes that no map can start with by KEYFRAME_WANTED. Before start().
   void ask_when_empty() { asks_ = true; }
 
-  /// Waits until the keyframe with this sequence has come (or the deadline) and all are mapped.
-  void drain(Worker& worker, std::uint64_t last_sequence, RunTime deadline);
+  /// Waits until the keyframe with this sequence has come, or until transit, and all are mapped;
+  /// what closed loops leave to do is dropped at the deadline.
+  void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit, RunTime deadline);
   /// Where every keyframe that was ever accepted is now, culled ones through their parents.
   std::vector<KeyFramePose> all_poses() const;
   /// The latest mapped keyframes that still exist, newest first, at most count.
@@ -77,9 +78,6 @@ class EdgeMapping {
   void begin_again(Worker& worker);
   bool take(KeyFrameId keyframe);
   void mapped(Worker& worker, KeyFrameId keyframe);
-  /// Whatever of closing loops may be due; the map may jump.
-  template <typename Work>
-  void close_loops(Work work);
   RunTime update_if_due(Worker& worker);
   std::vector<KeyFramePose> moved_poses(const MapDelta& update);
 
@@ -106,7 +104,6 @@ class EdgeMapping {
   bool news_ = false;  ///< a keyframe was mapped since the last update
   bool held_ = false, stopped_ = false;
   std::uint64_t epoch_ = 0;
-  std::uint64_t updates_ = 0;
   RunTime last_sent_ = RunTime::min();
   std::map<KeyFrameId, SE3> told_;  ///< poses the mobile was told last
 };

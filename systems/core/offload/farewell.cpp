@@ -11,6 +11,8 @@ constexpr Duration kAnswerPatience = std::chrono::seconds(15);
 /// Without a connection nothing will come.
 constexpr Duration kAwayPatience = std::chrono::seconds(2);
 constexpr Duration kTransitPatience = std::chrono::seconds(5);
+/// A bundle of a large map that takes longer is not worth losing the answer.
+constexpr Duration kBundlePatience = std::chrono::seconds(10);
 constexpr Duration kLookEvery = std::chrono::milliseconds(200);
 
 constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
@@ -73,7 +75,9 @@ bool EdgeFarewell::answer(Worker& worker, const Message& message) {
     node_.log().warning(std::string("BYE refused: ") + error.what());
     return false;
   }
-  mapping_.drain(worker, bye.last_keyframe_sequence, worker.now() + kTransitPatience);
+  const RunTime heard = worker.now();
+  mapping_.drain(worker, bye.last_keyframe_sequence, heard + kTransitPatience,
+                 heard + kBundlePatience);
   if (options_.final_poses) {
     control_.send(type_of(wire::MessageType::kPoses), wire::encode_poses(mapping_.all_poses()));
   }

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -30,7 +31,7 @@ DeviceModel device() {
 class LoopClosingTest : public ::testing::Test {
  protected:
   using Mode = LocalMapping::Mode;
-  using OnClosed = std::function<void(Worker&, LoopClosing&)>;
+  using OnClosed = std::function<void(Worker&, LocalMapping&, LoopClosing&)>;
 
   void run(Mode mode, int limit, const OnClosed& on_closed = {}) {
     TemporaryFolder folder;
@@ -56,7 +57,7 @@ class LoopClosingTest : public ::testing::Test {
               read_text(folder.path() / "events.jsonl").find("loop_closed") != std::string::npos) {
             closed = true;
             left = 2;
-            if (on_closed) on_closed(worker, loops);
+            if (on_closed) on_closed(worker, mapping, loops);
           }
           worker.sleep_until(worker.now() + 100ms);
         }
@@ -76,6 +77,14 @@ class LoopClosingTest : public ::testing::Test {
       if (event["type"] == type && (stage.empty() || event["name"] == stage))
         found.push_back(event);
     return found;
+  }
+
+  /// Bundles that were taken over: their last stage is the mapping side's.
+  std::size_t taken_over() const {
+    const auto stages = of("stage", "global_bundle");
+    return static_cast<std::size_t>(
+        std::count_if(stages.begin(), stages.end(),
+                      [](const auto& stage) { return stage["worker"] == "mapping"; }));
   }
 
   std::unique_ptr<DriftedLaps> laps;
@@ -107,15 +116,40 @@ TEST_F(LoopClosingTest, SequentiallyTheBundleRunsAtOnce) {
 }
 
 TEST_F(LoopClosingTest, AResetMakesARunningBundleWorthless) {
-  run(Mode::kWorker, 70, [](Worker& worker, LoopClosing& loops) {
+  run(Mode::kWorker, 70, [&](Worker& worker, LocalMapping& mapping, LoopClosing&) {
     worker.sleep_until(worker.now() + 30ms);  // the bundle is at its second step
-    loops.reset();
+    mapping.reset(worker, laps->map);
   });
   ASSERT_EQ(of("loop_closed").size(), 1u);
-  const auto bundle = of("stage", "global_bundle");
-  EXPECT_LE(bundle.size(), 3u);
-  for (const auto& stage : bundle)
-    EXPECT_EQ(stage["worker"], "global-bundle") << "never taken over";
+  EXPECT_LE(of("stage", "global_bundle").size(), 3u);
+  EXPECT_EQ(taken_over(), 0u);
+}
+
+TEST_F(LoopClosingTest, WhileMappingIsParkedNoBundleIsTakenOver) {
+  SE3 parked, still;
+  run(Mode::kWorker, 70, [&](Worker& worker, LocalMapping& mapping, LoopClosing&) {
+    mapping.park(true);
+    parked = laps->pose(10);
+    worker.sleep_until(worker.now() + 10s);
+    still = laps->pose(10);
+    mapping.park(false);
+  });
+  ASSERT_EQ(of("loop_closed").size(), 1u);
+  EXPECT_EQ(parked.t, still.t);
+  EXPECT_EQ(taken_over(), 1u) << "once mapping goes on";
+}
+
+TEST_F(LoopClosingTest, ABundleThatIsNotDoneInTimeIsDropped) {
+  RunTime asked{}, drained{};
+  run(Mode::kWorker, 70, [&](Worker& worker, LocalMapping&, LoopClosing& loops) {
+    asked = worker.now();
+    loops.drain(worker, asked + 30ms);  // the bundle is at its second step
+    drained = worker.now();
+  });
+  ASSERT_EQ(of("loop_closed").size(), 1u);
+  EXPECT_EQ(drained - asked, 30ms);
+  EXPECT_LE(of("stage", "global_bundle").size(), 3u);
+  EXPECT_EQ(taken_over(), 0u);
 }
 
 TEST_F(LoopClosingTest, WithoutALoopNothingButDetectionIsDone) {

@@ -24,12 +24,14 @@ class MapJumpsTest : public ::testing::Test {
     shift.R = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   }
   /// The second keyframe is where shift would have brought it at first, the first one stays.
-  void jump(std::uint64_t updates) {
-    jumps.watch(map, updates, [&] {
-      MapDelta moved;
-      moved.poses = {{kf(2), T_cw_before * shift.inverse(), ++version}};
-      map.commit(moved);
-    });
+  void jump() {
+    MapDelta moved;
+    moved.poses = {{kf(2), T_cw_before * shift.inverse(), ++version}};
+    jumps.commit(map, moved);
+  }
+  /// So many updates are sent.
+  void updates(int count) {
+    while (count-- > 0) jumps.update([](std::uint64_t) {});
   }
   /// A keyframe at x that sees these points, and one of its own 4 m before it.
   MapDelta made(double x, std::uint64_t first_point) {
@@ -44,7 +46,7 @@ class MapJumpsTest : public ::testing::Test {
     return delta;
   }
   MapDelta follow(const MapDelta& delta, std::uint64_t applied) {
-    return map.read([&](const MapView& view) { return jumps.follow(view, delta, applied); });
+    return jumps.follow(map, delta, applied);
   }
   Map map;
   MapJumps jumps;
@@ -53,7 +55,8 @@ class MapJumpsTest : public ::testing::Test {
 };
 
 TEST_F(MapJumpsTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
-  jump(5);
+  updates(5);
+  jump();
   const MapDelta moved = follow(made(0.5, 31), 5);
   const SE3 T_wc = moved.keyframes[0].T_cw.inverse();
   EXPECT_LT((T_wc.t - shift * Eigen::Vector3d(0.5, 0, 0)).norm(), 1e-12);
@@ -63,13 +66,15 @@ TEST_F(MapJumpsTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
 }
 
 TEST_F(MapJumpsTest, ANeighbourThatStayedMovesNothing) {
-  jump(5);
+  updates(5);
+  jump();
   const MapDelta delta = made(0.5, 1);
   EXPECT_LT((follow(delta, 5).keyframes[0].T_cw.t - delta.keyframes[0].T_cw.t).norm(), 1e-12);
 }
 
 TEST_F(MapJumpsTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
-  jump(5);
+  updates(5);
+  jump();
   const MapDelta delta = made(0.5, 31);
   EXPECT_EQ(follow(delta, 6).points[0].p_w, delta.points[0].p_w);
   // And stays there: an older message does not come after a newer one.
@@ -78,17 +83,33 @@ TEST_F(MapJumpsTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
 
 TEST_F(MapJumpsTest, WithoutAJumpOrANeighbourNothingMoves) {
   const MapDelta delta = made(0.5, 31);
-  jumps.watch(map, 5, [] {});
+  jumps.commit(map, {});
   EXPECT_EQ(follow(delta, 0).points[0].p_w, delta.points[0].p_w);
-  jump(5);
+  updates(5);
+  jump();
   const MapDelta alone = made(0.5, 200);  // points that nobody knows
   EXPECT_EQ(follow(alone, 0).points[0].p_w, alone.points[0].p_w);
   jumps.forget();
   EXPECT_EQ(follow(delta, 0).points[0].p_w, delta.points[0].p_w);
 }
 
+TEST_F(MapJumpsTest, AnUpdateReadBetweenTheTwoHalvesOfAClosingKnowsOfTheFirstOnly) {
+  const SE3 whole = shift * shift;
+  jump();
+  jumps.update([&](std::uint64_t number) { EXPECT_EQ(number, 1u); });
+  shift = whole;
+  jump();
+  const Eigen::Vector3d p(0.5, 0, 4);
+  EXPECT_LT((follow(made(0.5, 31), 0).points[0].p_w - whole * p).norm(), 1e-9);
+  SE3 half;
+  half.t = {1, 2, 0};
+  half.R = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  EXPECT_LT((follow(made(0.5, 31), 1).points[0].p_w - half * p).norm(), 1e-9);
+}
+
 TEST_F(MapJumpsTest, AKeyframeThatMovedAlongGuidesTheNext) {
-  jump(5);
+  updates(5);
+  jump();
   const MapDelta first = follow(made(0.5, 31), 5);
   map.commit(first);
   MapDelta second = made(0.7, 200);
@@ -100,9 +121,11 @@ TEST_F(MapJumpsTest, AKeyframeThatMovedAlongGuidesTheNext) {
 }
 
 TEST_F(MapJumpsTest, AfterTwoJumpsTheOldestMapCounts) {
-  jump(5);
+  updates(5);
+  jump();
   shift = shift * shift;
-  jump(7);
+  updates(2);
+  jump();
   // Of before both: moved by all of it. Of between: by the second only, which doubled the first.
   const Eigen::Vector3d p(0.5, 0, 4);
   EXPECT_LT((follow(made(0.5, 31), 5).points[0].p_w - shift * p).norm(), 1e-9);
