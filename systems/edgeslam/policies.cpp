@@ -33,7 +33,7 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   const PeerState edge = node_.network().peer();
   const bool edge_is_new = edge.connected && edge.incarnation != edge_incarnation_ &&
                            !frame.outcome.initialised_now;
-  const bool at_once = edge_is_new || std::exchange(keyframe_wanted_, false);
+  const bool at_once = edge_is_new || keyframe_wanted_;
   const KeyFrameNeed need = at_once ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
   if (need == KeyFrameNeed::kNone) return;
   // A keyframe that the edge may still decline must not become the reference.
@@ -55,6 +55,7 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   const bool first = edge_is_new || frame.outcome.initialised_now;
   if (first) edge_incarnation_ = edge.incarnation;
   offload_.send(worker, frame, std::move(made), need, first, whole || first);
+  keyframe_wanted_ = false;
 }
 
 void EdgeSlamMobile::place_keyframes(PoseBook& book) {

@@ -123,14 +123,12 @@ void MapDownlink::build(Arrival& arrival) {
 
 std::optional<std::string_view> MapDownlink::refused(Worker& worker,
                                                      const Arrival& arrival) const {
+  const PeerState edge = node_.network().peer();
   return decline_reason(rules_, {.relocalisation = is_relocalisation(arrival.raw),
                                  .lost = node_.tracker().state() == TrackingState::kLost,
-                                 .former_edge = arrival.raw.incarnation !=
-                                                node_.network().peer().incarnation,
+                                 .former_edge = arrival.raw.incarnation != edge.incarnation,
                                  .update = arrival.update.update,
-                                 .applied = arrival.raw.incarnation == applied_incarnation_
-                                                ? applied_
-                                                : 0,
+                                 .applied = knows(edge) ? applied_ : 0,
                                  .epoch = arrival.update.map.epoch,
                                  .current_epoch = epoch_,
                                  .local_keyframes = count(*node_.tracker().map()).keyframes,

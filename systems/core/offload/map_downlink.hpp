@@ -32,11 +32,12 @@ class MapDownlink {
   void before_frame(Worker& worker);
   /// On the tracking worker: a keyframe was added to the local map.
   void keyframe_created(RunTime when);
-  std::uint64_t applied_update() const { return applied_; }
+  /// Number of the last update taken over from the edge that is there now; 0: none.
+  std::uint64_t applied_update() const { return knows(node_.network().peer()) ? applied_ : 0; }
   /// Newest point of an edge mapper among all updates taken over; none before the first.
   MapPointId newest_edge_point() const { return newest_edge_point_; }
-  /// What the last update said of points that need no more counting; none before the first.
-  KeyFrameId settled() const { return settled_; }
+  /// What its last update said of points that need no more counting; none before the first.
+  KeyFrameId settled() const { return knows(node_.network().peer()) ? settled_ : KeyFrameId{}; }
   /// Updates of an older epoch are declined from now on; they are counted anew. On the tracking
   /// worker.
   void begin_epoch(std::uint64_t epoch) {
@@ -55,6 +56,8 @@ class MapDownlink {
     std::shared_ptr<Map> map;
   };
 
+  /// The last update came from this edge, not from one before it.
+  bool knows(const PeerState& edge) const { return edge.incarnation == applied_incarnation_; }
   void work(Worker& worker);
   bool parse(Worker& worker, Arrival& arrival);
   void build(Arrival& arrival);

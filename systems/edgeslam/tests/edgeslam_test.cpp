@@ -7,58 +7,21 @@
 
 #include <algorithm>
 #include <map>
-#include <numbers>
 #include <set>
 
-#include "node/tests/virtual_pair.hpp"
+#include "edgeslam/tests/turning_pair.hpp"
+#include "wire/messages.hpp"
 
 namespace slambed {
 namespace {
 
+using testing::conventional;
+using testing::enhanced;
 using testing::PairLink;
 using testing::PairResult;
+using testing::pose_at;
 using testing::SyntheticWorld;
-
-nlohmann::json conventional() {
-  return {{"n_orb", 1000},
-          {"n_kf", 6},
-          {"sync_period_s", 5.0},
-          {"map_update", "serial"},
-          {"update_neighbours", 0},
-          {"min_local_keyframes", 6},
-          {"fast_motion_ms", 300.0},
-          {"decline_kf_rate_hz", 0.0},
-          {"codec", "binary"},
-          {"keyframe_queue", 2},
-          {"edge_queue", 3},
-          {"update_poses", true},
-          {"final_poses", true},
-          {"reloc_request_ms", 500.0},
-          {"reloc_map_period_s", 1.0},
-          {"reloc_candidates", 5},
-          {"reloc_covisibles", 2},
-          {"loop_closing", true}};
-}
-
-nlohmann::json enhanced() {
-  auto params = conventional();
-  params.update(
-      {{"n_kf", 1}, {"n_orb", 750}, {"map_update", "parallel"}, {"min_local_keyframes", 1}});
-  return params;
-}
-
-SE3 pose_at(int frame) {
-  const double yaw = 2.5 * frame * std::numbers::pi / 180;
-  const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
-  const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return SE3(R_wc, centre).inverse();
-}
-
-/// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
-/// new to make keyframes of.
-std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
-  return world.look(pose_at(frame));
-}
+using testing::turn;
 
 /// How far a keyframe of the edge's map may be from where the camera was.
 constexpr double kPositionTolerance_m = 0.02;
@@ -157,7 +120,8 @@ TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
   }
   // The keyframe that the map started with came with all it saw, not only with its new points.
   const auto& first = result.edge_map.keyframes.front();
-  EXPECT_GT(std::count_if(first.points.begin(), first.points.end(), [](MapPointId id) { return bool(id); }),
+  EXPECT_GT(std::count_if(first.points.begin(), first.points.end(),
+                          [](MapPointId id) { return bool(id); }),
             200);
   EXPECT_GE(result.of("update_applied").size(), 1u);
 }
@@ -185,6 +149,45 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   }
   EXPECT_GT(after, 0);
   EXPECT_LT(after, before - 1000);
+}
+
+TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
+  using namespace std::chrono_literals;
+  auto params = enhanced();
+  params["fast_motion_ms"] = 0.0;
+  PairLink link;
+  link.edge_restarts = 7s;
+  const PairResult result = run_over(link, params, 85);
+  ASSERT_FALSE(result.of("update_applied").empty());
+  const auto restarted = result.of("edge_restarted");
+  ASSERT_EQ(restarted.size(), 1u);
+  const std::uint64_t begins = restarted[0]["keyframe"];
+  std::uint64_t before = 0;
+  int after = 0;
+  std::size_t settled_left_out = 0, all = 0;
+  for (const Bytes& sent : result.keyframes) {
+    const auto keyframe = wire::decode_keyframe(sent, SyntheticWorld().sensor());
+    if (keyframe.keyframe.value < begins) {
+      before = std::max(before, keyframe.applied_update);
+      settled_left_out = keyframe.delta.sightings.size();
+    } else {
+      ++after;
+      EXPECT_EQ(keyframe.applied_update, 0u);
+      EXPECT_EQ(keyframe.first, keyframe.keyframe.value == begins);
+      all = keyframe.delta.sightings.size();
+    }
+  }
+  EXPECT_GT(before, 0u);
+  EXPECT_GT(after, 1);
+  EXPECT_GT(all, settled_left_out + 50);
+  // It asked for a keyframe just then: the one that its map begins with is the answer.
+  std::vector<int> urgent;
+  for (const auto& made : result.of("keyframe_created")) {
+    if (made["t_ns"] >= 7'000'000'000 && made["need"] == "urgent") urgent.push_back(made["frame"]);
+  }
+  ASSERT_FALSE(urgent.empty());
+  EXPECT_EQ(urgent[0], 70);
+  EXPECT_FALSE(urgent.size() > 1 && urgent[1] == 71);
 }
 
 TEST(EdgeSlam, TheSameSeedGivesTheSameBytes) {

@@ -10,6 +10,7 @@
 #include "node/tests/temporary_folder.hpp"
 #include "runtime/virtual/virtual_network.hpp"
 #include "slam/tests/synthetic_world.hpp"
+#include "wire/message_type.hpp"
 
 namespace slambed::testing {
 
@@ -41,6 +42,28 @@ inline DeviceModel uniform_device(double stage_us) {
   return model;
 }
 
+/// A channel whose messages pass through a hand of the test's.
+class TappedChannel final : public Channel {
+ public:
+  using Take = std::function<std::optional<Message>(Channel& below)>;
+  using Sent = std::function<void(const Bytes&)>;
+  TappedChannel(Channel& below, Take take, Sent sent)
+      : below_(below), take_(std::move(take)), sent_(std::move(sent)) {}
+  const ChannelOptions& options() const override { return below_.options(); }
+  std::uint64_t send(std::uint8_t type, Bytes payload) override {
+    sent_(payload);
+    return below_.send(type, std::move(payload));
+  }
+  std::optional<Message> try_receive() override { return take_(below_); }
+  Signal& signal() override { return below_.signal(); }
+  PathStats path() const override { return below_.path(); }
+
+ private:
+  Channel& below_;
+  Take take_;
+  Sent sent_;
+};
+
 /// A network on which one channel never delivers its first so many messages.
 class LosingNetwork final : public Network {
  public:
@@ -49,36 +72,69 @@ class LosingNetwork final : public Network {
   Channel& open(const ChannelOptions& options) override {
     Channel& opened = below_.open(options);
     if (options.name != channel_) return opened;
-    losing_ = std::make_unique<Losing>(opened, lost_);
+    losing_ = std::make_unique<TappedChannel>(
+        opened,
+        [this](Channel& below) {
+          auto message = below.try_receive();
+          while (message && message->sequence <= lost_) message = below.try_receive();
+          return message;
+        },
+        [](const Bytes&) {});
     return *losing_;
   }
   PeerState peer() const override { return below_.peer(); }
   Signal& peer_signal() override { return below_.peer_signal(); }
 
  private:
-  class Losing final : public Channel {
-   public:
-    Losing(Channel& below, std::uint64_t lost) : below_(below), lost_(lost) {}
-    const ChannelOptions& options() const override { return below_.options(); }
-    std::uint64_t send(std::uint8_t type, Bytes payload) override {
-      return below_.send(type, std::move(payload));
-    }
-    std::optional<Message> try_receive() override {
-      auto message = below_.try_receive();
-      while (message && message->sequence <= lost_) message = below_.try_receive();
-      return message;
-    }
-    Signal& signal() override { return below_.signal(); }
-    PathStats path() const override { return below_.path(); }
-
-   private:
-    Channel& below_;
-    std::uint64_t lost_;
-  };
   Network& below_;
   std::string channel_;
   std::uint64_t lost_;
-  std::unique_ptr<Losing> losing_;
+  std::unique_ptr<TappedChannel> losing_;
+};
+
+/// The mobile's network when another process takes the edge's place (which in truth goes on), and
+/// at once asks for a keyframe because one was under way to its predecessor.
+class RestartingNetwork final : public Network {
+ public:
+  RestartingNetwork(Network& below, Runtime& runtime, RunTime when)
+      : below_(below), runtime_(runtime), when_(when) {}
+  Channel& open(const ChannelOptions& options) override {
+    const bool keyframes = options.name == "keyframe";
+    channels_.push_back(std::make_unique<TappedChannel>(
+        below_.open(options),
+        [this, keyframes](Channel& below) { return take(below, keyframes); },
+        [this, keyframes](const Bytes& sent) {
+          if (keyframes) keyframes_.push_back(sent);
+        }));
+    return *channels_.back();
+  }
+  PeerState peer() const override {
+    PeerState state = below_.peer();
+    if (restarted()) ++state.incarnation;
+    return state;
+  }
+  Signal& peer_signal() override { return below_.peer_signal(); }
+  /// Payloads of all that was sent there.
+  const std::vector<Bytes>& keyframes() const { return keyframes_; }
+
+ private:
+  bool restarted() const { return runtime_.now() >= when_; }
+  std::optional<Message> take(Channel& below, bool keyframes) {
+    if (keyframes && restarted() && !std::exchange(asked_, true)) {
+      return Message{.type = static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted),
+                     .incarnation = below_.peer().incarnation + 1};
+    }
+    auto message = below.try_receive();
+    if (message && message->received >= when_) ++message->incarnation;
+    return message;
+  }
+
+  Network& below_;
+  Runtime& runtime_;
+  RunTime when_;
+  bool asked_ = false;
+  std::vector<std::unique_ptr<TappedChannel>> channels_;
+  std::vector<Bytes> keyframes_;
 };
 
 /// One-way delays in ms, alike in both directions: one for good, or one per step.
@@ -88,6 +144,8 @@ struct PairLink {
   std::vector<link::Gap> gaps = {};
   std::optional<RttTable> profile_rtt{};  ///< told to the mobile, whatever the path does
   std::uint64_t lost_keyframes = 0;  ///< the first messages on the channel never reach the edge
+  RunTime edge_restarts = kNever;
+  double edge_bundle_us = 2000;  ///< per stage of a global bundle
 
   link::DirectionOptions direction() const {
     link::DirectionOptions options;
@@ -109,6 +167,7 @@ struct PairResult {
   bool finished = false;
   MapCounts mobile_counts, edge_counts;
   MapDelta mobile_map, edge_map;  ///< as they were at the end
+  std::vector<Bytes> keyframes;   ///< KEYFRAME messages as they were sent
 
   std::vector<nlohmann::json> of(const std::string& type) const {
     std::vector<nlohmann::json> found;
@@ -139,7 +198,9 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
       log->start(Duration::zero(), [] {});
     }
     VirtualRuntime mobile_runtime(simulator, uniform_device(2000), 1, mobile_log);
-    VirtualRuntime edge_runtime(simulator, uniform_device(2000), 2, edge_log);
+    DeviceModel edge_device = uniform_device(2000);
+    edge_device.stages["global_bundle"].a_us = path.edge_bundle_us;
+    VirtualRuntime edge_runtime(simulator, edge_device, 2, edge_log);
     VirtualLink link(simulator, path.direction(), path.direction(), 1);
     WorldSource source(std::move(look));
     PeerInfo peer;
@@ -149,9 +210,11 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
               .played_fps = playlist.played_fps()});
     RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
     LosingNetwork edge_network(link.edge_side(edge_log), "keyframe", path.lost_keyframes);
+    RestartingNetwork mobile_network(link.mobile_side(mobile_log), mobile_runtime,
+                                     path.edge_restarts);
     EdgeNode edge({edge_runtime, edge_network, edge_log, peer}, system, parameters);
     MobileNode mobile({.runtime = mobile_runtime,
-                       .network = &link.mobile_side(mobile_log),
+                       .network = &mobile_network,
                        .log = mobile_log,
                        .features = source,
                        .feed = feed,
@@ -172,6 +235,7 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     result.edge_counts = edge.counts();
     result.mobile_map = mobile.tracker().map()->read(snapshot);
     result.edge_map = edge.map()->read(snapshot);
+    result.keyframes = mobile_network.keyframes();
   }
   const auto parse = [](const std::string& text) {
     std::vector<nlohmann::json> events;
