@@ -164,22 +164,18 @@ TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
   const std::uint64_t begins = restarted[0]["keyframe"];
   std::uint64_t before = 0;
   int after = 0;
-  std::size_t settled_left_out = 0, all = 0;
   for (const Bytes& sent : result.keyframes) {
     const auto keyframe = wire::decode_keyframe(sent, SyntheticWorld().sensor());
     if (keyframe.keyframe.value < begins) {
       before = std::max(before, keyframe.applied_update);
-      settled_left_out = keyframe.delta.sightings.size();
     } else {
       ++after;
       EXPECT_EQ(keyframe.applied_update, 0u);
       EXPECT_EQ(keyframe.first, keyframe.keyframe.value == begins);
-      all = keyframe.delta.sightings.size();
     }
   }
   EXPECT_GT(before, 0u);
   EXPECT_GT(after, 1);
-  EXPECT_GT(all, settled_left_out + 50);
   // It asked for a keyframe just then: the one that its map begins with is the answer.
   std::vector<int> urgent;
   for (const auto& made : result.of("keyframe_created")) {

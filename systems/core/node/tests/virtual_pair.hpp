@@ -122,7 +122,8 @@ class RestartingNetwork final : public Network {
   std::optional<Message> take(Channel& below, bool keyframes) {
     if (keyframes && restarted() && !std::exchange(asked_, true)) {
       return Message{.type = static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted),
-                     .incarnation = below_.peer().incarnation + 1};
+                     .incarnation = below_.peer().incarnation + 1,
+                     .payload = {}};
     }
     auto message = below.try_receive();
     if (message && message->received >= when_) ++message->incarnation;

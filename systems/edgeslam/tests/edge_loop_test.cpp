@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+// Loops in the edge's map while the mobile goes on in a local map that knows nothing of them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "edgeslam/edgeslam.hpp"
+#include "edgeslam/tests/turning_pair.hpp"
+#include "offload/sides.hpp"
+
+namespace slambed {
+namespace {
+
+using testing::PairResult;
+using testing::pose_at;
+using testing::SyntheticWorld;
+
+/// A lap, and what it takes to see that it was one.
+constexpr int kLap = 144, kFrames = 176;
+
+/// A lens that shows less turning than there is: after a lap 3.6 degrees are missing.
+std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticWorld& world, int frame) {
+  constexpr float kZoom = 0.99f;
+  const auto seen = testing::turn(world, frame);
+  const auto& camera = world.sensor()->camera;
+  std::vector<KeyPoint> keypoints(seen->keypoints().begin(), seen->keypoints().end());
+  for (KeyPoint& p : keypoints) {
+    const float disparity = p.u - p.right_u;
+    p.u = static_cast<float>(camera.cx) + kZoom * (p.u - static_cast<float>(camera.cx));
+    p.v = static_cast<float>(camera.cy) + kZoom * (p.v - static_cast<float>(camera.cy));
+    p.right_u = p.u - disparity;
+  }
+  return std::make_shared<FeatureSet>(
+      world.sensor(), std::move(keypoints),
+      std::vector<Descriptor>(seen->descriptors().begin(), seen->descriptors().end()));
+}
+
+PairResult two_laps(const System& system, bool loop_closing, double bundle_us = 2000) {
+  auto params = testing::enhanced();
+  params["fast_motion_ms"] = 0.0;
+  params["n_kf"] = 6;
+  params["loop_closing"] = loop_closing;
+  return testing::run_pair(system, params, kFrames, 10,
+                           {.one_way_ms = {100}, .edge_bundle_us = bundle_us},
+                           through_a_wrong_lens);
+}
+
+/// How much keyframes of the second lap are turned against the first lap: that is drift.
+std::map<std::uint64_t, double> drift_deg(const PairResult& result) {
+  std::map<std::uint64_t, double> drift;
+  for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
+    const int frame = static_cast<int>(keyframe.frame_index);
+    if (frame < kLap) continue;
+    drift[keyframe.id.value] =
+        testing::turn_error_deg(keyframe.T_cw, pose_at(frame - kLap) * pose_at(0).inverse());
+  }
+  return drift;
+}
+
+/// With and without a loop.
+constexpr double kInPlace_deg = 1, kDrifted_deg = 2;
+
+/// What came in after the first loop was closed is where the loop has put the rest; returns how
+/// many keyframes that were.
+int expect_all_in_place(const PairResult& result) {
+  const auto closed = result.of("loop_closed");
+  if (closed.empty()) return 0;
+  const double closed_ns = closed.front()["t_ns"];
+  const auto drift = drift_deg(result);
+  int later = 0;
+  for (const auto& keyframe : result.of("keyframe_received")) {
+    const auto found = drift.find(keyframe["keyframe"].get<std::uint64_t>());
+    if (keyframe["t_ns"].get<double>() < closed_ns || found == drift.end()) continue;
+    EXPECT_LT(found->second, kInPlace_deg) << keyframe;
+    ++later;
+  }
+  return later;
+}
+
+TEST(EdgeLoops, KeyframesUnderWayToAClosedLoopLandWhereItBelongs) {
+  const PairResult result = two_laps(edgeslam_system(), true);
+  const auto closed = result.of("loop_closed");
+  ASSERT_FALSE(closed.empty());
+  EXPECT_TRUE(result.of("track_lost").empty());
+  const double closed_ns = closed.front()["t_ns"];
+  const auto received = result.of("keyframe_received");
+  int under_way = 0;
+  for (const auto& sent : result.of("keyframe_sent")) {
+    under_way += sent["t_ns"].get<double>() < closed_ns &&
+                 std::any_of(received.begin(), received.end(), [&](const auto& keyframe) {
+                   return keyframe["keyframe"] == sent["keyframe"] &&
+                          keyframe["t_ns"].template get<double>() > closed_ns;
+                 });
+  }
+  EXPECT_GT(under_way, 0);
+  EXPECT_GT(expect_all_in_place(result), under_way);
+}
+
+TEST(EdgeLoops, WithoutLoopClosingTheDriftStays) {
+  const PairResult result = two_laps(edgeslam_system(), false);
+  EXPECT_TRUE(result.of("loop_closed").empty());
+  for (const auto& stage : result.of("stage")) EXPECT_NE(stage["name"], "loop_detect");
+  const auto drift = drift_deg(result);
+  ASSERT_FALSE(drift.empty());
+  for (const auto& [keyframe, deg] : drift) EXPECT_GT(deg, kDrifted_deg) << keyframe;
+}
+
+/// Names no keyframe: it marks the update.
+constexpr std::uint64_t kMeanwhile = std::uint64_t{1} << 56 | 999'999;
+
+/// Sends an update while the first loop is being closed, as answers to a lost mobile are.
+class SendsWhileClosing final : public EdgePolicy {
+ public:
+  SendsWhileClosing(EdgeNode& node, const Parameters& parameters)
+      : node_(node), offload_(node, parameters) {}
+  void start() override {
+    offload_.start();
+    node_.runtime().spawn("meanwhile", [this](Worker& worker) {
+      EdgeMapping& edge = offload_.mapping();
+      while (edge.mapping().status().accepts && !worker.stopping()) {
+        worker.sleep_until(worker.now() + std::chrono::milliseconds(1));
+      }
+      const auto latest = edge.latest(1);
+      if (!latest.empty()) edge.send_update(worker, {}, {kMeanwhile}, latest, false);
+    });
+  }
+  std::shared_ptr<const Map> map() const override { return offload_.map(); }
+
+ private:
+  EdgeNode& node_;
+  OffloadEdge offload_;
+};
+
+TEST(EdgeLoops, AMapSentWhileALoopIsBeingClosedIsOneFromBefore) {
+  System system = edgeslam_system();
+  system.edge = [](EdgeNode& node, const Parameters& parameters) {
+    return std::make_unique<SendsWhileClosing>(node, parameters);
+  };
+  // The bundle behind it takes minutes: it puts nothing right, and nobody waits for it at the end.
+  const PairResult result = two_laps(system, true, 60e6);
+  const auto closed = result.of("loop_closed");
+  ASSERT_FALSE(closed.empty());
+  const auto sent = result.of("update_sent");
+  const auto meanwhile = std::find_if(sent.begin(), sent.end(), [](const auto& update) {
+    return update["newest_keyframe"] == kMeanwhile;
+  });
+  ASSERT_NE(meanwhile, sent.end());
+  EXPECT_LT((*meanwhile)["t_ns"], closed.front()["t_ns"]);
+  const auto applied = result.of("update_applied");
+  ASSERT_TRUE(std::any_of(applied.begin(), applied.end(), [&](const auto& update) {
+    return update["update"] == (*meanwhile)["update"];
+  }));
+  EXPECT_GT(expect_all_in_place(result), 3);
+  EXPECT_EQ(result.end_reason, "bye");
+  EXPECT_TRUE(result.of("warning").empty());
+  EXPECT_EQ(result.mobile_counts.keyframes, result.edge_counts.keyframes);
+}
+
+}  // namespace
+}  // namespace slambed
