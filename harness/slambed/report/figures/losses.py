@@ -26,7 +26,7 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
     ) as (made, axes):
         for index, (label, runs) in enumerate(condition.systems()):
             curve = _curve(runs, end_s)
-            _step(axes[0], curve, f"{label} ({len(runs)} runs)", index)
+            _step(axes[0], curve, f"{label} (n = {len(runs)})", index)
             rows.append(curve.assign(label=label, runs=len(runs)))
         _finish(axes[0], condition.runs)
         if profile is not None:
@@ -56,7 +56,7 @@ def draw_losses_by_profile(
         for index, (profile, part) in enumerate(runs.groupby("profile", sort=False, dropna=False)):
             curve = _curve(part, end_s)
             name = text(profile) or "no link"
-            _step(axes[0], curve, f"{name} ({len(part)} runs)", index)
+            _step(axes[0], curve, f"{name} (n = {len(part)})", index)
             rows.append(curve.assign(profile=name, runs=len(part)))
         _finish(axes[0], runs)
         axes[0].set_xlabel("time in the sequence [s]")
