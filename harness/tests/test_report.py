@@ -11,27 +11,20 @@ import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
-from results_factory import RawRun, quickstart_like, spec_of, write_experiment
+from results_factory import quickstart_like
 from rich.console import Console
 from typer.testing import CliRunner
 
 from slambed.errors import SlambedError
 from slambed.metrics.run import SUMMARY_KEYS
-from slambed.metrics.statistics import Interval
 from slambed.report import cli, plots
 from slambed.report.catalog import BOXED, FIGURES
-from slambed.report.cells import Cell, cells_of, differences, metrics_to_show
-from slambed.report.conditions import conditions_of
+from slambed.report.cells import cells_of, differences, metrics_to_show
 from slambed.report.experiment import terminal_summary, write_report
-from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
-from slambed.report.figures.tradeoff import draw_tradeoff
 from slambed.report.load import load
-from slambed.report.style import COLOURS, FigureWriter
 from slambed.report.tables import Table, cell_tables
 from slambed.report.timeline import timeline_svg
 from slambed.report.view import find_run, write_png, write_rerun
-from slambed.spec.faults import Fault
 
 
 @pytest.fixture(scope="module")
@@ -120,54 +113,6 @@ def test_losses_figure_counts_runs(reported: Path) -> None:
     data = pd.read_csv(reported / "report" / "losses_room_walk_ramp_85.csv")
     last = data.groupby("label")["runs_lost"].max().to_dict()
     assert last == {"edgeslam:static": 1, "orbslam2": 0}  # every second run loses track at 6 s
-
-
-@pytest.mark.parametrize("lost", [False, True])
-def test_losses_figure_without_a_loss_says_so(tmp_path: Path, lost: bool) -> None:
-    runs = [
-        (spec_of("edgeslam", "static", profile, i),
-         RawRun(duration_s=4, seed=i, lost_at_s=((2.0, 3.0),) if lost and i else ()))
-        for profile in ("none", "ramp_85")
-        for i in range(2)
-    ]  # fmt: skip
-    results = load(write_experiment(tmp_path, runs))
-    writer = FigureWriter(tmp_path / "figures", "", [])
-    (*_, condition) = conditions_of(results)
-    draw_losses(results, condition, writer)
-    draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.valid, writer)
-    for name, count in (("losses_room_walk", 2), ("losses_by_profile_room_walk", 4)):
-        (svg,) = writer.folder.glob(f"{name}_[er]*.svg")
-        assert (f"<!-- no track loss in {count} runs -->" in svg.read_text()) is not lost
-
-
-@pytest.mark.parametrize("profiles", [1, 5])
-def test_a_tradeoff_names_its_points_beside_the_axes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, profiles: int
-) -> None:
-    figures: list[Figure] = []
-    writer = FigureWriter(tmp_path, "", [])
-    monkeypatch.setattr(writer, "save", lambda made, *_: figures.append(made))
-    cells = [
-        Cell(f"c{i}{j}", f"system_with_a_name_{i}", "room", f"a_profile_{j}", 5, 5, "",
-             {"bytes_up": Interval(1e6 * (i + j), 1e6 * i, 3e6 * (i + j), 5),
-              "ate_rmse_m": Interval(0.01 * j, 0.0, 0.02 * (i + j + 1), 5)}, [])
-        for i in range(9)
-        for j in range(profiles)
-    ]  # fmt: skip
-    assert draw_tradeoff(cells, "room", "bytes_up", "ate_rmse_m", writer)
-    (made,) = figures
-    made.draw_without_rendering()
-    (axes,), (legend,) = made.axes, made.legends
-    assert not axes.texts and axes.get_legend() is None
-    beside, page = legend.get_window_extent(), made.bbox
-    assert not beside.overlaps(axes.get_tightbbox())
-    assert page.x0 <= beside.x0 and beside.x1 <= page.x1 and page.y0 <= beside.y0
-    names = [text.get_text() for text in legend.get_texts()]
-    shapes = [f"a_profile_{j}" for j in range(profiles)] if profiles > 1 else []
-    assert names == [*(f"system_with_a_name_{i}" for i in range(9)), *shapes]
-    points = [line for line in axes.lines if line.get_marker() not in ("None", "_", "|")]
-    looks = {(p.get_color(), p.get_markerfacecolor(), p.get_marker()) for p in points}
-    assert len(looks) == len(cells)
 
 
 def test_trajectory_figure_is_aligned(reported: Path) -> None:
@@ -271,15 +216,6 @@ def test_values_of_wrong_type_do_not_stop_a_report(experiment: Path) -> None:
     assert any("ate_rmse_m" in line for line in paths.problems)
 
 
-def test_an_empty_experiment_says_nothing_was_measured(tmp_path: Path) -> None:
-    (tmp_path / "nothing").mkdir()
-    paths = write_report(tmp_path / "nothing")
-    assert "nothing was measured" in paths.problems[0]
-    assert "Nothing was measured." in paths.html.read_text()
-    with pytest.raises(SlambedError, match="not a folder"):
-        write_report(tmp_path / "no_such_place")
-
-
 def test_a_loss_in_a_stalled_run_is_told(experiment: Path) -> None:
     runs = load(experiment).runs
     lost = runs[runs["lost"].eq(True)].iloc[0]
@@ -310,36 +246,6 @@ def test_the_summary_tells_engine_and_devices(reported: Path) -> None:
         assert "simulated" not in text
 
 
-def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
-    link = {"backend": "virtual", "profile": "ramp_85"}
-    spec = spec_of("edgeslam", "static", "ramp_85", 0, engine="virtual", link=link)
-    run = RawRun(duration_s=6.0, manifest={"limits": {}})
-    experiment = write_experiment(tmp_path, [(spec, run)])
-    (folder,) = (experiment / "runs").iterdir()
-    log = pd.read_parquet(folder / "link.parquet")
-    log[log["series"] != "probe_rtt_ms"].to_parquet(folder / "link.parquet")
-    values = json.loads((folder / "summary.json").read_text())
-    values |= dict.fromkeys([key for key in values if key.startswith("rtt_")])
-    (folder / "summary.json").write_text(json.dumps(values))
-    devices = {"mobile": {"device": "host", "name": "half_core", "cores": 1, "speed": 0.5}}
-    content = {"experiment": {"title": "Virtual", "devices": devices}}
-    (experiment / "experiment.json").write_text(json.dumps(content))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plots, "BOXED", ())
-        write_report(experiment)
-    for text in (
-        (experiment / "report" / "index.html").read_text(),
-        (experiment / "report.md").read_text(),
-    ):
-        assert "Engine virtual: simulated time" in text
-        assert "mobile half_core (what if: host with 1 core, 0.5 times its speed)" in text
-        assert "applied by the modelled link" in text and "measured by echoes" not in text
-        assert "0/1" not in text and "No limits were recorded" not in text
-        assert "Virtual runs have no limits" in text
-    figure = (experiment / "report" / "rtt_room_walk_ramp_85.svg").read_text()
-    assert "<!-- applied, both ways -->" in figure and "<!-- measured -->" not in figure
-
-
 def test_the_plots_that_are_asked_for_come_first(experiment: Path) -> None:
     content = {"experiment": {"title": "T", "report": {"plots": ["trajectory", "keyframes"]}}}
     (experiment / "experiment.json").write_text(json.dumps(content))
@@ -348,62 +254,6 @@ def test_the_plots_that_are_asked_for_come_first(experiment: Path) -> None:
     conditions = jobs.count("trajectory")
     assert conditions and jobs[: conditions + 1] == ["trajectory"] * conditions + ["keyframes"]
     assert {*jobs} <= {*FIGURES, *BOXED, "keyframes"}
-
-
-def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
-    runs = [
-        (spec_of("orbslam2", "default", None, i),
-         RawRun(duration_s=4, edge=False, noise_m=0.1 if i % 3 == 0 else 0.01, seed=i))
-        for i in range(12)
-    ]  # fmt: skip
-    results = load(write_experiment(tmp_path, runs))
-    cell = cells_of(results, metrics_to_show(results))[0]
-    assert any("ATE RMSE: two groups, 8 runs near" in note for note in cell.notes), cell.notes
-
-
-def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
-    runs = [
-        (spec_of("orbslam2", "default", None, i),
-         RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),) if i < 3 else ()))
-        for i in range(5)
-    ]  # fmt: skip
-    results = load(write_experiment(tmp_path, runs))
-    cell = cells_of(results, metrics_to_show(results))[0]
-    note = next(note for note in cell.notes if "tracked less than" in note)
-    assert note.startswith("3 of 5 runs")
-    assert "the median run failed" in note
-
-
-def test_a_report_tells_the_faults_of_its_runs(tmp_path: Path) -> None:
-    freeze = Fault(at_s=2, edge="freeze", for_s=1.5)
-    kill = Fault(at_s=3, edge="kill")
-    runs = [
-        (spec_of("edgeslam", "static", "none", 0, label=label, cell=f"{label}/room_walk/none"),
-         RawRun(duration_s=4, faults=faults))
-        for label, faults in (("plain", ()), ("frozen", (freeze,)), ("killed", (kill,)))
-    ]  # fmt: skip
-    folder = write_experiment(tmp_path, runs)
-    content = {"experiment": {"title": "Faults", "report": {"metrics": ["faults", "keyframes"]}}}
-    (folder / "experiment.json").write_text(json.dumps(content))
-    paths = write_report(folder, figures=False)
-    assert paths.problems == []
-    for text in (paths.markdown.read_text(), paths.html.read_text()):
-        assert "faults [s]" in text and "freeze 2.0-3.5" in text and "kill 3.0-" in text
-    rows = pd.read_csv(folder / "report" / "tables" / "cells_1.csv").set_index("system")
-    assert rows["faults [s]"].to_dict() == {
-        "plain": "-", "frozen": "freeze 2.0-3.5", "killed": "kill 3.0-",
-    }  # fmt: skip
-    results = load(folder)
-    assert metrics_to_show(results)[0].key == "keyframes"
-    shades = {
-        key: [float(w) for w in re.findall(r'class="fault".*?width="([\d.]+)"', timeline)]
-        for key in results.runs["run_key"]
-        if (timeline := timeline_svg(results, key)) is not None
-    }
-    ends = results.runs.set_index("label")["run_key"]
-    assert shades[ends["plain"]] == []
-    (frozen,), (killed,) = shades[ends["frozen"]], shades[ends["killed"]]
-    assert 1.2 < frozen / killed < 1.8  # 1.5 s, and about one to the end
 
 
 def test_timeline_shows_the_loss(reported: Path) -> None:
@@ -436,13 +286,6 @@ def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_pat
         find_run(reported.parent, "0")
     with pytest.raises(SlambedError, match="no run"):
         find_run(reported.parent, "ffff")
-
-
-def test_colours_differ_in_grey_too() -> None:
-    grey = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
-            for c in COLOURS[:2]]  # fmt: skip
-    assert abs(grey[0] - grey[1]) > 20
-    assert len(set(COLOURS)) == len(COLOURS)
 
 
 def test_commands(reported: Path, tmp_path: Path) -> None:

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reports say what kind of runs they are of: virtual, of two groups, failing, none at all."""
+
+import json
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from results_factory import RawRun, spec_of, write_experiment
+
+from slambed.errors import SlambedError
+from slambed.report import plots
+from slambed.report.cells import cells_of, metrics_to_show
+from slambed.report.experiment import write_report
+from slambed.report.load import load
+from slambed.report.timeline import timeline_svg
+from slambed.spec.faults import Fault
+
+
+def test_an_empty_experiment_says_nothing_was_measured(tmp_path: Path) -> None:
+    (tmp_path / "nothing").mkdir()
+    paths = write_report(tmp_path / "nothing")
+    assert "nothing was measured" in paths.problems[0]
+    assert "Nothing was measured." in paths.html.read_text()
+    with pytest.raises(SlambedError, match="not a folder"):
+        write_report(tmp_path / "no_such_place")
+
+
+def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
+    link = {"backend": "virtual", "profile": "ramp_85"}
+    spec = spec_of("edgeslam", "static", "ramp_85", 0, engine="virtual", link=link)
+    run = RawRun(duration_s=6.0, manifest={"limits": {}})
+    experiment = write_experiment(tmp_path, [(spec, run)])
+    (folder,) = (experiment / "runs").iterdir()
+    log = pd.read_parquet(folder / "link.parquet")
+    log[log["series"] != "probe_rtt_ms"].to_parquet(folder / "link.parquet")
+    values = json.loads((folder / "summary.json").read_text())
+    values |= dict.fromkeys([key for key in values if key.startswith("rtt_")])
+    (folder / "summary.json").write_text(json.dumps(values))
+    devices = {"mobile": {"device": "host", "name": "half_core", "cores": 1, "speed": 0.5}}
+    content = {"experiment": {"title": "Virtual", "devices": devices}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plots, "BOXED", ())
+        write_report(experiment)
+    for text in (
+        (experiment / "report" / "index.html").read_text(),
+        (experiment / "report.md").read_text(),
+    ):
+        assert "Engine virtual: simulated time" in text
+        assert "mobile half_core (what if: host with 1 core, 0.5 times its speed)" in text
+        assert "applied by the modelled link" in text and "measured by echoes" not in text
+        assert "0/1" not in text and "No limits were recorded" not in text
+        assert "Virtual runs have no limits" in text
+    figure = (experiment / "report" / "rtt_room_walk_ramp_85.svg").read_text()
+    assert "<!-- applied, both ways -->" in figure and "<!-- measured -->" not in figure
+
+
+def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
+    runs = [
+        (spec_of("orbslam2", "default", None, i),
+         RawRun(duration_s=4, edge=False, noise_m=0.1 if i % 3 == 0 else 0.01, seed=i))
+        for i in range(12)
+    ]  # fmt: skip
+    results = load(write_experiment(tmp_path, runs))
+    cell = cells_of(results, metrics_to_show(results))[0]
+    assert any("ATE RMSE: two groups, 8 runs near" in note for note in cell.notes), cell.notes
+
+
+def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
+    runs = [
+        (spec_of("orbslam2", "default", None, i),
+         RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),) if i < 3 else ()))
+        for i in range(5)
+    ]  # fmt: skip
+    results = load(write_experiment(tmp_path, runs))
+    cell = cells_of(results, metrics_to_show(results))[0]
+    note = next(note for note in cell.notes if "tracked less than" in note)
+    assert note.startswith("3 of 5 runs")
+    assert "the median run failed" in note
+
+
+def test_a_report_tells_the_faults_of_its_runs(tmp_path: Path) -> None:
+    freeze = Fault(at_s=2, edge="freeze", for_s=1.5)
+    kill = Fault(at_s=3, edge="kill")
+    runs = [
+        (spec_of("edgeslam", "static", "none", 0, label=label, cell=f"{label}/room_walk/none"),
+         RawRun(duration_s=4, faults=faults))
+        for label, faults in (("plain", ()), ("frozen", (freeze,)), ("killed", (kill,)))
+    ]  # fmt: skip
+    folder = write_experiment(tmp_path, runs)
+    content = {"experiment": {"title": "Faults", "report": {"metrics": ["faults", "keyframes"]}}}
+    (folder / "experiment.json").write_text(json.dumps(content))
+    paths = write_report(folder, figures=False)
+    assert paths.problems == []
+    for text in (paths.markdown.read_text(), paths.html.read_text()):
+        assert "faults [s]" in text and "freeze 2.0-3.5" in text and "kill 3.0-" in text
+    rows = pd.read_csv(folder / "report" / "tables" / "cells_1.csv").set_index("system")
+    assert rows["faults [s]"].to_dict() == {
+        "plain": "-", "frozen": "freeze 2.0-3.5", "killed": "kill 3.0-",
+    }  # fmt: skip
+    results = load(folder)
+    assert metrics_to_show(results)[0].key == "keyframes"
+    shades = {
+        key: [float(w) for w in re.findall(r'class="fault".*?width="([\d.]+)"', timeline)]
+        for key in results.runs["run_key"]
+        if (timeline := timeline_svg(results, key)) is not None
+    }
+    ends = results.runs.set_index("label")["run_key"]
+    assert shades[ends["plain"]] == []
+    (frozen,), (killed,) = shades[ends["frozen"]], shades[ends["killed"]]
+    assert 1.2 < frozen / killed < 1.8  # 1.5 s, and about one to the end
