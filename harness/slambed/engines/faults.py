@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from slambed.engines.attendant import Attendant
-from slambed.engines.base import Engine, Node, NodePlan
+from slambed.engines.base import Engine, Node, NodePlan, stat_fields
 from slambed.errors import environment_error
 from slambed.spec.faults import FAULT_FILE, Fault
 from slambed.spec.system import Role
@@ -65,10 +65,9 @@ class RunEdge:
 
 
 def is_stopped(pid: int) -> bool:
-    """By SIGSTOP; OSError when there is no such process."""
-    stat = Path(f"/proc/{pid}/stat").read_text()
-    # The command in parentheses may hold spaces.
-    return stat.rpartition(")")[2].split()[0] == "T"
+    """By SIGSTOP; False for a process that has gone, too."""
+    fields = stat_fields(pid)
+    return fields is not None and fields[0] == "T"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 import docker
 from docker.errors import DockerException, NotFound
 
-from slambed.engines.base import LABEL
+from slambed.engines.base import LABEL, stat_fields
 from slambed.engines.cgroups import CgroupMaker, remove
 from slambed.engines.helper import is_root
 
@@ -49,12 +49,8 @@ def mark_children() -> None:
 
 def start_time(pid: int) -> int | None:
     """Kernel clock ticks at which a process began; with the number it names the process."""
-    try:
-        # The command in parentheses may hold spaces: count the fields after it.
-        after = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return None
-    return int(after[19])
+    fields = stat_fields(pid)
+    return None if fields is None else int(fields[19])
 
 
 def reap() -> Reaped:
