@@ -5,52 +5,43 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <numbers>
 #include <set>
 
 #include "base/error.hpp"
 #include "node/tests/virtual_pair.hpp"
+#include "offload/tests/turning_pair.hpp"
 
 namespace slambed {
 namespace {
 
 using testing::PairLink;
 using testing::PairResult;
+using testing::pose_at;
 using testing::SyntheticWorld;
+using testing::turn;
 
 constexpr double kFps = 10;
 /// How far a keyframe of either map may be from where the camera was.
 constexpr double kPositionTolerance_m = 0.02;
 
 nlohmann::json params(bool hysteresis, bool safe_zone) {
-  return {{"n_orb", 750},           {"n_kf", 1},
-          {"sync_period_s", 1.0},   {"map_update", "parallel"},
-          {"update_neighbours", 0}, {"min_local_keyframes", 1},
-          {"fast_motion_ms", 0.0},  {"decline_kf_rate_hz", 0.0},
-          {"codec", "binary"},      {"keyframe_queue", 2},
-          {"edge_queue", 3},        {"update_poses", true},
-          {"final_poses", true},    {"reloc_request_ms", 500.0},
-          {"reloc_map_period_s", 1.0}, {"reloc_candidates", 5},
-          {"reloc_covisibles", 2},  {"loop_closing", false},
-          {"hysteresis", hysteresis},
-          {"safe_zone", safe_zone}, {"l_ol_ms", 40.0},
-          {"l_sz_ms", -1.0},        {"b_ms", 10.0},
-          {"rtt_source", "tcp_info"}, {"mes_probe_hz", 10.0},
-          {"mes_probe_bytes", 64},  {"echo_hz", 4.0},
-          {"rtt_missing_s", 2.0},   {"decision_gap_s", 2.0},
-          {"handover_retry_s", 2.0}};
-}
-
-SE3 pose_at(int frame) {
-  const double yaw = 2.5 * frame * std::numbers::pi / 180;
-  const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
-  const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return SE3(R_wc, centre).inverse();
-}
-
-/// Round and round the room, 25 degrees per second.
-std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
-  return world.look(pose_at(frame));
+  auto params = testing::enhanced();
+  params.update({{"sync_period_s", 1.0},
+                 {"fast_motion_ms", 0.0},
+                 {"loop_closing", false},
+                 {"hysteresis", hysteresis},
+                 {"safe_zone", safe_zone},
+                 {"l_ol_ms", 40.0},
+                 {"l_sz_ms", -1.0},
+                 {"b_ms", 10.0},
+                 {"rtt_source", "tcp_info"},
+                 {"mes_probe_hz", 10.0},
+                 {"mes_probe_bytes", 64},
+                 {"echo_hz", 4.0},
+                 {"rtt_missing_s", 2.0},
+                 {"decision_gap_s", 2.0},
+                 {"handover_retry_s", 2.0}});
+  return params;
 }
 
 PairResult run(const nlohmann::json& parameters, int frames, const PairLink& link,

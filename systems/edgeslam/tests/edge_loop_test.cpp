@@ -6,8 +6,8 @@
 #include <map>
 
 #include "edgeslam/edgeslam.hpp"
-#include "edgeslam/tests/turning_pair.hpp"
 #include "offload/sides.hpp"
+#include "offload/tests/turning_pair.hpp"
 
 namespace slambed {
 namespace {

@@ -9,7 +9,7 @@
 #include <map>
 #include <set>
 
-#include "edgeslam/tests/turning_pair.hpp"
+#include "offload/tests/turning_pair.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed {

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "node/tests/temporary_folder.hpp"
+#include "offload/tests/offload_params.hpp"
 #include "programs/tests/process.hpp"
 #include "synth/generator.hpp"
 
@@ -55,6 +56,12 @@ class NodeProgramTest : public ::testing::Test {
  protected:
   explicit NodeProgramTest(int frames) {
     const auto ports = free_ports(4);
+    auto params = enhanced();
+    params.update({{"n_orb", 600},
+                   {"n_kf", 2},
+                   {"sync_period_s", 0.5},
+                   {"update_neighbours", 1},
+                   {"fast_motion_ms", 0.0}});
     config = {{"format", "slambed-run"},
               {"version", 1},
               {"run_key", "test"},
@@ -66,25 +73,7 @@ class NodeProgramTest : public ::testing::Test {
               {"output", folder.path()},
               {"connect_timeout_s", 20.0},
               {"system", "edgeslam"},
-              {"params",
-               {{"n_orb", 600},
-                {"n_kf", 2},
-                {"sync_period_s", 0.5},
-                {"map_update", "parallel"},
-                {"update_neighbours", 1},
-                {"min_local_keyframes", 1},
-                {"fast_motion_ms", 0.0},
-                {"decline_kf_rate_hz", 0.0},
-                {"codec", "binary"},
-                {"keyframe_queue", 2},
-                {"edge_queue", 3},
-                {"update_poses", true},
-                {"final_poses", true},
-                {"reloc_request_ms", 500.0},
-                {"reloc_map_period_s", 1.0},
-                {"reloc_candidates", 5},
-                {"reloc_covisibles", 2},
-                {"loop_closing", true}}},
+              {"params", params},
               {"network",
                {{"edge_address", "127.0.0.1"},
                 {"ports",

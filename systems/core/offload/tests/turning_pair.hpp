@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <numbers>
+
+#include "node/tests/virtual_pair.hpp"
+#include "offload/tests/offload_params.hpp"
+
+namespace slambed::testing {
+
+inline SE3 pose_at(int frame) {
+  const double yaw = 2.5 * frame * std::numbers::pi / 180;
+  const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
+  const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return SE3(R_wc, centre).inverse();
+}
+
+/// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
+/// new to make keyframes of.
+inline std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
+  return world.look(pose_at(frame));
+}
+
+}  // namespace slambed::testing
