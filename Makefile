@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup build experiment paper plots test test-asan test-tsan fuzz bench test-netem data images doctor clean
+.PHONY: help packages setup setup-dev build experiment paper plots shell check smoke test test-asan test-tsan fuzz bench test-netem data images doctor clean
 # The Python environment and the C++ programs are made side by side: one loads, the other computes.
 MAKEFLAGS += -j2
 
@@ -33,6 +33,9 @@ packages:
 setup: packages ## Install what is missing (apt, .venv)
 	@tools/venv.sh
 
+setup-dev: packages
+	@tools/venv.sh dev
+
 build: packages ## Compile the C++ programs (inside the image build where Docker is)
 	@tools/build.sh $(ENGINE)
 
@@ -45,7 +48,17 @@ paper: setup build ## Run or reuse a paper's experiments and write its page: [PA
 plots: setup ## Draw all reports again without running anything
 	@$(SLAMBED) plots all
 
-test: setup ## All tests and checks: ctest, pytest, ruff, mypy
+shell: setup ## A shell in which `slambed` is a command
+	@PATH="$(CURDIR)/.venv/bin:$$PATH" $${SHELL:-/bin/bash}
+
+check: setup-dev ## For a change of Python only: ruff, mypy, import contracts, tests without programs
+	@tools/check.sh
+
+smoke: setup ## Three seconds of one run of every experiment, in virtual time
+	@tools/build.sh virtual
+	@tools/smoke.sh
+
+test: setup-dev ## All tests and checks: ctest, pytest, ruff, mypy, import contracts, smoke
 	@tools/setup.sh build test
 	@tools/test.sh $(BUILD)
 
@@ -79,4 +92,4 @@ doctor: setup ## Say what this machine can do
 
 clean: ## Remove build products and what killed campaigns left; results stay
 	@if [ -x $(SLAMBED) ]; then $(SUDO) $(SLAMBED) clean; fi
-	@rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache
+	@rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

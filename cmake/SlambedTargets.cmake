@@ -38,6 +38,7 @@ function(slambed_floor name)
   set(target slambed_${name})
   if(ARG_SOURCES)
     add_library(${target} STATIC ${ARG_SOURCES})
+    set_property(GLOBAL APPEND PROPERTY SLAMBED_LIBRARIES ${target})
     target_link_libraries(${target} PUBLIC slambed_flags ${ARG_DEPENDS})
   else()
     add_library(${target} INTERFACE)
@@ -50,16 +51,58 @@ function(slambed_floor name)
   endforeach()
 endfunction()
 
-# slambed_test(name SOURCES ... DEPENDS ...): one GoogleTest program, one ctest entry per test case.
+# slambed_program(name SOURCES ... DEPENDS ...): a program that runs in nodes and images.
+function(slambed_program name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} CLI11::CLI11)
+  if(SLAMBED_STATIC)
+    target_link_options(${name} PRIVATE -static)
+  endif()
+endfunction()
+
+# slambed_test(name [LIVE] SOURCES ... DEPENDS ...): one GoogleTest program, one ctest entry per test
+# case. LIVE: its cases look at the clock, or start programs that do; no other test runs beside one.
 function(slambed_test name)
   if(NOT SLAMBED_TESTS)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "LIVE" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   include(GoogleTest)
-  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300)
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300 RUN_SERIAL ${ARG_LIVE})
+endfunction()
+
+# slambed_fixed_eigen_blocks(target): Eigen cuts large products into blocks by the caches that it
+# finds, and so adds in another order; here by the same sizes everywhere (its own for x86-64).
+function(slambed_fixed_eigen_blocks target)
+  target_compile_definitions(${target} PRIVATE EIGEN_NO_CPUID
+    EIGEN_DEFAULT_L1_CACHE_SIZE=32768 EIGEN_DEFAULT_L2_CACHE_SIZE=262144
+    EIGEN_DEFAULT_L3_CACHE_SIZE=2097152)
+endfunction()
+
+# slambed_test_on_an_older_processor(name): the test cases SameBits.* of a test program once more,
+# with the functions that glibc chooses for an x86-64 processor without FMA and AVX2.
+function(slambed_test_on_an_older_processor name)
+  if(NOT SLAMBED_TESTS)
+    return()
+  endif()
+  add_test(NAME ${name}_on_an_older_processor COMMAND ${name} --gtest_filter=SameBits.*)
+  set_tests_properties(${name}_on_an_older_processor PROPERTIES
+    ENVIRONMENT GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-AVX2
+    FAIL_REGULAR_EXPRESSION "Running 0 tests")
+endfunction()
+
+# After all floors: none of them may hang on the processor that it runs on.
+function(slambed_same_bytes_test)
+  if(NOT SLAMBED_TESTS)
+    return()
+  endif()
+  get_property(libraries GLOBAL PROPERTY SLAMBED_LIBRARIES)
+  list(TRANSFORM libraries REPLACE "(.+)" "$<TARGET_FILE:\\1>" OUTPUT_VARIABLE files)
+  add_test(NAME NoFloorHangsOnItsProcessor
+    COMMAND ${PROJECT_SOURCE_DIR}/tools/same_bytes_symbols.sh ${files})
 endfunction()
 
 # slambed_fuzzer(name SOURCES ... DEPENDS ...): a libFuzzer program, part of the target fuzz_targets.

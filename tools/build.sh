@@ -6,8 +6,9 @@ set -euo pipefail
 
 engine=${1:-auto}
 root=$(cd "$(dirname "$0")/.." && pwd)
-programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace"
 bin=$root/build/bin
+# shellcheck source=tools/programs.sh
+source "$root/tools/programs.sh"
 hash=$(PYTHONPATH="$root/harness" python3 -m slambed.spec.software)
 tag=slambed-node:$hash
 
@@ -15,18 +16,13 @@ if [ "$engine" = auto ]; then
   if docker info >/dev/null 2>&1; then engine=docker; else engine=local; fi
 fi
 
-built() {
-  [ "$(cat "$bin/sources.sha256" 2>/dev/null)" = "$hash" ] || return 1
-  for program in $programs; do [ -x "$bin/$program" ] || return 1; done
-}
-
 if [ "$engine" = docker ]; then
-  if built && docker image inspect "$tag" >/dev/null 2>&1; then exit 0; fi
+  if programs_are_of "$hash" && docker image inspect "$tag" >/dev/null 2>&1; then exit 0; fi
   exec "$root/tools/build_image.sh" "$tag"
 fi
-if built; then exit 0; fi
+if programs_are_of "$hash"; then exit 0; fi
 "$root/tools/setup.sh" build
-cmake -S "$root" -B "$root/build" -G Ninja -DSLAMBED_TESTS=OFF >/dev/null
+cmake -S "$root" -B "$root/build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON >/dev/null
 rm -f "$bin/sources.sha256"
 # shellcheck disable=SC2086
 ninja -C "$root/build" $programs

@@ -1,21 +1,34 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# build_image.sh TAG: builds the node image, and copies its programs to build/bin of the host.
+# build_image.sh TAG: makes the node image. Nothing is compiled twice: programs of these sources that this host has
+# compiled become the image, else the image build compiles them and they are copied to build/bin of the host.
 set -euo pipefail
 
 tag=$1
 root=$(cd "$(dirname "$0")/.." && pwd)
-programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace"
+bin=$root/build/bin
+# shellcheck source=tools/programs.sh
+source "$root/tools/programs.sh"
 
 "$root/tools/base_image.sh"
+# The classic builder is the one that every Docker has; it also builds all stages in order.
+build=(docker build --quiet --label "slambed.image=$tag" -t "$tag")
 if ! docker image inspect "$tag" >/dev/null 2>&1; then
+  if programs_are_of "${tag#*:}" && programs_are_static; then
+    echo "making image $tag out of build/bin"
+    context=$(mktemp -d)
+    trap 'rm -rf "$context"' EXIT
+    for program in $programs; do strip -o "$context/$program" "$bin/$program"; done
+    chmod 755 "$context"/*
+    DOCKER_BUILDKIT=0 "${build[@]}" -f "$root/docker/programs.Dockerfile" "$context"
+    exit 0
+  fi
   echo "building image $tag"
-  # The classic builder is the one that every Docker has; it also builds all stages in order.
-  DOCKER_BUILDKIT=0 docker build --quiet --label slambed.image="$tag" -t "$tag" -f "$root/docker/Dockerfile" "$root"
+  DOCKER_BUILDKIT=0 "${build[@]}" -f "$root/docker/Dockerfile" "$root"
 fi
+programs_are_of "${tag#*:}" && exit 0
 
 # Only programs of these very sources get the stamp that runs ask for.
-bin=$root/build/bin
 mkdir -p "$bin"
 rm -f "$bin/sources.sha256"
 container=$(docker create "$tag")

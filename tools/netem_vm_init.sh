@@ -5,12 +5,12 @@ export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/r
 mount -t proc proc /proc
 mount -t sysfs sysfs /sys
 mount -t devtmpfs dev /dev 2>/dev/null
-# The command lies below the host's /tmp, which this hides.
 command=$(cat "$VM_SCRATCH/command")
 mount -t tmpfs tmpfs /run
-mkdir -p /run/out /run/netns
+# The host's /tmp is read-only and may be where the project lies, so nothing hides it.
+mkdir -p /run/out /run/netns /run/tmp
+export TMPDIR=/run/tmp
 mount -t hostfs none /run/out -o "$VM_OUT"
-mount -t tmpfs tmpfs /tmp
 mount -t cgroup2 none /sys/fs/cgroup
 ip link set lo up
 [ -n "$VM_BIN" ] && export SLAMBED_BIN="$VM_BIN"

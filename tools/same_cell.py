@@ -14,8 +14,8 @@ from virtual_parts import Quiet, fingerprints, make_sequence, plan_of, played_of
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import Runner
-from slambed.campaign.workers import WorkerPool
 
 CELL = """\
 id: walk
@@ -38,17 +38,19 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
         plan = plan_of(write_experiment(work, make_sequence(work / "walk", 5), runs, CELL))
-        found, all_valid = [], True
+        found, all_good = [], True
         for side, folder in zip("ab", programs, strict=True):
             results = ResultFolder(work / side)
             results.create()
             # Features of its own: both builds extract them.
-            pool = WorkerPool(played_of(plan), folder / "slambed-sim", work / f"{side}-f", 2)
-            verdict = Runner(results, Ledger(work / side / "ledger.jsonl"), pool).run(
+            executor = ProcessExecutor(
+                played_of(plan), folder / "slambed-sim", work / f"{side}-f", 2
+            )
+            verdict = Runner(results, Ledger(work / side / "ledger.jsonl"), executor).run(
                 plan.specs, Quiet()
             )
-            print(f"{folder}: {verdict.done} runs, {verdict.valid} valid", flush=True)
-            all_valid &= verdict.valid == len(plan.specs)
+            print(f"{folder}: {verdict.done} runs, {verdict.trusted} to be trusted", flush=True)
+            all_good &= verdict.trusted == len(plan.specs)
             found.append(fingerprints(results))
     different = sorted(
         name
@@ -58,7 +60,7 @@ def main() -> int:
     for name in different:
         print(f"differs: {name}")
     print(f"{'different' if different else 'same'} bytes: {len(found[0])} files of {runs} runs")
-    return 0 if all_valid and not different else 1
+    return 0 if all_good and not different else 1
 
 
 if __name__ == "__main__":

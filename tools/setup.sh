@@ -55,5 +55,26 @@ if [ "$(id -u)" -ne 0 ]; then
 fi
 "$(dirname "$0")/space.sh" 1500 "installing ${#missing[@]} packages"
 echo "installing: ${missing[*]}"
-$sudo apt-get update -qq
-$sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+
+# apt_get ARGUMENT ...: another apt (a new machine updates itself) is waited for, at most so long.
+apt_wait_s=${SLAMBED_APT_WAIT_S:-600}
+apt_get() {
+  local told= output
+  until output=$($sudo env LC_ALL=C DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" 2>&1 >/dev/null); do
+    if ! grep -q "Could not get lock\|Unable to lock\|Unable to acquire the dpkg" <<<"$output"; then
+      echo "$output" >&2
+      echo "error: apt-get $1 failed; see the lines above, check the network" >&2
+      exit 3
+    fi
+    if [ "$SECONDS" -ge "$apt_wait_s" ]; then
+      echo "error: another apt has held its lock for $apt_wait_s s; end it and repeat" >&2
+      exit 3
+    fi
+    [ -n "$told" ] || echo "waiting for another apt to end"
+    told=yes
+    sleep 2
+  done
+  [ -z "$output" ] || echo "$output" >&2
+}
+apt_get update
+apt_get install -y --no-install-recommends "${missing[@]}"

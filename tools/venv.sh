@@ -1,15 +1,22 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# The Python environment in .venv, exactly as requirements.lock says (hashes checked).
+# venv.sh [run|dev]: the Python environment in .venv, exactly as requirements.lock says (hashes checked); dev: with what
+# the tests and checks need besides (requirements-dev.lock holds the same versions and more).
 set -euo pipefail
 
+kind=${1:-run}
 root=$(cd "$(dirname "$0")/.." && pwd)
 venv=$root/.venv
 stamp=$venv/.locked
-wanted=$(cat "$root/requirements.lock" "$root/pyproject.toml" | sha256sum)
+declare -A locks=([run]=requirements.lock [dev]=requirements-dev.lock)
+[ -n "${locks[$kind]:-}" ] || { echo "error: venv.sh $kind: not one of run, dev" >&2; exit 2; }
 
-if [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ] && [ -x "$venv/bin/slambed" ]; then
-  exit 0
+# state KIND: what the stamp says when such an environment is there.
+state() { echo "$1 $(cat "$root/${locks[$1]}" "$root/pyproject.toml" | sha256sum)"; }
+
+if [ -x "$venv/bin/slambed" ]; then
+  have=$(cat "$stamp" 2>/dev/null || true)
+  if [ "$have" = "$(state dev)" ] || [ "$have" = "$(state "$kind")" ]; then exit 0; fi
 fi
 python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
   echo "error: $(python3 --version) is too old, slambed needs 3.11 or newer" >&2
@@ -18,6 +25,6 @@ python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
 "$root/tools/space.sh" 1500 ".venv"
 echo "making .venv"
 python3 -m venv "$venv"
-"$venv/bin/pip" install -q --require-hashes -r "$root/requirements.lock"
+"$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
 "$venv/bin/pip" install -q --no-deps -e "$root"
-echo "$wanted" >"$stamp"
+state "$kind" >"$stamp"

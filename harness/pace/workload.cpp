@@ -5,39 +5,32 @@
 #include <bit>
 #include <cmath>
 
+#include "base/random.hpp"
+
 namespace slambed::pace {
 namespace {
 
 constexpr int kWidth = 320;
 constexpr int kHeight = 240;
-constexpr int kRows = 16;          // smoothed per unit
-constexpr int kQueries = 24;       // descriptors matched per unit
+constexpr int kRows = 16;     // smoothed per unit
+constexpr int kQueries = 24;  // descriptors matched per unit
 constexpr int kDescriptors = 512;
-constexpr int kSize = 36;          // of the matrix: six keyframes of six unknowns
+constexpr int kSize = 36;  // of the matrix: six keyframes of six unknowns
 constexpr int kThreshold = 128;
-
-/// SplitMix64: the same numbers everywhere.
-std::uint64_t next(std::uint64_t& state) {
-  state += 0x9e3779b97f4a7c15ULL;
-  std::uint64_t z = state;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-  return z ^ (z >> 31);
-}
 
 }  // namespace
 
 Workload::Workload()
     : image_(kWidth * kHeight), descriptors_(kDescriptors), matrix_(kSize * kSize) {
-  std::uint64_t state = 1;
-  for (auto& pixel : image_) pixel = static_cast<std::uint8_t>(next(state));
+  SplitMix64 random(1);
+  for (auto& pixel : image_) pixel = static_cast<std::uint8_t>(random.next());
   for (auto& descriptor : descriptors_) {
-    for (auto& word : descriptor) word = next(state);
+    for (auto& word : descriptor) word = random.next();
   }
   // Symmetric, and positive definite by its diagonal; small integers are exact in a double.
   for (int i = 0; i < kSize; ++i) {
     for (int j = 0; j < i; ++j) {
-      const auto value = static_cast<double>(next(state) % 16);
+      const auto value = static_cast<double>(random.next() % 16);
       matrix_[static_cast<std::size_t>(i * kSize + j)] = value;
       matrix_[static_cast<std::size_t>(j * kSize + i)] = value;
     }

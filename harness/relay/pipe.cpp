@@ -60,7 +60,10 @@ void Pipe::accept(std::span<const std::uint8_t> packet) {
   if (packet.size() < kShortestIpv4 || packet[0] >> 4 != 4) return;  // not IPv4: not ours to carry
   const std::int64_t now_ns = monotonic_ns();
   const auto size = static_cast<std::uint32_t>(packet.size());
-  Admission admission = model_.admit(now_ns, size);
+  const std::uint16_t tag = echo_sequence(packet);
+  const auto lane = tag != 0 ? link::Lane::kProbe : link::Lane::kData;
+  std::deque<Held>& held = held_[static_cast<std::size_t>(lane)];
+  Admission admission = model_.admit(now_ns, size, lane);
   if (admission.fate == Fate::kDelivered && held_bytes_ + size > kHeldBytesLimit) {
     admission.fate = Fate::kOverflow;
   }
@@ -70,7 +73,7 @@ void Pipe::accept(std::span<const std::uint8_t> packet) {
   record.queue_bytes =
       static_cast<std::uint32_t>(std::min<std::int64_t>(admission.queue_bytes, UINT32_MAX));
   record.bytes = size;
-  record.tag = echo_sequence(packet);
+  record.tag = tag;
   record.direction = direction_;
   record.fate = static_cast<std::uint8_t>(admission.fate);
   record.protocol = packet[9];
@@ -82,11 +85,11 @@ void Pipe::accept(std::span<const std::uint8_t> packet) {
     return;
   }
   record.due_ns = admission.due_ns;
-  if (held_.empty() && record.due_ns <= now_ns) {
+  if (held.empty() && record.due_ns <= now_ns) {
     hand_over(record, packet);
     return;
   }
-  held_.push_back({record, copy(packet)});
+  held.push_back({record, copy(packet)});
   held_bytes_ += size;
   counters_.held_bytes_max = std::max(counters_.held_bytes_max, held_bytes_);
 }
@@ -102,12 +105,16 @@ std::vector<std::uint8_t> Pipe::copy(std::span<const std::uint8_t> packet) {
 }
 
 void Pipe::deliver_due() {
-  while (!held_.empty() && held_.front().record.due_ns <= monotonic_ns()) {
-    Held& first = held_.front();
+  for (auto& lane : held_) deliver_due(lane);
+}
+
+void Pipe::deliver_due(std::deque<Held>& lane) {
+  while (!lane.empty() && lane.front().record.due_ns <= monotonic_ns()) {
+    Held& first = lane.front();
     hand_over(first.record, first.bytes);
     held_bytes_ -= static_cast<std::int64_t>(first.bytes.size());
     if (spare_.size() < kSpareBuffers) spare_.push_back(std::move(first.bytes));
-    held_.pop_front();
+    lane.pop_front();
   }
 }
 

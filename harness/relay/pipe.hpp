@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <limits>
@@ -29,6 +31,7 @@ struct PipeCounters {
 };
 
 /// Moves packets of one direction from one device to the other, each at its due time, in order.
+/// ICMP echoes are the probe's: they have a lane of their own and delay no other packet.
 class Pipe {
  public:
   static constexpr std::int64_t kNothingDue = std::numeric_limits<std::int64_t>::max();
@@ -46,7 +49,11 @@ class Pipe {
   void deliver_due();
 
   std::int64_t next_due_ns() const {
-    return held_.empty() ? kNothingDue : held_.front().record.due_ns;
+    std::int64_t next_ns = kNothingDue;
+    for (const auto& lane : held_) {
+      if (!lane.empty()) next_ns = std::min(next_ns, lane.front().record.due_ns);
+    }
+    return next_ns;
   }
   const PipeCounters& counters() const { return counters_; }
 
@@ -56,6 +63,7 @@ class Pipe {
     std::vector<std::uint8_t> bytes;
   };
 
+  void deliver_due(std::deque<Held>& lane);
   void accept(std::span<const std::uint8_t> packet);
   void hand_over(PacketRecord& record, std::span<const std::uint8_t> packet);
   std::vector<std::uint8_t> copy(std::span<const std::uint8_t> packet);
@@ -65,7 +73,7 @@ class Pipe {
   int from_;
   int to_;
   PacketLog& log_;
-  std::deque<Held> held_;
+  std::array<std::deque<Held>, 2> held_;          ///< by link::Lane, each in order of its due times
   std::vector<std::vector<std::uint8_t>> spare_;  ///< buffers to use again
   std::int64_t held_bytes_ = 0;
   PipeCounters counters_;

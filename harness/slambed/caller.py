@@ -8,6 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 
 ROOT = 0
+OURS = ("data", "features", "prepared", "uml", "host_speed.json")
+"""What slambed makes in its cache. Whatever else lies there is somebody's who knows why."""
 
 
 def give_to_caller(path: Path) -> None:
@@ -33,7 +35,8 @@ def give_caches_to_caller() -> None:
 
 
 def give_cache_to_caller(cache: Path) -> None:
-    """What is root's of `cache`, and of the folders it lies in up to one that is the caller's.
+    """What is root's of our things in `cache`, and of the folders it lies in up to one that is the
+    caller's.
 
     A cache that the caller could not have made stays as it is. Raises OSError when it is not there.
     """
@@ -50,10 +53,14 @@ def give_cache_to_caller(cache: Path) -> None:
         above.append(place)
     else:
         return
-    for item in [*above, *cache.rglob("*")]:
+    for item in [*above, *(item for name in OURS for item in _whole(cache / name))]:
         with suppress(OSError):  # another campaign may be tidying up
             if item.lstat().st_uid == ROOT:
                 os.lchown(item, *caller)
+
+
+def _whole(path: Path) -> list[Path]:
+    return [path, *path.rglob("*")] if path.exists() else []
 
 
 def _caller() -> tuple[int, int] | None:

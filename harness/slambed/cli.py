@@ -3,6 +3,7 @@
 
 import errno
 import os
+import select
 import sys
 import traceback
 from pathlib import Path
@@ -70,12 +71,22 @@ def run(
     slurm: Annotated[
         bool, typer.Option("--slurm", help="Make virtual runs in --jobs Slurm jobs.")
     ] = False,
+    retries: Annotated[
+        int, typer.Option(min=0, help="Further attempts of a run that is not to be trusted.")
+    ] = 2,
+    wait_for_quiet: Annotated[
+        float,
+        typer.Option(min=0, help="Minutes to wait for a quiet host before live runs."),
+    ] = 0.0,
 ) -> None:
     """Run what is missing of an experiment, then show and write its report.
 
-    Runs that are there and valid are kept: call it again after an interrupt and it goes on.
+    Runs that are there and to be trusted are kept: call it again after an interrupt and it goes on.
     """
-    from slambed.campaign import campaign
+    from slambed.campaign import plan
+    from slambed.campaign.run import Options
+    from slambed.report.asked import check_asked
+    from slambed.report.run import raise_unless_good, run_and_report
     from slambed.spec.library import Library
 
     _must_be_an_experiment(experiment, Library().experiments())
@@ -84,24 +95,22 @@ def run(
     if check:
         library = Library()
         found, source = library.experiment(experiment)
-        campaign.check(found, source, library, engine or found.engine)
+        check_asked(found, source)
+        plan.check(found, source, library, engine or found.engine)
         typer.echo(f"{source.path}: good")
+        for line in plan.notes(found):
+            typer.echo(f"note: {line}")
         return
     screen = console()
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
-    options = campaign.Options(runs, engine, results, wait, jobs, scheduler, slurm)
-    verdict = campaign.run_experiment(experiment, options, screen)
+    options = Options(runs, engine, results, wait, jobs, scheduler, slurm, retries, wait_for_quiet)
+    verdict = run_and_report(experiment, options, screen)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])
         typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
         raise typer.Exit(INTERRUPTED)
-    if verdict.valid < verdict.done:
-        bad = verdict.done - verdict.valid
-        raise SlambedError(
-            f"{bad} of {verdict.done} runs are not valid; 'slambed status {experiment}' says why",
-            ExitCode.NOT_ALL_GOOD,
-        )
+    raise_unless_good([verdict], experiment)
 
 
 def _must_be_an_experiment(given: str, known: list[str]) -> None:
@@ -123,7 +132,7 @@ def status(
     ],
     results: ResultsOption = Path("results"),
 ) -> None:
-    """Say which runs are there, which are missing or stale, and why."""
+    """Say which runs are there, which are missing, and why."""
     from slambed.campaign.status import not_run_yet, status_of, was_run
     from slambed.native import repository_root
     from slambed.spec.library import Library
@@ -142,33 +151,18 @@ def status(
             typer.echo(f"note: {error}")
     yaml_path = repository_root() / "experiments" / f"{name}.yaml"
     found = status_of(results, name, yaml_path, software)
-    table = Table("cell", "valid", "invalid", "missing", box=None)
+    table = Table("cell", "trusted", "untrusted", "missing", box=None)
     for cell in found.cells:
-        table.add_row(cell.cell, str(cell.valid), str(len(cell.invalid)), str(cell.missing))
+        table.add_row(cell.cell, str(cell.trusted), str(len(cell.untrusted)), str(cell.missing))
     screen = console()
     screen.print(table)
     for line in [
-        *(f"invalid: {line}" for cell in found.cells for line in cell.invalid),
-        *(f"stale: {line}" for line in found.stale),
+        *(f"not to be trusted: {line}" for cell in found.cells for line in cell.untrusted),
         *(f"note: {line}" for line in found.notes),
     ]:
         screen.print(line, highlight=False, markup=False, soft_wrap=True)
     if not found.complete:
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
-
-
-@app.command()
-def report(
-    experiment: Annotated[str, typer.Argument(help="Name of an experiment that was run.")],
-    results: ResultsOption = Path("results"),
-) -> None:
-    """Write tables and figures of an experiment again from its runs."""
-    from slambed.campaign.campaign import show_report
-
-    folder = results / Path(experiment).stem
-    if not (folder / "runs").is_dir():
-        raise SlambedError(f"no runs in {folder}; start with 'slambed run {experiment}'")
-    show_report(folder, console())
 
 
 @app.command()
@@ -216,18 +210,22 @@ def clean() -> None:
 
 def _add_groups() -> None:
     from slambed.calibrate.cli import calibrate
+    from slambed.campaign.size import app as results_app
     from slambed.data.cli import app as data_app
     from slambed.explain.cli import explain
     from slambed.link.cli import app as profile_app
     from slambed.link.cli import link_app
     from slambed.report.cli import add_commands
+    from slambed.report.papers_cli import app as papers_app
 
     add_commands(app)
     app.command()(calibrate)
     app.command()(explain)
     app.add_typer(data_app, name="data")
+    app.add_typer(results_app, name="results")
     app.add_typer(profile_app, name="profile")
     app.add_typer(link_app, name="link")
+    app.add_typer(papers_app, name="papers")
 
 
 def main() -> None:
@@ -249,14 +247,18 @@ def run_command(arguments: list[str]) -> int:
         return _fail(f"{told}{stop} See 'slambed --help'", ExitCode.BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # The reader of our output has gone (`| head`): not an error. Nothing more can be flushed.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return ExitCode.OK
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and _reader_has_gone():
+            # Of our output (`| head`): not an error. Nothing more can be flushed.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return ExitCode.OK
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
             full = no_space(error.filename or "the results")
             return _fail(str(full), full.code)
+        if isinstance(error, PermissionError):
+            # Whoever owns it: a file that we may not touch is no bug of ours.
+            line = f"{error.filename}: {error.strerror}; change its rights, or be who may"
+            return _fail(line, ExitCode.ENVIRONMENT)
         if os.environ.get("SLAMBED_DEBUG"):
             traceback.print_exc()
         where = traceback.extract_tb(error.__traceback__)[-1]
@@ -264,7 +266,15 @@ def run_command(arguments: list[str]) -> int:
         line = f"a bug of slambed, {place}: {type(error).__name__}: {error}"
         return _fail(f"{line}; set SLAMBED_DEBUG=1 for details", ExitCode.INTERNAL)
     finally:
-        give_caches_to_caller()
+        if arguments and not set(arguments) <= {"--version", "--help"}:
+            give_caches_to_caller()
+
+
+def _reader_has_gone() -> bool:
+    """Any other broken pipe is a fault that must be told."""
+    output = select.poll()
+    output.register(sys.stdout.fileno(), 0)
+    return bool(output.poll(0))
 
 
 def _fail(line: str, code: int) -> int:

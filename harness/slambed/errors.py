@@ -23,6 +23,14 @@ class SlambedError(Exception):
         self.code = code
 
 
+class PassingError(SlambedError):
+    """A failure of the environment that may go by itself: a daemon that restarts, a process that
+    somebody killed. Worth another try."""
+
+    def __init__(self, line: str, code: ExitCode = ExitCode.ENVIRONMENT) -> None:
+        super().__init__(line, code)
+
+
 class MissingDataError(SlambedError):
     """A known dataset whose source is not on this machine."""
 

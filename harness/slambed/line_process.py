@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from slambed.errors import ExitCode, SlambedError
+from slambed.errors import ExitCode, PassingError, SlambedError
 
 STOP_TIMEOUT_S = 10.0
 
@@ -33,7 +33,7 @@ class LineProcess:
         self._buffer = b""
 
     def ask(self, request: dict[str, Any], timeout_s: float) -> dict[str, Any]:
-        """The answer; SlambedError when there is none in time, or the answer is an error."""
+        """The answer. PassingError when there is none in time, SlambedError when it is an error."""
         self.say(request)
         return self.hear(timeout_s)
 
@@ -81,7 +81,7 @@ class LineProcess:
         if self._process.stdout is not None:
             self._process.stdout.close()
 
-    def _failure(self, what: str) -> SlambedError:
+    def _failure(self, what: str) -> PassingError:
         lines = self._errors.read_text(errors="replace").strip().splitlines()
         told = f": {lines[-1].removeprefix('error: ')}" if lines else ""
-        return SlambedError(f"the {self._name} {what}{told}", ExitCode.ENVIRONMENT)
+        return PassingError(f"the {self._name} {what}{told}")

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from slambed.errors import environment_error
 
+SIMULATION = "slambed-sim"
+"""The program of virtual runs; it also plays messages through a modelled link alone."""
+
 
 def repository_root() -> Path:
     """The checkout this package runs from; experiments, profiles and datasets lie in it."""

@@ -14,7 +14,7 @@ import pytest
 
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import reap
-from slambed.spec.device import Device, Limits
+from slambed.spec.device import VIRTUAL, CostModel, Device, Limits
 from slambed.spec.experiment import Playback, Tolerances
 from slambed.spec.matrix import LinkSpec, RunSpec
 
@@ -31,6 +31,7 @@ def nodes_of_tests() -> Iterator[None]:
 
 
 STAND_IN = Path(__file__).parent / "stand_in_node.py"
+STAND_IN_SIM = Path(__file__).parent / "stand_in_sim.py"
 
 SYSTEMS = {
     "solo": """
@@ -128,6 +129,21 @@ def stand_in(folder: Path) -> Path:
     return program
 
 
+def stand_in_sim(folder: Path) -> Path:
+    """The stand-in for the simulation as a program file."""
+    program = folder / "slambed-sim"
+    program.write_text(f"#!{sys.executable} -IS\n{STAND_IN_SIM.read_text()}")
+    program.chmod(0o755)
+    return program
+
+
+def virtual_spec(**changes: Any) -> RunSpec:
+    """A RunSpec for the stand-in simulation; half a second long."""
+    model = CostModel(cores=1, stages={})
+    mobile = Device(name="small", title="small", limits=Limits(), model=model)
+    return run_spec(**({"engine": VIRTUAL, "device_mobile": mobile} | changes))
+
+
 @dataclass
 class IdleLink:
     """A link that joins nothing; it may die some time after its start."""
@@ -146,4 +162,4 @@ class IdleLink:
 
     def stop(self) -> dict[str, Any]:
         self.stopped += 1
-        return {"backend": "idle", "invalid_reason": None}
+        return {"backend": "idle", "distrust": None}

@@ -30,7 +30,8 @@ def why_no_relay() -> str:
     return ""
 
 
-needs_relay = pytest.mark.skipif(bool(why_no_relay()), reason=why_no_relay() or "-")
+NEEDS_RELAY = "needs root, TUN and slambed-relay ('make build')"
+needs_relay = pytest.mark.skipif(bool(why_no_relay()), reason=why_no_relay() or NEEDS_RELAY)
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for network namespaces")
 
 P = ParamSpec("P")

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slambed.engines.faults import write_planned
+from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.collect import keep_groundtruth, to_parquet
-from slambed.metrics.run import SUMMARY_KEYS, summarise_run
+from slambed.metrics.run import summarise_run
 from slambed.metrics.trajectory import Trajectory, write_tum
 from slambed.spec.faults import Fault
 
@@ -182,7 +183,7 @@ def write_raw(folder: Path, run: RawRun) -> Path:
         "commit": "0123456789abcdef", "dirty": False, "kernel": "6.1.0",
         "cpu_model": "Invented CPU", "cores": 2, "seed": run.seed,
         "started_utc": "2026-01-02T03:04:05Z",
-        "outcome": "completed", "invalid_reason": None,
+        "outcome": "completed", "outcome_reason": None, "distrust": [],
         "limits": {"mobile": {"asked": {"quota_cores": 1.0}, "granted": {"quota_cores": 1.0}}},
         "link": {"base_rtt_ms": run.base_rtt_ms} if run.edge else None,
         "command": "slambed run experiments/invented.yaml",

@@ -32,39 +32,47 @@ def home(tmp_path: Path) -> Path:
     (prepared / "sequence").write_text("")
     (prepared / "link").symlink_to(tmp_path / "elsewhere")
     (prepared / "others").write_text("")
+    (prepared.parent / "of_root").write_text("")
     os.chown(prepared / "others", 1234, 1234)
     (tmp_path / "elsewhere").write_text("")
     (tmp_path / "home" / "of_root").mkdir()
     return tmp_path / "home"
 
 
-def version(home: Path, **environment: str) -> None:
+def where(home: Path, command: tuple[str, ...] = ("data", "where"), **environment: str) -> None:
     unset = {"XDG_CACHE_HOME": "", "SLAMBED_CACHE": "", "MPLCONFIGDIR": str(home / "mpl")}
-    code, _, err = slambed("--version", **{"HOME": str(home), **unset, **environment})
+    code, _, err = slambed(*command, **{"HOME": str(home), **unset, **environment})
     assert code == ExitCode.OK, err
 
 
 def test_the_cache_is_the_callers_after_every_command(home: Path) -> None:
-    version(home, **CALLER)
+    where(home, **CALLER)
     cache = home / ".cache" / "slambed"
     for path in (home / ".cache", cache, cache / "prepared", *(cache / "prepared").iterdir()):
         assert owner(path) == ((1234, 1234) if path.name == "others" else MINE), path
     assert owner(home / "of_root") == owner(home.parent / "elsewhere") == ROOT
+    assert owner(cache / "of_root") == ROOT  # nothing that slambed makes
+
+
+def test_a_command_that_writes_nothing_gives_nothing(home: Path) -> None:
+    for option in ("--version", "--help"):
+        where(home, (option,), **CALLER)
+    assert owner(home / ".cache") == owner(home / ".cache" / "slambed" / "prepared") == ROOT
 
 
 def test_a_cache_of_roots_own_stays_so(home: Path) -> None:
     cache = home / ".cache" / "slambed"
-    version(home)
+    where(home)
     assert owner(cache) == ROOT
     os.chown(home, *ROOT)
-    version(home, **CALLER)
+    where(home, **CALLER)
     assert owner(cache) == owner(cache / "prepared" / "sequence") == ROOT
 
 
 def test_a_cache_where_everybody_may_write_is_given(home: Path) -> None:
     home.chmod(0o1777)
     os.chown(home, *ROOT)
-    version(home, SLAMBED_CACHE=str(home / "of_root"), **CALLER)
+    where(home, SLAMBED_CACHE=str(home / "of_root"), **CALLER)
     assert owner(home / "of_root") == MINE and owner(home) == owner(home / ".cache") == ROOT
 
 

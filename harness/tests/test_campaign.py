@@ -8,27 +8,32 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from data_samples import write_prepared
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, stand_in, write_library
+from test_cli import refused, slambed
 
-from slambed.campaign.campaign import Plan, make_plan, repetitions
+from slambed.campaign import plan as planning
+from slambed.campaign.datasets import prepare_sequence
+from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
+from slambed.campaign.further import further_repetitions
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.makers import LiveMaker
-from slambed.campaign.older import settle
 from slambed.campaign.order import interleaved
+from slambed.campaign.plan import Plan, make_plan, repetitions
 from slambed.campaign.progress import duration
-from slambed.campaign.runner import Runner
+from slambed.campaign.runner import Runner, stop_on_signal
 from slambed.campaign.status import status_of
 from slambed.data import places
+from slambed.data.recipe import Playback as DatasetPlayback
 from slambed.engines.host_lock import host_lock
 from slambed.engines.local import LocalEngine
 from slambed.errors import ExitCode, SlambedError
+from slambed.spec.experiment import Playback
 from slambed.spec.library import Library
 from slambed.spec.matrix import RunSpec
 
@@ -52,11 +57,14 @@ class Quiet:
     def run_ended(self, spec: RunSpec, verdict: str) -> None:
         self.verdicts.append(verdict)
 
+    def run_failed(self, spec: RunSpec, why: str, last: bool) -> None:
+        self.verdicts.append(why)
 
-def finished(folder: ResultFolder, spec: RunSpec, valid: bool = True) -> None:
+
+def finished(folder: ResultFolder, spec: RunSpec, trusted: bool = True) -> None:
     raw = folder.new_raw(spec.run_key)
     (raw / "manifest.json").write_text(json.dumps({"spec": spec.model_dump(mode="json")}))
-    (raw / "summary.json").write_text(json.dumps({"valid": valid, "invalid_reason": "why"}))
+    (raw / "summary.json").write_text(json.dumps({"trusted": trusted, "distrust": "why"}))
     folder.commit(spec.run_key, raw)
 
 
@@ -95,14 +103,14 @@ def test_a_run_folder_is_whole_or_missing(tmp_path: Path) -> None:
     assert folder.state(key) == "missing"
     raw = folder.new_raw(key)
     (raw / "manifest.json").write_text("{}")
-    (raw / "summary.json").write_text('{"valid": true}')
+    (raw / "summary.json").write_text('{"trusted": true}')
     (raw / "mobile").mkdir()
     (raw / "mobile" / "trajectory.txt").write_text("0 0 0 0 0 0 0 1\n")
     (raw / "mobile" / "log.txt").write_text("hello\n")
     (raw / "events.parquet").write_bytes(b"x")
     assert folder.state(key) == "missing"
     folder.commit(key, raw)
-    assert folder.state(key) == "valid"
+    assert folder.state(key) == "trusted"
     place = folder.runs / key
     found = sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
     assert found == [
@@ -112,60 +120,120 @@ def test_a_run_folder_is_whole_or_missing(tmp_path: Path) -> None:
         "summary.json",
         "trajectory.txt",
     ]
-    assert list(folder.work.iterdir()) == []
-    (place / "summary.json").write_text('{"valid": tr')
+    folder.close()
+    assert list((tmp_path / ".work").iterdir()) == [tmp_path / ".work" / ".lock"]
+    (place / "summary.json").write_text('{"trusted": tr')
     assert folder.state(key) == "missing"
 
 
-def test_a_new_attempt_replaces_an_invalid_run(tmp_path: Path) -> None:
+def test_a_new_attempt_replaces_an_untrusted_one_which_is_kept(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     spec = run_spec()
-    finished(folder, spec, valid=False)
-    assert folder.state(spec.run_key) == "invalid"
-    finished(folder, spec, valid=True)
-    assert folder.state(spec.run_key) == "valid"
+    for number in (1, 2):
+        finished(folder, spec, trusted=False)
+        assert folder.state(spec.run_key) == "untrusted"
+        assert folder.store.attempts_of(spec.run_key) == number
+    finished(folder, spec, trusted=True)
+    assert folder.state(spec.run_key) == "trusted"
+    assert folder.store.attempts_of(spec.run_key) == 3
+    kept = tmp_path / "attempts" / spec.run_key
+    assert sorted(path.name for path in kept.iterdir()) == ["1", "2"]
+    inode = (folder.store.runs / spec.run_key).stat().st_ino
+    finished(folder, spec, trusted=False)  # a campaign beside that one was slower
+    assert (folder.store.runs / spec.run_key).stat().st_ino == inode
     assert folder.run_keys() == [spec.run_key]
 
 
-def test_runs_that_no_longer_fit_step_aside(tmp_path: Path) -> None:
+def test_a_view_is_left_and_entered_without_moving_a_run(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
-    wanted = specs(cells=1, runs=2)
-    third = run_spec(cell="old name", params={"x": 0}, repetition=2, seed=2)
-    invalid_fourth = run_spec(cell="c0", params={"x": 0}, repetition=3, seed=3)
-    other_sources = run_spec(cell="c0", params={"x": 0}, software="older")
-    for spec in (wanted[0], third, other_sources):
+    wanted, other_sources = specs(cells=1, runs=2), run_spec(cell="c0", software="older")
+    for spec in (*wanted, other_sources):
         finished(folder, spec)
-    finished(folder, invalid_fourth, valid=False)
-    (folder.runs / "foreign").mkdir()
-    more, moved = settle(folder, wanted)
-    assert [(spec.run_key, spec.cell) for spec in more] == [(third.run_key, "c0")]
-    assert set(moved) == {other_sources.run_key, invalid_fourth.run_key, "foreign"}
-    assert set(folder.run_keys()) == {wanted[0].run_key, third.run_key}
-    assert (folder.stale / other_sources.run_key / "summary.json").is_file()
+    inodes = {key: (folder.store.runs / key).stat().st_ino for key in folder.run_keys()}
+    folder.show([other_sources.run_key])
+    assert folder.run_keys() == [other_sources.run_key]
+    folder.show(spec.run_key for spec in wanted)
+    assert folder.run_keys() == sorted(spec.run_key for spec in wanted)
+    assert {key: (folder.store.runs / key).stat().st_ino for key in inodes} == inodes
 
 
-def test_status_tells_missing_invalid_and_stale_runs(tmp_path: Path) -> None:
+def test_further_repetitions_of_the_same_cell_are_found_by_their_keys(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    made = specs(cells=2, runs=4)
+    for spec in made[:4]:  # all of c0
+        finished(folder, spec)
+    finished(folder, run_spec(cell="c1", params={"x": 1}, repetition=3, seed=3))
+    planned = [spec for spec in made if spec.repetition < 2]
+    assert further_repetitions(folder.store, planned) == made[2:4]
+
+
+def test_runs_of_the_older_layout_get_their_place_in_the_store(tmp_path: Path) -> None:
+    for place, key in (("runs", "a" * 16), ("stale", "b" * 16)):
+        run = tmp_path / "tiny" / place / key
+        run.mkdir(parents=True)
+        for name in ("manifest.json", "summary.json"):
+            (run / name).write_text('{"trusted": true}')
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    assert folder.store.keys() == ["a" * 16, "b" * 16]
+    assert folder.run_keys() == ["a" * 16]
+
+
+def test_a_campaign_leaves_the_work_of_a_living_one_and_removes_that_of_a_dead_one(
+    tmp_path: Path,
+) -> None:
+    alive, later = ResultFolder(tmp_path / "one"), ResultFolder(tmp_path / "two")
+    alive.create()
+    raw = alive.new_raw("0" * 16)
+    dead = tmp_path / ".work" / "4711-dead"
+    dead.mkdir()
+    (dead / ".lock").touch()
+    later.create()
+    assert raw.is_dir() and not dead.exists()
+    for folder in (alive, later):
+        folder.close()
+
+
+def test_status_tells_missing_and_untrusted_runs(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     wanted = specs(cells=1, runs=3)
     finished(folder, wanted[0])
-    finished(folder, wanted[1], valid=False)
-    finished(folder, run_spec(cell="c0", params={"x": 0}, seed=5))
-    settle(folder, wanted)
+    finished(folder, wanted[1], trusted=False)
     (folder.runs / "foreign").mkdir()
     runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in wanted]
     folder.write_json("experiment.json", {"runs": runs, "software": "test", "file": {}})
     found = status_of(tmp_path, "tiny", None, {"test"})
     cell = found.cells[0]
-    assert (cell.valid, len(cell.invalid), cell.missing) == (1, 1, 1)
-    assert "why" in cell.invalid[0]
+    assert (cell.trusted, len(cell.untrusted), cell.missing) == (1, 1, 1)
+    assert "why" in cell.untrusted[0]
     assert not found.complete
-    assert any("c0 #1, other seed" in line for line in found.stale)
-    assert any("foreign: not a run of this experiment" in line for line in found.stale)
-    assert found.notes == []
-    assert "sources have changed" in status_of(tmp_path, "tiny", None, {"newer"}).notes[0]
+    assert any("foreign: not a run of this experiment" in line for line in found.notes)
+    newer = status_of(tmp_path, "tiny", None, {"newer"})
+    assert any("sources have changed" in line for line in newer.notes)
+
+
+def test_what_no_plan_names_can_be_freed(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    wanted, left = specs(cells=1, runs=2), run_spec(cell="c0", software="older")
+    for spec in (*wanted, left):
+        finished(folder, spec)
+    runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in wanted]
+    folder.write_json("experiment.json", {"runs": runs})
+    folder.close()
+    place = ("--results", str(tmp_path))
+    code, out, _ = slambed("results", "size", *place)
+    assert code == ExitCode.OK and "tiny: 2 runs" in out and "in no plan: 1 runs" in out
+    code, out, _ = slambed("results", "prune", *place)
+    assert code == ExitCode.OK and "would remove 1 runs" in out and len(folder.store.keys()) == 3
+    code, out, _ = slambed("results", "prune", "--yes", *place)
+    assert code == ExitCode.OK and folder.store.keys() == sorted(s.run_key for s in wanted)
+    (folder.path / "experiment.json").write_text("{")
+    assert "is not whole" in refused(ExitCode.BAD_INPUT, "results", "prune", "--yes", *place)
 
 
 def test_status_of_nothing_says_how_to_begin(tmp_path: Path) -> None:
@@ -218,6 +286,23 @@ def test_a_dataset_that_is_not_here_ends_the_experiment_or_is_left_out(
         plan_with(["kiti_07", here], tmp_path, missing_datasets="skip")
 
 
+def test_a_dataset_has_playback_for_what_an_experiment_leaves_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    sequence = prepare_sequence(str(write_prepared(tmp_path / "here").path))
+    own = replace(sequence, defaults=DatasetPlayback(fps=5.0, start_s=0.1))
+    assert sequence.playback(Playback(fps=10.0)) == Playback(fps=10.0)
+    assert own.playback(Playback(end_s=0.3)) == Playback(fps=5.0, start_s=0.1, end_s=0.3)
+    assert own.playback(Playback(fps=10.0)).fps == 10.0
+    assert own.played_s(Playback()) == pytest.approx(sequence.played_s(Playback()) - 0.1)
+    with pytest.raises(SlambedError, match="does not go with the experiment's"):
+        own.playback(Playback(end_s=0.05))
+    # What a run means has what its dataset said.
+    monkeypatch.setattr(planning, "prepare_sequence", lambda name: own)
+    assert {s.playback.fps for s in plan_with(["here"], tmp_path).specs} == {5.0}
+
+
 def test_a_fault_after_the_end_of_a_sequence_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -251,7 +336,7 @@ def runner(tmp_path: Path) -> Runner:
     return Runner(
         folder,
         Ledger(folder.path / "ledger.jsonl"),
-        LiveMaker(
+        LiveExecutor(
             LocalEngine(stand_in(tmp_path)),
             lambda *_: IdleLink(),
             {"room": (tmp_path / "sequence", 0.5)},
@@ -265,9 +350,14 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
     good, bad = run_spec(), run_spec(params={"mobile_act": "die"})
     with nodes_of_tests():
         verdict = campaign.run([good, bad], reporter)
-    assert (verdict.done, verdict.valid, verdict.interrupted) == (2, 1, False)
+    assert (verdict.done, verdict.trusted, verdict.not_completed, verdict.interrupted) == (
+        2,
+        2,
+        1,
+        False,
+    )
     assert "5/5 frames tracked" in reporter.verdicts[0]
-    assert "mobile_died" in reporter.verdicts[1]
+    assert "died: mobile node: signal 11" in reporter.verdicts[1]
     manifest = campaign.folder.read(good.run_key, "manifest.json")
     assert manifest is not None
     for key in (
@@ -281,21 +371,26 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
 
 
 @needs_root
-def test_a_refusing_node_ends_the_campaign(tmp_path: Path) -> None:
+def test_a_node_that_refuses_its_input_is_a_result(tmp_path: Path) -> None:
     campaign = runner(tmp_path)
-    with nodes_of_tests(), pytest.raises(SlambedError, match="bad parameter"):
-        campaign.run([run_spec(params={"mobile_act": "refuse"}), run_spec()], Quiet())
-    assert campaign.folder.run_keys() == []
-    assert campaign.ledger.read()[-1]["event"] == "run_refused"
+    refused = run_spec(params={"mobile_act": "refuse"})
+    with nodes_of_tests():
+        verdict = campaign.run([refused, run_spec()], Quiet())
+    assert (verdict.done, verdict.trusted, verdict.not_completed) == (2, 2, 1)
+    summary = campaign.folder.read(refused.run_key, "summary.json") or {}
+    assert (summary["outcome"], summary["coverage"], summary["lost"]) == ("refused", 0.0, None)
+    assert "bad parameter" in summary["outcome_reason"]
 
 
 @dataclass
 class Greedy:
-    """A maker whose runs write until nothing fits any more."""
+    """An executor whose runs write until nothing fits any more."""
 
     jobs: int
 
-    def make(self, spec: RunSpec, raw: Path, stop: threading.Event) -> dict[str, Any]:
+    def execute(
+        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
+    ) -> dict[str, Any]:
         with (raw / "events.jsonl").open("wb") as out:
             while True:
                 out.write(bytes(65536))
@@ -318,6 +413,7 @@ def test_a_full_disk_ends_the_campaign_in_one_line(tmp_path: Path, jobs: int) ->
             campaign.run(specs(), Quiet())
         assert caught.value.code == ExitCode.ENVIRONMENT
         assert folder.run_keys() == []
+        folder.close()
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 
@@ -332,7 +428,7 @@ mark_children()
 with t.host_lock("tests of interrupts", wait_s=300):
     print("reaped", reap(), flush=True)
     campaign = t.runner(Path({folder!r}))
-    todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "valid"]
+    todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "trusted"]
     print("todo", len(todo), flush=True)
     verdict = campaign.run(todo, t.Quiet())
     print("interrupted" if verdict.interrupted else "complete", flush=True)
@@ -349,7 +445,7 @@ def wait_for_runs(tmp_path: Path, count: int) -> None:
     folder = ResultFolder(tmp_path / "tiny")
     deadline = time.monotonic() + 330
     while time.monotonic() < deadline:
-        playing = list(folder.work.glob("*/start.json")) if folder.work.exists() else []
+        playing = list((tmp_path / ".work").glob("*/*/start.json"))
         if len(folder.run_keys()) >= count and playing:
             return
         time.sleep(0.01)
@@ -391,3 +487,13 @@ def processes_of(folder: Path) -> list[str]:
         if f"{folder}/" in line and "--role" in line:
             found.append(line)
     return found
+
+
+def test_an_interrupt_is_answered_at_once(capfd: pytest.CaptureFixture[str]) -> None:
+    with stop_on_signal() as stop:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop.wait(1)
+        assert capfd.readouterr().err.strip().startswith("stopping: ending the runs under way")
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(1)

@@ -15,7 +15,7 @@ from virtual_parts import make_sequence
 from slambed.engines.docker_image import connect, find_image
 from slambed.engines.reaper import OWNER_VARIABLE, start_time
 from slambed.errors import ExitCode, SlambedError
-from slambed.metrics.run import SUMMARY_KEYS
+from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.native import find_program
 
 EXPERIMENT = """\
@@ -116,7 +116,7 @@ def check_figures(summaries: list[dict[str, Any]]) -> None:
     offloaded, alone = summaries
     for summary in summaries:
         assert set(SUMMARY_KEYS) <= set(summary)
-        assert summary["outcome"] == "completed" and summary["valid"] is True
+        assert summary["outcome"] == "completed" and summary["trusted"] is True
         assert summary["frames_total"] == 40
         assert summary["frames_tracked"] > 0
         assert summary["mobile_cpu_percent_mean"] > 0
@@ -135,6 +135,79 @@ def test_the_local_engine_makes_a_whole_result(tmp_path: Path, sequence: Path) -
 @pytest.mark.skipif(not image_is_built(), reason="needs the node image ('make images')")
 def test_the_docker_engine_makes_the_same(tmp_path: Path, sequence: Path) -> None:
     check_figures(run_it(tmp_path, sequence, "docker"))
+
+
+def test_live_then_virtual_then_live_executes_nothing_twice(tmp_path: Path, sequence: Path) -> None:
+    path = write_experiment(tmp_path, sequence)
+    results = tmp_path / "results"
+    common = ("run", str(path), "--results", str(results), "--wait", "--retries", "0", "--engine")
+    inodes: dict[str, int] = {}
+    for engine, there in (("local", 0), ("virtual", 0), ("local", 2), ("virtual", 2)):
+        code, out, err = slambed(*common, engine)
+        assert code in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), err
+        assert f"2 runs, {there} there already" in out
+        now = {run.name: run.stat().st_ino for run in (results / "runs").iterdir()}
+        assert now.items() >= inodes.items()
+        inodes = now
+    assert len(inodes) == 4 and not (results / "attempts").exists()
+    table = pd.read_csv(results / "short" / "summary.csv")
+    assert sorted(table["engine"]) == ["local", "local", "virtual", "virtual"]
+    assert set(table["cell"].str.extract(r"\((\w+)\)$")[0]) == {"local", "virtual"}
+    # Another experiment with a cell of this one's: it is there already, under the other name.
+    twin = tmp_path / "twin.yaml"
+    only = EXPERIMENT.format(sequence=sequence).replace("id: short", "id: twin")
+    twin.write_text(only.replace("label: alone", "label: single"))
+    code, out, err = slambed("run", str(twin), "--results", str(results), "--engine", "virtual")
+    assert code == ExitCode.OK and "2 runs, 2 there already" in out, err
+    told = pd.read_csv(results / "twin" / "summary.csv")
+    assert set(told["experiment"]) == {"twin"} and told["cell"].str.startswith("single").any()
+
+
+def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
+    tmp_path: Path, sequence: Path
+) -> None:
+    text = EXPERIMENT.format(sequence=sequence)
+    alone = "  - {system: orbslam2, label: alone, profiles: [rtt_20]}\n"
+    assert alone in text
+    text = text.replace(alone, "").replace("fps: 10}", "fps: 10, end_s: 1}")
+    # Real packets are never within a nanosecond of what was asked.
+    text = text.replace("rtt_error_ms_median: 50", "rtt_error_ms_median: 0.000001")
+    path, results = tmp_path / "short.yaml", tmp_path / "results"
+    path.write_text(text)
+
+    def run(retries: int) -> tuple[list[dict[str, Any]], str]:
+        """What the ledger says of this campaign, and what the command said."""
+        ledger = results / "short" / "ledger.jsonl"
+        before = len(ledger.read_text().splitlines()) if ledger.is_file() else 0
+        command = ("run", str(path), "--engine", "local", "--results", str(results), "--wait")
+        code, out, err = slambed(*command, "--retries", str(retries))
+        assert code == ExitCode.NOT_ALL_GOOD or retries == 0, out + err
+        told = [json.loads(line) for line in ledger.read_text().splitlines()[before:]]
+        return [entry for entry in told if entry["event"] == "run_finished"], out + err
+
+    finished, said = run(2)
+    assert len(finished) == 3 and "1 of 1 runs are not to be trusted" in said
+    for entry in finished:
+        assert entry["outcome"] == "completed" and entry["trusted"] is False
+        assert "RTT error" in entry["distrust"]
+    (key,) = {entry["run_key"] for entry in finished}
+    assert numbers_of_attempts(results, key) == [1, 2, 3]
+    assert json.loads((results / "runs" / key / "summary.json").read_text())["attempts"] == 3
+    (shown,) = pd.read_csv(results / "short" / "summary.csv")["attempts"]
+    assert shown == 3
+    # Who asks for no retries takes what is there; a later campaign begins with the next attempt.
+    finished, said = run(0)
+    assert finished == [] and "1 runs, 1 there already" in said
+    finished, _ = run(1)
+    assert len(finished) == 1 and numbers_of_attempts(results, key) == [1, 2, 3, 4]
+
+
+def numbers_of_attempts(results: Path, key: str) -> list[int]:
+    """As their manifests say: each attempt is there with all its files."""
+    folders = [results / "runs" / key, *(results / "attempts" / key).iterdir()]
+    for folder in folders:
+        assert (folder / "events.parquet").is_file() and (folder / "nodes" / "link").is_dir()
+    return sorted(json.loads((f / "manifest.json").read_text())["attempt"] for f in folders)
 
 
 def test_a_damaged_sequence_is_refused(tmp_path: Path, sequence: Path) -> None:

@@ -120,7 +120,7 @@ def test_a_bad_experiment_is_refused_before_anything_starts(
 
 def test_an_experiment_can_be_checked_alone() -> None:
     code, out, _ = slambed("run", "quickstart", "--check")
-    assert code == ExitCode.OK and out.strip().endswith("good")
+    assert code == ExitCode.OK and out.splitlines()[0].endswith("quickstart.yaml: good")
 
 
 def test_status_and_report_of_nothing_say_how_to_begin(tmp_path: Path) -> None:
@@ -146,25 +146,6 @@ def test_status_of_runs_without_their_plan_is_an_error(tmp_path: Path) -> None:
 def test_no_docker_is_one_line() -> None:
     line = refused(ExitCode.ENVIRONMENT, "images", DOCKER_HOST="unix:///nonexistent/docker.sock")
     assert "no Docker" in line and "--engine local" in line
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become another user")
-@pytest.mark.parametrize("engine", ["local", "docker", "auto"])
-def test_without_permission_a_run_is_one_line(tmp_path: Path, engine: str) -> None:
-    code = f"""
-import os, sys
-import slambed.campaign.campaign, slambed.explain.cli
-from slambed.cli import run_command
-os.chdir({str(tmp_path)!r})
-os.setgroups([]); os.setgid(65534); os.setuid(65534)
-sys.exit(run_command(["run", "quickstart", "--engine", {engine!r}]))
-"""
-    tmp_path.chmod(0o777)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == ExitCode.ENVIRONMENT, done.stderr
-    assert done.stderr.startswith("error: ") and "sudo" in done.stderr
-    assert "--engine virtual" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
 
 
 def test_a_bug_is_one_line_too() -> None:

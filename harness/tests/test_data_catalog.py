@@ -55,7 +55,8 @@ def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
     ("extra", "told"),
     [
         ({"dpeth_unit_m": "1"}, "unknown key 'dpeth_unit_m', did you mean 'depth_unit_m'?"),
-        ({"camera": "{ widht: 3 }"}, "camera"),
+        ({"camera": "{ widht: 3 }"}, "camera.widht', did you mean 'width'?"),
+        ({"camera": "{ f_x: 50, width: 1 }"}, "unknown key 'camera.f_x', did you mean 'fx'?"),
         ({"depth_unit_m": "-1"}, "depth_unit_m"),
         ({"depth_unit_m": "0"}, "depth_unit_m is needed"),
         ({"synthetic": "{ seed: 1 }"}, "exactly one of"),
@@ -184,6 +185,24 @@ def test_two_at_once_prepare_only_once(home: Path) -> None:
         thread.join(60)
     assert starts == [1]
     assert len(entries(home)) == 1
+
+
+def test_an_absolute_path_is_where_it_says(home: Path) -> None:
+    write_tum(home / "elsewhere/far_one")
+    tum_recipe(home / "datasets", "far", paths=f"[{home}/elsewhere/far_*]")
+    far = catalog(home).get("far")
+    assert catalog(home).locate(far) == home / "elsewhere/far_one"
+    assert Catalog.load(home / "datasets", []).available(far, home / "cache")
+    tum_recipe(home / "datasets", "far", paths="[/nowhere/far_*, tiny_tum]")
+    assert catalog(home).locate(catalog(home).get("far")) == home / "data/tiny_tum"
+
+
+@pytest.mark.parametrize("pattern", ["''", "/", "a**b"])
+def test_what_is_no_pattern_is_told_with_its_line(tmp_path: Path, pattern: str) -> None:
+    file = tum_recipe(tmp_path, paths=f"[{pattern}]")
+    with pytest.raises(SlambedError) as error:
+        load_recipe(file)
+    assert f"{file}:4: paths" in one_line(error) and "is no pattern of a path" in one_line(error)
 
 
 def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,8 @@ from slambed.data.contact_sheet import write_contact_sheet
 from slambed.errors import ExitCode, SlambedError
 from slambed.native import find_program
 
+pytestmark = pytest.mark.programs
+
 SMALL = ["--seconds", "0.4", "--fps", "10", "--width", "160", "--height", "120"]
 COARSE = ["--texel-scale", "8", "--seed", "5"]
 

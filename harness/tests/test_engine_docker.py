@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The docker engine with a stand-in image: a shell script on the bare base."""
 
+import contextlib
 import io
 import json
 import os
+import socket
 import tarfile
 import threading
 import time
@@ -17,15 +19,19 @@ import pytest
 from docker.errors import DockerException
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec
 from link_parts import needs_relay
+from virtual_parts import Quiet
 
+from slambed.campaign.executors import LiveExecutor
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import read_profile
 from slambed.campaign.remote_link import HelperLinks
+from slambed.campaign.runner import Runner
 from slambed.engines.base import NodePlan
 from slambed.engines.docker import DockerEngine
 from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
-from slambed.errors import ExitCode, SlambedError
 from slambed.spec.experiment import Playback
 from slambed.spec.matrix import LinkSpec, RunSpec
 
@@ -133,19 +139,19 @@ def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None
 
 
 def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:
-    assert bench.run(docker_spec(variant="die")).outcome == "edge_died"
+    assert bench.run(docker_spec(variant="die")).outcome == "died"
 
 
-def test_a_container_that_refuses_is_an_error_with_its_own_words(bench: Bench) -> None:
-    with pytest.raises(SlambedError, match=r"\(exit code 2\): no, run.json; try again") as caught:
-        bench.run(docker_spec(variant="refuse"))
-    assert caught.value.code == ExitCode.BAD_INPUT
+def test_a_container_that_refuses_is_an_outcome_with_its_own_words(bench: Bench) -> None:
+    result = bench.run(docker_spec(variant="refuse"))
+    assert result.outcome == "refused"
+    assert (result.reason or "").endswith("(exit code 2): no, run.json; try again")
 
 
 def test_memory_beyond_the_limit_kills_the_node_and_says_so(bench: Bench) -> None:
     spec = docker_spec(variant="hungry", playback=Playback(end_s=20.0))
     result = bench.run(spec)
-    assert result.outcome == "mobile_died"
+    assert result.outcome == "died"
     assert "killed at its memory limit" in (result.reason or "")
 
 
@@ -229,5 +235,79 @@ def test_a_helper_that_is_killed_is_a_link_that_died(bench: Bench) -> None:
         found.kill("SIGKILL")
 
     result = unprivileged_run(bench, kill)
-    assert result.outcome == "link_died"
+    # What the nodes make of a link that is gone is their result; nobody trusts it.
+    assert result.outcome == "completed"
+    assert "the link ended in the middle of the run" in result.distrust
     assert result.link is not None and "the link ended" in result.link["died"]
+
+
+class Between:
+    """Stands between the library and the daemon; while `cut` is set the daemon is away."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.cut = threading.Event()
+        self._server = socket.socket(socket.AF_UNIX)
+        self._server.bind(str(path))
+        self._server.listen()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = self._server.accept()
+                if self.cut.is_set():
+                    client.close()
+                    continue
+                daemon = socket.socket(socket.AF_UNIX)
+                daemon.connect("/var/run/docker.sock")
+                for way in ((client, daemon), (daemon, client)):
+                    threading.Thread(target=self._pass_on, args=way, daemon=True).start()
+
+    def _pass_on(self, source: socket.socket, sink: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while (data := source.recv(65536)) and not self.cut.is_set():
+                sink.sendall(data)
+        for end in (source, sink):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self._server.close()
+
+
+def test_a_daemon_that_is_away_for_a_while_costs_a_run_an_attempt(
+    tmp_path: Path, image: Any
+) -> None:
+    """It goes in the middle of the first run: its containers stay, and are in nobody's way."""
+    between = Between(tmp_path / "docker.sock")
+    client = docker.DockerClient(f"unix://{between.path}", timeout=10)
+    folder = ResultFolder(tmp_path / "results" / "tiny")
+    folder.create()
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    (tmp_path / "sequence").mkdir()
+    played = {"room": (tmp_path / "sequence", 0.5)}
+    executor = LiveExecutor(DockerEngine(client, image), lambda *_: IdleLink(), played)
+    todo = [docker_spec(seed=n, repetition=n) for n in range(2)]
+
+    def cut_once() -> None:
+        while not list((tmp_path / "results").rglob("start.json")):
+            time.sleep(0.01)
+        between.cut.set()
+        while "run_failed" not in {entry["event"] for entry in ledger.read()}:
+            time.sleep(0.01)
+        between.cut.clear()
+
+    cutter = threading.Thread(target=cut_once, daemon=True)
+    with nodes_of_tests():
+        cutter.start()
+        verdict = Runner(folder, ledger, executor, retries=0, pauses_s=(0.5, 1)).run(todo, Quiet())
+        assert CLIENT is not None
+        assert CLIENT.containers.list(all=True, filters={"label": "slambed"}) == []
+    between.close()
+    folder.close()
+    assert (verdict.done, verdict.given_up) == (2, {})
+    failed = [entry for entry in ledger.read() if entry["event"] == "run_failed"]
+    # The second may meet what is left of the daemon's absence.
+    assert failed[0]["run_key"] == todo[0].run_key and len(failed) <= 2
+    assert all("Docker did not answer" in entry["error"] for entry in failed)

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from harness_parts import needs_root, nodes_of_tests, run_spec, stand_in
 
+from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import RunLink, backend_for, open_for_run, read_profile
-from slambed.campaign.makers import LiveMaker
 from slambed.campaign.runner import Runner
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
@@ -69,6 +69,8 @@ class Quiet:
 
     def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
 
+    def run_failed(self, spec: RunSpec, why: str, last: bool) -> None: ...
+
 
 def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_path: Path) -> None:
     profile = read_profile(RAMP, "here")
@@ -92,20 +94,21 @@ def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_pa
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     (tmp_path / "sequence").mkdir()
-    maker = LiveMaker(
+    executor = LiveExecutor(
         LocalEngine(stand_in(tmp_path)),
         open_and_kill_the_first,
         {"room": (tmp_path / "sequence", 2.0)},
     )
     with nodes_of_tests():
-        verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), maker).run(todo, Quiet())
+        runner = Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor, retries=0)
+        verdict = runner.run(todo, Quiet())
     assert (verdict.done, verdict.interrupted) == (2, False)
     first, second = (folder.read(spec.run_key, "summary.json") for spec in todo)
     manifest = folder.read(todo[0].run_key, "manifest.json")
     assert first is not None and second is not None and manifest is not None
-    assert (first["outcome"], first["valid"]) == ("link_died", False)
-    assert "the link ended in the middle of the run" in first["invalid_reason"]
-    assert manifest["outcome"] == "link_died"
+    assert first["trusted"] is False
+    assert "the link ended in the middle of the run" in first["distrust"]
+    assert "the link ended in the middle of the run" in manifest["distrust"]
     assert "signal 9" in manifest["link"]["died"]
     # What the mobile node made of it is there: it played to its end.
     assert first["frames_total"] == second["frames_total"] == 20

@@ -119,6 +119,16 @@ def test_a_fault_after_the_end_of_playback_is_refused(tmp_path: Path) -> None:
     assert matrix(tmp_path, open_end, host=long)
 
 
+def test_an_end_after_that_of_the_sequence_is_refused(tmp_path: Path) -> None:
+    """What stands in for a sequence may be shorter: its length is nobody's slip."""
+    text = with_faults("[]")
+    short = replace(HOST, played_s={"room": 0.9}, datasets={"room": ("room", "abc")})
+    line = complaint_of(tmp_path, text, short)
+    assert "end_s 2 is after the end of room, which lasts 0.9 s" in line and "line 9" in line
+    assert matrix(tmp_path, text, host=replace(short, played_s={"room": 1.9}))
+    assert matrix(tmp_path, text, host=replace(short, datasets={"room": ("other", "abc")}))
+
+
 def test_faults_need_an_edge(tmp_path: Path) -> None:
     text = with_faults("[{at_s: 1, link: cut, for_s: 1}]")
     alone = re.sub(r"  - system: pair\n(    .*\n)+", "", text)

@@ -8,17 +8,19 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import holm
+from slambed.metrics.robust_accuracy import LEAST_COVERAGE
 from slambed.report import cli
-from slambed.report.catalog import metric
-from slambed.report.gate import ALPHA, append_history, is_relevant, judge, read_runs, worsening_p
+from slambed.report.gate import ALPHA, append_history, is_relevant, judge, read_runs
+from slambed.report.nights import worsening_p
 
 NIGHTS, CELLS, RUNS = 1000, 6, 10
 # Metric and the spread of one run in a quiet lab (share of the value).
 NOISE = {"ate_rmse_m": 0.08, "track_ms_median": 0.06, "mobile_cpu_percent_mean": 0.03,
-         "mobile_mem_mb_peak": 0.02, "update_delay_ms_median": 0.10}  # fmt: skip
+         "mobile_mem_mb_peak": 0.02, "update_computed_ms_median": 0.10}  # fmt: skip
 TYPICAL = {"ate_rmse_m": 0.02, "track_ms_median": 30.0, "mobile_cpu_percent_mean": 60.0,
-           "mobile_mem_mb_peak": 150.0, "update_delay_ms_median": 300.0}  # fmt: skip
+           "mobile_mem_mb_peak": 150.0, "update_computed_ms_median": 300.0}  # fmt: skip
 
 
 def nights_with_alarm(worse: dict[str, float], seed: int, runs: int = RUNS) -> float:
@@ -65,11 +67,12 @@ def some_runs(rng: np.random.Generator, runs: int = 12, **changed: object) -> pd
         for repetition in range(runs):
             row = {
                 "cell": cell, "repetition": repetition, "experiment": "x",
-                "run_key": f"{cell}{repetition}", "valid": True,
+                "run_key": f"{cell}{repetition}", "trusted": True, "not_completed": False,
                 "lost": bool(rng.random() < 0.05), "coverage": 0.99 + 0.001 * rng.random(),
             } | {key: TYPICAL[key] * rng.lognormal(0, NOISE[key]) for key in NOISE}  # fmt: skip
             if cell.startswith("alone"):
                 row |= {k: v(repetition) if callable(v) else v for k, v in changed.items()}
+            row["failed"] = row["coverage"] < LEAST_COVERAGE
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -107,10 +110,13 @@ def test_better_is_never_an_alarm() -> None:
     ("spoil", "reason"),
     [
         (lambda runs: runs.iloc[:0], "nothing was measured tonight"),
-        (lambda runs: runs.assign(valid=False), "nothing was measured tonight"),
+        (lambda runs: runs.assign(trusted=False), "nothing was measured tonight"),
         (lambda runs: runs[~runs["cell"].str.startswith("alone")], "alone/room/none: nothing"),
         (lambda runs: runs.assign(ate_rmse_m=None), "ATE RMSE was not measured"),
-        (lambda runs: runs.assign(valid=[i % 2 == 0 for i in range(len(runs))]), "runs not valid"),
+        (
+            lambda runs: runs.assign(trusted=[i % 2 == 0 for i in range(len(runs))]),
+            "not to be trusted",
+        ),
     ],
 )
 def test_unmeasured_nights_fail(spoil, reason: str) -> None:
@@ -136,7 +142,7 @@ def test_gate_on_an_empty_directory_fails(tmp_path: Path) -> None:
     )  # fmt: skip
     assert result.exit_code != 0
     assert "nothing was measured tonight" in result.output
-    assert "baseline has no valid run" in result.output
+    assert "baseline has no run to be trusted" in result.output
 
 
 def test_history_keeps_nights_and_serves_as_baseline(tmp_path: Path) -> None:
@@ -151,3 +157,81 @@ def test_history_keeps_nights_and_serves_as_baseline(tmp_path: Path) -> None:
     assert len(baseline) == 48
     assert judge(baseline, some_runs(rng)).passed
     assert not judge(baseline, some_runs(rng, track_ms_median=60.0)).passed
+
+
+def virtual_night(runs: int = 6, seed: int = 20, **changed: object) -> pd.DataFrame:
+    """As `some_runs`, in virtual time: a program makes the same runs every night."""
+    rows = some_runs(np.random.default_rng(seed), runs, **changed)
+    return rows.assign(engine="virtual", seed=rows["repetition"], metrics_version="2")
+
+
+def history_of(tmp_path: Path, nights: int, **changed: object) -> pd.DataFrame:
+    path = tmp_path / "runs.parquet"
+    for day in range(1, nights + 1):
+        append_history(path, virtual_night(**changed), f"2026-02-{day:02}", True)
+    return read_runs(path, "x")[0]
+
+
+def test_identical_virtual_nights_count_once(tmp_path: Path) -> None:
+    baseline = history_of(tmp_path, 20)
+    assert len(baseline) == 240
+    result = judge(baseline, virtual_night())
+    assert result.passed
+    assert {f.runs for f in result.findings} == {(6, 6)}
+    assert {f.p_value for f in result.findings} == {1.0}
+
+
+def test_what_every_seed_shows_raises_an_alarm(tmp_path: Path) -> None:
+    slower = virtual_night(track_ms_median=lambda i: 40.0 + 0.1 * i)
+    before = history_of(tmp_path, 20, track_ms_median=lambda i: 30.0 + 0.2 * i)
+    failures = judge(before, slower).failures
+    assert len(failures) == 1 and "tracking, median" in failures[0]
+    assert "6 / 6 runs" in failures[0]
+
+
+def test_the_newest_night_is_the_program_to_compare_with(tmp_path: Path) -> None:
+    path = tmp_path / "runs.parquet"
+    slow = {"track_ms_median": lambda i: 60.0 + i}
+    append_history(path, virtual_night(**slow), "2026-02-01", True)
+    append_history(path, virtual_night(), "2026-02-02", True)
+    assert not judge(read_runs(path, "x")[0], virtual_night(**slow)).passed
+
+
+def test_few_virtual_runs_are_said_to_be_blind_for_shares_only() -> None:
+    night = virtual_night()
+    (line, _) = judge(night, night).notes
+    assert "can never raise an alarm about runs with a track loss, runs that tracked less" in line
+    assert "tracking" not in line.split("about")[1].split(",")[0]
+    assert "from 9 runs a night on" in line
+
+
+def test_a_new_cell_is_named_and_fails_when_it_measured_nothing() -> None:
+    rng = np.random.default_rng(12)
+    before, tonight = some_runs(rng), some_runs(rng)
+    first = tonight["cell"].str.startswith("alone")
+    before = before[~before["cell"].str.startswith("alone")]
+    result = judge(before, tonight)
+    assert result.passed
+    told = "alone/room/none: new tonight, nothing to compare with (12 runs, 12 to be trusted)"
+    assert told in result.notes
+    dead = judge(before, tonight.assign(trusted=~first))
+    assert dead.failures == [told.replace("12 to", "0 to")]
+
+
+def test_a_metric_that_is_new_tonight_is_named() -> None:
+    rng = np.random.default_rng(13)
+    result = judge(some_runs(rng).drop(columns="failed"), some_runs(rng))
+    assert result.passed
+    told = "alone/room/none: runs that tracked less than 90 % is new tonight, without a baseline"
+    assert told in result.notes
+
+
+def test_another_version_of_the_metrics_is_no_baseline() -> None:
+    rng = np.random.default_rng(14)
+    before, tonight = (some_runs(rng).assign(metrics_version=v) for v in ("1", "2"))
+    result = judge(before, tonight)
+    assert any("the baseline has no run to be trusted" in line for line in result.failures)
+    assert result.notes == ["24 runs of the baseline are of another metrics version, left out"]
+    both = judge(pd.concat([before, tonight]), tonight)
+    assert both.passed
+    assert {f.runs for f in both.findings} == {(12, 12)}

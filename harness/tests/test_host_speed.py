@@ -27,6 +27,7 @@ def pace_is_built() -> bool:
     return True
 
 
+pytestmark = pytest.mark.live  # what is measured must have the machine to itself
 needs_pace = pytest.mark.skipif(not pace_is_built(), reason="needs slambed-pace ('make build')")
 
 

@@ -12,7 +12,15 @@ from harness_parts import needs_root
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode
-from slambed.link.messages import HEADER_BYTES, Trace, bench_profile, compare, virtual_ms
+from slambed.link.messages import (
+    HEADER_BYTES,
+    Trace,
+    bench_profile,
+    compare,
+    compare_profile,
+    virtual_ms,
+)
+from slambed.link.profile import parse_profile
 from slambed.native import find_program
 
 pytestmark = needs_programs
@@ -47,6 +55,48 @@ def test_a_rate_serialises() -> None:
     serial_ms = wire_bytes * 8 / 10e6 * 1e3
     # The queue overflows once: some segments are sent twice.
     assert serial_ms < took < 1.05 * serial_ms
+
+
+BURSTS = parse_profile(
+    {
+        "name": "bursts",
+        "rtt_ms": {"repeat": {"period_s": 10, "of": {"steps": [[0, 10], [5, 90]]}}},
+        "loss": {"gilbert_elliott": {"good_s": 5, "bad_s": 0.1}},
+    },
+    "bursts",
+)
+
+
+def test_bursts_in_time_never_stall_tcp_for_long() -> None:
+    """250 messages of 25 kB at 10 Hz: a burst costs a time-out or two, whatever the seed."""
+    trace = Trace.steady(250, 25_000, 10.0)
+    for seed in range(1, 9):
+        took = virtual_ms(BURSTS, trace, seed)
+        assert np.median(took) < 60.0 and took.max() < 3_000.0, seed
+
+
+def test_an_outage_is_over_a_few_round_trips_after_the_time_out() -> None:
+    """A window of lost segments comes back in slow start, not one segment per round trip."""
+    profile = parse_profile(
+        {
+            "name": "cut",
+            "rtt_ms": 40,
+            "gaps": [{"start_s": 1.0, "length_s": 0.3}],
+            "gap_mode": "drop",
+        },
+        "cut",
+    )
+    trace = Trace(np.array([0.5, 0.985]), np.array([140_000, 140_000]))
+    _, second = virtual_ms(profile, trace)
+    assert 300.0 < second < 1_200.0
+
+
+@needs_root
+@pytest.mark.skipif(not Path("/dev/net/tun").exists(), reason="needs /dev/net/tun")
+def test_live_and_model_meet_the_same_bursts() -> None:
+    table = compare_profile(BURSTS, Trace.steady(100, 25_000, 10.0), seeds=(1, 2))
+    assert (table["live_100_ms"] < 3_000.0).all() and (table["virtual_100_ms"] < 3_000.0).all()
+    assert (table["live_50_ms"] >= 5.0).all() and (table["virtual_50_ms"] >= 5.0).all()
 
 
 @needs_root

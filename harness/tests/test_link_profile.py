@@ -163,6 +163,12 @@ def test_a_bad_curve_gets_one_clear_line(rtt: Any, message: str) -> None:
         (inline(3, jitter={"shape": "pareto", "sd_ms": 2}), "pareto jitter takes mean_ms"),
         (inline(3, loss={"random": 2}), "less than or equal to 1"),
         (inline(3, loss={}), "give one of random, gilbert_elliott"),
+        (inline(3, loss={"gilbert_elliott": {"good_s": 5}}), "give good_s and bad_s"),
+        (inline(3, loss={"gilbert_elliott": {"to_bad": 0.1}}), "or to_bad and to_good"),
+        (
+            inline(3, loss={"gilbert_elliott": {"good_s": 5, "bad_s": 1, "to_bad": 0.1}}),
+            "give good_s and bad_s",
+        ),
         (inline(3, rate={"mbps": 1, "trace": "x"}), "give one of mbps, trace"),
         (inline(3, rate={"trace": "nowhere.up"}), "'nowhere.up' not found"),
         (inline(3, gaps=[{"start_s": 1, "length_s": 2, "every_s": 1}]), "never be there"),

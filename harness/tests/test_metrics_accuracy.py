@@ -2,6 +2,7 @@
 """ATE, RPE and association: our numbers, evo's numbers and known answers."""
 
 import copy
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,6 @@ from slambed.metrics.trajectory import (
     write_kitti,
     write_tum,
 )
-
-EVO_FILES = Path(__file__).resolve().parents[3] / "shared" / "data" / "evo_files"
-needs_evo_files = pytest.mark.skipif(not EVO_FILES.exists(), reason="evo's files are not here")
 
 
 def evo_pair(truth: Path, estimate: Path, max_difference_s: float = 0.02):
@@ -94,7 +92,13 @@ def test_rpe_equals_evo(files: tuple[Path, Path], delta: int, all_pairs: bool) -
     assert ours.rotation_deg.rmse == pytest.approx(rot_deg, abs=1e-6)
 
 
-@needs_evo_files
+@pytest.fixture
+def evo_files(recording: Callable[[str], Path]) -> Path:
+    """The trajectories of evo's own tests."""
+    return recording("evo_files")
+
+
+@pytest.mark.recordings
 @pytest.mark.parametrize(
     ("truth", "estimate"),
     [
@@ -103,9 +107,11 @@ def test_rpe_equals_evo(files: tuple[Path, Path], delta: int, all_pairs: bool) -
     ],
 )
 @pytest.mark.parametrize("max_difference_s", [0.01, 0.02])
-def test_real_files_equal_evo(truth: str, estimate: str, max_difference_s: float) -> None:
-    true, own = read_tum(EVO_FILES / truth), read_tum(EVO_FILES / estimate)
-    pair = evo_pair(EVO_FILES / truth, EVO_FILES / estimate, max_difference_s)
+def test_real_files_equal_evo(
+    evo_files: Path, truth: str, estimate: str, max_difference_s: float
+) -> None:
+    true, own = read_tum(evo_files / truth), read_tum(evo_files / estimate)
+    pair = evo_pair(evo_files / truth, evo_files / estimate, max_difference_s)
     ate = absolute_error(own, true, max_difference_s)
     rpe = relative_error(own, true, None, 10, max_difference_s)
     trans_m, rot_deg = evo_rpe(*pair, 10, True)
@@ -114,11 +120,11 @@ def test_real_files_equal_evo(truth: str, estimate: str, max_difference_s: float
     assert rpe.rotation_deg.rmse == pytest.approx(rot_deg, abs=1e-6)
 
 
-@needs_evo_files
-def test_fr2_desk_as_published() -> None:
+@pytest.mark.recordings
+def test_fr2_desk_as_published(evo_files: Path) -> None:
     """The figures that the TUM script and evo print for ORB-SLAM2's fr2_desk trajectory."""
-    true = read_tum(EVO_FILES / "fr2_desk_groundtruth.txt")
-    own = read_tum(EVO_FILES / "fr2_desk_ORB.txt")
+    true = read_tum(evo_files / "fr2_desk_groundtruth.txt")
+    own = read_tum(evo_files / "fr2_desk_ORB.txt")
     tum = absolute_error(own, true, method="tum")
     assert (tum.pairs, round(tum.rmse, 6)) == (2223, 0.008144)
     assert round(absolute_error(own, true, 0.01).rmse, 6) == 0.008119

@@ -9,14 +9,18 @@ from slambed.errors import SlambedError
 from slambed.metrics.comparison import (
     fisher,
     holm,
+    least_p,
     mann_whitney,
+    mcnemar,
     power_hint,
     power_of_shares,
+    runs_to_show,
     runs_to_tell_shares,
+    signed_rank,
     two_modes,
 )
 from slambed.metrics.robust_accuracy import coverage_aware_ate
-from slambed.metrics.statistics import bootstrap, finite, wilson
+from slambed.metrics.statistics import finite, interval, wilson
 
 
 @pytest.mark.parametrize(
@@ -36,26 +40,50 @@ def test_no_trials_is_no_share() -> None:
         wilson(0, 0)
 
 
-def test_bootstrap_is_repeatable_and_covers() -> None:
-    rng = np.random.default_rng(1)
-    assert bootstrap([1, 2, 4, 8], seed=3) == bootstrap([1, 2, 4, 8], seed=3)
-    hits = sum(
-        interval.low <= 5.0 <= interval.high
-        for interval in (bootstrap(rng.normal(5, 1, 40), "mean", draws=400) for _ in range(300))
-    )
-    assert 0.90 <= hits / 300 <= 0.99
+def test_a_median_lies_between_order_statistics() -> None:
+    few = interval([3.0, 1.0, 2.0, 5.0, 4.0])
+    assert (few.value, few.low, few.high, few.is_range) == (3.0, 1.0, 5.0, True)
+    six = interval([3.0, 1.0, 2.0, 5.0, 4.0, 6.0])
+    assert (six.value, six.low, six.high, six.is_range) == (3.5, 1.0, 6.0, False)
+    # Conover (1999): of 12 values the third smallest and the third largest.
+    twelve = interval(np.arange(12.0))
+    assert (twelve.low, twelve.high) == (2.0, 9.0)
+    assert twelve.scaled(100).high == 900.0
+    assert interval([7.0]).is_range
 
 
-def test_bootstrap_keeps_failed_runs_as_infinity() -> None:
-    found = bootstrap([1.0, 2.0, 3.0, np.inf, np.inf], "median")
-    assert found.value == 3.0
-    assert found.high == np.inf
+def test_a_mean_has_students_interval() -> None:
+    found = interval([1.0, 2.0, 3.0, 4.0], "mean")
+    oracle = stats.t.interval(0.95, 3, 2.5, stats.sem([1.0, 2.0, 3.0, 4.0]))
+    assert (found.low, found.high) == pytest.approx(oracle)
+    assert found == interval([1.0, 2.0, 3.0, 4.0], "mean")
+
+
+def test_failed_runs_stay_infinitely_bad() -> None:
+    found = interval([1.0, 2.0, 3.0, np.inf, np.inf, np.inf, 2.0])
+    assert (found.value, found.low, found.high) == (3.0, 1.0, np.inf)
+    mean = interval([1.0, 2.0, np.inf], "mean")
+    assert (mean.value, mean.low, mean.high, mean.is_range) == (np.inf, 1.0, np.inf, True)
 
 
 def test_null_is_not_zero() -> None:
     assert finite([1.0, None, float("nan"), 2.0]).tolist() == [1.0, 2.0]
     with pytest.raises(SlambedError):
-        bootstrap([None, None])
+        interval([None, None])
+
+
+def test_tests_of_pairs_and_what_they_can_show() -> None:
+    a = np.array([1.0, 5.0, 9.0, 20.0, 30.0, 70.0])
+    assert signed_rank(a, a) == 1.0
+    assert signed_rank(a, a + np.arange(1, 7)) == pytest.approx(2 / 2**6) == least_p(6, True)
+    assert signed_rank(a, a + 1, "greater") == pytest.approx(1 / 2**6)
+    bad = np.array([True] * 5 + [False])
+    assert mcnemar(bad, bad) == 1.0
+    assert mcnemar(bad & False, bad) == pytest.approx(2 / 2**5)
+    assert mcnemar(bad & False, bad, "greater") == pytest.approx(1 / 2**5)
+    assert least_p(4, False) == pytest.approx(mann_whitney(range(4), range(4, 8)).p_value)
+    assert least_p(5, False) == pytest.approx(fisher(0, 5, 5, 5))
+    assert (runs_to_show(1, True), runs_to_show(24, True), runs_to_show(24, False)) == (6, 10, 7)
 
 
 def test_mann_whitney_and_its_effect_size() -> None:

@@ -71,8 +71,10 @@ def test_a_run_goes_on_in_the_map_of_another(
     whole = (tmp_path / "room.slm").read_bytes()
     (tmp_path / "room.slm").write_bytes(whole[:-100])
     path = tmp_path / "second.yaml"
-    line = refused(ExitCode.BAD_INPUT, "run", str(path), "--results", str(tmp_path / "results"))
-    assert "is cut or too long" in line
+    # A system that refuses its input has a result, as one that dies: told with its reason.
+    code, out, err = slambed("run", str(path), "--results", str(tmp_path / "results"))
+    assert code == ExitCode.NOT_ALL_GOOD, out + err
+    assert "is cut or too long" in out + err
     (tmp_path / "room.slm").unlink()
     line = refused(ExitCode.BAD_INPUT, "run", str(path), "--results", str(tmp_path / "results"))
     assert "file 'room.slm' not found" in line and "second.yaml line 3" in line

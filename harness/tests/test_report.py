@@ -16,10 +16,12 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from slambed.errors import SlambedError
-from slambed.metrics.run import SUMMARY_KEYS
+from slambed.metrics.catalog import SUMMARY_KEYS, keys_for
+from slambed.metrics.metric import Use
 from slambed.report import cli, plots
-from slambed.report.catalog import BOXED, FIGURES
-from slambed.report.cells import cells_of, differences, metrics_to_show
+from slambed.report.asked import FIGURES
+from slambed.report.cells import cells_of, metrics_to_show
+from slambed.report.differences import differences
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.tables import Table, cell_tables
@@ -32,7 +34,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small experiment with its report (two of the box figures are enough here)."""
     folder = quickstart_like(tmp_path_factory.mktemp("q"), 3, 8.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plots, "BOXED", ("lost", "ate_rmse_m"))
+        patch.setattr(plots, "keys_for", lambda _: ["lost", "ate_rmse_m"])
         paths = write_report(folder)
     assert paths.problems == []
     return folder
@@ -84,8 +86,9 @@ def test_the_page_is_self_contained_and_whole(reported: Path) -> None:
     for link in page.links:
         assert link.startswith("#") or (reported / "report" / link).exists(), link
     assert "<script" not in text
+    assert 'font: 16px/1.45 system-ui, -apple-system, "Segoe UI"' in text  # no escaped quotes
     assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org)", text)
-    for word in ("viewport", "@media print", "Validity of link and limits", "Manifest", "Runs"):
+    for word in ("viewport", "@media print", "Link and limits as asked", "Manifest", "Runs"):
         assert word in text
 
 
@@ -169,7 +172,7 @@ def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> 
     console = Console(width=220, record=True)
     terminal_summary(reported, console)
     text = console.export_text()
-    assert "12 runs in 4 cells, 12 valid." in text
+    assert "12 runs in 4 cells, 12 to be trusted." in text
     assert "mobile CPU [% of a core]" in text
     assert "report/index.html" in text.replace("\n", "")
 
@@ -177,7 +180,7 @@ def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> 
 def test_torn_missing_and_foreign_files_are_told(experiment: Path) -> None:
     runs = experiment / "runs"
     keys = sorted(path.name for path in runs.iterdir())
-    (runs / keys[0] / "summary.json").write_text('{"cell": "x", "valid"')
+    (runs / keys[0] / "summary.json").write_text('{"cell": "x", "trusted"')
     (runs / keys[1] / "summary.json").unlink()
     (runs / keys[2] / "events.parquet").write_bytes(b"PAR1 torn")
     (runs / keys[3] / "samples.parquet").unlink()
@@ -253,7 +256,7 @@ def test_the_plots_that_are_asked_for_come_first(experiment: Path) -> None:
     jobs = [name for name, _ in plots.jobs_of(results, [], plots.FigureWriter(experiment, "", []))]
     conditions = jobs.count("trajectory")
     assert conditions and jobs[: conditions + 1] == ["trajectory"] * conditions + ["keyframes"]
-    assert {*jobs} <= {*FIGURES, *BOXED, "keyframes"}
+    assert {*jobs} <= {*FIGURES, *keys_for(Use.DRAWN), "keyframes"}
 
 
 def test_timeline_shows_the_loss(reported: Path) -> None:

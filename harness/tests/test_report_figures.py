@@ -28,7 +28,7 @@ def test_losses_figure_without_a_loss_says_so(tmp_path: Path, lost: bool) -> Non
     writer = FigureWriter(tmp_path / "figures", "", [])
     (*_, condition) = conditions_of(results)
     draw_losses(results, condition, writer)
-    draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.valid, writer)
+    draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.trusted, writer)
     for name, count in (("losses_room_walk", 2), ("losses_by_profile_room_walk", 4)):
         (svg,) = writer.folder.glob(f"{name}_[er]*.svg")
         assert (f"<!-- no track loss in {count} runs -->" in svg.read_text()) is not lost

@@ -42,7 +42,7 @@ def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
     content = {"experiment": {"title": "Virtual", "devices": devices}}
     (experiment / "experiment.json").write_text(json.dumps(content))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plots, "BOXED", ())
+        patch.setattr(plots, "keys_for", lambda _: [])
         write_report(experiment)
     for text in (
         (experiment / "report" / "index.html").read_text(),
@@ -50,11 +50,12 @@ def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
     ):
         assert "Engine virtual: simulated time" in text
         assert "mobile half_core (what if: host with 1 core, 0.5 times its speed)" in text
-        assert "applied by the modelled link" in text and "measured by echoes" not in text
+        assert "set in the modelled link" in text and "measured by echoes" not in text
         assert "0/1" not in text and "No limits were recorded" not in text
         assert "Virtual runs have no limits" in text
     figure = (experiment / "report" / "rtt_room_walk_ramp_85.svg").read_text()
-    assert "<!-- applied, both ways -->" in figure and "<!-- measured -->" not in figure
+    assert "<!-- latency set, both ways -->" in figure and "<!-- message up, one way -->" in figure
+    assert "<!-- measured -->" not in figure
 
 
 def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:

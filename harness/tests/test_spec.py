@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from harness_parts import EXPERIMENT, run_spec, write_library
 
-from slambed.campaign.campaign import check
+from slambed.campaign.plan import check
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.report.asked import check_asked
@@ -258,7 +258,7 @@ def test_the_same_cell_twice_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_same_system_on_two_datasets_is_two_cells(tmp_path: Path) -> None:
-    text = EXPERIMENT.replace("datasets: [room]", "datasets: [synthetic_room, redkitchen]")
+    text = EXPERIMENT.replace("datasets: [room]", "datasets: [synthetic_room, synthetic_office]")
     write_library(tmp_path, text)
     library = Library(tmp_path)
     experiment, source = library.experiment("tiny")
@@ -288,7 +288,7 @@ def test_source_hash_follows_sources_but_not_tests(tmp_path: Path) -> None:
     ("asked", "parts"),
     [
         ("report: {metrics: [lost, ate_rmse]}", ["metric 'ate_rmse'", "'ate_rmse_m'"]),
-        ("report: {metrics: [outcome]}", ["metric 'outcome'", "known: "]),
+        ("report: {metrics: [dataset]}", ["metric 'dataset'", "known: "]),
         ("report: {plots: [trajectories]}", ["plot 'trajectories'", "'trajectory'"]),
         ("reproduces: [nopaper.T9]", ["published number 'nopaper.T9'"]),
         ("reproduces: [dynnet.T1, dynnet.T66]", ["published number 'dynnet.T66'", "'dynnet.T"]),
@@ -300,7 +300,7 @@ def test_what_a_report_cannot_show_is_refused_before_anything_runs(
     write_library(tmp_path, EXPERIMENT.replace("seed: 7", f"seed: 7\n{asked}"))
     library = Library(tmp_path)
     with pytest.raises(SlambedError) as caught:
-        check(*library.experiment("tiny"), library)
+        check_asked(*library.experiment("tiny"))
     for part in [*parts, "unknown ", "tiny.yaml line 16"]:
         assert part in str(caught.value)
 
@@ -354,3 +354,9 @@ def test_every_system_of_the_checkout_reads(name: str) -> None:
 
 def test_the_checkout_is_found() -> None:
     assert (repository_root() / "experiments" / "quickstart.yaml").is_file()
+
+
+def test_a_calibration_of_the_host_makes_limits_of_boards_other_limits() -> None:
+    plain = run_spec()
+    fast, slow = (plain.model_copy(update={"host_speed": speed}) for speed in (1.0, 1.1))
+    assert len({plain.run_key, fast.run_key, slow.run_key}) == 3

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lines that tell a run: what a run need not be made for."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from slambed.explain.run_log import RunLog
+from slambed.explain.run_log import RunLog, Standing
 from slambed.explain.story import MOST_CHANGES, story
 
 
@@ -50,3 +52,43 @@ def test_many_changes_of_state_are_counted() -> None:
 
 def test_a_system_without_states_has_no_line_of_them() -> None:
     assert not any("state" in line for line in story(log_of()))
+
+
+def test_how_a_run_ended_and_why_not_to_trust_it_is_told() -> None:
+    fine = log_of()
+    assert not any("trusted" in line or "system" in line for line in story(fine))
+    ended = Standing("timed_out", "no frame for 30 s", False, "RTT error 9 ms", 3, 4.2)
+    lines = story(replace(fine, standing=ended))
+    assert lines[1:5] == [
+        "the system timed out: no frame for 30 s",
+        "not to be trusted: RTT error 9 ms",
+        "attempt 3, the earlier ones were not to be trusted",
+        "steal: neighbours took 4.2 % of this host's CPU time",
+    ]
+
+
+def stalled_run(steal_s: float, **standing: Any) -> RunLog:
+    """Twenty extractions, of which one at 10 s was held up for 150 ms, and one loss at 10.5 s."""
+    events = [
+        {
+            "t_s": float(i), "t_ns": i * 10**9, "type": "stage", "node": "mobile",
+            "name": "extract", "worker": "tracking", "wall_ms": 170.0 if i == 10 else 20.0,
+            "cpu_ms": 18.0,
+        }
+        for i in range(1, 21)
+    ]  # fmt: skip
+    loss = {"t_s": 10.5, "type": "track_lost", "node": "mobile", "inliers": None}
+    times = np.arange(0.0, 20.0, 0.1)
+    samples = pd.DataFrame({"t_s": times, "host_steal_s": steal_s * (times > 10)})
+    return replace(log_of(*events, loss), samples=samples, standing=Standing(**standing))
+
+
+def test_a_stall_is_told_with_the_steal_beside_it() -> None:
+    lines = story(stalled_run(0.5))
+    told = "the host stalled the mobile node for 150 ms at 10.00 s"
+    assert f"{told}, while neighbours had 25 % of a processor (steal)" in lines
+    (loss,) = [line for line in lines if line.startswith("track lost")]
+    assert "neighbours had 25 % of a processor (steal)" in loss
+    quiet = story(stalled_run(0.0))
+    assert told in quiet and not any("steal" in line for line in quiet)
+    assert not any("stalled" in line for line in story(stalled_run(0.0, virtual=True)))

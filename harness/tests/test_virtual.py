@@ -16,11 +16,11 @@ from virtual_parts import (
     write_experiment,
 )
 
-from slambed.campaign.campaign import Plan
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.plan import Plan
+from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import Runner
-from slambed.campaign.workers import WorkerPool
 from slambed.native import find_program
 from slambed.spec.matrix import RunSpec
 
@@ -38,9 +38,9 @@ def make(
 ) -> ResultFolder:
     folder = ResultFolder(path)
     folder.create()
-    pool = WorkerPool(played_of(plan), find_program("slambed-sim"), features, jobs)
+    pool = ProcessExecutor(played_of(plan), find_program("slambed-sim"), features, jobs)
     verdict = Runner(folder, Ledger(path / "ledger.jsonl"), pool).run(order, Quiet())
-    assert (verdict.done, verdict.valid) == (len(order), len(order))
+    assert (verdict.done, verdict.trusted) == (len(order), len(order))
     return folder
 
 

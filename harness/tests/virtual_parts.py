@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from slambed.campaign.campaign import Plan, check, make_plan
 from slambed.campaign.folder import ResultFolder
+from slambed.campaign.plan import Plan, check, make_plan
 from slambed.errors import SlambedError
 from slambed.native import find_program
 from slambed.spec.device import VIRTUAL
@@ -83,6 +83,8 @@ class Quiet:
 
     def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
 
+    def run_failed(self, spec: RunSpec, why: str, last: bool) -> None: ...
+
 
 CIRCUMSTANCES = {"load_1min", "started_utc", "command"}
 """What the manifests of two equal virtual runs may differ in."""
@@ -91,13 +93,15 @@ CIRCUMSTANCES = {"load_1min", "started_utc", "command"}
 def fingerprints(folder: ResultFolder) -> dict[str, str]:
     """`run key/file` -> digest, for every file of every run; manifests without circumstances."""
     found: dict[str, str] = {}
-    for path in sorted(path for path in folder.runs.rglob("*") if path.is_file()):
+    keys = folder.run_keys()
+    files = (path for key in keys for path in (folder.store.runs / key).rglob("*"))
+    for path in sorted(path for path in files if path.is_file()):
         content = path.read_bytes()
         if path.name == "manifest.json":
             facts = json.loads(content)
             assert facts.keys() >= CIRCUMSTANCES
             kept = {key: value for key, value in facts.items() if key not in CIRCUMSTANCES}
             content = json.dumps(kept, sort_keys=True).encode()
-        name = path.relative_to(folder.runs).as_posix()
+        name = path.relative_to(folder.store.runs).as_posix()
         found[name] = hashlib.sha256(content).hexdigest()
     return found

@@ -20,7 +20,6 @@ System dynnetslam_system() {
       ParameterSpec::real("echo_hz", 0.5, 100),
       ParameterSpec::real("rtt_missing_s", 0.1, 60),
       ParameterSpec::real("decision_gap_s", 0, 60),
-      ParameterSpec::real("handover_retry_s", 0.1, 60),
   };
   system.parameters.insert(system.parameters.end(), own.begin(), own.end());
   system.mobile = [](MobileNode& node, const Parameters& parameters) {

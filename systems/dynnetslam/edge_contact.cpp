@@ -88,8 +88,9 @@ void EdgeContact::hand_over(std::uint64_t epoch, std::shared_ptr<Map> map) {
 
 void EdgeContact::received(std::shared_ptr<const Map> map) {
   auto content = std::make_shared<const MapDelta>(map->read(snapshot));
+  const std::uint64_t edge = node_.network().peer().incarnation;
   std::lock_guard lock(mutex_);
-  known_ = {std::move(map), std::move(content)};
+  known_ = {std::move(map), std::move(content), edge};
   handover_.superseded = true;
 }
 
@@ -98,14 +99,14 @@ void EdgeContact::work(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = channel_.signal().ticket();
     while (const auto message = channel_.try_receive()) take(*message, worker.now());
-    const RunTime handover_due = hand_over_if_due(worker);
+    hand_over_if_due(worker);
     const RunTime probe_due = probe_if_due(worker.now());
     const bool changed = news_.exchange(false);
     if (changed || worker.now() >= next_state) {
       say_state(worker.now(), changed);
       next_state = worker.now() + period_of(options_.echo_hz);
     }
-    worker.wait(channel_.signal(), ticket, std::min({next_state, probe_due, handover_due}));
+    worker.wait(channel_.signal(), ticket, std::min(next_state, probe_due));
   }
 }
 
@@ -126,6 +127,7 @@ void EdgeContact::say_state(RunTime now, bool changed) {
 
 RunTime EdgeContact::probe_if_due(RunTime now) {
   if (options_.probe_hz <= 0) return kNever;
+  if (handing_over_) return kNever;  // it would wait behind the map; its answer wakes us
   {
     std::lock_guard lock(mutex_);
     const RunTime idle = RunTime(last_keyframe_.load()) + kKeyframesStopped;
@@ -142,26 +144,31 @@ RunTime EdgeContact::probe_if_due(RunTime now) {
   return next_probe_;
 }
 
-RunTime EdgeContact::hand_over_if_due(Worker& worker) {
+/// A connection delivers what it was given, however long that takes. Only a new one, or another edge,
+/// is a reason to send a hand-over again.
+void EdgeContact::hand_over_if_due(Worker& worker) {
+  const PathStats path = channel_.path();
+  if (!path.connected) return;  // wakes us when it is
+  const std::uint64_t edge = node_.network().peer().incarnation;
   Handover handover;
   Known known;
   {
     std::lock_guard lock(mutex_);
-    if (!map_) return kNever;
-    const RunTime due = handover_.sent + options_.retry;
-    if (handover_.under_way && worker.now() < due) return due;
+    if (!map_) return;
+    if (handover_.under_way && handover_.known.edge == edge) {
+      if (handover_.connection != path.connections) send_handover(handover_);
+      return;
+    }
     handover_.number = ++handovers_;
-    handover_.sent = worker.now();
     handover_.under_way = true;
-    handover_.known = {map_, nullptr};
+    handover_.known = {map_, nullptr, edge};
     handover = handover_;
-    known = known_;
+    known = known_.edge == edge ? known_ : Known();
   }
-  send_handover(worker, std::move(handover), known);
-  return worker.now() + options_.retry;
+  prepare_handover(worker, std::move(handover), std::move(known));
 }
 
-void EdgeContact::send_handover(Worker& worker, Handover handover, const Known& known) {
+void EdgeContact::prepare_handover(Worker& worker, Handover handover, Known known) {
   wire::MapHandover message{.epoch = handover.epoch,
                             .number = handover.number,
                             .whole = known.map != handover.known.map,
@@ -178,20 +185,19 @@ void EdgeContact::send_handover(Worker& worker, Handover handover, const Known& 
     return 0;
   });
   const bool start = !message.whole && message.changes.empty();
-  Bytes payload = worker.stage("serialise", [&](StageUnits& units) {
+  handover.type = type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover);
+  handover.payload = worker.stage("serialise", [&](StageUnits& units) {
     Bytes bytes = start ? encode(wire::StartMessage{handover.epoch, handover.number})
                         : encode(message);
     units.n1 = static_cast<double>(bytes.size()) / 1000;
     return bytes;
   });
-  const std::size_t bytes = payload.size();
   {
     std::lock_guard lock(mutex_);
     if (handover_.number != handover.number) return;  // stopped meanwhile
-    handover_.known = handover.known;
-    channel_.send(
-        type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover),
-        std::move(payload));
+    handover.superseded = handover_.superseded;
+    handover_ = handover;
+    send_handover(handover_);
   }
   node_.log().write(JsonLine("handover_sent")
                         .add("epoch", handover.epoch)
@@ -199,7 +205,12 @@ void EdgeContact::send_handover(Worker& worker, Handover handover, const Known& 
                         .add("whole", message.whole)
                         .add("keyframes", message.changes.keyframes.size())
                         .add("points", message.changes.points.size())
-                        .add("bytes", bytes));
+                        .add("bytes", handover.payload.size()));
+}
+
+void EdgeContact::send_handover(Handover& handover) {
+  handover.connection = channel_.path().connections;
+  channel_.send(handover.type, handover.payload);
 }
 
 void EdgeContact::take(const Message& message, RunTime now) {
@@ -208,7 +219,7 @@ void EdgeContact::take(const Message& message, RunTime now) {
     if (message.type == type_of(wire::MessageType::kAck)) {
       take_echo(wire::decode_ack(message.payload).sequence, message.received);
     } else if (message.type == type_of(wire::MessageType::kHandoverAck)) {
-      take_ack(wire::decode_handover_ack(message.payload), now);
+      take_ack(wire::decode_handover_ack(message.payload), message.incarnation, now);
     }
   } catch (const wire::DecodeError& error) {
     node_.log().warning(std::string("answer of the edge refused: ") + error.what());
@@ -229,7 +240,7 @@ void EdgeContact::take_echo(std::uint64_t sequence, RunTime received) {
                         .add_ms("rtt_ms", sample));
 }
 
-void EdgeContact::take_ack(const wire::HandoverAck& ack, RunTime now) {
+void EdgeContact::take_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {
   JsonLine event("handover_acknowledged");
   event.add("epoch", ack.epoch).add("number", ack.number).add("accepted", ack.accepted);
   {
@@ -239,14 +250,16 @@ void EdgeContact::take_ack(const wire::HandoverAck& ack, RunTime now) {
       edge_is_empty_ = !map_ && ack.epoch == state_.epoch && now - options_.missing > first;
       return;
     }
-    if (!map_ || ack.number != handover_.number) {
+    const bool current = handover_.under_way && ack.number == handover_.number;
+    if (!map_ || ack.epoch != handover_.epoch || edge != handover_.known.edge) {
       event.add("stale", true);
     } else if (ack.accepted) {
       event.add_ms("handover_ms", now - handover_.asked);
-      if (!handover_.superseded) known_ = std::move(handover_.known);
+      if (!handover_.superseded) known_ = current ? std::move(handover_.known) : Known();
+      handover_ = {};
       map_.reset();
       handing_over_ = false;
-    } else {
+    } else if (current) {
       known_ = {};  // the edge has lost its map: all of it, at once
       handover_.under_way = false;
     }

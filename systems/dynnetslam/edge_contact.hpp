@@ -21,7 +21,6 @@ struct ContactOptions {
   int probe_bytes = 64;
   double echo_hz = 4;
   Duration missing = std::chrono::seconds(2);  ///< nothing heard for so long: there is no RTT
-  Duration retry = std::chrono::seconds(2);    ///< a hand-over is sent again
 };
 
 /// The mobile's side of everything DynNetSLAM adds to Edge-SLAM's messages: says where mapping runs,
@@ -53,27 +52,32 @@ class EdgeContact {
   void received(std::shared_ptr<const Map> map);
 
  private:
-  /// What the edge knows of a map: that map as it was then.
+  /// What an edge knows of a map: that map as it was then.
   struct Known {
     std::shared_ptr<const Map> map;
     std::shared_ptr<const MapDelta> content;
+    std::uint64_t edge = 0;  ///< incarnation of the edge that knows
   };
   struct Handover {
     std::uint64_t epoch = 0, number = 0;
     Known known;  ///< once it is acknowledged
-    RunTime asked{}, sent{};
+    RunTime asked{};
     bool under_way = false;   ///< sent, not answered
     bool superseded = false;  ///< the edge has sent another map since
+    std::uint64_t connection = 0;  ///< on which it was sent last
+    std::uint8_t type = 0;
+    Bytes payload;  ///< as it was sent: a broken connection may have lost it
   };
 
   void work(Worker& worker);
   void take(const Message& message, RunTime now);
   void take_echo(std::uint64_t sequence, RunTime received);
-  void take_ack(const wire::HandoverAck& ack, RunTime now);
+  void take_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now);
   void say_state(RunTime now, bool changed);
   RunTime probe_if_due(RunTime now);
-  RunTime hand_over_if_due(Worker& worker);
-  void send_handover(Worker& worker, Handover handover, const Known& known);
+  void hand_over_if_due(Worker& worker);
+  void prepare_handover(Worker& worker, Handover handover, Known known);
+  void send_handover(Handover& handover);
 
   MobileNode& node_;
   Channel& channel_;

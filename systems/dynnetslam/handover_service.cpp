@@ -32,7 +32,7 @@ void HandoverService::take(Message message) {
     channel_.send(type_of(wire::MessageType::kAck),
                   encode(wire::AckMessage{.sequence = message.sequence}));
     // Number 0 answers no hand-over: it says that one is needed.
-    if (count(*mapping_.map()).keyframes == 0) answer(state.epoch, 0, false);
+    if (count(*mapping_.mapper().map()).keyframes == 0) answer(state.epoch, 0, false);
   } else if (message.type == type_of(wire::MessageType::kStop)) {
     stop(wire::decode_stop(message.payload));
   } else if (message.type == type_of(wire::MessageType::kStart) ||
@@ -65,7 +65,7 @@ void HandoverService::merge(Worker& worker) {
 
 void HandoverService::begin(const wire::StartMessage& start) {
   if (is_stale(start.epoch, start.number)) return;
-  const bool possible = count(*mapping_.map()).keyframes > 0;
+  const bool possible = count(*mapping_.mapper().map()).keyframes > 0;
   if (possible) resume(start.epoch);
   answer(start.epoch, start.number, possible);
 }
@@ -91,13 +91,15 @@ void HandoverService::take_over(Worker& worker, const Message& raw) {
   });
   if (damage) throw wire::DecodeError(*damage);
   if (is_stale(handover.epoch, handover.number)) return;
-  if (!handover.whole && count(*mapping_.map()).keyframes == 0) {
+  // Sent again because a connection broke, but the first one had come; the map has gone on since.
+  if (handover.number == applied_) return answer(handover.epoch, handover.number, true);
+  if (!handover.whole && count(*mapping_.mapper().map()).keyframes == 0) {
     return answer(handover.epoch, handover.number, false);
   }
   mapping_.stop();
   const std::size_t keyframes = handover.changes.keyframes.size();
   const std::size_t points = handover.changes.points.size();
-  const CommitReport report = mapping_.merge(worker, std::move(handover.changes));
+  const CommitReport report = mapping_.mapper().merge(worker, std::move(handover.changes));
   node_.log().write(JsonLine("handover_applied")
                         .add("epoch", handover.epoch)
                         .add("number", handover.number)
@@ -106,6 +108,7 @@ void HandoverService::take_over(Worker& worker, const Message& raw) {
                         .add("applied", report.applied)
                         .add("stale", report.stale)
                         .add("unknown", report.unknown));
+  applied_ = handover.number;
   resume(handover.epoch);
   answer(handover.epoch, handover.number, true);
 }

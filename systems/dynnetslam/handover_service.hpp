@@ -37,6 +37,7 @@ class HandoverService {
   Mailbox<Message> arrived_;  ///< START and MAP_HANDOVER
   std::mutex mutex_;          ///< orders the ends of mapping's rests with their beginnings
   std::uint64_t epoch_ = 0;
+  std::uint64_t applied_ = 0;  ///< the merging worker's: number of the last hand-over taken over
 };
 
 }  // namespace slambed::dynnetslam

@@ -23,9 +23,12 @@ ContactOptions contact_options(const Parameters& parameters) {
           .probe_hz = parameters.real("mes_probe_hz"),
           .probe_bytes = parameters.integer("mes_probe_bytes"),
           .echo_hz = parameters.real("echo_hz"),
-          .missing = from_seconds(parameters.real("rtt_missing_s")),
-          .retry = from_seconds(parameters.real("handover_retry_s"))};
+          .missing = from_seconds(parameters.real("rtt_missing_s"))};
 }
+
+/// Playback is over: so long for keyframes that waited for a hand-over.
+constexpr Duration kHeldPatience = std::chrono::seconds(2);
+constexpr Duration kLookEvery = std::chrono::milliseconds(20);
 
 Channel& open_handover(Network& network) { return network.open({.name = "handover"}); }
 
@@ -46,7 +49,7 @@ DynNetSlamMobile::DynNetSlamMobile(MobileNode& node, const Parameters& parameter
                LocalMapping::Mode::kWorker) {
   offload_.downlink().on_applied([this](const wire::MapUpdate&, const std::shared_ptr<Map>& map) {
     contact_.received(map);
-    mapping_.go_on_with(map);
+    mapping_.reset(map);
   });
 }
 
@@ -128,8 +131,14 @@ void DynNetSlamMobile::enter(Worker& worker, State next, std::optional<Duration>
 void DynNetSlamMobile::settle_handover(Worker& worker) {
   if (contact_.handing_over() || state_ == State::kMobile) return;
   if (state_ == State::kOffloading) mapping_.park(true);
-  for (Held& held : held_) send(worker, held.frame, std::move(held.made), held.need);
-  held_.clear();
+  send_held(worker);
+}
+
+void DynNetSlamMobile::send_held(Worker& worker) {
+  if (held_.empty() || offload_.channels().keyframe.path().unacknowledged_bytes > 0) return;
+  Held next = std::move(held_.front());
+  held_.pop_front();
+  send(worker, next.frame, std::move(next.made), next.need);
 }
 
 void DynNetSlamMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
@@ -148,7 +157,8 @@ void DynNetSlamMobile::make_keyframe(Worker& worker, const TrackedFrame& frame) 
   if (made.keyframes.empty()) return;
   if (here) mapping_.submit(worker, made.keyframes.front().id);
   if (state_ == State::kMobile) return;
-  if (contact_.handing_over()) {
+  if (contact_.handing_over() || !held_.empty()) {
+    offload_.downlink().expect_keyframe(made.keyframes.front().id);
     held_.push_back({frame, std::move(made), need});
   } else {
     send(worker, frame, std::move(made), need);
@@ -156,14 +166,20 @@ void DynNetSlamMobile::make_keyframe(Worker& worker, const TrackedFrame& frame) 
 }
 
 void DynNetSlamMobile::finish(Worker& worker) {
-  if (maps_here()) mapping_.drain(worker);
+  if (maps_here()) mapping_.drained().wait(worker);
+  const RunTime patience = worker.now() + kHeldPatience;
+  while (!held_.empty() && !contact_.handing_over() && !worker.stopping() &&
+         worker.now() < patience) {
+    send_held(worker);
+    worker.sleep_until(worker.now() + kLookEvery);
+  }
   offload_.say_goodbye(worker);
 }
 
 void DynNetSlamMobile::place_keyframes(PoseBook& book) {
   for (const KeyFramePose& pose : offload_.farewell().poses()) book.placed(pose.id, pose.T_cw);
-  if (state_ != State::kMobile) return;
-  // The edge has not seen how the map went on here.
+  if (state_ != State::kMobile && offload_.farewell().answered()) return;
+  // The edge has not seen how the map went on here, or is not there to tell.
   const auto map = node_.tracker().map();
   for (const KeyFrameId id : book.keyframes()) {
     const auto pose = map->read([&](const MapView& view) { return view.pose_of(id); });

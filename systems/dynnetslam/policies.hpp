@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
+
 #include "dynnetslam/edge_contact.hpp"
 #include "dynnetslam/handover_service.hpp"
 #include "dynnetslam/strategy.hpp"
@@ -35,6 +37,8 @@ class DynNetSlamMobile final : public MobilePolicy {
   void make_keyframe(Worker& worker, const TrackedFrame& frame);
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need);
   void settle_handover(Worker& worker);
+  /// Sends the oldest held keyframe once the one before has left: the queues on the way hold two.
+  void send_held(Worker& worker);
   void begin_epoch();
 
   MobileNode& node_;
@@ -49,7 +53,7 @@ class DynNetSlamMobile final : public MobilePolicy {
   bool decided_ = false;  ///< the first decision was made
   std::uint64_t epoch_ = 0;
   RunTime last_decision_{};
-  std::vector<Held> held_;
+  std::deque<Held> held_;
 };
 
 /// Edge-SLAM's edge node that rests and takes maps over when it is told to.

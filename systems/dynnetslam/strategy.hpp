@@ -35,7 +35,7 @@ struct StrategyOptions {
   std::optional<double> safe_limit_ms; ///< L_SZ; absent: L_OL - B/2
 };
 
-/// Derives the limits of the four strategies (../../docs/dynnetslam.md has the table).
+/// Derives the limits of the four strategies (README.md has the table).
 /// Throws Error(kBadInput) for limits that are negative, not finite or out of order.
 Thresholds thresholds(const StrategyOptions& options);
 

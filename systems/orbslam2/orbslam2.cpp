@@ -17,11 +17,10 @@ class OrbSlam2Policy final : public MobilePolicy {
         mode_(parameters.boolean("sequential") ? LocalMapping::Mode::kSequential
                                                : LocalMapping::Mode::kWorker),
         mapping_(node.runtime(), node.log(), {}, node.tracker().map(), IdSpace::kMobileMapper,
-                 mode_) {
+                 mode_, parameters.boolean("loop_closing") ? loop_hooks() : MappingHooks()) {
     if (!parameters.boolean("loop_closing")) return;
     loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), node.tracker().map(),
                    node.places(), mapping_, mode_);
-    mapping_.on_done([this](Worker& worker, KeyFrameId id) { loops_->mapped(worker, id); });
   }
 
   void start() override {
@@ -32,7 +31,7 @@ class OrbSlam2Policy final : public MobilePolicy {
   void after_frame(Worker& worker, const TrackedFrame& frame) override {
     if (frame.outcome.reset_now) {
       const auto map = node_.tracker().map();
-      mapping_.reset(worker, map);
+      mapping_.reset(map).wait(worker);
       map->clear();  // of what the mapper committed before it heard of the reset
     }
     if (frame.outcome.state != TrackingState::kOk ||
@@ -45,7 +44,7 @@ class OrbSlam2Policy final : public MobilePolicy {
   }
 
   void finish(Worker& worker) override {
-    mapping_.drain(worker);
+    mapping_.drained().wait(worker);
     if (loops_) loops_->drain(worker);
   }
 
@@ -61,6 +60,17 @@ class OrbSlam2Policy final : public MobilePolicy {
   MapCounts counts() const override { return count(*node_.tracker().map()); }
 
  private:
+  MappingHooks loop_hooks() {
+    return {.take = {},
+            .done = [this](Worker& worker, KeyFrameId id) { loops_->mapped(worker, id); },
+            .idle =
+                [this](Worker& worker) {
+                  loops_->idle(worker);
+                  return kNever;
+                },
+            .changed = [this] { loops_->map_changed(); }};
+  }
+
   MobileNode& node_;
   LocalMapping::Mode mode_;
   LocalMapping mapping_;
@@ -75,6 +85,7 @@ System orbslam2_system() {
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo, SensorKind::kMono};
   system.parameters = {ParameterSpec::integer("n_orb", 50, 10'000),
                        ParameterSpec::boolean("loop_closing"),
+                       ParameterSpec::boolean("second_hypotheses"),
                        ParameterSpec::boolean("sequential"), ParameterSpec::path("prior_map"),
                        ParameterSpec::boolean("save_map")};
   system.orb = [](const Parameters& parameters) {
@@ -85,6 +96,7 @@ System orbslam2_system() {
   system.tracker = [](const Parameters& parameters) {
     TrackerOptions options;
     options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
+    options.second_hypotheses = parameters.boolean("second_hypotheses");
     return options;
   };
   system.sequential = [](const Parameters& parameters) { return parameters.boolean("sequential"); };

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "base/machine.hpp"
 #include "base/program.hpp"
 #include "node/message_trace.hpp"
 #include "node/node_files.hpp"
@@ -18,6 +19,13 @@ int simulate(int argc, char** argv) {
       "live nodes leave. Equal inputs give equal bytes.");
   app.name("slambed-sim");
   app.set_version_flag("--version", std::string("slambed-sim ") + version());
+  app.add_flag_callback(
+      "--machine",
+      [] {
+        std::cout << machine_json() << std::endl;
+        throw CLI::Success();
+      },
+      "what results hang on besides the inputs, as JSON");
   std::filesystem::path config;
   std::filesystem::path messages;
   auto* source = app.add_option_group("source")->require_option(1);

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "base/error.hpp"
+#include "base/portable_math.hpp"
 
 namespace slambed {
 namespace {
@@ -18,7 +19,7 @@ constexpr std::size_t kFirstFew = 5;
 bool same_place(const SE3& a, const SE3& b) {
   const SE3 between = a.inverse() * b;
   const double cosine = (between.R.trace() - 1) / 2;
-  return between.t.norm() < kSamePlace_m && cosine > std::cos(kSamePlace_deg * M_PI / 180);
+  return between.t.norm() < kSamePlace_m && cosine > portable::cos(kSamePlace_deg * M_PI / 180);
 }
 
 }  // namespace

@@ -115,6 +115,31 @@ TEST_F(PipeTest, HoldsPacketsUntilTheyAreDueAndInOrder) {
   }
 }
 
+TEST_F(PipeTest, ProbesAndDataAreEachInOrder) {
+  DirectionOptions options;
+  options.delays_ns = {2 * kMs};
+  options.jitter = link::JitterOptions{
+      .shape = link::JitterShape::kPareto, .scale_ns = 3.0 * kMs, .max_ns = 20.0 * kMs};
+  Pipe pipe = this->pipe(options);
+  pipe.model().apply_profile();
+  for (int i = 1; i <= 20; ++i) {
+    send(ipv4(6, 40));
+    send(echo_request(static_cast<std::uint16_t>(i)));
+  }
+  EXPECT_EQ(pipe.take(64, buffer_), 40);
+  while (pipe.next_due_ns() != Pipe::kNothingDue) pipe.deliver_due();
+  std::int64_t due[2] = {0, 0};
+  int count[2] = {0, 0};
+  for (const auto& record : logged()) {
+    const int lane = record.tag != 0;
+    EXPECT_GE(record.due_ns, due[lane]);  // in order among its own
+    due[lane] = record.due_ns;
+    ++count[lane];
+  }
+  EXPECT_EQ(count[0], 20);
+  EXPECT_EQ(count[1], 20);
+}
+
 TEST_F(PipeTest, CarriesIpv4Only) {
   Pipe pipe = this->pipe({});
   Packet ipv6(60, 0);

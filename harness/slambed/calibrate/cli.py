@@ -15,9 +15,8 @@ from slambed.calibrate.measured import stages_of
 from slambed.calibrate.targets import Targets
 from slambed.campaign.datasets import prepare_sequence
 from slambed.data.places import cache_folder
-from slambed.engines.virtual import PROGRAM
 from slambed.errors import ExitCode, SlambedError
-from slambed.native import find_program
+from slambed.native import SIMULATION, find_program
 from slambed.spec.device import CostModel
 from slambed.spec.host_speed import load_host_speed, save_host_speed
 from slambed.spec.library import Library
@@ -162,9 +161,9 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
         sequence=sequence.path,
         played_s=sequence.played_s(targets.playback),
         checksum=sequence.checksum,
-        program=find_program(PROGRAM),
+        program=find_program(SIMULATION),
         features=cache_folder() / "features",
-        software=host_software(program=PROGRAM),
+        software=host_software(program=SIMULATION),
         jobs=jobs or len(os.sched_getaffinity(0)),
     )
     fit = Fit(targets, source, library)

@@ -15,7 +15,12 @@ MODEL = "model:"
 def model_lines(model: CostModel, comments: Mapping[str, str]) -> list[str]:
     """The `model` block; a stage's comment follows its line, that of '' heads the block."""
     lines = [f"# {line}" for line in comments.get("", "").splitlines()]
-    lines += [MODEL, f"  cores: {model.cores}", f"  speed: {model.speed:g}", "  stages:"]
+    lines += [MODEL, f"  cores: {model.cores}", f"  speed: {model.speed:g}"]
+    if model.accelerators:
+        lines.append("  accelerators:")
+        for name, found in sorted(model.accelerators.items()):
+            lines.append(f"    {name}: {{lanes: {found.lanes}, speed: {found.speed:g}}}")
+    lines.append("  stages:")
     width = max((len(name) for name in model.stages), default=0)
     for name, cost in sorted(model.stages.items()):
         comment = f"  # {comments[name]}" if name in comments else ""
@@ -25,7 +30,9 @@ def model_lines(model: CostModel, comments: Mapping[str, str]) -> list[str]:
 
 def _flow(cost: StageCost) -> str:
     inside = ", ".join(
-        f"{key}: {value:g}" for key, value in cost.model_dump().items() if value or key == "a_us"
+        f"{key}: {value}" if isinstance(value, str) else f"{key}: {value:g}"
+        for key, value in cost.model_dump().items()
+        if value or key == "a_us"
     )
     return f"{{{inside}}}"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pyarrow.parquet as pq
 
-from slambed.campaign.folder import read_object
 from slambed.errors import SlambedError
+from slambed.json_file import read_object
 from slambed.metrics.events import read_events
 from slambed.spec.device import VIRTUAL
 

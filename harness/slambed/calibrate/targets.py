@@ -67,6 +67,9 @@ class Targets(BaseModel):
     conditions: dict[str, SystemChoice] = Field(min_length=1)
     devices: dict[Role, FittedDevice]
     components: list[Component] = Field(min_length=1)
+    fits: list[str] = Field(default_factory=list)
+    """Ids of the published cells (`*` allowed) that the devices are fitted to, sums of fitted ones
+    among them: where our runs agree with these, that is no evidence (docs/results.md)."""
     runs: int = Field(default=2, ge=1)
     rounds: int = Field(default=6, ge=1)
     notes: str = ""

@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import Any
 
 from slambed.campaign.datasets import prepare_sequence
-from slambed.campaign.folder import read_object
-from slambed.campaign.makers import Played
-from slambed.campaign.worker import answer, refusal
+from slambed.campaign.executors import Played
+from slambed.campaign.processes import WorkerDiedError
+from slambed.campaign.virtual_task import VirtualTask
 from slambed.data.places import cache_folder
 from slambed.engines.result import InterruptedRunError
-from slambed.engines.virtual import PROGRAM
-from slambed.errors import ExitCode, SlambedError, environment_error
-from slambed.native import find_program
+from slambed.errors import SlambedError, environment_error
+from slambed.json_file import read_object
+from slambed.native import SIMULATION, find_program
 from slambed.spec.matrix import RunSpec
-from slambed.spec.software import host_software
+from slambed.spec.software import host_software, software_of_systems
 
 LOOK_EVERY_S = 0.1
 CONNECT_TIMEOUT_S = 20.0
@@ -40,29 +40,26 @@ SLURM_MEMORY = "2 GiB"
 
 
 @dataclass
-class ClusterPool:
-    """Makes virtual runs on whatever workers the scheduler has."""
+class ClusterExecutor:
+    """Executes virtual runs on whatever workers the scheduler has."""
 
     played: Played
     client: Any
     jobs: int
 
-    def make(self, spec: RunSpec, raw: Path, stop: threading.Event) -> dict[str, Any]:
+    def execute(
+        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
+    ) -> dict[str, Any]:
         """Hands the run to the cluster and waits for it."""
         from distributed import KilledWorker
 
         sequence, played_s = self.played[spec.dataset]
-        task = {
-            "spec": spec.model_dump(mode="json"),
-            "sequence": str(sequence.resolve()),
-            "played_s": played_s,
-            "command": sys.argv,
-        }
-        future = self.client.submit(make_away, task, pure=False)
+        away = AwayRun(spec, sequence.resolve(), played_s, sys.argv, attempt)
+        future = self.client.submit(execute_away, away, pure=False)
         try:
-            told = self._wait(future, stop)
+            summary, files = self._wait(future, stop)
         except KilledWorker:
-            raise environment_error(
+            raise WorkerDiedError(
                 f"workers died again and again in run {spec.run_key}; is there enough memory?"
             ) from None
         except (CancelledError, OSError):
@@ -72,16 +69,13 @@ class ClusterPool:
         finally:
             with suppress(Exception):
                 future.cancel()
-        if (error := told.get("error")) is not None:
-            raise SlambedError(error, ExitCode(told["code"]))
-        unpack(told["files"], raw)
-        summary: dict[str, Any] = told["summary"]
+        unpack(files, raw)
         return summary
 
-    def _wait(self, future: Any, stop: threading.Event) -> dict[str, Any]:
+    def _wait(self, future: Any, stop: threading.Event) -> tuple[dict[str, Any], bytes]:
         while True:
             try:
-                told: dict[str, Any] = future.result(timeout=LOOK_EVERY_S)
+                told: tuple[dict[str, Any], bytes] = future.result(timeout=LOOK_EVERY_S)
                 return told
             except TimeoutError:
                 if stop.is_set():
@@ -95,7 +89,7 @@ class ClusterPool:
             cluster.close()
 
 
-def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterPool:
+def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterExecutor:
     """A scheduler that somebody started, with the workers it has."""
     distributed = _imported("distributed", "--scheduler")
     try:
@@ -107,7 +101,7 @@ def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterPool:
     return _pool(played, client, jobs, FIRST_WORKER_TIMEOUT_S)
 
 
-def start_on_slurm(played: Played, jobs: int | None) -> ClusterPool:
+def start_on_slurm(played: Played, jobs: int | None) -> ClusterExecutor:
     """Workers as Slurm jobs, one core each; queue, account and wall time come from Dask's own
     configuration (jobqueue.yaml)."""
     if jobs is None:
@@ -126,13 +120,13 @@ def start_on_slurm(played: Played, jobs: int | None) -> ClusterPool:
     return _pool(played, distributed.Client(cluster), jobs, FIRST_WORKER_TIMEOUT_S)
 
 
-def _pool(played: Played, client: Any, jobs: int | None, wait_s: float) -> ClusterPool:
+def _pool(played: Played, client: Any, jobs: int | None, wait_s: float) -> ClusterExecutor:
     try:
         client.wait_for_workers(1, timeout=wait_s)
     except TimeoutError:
         client.close()
         raise environment_error(f"the cluster got no worker in {wait_s:.0f} s") from None
-    return ClusterPool(played, client, jobs or sum(client.nthreads().values()))
+    return ClusterExecutor(played, client, jobs or sum(client.nthreads().values()))
 
 
 def _imported(module: str, option: str) -> Any:
@@ -146,8 +140,20 @@ def _imported(module: str, option: str) -> Any:
         ) from None
 
 
-def make_away(task: dict[str, Any]) -> dict[str, Any]:
-    """On a worker: makes the run and packs its folder."""
+@dataclass(frozen=True)
+class AwayRun:
+    """A run as it travels to a worker, which finds the rest where it is."""
+
+    spec: RunSpec
+    sequence: Path
+    """Where the campaign has it."""
+    played_s: float
+    command: list[str]
+    attempt: int
+
+
+def execute_away(away: AwayRun) -> tuple[dict[str, Any], bytes]:
+    """On a worker: executes the run; its summary and its packed folder."""
     from distributed import get_worker
 
     # The worker's own folder: what a killed worker leaves there, Dask removes.
@@ -155,17 +161,20 @@ def make_away(task: dict[str, Any]) -> dict[str, Any]:
         raw = Path(scratch) / "raw"
         raw.mkdir()
         try:
-            spec = RunSpec.model_validate(task["spec"])
-            here = task | {
-                "raw": str(raw),
-                "sequence": str(_sequence(spec, Path(task["sequence"]))),
-                "program": str(_program(spec.software)),
-                "features": str(cache_folder() / "features"),
-            }
+            task = VirtualTask(
+                away.spec,
+                raw,
+                _sequence(away.spec, away.sequence),
+                away.played_s,
+                _program(away.spec.software, away.spec.system),
+                cache_folder() / "features",
+                away.command,
+                away.attempt,
+            )
         except SlambedError as error:
-            return refusal(f"worker on {socket.gethostname()}: {error}", error.code)
-        told = answer(here)
-        return told if "error" in told else told | {"files": pack(raw)}
+            line = f"worker on {socket.gethostname()}: {error}"
+            raise SlambedError(line, error.code) from None
+        return task.execute(), pack(raw)
 
 
 def _sequence(spec: RunSpec, there: Path) -> Path:
@@ -185,10 +194,11 @@ def _prepared(dataset: str) -> tuple[Path, str]:
 
 
 @cache
-def _program(software: str) -> Path:
-    if (found := host_software(program=PROGRAM)) != software:
+def _program(software: str, system: str) -> Path:
+    whole = host_software(program=SIMULATION)
+    if (found := software_of_systems(whole, [system]).get(system, whole)) != software:
         raise environment_error(f"software is {found}, the campaign's {software}; run 'make build'")
-    return find_program(PROGRAM)
+    return find_program(SIMULATION)
 
 
 def pack(folder: Path) -> bytes:

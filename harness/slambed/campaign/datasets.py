@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sequences of a campaign, prepared and checked once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from slambed.data.prepared import SEQUENCE_FILE
+from slambed.data.recipe import Playback as DatasetPlayback
 from slambed.errors import SlambedError
 from slambed.spec.experiment import Playback
 
@@ -21,9 +23,29 @@ class Sequence:
     sensor: str
     path: Path
     times_s: np.ndarray
+    stands_in_for: str = ""
+    """The dataset that the experiment would rather have played and that is not here."""
+    defaults: DatasetPlayback = field(default_factory=DatasetPlayback)
+    """`playback` of the dataset's file."""
+
+    def playback(self, asked: Playback) -> Playback:
+        """What the experiment asks for, and the dataset's own where that leaves something open."""
+        open_keys = self.defaults.model_fields_set - asked.model_fields_set
+        if not open_keys:
+            return asked
+        own = self.defaults.model_dump(include=open_keys)
+        try:
+            return Playback.model_validate(asked.model_dump() | own)
+        except ValueError:
+            raise SlambedError(
+                f"dataset {self.id} plays from {self.defaults.start_s:g} s to "
+                f"{self.defaults.end_s} s by its file, which does not go with the experiment's "
+                f"start_s {asked.start_s:g}, end_s {asked.end_s}; give both there"
+            ) from None
 
     def played_s(self, playback: Playback) -> float:
         """How long playback lasts at recorded speed."""
+        playback = self.playback(playback)
         end_s = float(self.times_s[-1])
         if playback.start_s >= end_s:
             raise SlambedError(
@@ -36,18 +58,41 @@ class Sequence:
 def sensor_of(name: str) -> str:
     """What a dataset was recorded with, known without preparing it."""
     from slambed.data.catalog import Catalog
-    from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
+    from slambed.data.prepared import PreparedSequence
 
     if (Path(name) / SEQUENCE_FILE).is_file():
         return PreparedSequence.open(name).info.sensor
     return Catalog.load().resolve(name).sensor
 
 
+def must_be_here(name: str) -> None:
+    """Raises MissingDataError for a dataset that has no source here, without preparing any."""
+    from slambed.data.catalog import Catalog
+
+    if not (Path(name) / SEQUENCE_FILE).is_file():
+        Catalog.load().must_be_here(name)
+
+
+def stand_in(name: str) -> str:
+    """`synthetic_room stands in for redkitchen: how to get that`; empty where nothing does."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.download import how_to_get
+
+    if (Path(name) / SEQUENCE_FILE).is_file():
+        return ""
+    catalog = Catalog.load()
+    if (wanted := catalog.stands_in_for(name)) is None:
+        return ""
+    return f"{catalog.resolve(name).id} stands in for {wanted.id}: {how_to_get(wanted)}"
+
+
 def prepare_sequence(name: str) -> Sequence:
     """Prepares a dataset, and reads every frame of it once against its checksums."""
-    from slambed.data.catalog import prepare
+    from slambed.data.catalog import Catalog, prepare
 
     prepared = prepare(name)
+    given = (Path(name) / SEQUENCE_FILE).is_file()
+    wanted = None if given else Catalog.load().stands_in_for(name)
     prepared.verify(full=True)
     return Sequence(
         id=prepared.info.id,
@@ -55,4 +100,6 @@ def prepare_sequence(name: str) -> Sequence:
         sensor=prepared.info.sensor,
         path=prepared.path,
         times_s=prepared.times_s,
+        stands_in_for=wanted.id if wanted else "",
+        defaults=DatasetPlayback() if given else Catalog.load().resolve(name).playback,
     )

@@ -57,7 +57,7 @@ class RunLink:
             "drops": record.drops,
             "died": record.died,
             "proof": record.proof.as_dict(),
-            "invalid_reason": None if record.proof.valid else record.proof.reason,
+            "distrust": None if record.proof.valid else record.proof.reason,
             "details": _plain(record.details),
         }
 

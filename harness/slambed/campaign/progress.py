@@ -16,6 +16,7 @@ class Reporter(Protocol):
 
     def run_started(self, spec: RunSpec) -> None: ...
     def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
+    def run_failed(self, spec: RunSpec, why: str, last: bool) -> None: ...
 
 
 def duration(seconds: float) -> str:
@@ -83,9 +84,19 @@ class CampaignProgress:
         took_s = time.monotonic() - self._began_s.pop(spec.run_key)
         self._spent_s += took_s
         self._done += 1
+        self._say(spec, verdict, took_s)
+
+    def run_failed(self, spec: RunSpec, why: str, last: bool) -> None:
+        """An attempt ended without a result; `last`: there is no other."""
+        took_s = time.monotonic() - self._began_s.pop(spec.run_key)
+        if last:
+            self._total -= 1
+        self._say(spec, f"no result: {why}" if last else why, took_s)
+
+    def _say(self, spec: RunSpec, verdict: str, took_s: float) -> None:
         line = f"[{self._done:>{len(str(self._total))}}/{self._total}] {_name(spec)}: {verdict}"
         if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, completed=self._done)
+            self._bar.update(self._task, completed=self._done, total=self._total)
         else:
             line += f" ({duration(took_s)}; {duration(self.left_s())} left)"
         self._console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -62,7 +62,7 @@ def _nothing(why: str) -> dict[str, Any]:
         "drops": None,
         "died": why,
         "proof": None,
-        "invalid_reason": f"the link went away: {why}",
+        "distrust": f"the link went away: {why}",
         "details": {},
     }
 

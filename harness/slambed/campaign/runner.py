@@ -1,21 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """Executes the missing runs of an experiment and commits each as it ends."""
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from slambed.campaign.backlog import Backlog, Item
+from slambed.campaign.executors import Executor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.makers import Maker
+from slambed.campaign.processes import WorkerDiedError
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import SlambedError, no_space
+from slambed.errors import PassingError, SlambedError, no_space
 from slambed.spec.matrix import RunSpec
+
+PAUSES_S = (1.0, 10.0, 60.0)
+"""Before each further attempt of a run whose environment failed it."""
+MOST_DEATHS = 20
+"""Attempts whose process was killed. That costs a short run little, and says little about it."""
+DEFAULT_RETRIES = 2
+"""Further attempts of a run that is not to be trusted."""
+MOST_GIVEN_UP = 5
+"""After so many given up in a row the environment is broken for good."""
 
 
 @dataclass
@@ -23,96 +36,134 @@ class Verdict:
     """What a campaign came to."""
 
     done: int = 0
-    valid: int = 0
+    trusted: int = 0
+    not_completed: int = 0
+    """Of the trusted ones: the system broke off."""
     interrupted: bool = False
+    given_up: dict[str, str] = field(default_factory=dict)
+    """Run key -> why there is no result."""
+    folder: Path | None = None
+    """Where the results are."""
 
 
 @dataclass
 class Runner:
-    """Runs RunSpecs into a result folder, as many at a time as the maker makes."""
+    """Executes RunSpecs into a result folder, as many at a time as the executor can."""
 
     folder: ResultFolder
     ledger: Ledger
-    maker: Maker
+    executor: Executor
+    retries: int = DEFAULT_RETRIES
+    """Further attempts of a run that is not to be trusted, in this campaign."""
+    pauses_s: tuple[float, ...] = PAUSES_S
+    _verdict: Verdict = field(default_factory=Verdict)
+    _given_up_in_a_row: int = 0
     _books: threading.Lock = field(default_factory=threading.Lock)
     """Ledger, reporter and verdict belong to one thread at a time."""
 
     def run(self, todo: list[RunSpec], reporter: Reporter) -> Verdict:
-        """Starts all of `todo` in this order. Ctrl-C ends the current runs and returns; a node
-        that cannot even start is an error that ends the campaign, because every other run would
-        meet it."""
-        verdict = Verdict()
+        """Executes all of `todo` in this order. Ctrl-C ends the current runs and returns.
+
+        A run that the environment fails is tried again later and in the end given up, and the
+        others go on. Only what all of them would meet ends the campaign as an error: when nothing
+        succeeds from the beginning, or no more since a while, or the disk is full.
+        """
+        backlog = Backlog(todo)
+        for item in backlog:
+            # An attempt of an earlier campaign: this one begins with the next.
+            item.retries = int(self.folder.state(item.spec.run_key) == "untrusted")
         with stop_on_signal() as stop:
             try:
-                if self.maker.jobs == 1:
-                    for spec in todo:
-                        self._one(spec, reporter, verdict, stop)
+                if self.executor.jobs == 1:
+                    # Nodes end with the thread that started them: this one.
+                    self._work(backlog, reporter, stop)
                 else:
-                    self._side_by_side(todo, reporter, verdict, stop)
+                    with ThreadPoolExecutor(self.executor.jobs) as threads:
+                        work = [
+                            threads.submit(self._work, backlog, reporter, stop)
+                            for _ in range(min(self.executor.jobs, len(todo)))
+                        ]
+                    if errors := [e for each in work if (e := each.exception()) is not None]:
+                        # What went wrong first made the others stop.
+                        raise min(errors, key=lambda e: isinstance(e, InterruptedRunError))
             except InterruptedRunError:
-                verdict.interrupted = True
-            finally:
-                self.maker.close()
-        return verdict
+                pass
+            self._verdict.interrupted = stop.is_set()
+        return self._verdict
 
-    def _side_by_side(
-        self, todo: list[RunSpec], reporter: Reporter, verdict: Verdict, stop: threading.Event
-    ) -> None:
-        with ThreadPoolExecutor(self.maker.jobs) as threads:
-            futures = [
-                threads.submit(self._one, spec, reporter, verdict, stop, wait_for_stop=True)
-                for spec in todo
-            ]
-        failures = [error for future in futures if (error := future.exception()) is not None]
-        # What went wrong first made the others stop.
-        failures.sort(key=lambda error: isinstance(error, InterruptedRunError))
-        if failures:
-            raise failures[0]
+    def _work(self, backlog: Backlog, reporter: Reporter, stop: threading.Event) -> None:
+        while (item := backlog.take(stop)) is not None:
+            try:
+                pause_s = self._try(item, reporter, stop)
+            except BaseException:
+                stop.set()  # for the other threads
+                raise
+            if pause_s is None:
+                backlog.done()
+            else:
+                backlog.put_back(item, pause_s)
 
-    def _one(
-        self,
-        spec: RunSpec,
-        reporter: Reporter,
-        verdict: Verdict,
-        stop: threading.Event,
-        wait_for_stop: bool = False,
-    ) -> None:
-        if stop.is_set():
-            raise InterruptedRunError
-        key = spec.run_key
+    def _try(self, item: Item, reporter: Reporter, stop: threading.Event) -> float | None:
+        """One attempt; how long to wait before the next one, None when there shall be none."""
+        spec = item.spec
         with self._books:
             reporter.run_started(spec)
             self._tell("run_started", spec, repetition=spec.repetition)
         try:
-            raw = self.folder.new_raw(key)
-            summary = self.maker.make(spec, raw, stop)
-            self.folder.commit(key, raw)
+            raw = self.folder.new_raw(spec.run_key)
+            attempt = self.folder.store.attempts_of(spec.run_key) + 1
+            summary = self.executor.execute(spec, raw, stop, attempt)
+            self.folder.commit(spec.run_key, raw)
         except InterruptedRunError:
             with self._books:
                 self._tell("run_interrupted", spec)
             raise
         except Exception as error:
-            if wait_for_stop:
-                stop.set()
             if self.folder.is_full():
                 # Whatever failed, failed for this; not even the ledger could be told.
                 raise no_space(self.folder.path) from error
-            if isinstance(error, SlambedError):
-                with self._books:
-                    self._tell("run_refused", spec, error=str(error))
-            raise
+            with self._books:
+                return self._failed(item, error, reporter)
         with self._books:
             self._tell(
                 "run_finished",
                 spec,
                 repetition=spec.repetition,
                 outcome=summary.get("outcome"),
-                valid=summary.get("valid"),
-                invalid_reason=summary.get("invalid_reason"),
+                outcome_reason=summary.get("outcome_reason"),
+                trusted=summary.get("trusted"),
+                distrust=summary.get("distrust"),
             )
-            verdict.done += 1
-            verdict.valid += summary.get("valid") is True
+            self._given_up_in_a_row = 0
+            if summary.get("trusted") is not True and item.retries < self.retries:
+                item.retries += 1
+                line = f"{verdict_of(summary)}; it is executed again"
+                reporter.run_failed(spec, line, last=False)
+                return 0.0
+            self._verdict.done += 1
+            trusted = summary.get("trusted") is True
+            self._verdict.trusted += trusted
+            self._verdict.not_completed += trusted and summary.get("outcome") != "completed"
             reporter.run_ended(spec, verdict_of(summary))
+        return None
+
+    def _failed(self, item: Item, error: Exception, reporter: Reporter) -> float | None:
+        """What to do about an attempt without a result."""
+        item.failures += 1
+        line = str(error) if isinstance(error, SlambedError) else f"{type(error).__name__}: {error}"
+        self._tell("run_failed", item.spec, error=line)
+        if isinstance(error, WorkerDiedError) and item.failures < MOST_DEATHS:
+            reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
+            return 0.0
+        if isinstance(error, PassingError) and item.failures <= len(self.pauses_s):
+            reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
+            return self.pauses_s[item.failures - 1]
+        self._given_up_in_a_row += 1
+        if not self._verdict.done or self._given_up_in_a_row >= MOST_GIVEN_UP:
+            raise error
+        self._verdict.given_up[item.spec.run_key] = line
+        reporter.run_failed(item.spec, line, last=True)
+        return None
 
     def _tell(self, event: str, spec: RunSpec, **fields: Any) -> None:
         self.ledger.append(event, run_key=spec.run_key, cell=spec.cell, **fields)
@@ -120,10 +171,20 @@ class Runner:
 
 def verdict_of(summary: dict[str, Any]) -> str:
     """One phrase about a finished run."""
-    if summary.get("valid") is True:
-        tracked, total = summary.get("frames_tracked"), summary.get("frames_total")
-        return f"completed, {tracked}/{total} frames tracked"
-    return f"{summary.get('outcome')}, not valid: {summary.get('invalid_reason')}"
+    phrase = str(summary.get("outcome")).replace("_", " ")
+    if summary.get("outcome_reason"):
+        phrase += f": {summary['outcome_reason']}"
+    if summary.get("frames_total"):
+        phrase += f", {summary.get('frames_tracked')}/{summary['frames_total']} frames tracked"
+    if summary.get("trusted") is not True:
+        phrase += f"; not to be trusted: {summary.get('distrust')}"
+    return phrase
+
+
+STOPPING = (
+    b"\nstopping: ending the runs under way and removing what they made (some seconds); "
+    b"Ctrl-C once more ends at once\n"
+)
 
 
 @contextmanager
@@ -134,6 +195,9 @@ def stop_on_signal() -> Iterator[threading.Event]:
     def handle(number: int, frame: object) -> None:
         if stop.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
+        if not stop.is_set():
+            # At once, not when all is done; a signal handler may write but not print.
+            os.write(2, STOPPING)
         stop.set()
 
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}

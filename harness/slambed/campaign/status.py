@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from slambed.campaign.campaign import planned_runs
-from slambed.campaign.folder import ResultFolder, read_object
-from slambed.campaign.older import spec_of
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.plan import planned_runs
 from slambed.errors import SlambedError
 from slambed.spec.library import Library
 from slambed.spec.matrix import RunSpec
@@ -20,8 +19,8 @@ class CellStatus:
     """Runs of one cell."""
 
     cell: str
-    valid: int = 0
-    invalid: list[str] = field(default_factory=list)
+    trusted: int = 0
+    untrusted: list[str] = field(default_factory=list)
     """Why, one line per run."""
     missing: int = 0
 
@@ -31,14 +30,12 @@ class Status:
     """Runs of an experiment as it was last expanded."""
 
     cells: list[CellStatus]
-    stale: list[str]
-    """Run folders that belong to no run of the experiment any more, and what differs."""
     notes: list[str]
 
     @property
     def complete(self) -> bool:
-        """True when every run is there and valid."""
-        return all(not cell.missing and not cell.invalid for cell in self.cells)
+        """True when every run is there and to be trusted."""
+        return all(not cell.missing and not cell.untrusted for cell in self.cells)
 
 
 def was_run(results: Path, name: str) -> bool:
@@ -72,47 +69,30 @@ def status_of(results: Path, name: str, yaml_path: Path | None, software: set[st
     for spec in specs:
         cell = cells.setdefault(spec.cell, CellStatus(spec.cell))
         match folder.state(spec.run_key):
-            case "valid":
-                cell.valid += 1
-            case "invalid":
+            case "trusted":
+                cell.trusted += 1
+            case "untrusted":
                 summary = folder.read(spec.run_key, "summary.json") or {}
-                cell.invalid.append(f"{spec.run_key}: {summary.get('invalid_reason')}")
+                cell.untrusted.append(f"{spec.run_key}: {summary.get('distrust')}")
             case _:
                 cell.missing += 1
-    notes: list[str] = []
+    notes = [f"{key}: not a run of this experiment, in {folder.runs}" for key in _foreign(folder)]
     if yaml_path is not None and yaml_path.is_file():
         digest = hashlib.sha256(yaml_path.read_bytes()).hexdigest()
         if digest != content.get("file", {}).get("sha256"):
             notes.append(f"{yaml_path.name} has changed since; 'slambed run' takes the new one")
     if software and content.get("software") not in software:
-        notes.append("the C++ sources have changed since: 'slambed run' would make every run anew")
-    return Status(list(cells.values()), _stale(folder, specs), notes)
+        notes.append(
+            "C++ sources have changed since: 'slambed run' executes the runs of the systems that "
+            "link them; what is there stays"
+        )
+    return Status(list(cells.values()), notes)
 
 
 def _without_key(run: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in run.items() if key != "run_key"}
 
 
-def _stale(folder: ResultFolder, specs: list[RunSpec]) -> list[str]:
-    wanted = {spec.run_key for spec in specs}
-    lines = [
-        f"{key}: not a run of this experiment, in {folder.runs}"
-        for key in folder.run_keys()
-        if key not in wanted
-    ]
-    for path in sorted(folder.stale.glob("*")):
-        manifest = read_object(path / "manifest.json")
-        lines.append(f"{path.name}: {_difference(manifest, specs)}, in {folder.stale}")
-    return lines
-
-
-def _difference(manifest: dict[str, Any] | None, specs: list[RunSpec]) -> str:
-    """Against the run with the same cell and repetition."""
-    if (old := spec_of(manifest)) is None:
-        return "made by another version of slambed"
-    for spec in specs:
-        if (spec.cell, spec.repetition) == (old.cell, old.repetition):
-            now, then = spec.meaning(), old.meaning()
-            changed = [name for name in now if now[name] != then[name]]
-            return f"{old.run_name}, other {', '.join(changed)}"
-    return f"{old.run_name} is not part of the experiment any more"
+def _foreign(folder: ResultFolder) -> list[str]:
+    """What somebody put among the links to runs."""
+    return [key for key in folder.run_keys() if not (folder.runs / key).is_symlink()]

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import fcntl
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from slambed.data.places import no_cache
 from slambed.data.preparation import Job, Progress
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
@@ -40,14 +42,26 @@ class SequenceCache:
     def find(self, dataset: Dataset) -> Path | None:
         """A sequence made earlier from the same recipe, newest first; the source may be gone."""
         found = []
-        for header in self.folder.glob(f"{dataset.id}-*/{SEQUENCE_FILE}"):
+        for folder in self._entries(f"{dataset.id}-"):
+            header = folder / SEQUENCE_FILE
             try:
                 source = json.loads(header.read_text(encoding="utf-8")).get("source", {})
             except (OSError, ValueError):
                 continue
             if source.get("recipe") == dataset.content_key():
-                found.append((header.stat().st_mtime, header.parent))
+                found.append((header.stat().st_mtime, folder))
         return max(found)[1] if found else None
+
+    def _entries(self, prefix: str) -> list[Path]:
+        """What lies here under such a name. Not glob(): it takes a folder that may not be read for
+        an empty one, or ends with an error of its own, as the Python is."""
+        try:
+            with os.scandir(self.folder) as entries:
+                return sorted(self.folder / e.name for e in entries if e.name.startswith(prefix))
+        except FileNotFoundError:
+            return []
+        except OSError as refused:
+            raise no_cache(self.folder, refused) from refused
 
     @contextmanager
     def _lock(self, name: str) -> Iterator[None]:
@@ -55,9 +69,7 @@ class SequenceCache:
             self.folder.mkdir(parents=True, exist_ok=True)
             file = (self.folder / f".{name}.lock").open("w")
         except OSError as refused:
-            raise environment_error(
-                f"{self.folder}: {refused.strerror}; set SLAMBED_CACHE to a folder you may write"
-            ) from refused
+            raise no_cache(self.folder, refused) from refused
         with file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
@@ -80,8 +92,11 @@ class SequenceCache:
 
 def _open_or_none(path: Path) -> PreparedSequence | None:
     """A damaged entry counts as absent and is made again."""
-    if not path.is_dir():
-        return None
+    try:
+        if not path.is_dir():
+            return None
+    except OSError as refused:
+        raise no_cache(path.parent, refused) from refused
     try:
         return PreparedSequence.open(path)
     except SlambedError:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from slambed.data.cache import SequenceCache
 from slambed.data.preparation import Progress, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
-from slambed.data.recipe import UNVERIFIED, Dataset
+from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
 from slambed.data.recipe_file import load_recipe
 from slambed.data.suggestion import did_you_mean
 from slambed.errors import MissingDataError, SlambedError
@@ -25,6 +24,8 @@ class Catalog:
 
     datasets: dict[str, Dataset]
     search: tuple[Path, ...]
+    folder: Path
+    """Of the dataset files: the paths that come with them are found from there."""
 
     @classmethod
     def load(cls, folder: Path | None = None, search: list[Path] | None = None) -> Catalog:
@@ -39,7 +40,8 @@ class Catalog:
                     raise SlambedError(f"{file}: '{name}' is already taken by {names[name]}")
                 names[name] = file
             datasets[dataset.id] = dataset
-        return cls(datasets, tuple(search if search is not None else places.search_path()))
+        searched = search if search is not None else places.search_path()
+        return cls(datasets, tuple(searched), folder)
 
     def get(self, name: str) -> Dataset:
         """The dataset with this id or alias."""
@@ -60,23 +62,33 @@ class Catalog:
         choices = [self.resolve(choice, cache_dir) for choice in dataset.first_of]
         return next((c for c in choices if self.available(c, cache_dir)), choices[-1])
 
+    def stands_in_for(self, name: str, cache_dir: Path | None = None) -> Dataset | None:
+        """What a `first_of` would rather be, where that is not here: its first choice."""
+        dataset = self.get(name)
+        if not dataset.first_of:
+            return None
+        wanted = self.get(dataset.first_of[0])
+        return None if self.resolve(name, cache_dir).id == wanted.id else wanted
+
     def available(self, dataset: Dataset, cache_dir: Path | None = None) -> bool:
         """True when prepare would succeed in finding the source."""
         if dataset.synthetic:
             wanted = dataset.synthetic.path_file
-            return wanted is None or any(
-                (folder / wanted).is_file() for folder in self._open_folders()
-            )
+            return wanted is None or self._find_path_file(wanted) is not None
         if self.locate(dataset) is not None:
             return True
         return SequenceCache(places.prepared_folder(cache_dir)).find(dataset) is not None
 
     def locate(self, dataset: Dataset) -> Path | None:
         """The source on the search path, or None."""
-        for folder in self._open_folders():
-            for pattern in dataset.paths:
-                if found := sorted(folder.glob(pattern)):
-                    return found[0]
+        splits = [split_pattern(pattern) for pattern in dataset.paths]
+        named = [(folder, rest) for folder, rest in splits if folder is not None]
+        searched = [
+            (folder, rest) for folder in self._open_folders() for own, rest in splits if own is None
+        ]
+        for folder, pattern in named + searched:
+            if found := sorted(folder.glob(pattern)):
+                return found[0]
         return None
 
     def _path_file(self, dataset: Dataset) -> Path | None:
@@ -85,17 +97,21 @@ class Catalog:
         wanted = dataset.synthetic.path_file
         if wanted is None:
             return None
-        for folder in self._open_folders():
-            if (file := folder / wanted).is_file():
-                return file
+        if (file := self._find_path_file(wanted)) is not None:
+            return file
         raise MissingDataError(
             f"dataset '{dataset.id}' follows the camera path {wanted}, which is not in "
             f"{self._folders()}; put it there or set SLAMBED_DATA"
         )
 
+    def _find_path_file(self, wanted: str) -> Path | None:
+        """Beside the dataset files, so that it is the same on every machine; else as data is."""
+        folders = [self.folder, *self._open_folders()]
+        return next((f / wanted for f in folders if (f / wanted).is_file()), None)
+
     def _open_folders(self) -> list[Path]:
         """Those of the search path that are there and ours to read."""
-        return [folder for folder in self.search if os.access(folder, os.R_OK | os.X_OK)]
+        return [folder for folder in self.search if places.is_open(folder)]
 
     def _folders(self) -> str:
         return ":".join(str(folder) for folder in self.search)
@@ -119,6 +135,15 @@ class Catalog:
         if (source / SEQUENCE_FILE).is_file():
             return PreparedSequence.open(source)
         return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress)
+
+    def must_be_here(self, name: str, cache_dir: Path | None = None) -> None:
+        """Raises what `prepare` would where a dataset is missing, without preparing it."""
+        dataset = self.resolve(name, cache_dir)
+        if self.available(dataset, cache_dir):
+            return
+        if dataset.synthetic is not None:
+            self._path_file(dataset)
+        raise MissingDataError(self._missing(dataset))
 
     def _missing(self, dataset: Dataset) -> str:
         recipe = "no download recipe"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -16,9 +17,10 @@ from slambed.data.cache import SequenceCache
 from slambed.data.catalog import Catalog, prepare
 from slambed.data.contact_sheet import write_contact_sheet
 from slambed.data.download import download as fetch
-from slambed.data.download import recipe_text
-from slambed.data.prepared import PreparedSequence
+from slambed.data.download import how_to_get, recipe_text
+from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
+from slambed.outputs import picture
 from slambed.terminal import console
 
 app = typer.Typer(help="Recorded and generated sequences.", no_args_is_help=True)
@@ -26,14 +28,15 @@ Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared
 
 
 def state(catalog: Catalog, dataset: Dataset) -> str:
-    """prepared, found, generated or missing; a choice tells what it stands for."""
+    """prepared, found, generated or missing; a choice tells which it takes, and instead of what."""
     if dataset.first_of:
-        return f"stands for {catalog.resolve(dataset.id).id}"
+        taken, wanted = catalog.resolve(dataset.id).id, catalog.stands_in_for(dataset.id)
+        return f"takes {taken}" + (f", {wanted.id} is missing" if wanted else "")
     if SequenceCache(places.prepared_folder()).find(dataset) is not None:
         return "prepared"
-    if dataset.synthetic is not None:
-        return "generated"
-    return "missing" if catalog.locate(dataset) is None else "found"
+    if not catalog.available(dataset):
+        return "missing"
+    return "generated" if dataset.synthetic is not None else "found"
 
 
 @app.command("list")
@@ -56,12 +59,28 @@ def prepare_dataset(
     cache: Annotated[Path | None, typer.Option(help="cache folder; default $SLAMBED_CACHE")] = None,
 ) -> None:
     """Decode or generate a sequence once; playback then only maps memory."""
+    if not (Path(dataset) / SEQUENCE_FILE).is_file():
+        _offer_download(dataset)
     with _progress_bar() as bar:
         task = bar.add_task(dataset, total=None)
         sequence = prepare(
             dataset, cache, lambda done, total: bar.update(task, completed=done, total=total)
         )
     typer.echo(f"{sequence.path}: {describe(sequence)}")
+
+
+def _offer_download(name: str) -> None:
+    """What a stand-in stands for, to fetch now where somebody can be asked, else with the command
+    that fetches it."""
+    catalog = Catalog.load()
+    if (wanted := catalog.stands_in_for(name)) is None:
+        return
+    told = f"{catalog.resolve(name).id} stands in for {wanted.id}"
+    if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
+        typer.echo(f"note: {told}: {how_to_get(wanted)}", err=True)
+    elif typer.confirm(f"{told}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"):
+        # Whoever answered has read that no checksum is known.
+        download(wanted.id, force=True)
 
 
 @app.command()
@@ -75,12 +94,14 @@ def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared seque
 @app.command()
 def show(
     dataset: Id,
-    output: Annotated[Path | None, typer.Option(help="PNG to write; default ID.png")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="PNG to write; default pictures/ID.png")
+    ] = None,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
 ) -> None:
     """Write a contact sheet of a sequence."""
     sequence = prepare(dataset)
-    file = output or Path(f"{sequence.info.id}.png")
+    file = output or picture(f"{sequence.info.id}.png")
     write_contact_sheet(sequence, file, frames)
     typer.echo(f"{file}: {describe(sequence)}")
 
@@ -89,7 +110,8 @@ def show(
 def where() -> None:
     """Folders that are searched, and the cache."""
     for folder in places.search_path():
-        typer.echo(f"{folder}{'' if folder.is_dir() else '  (does not exist)'}")
+        state = places.state_of(folder)
+        typer.echo(f"{folder}  ({state})" if state else f"{folder}")
     typer.echo(f"{places.prepared_folder()}  (prepared sequences)")
 
 

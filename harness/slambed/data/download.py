@@ -28,6 +28,16 @@ def recipe_text(dataset: Dataset, folder: Path) -> str:
     return f"{dataset.id}: {recipe.url} ({size}, sha256 {recipe.sha256}); {action}{terms}"
 
 
+def how_to_get(dataset: Dataset) -> str:
+    """What to do for a dataset that is not here, in one clause."""
+    if dataset.download is None:
+        return f"no public download has it; {dataset.note}".rstrip("; \n")
+    if dataset.download.unpack == "none":
+        return f"get it from {dataset.download.url}"
+    unverified = "" if dataset.download.verified else " --force (no checksum is known)"
+    return f"get it with 'slambed data download {dataset.id}{unverified}'"
+
+
 def download(
     dataset: Dataset, folder: Path, force: bool = False, progress: Progress | None = None
 ) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from slambed.data.model import Camera, Sensor
 
@@ -62,7 +64,8 @@ class Synthetic(_Strict):
     """Options of slambed-synth, named as on its command line with '_' for '-'."""
 
     trajectory: str = Field(
-        default="spline", description="a named path, or a TUM-format .txt file on the search path"
+        default="spline",
+        description="a named path, or a TUM-format .txt file in datasets/ or on the search path",
     )
     seconds: float | None = Field(default=None, gt=0)
     seed: int = 1
@@ -78,6 +81,16 @@ class Synthetic(_Strict):
     def path_file(self) -> str | None:
         """The trajectory when it is a file, else None."""
         return self.trajectory if self.trajectory.endswith(".txt") else None
+
+
+def split_pattern(pattern: str) -> tuple[Path | None, str]:
+    """A pattern of `paths` as the folder that it starts from and what glob() takes below it; None
+    stands for every folder of the search path. Only absolute ones (`~` too) have a folder of
+    their own."""
+    path = Path(pattern).expanduser()
+    if not path.is_absolute():
+        return None, pattern
+    return Path(path.anchor), str(path.relative_to(path.anchor))
 
 
 class Dataset(_Strict):
@@ -101,6 +114,16 @@ class Dataset(_Strict):
     note: str = ""
     synthetic: Synthetic | None = None
     first_of: tuple[str, ...] = ()
+
+    @field_validator("paths")
+    @classmethod
+    def _are_patterns(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for pattern in value:
+            try:
+                next(Path(os.devnull).glob(split_pattern(pattern)[1]), None)
+            except (ValueError, IndexError, NotImplementedError, RuntimeError) as refused:
+                raise ValueError(f"'{pattern}' is no pattern of a path ({refused})") from None
+        return value
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:

@@ -42,7 +42,8 @@ def load_recipe(path: Path) -> Dataset:
 def _explain(
     path: Path, invalid: ValidationError, lines: dict[tuple[str, ...], int]
 ) -> SlambedError:
-    first = invalid.errors()[0]
+    # An unknown key explains a missing one beside it: `f_x` for `fx`.
+    first = min(invalid.errors(), key=lambda error: error["type"] != "extra_forbidden")
     location = tuple(str(part) for part in first["loc"])
     line = next(
         (lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in lines), 1

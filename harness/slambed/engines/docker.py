@@ -11,6 +11,7 @@ from docker.errors import APIError, DockerException, NotFound
 
 from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch, netns
 from slambed.engines.cgroups import V1_LARGEST_SHARES
+from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, told
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
 from slambed.errors import environment_error
@@ -62,18 +63,15 @@ class DockerNode:
     def exit_code(self) -> int | None:
         """None while it runs; the daemon is asked only once the process has ended."""
         if self._code is None and not self._watch.alive():
-            with contextlib.suppress(DockerException):
-                self._code = int(self.container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
-            self._code = 70 if self._code is None else self._code
+            # A daemon that does not know is no end of the node: then there is no result.
+            self._code = int(self.container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
             self._write_log()
         return self._code
 
     def out_of_memory(self) -> bool:
         """As the daemon saw it."""
-        with contextlib.suppress(DockerException):
-            self.container.reload()
-            return bool(self.container.attrs["State"]["OOMKilled"])
-        return False
+        self.container.reload()
+        return bool(self.container.attrs["State"]["OOMKilled"])
 
     def ask_to_stop(self) -> None:
         """SIGTERM."""
@@ -99,10 +97,10 @@ class DockerNode:
         self._removed = True
         if self._code is None:
             self._write_log()
-        for container in filter(None, (self.container, self.keeper)):
-            with contextlib.suppress(NotFound):
-                container.remove(force=True, v=True)
-        self._watch.close()
+        with contextlib.ExitStack() as removals:
+            removals.callback(self._watch.close)
+            for container in filter(None, (self.keeper, self.container)):
+                removals.callback(_remove, container)
 
     def give_up(self) -> None:
         """Another node object has the container from now on."""
@@ -166,23 +164,18 @@ class DockerEngine:
             made.append(self._create(plan, made[0] if made else None))
             return self._node(plan, made[-1], made[0] if plan.dies else None)
         except BaseException as error:
-            for container in reversed(made):
-                container.remove(force=True, v=True)
-            if isinstance(error, APIError):
-                raise environment_error(
-                    f"Docker refused the {plan.role} node: {error.explanation or error}"
-                ) from None
+            with contextlib.suppress(*DAEMON_ERRORS):
+                for container in reversed(made):
+                    _remove(container)
+            if isinstance(error, DAEMON_ERRORS):
+                raise told(error, f"start the {plan.role} node") from None
             raise
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
         """The same container: the gate is open, its network was kept."""
         assert isinstance(dead, DockerNode)
-        try:
+        with daemon_failures(f"start the {plan.role} node again"):
             node = self._node(plan, dead.container, dead.keeper)
-        except APIError as error:
-            raise environment_error(
-                f"Docker did not start the {plan.role} node again: {error.explanation or error}"
-            ) from None
         dead.give_up()
         return node
 
@@ -201,7 +194,14 @@ class DockerEngine:
         assert self._image is not None
         namespaces = {str(role): node.sandbox for role, node in self._nodes.items()}
         helper = Helper(str(self._image.id), self._run_key, namespaces)
+        self._clear(helper.container(module))
         return helper.command(module, writable)
+
+    def _clear(self, name: str) -> str:
+        """The name, free again: the daemon may have been away when a failed attempt ended."""
+        with contextlib.suppress(NotFound):
+            self._client.containers.get(name).remove(force=True, v=True)
+        return name
 
     def _create_keeper(self, plan: NodePlan) -> Any:
         """A container that does nothing but keep a network namespace."""
@@ -209,7 +209,7 @@ class DockerEngine:
         return self._client.containers.create(
             self._image.id,
             entrypoint=["/bin/sleep", "infinity"],
-            name=f"{LABEL}-{plan.run_key}-{plan.role}-network",
+            name=self._clear(f"{LABEL}-{plan.run_key}-{plan.role}-network"),
             labels={LABEL: plan.run_key, f"{LABEL}.role": "network"},
             network_mode="none",
             user=f"{NODE_UID}:{NODE_UID}",
@@ -232,7 +232,7 @@ class DockerEngine:
             self._image.id,
             entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, self._program],
             command=["--role", plan.role, "--config", f"{OUTPUT}/run.json"],
-            name=f"{LABEL}-{plan.run_key}-{plan.role}",
+            name=self._clear(f"{LABEL}-{plan.run_key}-{plan.role}"),
             labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
             network_mode="none" if keeper is None else f"container:{keeper.id}",
             user=f"{NODE_UID}:{NODE_UID}",
@@ -248,6 +248,11 @@ class DockerEngine:
             },
             **quota,
         )
+
+
+def _remove(container: Any) -> None:
+    with contextlib.suppress(NotFound):
+        container.remove(force=True, v=True)
 
 
 def _started(container: Any) -> int:

@@ -34,14 +34,17 @@ class Helper:
     namespaces: dict[str, str]
     """Role -> file of the network namespace, as the daemon's host has it."""
 
+    def container(self, module: str) -> str:
+        """Its name: one for each module and run."""
+        return f"{LABEL}-{self.run_key}-{_purpose(module)}"
+
     def command(self, module: str, writable: list[Path]) -> list[str]:
         """`docker run` of a module of this package."""
-        purpose = module.rpartition(".")[2]
         capabilities = [part for c in CAPABILITIES[module] for part in ("--cap-add", c)]
         return [
             *("docker", "run", "--interactive", "--rm"),
-            *("--name", f"{LABEL}-{self.run_key}-{purpose}"),
-            *("--label", f"{LABEL}={self.run_key}", "--label", f"{LABEL}.role={purpose}"),
+            *("--name", self.container(module), "--label", f"{LABEL}={self.run_key}"),
+            *("--label", f"{LABEL}.role={_purpose(module)}"),
             # Threads are moved between groups by the numbers of the host.
             *("--pid", "host", "--cgroupns", "host", "--network", _network()),
             *("--user", "0:0", "--cap-drop", "ALL", *capabilities),
@@ -65,6 +68,10 @@ class Helper:
         bound += [f"{file}:{NAMESPACES / role}:ro" for role, file in self.namespaces.items()]
         bound.append("/sys/fs/cgroup:/sys/fs/cgroup")
         return [part for volume in bound for part in ("--volume", volume)]
+
+
+def _purpose(module: str) -> str:
+    return module.rpartition(".")[2]
 
 
 def _package_folder() -> Path:

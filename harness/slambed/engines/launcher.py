@@ -60,7 +60,16 @@ def main() -> None:
         sys.exit(1)
     null = os.open("/dev/null", os.O_RDONLY)
     os.dup2(null, 0)
-    os.execv(program[0], program)
+    try:
+        os.execv(program[0], program)
+    except OSError as error:
+        sys.exit(refused(f"cannot start the node: {error.strerror}, {program[0]}"))
+
+
+def refused(line: str) -> int:
+    """The line on standard error; the exit code of a refusal by the environment."""
+    print(f"error: {line}", file=sys.stderr)
+    return 3
 
 
 def bring_up_loopback() -> None:

@@ -23,7 +23,7 @@ from slambed.engines.base import (
 )
 from slambed.engines.faults import FaultDriver, RunEdge
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
-from slambed.errors import ExitCode, SlambedError
+from slambed.errors import ExitCode, PassingError
 from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
 from slambed.spec.matrix import RunSpec
@@ -80,9 +80,12 @@ class LiveRun:
         self._nodes: dict[Role, Node] = {}
         self._plans: dict[Role, NodePlan] = {}
         self._link: OpenLink | None = None
+        self._problems: list[str] = []
+        """Why the circumstances are not as asked."""
 
     def execute(self) -> RunResult:
-        """Runs to the end. A node that dies is an outcome; a node that cannot start is an error."""
+        """Runs to the end. A node that dies or refuses its input is an outcome; what keeps it from
+        starting is an error."""
         config = run_json(
             self._spec,
             self._engine.sequence_path(self._sequence),
@@ -91,7 +94,7 @@ class LiveRun:
         )
         (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
         with ExitStack() as cleanup:
-            limits, problems = self._start_nodes(cleanup)
+            limits = self._start_nodes(cleanup)
             attendant = Attendant(
                 self._engine, self._nodes, self._limits, self._cpus, self._run_dir
             )
@@ -111,7 +114,8 @@ class LiveRun:
                 cleanup.callback(self._close_link)
             for node in self._nodes.values():
                 node.release()
-            self._await_ready()
+            if (ended := self._await_ready()) is not None:
+                return RunResult(*ended, distrust=self._problems, limits=limits)
             faults.start(self._start_clock(attendant))
             outcome, reason = self._watch(faults)
             faults.write()
@@ -119,14 +123,15 @@ class LiveRun:
             link = self._close_link()
             for role, threads in attended.threads.items():
                 limits[role]["threads"] = threads
-                problems += thread_problems(role, threads, self._limits[cast(Role, role)])
-            if link is not None and link.get("invalid_reason"):
-                problems.append(f"link: {link['invalid_reason']}")
+                self._problems += thread_problems(role, threads, self._limits[cast(Role, role)])
+            if link is not None and link.get("distrust"):
+                self._problems.append(f"link: {link['distrust']}")
         if self._stop.is_set():
             raise InterruptedRunError
         return RunResult(
             outcome=outcome,
-            reason=reason or ("; ".join(problems) or None),
+            reason=reason,
+            distrust=self._problems,
             limits=limits,
             throttling={
                 node: {
@@ -140,7 +145,7 @@ class LiveRun:
             beside=attended.own,
         )
 
-    def _start_nodes(self, cleanup: ExitStack) -> tuple[dict[str, Any], list[str]]:
+    def _start_nodes(self, cleanup: ExitStack) -> dict[str, Any]:
         devices: dict[Role, Device] = {"mobile": self._spec.device_mobile}
         if self._spec.device_edge is not None:
             devices["edge"] = self._spec.device_edge
@@ -151,7 +156,6 @@ class LiveRun:
         }
         self._cpus = cpus = allot_cpus(self._limits["mobile"], self._limits.get("edge"), host_cpus)
         limits: dict[str, Any] = {}
-        problems: list[str] = []
         # The edge first: it is ready to listen by the time the mobile connects.
         for role in sorted(cpus):
             asked = self._limits[role]
@@ -167,33 +171,37 @@ class LiveRun:
                 "shortfall": devices[role].shortfall(asked, self._host.speed),
                 "host_speed": asdict(self._host) if devices[role].board else None,
             }
-            problems += [f"{role}: {text}" for text in differences(asked, node.granted, cpus[role])]
-        return limits, problems
+            granted = differences(asked, node.granted, cpus[role])
+            self._problems += [f"{role}: {text}" for text in granted]
+        return limits
 
-    def _await_ready(self) -> None:
+    def _await_ready(self) -> tuple[Outcome, str] | None:
+        """None once all nodes are; else how one of them ended before."""
         deadline = time.monotonic() + READY_TIMEOUT_S
         waiting = set(self._nodes)
         while waiting:
             waiting = {r for r in waiting if not (self._run_dir / r / "ready.json").exists()}
             for role, node in self._nodes.items():
                 if (code := node.exit_code()) is not None:
-                    raise self._refusal(role, code)
+                    return self._refused(role, code)
             if self._stop.is_set():
                 raise InterruptedRunError
             if self._link is not None and not self._link.alive():
-                raise SlambedError("the link ended before the run began", ExitCode.ENVIRONMENT)
+                raise PassingError("the link ended before the run began")
             if time.monotonic() > deadline:
                 names = " and ".join(sorted(waiting))
-                raise SlambedError(
+                raise PassingError(
                     f"the {names} node was not ready within {READY_TIMEOUT_S:.0f} s", ExitCode.PEER
                 )
             time.sleep(WATCH_PERIOD_S / 2)
+        return None
 
-    def _refusal(self, role: Role, code: int) -> SlambedError:
+    def _refused(self, role: Role, code: int) -> tuple[Outcome, str]:
         told = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
         line = f"the {role} node ended before it was ready (exit code {code}): {told}"
-        known = code in set(ExitCode) and code != ExitCode.OK
-        return SlambedError(line, ExitCode(code) if known else ExitCode.INTERNAL)
+        if code in (ExitCode.ENVIRONMENT, ExitCode.PEER):
+            raise PassingError(line, ExitCode(code))
+        return ("refused" if code == ExitCode.BAD_INPUT else "died"), line
 
     def _start_clock(self, attendant: Attendant) -> int:
         """Run time 0 on CLOCK_MONOTONIC."""
@@ -216,6 +224,7 @@ class LiveRun:
         mobile node makes of it is the result."""
         deadline = time.monotonic() + self._time_limit_s()
         ended: tuple[Outcome, str] | None = None
+        link_died = False
         mobile = self._nodes["mobile"]
         while (code := mobile.exit_code()) is None:
             faults.act()
@@ -227,16 +236,17 @@ class LiveRun:
             if time.monotonic() > deadline:
                 faults.finish()
                 self._end_nodes()
-                return "timeout", f"not finished after {self._time_limit_s():.0f} s"
+                return "timed_out", f"not finished after {self._time_limit_s():.0f} s"
             missed = ended is None and not faults.edge_is_dead
             if missed and edge is not None and self._ended_early(edge):
-                ended = "edge_died", self._died("edge", edge.exit_code() or 0)
-            if ended is None and self._link is not None and not self._link.alive():
-                ended = "link_died", "the link ended in the middle of the run"
+                ended = "died", self._died("edge", edge.exit_code() or 0)
+            if not link_died and self._link is not None and not self._link.alive():
+                link_died = True
+                self._problems.append("the link ended in the middle of the run")
         faults.finish()
         if code != 0:
             self._end_nodes()
-            return "mobile_died", self._died("mobile", code)
+            return "died", self._died("mobile", code)
         edge = self._nodes.get("edge")
         if edge is not None and ended is None and not faults.edge_is_dead:
             ended = self._await_edge(edge)
@@ -261,10 +271,10 @@ class LiveRun:
                 raise InterruptedRunError
             if time.monotonic() > deadline:
                 return (
-                    "timeout",
+                    "timed_out",
                     f"the edge node went on {EDGE_GRACE_S:.0f} s after the mobile node",
                 )
-        return None if code == 0 else ("edge_died", self._died("edge", code))
+        return None if code == 0 else ("died", self._died("edge", code))
 
     def _died(self, role: Role, code: int) -> str:
         how = f"signal {-code}" if code < 0 else f"exit code {code}"

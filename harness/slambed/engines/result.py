@@ -9,7 +9,8 @@ from slambed.link.profile import parse_profile
 from slambed.spec import inputs
 from slambed.spec.matrix import LinkSpec, RunSpec
 
-Outcome = Literal["completed", "edge_died", "mobile_died", "timeout", "link_died"]
+Outcome = Literal["completed", "died", "timed_out", "refused"]
+"""How the system under test fared, whatever its circumstances."""
 
 NETWORK_EDGE_ADDRESS = "10.77.0.2"
 FIRST_PORT = 47000
@@ -28,6 +29,9 @@ class RunResult:
 
     outcome: Outcome
     reason: str | None
+    """Why it did not complete."""
+    distrust: list[str] = field(default_factory=list)
+    """Why the circumstances were not as asked."""
     limits: dict[str, Any] = field(default_factory=dict)
     throttling: dict[str, Any] = field(default_factory=dict)
     link: dict[str, Any] | None = None

@@ -20,20 +20,21 @@ from pathlib import Path
 from typing import Any
 
 from slambed.engines.base import last_line
+from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
-from slambed.engines.result import InterruptedRunError, RunResult, run_json
-from slambed.engines.virtual_link import link_json, write_link_log
+from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
 from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.link.modelled import link_json, write_link_log
 from slambed.link.profile import parse_profile
+from slambed.native import SIMULATION
 from slambed.spec.device import VIRTUAL, Device
 from slambed.spec.matrix import RunSpec, canonical_json
 
-PROGRAM = "slambed-sim"
 DRAIN_S = 30.0
 """Virtual time after the last frame that the link's tables still cover."""
 LEAST_LIMIT_S = 120.0
 LIMIT_FACTOR = 20.0
-"""A run that takes so many times its played time (wall clock) hangs."""
+"""A run that computes (CPU time) for so many times its played time, and LEAST_LIMIT_S, hangs."""
 WATCH_PERIOD_S = 0.05
 CACHE_BYTES = 4 << 30
 """Feature caches beyond this size go, the longest unused first."""
@@ -94,20 +95,22 @@ class VirtualRun:
     program: Path
     features: Path | None
     """Folder of feature caches; None: every run extracts for itself."""
+    least_limit_s: float = LEAST_LIMIT_S
+    idle_limit_s: float = IDLE_LIMIT_S
 
     def execute(self, stop: threading.Event) -> RunResult:
-        """Runs to the end. A program that refuses its input is an error, one that dies is an
-        outcome."""
+        """Runs to the end. A program that refuses its input, dies or computes for too long is an
+        outcome; one that stands still is a PassingError."""
         self._write_files()
         cache = feature_file(self.features, self.spec) if self.features else None
         with _made_once(cache):
             code = self._run(stop)
-        if code in (ExitCode.BAD_INPUT, ExitCode.ENVIRONMENT):
+        if code == ExitCode.ENVIRONMENT:
             told = last_line(self.run_dir / "log.txt").removeprefix("error: ")
-            raise SlambedError(f"{PROGRAM}: {told}", ExitCode(code))
+            raise SlambedError(f"{SIMULATION}: {told}", ExitCode(code))
         link = {"backend": VIRTUAL, "base_rtt_ms": 0.0, "drops": None, "died": None}
         return RunResult(
-            outcome="completed" if code == 0 else "timeout" if code is None else "mobile_died",
+            outcome=_outcome(code),
             reason=None if code == 0 else self._reason(code),
             link=link | {"proof": None, "details": {}} if self.spec.link else None,
         )
@@ -125,8 +128,7 @@ class VirtualRun:
         write_planned(self.spec.faults, self.played_s, self.run_dir)
 
     def _run(self, stop: threading.Event) -> int | None:
-        """Exit code; None when it took too long."""
-        deadline = time.monotonic() + self._limit_s()
+        """Exit code; None when it computed for too long."""
         with (self.run_dir / "log.txt").open("wb") as log:
             process = subprocess.Popen(
                 [str(self.program), "--config", "sim.json"],
@@ -138,6 +140,7 @@ class VirtualRun:
                 start_new_session=True,
                 preexec_fn=die_with_parent,
             )
+        watch = CpuWatch(process.pid, SIMULATION, self._limit_s(), self.idle_limit_s)
         try:
             while True:
                 try:
@@ -145,7 +148,7 @@ class VirtualRun:
                 except subprocess.TimeoutExpired:
                     if stop.is_set():
                         raise InterruptedRunError from None
-                    if time.monotonic() > deadline:
+                    if watch.spent():
                         return None
         finally:
             if process.poll() is None:
@@ -153,13 +156,20 @@ class VirtualRun:
                 process.wait()
 
     def _limit_s(self) -> float:
-        return LEAST_LIMIT_S + LIMIT_FACTOR * self.played_s
+        return self.least_limit_s + LIMIT_FACTOR * self.played_s
 
     def _reason(self, code: int | None) -> str:
         if code is None:
-            return f"{PROGRAM} had not finished after {self._limit_s():.0f} s"
+            return f"{SIMULATION} had not finished after {self._limit_s():.0f} s of CPU time"
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return f"{PROGRAM}: {how}: {last_line(self.run_dir / 'log.txt')}"
+        return f"{SIMULATION}: {how}: {last_line(self.run_dir / 'log.txt')}"
+
+
+def _outcome(code: int | None) -> Outcome:
+    if code is None:
+        return "timed_out"
+    known: dict[int, Outcome] = {0: "completed", int(ExitCode.BAD_INPUT): "refused"}
+    return known.get(code, "died")
 
 
 _LIBC = ctypes.CDLL(None)

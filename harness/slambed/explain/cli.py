@@ -10,6 +10,7 @@ from slambed.errors import SlambedError
 from slambed.explain.picture import Window, draw
 from slambed.explain.run_log import RunLog, find_run, read_run
 from slambed.explain.story import story
+from slambed.outputs import picture
 
 FORMATS = (".png", ".svg", ".pdf")
 AROUND_S = 2.0
@@ -37,7 +38,7 @@ def explain(
     """
     log = read_run(find_run(run, results))
     window = choose_window(log, begin, end, around)
-    path = output or Path(f"explain_{log.folder.resolve().name}.png")
+    path = output or picture(f"explain_{log.folder.resolve().name}.png")
     if path.suffix not in FORMATS:
         raise SlambedError(f"unknown picture format {path}; known: {', '.join(FORMATS)}")
     for line in story(log):

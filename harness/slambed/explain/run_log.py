@@ -1,22 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds a run and reads what its time line needs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pyarrow.parquet as pq
 
-from slambed.campaign.folder import read_object
 from slambed.errors import SlambedError
-from slambed.metrics.collect import read_link
-from slambed.metrics.events import read_events
+from slambed.json_file import read_object
+from slambed.metrics.collect import read_link, read_samples
+from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.faults import Span, spans
+from slambed.metrics.older import two_axes
+from slambed.metrics.stages import longest_stall
+from slambed.spec.device import VIRTUAL
 from slambed.spec.matrix import run_name
 
 NS_PER_S = 1e9
 LEAST_DIGITS = 4
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What the summary says about how the run ended and whether to trust it."""
+
+    outcome: str = "completed"
+    outcome_reason: str | None = None
+    trusted: bool = True
+    distrust: str | None = None
+    attempts: int = 1
+    steal_percent: float | None = None
+    """Of the host's CPU time over playback."""
+    virtual: bool = False
 
 
 @dataclass(frozen=True)
@@ -27,6 +44,8 @@ class RunLog:
     title: str
     events: pd.DataFrame
     link: pd.DataFrame | None
+    standing: Standing = Standing()
+    samples: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def of(self, *types: str, node: str | None = None) -> pd.DataFrame:
         """Events of these types in order of time."""
@@ -47,6 +66,26 @@ class RunLog:
         rows = self.of("fault_began", "fault_ended").to_dict("records")
         return spans({str(key): value for key, value in row.items()} for row in rows)
 
+    def steal_percent(self, begin_s: float, end_s: float) -> float | None:
+        """Of one of the host's processors, what its hypervisor gave to others in this time."""
+        if "host_steal_s" not in self.samples:
+            return None
+        rows = self.samples.dropna(subset=["host_steal_s"])
+        rows = rows[rows["t_s"].between(begin_s, end_s)].sort_values("t_s")
+        if len(rows) < 2 or rows["t_s"].iloc[-1] <= rows["t_s"].iloc[0]:
+            return None
+        first, last = rows.iloc[0], rows.iloc[-1]
+        stolen_s, span_s = last["host_steal_s"] - first["host_steal_s"], last["t_s"] - first["t_s"]
+        return float(100.0 * stolen_s / span_s)
+
+    def longest_stall(self) -> tuple[float, float] | None:
+        """When the host held the mobile node up for longest [s], and for how long [ms]."""
+        if self.standing.virtual:
+            return None
+        rows = self.of("stage").to_dict("records")
+        events = [{str(k): v for k, v in row.items() if v == v and v is not None} for row in rows]
+        return longest_stall(EventLog(events))
+
     def frame_times_s(self) -> list[float]:
         """Run times at which each tracked frame was done."""
         return [float(t) for t in self.of("frame_tracked")["t_s"]]
@@ -57,7 +96,9 @@ def find_run(run: str, results: Path) -> Path:
     if (folder := Path(run)).is_dir():
         return folder
     if len(run) >= LEAST_DIGITS:
-        found = sorted(path for path in results.glob(f"*/runs/{run}*") if path.is_dir())
+        places = [*results.glob(f"*/runs/{run}*"), *results.glob(f"runs/{run}*")]
+        # A run that several experiments share is one.
+        found = sorted({path.resolve() for path in places if path.is_dir()})
         if len(found) == 1:
             return found[0]
         if found:
@@ -78,7 +119,23 @@ def read_run(folder: Path) -> RunLog:
         raise SlambedError(f"no events in {folder}; give the folder of one run")
     events = pd.DataFrame(events.assign(t_s=events["t_ns"] / NS_PER_S))
     link, _ = read_link(folder)
-    return RunLog(folder, _title(folder), events, link)
+    samples, _ = read_samples(folder)
+    return RunLog(folder, _title(folder), events, link, _standing(folder), samples)
+
+
+def _standing(folder: Path) -> Standing:
+    """Of a result; a raw folder has no summary yet."""
+    summary = two_axes(read_object(folder / "summary.json") or {})
+    known = Standing()
+    return Standing(
+        outcome=str(summary.get("outcome") or known.outcome),
+        outcome_reason=summary.get("outcome_reason"),
+        trusted=summary.get("trusted") is not False,
+        distrust=summary.get("distrust"),
+        attempts=int(summary.get("attempts") or known.attempts),
+        steal_percent=summary.get("host_steal_percent"),
+        virtual=summary.get("engine") == VIRTUAL,
+    )
 
 
 def _title(folder: Path) -> str:

@@ -7,16 +7,22 @@ from typing import Any
 import pandas as pd
 
 from slambed.explain.run_log import RunLog
+from slambed.metrics.trust import NOTABLE_STEAL_PERCENT
 
 MOST_LOSSES = 5
 MOST_CHANGES = 12
 BEFORE_LOSS_S = 2.0
+NOTABLE_STALL_MS = 20.0
+"""Shorter stalls are what any busy host does."""
 WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 
 
 def story(run: RunLog) -> list[str]:
     """One line per fact."""
-    return [_frames(run), *_faults(run), *_busy(run), *_updates(run), *_states(run), *_losses(run)]
+    return [
+        _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run), *_states(run),
+        *_losses(run),
+    ]  # fmt: skip
 
 
 def _frames(run: RunLog) -> str:
@@ -27,6 +33,34 @@ def _frames(run: RunLog) -> str:
         f"{len(dropped)} dropped, {_count(len(run.of('track_lost')), 'track loss', 'es')}; "
         f"{len(run.of('keyframe_created'))} keyframes"
     )
+
+
+def _standing(run: RunLog) -> list[str]:
+    """How the system ended, whether to trust the run, and what the host did to it."""
+    standing, lines = run.standing, []
+    if standing.outcome != "completed":
+        why = f": {standing.outcome_reason}" if standing.outcome_reason else ""
+        lines.append(f"the system {standing.outcome.replace('_', ' ')}{why}")
+    if not standing.trusted:
+        lines.append(f"not to be trusted: {standing.distrust or 'no reason was kept'}")
+    if standing.attempts > 1:
+        lines.append(f"attempt {standing.attempts}, the earlier ones were not to be trusted")
+    if (steal := standing.steal_percent) is not None and steal >= NOTABLE_STEAL_PERCENT:
+        lines.append(f"steal: neighbours took {steal:.1f} % of this host's CPU time")
+    if (stall := run.longest_stall()) is not None and stall[1] >= NOTABLE_STALL_MS:
+        lines.append(
+            f"the host stalled the mobile node for {stall[1]:.0f} ms at {stall[0]:.2f} s"
+            + _stolen(run, stall[0])
+        )
+    return lines
+
+
+def _stolen(run: RunLog, t_s: float) -> str:
+    """What of a processor neighbours had around this time, where it is worth a word."""
+    steal = run.steal_percent(t_s - BEFORE_LOSS_S / 2, t_s + BEFORE_LOSS_S / 2)
+    if steal is None or steal < NOTABLE_STEAL_PERCENT:
+        return ""
+    return f", while neighbours had {steal:.0f} % of a processor (steal)"
 
 
 def _faults(run: RunLog) -> list[str]:
@@ -101,6 +135,9 @@ def _losses(run: RunLog) -> list[str]:
             facts.append("inliers " + " ".join(f"{int(value)}" for value in inliers.tail(6)))
         if dropped := int((recent["type"] == "frame_dropped").sum()):
             facts.append(f"{_count(dropped, 'frame')} dropped")
+        steal = run.steal_percent(t_s - BEFORE_LOSS_S, t_s)
+        if steal is not None and steal >= NOTABLE_STEAL_PERCENT:
+            facts.append(f"neighbours had {steal:.0f} % of a processor (steal)")
         updates = run.of("update_applied")
         earlier = updates[updates["t_s"] <= t_s]
         if len(earlier):

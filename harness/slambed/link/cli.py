@@ -13,7 +13,7 @@ from rich.table import Table
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.impairments import Side
 from slambed.link.profile import Profile, load_profile, parse_profile, profile_names
-from slambed.outputs import make_folder, writing
+from slambed.outputs import make_folder, picture, writing
 from slambed.terminal import console
 
 app = typer.Typer(help="Link profiles: how latency, loss and rate change.", no_args_is_help=True)
@@ -90,7 +90,7 @@ def show(
     console().print(table)
     for line in facts(profile, end):
         typer.echo(line)
-    target = output or Path(f"profile_{profile.name}.png")
+    target = output or picture(f"profile_{profile.name}.png")
     plot_profile(profile, target, end)
     typer.echo(f"plot: {target}")
 
@@ -235,10 +235,28 @@ def messages(
     backend: Annotated[str, typer.Option(help="relay or netem.")] = "relay",
     repetitions: Annotated[int, typer.Option(min=1, help="Of each size.")] = 5,
     output: Annotated[Path, typer.Option(help="CSV to write.")] = Path("messages.csv"),
+    profile: Annotated[
+        str, typer.Option(help="A profile with loss, jitter, rate or cuts: steady traffic over it.")
+    ] = "",
+    count: Annotated[int, typer.Option(min=1, help="With --profile: messages.")] = 250,
+    size: Annotated[int, typer.Option(min=64, help="With --profile: bytes of each.")] = 25_000,
+    hz: Annotated[float, typer.Option(min=0.1, help="With --profile: messages a second.")] = 10.0,
+    seeds: Annotated[int, typer.Option(min=1, help="With --profile: seeds 1 to this.")] = 3,
 ) -> None:
     """Send the same messages through a real link and through the virtual engine's model of it."""
     from slambed.link import messages as traffic
 
+    if profile:
+        steady = traffic.Trace.steady(count, size, hz)
+        rows = traffic.compare_profile(load_profile(profile), steady, range(1, seeds + 1), backend)
+        with writing(output):
+            rows.to_csv(output, index=False, float_format="%.4f")
+        typer.echo(rows.round(1).to_string(index=False))
+        medians = rows.median()
+        for quantile in ("50", "90", "100"):
+            live, virtual = medians[f"live_{quantile}_ms"], medians[f"virtual_{quantile}_ms"]
+            typer.echo(f"quantile {quantile} %: live {live:.1f} ms, virtual {virtual:.1f} ms")
+        return
     profiles = [(rtt, rate) for rate in traffic.RATES_MBPS for rtt in traffic.RTTS_MS]
     table = traffic.compare(profiles, traffic.SIZES, repetitions, backend)
     with writing(output):

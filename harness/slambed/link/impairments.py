@@ -6,7 +6,6 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-Share = Field(ge=0, le=1)
 
 
 class Jitter(BaseModel):
@@ -51,14 +50,42 @@ class Jitter(BaseModel):
 
 
 class GilbertElliott(BaseModel):
-    """Bursty loss: a chain of a good and a bad state, one step per packet."""
+    """Bursty loss: a chain of a good and a bad state, in time or one step per packet.
+
+    In time (`good_s`, `bad_s`) bursts come and go whatever is sent. Per packet (`to_bad`,
+    `to_good`) a burst lasts until enough packets were lost in it: a sender that waits for a
+    time-out waits inside the burst, so this is a model for streams that never stop.
+    """
 
     model_config = STRICT
 
-    to_bad: float = Share
-    to_good: float = Share
+    good_s: float | None = Field(default=None, ge=1e-4, le=1e6)
+    """Mean duration of the good state (exponential)."""
+    bad_s: float | None = Field(default=None, ge=1e-4, le=1e6)
+    """Mean duration of a burst."""
+    to_bad: float | None = Field(default=None, ge=0, le=1)
+    """Good to bad, per packet."""
+    to_good: float | None = Field(default=None, ge=0, le=1)
     loss_good: float = Field(default=0.0, ge=0, le=1)
     loss_bad: float = Field(default=1.0, ge=0, le=1)
+
+    @model_validator(mode="after")
+    def _one_chain(self) -> "GilbertElliott":
+        in_time = (self.good_s, self.bad_s)
+        per_packet = (self.to_bad, self.to_good)
+        if (None in in_time) == (None in per_packet) or any(
+            value is not None for value in (per_packet if None not in in_time else in_time)
+        ):
+            raise ValueError("give good_s and bad_s (bursts in time), or to_bad and to_good")
+        return self
+
+    def bad_share(self) -> float:
+        """Share of the time, or of the packets, in the bad state."""
+        if self.good_s is not None and self.bad_s is not None:
+            return self.bad_s / (self.bad_s + self.good_s)
+        assert self.to_bad is not None and self.to_good is not None
+        turns = self.to_bad + self.to_good
+        return self.to_bad / turns if turns > 0 else 0.0
 
 
 class Loss(BaseModel):
@@ -79,15 +106,14 @@ class Loss(BaseModel):
     def relay_config(self) -> dict[str, float]:
         """As slambed-relay reads it: independent loss is the chain that stays in its good state."""
         if self.gilbert_elliott is not None:
-            return self.gilbert_elliott.model_dump()
+            return self.gilbert_elliott.model_dump(exclude_none=True)
         return {"to_bad": 0.0, "to_good": 1.0, "loss_good": self.random or 0.0, "loss_bad": 1.0}
 
     def mean(self) -> float:
         """Expected share of lost packets."""
         if (chain := self.gilbert_elliott) is None:
             return self.random or 0.0
-        turns = chain.to_bad + chain.to_good
-        bad = chain.to_bad / turns if turns > 0 else 0.0
+        bad = chain.bad_share()
         return bad * chain.loss_bad + (1 - bad) * chain.loss_good
 
 

@@ -19,6 +19,8 @@ from slambed.metrics.trajectory import Trajectory
 Floats = NDArray[np.float64]
 
 MINIMUM_PAIRS = 3  # a rigid alignment in space needs three points
+RANDOM_PAIRS = 10_000
+"""Pairs that TUM's evaluate_rpe.py draws of a long path (its `max_pairs`)."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,36 @@ def relative_error(
             f"no pose pairs {label} apart among {len(matched)} matched poses, "
             "take a shorter interval"
         )
+    return _error_of_pairs(matched, reference, pairs, label)
+
+
+def relative_error_over_all(
+    estimate: Trajectory,
+    truth: Trajectory,
+    max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S,
+    method: Method = "nearest",
+) -> RelativeError:
+    """RPE over pairs of any distance, as TUM's evaluate_rpe.py without `--fixed_delta`.
+
+    All ordered pairs of fewer than 100 poses, else 10,000 drawn at random; with a fixed seed here,
+    so that the same path has the same error.
+    """
+    matched, reference = associate(estimate, truth, max_difference_s, method)
+    if len(matched) < 2:
+        raise SlambedError(f"{len(matched)} matched poses, need two for a relative error")
+    return _error_of_pairs(matched, reference, pairs_of_any_distance(len(matched)), "all pairs")
+
+
+def pairs_of_any_distance(count: int) -> NDArray[np.intp]:
+    """Index pairs as TUM's script takes them."""
+    if count < RANDOM_PAIRS**0.5:
+        return np.indices((count, count)).reshape(2, -1).T.astype(np.intp)
+    return np.random.default_rng(0).integers(0, count, (RANDOM_PAIRS, 2)).astype(np.intp)
+
+
+def _error_of_pairs(
+    matched: Trajectory, reference: Trajectory, pairs: NDArray[np.intp], label: str
+) -> RelativeError:
     start, end = pairs[:, 0], pairs[:, 1]
     true_turn, true_step = _relative_motion(reference, start, end)
     own_turn, own_step = _relative_motion(matched, start, end)

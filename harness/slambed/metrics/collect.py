@@ -4,6 +4,7 @@
 import json
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
-from slambed.metrics.events import Event, read_events, read_jsonl
+from slambed.metrics.events import Event, EventLog, read_events, read_jsonl
 
 SCHEMA_VERSION = "1"
 
@@ -24,7 +25,8 @@ EVENT_COLUMNS: dict[str, pa.DataType] = {
     "keyframe": _I, "new_points": _I, "need": _S, "reason": _S, "keyframes": _I, "points": _I,
     "update": _I, "newest_keyframe": _I, "gap_keyframes": _I, "relocalisation": _B,
     "t_track_ms": _F, "t_me_ms": _F, "t_rkf_ms": _F, "t_lm_ms": _F, "t_wait_ms": _F,
-    "t_plmu_ms": _F, "t_em_ms": _F, "t_mu_ms": _F, "t_total_ms": _F, "incarnation": _I,
+    "t_plmu_ms": _F, "t_em_ms": _F, "t_mu_ms": _F, "t_total_ms": _F, "pause_ms": _F,
+    "incarnation": _I,
     "from": _S, "to": _S, "rtt_ms": _F, "epoch": _I, "source": _S, "channel": _S,
     "name": _S, "worker": _S, "wall_ms": _F, "cpu_ms": _F, "n1": _F, "n2": _F,
     "direction": _S, "message": _S, "bytes": _I, "sequence": _I,
@@ -34,7 +36,8 @@ EVENT_COLUMNS: dict[str, pa.DataType] = {
 SAMPLE_COLUMNS: dict[str, pa.DataType] = {
     "t_s": _F, "node": _S, "cpu_s": _F, "cpu_percent": _F, "memory_mb": _F,
     "throttled_s": _F, "throttled_periods": _I,
-    "run_delay_s": _F, "cpu_pressure_s": _F, "tcp_rtt_ms": _F, "tcp_retransmits": _I,
+    "run_delay_s": _F, "cpu_pressure_s": _F, "host_steal_s": _F,
+    "tcp_rtt_ms": _F, "tcp_retransmits": _I,
 }  # fmt: skip
 LINK_COLUMNS: dict[str, pa.DataType] = {"t_s": _F, "series": _S, "value": _F}
 
@@ -83,6 +86,28 @@ def to_parquet(raw_dir: Path, out_dir: Path) -> Collected:
     return result
 
 
+def read_log(folder: Path) -> EventLog:
+    """Events of a raw folder (events.jsonl of the nodes) or of a result (events.parquet)."""
+    path = folder / "events.parquet"
+    return stored_log(path) if path.exists() else read_events(folder)
+
+
+def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
+    """The events (of these types) of a result, as the nodes wrote them: without nulls, ids whole
+    numbers of 64 bits, what the schema does not know unpacked."""
+    try:
+        table = pq.read_table(path, filters=[("type", "in", list(types))] if types else None)
+    except (OSError, pa.ArrowException) as error:
+        return EventLog([], [f"{path.name}: unreadable ({str(error).splitlines()[0]})"])
+    events: list[Event] = []
+    for row in table.to_pylist():
+        event = {key: value for key, value in row.items() if value is not None}
+        if (extra := event.pop(EXTRA_COLUMN, None)) is not None:
+            event |= json.loads(extra)
+        events.append(event)
+    return EventLog(events)
+
+
 def read_samples(raw_dir: Path) -> tuple[pd.DataFrame, list[str]]:
     """Samples of a raw folder (samples.jsonl) or of a result (samples.parquet)."""
     if (parquet := raw_dir / "samples.parquet").exists():
@@ -124,10 +149,13 @@ def read_link(raw_dir: Path) -> tuple[pd.DataFrame | None, list[str]]:
 
 
 def keep_groundtruth(experiment_dir: Path, dataset: str, groundtruth: Path) -> Path:
-    """Copies the true path once to `<experiment>/groundtruth/<dataset>.txt`: reports need it later,
-    and evo reads it. Calling it again is cheap."""
+    """Copies the true path to `<experiment>/groundtruth/<dataset>.txt`, unless it is there: reports
+    need it later, and evo reads it. A corrected one takes the place of the old one; where there is
+    none any more (a cache was emptied), the kept one stays."""
     target = experiment_dir / "groundtruth" / f"{dataset.replace('/', '_')}.txt"
-    if target.exists():
+    if target.exists() and (
+        not groundtruth.exists() or target.read_bytes() == groundtruth.read_bytes()
+    ):
         return target
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_suffix(f".{os.getpid()}.partial")

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import comb
 from typing import Literal
 
 import numpy as np
@@ -55,6 +56,38 @@ def fisher(
     """p-value of Fisher's exact test; `greater` asks whether b has the larger share."""
     table = np.array([[bad_b, runs_b - bad_b], [bad_a, runs_a - bad_a]])
     return float(stats.fisher_exact(table, alternative=alternative).pvalue)
+
+
+def signed_rank(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-sided") -> float:
+    """p-value of Wilcoxon's signed-rank test of paired runs; 1 where all agree."""
+    difference = np.asarray(b, dtype=np.float64) - np.asarray(a, dtype=np.float64)
+    changed = difference[difference != 0]
+    if not len(changed):
+        return 1.0
+    ties = len(np.unique(np.abs(changed))) < len(changed)
+    method: Literal["auto", "exact"] = "auto" if ties else "exact"
+    return float(stats.wilcoxon(changed, alternative=alternative, method=method).pvalue)
+
+
+def mcnemar(bad_a: ArrayLike, bad_b: ArrayLike, alternative: Alternative = "two-sided") -> float:
+    """p-value of the exact test of paired shares (McNemar): only pairs that disagree count;
+    `greater` asks whether b has the larger share."""
+    a, b = np.asarray(bad_a, dtype=bool), np.asarray(bad_b, dtype=bool)
+    only_b, only_a = int((b & ~a).sum()), int((a & ~b).sum())
+    if only_a + only_b == 0:
+        return 1.0
+    return float(stats.binomtest(only_b, only_a + only_b, alternative=alternative).pvalue)
+
+
+def least_p(runs: int, paired: bool) -> float:
+    """The smallest two-sided p-value that `runs` runs on either side can give, however large the
+    difference: all pairs point one way (2 of 2^n), or all ranks (shares) are apart."""
+    return min(1.0, 2.0 ** (1 - runs) if paired else 2.0 / comb(2 * runs, runs))
+
+
+def runs_to_show(tests: int, paired: bool, alpha: float = USUAL_ALPHA) -> int:
+    """Fewest runs on either side with which the first of `tests` tests can pass Holm at all."""
+    return next(n for n in range(2, 1000) if least_p(n, paired) * tests <= alpha)
 
 
 def holm(p_values: ArrayLike) -> Floats:

@@ -51,13 +51,16 @@ def bytes_moved(log: EventLog) -> dict[str, int | None]:
 
 @dataclass(frozen=True)
 class RttProof:
-    """Measured against asked round-trip time over playback, milliseconds."""
+    """Measured against asked round-trip time over playback, milliseconds; None: not measured."""
 
-    asked_mean: float
-    measured_mean: float
-    error_median: float
-    error_p99: float
+    asked_mean: float | None
+    measured_mean: float | None
+    error_median: float | None
+    error_p99: float | None
     probes: int
+
+
+NO_PROOF = RttProof(None, None, None, None, 0)
 
 
 def series(link: pd.DataFrame, name: str) -> pd.DataFrame:

@@ -69,7 +69,14 @@ def stage_times(log: EventLog) -> list[StageTime]:
 
 
 def host_stall_ms_max(log: EventLog) -> float | None:
-    """By how much an extraction on the mobile node took longer than its CPU time explains, at most.
+    """The longest stall by the host, None where nothing was timed."""
+    found = longest_stall(log)
+    return found[1] if found is not None else None
+
+
+def longest_stall(log: EventLog) -> tuple[float, float] | None:
+    """When an extraction on the mobile node ended [s], and by how much it took longer than its CPU
+    time explains [ms], of the one with the most.
 
     Extracting waits for nothing, so what it takes beyond its CPU time, at the run's usual (median)
     ratio of the two, is not the device's limits: something else on the host had the processor. A
@@ -80,7 +87,9 @@ def host_stall_ms_max(log: EventLog) -> float | None:
     if not both:
         return None
     wall, cpu = values_of(both, "wall_ms"), values_of(both, "cpu_ms")
-    return max(0.0, float((wall - cpu * np.median(wall / cpu)).max()))
+    excess = wall - cpu * np.median(wall / cpu)
+    worst = int(np.argmax(excess))
+    return both[worst]["t_ns"] / 1e9, max(0.0, float(excess[worst]))
 
 
 def mapping_ms_per_keyframe(log: EventLog, key: str = "wall_ms") -> float | None:

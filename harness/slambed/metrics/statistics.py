@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +14,8 @@ from slambed.errors import SlambedError
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-BOOTSTRAP_SEED = 20260  # any fixed number; reports must not change when drawn again
-BOOTSTRAP_DRAWS = 2000  # the ends of a 95 % interval move by about 1 % of its width
-_DRAW_BLOCK = 4_000_000  # numbers drawn at once: bounds the memory to some 64 MB
+FEWEST_FOR_MEDIAN = 6
+"""The smallest and the largest of five values hold the median with 93.75 %, of three with 75 %."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,13 @@ class Interval:
     low: float
     high: float
     count: int
+    is_range: bool = False
+    """True where `low` and `high` are the least and the largest value: too few for an interval."""
 
     def scaled(self, factor: float) -> "Interval":
         """In another unit."""
-        return Interval(self.value * factor, self.low * factor, self.high * factor, self.count)
+        low, high = self.low * factor, self.high * factor
+        return Interval(self.value * factor, low, high, self.count, self.is_range)
 
 
 def finite(values: ArrayLike | Sequence[float | None]) -> Floats:
@@ -51,42 +53,34 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Inter
         raise SlambedError(
             f"{successes} of {trials} is no share, need 0 <= successes <= trials > 0"
         )
-    z = float(stats.norm.ppf(0.5 + confidence / 2))
-    share = successes / trials
-    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = (z / (1 + z * z / trials)) * float(
-        np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    )
-    low = 0.0 if successes == 0 else max(0.0, centre - half)
-    high = 1.0 if successes == trials else min(1.0, centre + half)
-    return Interval(share, low, high, trials)
+    found = stats.binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    return Interval(successes / trials, float(found.low), float(found.high), trials)
 
 
-def bootstrap(
+def interval(
     values: ArrayLike,
     statistic: Literal["mean", "median"] = "median",
-    seed: int = BOOTSTRAP_SEED,
-    draws: int = BOOTSTRAP_DRAWS,
     confidence: float = CONFIDENCE,
 ) -> Interval:
-    """Mean or median with a percentile bootstrap interval; the same seed gives the same interval.
+    """Mean or median with its confidence interval; the range of the values where they are too few.
 
-    One value gives an interval of that value alone: `count` tells how much it is worth.
-    Raises SlambedError when there is no value.
+    A median by order statistics (Conover 1999, sec. 3.2), exact for every distribution; below
+    `FEWEST_FOR_MEDIAN` values no two of them hold it with 95 %. A mean by Student's t; where a
+    value is infinite (a failed run), or where there is one only, the range. Neither draws anything:
+    the same runs give the same interval. Raises SlambedError when there is no value.
     """
     sample = finite(values)
-    if len(sample) == 0:
+    count = len(sample)
+    if count == 0:
         raise SlambedError("no measured value to summarise, check that the runs were measured")
-    function = np.mean if statistic == "mean" else np.median
-    generator = np.random.default_rng(seed)
-    block = max(1, min(draws, _DRAW_BLOCK // len(sample)))
-    drawn: list[Floats] = []
-    for start in range(0, draws, block):
-        size = (min(block, draws - start), len(sample))
-        drawn.append(np.asarray(function(sample[generator.integers(0, len(sample), size)], axis=1)))
-    tail = (1 - confidence) / 2
-    # 'lower'/'higher' keep the interval inside the data, also where some runs are infinite.
-    spread = np.concatenate(drawn)
-    low = float(np.quantile(spread, tail, method="lower"))
-    high = float(np.quantile(spread, 1 - tail, method="higher"))
-    return Interval(float(function(sample)), low, high, len(sample))
+    middle = float(np.median(sample) if statistic == "median" else np.mean(sample))
+    low, high = float("nan"), float("nan")
+    if statistic == "median":
+        found: Any = stats.quantile_test(sample, q=0.0, p=0.5).confidence_interval(confidence)
+        low, high = float(found.low), float(found.high)
+    elif count > 1 and np.isfinite(sample).all():
+        reach = float(stats.t.ppf(0.5 + confidence / 2, count - 1) * stats.sem(sample))
+        low, high = middle - reach, middle + reach
+    if np.isnan(low):
+        return Interval(middle, float(sample.min()), float(sample.max()), count, is_range=True)
+    return Interval(middle, low, high, count)

@@ -26,8 +26,6 @@ class Tracking:
     """Sequence time between each loss and the next pose, or the end of the run."""
     reloc_s_max: float | None
     """Longest time from the first frame that showed something, while lost, to the next pose."""
-    interruption_ms_mean: float | None
-    """Mean time that a map update kept tracking from going on (IJNC 2025, table 4)."""
 
     @property
     def coverage(self) -> float | None:
@@ -77,7 +75,6 @@ def tracking_of(log: EventLog) -> Tracking:
         resets=len(log.of("reset")),
         lost_s=lost_s,
         reloc_s_max=max(relocations, default=None),
-        interruption_ms_mean=mean_of(log.of("update_applied"), "t_mu_ms"),
     )
 
 

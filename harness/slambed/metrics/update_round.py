@@ -2,12 +2,12 @@
 """The round of a map update, part by part: from the frame of the newest keyframe that it covers
 until tracking uses it (DynNetSLAM, Sec. III: T_Total = T_Mobile + T_Edge + T_NW)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from slambed.metrics.events import Event, EventLog
-from slambed.metrics.tracking import values_of
 
 PART_FIELDS = {
     "T_Track": "t_track_ms",
@@ -65,29 +65,27 @@ def _round(event: Event) -> UpdateRound | None:
     )
 
 
-def round_summary(log: EventLog) -> dict[str, float | None]:
-    """The keys of summary.json that come from update rounds and from what crossed the link."""
-    rounds = update_rounds(log)
+def median_ms(rounds: list[UpdateRound], part: Callable[[UpdateRound], float]) -> float | None:
+    """Median over the updates, None without any."""
+    return float(np.median([part(r) for r in rounds])) if rounds else None
+
+
+def gap_keyframes_mean(rounds: list[UpdateRound]) -> float | None:
+    """Keyframes lost from the local map per update."""
     gaps = [r.gap_keyframes for r in rounds if r.gap_keyframes is not None]
-    return {
-        "update_gap_keyframes_mean": float(np.mean(gaps)) if gaps else None,
-        "update_parts_error_ms_max": max((r.closure_error_ms for r in rounds), default=None),
-        "keyframe_bytes_median": _median(_received(log, "KEYFRAME"), "bytes"),
-        "update_bytes_median": _median(_received(log, "MAP_UPDATE"), "bytes"),
-        "serialise_ms_median": _median(_stages(log, "mobile", "serialise"), "wall_ms"),
-        "parse_ms_median": _median(_stages(log, "edge", "parse"), "wall_ms"),
-    }
+    return float(np.mean(gaps)) if gaps else None
 
 
-def _received(log: EventLog, message: str) -> list[Event]:
+def closure_error_ms_max(rounds: list[UpdateRound]) -> float | None:
+    """The largest difference between a total and the sum of its parts."""
+    return max((r.closure_error_ms for r in rounds), default=None)
+
+
+def received(log: EventLog, message: str) -> list[Event]:
+    """Messages of this type that arrived."""
     return [e for e in log.of("message") if e.get("message") == message and not e.get("dropped")]
 
 
-def _stages(log: EventLog, node: str, name: str) -> list[Event]:
+def codec_stages(log: EventLog, node: str, name: str) -> list[Event]:
     """The stage in either codec's form."""
     return [e for e in log.of("stage", node=node) if e.get("name") in (name, f"{name}_text")]
-
-
-def _median(events: list[Event], key: str) -> float | None:
-    values = values_of(events, key)
-    return float(np.median(values)) if len(values) else None

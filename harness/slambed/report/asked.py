@@ -3,22 +3,25 @@
 
 from collections.abc import Iterable
 
-from slambed.metrics.run import SUMMARY_KEYS
-from slambed.report.catalog import FIGURES
-from slambed.report.load import TEXT_KEYS
+from slambed.metrics.catalog import METRICS, own_of
 from slambed.report.papers import read_papers
 from slambed.spec.experiment import Experiment
 from slambed.spec.yaml_source import Location, YamlSource, suggestion
 
-NUMBERS = [key for key in SUMMARY_KEYS if key not in TEXT_KEYS]
+FIGURES = (
+    "losses", "trajectory", "rtt", "cpu", "memory", "stages", "losses_by_profile", "tradeoff",
+)  # fmt: skip
+"""Kinds of figures beside those of a metric."""
 
 
 def check_asked(experiment: Experiment, source: YamlSource) -> None:
     """Raises SlambedError for a metric, a plot or a published number that nobody knows."""
     report = experiment.report
+    own = own_of(choice.system for choice in experiment.systems).values()
+    numbers = [item.key for item in (*METRICS, *own) if item.is_number]
     # Faults are words, shown wherever there were any: asking for them is no mistake.
-    _known("metric", report.metrics, [*NUMBERS, "faults"], source, ("report", "metrics"))
-    _known("plot", report.plots, [*FIGURES, *NUMBERS], source, ("report", "plots"))
+    _known("metric", report.metrics, [*numbers, "faults"], source, ("report", "metrics"))
+    _known("plot", report.plots, [*FIGURES, *numbers], source, ("report", "plots"))
     if experiment.reproduces:
         published = {name for paper in read_papers() for name in paper.names()}
         _known("published number", experiment.reproduces, published, source, ("reproduces",))

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from slambed.campaign.runner import Verdict
 from slambed.errors import ExitCode, SlambedError
 from slambed.outputs import make_folder, writing
 from slambed.terminal import console
@@ -21,8 +22,8 @@ app = typer.Typer(help="Reports, comparisons and gates.", no_args_is_help=True)
 
 
 def add_commands(main: typer.Typer) -> None:
-    """Adds the commands of this module to the main command, which has its own `report`."""
-    for command in (plots, compare, truth, paper, gate, view, evaluate):
+    """Adds the commands of this module to the main command."""
+    for command in (report, plots, compare, truth, paper, gate, view, evaluate):
         main.command()(command)
 
 
@@ -42,11 +43,23 @@ def report(
     experiment: Annotated[str, typer.Argument(help="Experiment, or its results folder.")],
     results: ResultsOption = RESULTS,
     figures: Annotated[bool, typer.Option(help="Draw figures too.")] = True,
+    again: Annotated[
+        bool, typer.Option("--again", help="Compute every number again from the stored events.")
+    ] = False,
 ) -> None:
-    """Write tables, figures and the page of an experiment again from its runs."""
+    """Write tables, figures and the page of an experiment again from its runs.
+
+    With --again the numbers too: after a change of a metric, or of a dataset's ground truth.
+    """
     from slambed.report.experiment import terminal_summary, write_report
 
     folder = experiment_folder(results, experiment)
+    if again:
+        from slambed.report.again import recompute
+
+        with writing(folder, "--results"):
+            for line in recompute(folder).lines():
+                typer.echo(line)
     write_report(folder, figures=figures)
     terminal_summary(folder, console())
 
@@ -76,10 +89,10 @@ def compare(
     ] = None,
     results: ResultsOption = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Where pages go: <results>/papers.")] = None,
-    show_not_run: Annotated[bool, typer.Option(help="List what was not run too.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="List every number here too.")] = False,
 ) -> None:
-    """Put every published number beside ours: paper | ours | interval | verdict."""
-    _write_pages(papers or None, results, out or results / "papers", show_not_run)
+    """Put every published number beside ours, and write one page per paper."""
+    _write_pages(papers or None, results, out or results / "papers", every)
 
 
 @app.command()
@@ -110,26 +123,30 @@ def paper(
 ) -> None:
     """Run or reuse every experiment of a paper and write one page about it."""
     from slambed.report.papers import read_papers
+    from slambed.report.run import raise_unless_good
 
     chosen = read_papers(None if name == "all" else [name])
+    verdicts: list[Verdict] = []
     if not reuse_only:
-        from slambed.campaign import campaign
+        from slambed.campaign.run import Options
         from slambed.report.paper_runs import experiments_of
+        from slambed.report.run import run_and_report
 
         for experiment in experiments_of(chosen):
-            options = campaign.Options(runs, engine, results)
-            if campaign.run_experiment(experiment, options, console()).interrupted:
+            verdicts.append(run_and_report(experiment, Options(runs, engine, results), console()))
+            if verdicts[-1].interrupted:
                 raise SlambedError(
                     "interrupted; finished runs are kept, the same command goes on",
                     ExitCode.NOT_ALL_GOOD,
                 )
     _write_pages([p.id for p in chosen], results, results / "papers", False)
+    raise_unless_good(verdicts, "EXPERIMENT")
 
 
-def _write_pages(names: list[str] | None, results: Path, out: Path, show_not_run: bool) -> None:
+def _write_pages(names: list[str] | None, results: Path, out: Path, every: bool) -> None:
     from slambed.report.compare import comparison_table
     from slambed.report.load import load
-    from slambed.report.paper_page import write_paper_page
+    from slambed.report.paper_page import write_overview, write_paper_page
     from slambed.report.papers import read_papers
 
     papers = read_papers(names)
@@ -138,12 +155,20 @@ def _write_pages(names: list[str] | None, results: Path, out: Path, show_not_run
     make_folder(out, "--results" if out == results / "papers" else "--out")
     screen = console()
     experiments = [load(folder) for folder in _folders(results)]
+    pages = []
     for item in papers:
-        page = write_paper_page(item, experiments, out)
-        rows = page.rows if show_not_run else [r for r in page.rows if r.verdict != "not run"]
-        if rows:
-            screen.print(comparison_table(item.id, item.paper.title, rows).rich())
-        screen.print(f"{item.id}: {page.summary}; {page.html}", highlight=False, soft_wrap=True)
+        page = write_paper_page(item, experiments, out, overview=len(papers) > 1)
+        for line in page.lines:
+            screen.print(line, highlight=False, soft_wrap=True)
+        verdicts = page.verdicts
+        for column in verdicts.columns if verdicts is not None and every else []:
+            assert verdicts is not None
+            screen.print(comparison_table(verdicts, column, list(column.rows)).rich())
+        screen.print(f"page: {page.html}", highlight=False, soft_wrap=True)
+        pages += [verdicts] if verdicts is not None else []
+    if len(pages) > 1:
+        overview = write_overview(pages, experiments, out)
+        screen.print(f"all papers: {overview}", highlight=False, soft_wrap=True)
 
 
 def _folders(results: Path) -> list[Path]:
@@ -160,7 +185,8 @@ def gate(
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm in a night.")] = 0.05,
     history: Annotated[Path | None, typer.Option(help="Append tonight's runs here.")] = None,
     first_night: Annotated[
-        bool, typer.Option("--first-night", help="No baseline yet: only look for valid runs.")
+        bool,
+        typer.Option("--first-night", help="No baseline yet: only look for runs to be trusted."),
     ] = False,
 ) -> None:
     """Fail when tonight is significantly and relevantly worse, or when nothing was measured."""
@@ -197,7 +223,7 @@ def view(
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording too.")] = False,
     sequence: Annotated[Path | None, typer.Option(help="Prepared sequence, for images.")] = None,
 ) -> None:
-    """Look inside a run: trajectory and map as PNG, and a Rerun recording where installed."""
+    """Look inside a run: its path over the true one as PNG, a Rerun recording where installed."""
     from slambed.report.view import find_run, write_png, write_rerun
 
     found = find_run(results, run)

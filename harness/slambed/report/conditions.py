@@ -16,7 +16,7 @@ RUNS_AVERAGED = 10
 
 @dataclass(frozen=True)
 class Condition:
-    """All valid runs with one dataset and one profile."""
+    """All runs that count with one dataset and one profile."""
 
     dataset: str
     profile: str
@@ -33,9 +33,9 @@ class Condition:
             yield str(label), rows
 
 
-def conditions_of(results: Results, include_invalid: bool = False) -> list[Condition]:
+def conditions_of(results: Results, all_runs: bool = False) -> list[Condition]:
     """Every condition in the order of the cells."""
-    runs = results.runs if include_invalid else results.valid
+    runs = results.runs if all_runs else results.trusted
     return [
         Condition(text(dataset), text(profile), rows)
         for (dataset, profile), rows in runs.groupby(

@@ -7,19 +7,20 @@ from pathlib import Path
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
+from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.comparison import power_hint
-from slambed.metrics.run import SUMMARY_KEYS
-from slambed.report.cells import Cell, cells_of, differences, metrics_to_show
+from slambed.report.cells import Cell, cells_of, metrics_to_show
+from slambed.report.differences import difference_table, differences
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.published import comparisons_for
 from slambed.report.rounds import update_round_tables
+from slambed.report.settings import settings_table
 from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
 from slambed.report.tables import (
     Table,
     cell_tables,
-    difference_table,
     limits_table,
     link_table,
 )
@@ -57,9 +58,11 @@ def write_report(
     cells = cells_of(results, metrics)
     made_by = command or f"slambed report {results.name}"
     drawn = Drawn([], 0)
-    if figures and len(results.valid):
+    if figures and len(results.trusted):
         drawn = draw_all(results, cells, folder, made_by, limit_s)
     content = PageContent(
+        setup=setup_lines(results),
+        settings=settings_table(results),
         cells=cells,
         tables=[*cell_tables(cells, metrics), *update_round_tables(results)],
         differences=difference_table(differences(results)),
@@ -70,7 +73,8 @@ def write_report(
         left_out=drawn.left_out,
     )
     tables = [
-        *content.tables, content.differences, *content.comparisons, content.link, content.limits,
+        content.settings, *content.tables, content.differences, *content.comparisons,
+        content.link, content.limits,
     ]  # fmt: skip
     write_tables(tables, folder / "tables")
     html = write_html(results, content, folder)
@@ -80,10 +84,10 @@ def write_report(
 
 
 def write_summary_csv(results: Results) -> Path:
-    """One row per run, the keys of summary.json; replaced by one rename."""
+    """One row per run, the keys of summary.json, then systems' own; replaced by one rename."""
     path = results.folder / "summary.csv"
     partial = path.with_name(".summary.csv.partial")
-    results.runs[list(SUMMARY_KEYS)].to_csv(partial, index=False)
+    results.runs[[*SUMMARY_KEYS, *results.own_metrics]].to_csv(partial, index=False)
     partial.rename(path)
     return path
 
@@ -101,7 +105,9 @@ def write_tables(tables: list[Table], folder: Path) -> None:
 
 def _markdown(results: Results, content: PageContent) -> str:
     lines = [f"# {results.title}", "", headline(results, content.cells), ""]
-    lines += [text for line in setup_lines(results) for text in (line, "")]
+    lines += [text for line in content.setup for text in (line, "")]
+    if content.settings.rows:
+        lines += [f"{content.settings.caption}:", "", content.settings.markdown()]
     lines += ["The same with all details: [report/index.html](report/index.html).", ""]
     if results.problems:
         lines += ["## Warnings", "", *(f"- {line}" for line in results.problems), ""]
@@ -130,12 +136,21 @@ def _markdown(results: Results, content: PageContent) -> str:
 
 def headline(results: Results, cells: list[Cell]) -> str:
     """The most important line."""
-    total, valid = len(results.runs), len(results.valid)
+    total, trusted = len(results.runs), len(results.trusted)
     if total == 0:
         return "Nothing was measured."
     of = f" of {results.expected}" if results.expected and results.expected > total else ""
-    fewest = min((cell.valid for cell in cells), default=0)
-    return f"{total}{of} runs in {len(cells)} cells, {valid} valid. {power_hint(fewest)}"
+    fewest = min((cell.trusted for cell in cells), default=0)
+    return (
+        f"{total}{of} runs in {len(cells)} cells, {trusted} to be trusted{_failed(results)}. "
+        f"{power_hint(fewest)}"
+    )
+
+
+def _failed(results: Results) -> str:
+    """How many of them did not complete, nothing when all did."""
+    count = int(results.trusted["not_completed"].eq(True).sum())
+    return f", {count} of them did not complete" if count else ""
 
 
 def terminal_summary(experiment_dir: Path, console: Console | None = None) -> RenderableType:

@@ -2,35 +2,26 @@
 """Did tonight get worse than the baseline? Significant and relevant, or nothing measured: fail."""
 
 from dataclasses import dataclass, field
-from math import comb
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
 from slambed.errors import SlambedError
+from slambed.metrics.catalog import keys_for, metric, own_of
 from slambed.metrics.comparison import fisher, holm
-from slambed.metrics.robust_accuracy import LEAST_COVERAGE, failure_ranked
-from slambed.metrics.statistics import finite
-from slambed.report.catalog import Metric, metric
-from slambed.report.cells import number
+from slambed.metrics.metric import Metric, Use
+from slambed.metrics.older import two_axes
 from slambed.report.load import load
+from slambed.report.nights import Test, comparable, values_of_nights
 from slambed.report.tables import Table
 
 Floats = NDArray[np.float64]
 
-GATED = (
-    "lost", "failed", "coverage", "ate_rmse_m", "rpe_trans_m", "track_ms_median", "track_ms_p95",
-    "local_mapping_ms_mean", "mobile_cpu_percent_mean", "mobile_mem_mb_peak",
-    "edge_mem_mb_peak", "bytes_up", "bytes_down", "update_delay_ms_median",
-)  # fmt: skip
 BASELINE_NIGHTS = 30
 """Older nights of a history are another machine or another program."""
-FAILED = "failed"
-"""Not a key of the summary: whether coverage is below the least that counts as a success."""
 ALPHA = 0.05
 """Chance of any false alarm in a night, over all cells and metrics together (Holm)."""
 
@@ -76,21 +67,6 @@ class GateResult:
         return Table("gate", "Tonight against the baseline", headings, rows, words=2)
 
 
-def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
-    """One-sided rank test along the last axis: is tonight worse? Exact without ties.
-
-    Leading axes are independent tests; failed runs are infinite.
-    """
-    alternative: Literal["less", "greater"] = "less" if better == "higher" else "greater"
-    both = np.sort(np.concatenate([baseline, tonight], axis=-1), axis=-1)
-    with np.errstate(invalid="ignore"):
-        ties = bool(np.any(both[..., 1:] == both[..., :-1]))
-    method: Literal["asymptotic", "exact"] = "asymptotic" if ties else "exact"
-    result = stats.mannwhitneyu(tonight, baseline, alternative=alternative, axis=-1, method=method)
-    # All values equal: no spread, nothing shown.
-    return np.nan_to_num(np.asarray(result.pvalue, dtype=np.float64), nan=1.0)
-
-
 def is_relevant(baseline: Floats, tonight: Floats, item: Metric) -> NDArray[np.bool_]:
     """Whether the median (share) worsened by more than the metric's minimum effect."""
     middle = np.mean if item.kind == "share" else np.median
@@ -108,94 +84,101 @@ def is_relevant(baseline: Floats, tonight: Floats, item: Metric) -> NDArray[np.b
 def judge(baseline: pd.DataFrame, tonight: pd.DataFrame, alpha: float = ALPHA) -> GateResult:
     """Compares runs (rows with the summary keys) cell by cell."""
     result = GateResult()
-    if not len(tonight) or not tonight["valid"].eq(True).any():
-        result.failures.append("nothing was measured tonight: there is no valid run")
-    if not len(baseline) or not baseline["valid"].eq(True).any():
-        result.failures.append("the baseline has no valid run: there is nothing to compare with")
+    if not len(tonight) or not tonight["trusted"].eq(True).any():
+        result.failures.append("nothing was measured tonight: there is no run to be trusted")
+    elif len(baseline):
+        baseline, line = comparable(baseline, tonight)
+        result.notes += [line] if line else []
+    if not len(baseline) or not baseline["trusted"].eq(True).any():
+        result.failures.append(
+            "the baseline has no run to be trusted: there is nothing to compare with"
+        )
     if result.failures:
         return result
-    raw: list[tuple[str, Metric, Floats, Floats, float]] = []
+    own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
+    gated = keys_for(Use.GATED, own)
+    tests: list[Test] = []
     for cell, before in baseline.groupby("cell", sort=False):
         after = tonight[tonight["cell"] == cell]
-        good, good_before = after[after["valid"].eq(True)], before[before["valid"].eq(True)]
+        good, good_before = after[after["trusted"].eq(True)], before[before["trusted"].eq(True)]
         if not len(good_before):
             continue
         if not len(good):
-            result.failures.append(f"{cell}: nothing measured tonight ({len(after)} runs, 0 valid)")
+            result.failures.append(
+                f"{cell}: nothing measured tonight ({len(after)} runs, none to be trusted)"
+            )
             continue
-        _judge_validity(str(cell), before, after, alpha, result)
-        for key in GATED:
-            if key != FAILED and (key not in good or key not in good_before):
-                continue
-            item = metric(key)
-            a, b = _values(good_before, key), _values(good, key)
+        _judge_trust(str(cell), before, after, alpha, result)
+        for key in gated:
+            item = metric(key, own)
+            a, b, paired = values_of_nights(good_before, good, item)
             if len(a) and not len(b):
-                result.failures.append(f"{cell}: {item.label} was not measured tonight")
+                result.failures.append(f"{cell}: {item.name} was not measured tonight")
+            if len(b) and not len(a):
+                result.notes.append(f"{cell}: {item.name} is new tonight, without a baseline")
             if len(a) and len(b):
-                raw.append((str(cell), item, a, b, _p_value(a, b, item)))
-    _decide(raw, alpha, result)
+                tests.append(Test(str(cell), item, a, b, paired))
+    _new_cells(baseline, tonight, result)
+    _decide(tests, alpha, result)
     return result
 
 
-def _decide(
-    raw: list[tuple[str, Metric, Floats, Floats, float]], alpha: float, result: GateResult
-) -> None:
-    if not raw:
+def _new_cells(baseline: pd.DataFrame, tonight: pd.DataFrame, result: GateResult) -> None:
+    """A cell without a baseline is judged by whether it measured anything, and named."""
+    judged = set(baseline.loc[baseline["trusted"].eq(True), "cell"])
+    for cell, rows in tonight.groupby("cell", sort=False):
+        if cell in judged:
+            continue
+        good = int(rows["trusted"].eq(True).sum())
+        count = f"{len(rows)} runs, {good} to be trusted"
+        line = f"{cell}: new tonight, nothing to compare with ({count})"
+        (result.notes if good else result.failures).append(line)
+
+
+def _decide(tests: list[Test], alpha: float, result: GateResult) -> None:
+    if not tests:
         result.failures.append("no gated metric was measured in both")
         return
-    adjusted = holm([entry[4] for entry in raw])
-    blind: set[str] = set()
-    for (cell, item, a, b, _), p in zip(raw, adjusted, strict=True):
-        relevant = bool(is_relevant(a, b, item))
+    adjusted = holm([test.p_value() for test in tests])
+    blind: dict[str, list[Test]] = {}
+    for test, p in zip(tests, adjusted, strict=True):
+        item, counts = test.metric, (len(test.baseline), len(test.tonight))
+        relevant = bool(is_relevant(test.baseline, test.tonight, item))
         alarm = relevant and float(p) <= alpha
         middle = np.mean if item.kind == "share" else np.median
-        before, after = float(middle(a)), float(middle(b))
-        counts = (len(a), len(b))
+        before, after = float(middle(test.baseline)), float(middle(test.tonight))
         result.findings.append(
-            Finding(cell, item, before, after, counts, float(p), relevant, alarm)
+            Finding(test.cell, item, before, after, counts, float(p), relevant, alarm)
         )
         if alarm:
             result.failures.append(
-                f"{cell}: {item.label} {item.show(before)} -> {item.show(after)} {item.unit} "
-                f"(p {p:.2g}, {counts[0]} / {counts[1]} runs)"
+                f"{test.cell}: {item.name} {item.show(before)} -> {item.show(after)} "
+                f"{item.shown_unit} (p {p:.2g}, {counts[0]} / {counts[1]} runs)"
             )
-        if 1 / comb(sum(counts), counts[0]) > alpha / len(raw):
-            blind.add(f"{cell}: {counts[0]} and {counts[1]} runs can never raise an alarm among "
-                      f"{len(raw)} tests; run more")  # fmt: skip
-    result.notes += sorted(blind)
-
-
-def _judge_validity(
-    cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: GateResult
-) -> None:
-    """Invalid runs are left out of all other tests, so they are tested themselves."""
-    bad_before = len(before) - int(before["valid"].eq(True).sum())
-    bad_after = len(after) - int(after["valid"].eq(True).sum())
-    p_value = fisher(bad_before, len(before), bad_after, len(after), "greater")
-    if p_value <= alpha / 10 and bad_after / len(after) - bad_before / len(before) > 0.1:
-        result.failures.append(
-            f"{cell}: {bad_after} of {len(after)} runs not valid, before {bad_before} of "
-            f"{len(before)} (p {p_value:.2g})"
+        if test.least_p() > alpha / len(tests):
+            blind.setdefault(test.cell, []).append(test)
+    for cell, missed in sorted(blind.items()):
+        names = ", ".join(dict.fromkeys(test.metric.name for test in missed))
+        counts = (len(missed[0].baseline), len(missed[0].tonight))
+        needed = max(test.runs_needed(alpha / len(tests)) for test in missed)
+        result.notes.append(
+            f"{cell}: {counts[0]} and {counts[1]} runs can never raise an alarm about {names} "
+            f"among {len(tests)} tests; from {needed} runs a night on they can"
         )
 
 
-def _values(rows: pd.DataFrame, key: str) -> Floats:
-    """Values of a metric; a run that failed has an infinitely bad ATE, not none."""
-    if key == FAILED:
-        covered = finite(rows["coverage"].to_numpy())
-        return np.asarray(covered < LEAST_COVERAGE, dtype=np.float64)
-    if key != "ate_rmse_m":
-        return finite(rows[key].to_numpy())
-    if not len(finite(rows[key].to_numpy())):
-        return np.zeros(0)
-    pairs = zip(rows[key], rows["coverage"], strict=True)
-    return np.array([failure_ranked(number(ate), number(cover)) for ate, cover in pairs])
-
-
-def _p_value(a: Floats, b: Floats, item: Metric) -> float:
-    if item.kind == "share":
-        return fisher(int((a > 0).sum()), len(a), int((b > 0).sum()), len(b), "greater")
-    return float(worsening_p(a, b, item.better))
+def _judge_trust(
+    cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: GateResult
+) -> None:
+    """Runs not to be trusted are left out of all other tests, so they are tested themselves."""
+    bad_before = len(before) - int(before["trusted"].eq(True).sum())
+    bad_after = len(after) - int(after["trusted"].eq(True).sum())
+    p_value = fisher(bad_before, len(before), bad_after, len(after), "greater")
+    if p_value <= alpha / 10 and bad_after / len(after) - bad_before / len(before) > 0.1:
+        result.failures.append(
+            f"{cell}: {bad_after} of {len(after)} runs not to be trusted, before {bad_before} of "
+            f"{len(before)} (p {p_value:.2g})"
+        )
 
 
 def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame, list[str]]:
@@ -205,6 +188,9 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
     """
     if folder.is_file():
         table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
+        if "trusted" not in table:  # nights of older versions
+            rows = [two_axes({str(k): v for k, v in r.items()}) for r in table.to_dict("records")]
+            table = pd.DataFrame(rows)
         if experiment is not None and "experiment" in table:
             table = table[table["experiment"] == experiment]
         if "passed" in table:
@@ -221,7 +207,9 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
         return pd.read_csv(folder / "summary.csv"), []
     if not folder.is_dir():
         raise SlambedError(f"no results, {folder} is not there, give a results folder or a history")
-    return pd.DataFrame(columns=["cell", "valid", *GATED]), [f"{folder}: no runs in it"]
+    return pd.DataFrame(columns=["cell", "trusted", *keys_for(Use.GATED)]), [
+        f"{folder}: no runs in it"
+    ]
 
 
 def append_history(history: Path, runs: pd.DataFrame, night_utc: str, passed: bool) -> int:

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pandas as pd
 
+from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import power_hint
-from slambed.report.catalog import metric
 from slambed.report.cells import Cell, number
 from slambed.report.load import Results
-from slambed.report.page import STYLE, TEMPLATE
-from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
+from slambed.report.page import render
+from slambed.report.setup import NO_LIMITS, is_virtual
 from slambed.report.style import SavedFigure
 from slambed.report.tables import Table
 from slambed.report.timeline import timeline_svg
@@ -30,6 +29,9 @@ MOST_SVG_BYTES = 150_000
 class PageContent:
     """Everything the page shows beside what `Results` knows."""
 
+    setup: list[str]
+    """Engines, devices and compute times, in sentences."""
+    settings: Table
     cells: list[Cell]
     tables: list[Table]
     differences: Table
@@ -47,24 +49,22 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         run["timeline"] = timeline_svg(results, run["key"])
     sections = [
         ("summary", "Summary"), ("tables", "Tables"), ("papers", "Beside published figures"),
-        ("differences", "Differences"), ("figures", "Figures"), ("validity", "Link and limits"),
+        ("differences", "Differences"), ("figures", "Figures"), ("trust", "Link and limits"),
         ("runs", "Runs"), ("manifest", "Manifest"),
     ]  # fmt: skip
     if not content.comparisons:
         sections.remove(("papers", "Beside published figures"))
     if not content.differences.rows:
         sections.remove(("differences", "Differences"))
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    page = environment.from_string(TEMPLATE).render(
-        style=STYLE,
+    page = render(
+        "report.html.j2",
         title=results.title,
         name=results.name,
         notes=results.spec.get("notes") or "",
         sections=sections,
         tiles=_tiles(results, content.cells),
-        setup=setup_lines(results),
+        setup=content.setup,
+        settings=content.settings,
         hint=_hint(content.cells),
         problems=results.problems,
         tables=content.tables,
@@ -91,17 +91,19 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
 
 
 def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
-    total, valid = len(results.runs), len(results.valid)
-    lost = int(results.valid["lost"].eq(True).sum())
+    total, trusted = len(results.runs), len(results.trusted)
+    lost = int(results.trusted["lost"].eq(True).sum())
+    failed = int(results.trusted["not_completed"].eq(True).sum())
     expected = results.expected
     all_there = expected is None or total >= expected
     runs = f"{total}" if all_there else f"{total} of {expected}"
     proofs = pd.to_numeric(results.runs["rtt_error_ms_median"]).dropna()
     tiles = [
         (runs, "runs", "" if all_there and total else "bad"),
-        (f"{valid}", "valid runs", "good" if valid == total and total else "bad"),
+        (f"{trusted}", "runs to be trusted", "good" if trusted == total and total else "bad"),
         (f"{len(cells)}", "cells", ""),
-        (f"{lost}", "valid runs with a track loss", ""),
+        (f"{lost}", "of them with a track loss", ""),
+        (f"{failed}", "of them did not complete", "bad" if failed else ""),
     ]
     if len(proofs):
         tiles.append((f"{proofs.max():.2f} ms", "largest median RTT error of a run", ""))
@@ -116,12 +118,12 @@ def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
 def _hint(cells: list[Cell]) -> str:
     if not cells:
         return "Nothing was measured."
-    return power_hint(min(cell.valid for cell in cells))
+    return power_hint(min(cell.trusted for cell in cells))
 
 
 def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
     """All runs; of a large campaign the failed and lossy ones, then the first of every cell."""
-    flagged = ~runs["valid"].eq(True) | runs["lost"].eq(True)
+    flagged = ~runs["trusted"].eq(True) | runs["not_completed"].eq(True) | runs["lost"].eq(True)
     first = ~runs.duplicated("cell")
     marked = runs.assign(wanted=flagged | first)
     if len(runs) > MOST_RUNS:
@@ -131,13 +133,17 @@ def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _run(results: Results, row: dict[str, Any]) -> dict[str, Any]:
-    valid = row["valid"] is True
-    reason = row["invalid_reason"]
+    trusted, completed = row["trusted"] is True, row["outcome"] == "completed"
+    outcome = str(row["outcome"]).replace("_", " ")
+    if not completed:
+        outcome += f": {row['outcome_reason']}"
+    if not trusted:
+        outcome += f"; not to be trusted: {row['distrust']}"
     return {
         "key": row["run_key"],
         "name": run_name(row["cell"], row["repetition"]),
-        "outcome": "valid" if valid else f"{row['outcome']}: {reason}",
-        "mood": "" if valid else "bad",
+        "outcome": outcome,
+        "mood": "" if trusted and completed else "bad",
         "coverage": f"{metric('coverage').show(number(row['coverage']))} %",
         "losses": _count(row["track_losses"]),
         "ate": metric("ate_rmse_m").show(number(row["ate_rmse_m"])),

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A results folder in memory; what is torn, missing or foreign becomes a line in `problems`."""
 
-import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +13,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
+from slambed.json_file import object_or_empty
+from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
+from slambed.metrics.collect import stored_log
 from slambed.metrics.events import EventLog
-from slambed.metrics.run import SUMMARY_KEYS
+from slambed.metrics.metric import Metric
+from slambed.metrics.older import two_axes
 from slambed.metrics.trajectory import Trajectory, read_tum
+from slambed.report.standing import REMEDY, old_version, refused_runs
 
 MOST_PROBLEMS_PER_KIND = 10
 STALL_MS = 100.0
 """The time between two frames of the papers' playback: a longer stall drops one."""
-TEXT_KEYS = frozenset(
-    (
-        "run_key", "experiment", "cell", "system", "variant", "dataset", "profile",
-        "device_mobile", "device_edge", "engine", "link_backend", "outcome", "invalid_reason",
-        "faults", "ate_alignment",
-    )
-)  # fmt: skip
-FLAG_KEYS = frozenset(("valid", "lost"))
+OLD_KEYS = ("valid", "invalid_reason")
 MANIFEST_FACTS = (
     "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores", "command",
 )  # fmt: skip
@@ -50,6 +48,8 @@ class Results:
     """Runs the experiment asks for, when known."""
     spec: dict[str, Any] = field(default_factory=dict)
     """The experiment file as run, where it was kept."""
+    refused: list[str] = field(default_factory=list)
+    """Runs whose numbers must not stand beside the others'; they do not count here."""
 
     @property
     def name(self) -> str:
@@ -57,9 +57,23 @@ class Results:
         return self.folder.name
 
     @property
-    def valid(self) -> pd.DataFrame:
+    def trusted(self) -> pd.DataFrame:
         """The runs that count."""
-        return self.runs[self.runs["valid"].eq(True)]
+        return self.runs[self.runs["trusted"].eq(True)]
+
+    @cached_property
+    def own_metrics(self) -> dict[str, Metric]:
+        """What the systems of these runs measure besides the usual, by key."""
+        return own_of(self.runs["system"].dropna().unique())
+
+    def metric(self, key: str) -> Metric:
+        """The metric of a column."""
+        return metric(key, self.own_metrics)
+
+    def numbers(self) -> list[str]:
+        """The columns that are metrics and no words."""
+        own = [*SUMMARY_KEYS, *self.own_metrics]
+        return [key for key in own if key in self.runs and self.metric(key).is_number]
 
     def cells(self) -> list[str]:
         """Cells in the order of the experiment file, else of first appearance."""
@@ -81,17 +95,14 @@ class Results:
             return None
 
     def events(self, run_key: str, kinds: tuple[str, ...]) -> EventLog | None:
-        """The stored events of these types; ids stay whole numbers (they need all 64 bits, which
-        a data frame with gaps would turn into floats)."""
+        """The stored events of these types; None (and a problem) when they cannot be read."""
         path = self.run_dir(run_key) / "events.parquet"
         if not path.exists():
             return None
-        try:
-            rows = pq.read_table(path, filters=[("type", "in", kinds)]).to_pylist()
-        except (OSError, pa.ArrowException) as error:
-            self.complain(f"{run_key}/{path.name}: unreadable ({str(error).splitlines()[0]})")
-            return None
-        return EventLog([{k: v for k, v in row.items() if v is not None} for row in rows])
+        log = stored_log(path, kinds)
+        for line in log.problems:
+            self.complain(f"{run_key}/{line}")
+        return None if log.problems else log
 
     def trajectory(self, run_key: str, name: str = "trajectory.txt") -> Trajectory | None:
         """The estimated path of one run."""
@@ -99,7 +110,11 @@ class Results:
 
     def groundtruth(self, dataset: str) -> Trajectory | None:
         """The true path of a dataset, kept beside the runs."""
-        return self._trajectory(self.folder / "groundtruth" / f"{dataset.replace('/', '_')}.txt")
+        return self._trajectory(self.groundtruth_file(dataset))
+
+    def groundtruth_file(self, dataset: str) -> Path:
+        """Where the true path of a dataset is kept."""
+        return self.folder / "groundtruth" / f"{dataset.replace('/', '_')}.txt"
 
     def _trajectory(self, path: Path) -> Trajectory | None:
         if not path.exists():
@@ -125,11 +140,11 @@ def load(folder: Path) -> Results:
     if not folder.is_dir():
         raise SlambedError(f"no results, {folder} is not a folder, run the experiment first")
     problems: list[str] = []
-    experiment = _read(folder / "experiment.json", problems)
+    experiment = object_or_empty(folder / "experiment.json", problems, needed=True)
     listed = experiment.get("runs")
     planned = [r for r in listed if isinstance(r, dict)] if isinstance(listed, list) else []
     rows, facts, limits = _read_runs(folder, planned, problems)
-    columns = [*SUMMARY_KEYS, "label", "started_utc", "folder"]
+    columns = [*SUMMARY_KEYS, "label", "plain_label", "started_utc", "folder"]
     runs = pd.DataFrame(rows, columns=None if rows else columns)
     for name in columns:
         if name not in runs:
@@ -140,17 +155,36 @@ def load(folder: Path) -> Results:
         problems.insert(0, "nothing was measured: there is no readable run")
     results = Results(
         folder=folder,
-        title=str(spec.get("title") or experiment.get("title") or folder.name),
-        runs=_in_order(runs, spec),
+        title=str(spec.get("title") or experiment.get("title") or folder.name)
+        + _stand_ins(experiment),
+        runs=_side_by_side(_in_order(runs, spec)),
         problems=problems,
         facts=facts,
         limits=pd.DataFrame(limits),
         expected=len(planned) or None,
         spec=spec,
     )
+    _refuse_mixtures(results)
     _report_missing(results, planned)
     _report_stalls(results)
     return results
+
+
+def _refuse_mixtures(results: Results) -> None:
+    """Numbers of different metrics, or against different true paths, are not put side by side."""
+    runs = results.runs
+    truths = {str(d): results.groundtruth_file(str(d)) for d in runs["dataset"].dropna().unique()}
+    refused = refused_runs(runs, truths)
+    results.refused = list(refused)
+    remedy = REMEDY.format(name=results.name)
+    for reason, count in Counter(refused.values()).items():
+        results.complain(f"{count} of {len(runs)} runs are left out: {reason}; {remedy}")
+    if refused:
+        out = runs["run_key"].isin(results.refused)
+        runs.loc[out, "trusted"] = False
+        runs.loc[out, "distrust"] = runs.loc[out, "run_key"].map(refused)
+    elif (version := old_version(runs)) is not None:
+        results.complain(f"all numbers are of metrics version {version}; {remedy}")
 
 
 def _read_runs(
@@ -160,8 +194,7 @@ def _read_runs(
     rows: list[dict[str, Any]] = []
     limits: list[dict[str, Any]] = []
     kinds: Counter[str] = Counter()
-    labels = {run.get("run_key"): run.get("label") for run in planned}
-    wanted = set(labels)
+    wanted = {str(run.get("run_key")): run for run in planned}
 
     def tell(kind: str, line: str) -> None:
         kinds[kind] += 1
@@ -174,26 +207,35 @@ def _read_runs(
         if not path.is_dir():
             tell("foreign", f"runs/{path.name}: not a run folder, ignored")
             continue
-        summary = _read(path / "summary.json", None)
+        summary = object_or_empty(path / "summary.json")
         if not summary or not isinstance(summary.get("cell"), str):
             there = (path / "summary.json").exists()
             what = "summary.json is torn or foreign" if there else "no summary.json"
             tell("torn", f"runs/{path.name}: {what}, run ignored")
             continue
-        manifest = _read(path / "manifest.json", None)
+        manifest = object_or_empty(path / "manifest.json")
         if not manifest:
             tell("manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown")
-        unknown = sorted(set(summary) - set(SUMMARY_KEYS))
+        known = metrics_of(summary.get("system"))
+        unknown = sorted(set(summary) - {item.key for item in known} - set(OLD_KEYS))
         if unknown:
             tell("keys", f"runs/{path.name}: unknown keys in summary.json: {', '.join(unknown)}")
         told = manifest.get("spec")
         spec: dict[str, Any] = told if isinstance(told, dict) else {}
-        row, wrong = _typed(summary)
+        row, wrong = _typed(two_axes(summary), known)
         if wrong:
             tell("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
         row["run_key"] = path.name
-        label = spec.get("label") or labels.get(path.name) or _label_of(row)
-        row |= {"label": label, "started_utc": manifest.get("started_utc"), "folder": path.name}
+        # Another experiment may have had it executed, under other names.
+        called = wanted.get(path.name, {})
+        row |= {key: called[key] for key in ("experiment", "cell") if called.get(key)}
+        label = called.get("label") or spec.get("label") or _label_of(row)
+        row |= {
+            "label": label,
+            "plain_label": label,
+            "started_utc": manifest.get("started_utc"),
+            "folder": path.name,
+        }
         for name, value in (spec.get("params") or {}).items():
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:
@@ -246,22 +288,10 @@ def _fact(value: object) -> str:
     return str(value)
 
 
-def _typed(summary: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def _typed(summary: dict[str, Any], known: tuple[Metric, ...]) -> tuple[dict[str, Any], list[str]]:
     """The known keys; a value of another type is foreign and counts as not measured."""
-    row: dict[str, Any] = {}
-    wrong: list[str] = []
-    for key in SUMMARY_KEYS:
-        value = summary.get(key)
-        if key in TEXT_KEYS:
-            good = isinstance(value, str)
-        elif key in FLAG_KEYS:
-            good = isinstance(value, bool)
-        else:
-            good = isinstance(value, int | float) and not isinstance(value, bool)
-        row[key] = value if good else None
-        if not good and value is not None:
-            wrong.append(key)
-    return row, wrong
+    wrong = [item.key for item in known if not item.accepts(summary.get(item.key))]
+    return {i.key: None if i.key in wrong else summary.get(i.key) for i in known}, wrong
 
 
 def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
@@ -280,6 +310,15 @@ def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
     )
     order = keys.sort_values(list(keys.columns), kind="stable").index
     return runs.loc[order].reset_index(drop=True)
+
+
+def _side_by_side(runs: pd.DataFrame) -> pd.DataFrame:
+    """Runs of several engines are several systems to a report: the engine becomes part of the
+    names. Live and virtual numbers are never pooled."""
+    if runs["engine"].nunique() < 2:
+        return runs
+    suffix = " (" + runs["engine"].astype(str) + ")"
+    return runs.assign(label=runs["label"] + suffix, cell=runs["cell"] + suffix)
 
 
 def _profile_names(spec: dict[str, Any]) -> list[str]:
@@ -313,15 +352,23 @@ def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
 
 def _report_stalls(results: Results) -> None:
     """A track loss in a run that the host held up may not be the system's."""
-    runs = results.valid
+    runs = results.trusted
     if "host_stall_ms_max" not in runs or "lost" not in runs:
         return
     stalled = runs[(runs["host_stall_ms_max"] > STALL_MS) & runs["lost"].eq(True)]
     for cell, count in list(Counter(stalled["cell"].astype(str)).items())[:MOST_PROBLEMS_PER_KIND]:
         results.complain(
             f"{cell}: {count} of the runs with a track loss were held up by the host for more than "
-            f"{STALL_MS:g} ms; tolerances.host_stall_ms_max makes such runs invalid"
+            f"{STALL_MS:g} ms; tolerances.host_stall_ms_max keeps such runs out"
         )
+
+
+def _stand_ins(experiment: dict[str, Any]) -> str:
+    """What the title must not hide: that another sequence was played than the one asked for."""
+    found = experiment.get("stand_ins")
+    pairs = found.items() if isinstance(found, dict) else ()
+    told = ", ".join(f"{played} stands in for {wanted}" for played, wanted in pairs)
+    return f" [{told}]" if told else ""
 
 
 def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:
@@ -331,18 +378,3 @@ def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:
         results.complain(f"{cell}: {count} runs missing")
     if len(missing) > MOST_PROBLEMS_PER_KIND:
         results.complain(f"... and {len(missing) - MOST_PROBLEMS_PER_KIND} more cells with gaps")
-
-
-def _read(path: Path, problems: list[str] | None) -> dict[str, Any]:
-    """A JSON object, or {} (with a problem when `problems` is given)."""
-    try:
-        value = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        if problems is not None:
-            problems.append(f"{path.name}: missing")
-        return {}
-    except (OSError, ValueError) as error:
-        if problems is not None:
-            problems.append(f"{path.name}: unreadable ({error})")
-        return {}
-    return value if isinstance(value, dict) else {}

@@ -1,50 +1,70 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds the runs of ours that a published number is about, or says why there are none."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, Literal
 
-import numpy as np
 import pandas as pd
 
-from slambed.errors import SlambedError
-from slambed.metrics.stages import delays
-from slambed.metrics.statistics import Interval, bootstrap, finite, wilson
-from slambed.metrics.tracking import tracking_of
-from slambed.report.figures.stages import event_log
 from slambed.report.load import Results
-from slambed.report.papers import Match, Paper, PaperMetric
+from slambed.report.papers import Match, Paper, PaperDataset
 
-RUNS_WITH_EVENTS = 30
-"""Event logs read per published number; more would not change a mean visibly."""
 LIVE = "live"
 VIRTUAL = "virtual"
+ENGINES = (VIRTUAL, LIVE)
+
+Missing = Literal["no_system", "no_data", "no_metric", "too_few_runs"]
+"""Why nothing of ours stands beside a number."""
+MISSING_WORDS: dict[Missing, str] = {
+    "no_system": "no system", "no_data": "no data", "no_metric": "no metric",
+    "too_few_runs": "too few runs",
+}  # fmt: skip
+LEFT_OPEN = ("dataset", "variant", "profile", "device_mobile", "device_edge")
+"""Columns that one number may not be pooled over, as every `params.*`."""
 
 
 @dataclass
 class Pool:
-    """The valid runs of several experiments in one table; `experiment_folder` finds their files."""
+    """The runs of several experiments that count; `experiment_folder` finds their files."""
 
     runs: pd.DataFrame
     results: dict[str, Results]
+    engine: str = ""
+    """The only kind of engine in it; none: all."""
+    from_events: dict[tuple[str, str], float | None] = field(default_factory=dict)
+    """What was read from event logs, by run key and quantity: they are large."""
+    narrowed: dict[str, "Pool"] = field(default_factory=dict)
+    """`about` of every source that was asked for."""
 
     def of_engine(self, engine: str) -> "Pool":
         """Only live or only virtual runs: the two are never mixed in one number."""
+        if not engine:
+            return self
         virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
-        return Pool(self.runs[virtual if engine == VIRTUAL else ~virtual], self.results)
+        runs = self.runs[virtual if engine == VIRTUAL else ~virtual]
+        return Pool(runs, self.results, engine, self.from_events)
 
     def about(self, paper: Paper, source: str) -> "Pool":
-        """Only runs of experiments that say they reproduce this table or claim: others, such as
-        sensitivity studies, differ from it in ways its coordinates do not name."""
-        own = [r for r in self.results.values() if source in paper.sources(reproduces(r))]
+        """Only runs of experiments that say they reproduce this table, figure or claim: others,
+        such as sensitivity studies, differ from it in ways its coordinates do not name."""
+        if source not in self.narrowed:
+            own = [r for r in self.results.values() if source in paper.sources(reproduces(r))]
+            self.narrowed[source] = pool_of(own).of_engine(self.engine)
+            self.narrowed[source].from_events = self.from_events
+        return self.narrowed[source]
+
+    def of_paper(self, paper: Paper) -> "Pool":
+        """Only experiments that reproduce anything of this paper."""
+        own = [r for r in self.results.values() if paper.sources(reproduces(r))]
         return pool_of(own)
 
     def engines(self) -> list[str]:
-        """`live`, `virtual`, both or none."""
+        """`virtual`, `live`, both or none."""
         virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
-        found = [LIVE] if (~virtual).any() else []
-        return [*found, VIRTUAL] if virtual.any() else found
+        found = [VIRTUAL] if virtual.any() else []
+        return [*found, LIVE] if (~virtual).any() else found
 
 
 def reproduces(results: Results) -> set[str]:
@@ -53,8 +73,8 @@ def reproduces(results: Results) -> set[str]:
 
 
 def pool_of(experiments: list[Results]) -> Pool:
-    """Valid runs of all experiments; a run that several of them share counts once."""
-    parts = [r.valid.assign(experiment_folder=r.name) for r in experiments if len(r.valid)]
+    """Runs of all experiments that count; a run that several of them share counts once."""
+    parts = [r.trusted.assign(experiment_folder=r.name) for r in experiments if len(r.trusted)]
     if not parts:
         columns = ["engine", "system", "variant", "dataset", "profile", "run_key"]
         return Pool(pd.DataFrame(columns=columns), {})
@@ -64,43 +84,77 @@ def pool_of(experiments: list[Results]) -> Pool:
 
 @dataclass(frozen=True)
 class Found:
-    """The runs at some coordinates, or (`reason`) why there are none."""
+    """The runs at some coordinates, or (`missing`, `reason`) why there are none."""
 
     runs: pd.DataFrame | None
+    missing: Missing | None = None
     reason: str = ""
+    dataset: str = ""
+    """Our name of the sequence."""
     stand_in: bool = False
 
 
-def find_runs(paper: Paper, pool: Pool, coordinates: dict[str, Any]) -> Found:
+def find_runs(
+    paper: Paper, runs: pd.DataFrame, system: str | None, conditions: Mapping[str, Any]
+) -> Found:
     """Runs with this system, dataset and conditions in the paper's words."""
-    left = dict(coordinates)
-    left.pop("metric", None)
-    system = left.pop("system", None)
     if system is None:
-        return Found(None, "the paper names no system here")
+        return Found(None, "no_system", "the paper names no system here")
     if system not in paper.systems:
-        return Found(None, f"system '{system}' has no counterpart of ours")
-    runs = matching(pool.runs, paper.systems[system].match)
-    if not len(runs):
-        return Found(None, f"{paper.systems[system].label}: no valid run")
-    dataset = left.pop("dataset", None)
-    if dataset not in paper.datasets:
-        return Found(None, "the paper does not name the dataset" if dataset is None else
-                     f"dataset '{dataset}' has no counterpart of ours")  # fmt: skip
-    where = paper.datasets[dataset]
+        return Found(None, "no_system", f"system '{system}' has no counterpart of ours")
+    label, not_built = paper.systems[system].label, paper.systems[system].not_built
+    if not_built is not None:
+        return Found(None, "no_system", f"{label}: {not_built}")
+    own = matching(runs, paper.systems[system].match)
+    if not len(own):
+        return Found(None, "too_few_runs", f"{label}: no run to be trusted")
+    left = dict(conditions)
+    name = left.pop("dataset", None)
+    if name not in paper.datasets:
+        told = "the paper names no dataset here" if name is None else f"no data for '{name}'"
+        return Found(None, "no_data", told)
+    where = paper.datasets[name]
+    first = None
+    for dataset, chosen, stand_in in _sequences(where, own):
+        for condition, value in left.items():
+            narrowed = _condition(paper, chosen, system, condition, value)
+            if isinstance(narrowed, str):
+                first = first or Found(None, "too_few_runs", f"{label}: {narrowed}")
+                break
+            chosen = narrowed
+        else:
+            if open_columns := left_open(chosen, where.each_sequence_once):
+                told = f"runs differ in {open_columns}, which the paper's numbers leave open"
+                return Found(None, "no_metric", told)
+            return Found(chosen, dataset=dataset, stand_in=stand_in)
+    note = f" ({where.note})" if where.note else ""
+    return first or Found(None, "no_data", f"{where.label}: no run to be trusted{note}")
+
+
+def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame, bool]]:
+    """The sequence itself, then its stand-ins, best first and one at a time."""
     exact = matching(runs, {"dataset": where.match})
-    stand_in = not len(exact)
-    runs = exact if len(exact) else matching(runs, {"dataset": where.stand_in})
+    found = [(", ".join(sorted(set(exact["dataset"]))), exact, False)] if len(exact) else []
+    for pattern in where.stand_in:
+        fits = matching(runs, {"dataset": pattern})
+        found += [(str(name), part, True) for name, part in fits.groupby("dataset", sort=True)]
+    return found
+
+
+def left_open(runs: pd.DataFrame, several_sequences: bool = False) -> str:
+    """What differs between runs that one number would pool, in words; nothing if nothing does."""
     if not len(runs):
-        return Found(
-            None, f"{where.label}: no valid run" + (f" ({where.note})" if where.note else "")
-        )
-    for name, value in left.items():
-        found = _condition(paper, runs, str(system), name, value)
-        if isinstance(found, str):
-            return Found(None, found)
-        runs = found
-    return Found(runs, stand_in=stand_in)
+        return ""
+    columns = [c for c in runs if c in LEFT_OPEN or str(c).startswith("params.")]
+    columns = [c for c in columns if c != "dataset" or not several_sequences]
+    if "link_backend" in runs and runs["link_backend"].isna().all():
+        columns = [c for c in columns if c not in ("profile", "device_edge")]
+    told = []
+    for column in columns:
+        values = sorted(set(runs[column].dropna().astype(str)))
+        if len(values) > 1:
+            told.append(f"{column} ({', '.join(values[:3])}{', ...' if len(values) > 3 else ''})")
+    return " and ".join(told)
 
 
 def matching(runs: pd.DataFrame, match: Match) -> pd.DataFrame:
@@ -109,7 +163,7 @@ def matching(runs: pd.DataFrame, match: Match) -> pd.DataFrame:
         wanted = [patterns] if isinstance(patterns, str) else patterns
         if column not in runs:
             return runs.iloc[:0]
-        text = runs[column].astype(str)
+        text = runs[column].map(str)
         fits = text.map({v: any(fnmatchcase(v, p) for p in wanted) for v in text.unique()})
         runs = runs[fits.astype(bool)]
     return runs
@@ -140,48 +194,3 @@ def _condition(
         return runs
     chosen = matching(runs, match)
     return chosen if len(chosen) else f"no run with {name} = {value}"
-
-
-def our_value(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> Interval | str:
-    """Estimate with interval in the paper's unit, or why there is none."""
-    if metric.only_without_loss:
-        runs = runs[runs["lost"].eq(False)]
-        if not len(runs):
-            return "every run lost track"
-    values = _values(pool, runs, metric)
-    if not len(values):
-        return f"{metric.key} was not measured in {len(runs)} runs"
-    if metric.statistic == "share":
-        return wilson(int((values > 0).sum()), len(values)).scaled(metric.scale)
-    try:
-        return bootstrap(values, metric.statistic).scaled(metric.scale)
-    except SlambedError as error:
-        return str(error)
-
-
-def _values(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> Any:
-    source, _, part = metric.key.partition(".")
-    if source in ("delay", "tracking") and part:
-        return np.array(_from_events(pool, runs, source, part))
-    if metric.key not in runs:
-        return np.zeros(0)
-    values = pd.to_numeric(runs[metric.key], errors="coerce")
-    if metric.per_second:
-        values = values / pd.to_numeric(runs["wall_s"], errors="coerce")
-    return finite(values.to_numpy())
-
-
-def _from_events(pool: Pool, runs: pd.DataFrame, source: str, part: str) -> list[float]:
-    found: list[float] = []
-    for _, row in runs.head(RUNS_WITH_EVENTS).iterrows():
-        log = event_log(pool.results[str(row["experiment_folder"])], str(row["run_key"]))
-        if log is None:
-            continue
-        if source == "delay":
-            delay = delays(log).get(part)
-            value = delay.mean_ms if delay is not None else None
-        else:
-            value = getattr(tracking_of(log), part, None)
-        if value is not None:
-            found.append(float(value))
-    return found

@@ -1,57 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One page per paper: every published number beside ours, and where our runs are."""
+"""One page per paper, one over all: HTML, Markdown and LaTeX of the same verdicts."""
 
-import base64
 import os
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import jinja2
-import pandas as pd
+from markupsafe import Markup
 
-from slambed.report.compare import Comparison, compare_paper, comparison_table, tally
+from slambed.report.compare import (
+    Column,
+    PaperVerdicts,
+    compare_paper,
+    comparison_table,
+    ordering_table,
+)
 from slambed.report.experiment import write_tables
+from slambed.report.judged import MARKS, Judged
 from slambed.report.load import Results
-from slambed.report.lookup import pool_of
+from slambed.report.lookup import Pool, pool_of
 from slambed.report.page import STYLE
+from slambed.report.paper_view import (
+    bar,
+    bars,
+    circumstance,
+    claim_lines,
+    claims_beside,
+    headline,
+    twelve_lines,
+    twin,
+    why_not,
+)
 from slambed.report.papers import Paper
 from slambed.report.peer import peer_tables
-from slambed.report.style import COLOURS, FigureWriter, SavedFigure, figure, file_name
+from slambed.report.strip import COLOURS, histogram_svg, strip_svg
 from slambed.report.tables import Table
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,"><title>{{ paper.paper.title }} - slambed</title>
-<style>{{ style }}
-.reproduced, .met, .better { color: var(--good); } .differs, .missed { color: var(--bad); }
-</style></head><body>
-<header><h1>{{ paper.paper.title }}</h1>
-<p class="lead">{{ paper.paper.authors | join(", ") }}. {{ paper.paper.venue }}, {{ paper.paper.year
-}}.</p></header>
-<section><h2>Summary</h2><p><b>{{ summary }}</b></p>
-<p class="soft">A number is <i>reproduced</i> when it and ours cannot be told apart (shares:
-Fisher's test; means: overlapping intervals, or within 10 %) and ours is narrow enough to tell;
-<i>same ordering</i> when that fails but the differences inside the table point the same way;
-<i>close</i> when a stand-in sequence gives the same number and no difference decides;
-<i>differs</i> when they do not; else <i>not run</i>, with the reason. Live and virtual runs are
-never mixed.</p>
-{% if experiments %}<p>Runs: {% for name, link in experiments %}<a href="{{ link }}">{{ name }}</a>
-{% endfor %}</p>{% else %}<p>There are no runs of ours yet.</p>{% endif %}</section>
-{% for table, notes in tables %}<section><h2>{{ table.caption }}</h2>
-{% for figure in figures if figure.name == table.name %}<figure style="max-width: 44rem">
-<img alt="{{ figure.title }}" src="{{ figure.uri }}">
-<figcaption>{{ figure.caption }} Data: <a href="{{ figure.data }}">{{ figure.data }}</a>; made by
-<code>{{ figure.command }}</code></figcaption></figure>{% endfor %}
-<div class="scroll"><table><thead><tr>{% for h in table.headings -%}
-<th{% if loop.index0 < table.words %} class="word"{% endif %}>{{ h }}</th>{% endfor %}</tr></thead>
-<tbody>{% for row in table.rows %}<tr>{% for c in row -%}
-<td class="{% if loop.index0 < table.words %}word{% elif loop.last %}long{% endif %}
- {{ c.split(' ')[0] }}">{{ c }}</td>{% endfor %}</tr>
-{% endfor %}</tbody></table></div>
-{% for note in notes %}<p class="soft">{{ note }}</p>{% endfor %}</section>{% endfor %}
-</body></html>
-"""
+RUNS_LINKED = 5
+"""Runs of a number that are named; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -60,109 +48,194 @@ class PaperPage:
 
     html: Path
     markdown: Path
-    summary: str
-    rows: list[Comparison]
+    lines: list[str]
+    """The page in the terminal."""
+    verdicts: PaperVerdicts | None
+
+
+@lru_cache(maxsize=1)
+def environment() -> jinja2.Environment:
+    """Templates of reports; everything that is not marked safe is escaped."""
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("slambed.report"), autoescape=True,
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
 
 
 def write_paper_page(
-    paper: Paper, experiments: list[Results], folder: Path, command: str | None = None
+    paper: Paper, experiments: list[Results], folder: Path, overview: bool = False
 ) -> PaperPage:
-    """Writes `<folder>/<paper id>/index.html`, page.md, tables and figures."""
+    """Writes `<folder>/<paper id>/index.html`, page.md and tables; `overview` says that the page
+    over all papers will be written too, so that this one may point to it."""
     target = folder / paper.id
     target.mkdir(parents=True, exist_ok=True)
     pool = pool_of(experiments)
-    made_by = command or f"slambed compare {paper.id}"
-    writer = FigureWriter(target, made_by, [])
-    tables: list[tuple[Table, list[str]]] = []
-    rows: list[Comparison] = []
     if paper.kind == "peer":
-        tables = [(table, []) for table in peer_tables(paper, pool)]
-        summary = f"{len(tables)} of {len(paper.setups)} set-ups were run"
-    else:
-        rows = compare_paper(paper, pool)
-        summary = tally(rows)
-        for published in paper.tables:
-            own = [row for row in rows if row.source == published.id]
-            caption = f"{published.label} ({published.where}): {published.caption}"
-            tables.append((comparison_table(f"{published.id}", caption, own), published.notes))
-            _draw(own, f"{published.label}: {published.caption}", published.id, writer)
-        claims = [row for row in rows if row.source in {claim.id for claim in paper.claims}]
-        caption = "Stated results"
-        tables.append((comparison_table(f"{paper.id}_claims", caption, claims), []))
-    tables = [(table, notes) for table, notes in tables if table.rows]
-    used = sorted(set(pool.runs["experiment_folder"])) if len(pool.runs) else []
-    links = [(r.name, _link(r, target)) for r in experiments if r.name in used]
-    writer.write_list()
+        return _peer_page(paper, pool, target)
+    verdicts = compare_paper(paper, pool)
     html = target / "index.html"
-    html.write_text(_render(paper, summary, links, writer.saved, tables, target), encoding="utf-8")
-    write_tables([table for table, _ in tables], target / "tables")
-    markdown = target / "page.md"
-    lines = [f"# {paper.paper.title}", "", summary, ""]
-    for table, notes in tables:
-        lines += [f"## {table.caption}", "", table.markdown(), *notes, ""]
-    markdown.write_text("\n".join(lines), encoding="utf-8")
-    return PaperPage(html, markdown, summary, rows)
-
-
-def _link(results: Results, target: Path) -> str:
-    page = results.folder / "report" / "index.html"
-    return Path(os.path.relpath(page, target)).as_posix()
-
-
-def _render(
-    paper: Paper,
-    summary: str,
-    links: list[tuple[str, str]],
-    figures: list[SavedFigure],
-    tables: list[tuple[Table, list[str]]],
-    target: Path,
-) -> str:
-    shown = []
-    for item in figures:
-        data = base64.b64encode((target / f"{item.name}.svg").read_bytes()).decode()
-        shown.append({**vars(item), "uri": f"data:image/svg+xml;base64,{data}"})
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(PAGE).render(
-        paper=paper, summary=summary, style=STYLE, experiments=links, figures=shown, tables=tables
+    html.write_text(
+        environment()
+        .get_template("paper.html.j2")
+        .render(_content(verdicts, experiments, target), overview=overview),
+        encoding="utf-8",
     )
+    tables = [table for column in verdicts.columns for table in _tables(verdicts, column)]
+    write_tables(tables, target / "tables")
+    markdown = target / "page.md"
+    markdown.write_text(_markdown(verdicts, experiments, tables), encoding="utf-8")
+    return PaperPage(html, markdown, twelve_lines(verdicts, experiments), verdicts)
 
 
-def _draw(rows: list[Comparison], title: str, name: str, writer: FigureWriter) -> None:
-    """Published values as diamonds, ours as dots with intervals; one panel per metric."""
-    rows = [row for row in rows if row.ours is not None]
-    metrics = list(dict.fromkeys((row.metric, row.unit) for row in rows))
-    if not rows:
-        return
-    counts = [sum((r.metric, r.unit) == m for r in rows) for m in metrics]
-    height = sum(0.75 + 0.24 * n for n in counts) + 0.3
-    with figure(len(metrics), height_in=height, gridspec_kw={"height_ratios": counts}) as (
-        made,
-        axes,
-    ):
-        for axis, (metric, unit) in zip(axes, metrics, strict=True):
-            own = [row for row in rows if (row.metric, row.unit) == (metric, unit)]
-            for place, row in enumerate(own):
-                assert row.ours is not None
-                axis.plot([row.ours.low, row.ours.high], [place, place], color=COLOURS[0])
-                axis.plot(row.ours.value, place, "o", color=COLOURS[0],
-                          label="ours, 95 %" if place == 0 else None)  # fmt: skip
-                axis.plot(row.published, place, "D", color=COLOURS[1], markerfacecolor="none",
-                          label="paper" if place == 0 else None)  # fmt: skip
-            axis.set_yticks(range(len(own)), [f"{row.row}, {row.column}" for row in own])
-            axis.set_ylim(len(own) - 0.5, -0.5)
-            low, high = axis.get_xlim()
-            axis.set_xlim(min(low, -0.03 * high), high)  # lengths shall be comparable: from zero
-            axis.set_xlabel(f"{metric.replace('_', ' ')} [{unit}]")
-            axis.tick_params(axis="y", labelsize=7)
-        axes[0].legend(loc="best")
-        made.suptitle(title if len(title) < 70 else title.split(":")[0], fontsize=10)
-        data = pd.DataFrame(
-            [
-                {"row": r.row, "column": r.column, "metric": r.metric, "unit": r.unit,
-                 "paper": r.published, "ours": r.ours.value, "low": r.ours.low,
-                 "high": r.ours.high, "runs": r.ours.count, "verdict": r.verdict}
-                for r in rows if r.ours is not None
-            ]
+def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folder: Path) -> Path:
+    """Writes `<folder>/index.html` over all these papers."""
+    papers = [
+        {
+            "id": v.paper.id,
+            "title": f"{v.paper.paper.title} ({v.paper.paper.year})",
+            "columns": [
+                {
+                    "engine": c.engine, "made": circumstance(v, c, experiments),
+                    "headline": headline(v, c), "claims": claim_lines(c), "score": c.score,
+                    "whole": bar("all numbers", "", c, list(c.rows)), "why_not": why_not(v, c),
+                }
+                for c in v.columns
+            ],
+        }
+        for v in pages
+    ]  # fmt: skip
+    path = folder / "index.html"
+    page = environment().get_template("papers.html.j2")
+    path.write_text(page.render(papers=papers, **_look()), encoding="utf-8")
+    return path
+
+
+def _look() -> dict[str, Any]:
+    return {"style": Markup(STYLE), "marks": MARKS, "colours": COLOURS}
+
+
+def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:
+    links = {r.name: _relative(r.folder / "report" / "index.html", target) for r in experiments}
+    folders = {r.name: r.folder for r in experiments}
+    columns = []
+    for c in verdicts.columns:
+        made = circumstance(verdicts, c, experiments)
+        columns.append(
+            {
+                "engine": c.engine, "made": made, "headline": headline(verdicts, c),
+                "bars": bars(verdicts, c), "score": c.score,
+                "strip": strip_svg(list(c.rows.values()), "v-"), "why_not": why_not(verdicts, c),
+                "histogram": histogram_svg(c.score.histogram),
+                "links": [(name, links[name]) for name in made.experiments],
+            }
         )  # fmt: skip
-        caption = "Published values (diamonds) and ours with 95 % intervals (dots)."
-        writer.save(made, file_name(name), title, caption, data)
+    return _look() | {
+        "paper": verdicts.paper, "columns": columns,
+        "command": f"slambed compare {verdicts.paper.id}",
+        "claims": claims_beside(verdicts.columns),
+        "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
+        "groups": [
+            {"name": name, "label": label,
+             "entries": [_entry(verdicts, i, folders, target) for i in ids]}
+            for name, label, ids in verdicts.groups()
+        ],
+        "margins": [_margin_words(name, m) for name, m in verdicts.paper.margins.items()],
+    }  # fmt: skip
+
+
+def _margin_words(name: str, margin: Any) -> str:
+    size = f"{margin.ratio:.0%}" if margin.ratio is not None else f"{margin.points:g} points"
+    ends = f" ({margin.points_at_ends:g} at the ends)" if margin.points_at_ends else ""
+    return f"{name.replace('_', ' ')} {size}{ends}"
+
+
+def _entry(
+    verdicts: PaperVerdicts, name: str, folders: dict[str, Path], target: Path
+) -> dict[str, Any]:
+    """A number with all that led to its marks."""
+    cell = verdicts.cells[name]
+    return {
+        "id": name,
+        "words": ", ".join(w for w in (cell.row, cell.column) if w),
+        "paper": next(c.rows[name].stated for c in verdicts.columns),
+        "where": _place(verdicts.paper, cell.source),
+        "ours": [_ours(c, c.rows[name], folders, target) for c in verdicts.columns],
+    }
+
+
+def _ours(column: Column, row: Judged, folders: dict[str, Path], target: Path) -> dict[str, Any]:
+    verdict = row.verdict
+    margin = ""
+    if verdict.margin == verdict.margin:
+        parts = {"ratio": f"{verdict.margin:.0%}", "points": f"{100 * verdict.margin:.3g} points"}
+        margin = parts.get(verdict.scale, f"{verdict.margin:.3g}")
+    keys = row.measured.keys
+    told = row.why
+    if row.provenance in ("fitted", "stand_in") and verdict.why and verdict.why not in told:
+        told = f"{told}; {verdict.why}"
+    if verdict.runs_needed:
+        told = f"{told}; {verdict.runs_needed} runs would decide"
+    return {
+        "engine": column.engine, "mark": row.mark, "value": row.ours, "why": told,
+        "formula": verdict.formula, "margin": margin, "assumed": verdict.assumed,
+        "runs": [
+            (key[:8], _relative(folders[experiment] / "runs" / key, target))
+            for experiment, key in keys[:RUNS_LINKED]
+        ],
+        "more": max(0, len(keys) - RUNS_LINKED),
+    }  # fmt: skip
+
+
+def _place(paper: Paper, source: str) -> str:
+    """Section, and lines of the paper's plain text."""
+    places = {t.id: (t.where, t.lines) for t in paper.tables}
+    places |= {c.id: (c.where, c.lines) for c in paper.claims}
+    where, lines = places.get(source, (source, []))
+    return where + (f", text line {', '.join(map(str, lines))}" if lines else "")
+
+
+def _relative(path: Path, target: Path) -> str:
+    return Path(os.path.relpath(path, target)).as_posix()
+
+
+def counts_table(verdicts: PaperVerdicts, column: Column) -> Table:
+    """The stacked bars as numbers."""
+    headings = ["table", *MARKS.values(), "all"]
+    table = Table("counts", "Printed numbers by verdict", headings)
+    for _, label, ids in verdicts.groups():
+        found = column.marks(ids)
+        table.rows.append([label, *(str(found[m]) for m in MARKS), str(len(ids))])
+    return table
+
+
+def _tables(verdicts: PaperVerdicts, column: Column) -> list[Table]:
+    tables = [counts_table(verdicts, column), ordering_table(verdicts, column)]
+    tables.append(comparison_table(verdicts, column, list(column.rows)))
+    for table in tables:
+        table.name = "_".join(n for n in (verdicts.paper.id, table.name, column.engine) if n)
+        if column.engine and column.engine not in table.caption:
+            table.caption += f" ({column.engine})"
+    return [table for table in tables if table.rows]
+
+
+def _markdown(verdicts: PaperVerdicts, experiments: list[Results], tables: list[Table]) -> str:
+    lines = [f"# {verdicts.paper.paper.title}", ""]
+    lines += [f"    {line}" for line in twelve_lines(verdicts, experiments)]
+    for table in tables:
+        lines += ["", f"## {table.caption}", "", table.markdown()]
+    return "\n".join(lines)
+
+
+def _peer_page(paper: Paper, pool: Pool, target: Path) -> PaperPage:
+    """Another program beside ours: a table per set-up, no verdicts of these rules."""
+    tables = peer_tables(paper, pool)
+    line = f"{paper.id}: {len(tables)} of {len(paper.setups)} set-ups were run"
+    html, markdown = target / "index.html", target / "page.md"
+    page = environment().get_template("peer.html.j2")
+    html.write_text(page.render(paper=paper, line=line, tables=tables, **_look()), encoding="utf-8")
+    write_tables(tables, target / "tables")
+    parts = [f"# {paper.paper.title}", "", line]
+    for table in tables:
+        parts += ["", f"## {table.caption}", "", table.markdown()]
+    markdown.write_text("\n".join(parts), encoding="utf-8")
+    return PaperPage(html, markdown, [line], None)

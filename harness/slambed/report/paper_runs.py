@@ -27,3 +27,36 @@ def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]
         names = ", ".join(paper.id for paper in papers)
         raise SlambedError(f"no experiment in {folder} reproduces anything of {names}")
     return found
+
+
+def sizes_of(paper: Paper) -> dict[str, tuple[int, int, float]]:
+    """(cells, usual runs per cell, played seconds) of every experiment of a paper; none where no
+    experiment reproduces anything of it."""
+    from slambed.campaign.plan import planned_runs
+    from slambed.spec.library import Library
+
+    library = Library()
+    found: dict[str, tuple[int, int, float]] = {}
+    try:
+        names = experiments_of([paper])
+    except SlambedError:
+        return {}
+    for name in names:
+        experiment, source = library.experiment(name)
+        usual = experiment.runs.default
+        cells = planned_runs(experiment, source, library) // usual
+        played = paper_seconds(paper)
+        playback = experiment.playback
+        end_s = playback.end_s if playback.end_s is not None else played
+        found[name] = (cells, usual, end_s - playback.start_s)
+    return found
+
+
+def paper_seconds(paper: Paper) -> float:
+    """The longest that the paper plays, where it says so."""
+    known = [d.played_s for d in paper.datasets.values() if d.played_s is not None]
+    return max(known, default=USUAL_S)
+
+
+USUAL_S = 90.0
+"""Of a recorded sequence whose length nothing says."""

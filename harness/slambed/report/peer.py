@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our program beside another one on the same frames: ratios and whether they meet the aim."""
 
-from slambed.metrics.statistics import bootstrap, finite
-from slambed.report.catalog import metric
+from slambed.metrics.catalog import metric
+from slambed.metrics.statistics import finite, interval
 from slambed.report.lookup import Pool, matching
 from slambed.report.papers import Paper, PeerSetup
-from slambed.report.tables import Table
+from slambed.report.tables import Table, around
 
 
 def peer_tables(paper: Paper, pool: Pool) -> list[Table]:
@@ -18,9 +18,13 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
     runs = matching(pool.runs, setup.match)
     if not len(runs):
         return None
+    others = sorted({str(played) for played in runs["dataset"]} - {setup.dataset})
+    told = f"; OURS ON {', '.join(others)}, A STAND-IN FOR {setup.dataset}: not the same frames"
     table = Table(
         f"{paper.id}_{name}",
-        f"Ours beside the original ({setup.label}); intervals are 95 % of the median",
+        f"Ours beside the original ({setup.label}); intervals are 95 % of the median, "
+        "in parentheses ranges of fewer than 6 runs"
+        + (told if others else ""),
         ["figure", "original: min / median / max", "ours", "interval", "runs", "ratio", "aim",
          "verdict"],
     )  # fmt: skip
@@ -32,17 +36,18 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
         if not len(values):
             table.rows.append([heading, theirs, "-", "-", "0", "-", "-", "not run"])
             continue
-        ours = bootstrap(values)
+        ours = interval(values)
         ratio = ours.value / row.value
         verdict = "-"
         if row.target is not None:
             verdict = "met" if ratio <= row.target else "missed"
             if ratio < 1 and ours.high < row.low:
                 verdict = "better"
+            if others:
+                verdict = "stand-in"
         table.rows.append(
             [
-                heading, theirs, item.show(ours.value),
-                f"[{item.show(ours.low)}, {item.show(ours.high)}]", str(ours.count),
+                heading, theirs, item.show(ours.value), around(item, ours), str(ours.count),
                 f"{ratio:.2f}", f"≤ {row.target:g}" if row.target else "-", verdict,
             ]
         )  # fmt: skip

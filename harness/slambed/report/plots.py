@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from slambed.report.catalog import BOXED, metric
+from slambed.metrics.catalog import keys_for
+from slambed.metrics.metric import Use
 from slambed.report.cells import Cell
 from slambed.report.conditions import conditions_of
 from slambed.report.figures.boxes import draw_metric
@@ -17,7 +18,7 @@ from slambed.report.figures.paths import draw_paths
 from slambed.report.figures.resources import CPU, MEMORY, draw_over_time
 from slambed.report.figures.stages import draw_stages
 from slambed.report.figures.tradeoff import PAIRS, draw_tradeoff
-from slambed.report.load import TEXT_KEYS, Results
+from slambed.report.load import Results
 from slambed.report.style import FigureWriter, SavedFigure
 
 TIME_FOR_FIGURES_S = 25.0
@@ -79,9 +80,9 @@ def _jobs(
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     """Most telling first: what comes last is what a large campaign goes without."""
     conditions = conditions_of(results)
-    numbers = [key for key in asked if key in results.runs and key not in TEXT_KEYS]
-    for key in dict.fromkeys([*numbers, *BOXED]):
-        yield key, partial(draw_metric, results, cells, metric(key), writer)
+    numbers = [key for key in asked if key in results.numbers()]
+    for key in dict.fromkeys([*numbers, *keys_for(Use.DRAWN)]):
+        yield key, partial(draw_metric, results, cells, results.metric(key), writer)
     for condition in conditions:
         yield "losses", partial(draw_losses, results, condition, writer)
         yield "trajectory", partial(draw_paths, results, condition, writer)
@@ -89,7 +90,7 @@ def _jobs(
         yield "cpu", partial(draw_over_time, results, condition, CPU, writer)
         yield "memory", partial(draw_over_time, results, condition, MEMORY, writer)
         yield "stages", partial(draw_stages, results, condition, writer)
-    for (label, dataset), runs in results.valid.groupby(["label", "dataset"], sort=False):
+    for (label, dataset), runs in results.trusted.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
             yield (
                 "losses_by_profile",

@@ -2,7 +2,7 @@
 """Comparison tables of an experiment beside the published figures it is about."""
 
 from slambed.errors import SlambedError
-from slambed.report.compare import compare_paper, comparison_table, tally
+from slambed.report.compare import compare_paper, comparison_table, ordering_table
 from slambed.report.load import Results
 from slambed.report.lookup import pool_of, reproduces
 from slambed.report.papers import read_papers
@@ -24,8 +24,23 @@ def comparisons_for(results: Results) -> list[Table]:
     wanted = reproduces(results)
     for paper in papers:
         mine = paper.sources(wanted)
-        rows = [c for c in compare_paper(paper, pool) if c.source in mine] if mine else []
-        if rows:
-            caption = f"{paper.paper.title} ({paper.paper.year}): {tally(rows)}"
-            tables.append(comparison_table(f"compare_{paper.id}", caption, rows))
+        if not mine:
+            continue
+        verdicts = compare_paper(paper, pool)
+        ids = [i for i, cell in verdicts.cells.items() if cell.source in mine]
+        for column in verdicts.columns if ids else []:
+            table = comparison_table(verdicts, column, ids)
+            table.name = f"compare_{paper.id}_{column.engine}"
+            tables.append(table)
+            orderings = ordering_table(verdicts, column)
+            own = {o.contrast.id for o in column.orderings if _about(o.chains, mine)}
+            orderings.rows = [row for row in orderings.rows if row[0] in own]
+            orderings.name = f"orderings_{paper.id}_{column.engine}"
+            if orderings.rows:
+                tables.append(orderings)
     return tables
+
+
+def _about(chains: object, sources: set[str]) -> bool:
+    assert isinstance(chains, tuple)
+    return all(cell.source in sources for chain in chains for cell, _ in chain)

@@ -15,9 +15,9 @@ RUNS_READ = 20
 def update_round_tables(results: Results) -> list[Table]:
     """One table with a row per cell whose events tell the parts; none where no cell does."""
     rows: list[list[str]] = []
-    datasets = list(dict.fromkeys(map(text, results.valid["dataset"])))
+    datasets = list(dict.fromkeys(map(text, results.trusted["dataset"])))
     one = len(datasets) == 1
-    for _, runs in results.valid.groupby("cell", sort=False):
+    for _, runs in results.trusted.groupby("cell", sort=False):
         rounds: list[UpdateRound] = []
         for key in runs["run_key"].head(RUNS_READ):
             log = results.events(str(key), ("update_applied",))

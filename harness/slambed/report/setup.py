@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import pandas as pd
 
+from slambed.report.compute_times import compute_times
 from slambed.report.load import Results
 from slambed.spec.device import VIRTUAL
 
@@ -19,7 +20,7 @@ NO_LIMITS = (
 
 
 def setup_lines(results: Results) -> list[str]:
-    """Engines with how many runs each made, then the devices of each node."""
+    """Engines with how many runs each made, the devices of each node, and their compute times."""
     if not len(results.runs):
         return []
     lines: list[str] = []
@@ -35,7 +36,8 @@ def setup_lines(results: Results) -> list[str]:
         if names:
             told = (name + (f" ({changes[name]})" if name in changes else "") for name in names)
             parts.append(f"{node} {', '.join(told)}")
-    return lines + ([f"Devices: {'; '.join(parts)}."] if parts else [])
+    lines += [f"Devices: {'; '.join(parts)}."] if parts else []
+    return lines + [time.line() for time in compute_times(results)]
 
 
 def _changed(spec: object) -> Iterator[dict[str, object]]:

@@ -2,6 +2,7 @@
 """How every figure looks, and how it is saved: three formats, its data, and what made it."""
 
 import json
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -16,6 +17,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 # Okabe and Ito's palette (2008), told apart by all common kinds of colour vision. Yellow is left
 # out: it is too pale on white. Markers and dashes repeat the distinction for grey prints.
@@ -27,6 +29,11 @@ FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
 FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
 WIDTH_IN = 5.4
+LEGEND_ROW_IN, KEY_IN, LETTER_IN = 0.17, 0.53, 0.068
+"""Of a legend: the height of a row, and what an entry takes beside its text and per letter."""
+MOST_LEGEND_COLUMNS = 3
+SQUEEZED_SHARE = 0.6
+"""Where the smallest value is above this share of the largest, an axis from 0 shows only that."""
 PNG_DPI = 150
 
 RC: Any = {
@@ -78,6 +85,32 @@ def figure(
             plt.close(made)
 
 
+def legend_beneath(made: Figure, axis: Axes, handles: list[Any] | None = None) -> None:
+    """A legend under the figure, where it hides no curve, as wide as it may be."""
+    found, names = axis.get_legend_handles_labels()
+    if handles is not None:
+        found, names = handles, [str(handle.get_label()) for handle in handles]
+    if not found:
+        return
+    widest_in = KEY_IN + LETTER_IN * max(map(len, names))
+    columns = max(1, min(len(names), MOST_LEGEND_COLUMNS, int(WIDTH_IN / widest_in)))
+    rows = -(-len(names) // columns)
+    made.set_size_inches(made.get_figwidth(), made.get_figheight() + LEGEND_ROW_IN * rows)
+    made.legend(found, names, loc="outside lower center", ncols=columns)
+
+
+def from_zero_if_it_shows(axis: Axes, values: Any) -> bool:
+    """Begins the x axis of costs at 0 unless all values are far from it and would be squeezed to
+    the edge; whether it begins there."""
+    low, high = float(min(values)), float(max(values))
+    if 0 <= low < SQUEEZED_SHARE * high or high == low == 0:
+        axis.set_xlim(0, 1.05 * high if high > 0 else 1.0)
+        return True
+    reach = max(high - low, 0.02 * abs(high))
+    axis.set_xlim(low - 0.15 * reach, high + 0.15 * reach)
+    return False
+
+
 def colour(index: int) -> str:
     """Colour of the n-th thing."""
     return COLOURS[index % len(COLOURS)]
@@ -112,6 +145,8 @@ class FigureWriter:
         files: list[str] = []
         # The layout is solved once, not once per format.
         made.draw_without_rendering()
+        if _wrap_wide_texts(made):
+            made.draw_without_rendering()
         made.set_layout_engine("none")
         for kind in FORMATS:
             file = f"{name}.{kind}"
@@ -133,6 +168,26 @@ class FigureWriter:
         self.folder.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps([asdict(item) for item in self.saved], indent=1) + "\n")
         return path
+
+
+def _titles_of(made: Figure) -> set[str]:
+    return {made.get_suptitle(), *(axis.get_title() for axis in made.axes)}
+
+
+def _wrap_wide_texts(made: Figure) -> bool:
+    """Breaks titles that are wider than the figure; whether there were any."""
+    wide = False
+    whole_px = made.get_figwidth() * made.dpi
+    titles = made.findobj(Text)
+    titles = [t for t in titles if t.get_text() and t.get_text() in _titles_of(made)]
+    for title in titles:
+        box = title.get_window_extent()
+        over = 2 * max(-box.x0, box.x1 - whole_px, 0.0)
+        if over > 0 and box.width > 0:
+            letters = int(len(title.get_text()) * (box.width - over) / box.width)
+            title.set_text(textwrap.fill(title.get_text(), max(20, letters)))
+            wide = True
+    return wide
 
 
 def file_name(*parts: str) -> str:

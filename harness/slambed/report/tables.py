@@ -9,9 +9,9 @@ from typing import Literal
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import Interval
-from slambed.report.catalog import Metric
-from slambed.report.cells import Cell, Difference
+from slambed.report.cells import Cell
 from slambed.report.load import Results
 from slambed.spec.device import VIRTUAL
 
@@ -82,12 +82,18 @@ def _latex(text: str) -> str:
 
 
 def with_interval(metric: Metric, value: Interval | None) -> str:
-    """Value and interval in the shown unit."""
+    """Value and interval in the shown unit; the range of too few runs in words."""
     if value is None:
         return "-"
     if value.count == 1:
         return metric.show(value.value)
-    return f"{metric.show(value.value)} [{metric.show(value.low)}, {metric.show(value.high)}]"
+    return f"{metric.show(value.value)} {around(metric, value)}"
+
+
+def around(metric: Metric, value: Interval) -> str:
+    """`[low, high]` of an interval, `(least to largest)` of a range."""
+    low, high = metric.show(value.low), metric.show(value.high)
+    return f"({low} to {high})" if value.is_range else f"[{low}, {high}]"
 
 
 def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) -> list[Table]:
@@ -96,12 +102,14 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
     datasets = list(dict.fromkeys(cell.dataset for cell in cells))
     one = len(datasets) == 1
     failing = any(cell.faults for cell in cells)
+    few = any(v.is_range and v.count > 1 for cell in cells for v in cell.values.values())
     for start in range(0, len(metrics), per_table):
         part = metrics[start : start + per_table]
         tables.append(
             Table(
                 f"cells_{start // per_table + 1}",
-                "Medians (shares) of the valid runs with 95 % intervals"
+                "Medians (shares) of the runs to be trusted with 95 % intervals"
+                + ("; in parentheses the range of fewer than 6 runs" if few else "")
                 + (f"; {datasets[0]}" if one else ""),
                 ["system", *([] if one else ["dataset"]), "link"]
                 + [*(["faults [s]"] if failing else []), "runs"]
@@ -112,7 +120,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
                         *([] if one else [cell.dataset]),
                         cell.profile,
                         *([cell.faults or "-"] if failing else []),
-                        f"{cell.valid}/{cell.runs}",
+                        f"{cell.trusted}/{cell.runs}",
                         *(with_interval(m, cell.values.get(m.key)) for m in part),
                     ]
                     for cell in cells
@@ -121,27 +129,6 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
             )
         )
     return tables
-
-
-def difference_table(differences: list[Difference]) -> Table:
-    """Every tested difference, the shown ones first."""
-    rows = [
-        [
-            d.dataset, d.profile, d.metric.heading, d.baseline, d.other,
-            d.metric.show(d.baseline_value), d.metric.show(d.other_value),
-            d.effect, f"{d.p_value:.2g}", d.verdict,
-        ]
-        for d in sorted(differences, key=lambda d: d.p_value)
-    ]  # fmt: skip
-    headings = [
-        "dataset", "link", "metric", "baseline", "other", "baseline value", "other value",
-        "effect", "p (Holm)", "verdict",
-    ]  # fmt: skip
-    caption = (
-        "Differences between systems under equal conditions. Effect: Cliff's delta (rank test) or "
-        "difference of shares (Fisher's exact test)"
-    )
-    return Table("differences", caption, headings, rows, words=5)
 
 
 def link_table(results: Results) -> Table:

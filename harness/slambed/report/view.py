@@ -10,18 +10,14 @@ import numpy as np
 import pandas as pd
 
 from slambed.errors import SlambedError, environment_error
-from slambed.metrics.accuracy import Alignment, align_umeyama
-from slambed.metrics.association import associate
+from slambed.metrics.accuracy import Alignment
 from slambed.metrics.network import series
 from slambed.metrics.trajectory import Floats, Trajectory
+from slambed.report.alignment import alignment_of, played
 from slambed.report.figures.paths import broken_line, widest_axes
 from slambed.report.load import Results, load
-from slambed.report.style import COLOURS, GROUND_TRUTH, FigureWriter, figure
+from slambed.report.style import COLOURS, GROUND_TRUTH, FigureWriter, figure, legend_beneath
 from slambed.spec.matrix import run_name
-
-MAP_FILES = ("map_points.txt", "map.txt")
-"""Where a run keeps its map as `x y z` lines, if its system writes one."""
-MOST_MAP_POINTS = 40_000
 
 
 @dataclass(frozen=True)
@@ -35,15 +31,16 @@ class RunView:
     truth: Trajectory | None
     alignment: Alignment | None
     """Moves the estimate's frame into the truth's, where both are known."""
-    map_points_m: Floats | None
 
 
 def find_run(results_dir: Path, name: str) -> RunView:
     """By run key (or its unique beginning), or by path of the run folder."""
     path = Path(name)
     if path.is_dir() and (path / "summary.json").exists():
-        return _view(load(path.resolve().parents[1]), path.resolve().name)
-    found = sorted(results_dir.glob(f"*/runs/{name}*"))
+        # Not resolved: the experiment is where the link to the run is.
+        return _view(load(path.absolute().parents[1]), path.absolute().name)
+    # A run that several experiments share is one.
+    found = list({path.name: path for path in sorted(results_dir.glob(f"*/runs/{name}*"))}.values())
     if len(found) != 1:
         what = "no run" if not found else f"{len(found)} runs"
         raise SlambedError(f"{what} '{name}' in {results_dir}, give a longer key or a run folder")
@@ -62,33 +59,18 @@ def _view(results: Results, run_key: str) -> RunView:
     alignment = None
     if estimate is not None and truth is not None:
         try:
-            pair = associate(estimate, truth)
-            alignment = align_umeyama(pair[0].positions_m, pair[1].positions_m)
+            alignment = alignment_of(estimate, truth, row["ate_alignment"])
+            truth = played(truth, [estimate])
         except SlambedError:
             alignment = None  # too few poses to align: shown in its own frame
-    points = _map_points(results.run_dir(run_key))
-    return RunView(results, run_key, row, estimate, truth, alignment, points)
-
-
-def _map_points(folder: Path) -> Floats | None:
-    for place in (folder, folder / "nodes" / "edge", folder / "nodes" / "mobile"):
-        for name in MAP_FILES:
-            if (place / name).exists():
-                table = pd.read_csv(place / name, sep=r"\s+", comment="#", header=None)
-                points = table.iloc[:, :3].apply(pd.to_numeric, errors="coerce").dropna()
-                step = max(1, len(points) // MOST_MAP_POINTS)
-                return np.asarray(points.to_numpy(np.float64)[::step], dtype=np.float64)
-    return None
+    return RunView(results, run_key, row, estimate, truth, alignment)
 
 
 def write_png(view: RunView, folder: Path) -> Path:
-    """Trajectory over ground truth with keyframes and map, seen from two sides."""
+    """Trajectory over the played ground truth with keyframes, seen from two sides."""
     if view.estimate is None:
         raise SlambedError(f"run {view.run_key} has no trajectory, nothing to draw")
     estimate = view.alignment.apply_to(view.estimate) if view.alignment else view.estimate
-    points = view.map_points_m
-    if points is not None and view.alignment is not None:
-        points = view.alignment.apply(points)
     reference = view.truth if view.truth is not None and view.alignment else estimate
     across, up = widest_axes(reference.positions_m)
     third = 3 - across - up
@@ -96,11 +78,6 @@ def write_png(view: RunView, folder: Path) -> Path:
     writer = FigureWriter(folder, f"slambed view {view.run_key}", [])
     with figure(1, 2, height_in=3.6) as (made, axes):
         for axis, (a, b) in zip(axes, ((across, up), (across, third)), strict=True):
-            if points is not None:
-                low, high = np.percentile(points, [1, 99], axis=0)
-                inside = np.all((points >= low - 1) & (points <= high + 1), axis=1)
-                axis.plot(points[inside, a], points[inside, b], ".", color="#999999", alpha=0.5,
-                          markersize=1, label="map points")  # fmt: skip
             if view.truth is not None and view.alignment is not None:
                 axis.plot(*broken_line(view.truth, a, b), color=GROUND_TRUTH, linewidth=2.4,
                           alpha=0.6, label="ground truth")  # fmt: skip
@@ -112,7 +89,7 @@ def write_png(view: RunView, folder: Path) -> Path:
             axis.set_aspect("equal", adjustable="datalim")
             axis.set_xlabel(f"{'xyz'[a]} [m]")
             axis.set_ylabel(f"{'xyz'[b]} [m]")
-        axes[0].legend(loc="best", fontsize=7)
+        legend_beneath(made, axes[0])
         made.suptitle(run_name(view.row["cell"], view.row["repetition"]), fontsize=10)
         data = pd.DataFrame(estimate.positions_m, columns=["x_m", "y_m", "z_m"])
         data.insert(0, "stamp_s", estimate.stamps_s)
@@ -145,7 +122,7 @@ def recorded_origin_s(view: RunView) -> float | None:
 
 
 def write_rerun(view: RunView, path: Path, sequence: Path | None = None) -> Path:
-    """A Rerun recording: paths, map, keyframes, state and RTT on one time line; images of the
+    """A Rerun recording: paths, state and RTT on one time line; images of the
     prepared `sequence` where given. Raises SlambedError without rerun-sdk."""
     try:
         sdk: Any = importlib.import_module("rerun")
@@ -164,9 +141,6 @@ def write_rerun(view: RunView, path: Path, sequence: Path | None = None) -> Path
 
 def _log_run(rr: Any, view: RunView, sequence: Path | None) -> None:
     motion = view.alignment
-    if view.map_points_m is not None:
-        points = motion.apply(view.map_points_m) if motion else view.map_points_m
-        rr.log("world/map", rr.Points3D(points, radii=0.004), static=True)
     if view.truth is not None and motion is not None:
         truth = rr.LineStrips3D([view.truth.positions_m], colors=[[119, 119, 119]])
         rr.log("world/ground_truth", truth, static=True)

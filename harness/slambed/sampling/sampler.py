@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TextIO
 
+import psutil
+
 from slambed.sampling.cgroup import CgroupReader, Usage, paths_of
 from slambed.sampling.tasks import Pressure, RunQueueDelay
 from slambed.sampling.tcp_info import TcpWatch
@@ -62,6 +64,13 @@ class NodeWatch:
         )
 
 
+def host_steal_s() -> float | None:
+    """CPU time, over all processors of this host since it began, that its hypervisor gave to
+    others; None where the kernel does not tell."""
+    steal: float | None = getattr(psutil.cpu_times(), "steal", None)
+    return steal
+
+
 class Sampler:
     """Writes one line per node and sample (docs/formats.md, "Samples")."""
 
@@ -78,12 +87,13 @@ class Sampler:
     def sample(self, t0_ns: int) -> None:
         """One sample of every node; run time = CLOCK_MONOTONIC - t0_ns."""
         self.samples += 1
+        steal_s = host_steal_s()
         for node in self._nodes:
             # A node that ended took its group with it.
             with contextlib.suppress(OSError):
-                self._sample(node, t0_ns)
+                self._sample(node, t0_ns, steal_s)
 
-    def _sample(self, node: NodeWatch, t0_ns: int) -> None:
+    def _sample(self, node: NodeWatch, t0_ns: int, steal_s: float | None) -> None:
         now_ns = time.monotonic_ns()
         usage = node.usage()
         before = self._last.get(node.name)
@@ -102,6 +112,7 @@ class Sampler:
             "throttled_periods": usage.throttled_periods,
             "run_delay_s": node.run_queue.seconds(),
             "cpu_pressure_s": node.pressure.seconds(),
+            "host_steal_s": steal_s,
             "tcp_rtt_ms": tcp.rtt_ms if tcp is not None else None,
             "tcp_retransmits": tcp.retransmits if tcp is not None else None,
         }

@@ -2,8 +2,16 @@
 """devices/*.yaml: what a node may use of this host, and what work costs on the device."""
 
 import math
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 ROUNDING = 1e-3
 """Differences of computed cores that mean nothing."""
@@ -57,6 +65,24 @@ class StageCost(BaseModel):
     c_us: float = Field(default=0.0, ge=0)
     jitter: float = Field(default=0.0, ge=0, le=3)
     """Standard deviation of the factor's logarithm; its median is 1."""
+    accelerator: str | None = None
+    """The accelerator that does this work; null = a core."""
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # Keys of devices without accelerators stay what they were.
+        return {key: value for key, value in serialise(self).items() if value is not None}
+
+
+class Accelerator(BaseModel):
+    """What computes beside the cores: a GPU, an extractor in hardware."""
+
+    model_config = STRICT
+
+    lanes: int = Field(default=1, ge=1, le=1024)
+    """Pieces of work at once, each at full speed; more than that share them."""
+    speed: float = Field(default=1.0, gt=0)
+    """Costs of stages on it are divided by this, not by the device's speed."""
 
 
 class CostModel(BaseModel):
@@ -68,6 +94,23 @@ class CostModel(BaseModel):
     speed: float = Field(default=1.0, gt=0)
     """Every cost is divided by it: 2 is a device twice as fast."""
     stages: dict[str, StageCost]
+    accelerators: dict[str, Accelerator] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _accelerators_are_there(self) -> "CostModel":
+        for name, cost in self.stages.items():
+            if cost.accelerator is not None and cost.accelerator not in self.accelerators:
+                raise ValueError(
+                    f"stage {name} is done by '{cost.accelerator}', which is none of accelerators"
+                )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        found: dict[str, Any] = serialise(self)
+        if not self.accelerators:
+            del found["accelerators"]
+        return found
 
 
 class Device(BaseModel):

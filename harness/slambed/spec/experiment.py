@@ -106,7 +106,7 @@ class Runs(BaseModel):
 
 
 class Tolerances(BaseModel):
-    """A run outside these is marked invalid."""
+    """A run outside these is not to be trusted."""
 
     model_config = STRICT
 
@@ -156,3 +156,13 @@ class Experiment(BaseModel):
         if len(set(value)) != len(value):
             raise ValueError("a dataset is named twice")
         return value
+
+
+def assumed(experiment: Experiment) -> list[str]:
+    """What an experiment leaves to a default that changes what its runs mean."""
+    if "mobile" in experiment.devices.model_fields_set:
+        return []
+    own = [choice.devices.mobile is not None for choice in experiment.systems]
+    if all(own):
+        return []
+    return ["devices.mobile is not given: the mobile node is this host, without a slower device"]

@@ -22,6 +22,9 @@ from slambed.spec.system import Role, Scalar, System
 from slambed.spec.yaml_source import Location, YamlSource, suggestion
 
 KEY_DIGITS = 16
+END_SLACK_S = 1.0
+"""A sequence of 20 s ends with its last frame, a little before 20 s; some are called by a rounded
+length."""
 
 
 class LinkSpec(BaseModel):
@@ -61,13 +64,17 @@ class RunSpec(BaseModel):
     engine: str
     seed: int
     software: str
+    host_speed: float | None = None
+    """Speed of the host's cores that the limits of a board were derived with; None without one."""
     tolerances: Tolerances
 
     def meaning(self) -> dict[str, Any]:
         """What the run means. Experiment, cell and label are only names for it, tolerances judge
         it afterwards."""
         # A run without faults keeps the key it had before there were any.
-        wrong = {"faults": as_json(self.faults)} if self.faults else {}
+        wrong: dict[str, Any] = {"faults": as_json(self.faults)} if self.faults else {}
+        if self.host_speed is not None:
+            wrong["host_speed"] = self.host_speed
         return wrong | {
             "system": self.system,
             "variant": self.variant,
@@ -128,6 +135,12 @@ class Circumstances:
     """Name in the experiment -> (id of the dataset found, checksum of its prepared sequence)."""
     played_s: Mapping[str, float] = field(default_factory=dict)
     """Name of a dataset -> how long it plays, once that is known; in no key."""
+    playbacks: Mapping[str, Playback] = field(default_factory=dict)
+    """Name of a dataset -> how it is played, where its file adds something to the experiment's."""
+    software_of: Mapping[str, str] = field(default_factory=dict)
+    """System -> tag of the sources that it really links; `software` where it is not known."""
+    host_speed: float | None = None
+    """As `slambed calibrate --host` measured it when the campaign began."""
 
 
 ProfileReader = Callable[[str | float | dict[str, Any], str], Profile]
@@ -165,6 +178,7 @@ def expand(
 ) -> list[RunSpec]:
     """Every run, in the order of the file: system, dataset, profile, repetition."""
     specs: list[RunSpec] = []
+    _end_must_be_inside(experiment, source, host)
     for index, choice in enumerate(experiment.systems):
         place = ("systems", index)
         try:
@@ -182,6 +196,8 @@ def expand(
         label = choice.label or _label(system, variant)
         of_role = partial(_device, experiment, index, source, library, host.engine)
         mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
+        live = host.engine != VIRTUAL
+        boards = live and any(d is not None and d.board for d in (mobile, edge))
         for dataset in experiment.datasets:
             if dataset not in host.datasets:
                 continue  # left out, see Experiment.missing_datasets
@@ -203,7 +219,7 @@ def expand(
                             inputs=digests,
                             dataset=found,
                             sequence_checksum=checksum,
-                            playback=experiment.playback,
+                            playback=host.playbacks.get(dataset, experiment.playback),
                             device_mobile=mobile,
                             device_edge=edge,
                             profile=profile.name if profile else None,
@@ -213,7 +229,8 @@ def expand(
                             # The same repetition has the same seed in every cell: cells differ
                             # in what is compared and in nothing else.
                             seed=experiment.seed + repetition,
-                            software=host.software,
+                            software=host.software_of.get(system.name, host.software),
+                            host_speed=host.host_speed if boards else None,
                             tolerances=experiment.tolerances,
                         )
                     )
@@ -328,6 +345,24 @@ def _playback_end_s(playback: Playback, host: Circumstances) -> float:
         return math.inf  # a frame may take as long as it wants
     asked = [] if playback.end_s is None else [playback.end_s - playback.start_s]
     return min([*asked, *host.played_s.values()], default=math.inf)
+
+
+def _end_must_be_inside(experiment: Experiment, source: YamlSource, host: Circumstances) -> None:
+    """An end after that of the sequence is a slip. What stands in for a sequence may be shorter."""
+    playback = experiment.playback
+    if playback.end_s is None:
+        return
+    for name, (found, _) in host.datasets.items():
+        played_s = host.played_s.get(name)
+        if played_s is None or (found != name and "/" not in name):
+            continue
+        if playback.end_s - playback.start_s > played_s + END_SLACK_S:
+            raise source.complaint(
+                f"playback.end_s {playback.end_s:g} is after the end of {found}, which lasts "
+                f"{playback.start_s + played_s:.1f} s",
+                ("playback", "end_s"),
+                "leave it out to play all of it",
+            )
 
 
 def has_cuts(experiment: Experiment) -> bool:

@@ -2,12 +2,13 @@
 """Which C++ sources a node is made of: part of a run's key and of the image's tag."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from slambed import __version__
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
+from slambed.spec.linked import linked_hash
 
 ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", "docker")
 # None of these changes what a node does.
@@ -56,6 +57,17 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
     if stamp.read_text().strip() != source_hash(root):
         raise environment_error(f"{path} is older than the sources; run 'make build'")
     return image_software(root)
+
+
+def software_of_systems(
+    software: str, systems: Iterable[str], root: Path | None = None
+) -> dict[str, str]:
+    """System -> tag of the sources that it links, where `software` is that of this checkout; for
+    programs of unknown sources nothing more is known than their own name."""
+    if software != image_software(root):
+        return {}
+    linked = {system: linked_hash(system, root) for system in systems}
+    return {name: f"{__version__}+{tag}" for name, tag in linked.items() if tag is not None}
 
 
 if __name__ == "__main__":

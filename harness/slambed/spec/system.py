@@ -55,6 +55,41 @@ class Parameter(BaseModel):
         return value
 
 
+class OwnMetric(BaseModel):
+    """A number of the system's own that its events hold; summary.json has it for its runs."""
+
+    model_config = STRICT
+
+    doc: str
+    event: str
+    """Type of the events it is taken from."""
+    take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last"]
+    """`seconds`: playback from each such event until the next one of its type."""
+    field: str = ""
+    """Of the event; none for `count` and `seconds`."""
+    node: Role | None = None
+    where: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
+    """Only events whose fields have this value (one of these values) ..."""
+    unless: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
+    """... and none of these."""
+    label: str = ""
+    unit: str = ""
+    shown: str = ""
+    """Unit in tables and figures, `scale` times the stored one."""
+    scale: float = 1.0
+    digits: int = Field(default=1, ge=0, le=9)
+    better: Literal["lower", "higher", "neither"] = "neither"
+    relevant_share: float = Field(default=0.10, ge=0)
+    relevant_step: float = Field(default=0.0, ge=0)
+    gated: bool = False
+
+    @model_validator(mode="after")
+    def _takes_what_is_there(self) -> "OwnMetric":
+        if (self.take in ("count", "seconds")) == bool(self.field):
+            raise ValueError(f"take: {self.take} {'has no' if self.field else 'needs a'} field")
+        return self
+
+
 class Variant(BaseModel):
     """A named set of defaults."""
 
@@ -77,6 +112,8 @@ class System(BaseModel):
     sensors: list[Literal["rgbd", "stereo", "mono"]] = ["rgbd"]
     params: dict[str, Parameter] = Field(default_factory=dict)
     variants: dict[str, Variant] = Field(default_factory=dict)
+    metrics: dict[str, OwnMetric] = Field(default_factory=dict)
+    """By key of summary.json."""
     doc: str = ""
 
     @model_validator(mode="after")

@@ -92,4 +92,20 @@ void FeatureSet::in_window(float u, float v, float radius_px, int min_octave, in
   }
 }
 
+std::shared_ptr<const FeatureSet> select(const FeatureSet& features,
+                                         std::span<const std::uint8_t> keep) {
+  if (keep.size() != features.keypoints().size())
+    throw bad_input("select features: " + std::to_string(keep.size()) + " choices for " +
+                    std::to_string(features.size()) + " features");
+  std::vector<KeyPoint> keypoints;
+  std::vector<Descriptor> descriptors;
+  for (int i = 0; i < features.size(); ++i) {
+    if (!keep[i]) continue;
+    keypoints.push_back(features.keypoint(i));
+    descriptors.push_back(features.descriptor(i));
+  }
+  return std::make_shared<const FeatureSet>(features.sensor_ptr(), std::move(keypoints),
+                                            std::move(descriptors));
+}
+
 }  // namespace slambed

@@ -58,6 +58,11 @@ class FeatureSet {
   std::vector<std::uint16_t> cell_begin_;  ///< 64*48 + 1 offsets into cell_items_
 };
 
+/// The features for which keep is not 0, in their order; keep has one number per feature (bad_input
+/// otherwise). For policies that leave out moving things or whole pyramid levels.
+std::shared_ptr<const FeatureSet> select(const FeatureSet& features,
+                                         std::span<const std::uint8_t> keep);
+
 /// Extraction, undistortion and depth lookup for an RGB-D frame. depth_unit_m: metres per raw step.
 /// Depth is read at the nearest raw pixel (the pixel ORB-SLAM2 reads on level 0, where it truncates
 /// whole numbers); right_u = u - bf / depth. Throws Error when an image does not fit the camera.

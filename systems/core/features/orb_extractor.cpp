@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/error.hpp"
+#include "base/portable_math.hpp"
 #include "features/corner_detector.hpp"
 #include "features/corner_selector.hpp"
 #include "features/kernels.hpp"
@@ -35,7 +36,7 @@ void check(const OrbOptions& o) {
 /// rest).
 std::vector<int> level_quotas(const OrbOptions& o) {
   const double shrink = 1.0 / o.scale_factor;
-  double wanted = o.features * (1 - shrink) / (1 - std::pow(shrink, o.levels));
+  double wanted = o.features * (1 - shrink) / (1 - portable::power(shrink, o.levels));
   std::vector<int> quotas;
   int total = 0;
   for (int i = 0; i + 1 < o.levels; ++i, wanted *= shrink) {
@@ -61,7 +62,7 @@ ScalePyramid::ScalePyramid(const OrbOptions& options) {
     sigma2.push_back(s * s);
     inv_sigma2.push_back(1 / (s * s));
   }
-  log_scale_factor = std::log(options.scale_factor);
+  log_scale_factor = static_cast<float>(portable::log(options.scale_factor));
 }
 
 struct OrbExtractor::Impl {

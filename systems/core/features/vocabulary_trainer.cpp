@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <numeric>
 
 #include "base/error.hpp"
+#include "base/portable_math.hpp"
+#include "base/random.hpp"
 #include "features/vocabulary.hpp"
 
 namespace slambed {
@@ -30,24 +31,9 @@ struct Clusters {
   std::vector<Members> members;
 };
 
-/// SplitMix64: the same seeds choose the same centres on every machine.
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t below(std::uint64_t bound) {
-    std::uint64_t x = state_ += 0x9E3779B97F4A7C15u;
-    x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
-    x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;
-    return (x ^ (x >> 31)) % bound;
-  }
-
- private:
-  std::uint64_t state_;
-};
-
 /// k-means++ seeding on Hamming distance squared; stops early when every member equals a centre.
 std::vector<Descriptor> seed_centres(std::span<const Descriptor> all, const Members& members, int k,
-                                     Random& random) {
+                                     SplitMix64& random) {
   std::vector<Descriptor> centres{all[members[random.below(members.size())]]};
   std::vector<std::uint64_t> nearest(members.size(), ~std::uint64_t{0});
   while (static_cast<int>(centres.size()) < k) {
@@ -67,7 +53,7 @@ std::vector<Descriptor> seed_centres(std::span<const Descriptor> all, const Memb
 }
 
 Clusters k_medians(std::span<const Descriptor> all, const Members& members, int k, int rounds,
-                   Random& random) {
+                   SplitMix64& random) {
   Clusters clusters;
   clusters.centres = seed_centres(all, members, k, random);
   for (int round = 0; round < rounds; ++round) {
@@ -116,7 +102,7 @@ class VocabularyTrainer {
 
  private:
   static void grow(Vocabulary& v, std::span<const Descriptor> all, const VocabularyOptions& o) {
-    Random random(o.seed);
+    SplitMix64 random(o.seed);
     v.nodes_.emplace_back();
     std::vector<Members> members(1, Members(all.size()));
     std::iota(members[0].begin(), members[0].end(), 0u);
@@ -157,8 +143,8 @@ class VocabularyTrainer {
       // One training image says nothing about frequency: all words weigh the same.
       node.weight = images.size() < 2
                         ? 1.0f
-                        : static_cast<float>(std::log(static_cast<double>(images.size()) /
-                                                      std::max(1u, seen_in[node.word])));
+                        : static_cast<float>(portable::log(static_cast<double>(images.size()) /
+                                                           std::max(1u, seen_in[node.word])));
     }
   }
 };

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/portable_math.hpp"
 #include "geometry/p3p.hpp"
 #include "geometry/random_sample.hpp"
 
@@ -31,10 +32,10 @@ int count_inliers(const Camera& camera, const SE3& T_cw, std::span<const PnpCorr
 
 /// Samples needed to draw four inliers once with the wanted confidence.
 int samples_needed(double inlier_share, const PnpOptions& options) {
-  const double all_good = std::pow(inlier_share, 4);
+  const double all_good = portable::power(inlier_share, 4);
   if (all_good >= 1) return 1;
   if (all_good <= 0) return options.max_iterations;
-  const double needed = std::log(1 - options.confidence) / std::log1p(-all_good);
+  const double needed = portable::log(1 - options.confidence) / portable::log1p(-all_good);
   return static_cast<int>(std::min<double>(options.max_iterations, std::ceil(needed)));
 }
 
@@ -46,10 +47,10 @@ std::optional<PnpResult> solve_pnp_ransac(const Camera& camera,
   if (matches.size() < 4) return std::nullopt;
   PnpResult best;
   std::vector<std::uint8_t> inlier(matches.size());
-  std::uint64_t state = options.seed;
+  SplitMix64 random(options.seed);
   int limit = options.max_iterations;
   for (int iteration = 0; iteration < limit; ++iteration) {
-    const auto sample = draw_sample<4>(state, matches.size());
+    const auto sample = draw_sample<4>(random, matches.size());
     std::array<Eigen::Vector3d, 3> points, directions;
     for (int i = 0; i < 3; ++i) {
       const PnpCorrespondence& match = matches[sample[i]];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "geometry/se3.hpp"
 
-#include <cmath>
+#include "base/portable_math.hpp"
 
 namespace slambed {
 namespace {
@@ -26,8 +26,8 @@ struct RotationSeries {
       versine = 0.5 * (1 - a2 / 12 * (1 - a2 / 30 * (1 - a2 / 56)));
       cubic = (1 - a2 / 20 * (1 - a2 / 42 * (1 - a2 / 72))) / 6;
     } else {
-      const double half_sine = std::sin(0.5 * angle);
-      sine = std::sin(angle) / angle;
+      const double half_sine = portable::sin(0.5 * angle);
+      sine = portable::sin(angle) / angle;
       versine = 2 * half_sine * half_sine / a2;
       cubic = (1 - sine) / a2;
     }
@@ -50,7 +50,7 @@ Eigen::Matrix<double, 6, 1> SE3::log() const {
   Eigen::Quaterniond q = quaternion().normalized();
   if (q.w() < 0) q.coeffs() = -q.coeffs();
   const double half_sine = q.vec().norm();
-  const double angle = 2 * std::atan2(half_sine, q.w());
+  const double angle = 2 * portable::atan2(half_sine, q.w());
   const double a2 = angle * angle;
   const double scale = half_sine > 0 ? angle / half_sine : 2;
   const double inverse_cubic = angle < kSmallAngle ? (1 + a2 / 60 * (1 + a2 / 42)) / 12

@@ -4,6 +4,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "base/portable_math.hpp"
+
 namespace slambed {
 namespace {
 
@@ -30,7 +32,7 @@ double moment(int n, double sigma) {
 /// c I + a [phi]x + b [phi]x^2.
 Eigen::Matrix3d translation_map(const Eigen::Vector3d& phi, double sigma) {
   const double angle = phi.norm(), angle2 = angle * angle;
-  const double c = std::abs(sigma) < kSmall ? moment(0, sigma) : std::expm1(sigma) / sigma;
+  const double c = std::abs(sigma) < kSmall ? moment(0, sigma) : portable::expm1(sigma) / sigma;
   double a, b;
   if (angle < kSmall) {
     // sin and cosine by their series, integrated term by term.
@@ -38,13 +40,13 @@ Eigen::Matrix3d translation_map(const Eigen::Vector3d& phi, double sigma) {
       a = moment(1, sigma) - angle2 / 6 * (moment(3, sigma) - angle2 / 20 * moment(5, sigma));
       b = moment(2, sigma) / 2 - angle2 / 24 * (moment(4, sigma) - angle2 / 30 * moment(6, sigma));
     } else {
-      const double e = std::exp(sigma), s2 = sigma * sigma, s3 = s2 * sigma, s4 = s2 * s2;
+      const double e = portable::exp(sigma), s2 = sigma * sigma, s3 = s2 * sigma, s4 = s2 * s2;
       a = (e * (sigma - 1) + 1) / s2 - angle2 / 6 * (e * (s3 - 3 * s2 + 6 * sigma - 6) + 6) / s4;
       b = (e * (s2 - 2 * sigma + 2) - 2) / (2 * s3);
     }
   } else {
-    const double e = std::exp(sigma), n = sigma * sigma + angle2;
-    const double cosine = std::cos(angle), sine = std::sin(angle);
+    const double e = portable::exp(sigma), n = sigma * sigma + angle2;
+    const double cosine = portable::cos(angle), sine = portable::sin(angle);
     const double of_sine = (e * (sigma * sine - angle * cosine) + angle) / n;
     const double of_cosine = (e * (sigma * cosine + angle * sine) - sigma) / n;
     a = of_sine / angle;
@@ -75,13 +77,13 @@ Matrix7 ad(const Vector7& x) {
 
 Sim3 sim3_exp(const Vector7& tangent) {
   const Eigen::Vector3d phi = tangent.segment<3>(3);
-  return {std::exp(tangent(6)), SE3::exp(rotation_only(phi)).R,
+  return {portable::exp(tangent(6)), SE3::exp(rotation_only(phi)).R,
           translation_map(phi, tangent(6)) * tangent.head<3>()};
 }
 
 Vector7 sim3_log(const Sim3& S) {
   const Eigen::Vector3d phi = SE3(S.R, Eigen::Vector3d::Zero()).log().tail<3>();
-  const double sigma = std::log(S.scale);
+  const double sigma = portable::log(S.scale);
   Vector7 tangent;
   tangent << translation_map(phi, sigma).partialPivLu().solve(S.t), phi, sigma;
   return tangent;

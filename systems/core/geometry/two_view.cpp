@@ -7,14 +7,15 @@
 #include <cmath>
 #include <optional>
 
+#include "base/portable_math.hpp"
 #include "geometry/random_sample.hpp"
 #include "geometry/triangulation.hpp"
 
 namespace slambed {
 namespace {
 
-// Chi-square, 5 %, of a standard deviation of one pixel: a homography fixes two numbers of a match, an epipolar line one. Both models
-// score against the same limit, so that the scores compare.
+// Chi-square, 5 %, of a standard deviation of one pixel: a homography fixes two numbers of a match,
+// an epipolar line one. Both models score against the same limit, so that the scores compare.
 constexpr double kChi2Homography = 5.991, kChi2Line = 3.841, kScore = 5.991;
 constexpr std::size_t kSample = 8;
 constexpr int kMostRefits = 10;
@@ -86,10 +87,10 @@ void refit(std::span<const PixelPair> all, Fit fit, Judge judge, Model& best) {
 /// Both models from the same samples.
 struct Models {
   Models(std::span<const PixelPair> pairs, const TwoViewOptions& options) {
-    std::uint64_t state = options.seed;
+    SplitMix64 random(options.seed);
     std::array<PixelPair, kSample> sample;
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
-      const auto chosen = draw_sample<kSample>(state, pairs.size());
+      const auto chosen = draw_sample<kSample>(random, pairs.size());
       for (std::size_t i = 0; i < kSample; ++i) sample[i] = pairs[chosen[i]];
       improve(sample, pairs, fit_homography, judged_homography, homography);
       improve(sample, pairs, fit_fundamental, judged_fundamental, fundamental);
@@ -130,8 +131,8 @@ Hypothesis try_motion(const Camera& camera, std::span<const PixelPair> pairs,
     const auto p_1 = triangulate(P1, P2, a, b);
     if (!p_1) continue;
     const Eigen::Vector3d p_2 = T_21 * *p_1;
-    const double cosine = p_1->dot(*p_1 - T_21.inverse().t) /
-                          (p_1->norm() * (*p_1 - T_21.inverse().t).norm());
+    const double cosine =
+        p_1->dot(*p_1 - T_21.inverse().t) / (p_1->norm() * (*p_1 - T_21.inverse().t).norm());
     const bool near = cosine < kParallelCosine;
     // What is too far away may come out on the wrong side.
     if (near && (p_1->z() <= 0 || p_2.z() <= 0)) continue;
@@ -148,7 +149,7 @@ Hypothesis try_motion(const Camera& camera, std::span<const PixelPair> pairs,
       std::min(std::max(kParallaxPoints, cosines.size() / kParallaxShare), cosines.size() - 1);
   std::nth_element(cosines.begin(), cosines.begin() + static_cast<std::ptrdiff_t>(rank),
                    cosines.end());
-  tried.parallax_deg = std::acos(std::clamp(cosines[rank], -1.0, 1.0)) * kDegrees;
+  tried.parallax_deg = portable::acos(std::clamp(cosines[rank], -1.0, 1.0)) * kDegrees;
   return tried;
 }
 

@@ -10,8 +10,11 @@ DirectionModel::DirectionModel(const DirectionOptions& options, std::uint64_t se
     : schedule_(options.delays_ns, options.step_ns, options.interpolation),
       gaps_(options.gaps),
       gap_drops_(options.gap_drops) {
-  if (options.jitter) jitter_.emplace(*options.jitter, seed, direction);
-  if (options.loss) loss_.emplace(*options.loss, seed, direction);
+  for (const Lane lane : {Lane::kData, Lane::kProbe}) {
+    LaneState& state = lanes_[static_cast<std::size_t>(lane)];
+    if (options.jitter) state.jitter.emplace(*options.jitter, seed, direction, lane);
+    if (options.loss) state.loss.emplace(*options.loss, seed, direction, lane);
+  }
   if (options.rate) bottleneck_.emplace(*options.rate);
 }
 
@@ -31,15 +34,17 @@ void DirectionModel::place_trace(std::int64_t now_ns) {
   bottleneck_->set_origin(origin_ns);
 }
 
-Admission DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes) {
+Admission DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane) {
   Admission result;
+  LaneState& own = lanes_[static_cast<std::size_t>(lane)];
   if (!applied_) {
-    result.due_ns = last_due_ns_ = std::max(last_due_ns_, now_ns);
+    result.due_ns = own.last_due_ns = std::max(own.last_due_ns, now_ns);
     return result;
   }
-  // Drawn for every packet, dropped elsewhere or not: the n-th packet's luck depends on n alone.
-  const bool lost = loss_ && loss_->drop();
-  const std::int64_t extra_ns = jitter_ ? jitter_->draw(now_ns) : 0;
+  // Drawn for every packet, dropped elsewhere or not: the n-th packet's luck depends on n
+  // (and, for bursts in time, on the time) alone.
+  const bool lost = own.loss && own.loss->drop(t0_ns_ ? now_ns - *t0_ns_ : -1);
+  const std::int64_t extra_ns = own.jitter ? own.jitter->draw(now_ns) : 0;
   if (lost) {
     result.fate = Fate::kLost;
     return result;
@@ -48,7 +53,9 @@ Admission DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes) {
   if (bottleneck_) {
     place_trace(now_ns);
     result.queue_bytes = bottleneck_->waiting_bytes(now_ns);
-    const auto departure = bottleneck_->admit(now_ns, bytes);
+    const std::optional<std::int64_t> departure = lane == Lane::kProbe
+                                                      ? bottleneck_->beside(now_ns, bytes)
+                                                      : bottleneck_->admit(now_ns, bytes);
     if (!departure) {
       result.fate = Fate::kQueueFull;
       return result;
@@ -64,7 +71,7 @@ Admission DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes) {
     }
     due_ns = *t0_ns_ + gap->end_ns;
   }
-  result.due_ns = last_due_ns_ = std::max(last_due_ns_, due_ns);
+  result.due_ns = own.last_due_ns = std::max(own.last_due_ns, due_ns);
   return result;
 }
 

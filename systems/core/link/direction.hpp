@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -39,7 +40,7 @@ struct Admission {
 };
 
 /// One direction of the link as a pure model: arrival time and size in, due time or drop out. Due
-/// times never decrease, so packets cannot overtake one another when the delay falls.
+/// times of a lane never decrease, so packets cannot overtake one another when the delay falls.
 class DirectionModel {
  public:
   DirectionModel(const DirectionOptions& options, std::uint64_t seed, std::uint64_t direction);
@@ -55,24 +56,29 @@ class DirectionModel {
   /// The profile's delay at a run time, without jitter, rate and gaps.
   std::int64_t profile_ns(std::int64_t run_time_ns) const { return schedule_.at(run_time_ns); }
 
+  /// A probe waits behind the queue like any packet, and neither fills it nor draws for others.
   /// @param now_ns CLOCK_MONOTONIC, not decreasing
-  Admission admit(std::int64_t now_ns, std::uint32_t bytes);
+  Admission admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane = Lane::kData);
 
  private:
   void place_trace(std::int64_t now_ns);
   const Gap* gap_at(std::int64_t run_time_ns) const;
   std::int64_t run_time(std::int64_t now_ns) const { return t0_ns_ ? now_ns - *t0_ns_ : 0; }
 
+  struct LaneState {
+    std::optional<JitterModel> jitter;
+    std::optional<LossModel> loss;
+    std::int64_t last_due_ns = 0;
+  };
+
   DelaySchedule schedule_;
-  std::optional<JitterModel> jitter_;
-  std::optional<LossModel> loss_;
+  std::array<LaneState, 2> lanes_;
   std::optional<Bottleneck> bottleneck_;
   std::vector<Gap> gaps_;
   bool gap_drops_;
   bool applied_ = false;
   std::optional<std::int64_t> t0_ns_;
   std::optional<std::int64_t> trace_origin_ns_;
-  std::int64_t last_due_ns_ = 0;
 };
 
 }  // namespace slambed::link

@@ -15,6 +15,7 @@ using Json = nlohmann::json;
 constexpr double kNsPerS = 1e9;
 constexpr double kNsPerMs = 1e6;
 constexpr double kNsPerUs = 1e3;
+constexpr double kShortestState_s = 1e-4, kLongestState_s = 1e6;
 constexpr double kLongestDelayUs = 60e6;  // one minute; longer is a mistake of unit
 
 JitterOptions read_jitter(const Section& section) {
@@ -33,9 +34,18 @@ JitterOptions read_jitter(const Section& section) {
 }
 
 LossOptions read_loss(const Section& section) {
-  section.only({"to_bad", "to_good", "loss_good", "loss_bad"});
-  return {section.number("to_bad", 0, 0, 1), section.number("to_good", 1, 0, 1),
-          section.number("loss_good", 0, 0, 1), section.number("loss_bad", 1, 0, 1)};
+  section.only({"to_bad", "to_good", "loss_good", "loss_bad", "good_s", "bad_s"});
+  LossOptions loss{section.number("to_bad", 0, 0, 1), section.number("to_good", 1, 0, 1),
+                   section.number("loss_good", 0, 0, 1), section.number("loss_bad", 1, 0, 1)};
+  if (section.has("good_s") != section.has("bad_s"))
+    section.fail("needs both 'good_s' and 'bad_s'");
+  if (!section.has("bad_s")) return loss;
+  if (section.has("to_bad") || section.has("to_good")) {
+    section.fail("has a chain per packet ('to_bad') and one in time ('bad_s')");
+  }
+  loss.mean_good_ns = section.number("good_s", 0, kShortestState_s, kLongestState_s) * kNsPerS;
+  loss.mean_bad_ns = section.number("bad_s", 0, kShortestState_s, kLongestState_s) * kNsPerS;
+  return loss;
 }
 
 RateOptions read_rate(const Section& section, int mtu) {
@@ -94,9 +104,7 @@ void Section::only(std::initializer_list<std::string_view> known) const {
   }
 }
 
-bool Section::has(const char* key) const {
-  return json_.contains(key) && !json_.at(key).is_null();
-}
+bool Section::has(const char* key) const { return json_.contains(key) && !json_.at(key).is_null(); }
 
 Section Section::section(const char* key) const {
   if (!has(key)) fail(std::string("lacks '") + key + "'");

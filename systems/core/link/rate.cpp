@@ -30,11 +30,26 @@ void Bottleneck::set_origin(std::int64_t origin_ns) {
 
 std::optional<std::int64_t> Bottleneck::admit(std::int64_t now_ns, std::uint32_t bytes) {
   if (waiting_bytes(now_ns) + bytes > options_.queue_bytes) return std::nullopt;
-  const std::int64_t departure = options_.opportunities_ns.empty() ? depart_constant(now_ns, bytes)
-                                                                   : depart_trace(now_ns, bytes);
+  const std::int64_t departure = depart(now_ns, bytes);
   waiting_.push_back({departure, bytes});
   waiting_bytes_ += bytes;
   return departure;
+}
+
+std::int64_t Bottleneck::beside(std::int64_t now_ns, std::uint32_t bytes) {
+  waiting_bytes(now_ns);
+  const auto free_at_ns = free_at_ns_;
+  const auto next_index = next_index_, left = left_in_current_;
+  const std::int64_t departure = depart(now_ns, bytes);
+  free_at_ns_ = free_at_ns;
+  next_index_ = next_index;
+  left_in_current_ = left;
+  return departure;
+}
+
+std::int64_t Bottleneck::depart(std::int64_t now_ns, std::uint32_t bytes) {
+  return options_.opportunities_ns.empty() ? depart_constant(now_ns, bytes)
+                                           : depart_trace(now_ns, bytes);
 }
 
 std::int64_t Bottleneck::depart_constant(std::int64_t now_ns, std::uint32_t bytes) {

@@ -31,10 +31,14 @@ class Bottleneck {
   /// @param now_ns must not decrease from call to call
   std::optional<std::int64_t> admit(std::int64_t now_ns, std::uint32_t bytes);
 
+  /// When the last byte of a packet would leave that takes no room and no time from the others.
+  std::int64_t beside(std::int64_t now_ns, std::uint32_t bytes);
+
   /// Bytes accepted that have not left yet.
   std::int64_t waiting_bytes(std::int64_t now_ns);
 
  private:
+  std::int64_t depart(std::int64_t now_ns, std::uint32_t bytes);
   std::int64_t depart_constant(std::int64_t now_ns, std::uint32_t bytes);
   std::int64_t depart_trace(std::int64_t now_ns, std::uint32_t bytes);
   std::int64_t opportunity(std::int64_t index) const;

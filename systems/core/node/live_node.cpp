@@ -95,6 +95,7 @@ class LiveNode {
                                 .log = log_,
                                 .features = *features_,
                                 .feed = *feed_,
+                                .sequence = &*sequence_,
                                 .sensor = sequence_->sensor(),
                                 .played_fps = playlist_->played_fps(),
                                 .stop_at_first_loss = config_.playback.stop_at_first_loss,

@@ -33,13 +33,14 @@ WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& 
 }  // namespace
 
 LocalMapping::LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions options,
-                           std::shared_ptr<Map> map, IdSpace ids, Mode mode)
+                           std::shared_ptr<Map> map, IdSpace ids, Mode mode, MappingHooks hooks)
     : runtime_(runtime),
       log_(log),
       map_(map),
       options_(options),
       mapper_(options, map, ids),
       mode_(mode),
+      hooks_(std::move(hooks)),
       queue_(runtime),
       settled_(runtime.make_signal()) {}
 
@@ -48,10 +49,17 @@ void LocalMapping::start(const std::string& worker_name) {
   runtime_.spawn(worker_name, [this](Worker& worker) { run(worker); });
 }
 
-void LocalMapping::submit(Worker& worker, KeyFrameId keyframe) {
-  if (mode_ == Mode::kSequential) return map_keyframe(worker, keyframe);
-  ++waiting_;
-  queue_.put({.keyframe = keyframe, .map = nullptr});
+Completion LocalMapping::submit(Worker& worker, KeyFrameId keyframe) {
+  const int number = ++submitted_;
+  if (mode_ == Mode::kSequential) {
+    map_keyframe(worker, keyframe);
+    completed_ = number;
+  } else {
+    ++waiting_;
+    queue_.put({.keyframe = keyframe, .map = nullptr, .submitted = number});
+  }
+  return {*settled_, [this, number] { return completed_ >= number; },
+          [this] { return parked_.load(); }};
 }
 
 MapperStatus LocalMapping::status() const {
@@ -60,64 +68,57 @@ MapperStatus LocalMapping::status() const {
           .accepts = !parked_ && !leaving() && !held_};
 }
 
-void LocalMapping::reset(Worker& worker, std::shared_ptr<Map> map) {
-  go_on_with(std::move(map));
-  while (leaving() && !worker.stopping()) {
-    const auto ticket = settled_->ticket();
-    if (!leaving()) break;
-    worker.wait(*settled_, ticket, kNever);
-  }
-}
-
-void LocalMapping::go_on_with(std::shared_ptr<Map> map) {
+Completion LocalMapping::reset(std::shared_ptr<Map> map) {
   while (const auto dropped = queue_.try_take()) {
     if (dropped->keyframe) --waiting_;
   }
-  Task change{.keyframe = {}, .map = std::move(map), .change = ++changes_asked_};
-  if (mode_ == Mode::kSequential) return adopt(std::move(change));
-  queue_.put(std::move(change));
+  const int change = ++changes_asked_;
+  Task task{.keyframe = {}, .map = std::move(map), .change = change, .submitted = submitted_};
+  if (mode_ == Mode::kSequential) {
+    adopt(std::move(task));
+  } else {
+    queue_.put(std::move(task));
+  }
+  return {*settled_, [this, change] { return changes_done_ >= change; }, [] { return false; }};
 }
 
 void LocalMapping::adopt(Task task) {
   map_ = std::move(task.map);
   mapper_.replace_map(map_);
-  if (change_) change_();
+  if (hooks_.changed) hooks_.changed();
+  completed_ = task.submitted;
   changes_done_ = task.change;
   settled_->notify();
 }
 
-void LocalMapping::drain(Worker& worker) {
-  while (!status().idle && !parked_ && !worker.stopping()) {
-    const auto ticket = settled_->ticket();
-    if (status().idle) break;
-    worker.wait(*settled_, ticket, kNever);
-  }
+Completion LocalMapping::drained() {
+  return {*settled_, [this] { return status().idle; }, [this] { return parked_.load(); }};
 }
 
 void LocalMapping::park(bool parked) {
   parked_ = parked;
   queue_.signal().notify();
+  settled_->notify();  // who waits for what is parked now need not
 }
 
 void LocalMapping::run(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = queue_.signal().ticket();
     // A change of map is taken also while parked; it is first in the queue.
-    if (!parked_ || leaving()) {
+    if ((!parked_ || leaving()) && queue_.size() > 0) {
       busy_ = true;  // before the count falls: never idle in between
       auto task = queue_.try_take();
       if (task && task->keyframe) {
         --waiting_;
         map_keyframe(worker, task->keyframe);
+        completed_ = task->submitted;
       }
       busy_ = false;
       if (task && task->map) adopt(std::move(*task));
-      if (task) {
-        settled_->notify();
-        continue;
-      }
+      settled_->notify();  // also when a change of map has just emptied the queue
+      continue;
     }
-    worker.wait(queue_.signal(), ticket, idle_ && !parked_ ? idle_(worker) : kNever);
+    worker.wait(queue_.signal(), ticket, hooks_.idle && !parked_ ? hooks_.idle(worker) : kNever);
   }
   settled_->notify();
 }
@@ -135,7 +136,7 @@ void LocalMapping::commit_stage(Worker& worker, std::string_view name, StageUnit
 }
 
 void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
-  if (prepare_ && !prepare_(worker, keyframe)) return;
+  if (hooks_.take && !hooks_.take(worker, keyframe)) return;
   const WindowSize window = window_size(*map_, keyframe, options_);
   const StageUnits size{window.covisibles, window.shared};
   worker.stage("insert", [&](StageUnits& units) {
@@ -157,7 +158,7 @@ void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
                  .add("keyframe", keyframe.value)
                  .add("keyframes", counts.keyframes)
                  .add("points", counts.points));
-  if (done_) done_(worker, keyframe);
+  if (hooks_.done) hooks_.done(worker, keyframe);
 }
 
 void LocalMapping::bundle(Worker& worker) {

@@ -5,12 +5,27 @@
 #include <functional>
 #include <memory>
 
+#include "node/completion.hpp"
 #include "node/event_log.hpp"
 #include "runtime/mailbox.hpp"
 #include "slam/local_mapper.hpp"
 #include "slam/tracker.hpp"
 
 namespace slambed {
+
+/// What others do on the mapping side, between two stages. Each may be left out.
+struct MappingHooks {
+  /// Commits what must be in the map before the stages run; false: the keyframe is not to be mapped
+  /// after all.
+  std::function<bool(Worker&, KeyFrameId)> take;
+  /// After a keyframe was worked in, before the next is taken.
+  std::function<void(Worker&, KeyFrameId)> done;
+  /// When nothing waits, but not while parked; returns when it wants to be called again (kNever:
+  /// after the next keyframe).
+  std::function<RunTime(Worker&)> idle;
+  /// Whenever mapping goes on with a map, be it the same one, before the change is complete.
+  std::function<void()> changed;
+};
 
 /// Runs the mapper's stages for one keyframe after the other (ORB-SLAM2's order): insert,
 /// cull_points, triangulate, fuse, bundle, cull_keyframes. A keyframe that waits cuts the later
@@ -21,39 +36,24 @@ namespace slambed {
 class LocalMapping {
  public:
   enum class Mode { kWorker, kSequential };
-  /// Called on the mapping side after a keyframe was worked in, before the next is taken.
-  using Done = std::function<void(Worker&, KeyFrameId)>;
 
   LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions options,
-               std::shared_ptr<Map> map, IdSpace ids, Mode mode);
-
-  void on_done(Done done) { done_ = std::move(done); }
-  /// What must be in the map before the stages run is committed by prepare, on the mapping side; it
-  /// returns false when the keyframe is not to be mapped after all.
-  void on_take(std::function<bool(Worker&, KeyFrameId)> prepare) { prepare_ = std::move(prepare); }
-
-  /// On the mapping side: the mapper's points count on behind this one.
-  void skip(MapPointId used) { mapper_.skip(used); }
-
-  /// Called when nothing waits, but not while parked; returns when it wants to be called again
-  /// (kNever: after the next keyframe).
-  void on_idle(std::function<RunTime(Worker&)> idle) { idle_ = std::move(idle); }
-  /// Called on the mapping side whenever it goes on with a map, be it the same one, before reset()
-  /// returns.
-  void on_change(std::function<void()> change) { change_ = std::move(change); }
+               std::shared_ptr<Map> map, IdSpace ids, Mode mode, MappingHooks hooks = {});
 
   void start(const std::string& worker_name = "mapping");
-  /// Queues a keyframe of the map gone on to last (sequential: maps it now).
-  void submit(Worker& worker, KeyFrameId keyframe);
+  /// Queues a keyframe of the map gone on to last (sequential: maps it now). Complete when it was
+  /// worked in, or dropped by a change of map; hopeless while parked.
+  Completion submit(Worker& worker, KeyFrameId keyframe);
+  /// Drops what waits, ends what runs and continues on another map (also while parked). Until that is
+  /// complete what runs goes on, on the old map.
+  Completion reset(std::shared_ptr<Map> map);
+  /// Complete when nothing waits or runs; hopeless while parked.
+  Completion drained();
   MapperStatus status() const;
-  /// Drops what waits, ends what runs and continues on another map; returns when that has happened.
-  void reset(Worker& worker, std::shared_ptr<Map> map);
-  /// The same, but returns at once: what runs ends by itself, on the old map.
-  void go_on_with(std::shared_ptr<Map> map);
-  /// Returns when nothing waits or runs any more.
-  void drain(Worker& worker);
   /// A parked mapper finishes its keyframe and then leaves queue and map alone.
   void park(bool parked);
+  /// On the mapping side: the mapper's points count on behind this one.
+  void skip(MapPointId used) { mapper_.skip(used); }
   bool parked() const { return parked_; }
   /// No keyframe is accepted while the map is being put right.
   void hold(bool held) { held_ = held; }
@@ -65,6 +65,7 @@ class LocalMapping {
     KeyFrameId keyframe;       ///< none: only go on to the map
     std::shared_ptr<Map> map;  ///< null: the one at hand
     int change = 0;            ///< number of the change of map
+    int submitted = 0;         ///< keyframes until then, this one included
   };
 
   void run(Worker& worker);
@@ -82,13 +83,11 @@ class LocalMapping {
   LocalMapperOptions options_;
   LocalMapper mapper_;
   Mode mode_;
-  Done done_;
-  std::function<bool(Worker&, KeyFrameId)> prepare_;
-  std::function<RunTime(Worker&)> idle_;
-  std::function<void()> change_;
+  MappingHooks hooks_;
   Mailbox<Task> queue_;
   std::unique_ptr<Signal> settled_;  ///< a keyframe is done, or a change of map
   std::atomic<int> waiting_{0};      ///< keyframes in the queue
+  std::atomic<int> submitted_{0}, completed_{0};  ///< keyframes; completed: of the first so many
   std::atomic<bool> busy_{false}, parked_{false}, held_{false};
   std::atomic<int> changes_asked_{0}, changes_done_{0};  ///< of map
 };

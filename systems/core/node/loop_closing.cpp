@@ -9,7 +9,7 @@ namespace slambed {
 
 LoopClosing::LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options,
                          std::shared_ptr<Map> map, std::shared_ptr<PlaceIndex> places,
-                         LocalMapping& mapping, LocalMapping::Mode mode)
+                         LocalMapping& mapping, LocalMapping::Mode mode, Commit commit)
     : runtime_(runtime),
       log_(log),
       bundle_options_(options.bundle),
@@ -17,18 +17,11 @@ LoopClosing::LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions opti
       closer_(options, map, std::move(places)),
       mapping_(mapping),
       mode_(mode),
+      commit_(std::move(commit)),
       wanted_(runtime),
       finished_(runtime),
       settled_(runtime.make_signal()) {
-  mapping_.on_idle([this](Worker& worker) {
-    idle(worker);
-    return kNever;
-  });
-  mapping_.on_change([this] {
-    ++generation_;
-    closer_.replace_map(map_);
-  });
-  on_commit([this](const MapDelta& delta) { map_->commit(delta); });
+  if (!commit_) commit_ = [this](const MapDelta& delta) { map_->commit(delta); };
 }
 
 void LoopClosing::start() {
@@ -138,13 +131,15 @@ void LoopClosing::idle(Worker& worker) {
   }
 }
 
+void LoopClosing::map_changed() {
+  ++generation_;
+  closer_.replace_map(map_);
+}
+
 void LoopClosing::drain(Worker& worker, RunTime deadline) {
-  while (open_ > 0 && !mapping_.parked() && !worker.stopping() && worker.now() < deadline) {
-    const auto ticket = settled_->ticket();
-    if (open_ == 0) break;
-    worker.wait(*settled_, ticket, deadline);
-  }
-  if (open_ > 0) ++generation_;
+  const Completion settled(*settled_, [this] { return open_ == 0; },
+                           [this] { return mapping_.parked(); });
+  if (!settled.wait(worker, deadline)) ++generation_;
 }
 
 }  // namespace slambed

@@ -18,21 +18,25 @@ namespace slambed {
 /// when it is done. While a loop is being closed no keyframe is accepted. A newer loop or a reset
 /// of the mapping makes a running bundle worthless: it stops at its next step.
 ///
-/// Takes LocalMapping's on_change for itself, and on_idle, too: whoever sets that one anew
-/// afterwards calls idle() from there. Whoever uses on_done calls mapped().
+/// Whoever owns both lets LocalMapping's hooks call mapped(), idle() and map_changed().
 class LoopClosing {
  public:
-  LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options, std::shared_ptr<Map> map,
-              std::shared_ptr<PlaceIndex> places, LocalMapping& mapping, LocalMapping::Mode mode);
+  /// Commits a change on the mapping side.
+  using Commit = std::function<void(const MapDelta&)>;
 
-  /// Called on the mapping side to commit a change, in place of Map::commit. Before start().
-  void on_commit(std::function<void(const MapDelta&)> commit) { commit_ = std::move(commit); }
+  /// commit: in place of Map::commit.
+  LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options, std::shared_ptr<Map> map,
+              std::shared_ptr<PlaceIndex> places, LocalMapping& mapping, LocalMapping::Mode mode,
+              Commit commit = {});
+
   /// Starts the bundle's worker (not in sequential mode: there the bundle runs at once).
   void start();
   /// On the mapping side, after a keyframe was worked in.
   void mapped(Worker& worker, KeyFrameId keyframe);
   /// On the mapping side, when nothing waits: takes over a bundle that is done.
   void idle(Worker& worker);
+  /// On the mapping side, when it goes on with a map: what is under way is worth nothing.
+  void map_changed();
   /// Returns when no bundle runs or waits to be taken over; mapping must have been drained before.
   /// What is not done by the deadline, or when mapping is parked, is dropped.
   void drain(Worker& worker, RunTime deadline = kNever);
@@ -55,7 +59,7 @@ class LoopClosing {
   LoopCloser closer_;
   LocalMapping& mapping_;
   LocalMapping::Mode mode_;
-  std::function<void(const MapDelta&)> commit_;
+  Commit commit_;
   std::atomic<int> generation_{0};  ///< of the map as loops and resets left it
   std::atomic<int> open_{0};  ///< bundles asked for and not yet taken over or dropped
   Mailbox<int> wanted_;       ///< generations to adjust

@@ -120,11 +120,12 @@ TrackedFrame MobileNode::track_frame(Worker& worker, const OfferedFrame& offered
     units.n1 = images_per_frame(parts_.sensor) * features->size();
     return features;
   });
+  frame.features = policy_->before_tracking(worker, offered, std::move(frame.features));
   frame.outcome = worker.stage("track", [&](StageUnits& units) {
     const auto outcome =
         tracker_->track(offered.played.index, offered.played.seq_s(), frame.features);
     units.n1 = frame.features->size();
-    units.n2 = outcome.local_points;
+    units.n2 = std::max(outcome.local_points, outcome.searched_points);
     return outcome;
   });
   return frame;

@@ -19,6 +19,7 @@ struct MobileParts {
   EventLog& log;
   FeatureSource& features;
   FrameFeed& feed;
+  const PreparedSequence* sequence = nullptr;  ///< null: features have no pictures
   SensorKind sensor = SensorKind::kRgbd;
   double played_fps = 30;
   bool stop_at_first_loss = false;  ///< playback ends with the first track loss
@@ -50,6 +51,12 @@ class MobileNode {
   Tracker& tracker() { return *tracker_; }
   /// Which keyframes look alike; tracking finds lost frames with it.
   std::shared_ptr<PlaceIndex> places() const { return places_; }
+  /// The images that a frame's features come from; they last as long as the node. Nothing where
+  /// features come from elsewhere.
+  std::optional<PreparedSequence::Frame> picture(const OfferedFrame& frame) const {
+    if (parts_.sequence == nullptr) return std::nullopt;
+    return parts_.sequence->frame(frame.played.index);
+  }
   double played_fps() const { return parts_.played_fps; }
   /// What the link's profile asks for; nothing where the run does not tell.
   const std::optional<RttTable>& profile_rtt() const { return parts_.profile_rtt; }

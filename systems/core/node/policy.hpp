@@ -35,6 +35,12 @@ class MobilePolicy {
   virtual void start() {}
   /// Between two frames: the place where an update may change the map.
   virtual void before_frame(Worker&, const OfferedFrame&) {}
+  /// Between extraction and tracking: the features that tracking is to see. A policy may look at
+  /// the picture (MobileNode::picture), leave some out (select) or let tracking see none.
+  virtual std::shared_ptr<const FeatureSet> before_tracking(
+      Worker&, const OfferedFrame&, std::shared_ptr<const FeatureSet> features) {
+    return features;
+  }
   /// After each frame: whether to make a keyframe, and what becomes of it.
   virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
   /// Playback is over: let work end, say goodbye.

@@ -18,6 +18,7 @@ StageCost read_stage(const nlohmann::json& json, const std::string& where) {
   cost.b_us = in.number("b_us");
   cost.c_us = in.number("c_us");
   cost.jitter = in.number("jitter");
+  if (json.contains("accelerator")) cost.accelerator = in.text("accelerator");
   in.done();
   return cost;
 }
@@ -31,6 +32,16 @@ DeviceModel read_device(const nlohmann::json& json, const std::string& where) {
   if (!stages.is_object()) in.fail("stages", "must be an object: stage name to costs");
   for (const auto& [name, cost] : stages.items()) {
     device.stages[name] = read_stage(cost, where + "stages." + name + ".");
+  }
+  if (json.contains("accelerators")) {
+    const nlohmann::json& accelerators = in.any("accelerators");
+    if (!accelerators.is_object()) in.fail("accelerators", "must be an object: name to lanes");
+    for (const auto& [name, found] : accelerators.items()) {
+      JsonReader one(found, where + "accelerators." + name + ".");
+      device.accelerators[name] = {static_cast<int>(one.integer("lanes", 1, kMaxCores)),
+                                   one.number("speed")};
+      one.done();
+    }
   }
   in.done();
   device.check();

@@ -12,7 +12,7 @@
 #include "node/node_files.hpp"
 #include "node/sim_config.hpp"
 #include "node/virtual_sampler.hpp"
-#include "runtime/virtual/random.hpp"
+#include "runtime/virtual/keyed_random.hpp"
 #include "runtime/virtual/virtual_network.hpp"
 
 namespace slambed {
@@ -117,6 +117,7 @@ class VirtualRun {
                                      .log = mobile_.log,
                                      .features = *features_,
                                      .feed = *feed_,
+                                     .sequence = &sequence_,
                                      .sensor = sequence_.sensor(),
                                      .played_fps = playlist_.played_fps(),
                                      .stop_at_first_loss = config_.run.playback.stop_at_first_loss,

@@ -43,6 +43,7 @@ bool MobileFarewell::take(const Message& message) {
     if (message.type == type_of(wire::MessageType::kBye)) {
       const auto bye = wire::decode_bye(message.payload);
       counts_ = {bye.keyframes, bye.points};
+      answered_ = true;
       return true;
     }
   } catch (const wire::DecodeError& error) {
@@ -76,12 +77,12 @@ bool EdgeFarewell::answer(Worker& worker, const Message& message) {
     return false;
   }
   const RunTime heard = worker.now();
-  mapping_.drain(worker, bye.last_keyframe_sequence, heard + kTransitPatience,
-                 heard + kBundlePatience);
+  source_.drain(worker, bye.last_keyframe_sequence, heard + kTransitPatience,
+                heard + kBundlePatience);
   if (options_.final_poses) {
-    control_.send(type_of(wire::MessageType::kPoses), wire::encode_poses(mapping_.all_poses()));
+    control_.send(type_of(wire::MessageType::kPoses), wire::encode_poses(source_.all_poses()));
   }
-  const MapCounts counts = count(*mapping_.map());
+  const MapCounts counts = source_.counts();
   control_.send(type_of(wire::MessageType::kBye),
                 encode(wire::ByeMessage{.keyframes = counts.keyframes, .points = counts.points}));
   node_.end("bye");

@@ -3,7 +3,6 @@
 
 #include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
-#include "offload/edge_mapping.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed {
@@ -17,14 +16,28 @@ class MobileFarewell {
   void say(Worker& worker, std::uint64_t last_keyframe_sequence);
   const MapCounts& counts() const { return counts_; }  ///< of the global map; zero when unheard
   const std::vector<KeyFramePose>& poses() const { return poses_; }
+  bool answered() const { return answered_; }
 
  private:
   bool take(const Message& message);
 
   MobileNode& node_;
   Channel& control_;
+  bool answered_ = false;
   MapCounts counts_;
   std::vector<KeyFramePose> poses_;
+};
+
+/// What an edge has to say at the end.
+class FarewellSource {
+ public:
+  virtual ~FarewellSource() = default;
+  /// Waits until the keyframe with this sequence has come, or until transit, and all are mapped; what
+  /// then is left to do is dropped at the deadline.
+  virtual void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
+                     RunTime deadline) = 0;
+  virtual std::vector<KeyFramePose> all_poses() const = 0;
+  virtual MapCounts counts() const = 0;
 };
 
 struct EdgeFarewellOptions {
@@ -36,8 +49,9 @@ struct EdgeFarewellOptions {
 /// The edge's control worker: ends the node after BYE or when the mobile is gone for good.
 class EdgeFarewell {
  public:
-  EdgeFarewell(EdgeNode& node, Channel& control, EdgeMapping& mapping, EdgeFarewellOptions options)
-      : node_(node), control_(control), mapping_(mapping), options_(options) {}
+  EdgeFarewell(EdgeNode& node, Channel& control, FarewellSource& source,
+               EdgeFarewellOptions options)
+      : node_(node), control_(control), source_(source), options_(options) {}
 
   void start();
 
@@ -47,7 +61,7 @@ class EdgeFarewell {
 
   EdgeNode& node_;
   Channel& control_;
-  EdgeMapping& mapping_;
+  FarewellSource& source_;
   EdgeFarewellOptions options_;
 };
 

@@ -46,6 +46,7 @@ MapDownlink::MapDownlink(MobileNode& node, Channel& channel, Mode mode, UpdateRu
       rules_(rules),
       codec_(std::move(codec)),
       ready_(node.runtime(), 1),
+      replaced_(node.runtime()),
       disused_(node.runtime()) {}
 
 void MapDownlink::start() {
@@ -72,32 +73,29 @@ void MapDownlink::work(Worker& worker) {
       units.n1 = static_cast<double>(arrival.update.map.keyframes.size());
       units.n2 = static_cast<double>(arrival.update.map.points.size());
     });
-    if (const auto replaced = ready_.put(std::move(arrival))) {
+    if (auto replaced = ready_.put(std::move(arrival))) {
       record_declined(replaced->update.update, replaced->update.newest, "a newer one came");
+      replaced_.put(std::move(*replaced));
     }
   }
 }
 
 void MapDownlink::before_frame(Worker& worker) {
+  const RunTime begin = worker.now();
   if (mode_ == Mode::kParallel) {
-    auto arrival = ready_.try_take();
-    if (!arrival) return;
-    if (const auto reason = refused(worker, *arrival)) {
-      record_declined(arrival->update.update, arrival->update.newest, *reason);
-      return;
+    while (const auto replaced = replaced_.try_take()) {
+      if (tells_poses(state_for(worker, *replaced))) place_keyframes(replaced->update);
     }
-    apply(worker, std::move(*arrival));
+    auto arrival = ready_.try_take();
+    if (!arrival || declined(worker, *arrival)) return;
+    apply(worker, std::move(*arrival), begin);
     return;
   }
   auto message = channel_.try_receive();
   if (!message || !is_update(*message)) return;
   Arrival arrival{.raw = std::move(*message), .update = {}, .map = nullptr};
-  if (!parse(worker, arrival)) return;
-  if (const auto reason = refused(worker, arrival)) {
-    record_declined(arrival.update.update, arrival.update.newest, *reason);
-    return;
-  }
-  apply(worker, std::move(arrival));
+  if (!parse(worker, arrival) || declined(worker, arrival)) return;
+  apply(worker, std::move(arrival), begin);
 }
 
 bool MapDownlink::parse(Worker& worker, Arrival& arrival) {
@@ -121,25 +119,40 @@ void MapDownlink::build(Arrival& arrival) {
   arrival.map->commit(arrival.update.map);
 }
 
-std::optional<std::string_view> MapDownlink::refused(Worker& worker,
-                                                     const Arrival& arrival) const {
+UpdateState MapDownlink::state_for(Worker& worker, const Arrival& arrival) const {
   const PeerState edge = node_.network().peer();
-  return decline_reason(rules_, {.relocalisation = is_relocalisation(arrival.raw),
-                                 .lost = node_.tracker().state() == TrackingState::kLost,
-                                 .former_edge = arrival.raw.incarnation != edge.incarnation,
-                                 .update = arrival.update.update,
-                                 .applied = knows(edge) ? applied_ : 0,
-                                 .epoch = arrival.update.map.epoch,
-                                 .current_epoch = epoch_,
-                                 .local_keyframes = count(*node_.tracker().map()).keyframes,
-                                 .keyframes_created = keyframes_created_,
-                                 .new_keyframe = new_keyframe_,
-                                 .since_keyframe = worker.now() - last_keyframe_,
-                                 .keyframes_in_window =
-                                     keyframes_since(worker.now() - kRateWindow)});
+  return {.relocalisation = is_relocalisation(arrival.raw),
+          .lost = node_.tracker().state() == TrackingState::kLost,
+          .former_edge = arrival.raw.incarnation != edge.incarnation,
+          .behind = arrival.update.newest < expected_,
+          .update = arrival.update.update,
+          .applied = knows(edge) ? applied_ : 0,
+          .epoch = arrival.update.map.epoch,
+          .current_epoch = epoch_,
+          .local_keyframes = count(*node_.tracker().map()).keyframes,
+          .keyframes_created = keyframes_created_,
+          .new_keyframe = new_keyframe_,
+          .since_keyframe = worker.now() - last_keyframe_,
+          .keyframes_in_window = keyframes_since(worker.now() - kRateWindow)};
 }
 
-void MapDownlink::apply(Worker& worker, Arrival arrival) {
+bool MapDownlink::declined(Worker& worker, const Arrival& arrival) {
+  const UpdateState state = state_for(worker, arrival);
+  const auto reason = decline_reason(rules_, state);
+  if (!reason) return false;
+  record_declined(arrival.update.update, arrival.update.newest, *reason);
+  // The edge may be gone before it tells them again.
+  if (tells_poses(state)) place_keyframes(arrival.update);
+  return true;
+}
+
+void MapDownlink::place_keyframes(const wire::MapUpdate& update) {
+  for (const NewKeyFrame& keyframe : update.map.keyframes)
+    node_.poses().placed(keyframe.id, keyframe.T_cw);
+  for (const KeyFramePose& pose : update.poses) node_.poses().placed(pose.id, pose.T_cw);
+}
+
+void MapDownlink::apply(Worker& worker, Arrival arrival, RunTime begin) {
   auto old_map = node_.tracker().map();
   const int gap = local_map_gap(*old_map, arrival.update);
   worker.stage("apply_update", [&](StageUnits& units) {
@@ -165,10 +178,7 @@ void MapDownlink::apply(Worker& worker, Arrival arrival) {
   }
   new_keyframe_ = false;
   if (on_applied_) on_applied_(arrival.update, arrival.map);
-  for (const NewKeyFrame& keyframe : arrival.update.map.keyframes) {
-    node_.poses().placed(keyframe.id, keyframe.T_cw);
-  }
-  for (const KeyFramePose& pose : arrival.update.poses) node_.poses().placed(pose.id, pose.T_cw);
+  place_keyframes(arrival.update);
 
   // Consecutive stamps: the parts add up to the total by construction.
   const wire::UpdateTimes& times = arrival.update.times;
@@ -180,6 +190,7 @@ void MapDownlink::apply(Worker& worker, Arrival arrival) {
                         .add("points", arrival.update.map.points.size())
                         .add("relocalisation", is_relocalisation(arrival.raw))
                         .add("gap_keyframes", gap)
+                        .add_ms("pause_ms", now - begin)
                         .add_ms("t_track_ms", times.queued - times.captured)
                         .add_ms("t_me_ms", times.received - times.queued)
                         .add_ms("t_rkf_ms", times.accepted - times.received)

@@ -44,6 +44,9 @@ class MapDownlink {
     epoch_ = epoch;
     applied_ = 0;
   }
+  /// Updates that show the map before this keyframe are declined from now on: it was sent late, and
+  /// where they end the camera is no more. On the tracking worker.
+  void expect_keyframe(KeyFrameId keyframe) { expected_ = keyframe; }
   /// Called on the tracking worker with each update and the map it has become.
   using Applied = std::function<void(const wire::MapUpdate&, const std::shared_ptr<Map>&)>;
   void on_applied(Applied applied) { on_applied_ = std::move(applied); }
@@ -61,9 +64,13 @@ class MapDownlink {
   void work(Worker& worker);
   bool parse(Worker& worker, Arrival& arrival);
   void build(Arrival& arrival);
-  std::optional<std::string_view> refused(Worker& worker, const Arrival& arrival) const;
+  /// True, and recorded, when the update is not taken over. What it tells of poses is kept if new.
+  bool declined(Worker& worker, const Arrival& arrival);
+  UpdateState state_for(Worker& worker, const Arrival& arrival) const;
+  void place_keyframes(const wire::MapUpdate& update);
   int keyframes_since(RunTime begin) const;
-  void apply(Worker& worker, Arrival arrival);
+  /// begin: since when tracking stands still for it.
+  void apply(Worker& worker, Arrival arrival, RunTime begin);
   void record_declined(std::uint64_t update, KeyFrameId newest, std::string_view reason);
   void record_received(const Arrival& arrival);
 
@@ -74,6 +81,7 @@ class MapDownlink {
   MessageCodec codec_;
   Applied on_applied_;
   Mailbox<Arrival> ready_;                 ///< parallel: built by the worker
+  Mailbox<Arrival> replaced_;              ///< parallel: by a newer one, before tracking looked
   Mailbox<std::shared_ptr<Map>> disused_;  ///< parallel: to be disposed of by the worker
 
   // The tracking worker's.
@@ -81,6 +89,7 @@ class MapDownlink {
   std::uint64_t applied_incarnation_ = 0;  ///< of the edge it came from: each counts its own
   MapPointId newest_edge_point_;
   KeyFrameId settled_{};
+  KeyFrameId expected_{};  ///< older ones than this are behind
   std::uint64_t epoch_ = 0;
   std::size_t keyframes_created_ = 0;
   bool new_keyframe_ = false;

@@ -112,7 +112,10 @@ MapDelta rebase_changes(const MapView& map, const MapDelta& changes) {
       if (!comes_too) rebased.keyframes.back().parent = {};
     }
   }
+  std::unordered_set<KeyFrameId> added;
+  for (const NewKeyFrame& keyframe : rebased.keyframes) added.insert(keyframe.id);
   for (ObservationEdit edit : changes.attach) {
+    if (!map.keyframe(edit.keyframe) && !added.contains(edit.keyframe)) continue;  // was culled
     if (const MapPointId id = map.resolve(edit.point)) edit.point = id;
     rebased.attach.push_back(edit);
   }

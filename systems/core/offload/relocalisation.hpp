@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <memory>
 
+#include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
-#include "offload/edge_mapping.hpp"
-#include "slam/place_index.hpp"
+#include "offload/message_codec.hpp"
 
 namespace slambed {
 
@@ -23,30 +24,41 @@ class RelocalisationRequests {
   RunTime last_ = RunTime::min();
 };
 
+/// How an edge tells a lost mobile where it is.
+class Relocaliser {
+ public:
+  /// Tells the mobile; false when there was nothing to tell after all.
+  using Answer = std::function<bool(Worker&)>;
+
+  virtual ~Relocaliser() = default;
+  /// The mobile has asked, whether or not it will be looked for.
+  virtual void asked(const Message&) {}
+  /// Looks for the frame. Within the stage that parsed it; empty: not found.
+  virtual Answer find(const Message& raw, const wire::FrameMessage& frame) = 0;
+};
+
 struct RelocalisationOptions {
-  Duration map_period = std::chrono::seconds(1);  ///< between two maps sent
+  Duration map_period = std::chrono::seconds(1);  ///< between two answers
   int max_candidates = 5;
   int covisibles = 2;  ///< sent beside each candidate
   MessageCodec codec{};
 };
 
-/// The edge's side: finds keyframes that look like the frame and sends them with the latest ones.
+/// The edge's side: receives frames of a lost mobile and has them answered.
 class RelocalisationService {
  public:
-  RelocalisationService(EdgeNode& node, EdgeMapping& mapping, Channel& frames, int update_keyframes,
-                        RelocalisationOptions options);
+  RelocalisationService(EdgeNode& node, Channel& frames, Relocaliser& relocaliser,
+                        RelocalisationOptions options)
+      : node_(node), channel_(frames), relocaliser_(relocaliser), options_(std::move(options)) {}
   void start();
 
  private:
   void serve(Worker& worker);
-  std::vector<KeyFrameId> find(const wire::FrameMessage& frame);
 
   EdgeNode& node_;
-  EdgeMapping& mapping_;
   Channel& channel_;
-  int update_keyframes_;
+  Relocaliser& relocaliser_;
   RelocalisationOptions options_;
-  std::shared_ptr<PlaceIndex> places_;
 };
 
 }  // namespace slambed

@@ -28,6 +28,7 @@ std::vector<ParameterSpec> offload_parameters() {
       ParameterSpec::boolean("update_poses"),
       ParameterSpec::boolean("final_poses"),
       ParameterSpec::boolean("loop_closing"),
+      ParameterSpec::boolean("second_hypotheses"),
       ParameterSpec::real("reloc_request_ms", 0, 60'000),
       ParameterSpec::real("reloc_map_period_s", 0, 600),
       ParameterSpec::integer("reloc_candidates", 1, 100),
@@ -50,6 +51,7 @@ System offload_system(std::string name) {
     options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
     // The local map is small by design: being lost in it is a case for relocalisation.
     options.reset_below_keyframes = 0;
+    options.second_hypotheses = parameters.boolean("second_hypotheses");
     return options;
   };
   system.sequential = [](const Parameters&) { return false; };
@@ -97,13 +99,13 @@ UpdateRules update_rules(const Parameters& parameters) {
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters) {
-  return {.queue_limit = parameters.integer("edge_queue"),
-          .update_keyframes = parameters.integer("n_kf"),
-          .update_neighbours = parameters.integer("update_neighbours"),
-          .update_period = from_seconds(parameters.real("sync_period_s")),
-          .update_poses = parameters.boolean("update_poses"),
-          .loop_closing = parameters.boolean("loop_closing"),
-          .codec = message_codec(parameters)};
+  return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
+                     .loop_closing = parameters.boolean("loop_closing")},
+          .updates = {.keyframes = parameters.integer("n_kf"),
+                      .neighbours = parameters.integer("update_neighbours"),
+                      .period = from_seconds(parameters.real("sync_period_s")),
+                      .poses = parameters.boolean("update_poses"),
+                      .codec = message_codec(parameters)}};
 }
 
 RelocalisationOptions relocalisation_options(const Parameters& parameters) {

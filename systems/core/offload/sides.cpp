@@ -67,8 +67,9 @@ void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta mad
 OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
     : channels_(node.runtime(), node.network(), node.log(), parameters),
       mapping_(node, mapping_options(parameters), channels_.keyframe, channels_.map),
-      relocalisation_(node, mapping_, channels_.frame, parameters.integer("n_kf"),
-                      relocalisation_options(parameters)),
+      relocaliser_(mapping_.mapper(), mapping_.updates(), parameters.integer("n_kf"),
+                   relocalisation_options(parameters)),
+      relocalisation_(node, channels_.frame, relocaliser_, relocalisation_options(parameters)),
       farewell_(node, channels_.control, mapping_,
                 {.final_poses = parameters.boolean("final_poses")}) {}
 

@@ -5,7 +5,7 @@
 #include "offload/farewell.hpp"
 #include "offload/keyframe_uplink.hpp"
 #include "offload/map_downlink.hpp"
-#include "offload/relocalisation.hpp"
+#include "offload/relocalisation_by_map.hpp"
 #include "offload/settings.hpp"
 
 namespace slambed {
@@ -53,12 +53,13 @@ class OffloadEdge {
   OffloadEdge(EdgeNode& node, const Parameters& parameters);
 
   void start();
-  std::shared_ptr<const Map> map() const { return mapping_.map(); }
+  std::shared_ptr<const Map> map() const { return mapping_.mapper().map(); }
   EdgeMapping& mapping() { return mapping_; }
 
  private:
   OffloadChannels channels_;
   EdgeMapping mapping_;
+  RelocalisationByMap relocaliser_;
   RelocalisationService relocalisation_;
   EdgeFarewell farewell_;
 };

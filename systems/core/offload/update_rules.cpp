@@ -12,6 +12,10 @@ constexpr Duration kShortest = std::chrono::milliseconds(50);
 
 }  // namespace
 
+bool tells_poses(const UpdateState& state) {
+  return !state.former_edge && state.epoch >= state.current_epoch && state.update > state.applied;
+}
+
 std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
   if (state.former_edge) return "its edge is gone";
   if (state.epoch < state.current_epoch) return "older epoch";
@@ -20,6 +24,7 @@ std::optional<std::string_view> decline_reason(const UpdateRules& rules, const U
     if (!state.lost) return "not lost any more";
     return std::nullopt;
   }
+  if (state.behind) return "the edge catches up";
   if (std::cmp_less(state.local_keyframes, rules.min_local_keyframes)) return "few keyframes";
   if (!state.new_keyframe) return "up to date";
   const Duration limit =

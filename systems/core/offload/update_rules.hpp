@@ -25,6 +25,7 @@ struct UpdateState {
   bool relocalisation = false;  ///< RELOC_MAP rather than MAP_UPDATE
   bool lost = false;
   bool former_edge = false;  ///< the process that sent it is gone
+  bool behind = false;       ///< the edge still catches up with keyframes made before
   std::uint64_t update = 0, applied = 0;
   std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;
@@ -33,6 +34,10 @@ struct UpdateState {
   Duration since_keyframe{};
   int keyframes_in_window = 0;  ///< created within kRateWindow
 };
+
+/// Whether the keyframe poses of the update are newer than what is known here, also where its map is
+/// declined.
+bool tells_poses(const UpdateState& state);
 
 /// Nothing when the update is welcome, else why it is declined.
 std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state);

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/portable_math.hpp"
 #include "geometry/random_sample.hpp"
 #include "optimize/damping.hpp"
 #include "optimize/reprojection.hpp"
@@ -35,10 +36,10 @@ int mark_inliers(const Camera& camera, std::span<const Sim3Match> matches, const
 
 /// Samples needed to draw three inliers once with the wanted confidence.
 int samples_needed(double inlier_share, const Sim3Options& options) {
-  const double all_good = std::pow(inlier_share, 3);
+  const double all_good = portable::power(inlier_share, 3);
   if (all_good >= 1) return 1;
   if (all_good <= 0) return options.max_iterations;
-  const double needed = std::log(1 - options.confidence) / std::log1p(-all_good);
+  const double needed = portable::log(1 - options.confidence) / portable::log1p(-all_good);
   return static_cast<int>(std::min<double>(options.max_iterations, std::ceil(needed)));
 }
 
@@ -172,10 +173,10 @@ std::optional<Sim3Result> solve_sim3_ransac(const Camera& camera,
   if (matches.size() < 3) return std::nullopt;
   Sim3Result best;
   std::vector<std::uint8_t> inlier(matches.size());
-  std::uint64_t state = options.seed;
+  SplitMix64 random(options.seed);
   int limit = options.max_iterations;
   for (int iteration = 0; iteration < limit; ++iteration) {
-    const auto sample = draw_sample<3>(state, matches.size());
+    const auto sample = draw_sample<3>(random, matches.size());
     std::array<Eigen::Vector3d, 3> in_1, in_2;
     for (int i = 0; i < 3; ++i) {
       in_1[i] = matches[sample[i]].p_1;

@@ -3,6 +3,8 @@
 
 #include <zlib.h>
 
+#include "base/run_time_range.hpp"
+
 namespace slambed {
 namespace {
 
@@ -63,6 +65,7 @@ std::variant<FrameHeader, std::string> FrameHeader::decode(
   at = get(at, header.payload_crc);
   get(at, own_crc);
   if (own_crc != checksum(bytes.first<kSize - 4>())) return std::string("header checksum is wrong");
+  if (!is_run_time(queued_ns) || !is_run_time(sent_ns)) return std::string("time is out of range");
   header.queued = RunTime(queued_ns);
   header.sent = RunTime(sent_ns);
   return header;

@@ -114,12 +114,12 @@ int FrameSearch::add_projected(std::span<const SeenPoint> points, float radius_p
   return added;
 }
 
-int FrameSearch::add_local(LocalView& local, float radius_factor, std::uint32_t frame_number,
-                           Frame& frame) {
+int FrameSearch::add_local(LocalView& local, float radius_factor, Frame& frame) {
+  const std::uint32_t look = local.begin_look();
   for (const MapPointId id : frame.points) {
     if (!id) continue;
     local.count_visible(id);
-    if (LocalView::Mark* mark = local.mark(id)) mark->frame = frame_number;
+    if (LocalView::Mark* mark = local.mark(id)) mark->look = look;
   }
   const FeatureSet& features = *frame.features;
   const ScalePyramid& pyramid = features.sensor().pyramid;
@@ -127,7 +127,7 @@ int FrameSearch::add_local(LocalView& local, float radius_factor, std::uint32_t 
   const auto points = local.points();
   int added = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (local.mark(i).frame == frame_number) continue;
+    if (local.mark(i).look == look) continue;
     const PointSketch& point = points[i];
     Matcher::Query query;
     if (!camera.sees(point, query.at)) continue;

@@ -38,8 +38,8 @@ class FrameSearch {
   int add_projected(std::span<const SeenPoint> points, float radius_px, int max_distance,
                     Frame& frame);
   /// Adds points of the local map; radius_factor widens the windows. Counts sightings: every point
-  /// that should be seen is "visible". frame_number tells apart what was looked for in this frame.
-  int add_local(LocalView& local, float radius_factor, std::uint32_t frame_number, Frame& frame);
+  /// that should be seen is "visible".
+  int add_local(LocalView& local, float radius_factor, Frame& frame);
 
   /// Pose from all matches, marks outliers; returns the number of inliers.
   int optimise_pose(Frame& frame);

@@ -10,7 +10,9 @@ constexpr int kYoungMap = 2;            ///< keyframes
 
 }  // namespace
 
-int least_reference_weight(int keyframes) { return keyframes <= kYoungMap ? 2 : 3; }
+int least_reference_weight(const KeyFrameEvidence& evidence) {
+  return evidence.keyframes <= kYoungMap || evidence.unpredicted ? 2 : 3;
+}
 
 KeyFrameNeed keyframe_need(const TrackerOptions& options, const KeyFrameEvidence& evidence) {
   if (!evidence.tracked) return KeyFrameNeed::kNone;

@@ -8,6 +8,8 @@ namespace {
 
 /// Covisibles tried per local keyframe (ORB-SLAM2).
 constexpr std::size_t kNeighboursTried = 10;
+/// Covisibles of a keyframe that are around it.
+constexpr std::size_t kNeighboursGathered = 10;
 
 }  // namespace
 
@@ -33,6 +35,37 @@ void LocalView::vote(const MapView& view, Frame& frame) {
   }
   std::sort(votes_.begin(), votes_.end(), [](const Vote& a, const Vote& b) { return a.id < b.id; });
   for (Vote& v : votes_) v.count = keyframe_marks_.find(v.id)->votes;
+}
+
+void LocalView::gather_around(const Map& map, KeyFrameId keyframe) {
+  map.read([&](const MapView& view) {
+    const KeyFrame* middle = view.keyframe(keyframe);
+    if (!middle) return 0;
+    ++round_;
+    votes_.clear();
+    const auto add = [&](KeyFrameId id) {
+      keyframe_marks_.make(id)->round = round_;
+      votes_.push_back({id, 0});
+    };
+    add(keyframe);
+    for (std::size_t n = 0; n < std::min(kNeighboursGathered, middle->covisibles.size()); ++n)
+      add(middle->covisibles[n].id);
+    collect(view);
+    return 0;
+  });
+}
+
+std::uint32_t LocalView::begin_look() {
+  seen_.clear();
+  return ++look_;
+}
+
+void LocalView::keep_sightings() {
+  for (const Sighting& s : seen_) {
+    if (s.mark->visible == 0 && s.mark->found == 0) sighted_.push_back(s.id);
+    ++(s.found ? s.mark->found : s.mark->visible);
+  }
+  seen_.clear();
 }
 
 void LocalView::add_neighbours(const MapView& view) {
@@ -109,6 +142,7 @@ void LocalView::clear() {
   points_.clear();
   marks_of_points_.clear();
   marks_.clear();
+  seen_.clear();
   sighted_.clear();
 }
 

@@ -22,7 +22,7 @@ class LocalView {
   /// A point and the tracker's notes on it.
   struct Mark {
     std::uint32_t collected = 0;           ///< number of the copy that holds it
-    std::uint32_t frame = 0;               ///< last frame in which it was matched or looked for
+    std::uint32_t look = 0;                ///< last search that matched or looked for it
     std::uint32_t visible = 0, found = 0;  ///< sightings not yet handed on
   };
 
@@ -52,19 +52,27 @@ class LocalView {
     });
   }
 
+  /// Copies what lies around a keyframe, for a frame with no matches; nothing when it is not there.
+  void gather_around(const Map& map, KeyFrameId keyframe);
+
   std::span<const PointSketch> points() const { return points_; }
   /// The tracker's notes on points()[i].
   Mark& mark(std::size_t i) { return *marks_of_points_[i]; }
   Mark* mark(MapPointId id) { return marks_.make(id); }
 
-  /// Notes sightings of points()[i] in this frame.
-  void count_visible(std::size_t i) { note(points_[i].id, mark(i)).visible += 1; }
+  /// A search begins; returns its number for Mark::look. What the one before it saw and nobody kept
+  /// is forgotten: a wrong pose says nothing about the points that it does not see.
+  std::uint32_t begin_look();
+  /// Notes sightings in this search.
+  void count_visible(std::size_t i) { seen_.push_back({points_[i].id, marks_of_points_[i], 0}); }
   void count_visible(MapPointId id) {
-    if (Mark* m = mark(id)) note(id, *m).visible += 1;
+    if (Mark* m = mark(id)) seen_.push_back({id, m, 0});
   }
   void count_found(MapPointId id) {
-    if (Mark* m = mark(id)) note(id, *m).found += 1;
+    if (Mark* m = mark(id)) seen_.push_back({id, m, 1});
   }
+  /// The pose of this search was right: its sightings count.
+  void keep_sightings();
   /// All sightings since the last call as absolute counters, ascending by id.
   std::vector<PointSightings> take_sightings(const Map& map);
 
@@ -75,10 +83,11 @@ class LocalView {
     KeyFrameId id;
     int count = 0;
   };
-  Mark& note(MapPointId id, Mark& m) {
-    if (m.visible == 0 && m.found == 0) sighted_.push_back(id);
-    return m;
-  }
+  struct Sighting {
+    MapPointId id;
+    Mark* mark;
+    int found;  ///< 0: should be visible
+  };
   void vote(const MapView& view, Frame& frame);
   bool collect(const MapView& view);
   void add_neighbours(const MapView& view);
@@ -97,6 +106,8 @@ class LocalView {
   std::vector<PointSketch> points_;
   std::vector<Mark*> marks_of_points_;
   SlotTable<MapPointId, Mark> marks_;
+  std::uint32_t look_ = 0;
+  std::vector<Sighting> seen_;  ///< in the search at hand
   std::vector<MapPointId> sighted_;
 };
 

@@ -32,7 +32,9 @@ Eigen::Vector2d normalised(const Camera& camera, const KeyPoint& p) {
 
 /// Cosine of the angle under which the baseline is seen from a point at this depth.
 double stereo_cosine(const Camera& camera, const KeyPoint& p) {
-  return std::cos(2 * std::atan2(0.5 * camera.baseline_m(), static_cast<double>(p.depth_m)));
+  // cos(2 atan(half / depth)) without an angle.
+  const double half = 0.5 * camera.baseline_m(), depth = static_cast<double>(p.depth_m);
+  return (depth * depth - half * half) / (depth * depth + half * half);
 }
 
 bool reprojects(const KeyFrameCopy& keyframe, int feature, const Eigen::Vector3d& p_w) {

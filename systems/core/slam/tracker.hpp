@@ -8,6 +8,7 @@
 #include "features/feature_set.hpp"
 #include "geometry/se3.hpp"
 #include "map/map.hpp"
+#include "slam/keyframe_evidence.hpp"
 
 namespace slambed {
 
@@ -30,6 +31,10 @@ struct TrackerOptions {
   float urgent_ratio = 0.25f;  ///< of the reference's points; fewer: not to be put off
   int busy_queue = 3;          ///< fewer keyframes than this may wait for a busy mapper
   int reset_below_keyframes = 6;  ///< lost with fewer keyframes: start over
+  /// Where the camera moved far between two frames: doubts poses that few matches agree with, tries
+  /// every other hypothesis, at last all local points without a prediction. False: ORB-SLAM2's
+  /// steps alone, which lose such frames.
+  bool second_hypotheses = true;
 };
 
 /// What ORB-SLAM2 does differently with this sensor; the options are those for RGB-D.
@@ -45,6 +50,8 @@ struct TrackOutcome {
   int matches = 0;               ///< after the local-map search
   int inliers = 0;               ///< after the last pose optimisation
   int local_points = 0;
+  /// Points looked for over all hypotheses, as many as the work is worth: what the frame cost.
+  int searched_points = 0;
   bool by_motion_model = false;
 };
 
@@ -74,6 +81,17 @@ class Tracker {
   TrackOutcome track(std::uint64_t frame_index, double timestamp_s,
                      std::shared_ptr<const FeatureSet> features);
 
+  /// Makes the first keyframe at this pose, not the identity, also after a reset: the map then
+  /// shares its world with another one (CloudSLAM's alignment). Without effect once there is a map,
+  /// and for a single camera, whose first map has a scale of its own.
+  void start_at(const SE3& T_cw);
+  /// Goes on from a pose that somebody else found for a lost frame (relocalisation by pose): the
+  /// next frame is tracked from this keyframe as right after a relocalisation. False, and nothing
+  /// changed, when the tracker is not lost or its map has no such keyframe.
+  bool resume(const SE3& T_cw, KeyFrameId reference);
+
+  /// What the keyframe rule knows of the frame just tracked, for rules of one's own.
+  const KeyFrameEvidence& evidence() const;
   /// The rule for the frame just tracked, without what the mapper's side knows.
   KeyFrameNeed keyframe_need() const;
   /// The whole ORB-SLAM2 decision with a mapper in the same node.

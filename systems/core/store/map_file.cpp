@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Little-endian: magic u32, format version u16, wire version u16, payload bytes u64, crc32 u32 of
+// Little-endian: magic u32, format version u16, delta version u16, payload bytes u64, crc32 u32 of
 // the payload; payload: sensor, sequence (text), time origin f64, the map as a delta.
 #include "store/map_file.hpp"
 
@@ -77,7 +77,7 @@ wire::Bytes encode_map(const Map& map, const MapInfo& info) {
   wire::ByteWriter file;
   file.u32(kMagic);
   file.u16(kVersion);
-  file.u16(wire::kWireVersion);
+  file.u16(wire::kDeltaVersion);
   file.u64(body.size());
   file.u32(crc_of(body));
   wire::Bytes bytes = file.take();
@@ -90,12 +90,12 @@ StoredMap decode_map(std::span<const std::uint8_t> bytes, const std::string& sou
     wire::ByteReader header(bytes);
     if (bytes.size() < kHeaderBytes || header.u32() != kMagic)
       throw damaged(source, "is no slambed map");
-    const std::uint16_t version = header.u16(), wire_version = header.u16();
-    if (version != kVersion || wire_version != wire::kWireVersion)
+    const std::uint16_t version = header.u16(), delta_version = header.u16();
+    if (version != kVersion || delta_version != wire::kDeltaVersion)
       throw damaged(source, "has version " + std::to_string(version) + "." +
-                                std::to_string(wire_version) + ", this program reads " +
+                                std::to_string(delta_version) + ", this program reads " +
                                 std::to_string(kVersion) + "." +
-                                std::to_string(wire::kWireVersion));
+                                std::to_string(wire::kDeltaVersion));
     const std::uint64_t size = header.u64();
     const std::uint32_t crc = header.u32();
     const auto body = bytes.subspan(kHeaderBytes);

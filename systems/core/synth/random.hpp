@@ -3,34 +3,29 @@
 
 #include <cstdint>
 
+#include "base/random.hpp"
+
 namespace slambed::synth {
 
 // Everything random or periodic in the generator comes from here and uses only IEEE + - * / and
 // integers, so that a seed gives the same bytes with any compiler, libm or processor.
 
-/// Mixes a 64-bit value (finaliser of SplitMix64, Steele et al. 2014).
-constexpr std::uint64_t mix(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15ull;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ull;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebull;
-  return x ^ (x >> 31);
-}
-
-/// SplitMix64 stream.
+/// The stream of one piece of the scene.
 class Random {
  public:
   explicit Random(std::uint64_t seed, std::uint64_t stream = 0)
-      : state_(mix(seed) ^ mix(~stream)) {}
+      : words_((mix(seed) ^ mix(~stream)) + kGoldenGamma) {}
 
-  std::uint64_t bits() { return mix(state_ += 0x9e3779b97f4a7c15ull); }
-  double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
-  double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  std::uint64_t bits() { return words_.next(); }
+  double uniform() { return words_.uniform(); }
+  double uniform(double low, double high) { return words_.uniform(low, high); }
+  /// By the upper bits, not by remainder as SplitMix64 does it: scenes must stay what they are.
   int below(int n) {
     return static_cast<int>((bits() >> 32) * static_cast<std::uint64_t>(n) >> 32);
   }
 
  private:
-  std::uint64_t state_;
+  SplitMix64 words_;
 };
 
 /// About normal with mean 0 and deviation 1: the four bytes of a hash summed.

@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "base/run_time_range.hpp"
+
 namespace slambed::wire {
 
 void ByteWriter::f32(float value) { u32(std::bit_cast<std::uint32_t>(value)); }
@@ -69,6 +71,12 @@ std::uint32_t ByteReader::varint32() {
   const std::uint64_t value = varint();
   if (value > UINT32_MAX) throw DecodeError("integer is out of range");
   return static_cast<std::uint32_t>(value);
+}
+
+RunTime ByteReader::time() {
+  const std::int64_t ns = i64();
+  if (!is_run_time(ns)) throw DecodeError("time is out of range");
+  return RunTime(ns);
 }
 
 std::int64_t ByteReader::zigzag() {

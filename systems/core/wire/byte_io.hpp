@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "base/time.hpp"
+
 namespace slambed::wire {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -31,6 +33,7 @@ class ByteWriter {
   void varint(std::uint64_t value);
   /// Small magnitudes of either sign become small varints.
   void zigzag(std::int64_t value);
+  void time(RunTime value) { i64(value.count()); }
   void text(const std::string& value);
   void reserve(std::size_t more) { bytes_.reserve(bytes_.size() + more); }
   std::size_t size() const { return bytes_.size(); }
@@ -61,6 +64,8 @@ class ByteReader {
   std::uint64_t varint();
   std::uint32_t varint32();
   std::int64_t zigzag();
+  /// Within kMaxRunTime, so that it can be calculated with.
+  RunTime time();
   std::string text(std::size_t max_length);
   /// A boolean written as u8 0 or 1.
   bool flag();

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "base/run_time_range.hpp"
 #include "wire/id_codec.hpp"
 #include "wire/text_features.hpp"
 
@@ -43,7 +44,7 @@ IdType get_id(TextReader& in) {
 }
 
 void put_time(TextWriter& out, RunTime time) { out.integer(time.count()); }
-RunTime get_time(TextReader& in) { return RunTime(in.integer(-kAnyNumber, kAnyNumber)); }
+RunTime get_time(TextReader& in) { return RunTime(in.integer(-kMaxRunTime.count(), kMaxRunTime.count())); }
 
 void put_pose(TextWriter& out, const SE3& pose) {
   const Eigen::Quaterniond q = pose.quaternion();
@@ -171,6 +172,30 @@ void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
   delta.keyframes.push_back(std::move(keyframe));
 }
 
+/// Edge-SLAM's points carry their counters by value. Ours are written there for their size, but only
+/// these are current: tracking has counted on since the local map came.
+void put_sightings(TextWriter& out, std::span<const PointSightings> sightings) {
+  out.integer(sightings.size());
+  for (const PointSightings& point : sightings) {
+    put_id(out, point.id);
+    out.integer(point.visible);
+    out.integer(point.found);
+  }
+}
+
+std::vector<PointSightings> get_sightings(TextReader& in) {
+  constexpr std::size_t kLeastSightings = 8;
+  std::vector<PointSightings> sightings;
+  for (std::size_t n = in.count(kLeastSightings); n > 0; --n) {
+    PointSightings point;
+    point.id = get_id<MapPointId>(in);
+    point.visible = static_cast<std::uint32_t>(in.integer(0, kAnyCount));
+    point.found = static_cast<std::uint32_t>(in.integer(0, kAnyCount));
+    sightings.push_back(point);
+  }
+  return sightings;
+}
+
 PointsById by_id(std::span<const NewPoint> points) {
   PointsById found;
   for (const NewPoint& point : points) found.emplace(point.id, &point);
@@ -218,6 +243,7 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   by_value.merge(by_id(known));
   const auto fresh = ids_of(message.delta.points);
   out.text(keyframe_text(message.delta.keyframes.at(0), by_value, fresh, vocabulary));
+  put_sightings(out, message.delta.sightings);
   return finish(std::move(out));
 }
 
@@ -236,6 +262,7 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes,
   message.delta.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   std::set<MapPointId> seen;
   take_keyframe(in.text(), sensor, message.delta, seen);
+  message.delta.sightings = get_sightings(in);
   in.expect_end();
   if (message.delta.keyframes.front().id != message.keyframe) {
     throw DecodeError("KEYFRAME does not hold its keyframe");

@@ -9,9 +9,9 @@ Bytes encode(const StateMessage& message) {
   ByteWriter out;
   out.u8(message.state);
   out.varint(message.epoch);
-  out.i64(message.time.count());
+  out.time(message.time);
   out.u8(message.rtt.has_value());
-  if (message.rtt) out.i64(message.rtt->count());
+  if (message.rtt) out.time(*message.rtt);
   return out.take();
 }
 
@@ -20,9 +20,9 @@ StateMessage decode_state(std::span<const std::uint8_t> bytes) {
   StateMessage message;
   message.state = in.u8();
   message.epoch = in.varint();
-  message.time = RunTime(in.i64());
+  message.time = in.time();
   if (in.flag()) {
-    message.rtt = Duration(in.i64());
+    message.rtt = in.time();
     if (*message.rtt < Duration::zero()) throw DecodeError("STATE holds a negative RTT");
   }
   in.expect_end();

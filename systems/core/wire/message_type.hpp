@@ -7,7 +7,9 @@
 namespace slambed::wire {
 
 /// Version of every payload layout below this folder; both nodes must have the same.
-inline constexpr std::uint16_t kWireVersion = 4;
+inline constexpr std::uint16_t kWireVersion = 5;
+/// Version of put_delta's layout alone, which stored maps have too.
+inline constexpr std::uint16_t kDeltaVersion = 4;
 
 /// Message::type. Numbers are never reused.
 enum class MessageType : std::uint8_t {

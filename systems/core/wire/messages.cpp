@@ -19,9 +19,6 @@ auto whole(std::span<const std::uint8_t> bytes, Get get) {
   return message;
 }
 
-void put_time(ByteWriter& out, RunTime time) { out.i64(time.count()); }
-RunTime get_time(ByteReader& in) { return RunTime(in.i64()); }
-
 constexpr std::array kTimes = {&UpdateTimes::captured, &UpdateTimes::queued, &UpdateTimes::received,
                                &UpdateTimes::accepted, &UpdateTimes::mapped, &UpdateTimes::due};
 
@@ -30,7 +27,7 @@ constexpr std::array kTimes = {&UpdateTimes::captured, &UpdateTimes::queued, &Up
 Bytes encode(const KeyFrameMessage& message) {
   ByteWriter out;
   IdStream().put(out, message.keyframe);
-  put_time(out, message.captured);
+  out.time(message.captured);
   out.u8(message.urgent);
   out.u8(message.first);
   out.u8(message.whole);
@@ -45,7 +42,7 @@ KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const Senso
   return whole(bytes, [&](ByteReader& in) {
     KeyFrameMessage message;
     message.keyframe = IdStream().get<KeyFrameId>(in);
-    message.captured = get_time(in);
+    message.captured = in.time();
     message.urgent = in.flag();
     message.first = in.flag();
     message.whole = in.flag();
@@ -66,7 +63,7 @@ Bytes encode(const MapUpdate& message) {
   out.varint(message.update);
   IdStream().put(out, message.newest);
   IdStream().put(out, message.settled);
-  for (const auto time : kTimes) put_time(out, message.times.*time);
+  for (const auto time : kTimes) out.time(message.times.*time);
   put_delta(out, message.map);
   put_poses(out, message.poses);
   return out.take();
@@ -78,7 +75,7 @@ MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& se
     message.update = in.varint();
     message.newest = IdStream().get<KeyFrameId>(in);
     message.settled = IdStream().get_or_none<KeyFrameId>(in);
-    for (const auto time : kTimes) message.times.*time = get_time(in);
+    for (const auto time : kTimes) message.times.*time = in.time();
     message.map = get_delta(in, sensor);
     message.poses = get_poses(in);
     if (message.map.keyframes.empty()) throw DecodeError("update holds no keyframe");
@@ -118,7 +115,7 @@ AckMessage decode_ack(std::span<const std::uint8_t> bytes) {
 Bytes encode(const AnnounceMessage& message) {
   ByteWriter out;
   out.varint(message.sequence);
-  put_time(out, message.queued);
+  out.time(message.queued);
   out.varint(message.bytes);
   return out.take();
 }
@@ -127,7 +124,7 @@ AnnounceMessage decode_announce(std::span<const std::uint8_t> bytes) {
   return whole(bytes, [](ByteReader& in) {
     AnnounceMessage message;
     message.sequence = in.varint();
-    message.queued = get_time(in);
+    message.queued = in.time();
     message.bytes = in.varint();
     return message;
   });

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <random>
 #include <set>
 
 #include "base/error.hpp"
+#include "node/tests/fitted_device.hpp"
 #include "node/tests/virtual_pair.hpp"
 #include "offload/tests/turning_pair.hpp"
 
@@ -39,14 +41,8 @@ nlohmann::json params(bool hysteresis, bool safe_zone) {
                  {"mes_probe_bytes", 64},
                  {"echo_hz", 4.0},
                  {"rtt_missing_s", 2.0},
-                 {"decision_gap_s", 2.0},
-                 {"handover_retry_s", 2.0}});
+                 {"decision_gap_s", 2.0}});
   return params;
-}
-
-PairResult run(const nlohmann::json& parameters, int frames, const PairLink& link,
-               testing::WorldSource::Look look = turn) {
-  return testing::run_pair(dynnetslam_system(), parameters, frames, kFps, link, std::move(look));
 }
 
 /// RTTs in ms, each for so many seconds.
@@ -86,11 +82,11 @@ void expect_all_tracked(const PairResult& result, int frames) {
 
 /// Every keyframe where the camera was, every observation of a point that is there, no point that
 /// nothing sees.
-void expect_consistent(const MapDelta& map) {
+void expect_consistent(const MapDelta& map, double speed) {
   std::set<MapPointId> points, seen;
   for (const NewPoint& point : map.points) points.insert(point.id);
   for (const NewKeyFrame& keyframe : map.keyframes) {
-    const SE3 truth = pose_at(static_cast<int>(keyframe.frame_index)) * pose_at(0).inverse();
+    const SE3 truth = pose_at(speed * static_cast<double>(keyframe.frame_index)) * pose_at(0).inverse();
     const Eigen::Vector3d error = keyframe.T_cw.inverse().t - truth.inverse().t;
     EXPECT_LT(error.norm(), kPositionTolerance_m) << "frame " << keyframe.frame_index;
     for (const MapPointId id : keyframe.points) {
@@ -102,7 +98,8 @@ void expect_consistent(const MapDelta& map) {
   EXPECT_EQ(seen.size(), points.size());
 }
 
-/// No map that the edge made in an older epoch was taken over; times in ns.
+/// No map that the edge made in an older epoch was taken over; times in ns. Needs updates to be worth
+/// anything.
 void expect_no_stale_update(const PairResult& result) {
   std::map<std::uint64_t, double> epoch_ends;  // when epoch n was over
   for (const auto& event : result.of("state_changed")) {
@@ -111,6 +108,8 @@ void expect_no_stale_update(const PairResult& result) {
   std::map<std::uint64_t, std::uint64_t> epoch_of;
   for (const auto& event : result.of("update_sent"))
     epoch_of[event["update"].get<std::uint64_t>()] = event["epoch"].get<std::uint64_t>();
+  EXPECT_FALSE(epoch_ends.empty());
+  EXPECT_FALSE(result.of("update_applied").empty());
   for (const auto& event : result.of("update_applied")) {
     const auto end = epoch_ends.find(epoch_of.at(event["update"].get<std::uint64_t>()));
     if (end != epoch_ends.end()) {
@@ -135,7 +134,51 @@ int mapped_in(const PairResult& result, const std::vector<nlohmann::json>& side,
   return mapped;
 }
 
-TEST(DynNetSlam, TheSafeZoneLeadsToTheMobileSideAndBack) {
+/// With the same costs for everything, whatever its size; and with the devices fitted to the paper,
+/// over a link on which a map takes its time.
+enum class World { kUniform, kFitted };
+
+class DynNetSlam : public ::testing::TestWithParam<World> {
+ protected:
+  static bool fitted() { return GetParam() == World::kFitted; }
+  /// One keyframe takes 32 ms at 10 Mbit/s, which the RTT shows: limits and latencies lie further
+  /// apart there.
+  static double wider() { return fitted() ? 5 : 1; }
+  /// The fitted board needs a second for each keyframe.
+  static double speed() { return fitted() ? 0.5 : 1; }
+  static void expect_consistent(const MapDelta& map) { slambed::expect_consistent(map, speed()); }
+  static nlohmann::json params(bool hysteresis, bool safe_zone) {
+    auto wide = slambed::params(hysteresis, safe_zone);
+    wide.update({{"l_ol_ms", 40 * wider()}, {"b_ms", 10 * wider()}});
+    return wide;
+  }
+  static PairLink steps(std::vector<std::pair<double, double>> rtts) {
+    for (auto& [rtt_ms, seconds] : rtts) rtt_ms *= wider();
+    return slambed::steps(rtts);
+  }
+  static PairLink ramp(double peak_rtt_ms, double half_s) {
+    return slambed::ramp(peak_rtt_ms * wider(), half_s);
+  }
+  static PairResult run(const nlohmann::json& parameters, int frames, PairLink link,
+                        testing::WorldSource::Look look = {}) {
+    if (!look) {
+      look = [](SyntheticWorld& world, int frame) { return world.look(pose_at(speed() * frame)); };
+    }
+    if (fitted()) {
+      link.mbit_per_s = 10;
+      link.mobile_device = testing::fitted_device(SLAMBED_DEVICES, "raspberry_pi_4");
+      link.edge_device = testing::fitted_device(SLAMBED_DEVICES, "edge_i7_6700t");
+    }
+    return testing::run_pair(dynnetslam_system(), parameters, frames, kFps, link, std::move(look));
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Worlds, DynNetSlam, ::testing::Values(World::kUniform, World::kFitted),
+                         [](const auto& world) {
+                           return world.param == World::kUniform ? "Uniform" : "Fitted";
+                         });
+
+TEST_P(DynNetSlam, TheSafeZoneLeadsToTheMobileSideAndBack) {
   const PairResult result = run(params(true, true), 420, ramp(60, 20));
   EXPECT_EQ(states(result), "OS SZ MES SZ OS");
   expect_all_tracked(result, 420);
@@ -146,13 +189,16 @@ TEST(DynNetSlam, TheSafeZoneLeadsToTheMobileSideAndBack) {
   EXPECT_GT(mapped_in(result, result.mobile, "SZ"), 0);
   EXPECT_GT(mapped_in(result, result.mobile, "MES"), 0);
   EXPECT_GT(mapped_in(result, result.edge, "OS"), 0);
-  EXPECT_GT(mapped_in(result, result.edge, "SZ"), 0);
+  // There the safe zone is over before a keyframe is mapped.
+  if (!fitted()) {
+    EXPECT_GT(mapped_in(result, result.edge, "SZ"), 0);
+  }
   EXPECT_EQ(mapped_in(result, result.edge, "MES"), 0);
   EXPECT_EQ(result.of("handover_sent").size(), 1u);
   EXPECT_EQ(result.of("handover_applied").size(), 1u);
 }
 
-TEST(DynNetSlam, WithoutASafeZoneTheMapGoesOverAtOnce) {
+TEST_P(DynNetSlam, WithoutASafeZoneTheMapGoesOverAtOnce) {
   for (const bool hysteresis : {false, true}) {
     const PairResult result = run(params(hysteresis, false), 420, ramp(60, 20));
     EXPECT_EQ(states(result), "OS MES OS");
@@ -162,11 +208,19 @@ TEST(DynNetSlam, WithoutASafeZoneTheMapGoesOverAtOnce) {
     expect_no_stale_update(result);
     EXPECT_GT(mapped_in(result, result.mobile, "MES"), 0);
     EXPECT_EQ(mapped_in(result, result.edge, "MES"), 0);
-    EXPECT_EQ(mapped_in(result, result.mobile, "OS"), 0);
+    // Until the edge has taken the map over the mobile goes on, and what it has begun it finishes.
+    const double taken = result.of("handover_acknowledged").at(0)["t_ns"];
+    const double again = result.of("state_changed").back()["t_ns"];
+    for (const auto& event : result.mobile) {
+      const double t = event["t_ns"];
+      if (event["type"] == "keyframe_mapped" && t > again) {
+        EXPECT_LT(t, taken + 1.5e9);
+      }
+    }
   }
 }
 
-TEST(DynNetSlam, TheEdgeKnowsEveryKeyframeAfterAHandover) {
+TEST_P(DynNetSlam, TheEdgeKnowsEveryKeyframeAfterAHandover) {
   const PairResult result = run(params(false, false), 300, steps({{20, 8}, {80, 10}, {20, 20}}));
   ASSERT_EQ(states(result), "OS MES OS");
   const auto changes = result.of("state_changed");
@@ -182,7 +236,7 @@ TEST(DynNetSlam, TheEdgeKnowsEveryKeyframeAfterAHandover) {
   EXPECT_GT(there, static_cast<int>(made.size()) / 2);  // others were culled as redundant
 }
 
-TEST(DynNetSlam, AStartUnderHighLatencyNeedsAWholeHandover) {
+TEST_P(DynNetSlam, AStartUnderHighLatencyNeedsAWholeHandover) {
   const PairResult result = run(params(true, true), 300, steps({{70, 10}, {10, 30}}));
   EXPECT_EQ(states(result), "MES SZ OS");
   expect_all_tracked(result, 300);
@@ -193,13 +247,13 @@ TEST(DynNetSlam, AStartUnderHighLatencyNeedsAWholeHandover) {
   EXPECT_GT(result.of("update_applied").size(), 0u);
 }
 
-TEST(DynNetSlam, AnUpdateOfAnOlderEpochIsDeclined) {
+TEST_P(DynNetSlam, AnUpdateOfAnOlderEpochIsDeclined) {
   auto parameters = params(true, false);
   parameters["sync_period_s"] = 0.0;
   parameters["l_ol_ms"] = 1000.0;
   parameters["b_ms"] = 200.0;
   // At such latencies some update is always under way.
-  const PairResult result = run(parameters, 200, steps({{800, 8}, {1300, 20}}));
+  const PairResult result = run(parameters, 200, slambed::steps({{800, 8}, {1300, 20}}));
   EXPECT_EQ(states(result), "OS MES");
   int stale = 0;
   for (const auto& event : result.of("update_declined")) stale += event["reason"] == "older epoch";
@@ -208,7 +262,7 @@ TEST(DynNetSlam, AnUpdateOfAnOlderEpochIsDeclined) {
   expect_consistent(result.mobile_map);
 }
 
-TEST(DynNetSlam, AWayThatIsCutLeadsToTheMobileSideAndBack) {
+TEST_P(DynNetSlam, AWayThatIsCutLeadsToTheMobileSideAndBack) {
   PairLink link;
   link.one_way_ms = {5};
   link.gaps = {{8'000'000'000, 13'000'000'000}};
@@ -221,14 +275,14 @@ TEST(DynNetSlam, AWayThatIsCutLeadsToTheMobileSideAndBack) {
   }
 }
 
-TEST(DynNetSlam, AStandingCameraIsNoTrap) {
+TEST_P(DynNetSlam, AStandingCameraIsNoTrap) {
   const auto stand = [](SyntheticWorld& world, int frame) { return turn(world, std::min(frame, 30)); };
   const PairResult result = run(params(true, true), 300, steps({{10, 3}, {90, 9}, {10, 18}}), stand);
   EXPECT_EQ(states(result), "OS SZ MES SZ OS");
   expect_all_tracked(result, 300);
 }
 
-TEST(DynNetSlam, TheEchoServesAsRttToo) {
+TEST_P(DynNetSlam, TheEchoServesAsRttToo) {
   auto parameters = params(true, false);
   parameters["rtt_source"] = "echo";
   parameters["echo_hz"] = 10.0;
@@ -237,7 +291,7 @@ TEST(DynNetSlam, TheEchoServesAsRttToo) {
   expect_all_tracked(result, 420);
 }
 
-TEST(DynNetSlam, TheProfileServesAsRttWhateverThePathDoes) {
+TEST_P(DynNetSlam, TheProfileServesAsRttWhateverThePathDoes) {
   auto parameters = params(true, true);
   parameters["rtt_source"] = "profile";
   PairLink link;
@@ -257,7 +311,7 @@ TEST(DynNetSlam, TheProfileServesAsRttWhateverThePathDoes) {
   EXPECT_THROW(run(parameters, 10, link), Error);
 }
 
-TEST(DynNetSlam, AProfileDoesNotHideALostEdge) {
+TEST_P(DynNetSlam, AProfileDoesNotHideALostEdge) {
   auto parameters = params(true, false);
   parameters["rtt_source"] = "profile";
   PairLink link;
@@ -269,15 +323,15 @@ TEST(DynNetSlam, AProfileDoesNotHideALostEdge) {
   expect_all_tracked(result, 300);
 }
 
-TEST(DynNetSlam, TheSameSeedGivesTheSameBytes) {
-  const auto once = [] { return run(params(true, true), 200, ramp(60, 8)); };
+TEST_P(DynNetSlam, TheSameSeedGivesTheSameBytes) {
+  const auto once = [&] { return run(params(true, true), 200, ramp(60, 8)); };
   const PairResult first = once(), second = once();
   EXPECT_EQ(first.mobile_text, second.mobile_text);
   EXPECT_EQ(first.edge_text, second.edge_text);
   EXPECT_EQ(first.trajectory, second.trajectory);
 }
 
-TEST(DynNetSlam, TwoHundredSwitchesLeaveEverythingInOrder) {
+TEST_P(DynNetSlam, TwoHundredSwitchesLeaveEverythingInOrder) {
   constexpr int kFrames = 3300;
   std::vector<std::pair<double, double>> rtts;
   for (int i = 0; i < 110; ++i) {
@@ -285,7 +339,8 @@ TEST(DynNetSlam, TwoHundredSwitchesLeaveEverythingInOrder) {
     rtts.push_back({120, 1.5});
   }
   const PairResult result = run(params(false, false), kFrames, steps(rtts));
-  EXPECT_GE(result.of("state_changed").size(), 200u);
+  // Over the slow link the RTT follows later, and not each time far enough.
+  EXPECT_GE(result.of("state_changed").size(), fitted() ? 80u : 200u);
   expect_all_tracked(result, kFrames);
   expect_no_stale_update(result);
   expect_consistent(result.edge_map);
@@ -300,6 +355,78 @@ TEST(DynNetSlam, TwoHundredSwitchesLeaveEverythingInOrder) {
   for (const auto& event : result.of("handover_sent"))
     largest = std::max(largest, event["bytes"].get<double>());
   EXPECT_LT(largest, 2e6);
+}
+
+/// Along a wall without an end, at 4 m/s: every metre looks like nothing before it.
+std::shared_ptr<const FeatureSet> along_the_wall(SyntheticWorld& world, int frame) {
+  constexpr double kStep_m = 0.4;
+  constexpr int kPerMetre = 220, kView_m = 3;
+  const auto sensor = world.sensor();
+  const double camera_m = kStep_m * frame;
+  std::vector<KeyPoint> keypoints;
+  std::vector<Descriptor> descriptors;
+  for (int metre = static_cast<int>(camera_m) - kView_m; metre <= camera_m + kView_m; ++metre) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(metre + 100));
+    std::uniform_real_distribution<double> unit(0, 1);
+    for (int i = 0; i < kPerMetre; ++i) {
+      const Eigen::Vector3d p(metre + unit(random) - camera_m, 3.2 * unit(random) - 1.6,
+                              2 + 1.5 * unit(random));
+      const double reach_m = 4 + 9 * unit(random);
+      KeyPoint seen;
+      seen.angle_deg = static_cast<float>(359 * unit(random));
+      Descriptor descriptor{};
+      for (auto& word : descriptor) word = random();
+      const Eigen::Vector2d uv = sensor->camera.project(p);
+      const double octave = std::round(std::log(reach_m / p.norm()) / std::log(1.2));
+      if (!sensor->bounds.contains(uv.x(), uv.y()) || octave < 0 || octave > 7) continue;
+      seen.u = static_cast<float>(uv.x());
+      seen.v = static_cast<float>(uv.y());
+      seen.octave = static_cast<std::uint8_t>(octave);
+      seen.depth_m = static_cast<float>(p.z());
+      seen.right_u = static_cast<float>(uv.x() - sensor->camera.bf / p.z());
+      keypoints.push_back(seen);
+      descriptors.push_back(descriptor);
+    }
+  }
+  return std::make_shared<FeatureSet>(sensor, std::move(keypoints), std::move(descriptors));
+}
+
+TEST(DynNetSlamHandover, ALargeMapOverASlowLinkIsSentOnce) {
+  constexpr int kFrames = 1330;
+  PairLink link = steps({{80, 106}, {10, 1}});
+  link.mbit_per_s = 10;
+  link.edge_device = testing::fitted_device(SLAMBED_DEVICES, "edge_i7_6700t");
+  const PairResult result = testing::run_pair(dynnetslam_system(), params(false, false), kFrames,
+                                              kFps, link, along_the_wall);
+  EXPECT_EQ(states(result), "MES OS");
+  expect_all_tracked(result, kFrames);
+  const auto sent = result.of("handover_sent");
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_GE(sent[0]["keyframes"].get<int>(), 200);
+  EXPECT_GE(sent[0]["bytes"].get<double>(), 6e6);
+  const auto acknowledged = result.of("handover_acknowledged");
+  ASSERT_EQ(acknowledged.size(), 1u);
+  EXPECT_EQ(acknowledged[0]["accepted"], true);
+  EXPECT_GT(acknowledged[0]["handover_ms"].get<double>(), 5000);
+  // Then mapping rests here, what was held goes to the edge, and the edge maps it.
+  const double taken = acknowledged[0]["t_ns"];
+  std::vector<std::uint64_t> made;
+  for (const auto& event : result.mobile) {
+    const double t = event["t_ns"];
+    if (event["type"] == "keyframe_mapped") {
+      EXPECT_LT(t, taken + 1e9);
+    }
+    if (event["type"] == "keyframe_created" && t > sent[0]["t_ns"].get<double>() && t < taken)
+      made.push_back(event["keyframe"]);
+  }
+  EXPECT_GT(made.size(), 5u);
+  std::set<std::uint64_t> heard;
+  for (const auto& event : result.edge) {
+    if (event["type"] == "keyframe_received" || event["type"] == "keyframe_declined")
+      heard.insert(event["keyframe"].get<std::uint64_t>());
+  }
+  for (const std::uint64_t keyframe : made) EXPECT_TRUE(heard.contains(keyframe)) << keyframe;
+  EXPECT_GT(mapped_in(result, result.edge, "OS"), 0);
 }
 
 }  // namespace

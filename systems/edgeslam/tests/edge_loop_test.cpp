@@ -117,12 +117,12 @@ class SendsWhileClosing final : public EdgePolicy {
   void start() override {
     offload_.start();
     node_.runtime().spawn("meanwhile", [this](Worker& worker) {
-      EdgeMapping& edge = offload_.mapping();
-      while (edge.mapping().status().accepts && !worker.stopping()) {
+      EdgeMapper& edge = offload_.mapping().mapper();
+      while (edge.status().accepts && !worker.stopping()) {
         worker.sleep_until(worker.now() + std::chrono::milliseconds(1));
       }
       const auto latest = edge.latest(1);
-      if (!latest.empty()) edge.send_update(worker, {}, {kMeanwhile}, latest, false);
+      if (!latest.empty()) offload_.mapping().updates().send(worker, {}, {kMeanwhile}, latest, false);
     });
   }
   std::shared_ptr<const Map> map() const override { return offload_.map(); }

@@ -91,9 +91,17 @@ TEST_P(EdgeSlamVariants, UpdatesComeEveryPeriodAndTheirDelaysAddUp) {
   }
 }
 
+TEST_P(EdgeSlamVariants, AnUpdateTellsHowLongTrackingStoodStill) {
+  // Every stage takes 2 ms: serial parses and applies, parallel only swaps.
+  const double pause_ms = params()["map_update"] == "serial" ? 4 : 2;
+  const auto applied = run(params()).of("update_applied");
+  ASSERT_FALSE(applied.empty());
+  for (const auto& update : applied) EXPECT_NEAR(update["pause_ms"].get<double>(), pause_ms, 0.01);
+}
+
 TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
   PairLink link;
-  link.lost_keyframes = 3;
+  link.lost = 3;
   const PairResult result = run_over(link, params());
   EXPECT_EQ(result.end_reason, "bye");
   EXPECT_TRUE(result.of("track_lost").empty());
@@ -259,26 +267,111 @@ TEST(EdgeSlam, TheCompatibilityCodecCostsWhatEdgeSlamsMessagesCost) {
   EXPECT_EQ(text.of("frame_tracked").back()["state"], "ok");
 }
 
+/// Ten seconds of turning, one second of darkness, then again what was seen at second two: the local
+/// map of one keyframe does not reach that far back, the edge's does.
+std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticWorld& world, int frame) {
+  if (frame >= 100 && frame < 110) return world.nothing();
+  return turn(world, frame < 100 ? frame : frame - 90);
+}
+
+PairResult run_through_darkness(PairLink link, nlohmann::json params = enhanced()) {
+  return testing::run_pair(edgeslam_system(), params, 200, 10, link, dark_for_a_second);
+}
+
 TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
-  // Ten seconds of turning, one second of darkness, then again what was seen at second two: the
-  // local map of one keyframe does not reach that far back, the edge's does.
-  const auto look = [](SyntheticWorld& world, int frame) {
-    if (frame >= 100 && frame < 110) return world.nothing();
-    const int place = frame < 100 ? frame : frame - 90;
-    return turn(world, place);
-  };
-  const PairResult result = run(enhanced(), 200, 0.1, look);
+  const PairResult result = run_through_darkness({});
   EXPECT_EQ(result.of("track_lost").size(), 1u);
-  int asked = 0, answered = 0;
-  for (const auto& message : result.of("message")) {
-    asked += message["message"] == "FRAME";
-    answered += message["message"] == "RELOC_MAP";
+  const auto relocalised = result.of("relocalised");
+  ASSERT_EQ(relocalised.size(), 1u);
+  int in_the_edges_map = 0;
+  for (const auto& update : result.of("update_applied")) {
+    in_the_edges_map += update["relocalisation"] == true &&
+                        update["t_ns"].get<double>() < relocalised[0]["t_ns"].get<double>();
   }
-  EXPECT_GT(asked, 0);
-  EXPECT_GT(answered, 0);
-  ASSERT_EQ(result.of("relocalised").size(), 1u);
-  const auto frames = result.of("frame_tracked");
-  EXPECT_EQ(frames.back()["state"], "ok");
+  EXPECT_GT(in_the_edges_map, 0);
+  EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
+
+  // It is the edge that helps: when it never hears the question, the mobile stays lost.
+  PairLink deaf;
+  deaf.lossy_channel = "frame";
+  deaf.lost = 1000;
+  const PairResult alone = run_through_darkness(deaf);
+  for (const auto& event : alone.of("relocalised")) {  // until it sees the place where it got lost
+    EXPECT_GT(event["t_ns"].get<double>(), relocalised[0]["t_ns"].get<double>() + 4e9);
+  }
+}
+
+TEST(EdgeSlam, NoRegularUpdateLeavesWhileTheMobileAsksWhereItIs) {
+  auto params = enhanced();
+  params["n_kf"] = 6;
+  params["sync_period_s"] = 0.0;
+  params["fast_motion_ms"] = 0.0;
+  int mapped = 0;
+  // Edges that lag behind: when tracking is lost, keyframes still wait to be mapped.
+  for (const double stage_us : {60'000.0, 100'000.0, 150'000.0, 200'000.0}) {
+    PairLink link;
+    link.edge_device = testing::uniform_device(stage_us);
+    const PairResult result = run_through_darkness(link, params);
+    const double under_way_ns = 1.2 * stage_us * 1e3;  // prepared when the question came
+    double asked = 0;
+    for (const auto& event : result.edge) {
+      const std::string type = event["type"];
+      if (type == "message" && event["message"] == "FRAME") asked = event["t_ns"];
+      if (type == "keyframe_received" || type == "keyframe_declined") asked = 0;
+      if (asked == 0) continue;
+      mapped += type == "keyframe_mapped";
+      if (type == "update_sent" && event["t_ns"].get<double>() > asked + under_way_ns) {
+        EXPECT_EQ(event["relocalisation"], true) << event;
+      }
+    }
+    for (const auto& declined : result.of("update_declined")) {
+      EXPECT_NE(declined["reason"], "a newer one came");
+    }
+  }
+  EXPECT_GT(mapped, 0) << "nothing was there to be sent";
+}
+
+/// Keyframes that the mobile has, bit for bit, where the edge has them.
+int placed_by_the_edge(const PairResult& result, int first_frame, int last_frame) {
+  int same = 0;
+  for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
+    const auto frame = static_cast<int>(keyframe.frame_index);
+    if (frame < first_frame || frame > last_frame) continue;
+    const auto known = result.keyframe_poses.find(keyframe.id);
+    same += known != result.keyframe_poses.end() && known->second.R == keyframe.T_cw.R &&
+            known->second.t == keyframe.T_cw.t;
+  }
+  return same;
+}
+
+/// The edge never hears the farewell in time.
+PairLink that_breaks() {
+  PairLink link;
+  link.gaps = {{12'000'000'000, 45'000'000'000}};
+  return link;
+}
+
+TEST(EdgeSlam, PosesOfUpdatesThatWereDeclinedCountWhenTheEdgeIsGone) {
+  auto params = enhanced();
+  params["sync_period_s"] = 1.0;
+  params["min_local_keyframes"] = 100;
+  const PairResult result = run_over(that_breaks(), params);
+  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
+  ASSERT_TRUE(result.of("update_applied").empty());
+  ASSERT_GT(result.of("update_declined").size(), 5u);
+  EXPECT_GT(placed_by_the_edge(result, 30, 90), 0);
+}
+
+TEST(EdgeSlam, PosesOfUpdatesThatNeverCameAreToldAgain) {
+  auto params = enhanced();
+  params["sync_period_s"] = 1.0;
+  params["fast_motion_ms"] = 0.0;
+  PairLink link = that_breaks();
+  link.lost_updates = 8;
+  const PairResult result = run_over(link, params);
+  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
+  ASSERT_GT(result.of("update_applied").size(), 0u);
+  EXPECT_GT(placed_by_the_edge(result, 20, 60), 0);
 }
 
 }  // namespace

@@ -31,8 +31,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
                              {"mes_probe_bytes", 64},
                              {"echo_hz", 20.0},
                              {"rtt_missing_s", 0.6},
-                             {"decision_gap_s", 0.3},
-                             {"handover_retry_s", 1.0}});
+                             {"decision_gap_s", 0.3}});
     const auto ports = testing::free_ports(2 * static_cast<int>(kChannels.size()));
     for (std::size_t i = 0; i < kChannels.size(); ++i) {
       const int near = ports[2 * i], far = ports[2 * i + 1];

@@ -110,6 +110,7 @@ class HardInput : public ::testing::Test {
   static nlohmann::json params(const std::string& mode) {
     return {{"n_orb", 600},
             {"loop_closing", true},
+            {"second_hypotheses", true},
             {"sequential", mode == "every_frame"},
             {"prior_map", ""},
             {"save_map", false}};

@@ -88,6 +88,7 @@ class NodeProgramTest : public ::testing::Test {
     config["params"] = {{"n_orb", 600},
                         {"loop_closing", true},
                         {"sequential", false},
+                        {"second_hypotheses", true},
                         {"prior_map", ""},
                         {"save_map", false}};
     config["network"] = nullptr;

@@ -3,12 +3,20 @@
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
-from slambed.metrics.statistics import finite, wilson
-from slambed.report.catalog import Metric
+from slambed.metrics.metric import Metric
+from slambed.metrics.statistics import Floats, finite, wilson
 from slambed.report.cells import Cell
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, figure, file_name, marker
+from slambed.report.style import (
+    FigureWriter,
+    colour,
+    figure,
+    file_name,
+    from_zero_if_it_shows,
+    marker,
+)
 
 MOST_CELLS = 40
 MOST_POINTS = 60
@@ -23,9 +31,10 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
     if not shown:
         return
     labels = list(dict.fromkeys(cell.label for cell in cells))
-    groups = {name: rows for name, rows in results.valid.groupby("cell", sort=False)}
+    groups = {name: rows for name, rows in results.trusted.groupby("cell", sort=False)}
     rng = np.random.default_rng(1)
     rows: list[pd.DataFrame] = []
+    drawn: list[Floats] = []
     with figure(height_in=_height(len(shown))) as (made, axes):
         axis = axes[0]
         for place, cell in enumerate(shown):
@@ -47,18 +56,22 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
                 color=colour(index), markersize=3.5, alpha=0.8 if len(values) <= 20 else 0.3,
                 zorder=1.5, linestyle="none",
             )  # fmt: skip
+            drawn.append(values)
             rows.append(runs[["cell", "run_key", metric.key]])
-        _finish_cells(axis, shown)
+        where = _finish_cells(axis, shown)
         axis.set_xlabel(metric.heading)
-        if metric.better == "lower":
-            axis.set_xlim(left=0)  # a cost that looks half as long shall be half as large
-        axis.set_title(metric.label[0].upper() + metric.label[1:])
+        everything = np.concatenate(drawn)
+        # A cost that looks half as long shall be half as large.
+        from_zero = metric.better != "lower" or from_zero_if_it_shows(axis, everything)
+        axis.margins(x=0.06)
+        axis.set_title(metric.title + where)
         left_out = len([c for c in cells if metric.key in c.values]) - len(shown)
         writer.save(
             made,
             file_name("box", metric.key),
-            metric.label[0].upper() + metric.label[1:],
+            metric.title + where,
             "Box: quartiles and median; whiskers: smallest and largest run; points: runs."
+            + ("" if from_zero else " The axis does not begin at 0.")
             + (f" {left_out} more cells are in summary.csv." if left_out else ""),
             pd.concat(rows, ignore_index=True),
         )
@@ -87,15 +100,15 @@ def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: Fi
                 {"cell": cell.name, "share": found.value, "low": found.low, "high": found.high,
                  "runs": found.count}
             )  # fmt: skip
-        _finish_cells(axis, shown)
-        axis.set_xlim(0, 108)
+        where = _finish_cells(axis, shown)
+        axis.set_xlim(-2, 108)
         axis.set_xlabel(metric.heading)
-        axis.set_title(metric.label[0].upper() + metric.label[1:])
+        axis.set_title(metric.title + where)
         writer.save(
             made,
             file_name("share", metric.key),
-            metric.label[0].upper() + metric.label[1:],
-            "Share of valid runs with its 95 % Wilson interval.",
+            metric.title + where,
+            "Share of the runs to be trusted with its 95 % Wilson interval.",
             pd.DataFrame(rows),
         )
 
@@ -104,13 +117,14 @@ def _height(cells: int) -> float:
     return 1.2 + 0.34 * cells
 
 
-def _finish_cells(axis: object, shown: list[Cell]) -> None:
-    from matplotlib.axes import Axes
-
-    assert isinstance(axis, Axes)
-    axis.set_yticks(range(len(shown)), [short(cell) for cell in shown])
+def _finish_cells(axis: Axes, shown: list[Cell]) -> str:
+    """Names the cells; what all of them share comes back for the title."""
+    places = {(cell.dataset, cell.profile) for cell in shown}
+    one = len(places) == 1 and len({cell.label for cell in shown}) == len(shown)
+    axis.set_yticks(range(len(shown)), [cell.label if one else short(cell) for cell in shown])
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.grid(axis="y", visible=False)
+    return f": {', '.join(places.pop())}" if one else ""
 
 
 def short(cell: Cell) -> str:

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asked, applied and measured round-trip time of one run."""
+"""Asked, set and measured round-trip time of one run, and how long its messages were under way."""
 
 import pandas as pd
 
 from slambed.metrics.network import series
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, figure, file_name
+from slambed.report.style import FigureWriter, figure, file_name, legend_beneath
 from slambed.spec.device import VIRTUAL
 
 PROBE, ASKED, APPLIED = "#0072B2", "#000000", "#E69F00"
+MESSAGES = {"up": "#009E73", "down": "#CC79A7"}
 
 
 def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> None:
@@ -22,6 +23,7 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
     link = link[link["t_s"] >= 0]
     asked, probe = series(link, "asked_rtt_ms"), series(link, "probe_rtt_ms")
     applied = _both_ways(link)
+    messages = _one_way(results, key)
     if asked.empty and probe.empty:
         return
     with figure(height_in=3.2) as (made, axes):
@@ -32,16 +34,22 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
         if len(applied):
             axis.step(
                 applied["t_s"], applied["value"], where="post", color=APPLIED,
-                linewidth=2.4, alpha=0.8, label="applied, both ways",
+                linewidth=2.4, alpha=0.8, label="latency set, both ways",
             )  # fmt: skip
+        for way, shape in (("up", "^"), ("down", "v")):
+            own = messages[messages["direction"] == way]
+            if len(own):
+                axis.plot(own["t_s"], own["value"], shape, color=MESSAGES[way], markersize=2,
+                          alpha=0.6, label=f"message {way}, one way")  # fmt: skip
         axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
         axis.set_xlabel("time [s]")
         axis.set_ylabel("round-trip time [ms]")
         # A single late probe must not flatten the picture.
-        tops = [part["value"].quantile(0.998) for part in (asked, probe) if len(part)]
+        shown = (asked["value"], probe["value"], messages["value"])
+        tops = [part.quantile(0.998) for part in shown if len(part)]
         axis.set_ylim(0, max(1.0, 1.1 * max(float(top) for top in tops)))
         axis.set_title(f"Link: {condition.title}")
-        axis.legend(loc="best")
+        legend_beneath(made, axis)
         row = runs[runs["run_key"] == key].iloc[0]
         error = row["rtt_error_ms_median"]
         proof = "."
@@ -51,25 +59,38 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
             made,
             file_name("rtt", condition.dataset, condition.profile),
             f"Round-trip time: {condition.title}",
-            f"{_source(row, probe)}; run {key}, {row['label']}{proof}",
+            f"{_source(row, probe)}; run {key}, {row['label']}{proof} Messages take what their "
+            "size, queues and jitter add to the latency.",
             pd.concat(
                 [
                     asked.assign(series="asked_rtt_ms"),
                     applied.assign(series="applied_rtt_ms"),
                     probe.assign(series="probe_rtt_ms"),
+                    messages.assign(series="message_" + messages.pop("direction") + "_ms"),
                 ],
                 ignore_index=True,
             ),
         )
 
 
+def _one_way(results: Results, key: str) -> pd.DataFrame:
+    """How long each message that arrived was under way, by direction and time of sending."""
+    log = results.events(key, ("message",))
+    arrived = [
+        (e["sent_ns"] / 1e9, (e["received_ns"] - e["sent_ns"]) / 1e6, str(e.get("direction")))
+        for e in (log.events if log is not None else [])
+        if isinstance(e.get("sent_ns"), int) and isinstance(e.get("received_ns"), int)
+    ]
+    return pd.DataFrame(arrived, columns=["t_s", "value", "direction"])
+
+
 def _source(row: pd.Series, probe: pd.DataFrame) -> str:
     """Where the curves come from; only a link of real packets can be measured."""
     if row["link_backend"] == VIRTUAL:
-        return "Asked by the profile and applied by the modelled link, which needs no measurement"
+        return "Asked by the profile and set in the modelled link, which needs no measurement"
     if probe.empty:
-        return "Asked by the profile, applied by the link, not measured"
-    return "Asked by the profile, applied by the link, measured by echoes"
+        return "Asked by the profile, set in the link, not measured"
+    return "Asked by the profile, set in the link, measured by echoes"
 
 
 def _both_ways(link: pd.DataFrame) -> pd.DataFrame:

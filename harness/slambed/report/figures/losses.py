@@ -10,7 +10,7 @@ from slambed.metrics.network import series
 from slambed.report.cells import text
 from slambed.report.conditions import Condition
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, dash, figure, file_name
+from slambed.report.style import FigureWriter, colour, dash, figure, file_name, legend_beneath
 
 
 def draw_losses(results: Results, condition: Condition, writer: FigureWriter) -> None:
@@ -29,6 +29,7 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
             _step(axes[0], curve, f"{label} (n = {len(runs)})", index)
             rows.append(curve.assign(label=label, runs=len(runs)))
         _finish(axes[0], condition.runs)
+        legend_beneath(made, axes[0])
         if profile is not None:
             axes[1].plot(profile["t_s"], profile["value"], color="#444444")
             axes[1].set_ylabel("RTT asked [ms]")
@@ -41,7 +42,8 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
             made,
             file_name("losses", condition.dataset, condition.profile),
             f"Track losses over time: {condition.title}",
-            "Runs that have lost track at least once by this time, valid runs only." + beneath,
+            "Runs that have lost track at least once by this time, of the runs to be trusted."
+            + beneath,
             pd.concat(rows, ignore_index=True),
         )
 
@@ -59,6 +61,7 @@ def draw_losses_by_profile(
             _step(axes[0], curve, f"{name} (n = {len(part)})", index)
             rows.append(curve.assign(profile=name, runs=len(part)))
         _finish(axes[0], runs)
+        legend_beneath(made, axes[0])
         axes[0].set_xlabel("time in the sequence [s]")
         axes[0].set_xlim(0, end_s)
         title = f"Track losses by link profile: {label}, {dataset}"
@@ -67,7 +70,7 @@ def draw_losses_by_profile(
             made,
             file_name("losses_by_profile", dataset, label),
             title,
-            "Runs that have lost track at least once by this time, valid runs only.",
+            "Runs that have lost track at least once by this time, of the runs to be trusted.",
             pd.concat(rows, ignore_index=True),
         )
 
@@ -112,7 +115,6 @@ def _finish(axis: Axes, runs: pd.DataFrame) -> None:
     axis.set_ylabel("runs with a track loss")
     axis.set_ylim(-0.03 * most, most * 1.05)
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axis.legend(loc="upper left")
     if not pd.to_numeric(runs["first_loss_s"]).notna().any():
         words = f"no track loss in {len(runs)} run{'' if len(runs) == 1 else 's'}"
         axis.text(0.5, 0.3, words, transform=axis.transAxes, ha="center", fontsize=11)

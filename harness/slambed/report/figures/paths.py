@@ -6,13 +6,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slambed.errors import SlambedError
-from slambed.metrics.accuracy import align_umeyama
-from slambed.metrics.association import associate
+from slambed.metrics.catalog import metric
 from slambed.metrics.trajectory import Trajectory
-from slambed.report.catalog import metric
+from slambed.report.alignment import WORDS, alignment_of, played
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results
-from slambed.report.style import GROUND_TRUTH, FigureWriter, colour, dash, figure, file_name
+from slambed.report.style import (
+    GROUND_TRUTH,
+    FigureWriter,
+    colour,
+    dash,
+    figure,
+    file_name,
+    legend_beneath,
+)
 
 MOST_POINTS = 800
 GAP_S = 0.5
@@ -23,6 +30,7 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
     """The run with the median error of each system, aligned, over the ground truth."""
     truth = results.groundtruth(condition.dataset)
     shown: list[tuple[str, str, Trajectory, float | None]] = []
+    kinds: list[str] = []
     for label, runs in condition.systems():
         key = typical_run(runs)
         estimate = results.trajectory(key) if key else None
@@ -31,16 +39,16 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
         row = runs[runs["run_key"] == key].iloc[0]
         if truth is not None:
             try:
-                pair = associate(estimate, truth)
-                motion = align_umeyama(pair[0].positions_m, pair[1].positions_m)
-                estimate = motion.apply_to(estimate)
+                kind = row["ate_alignment"]
+                estimate = alignment_of(estimate, truth, kind).apply_to(estimate)
+                kinds.append("sim3" if kind == "sim3" else "se3")
             except SlambedError as error:
                 results.complain(f"{key}: {error}")
         shown.append((label, key, estimate, row["ate_rmse_m"]))
     if not shown:
         return
     if truth is not None:
-        truth = _during(truth, shown)
+        truth = played(truth, [path for _, _, path, _ in shown])
     reference = truth if truth is not None and len(truth) > 1 else shown[0][2]
     across, up = widest_axes(reference.positions_m)
     rows: list[pd.DataFrame] = []
@@ -52,21 +60,19 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
             rows.append(_data(truth, "ground truth", ""))
         for index, (label, key, path, ate) in enumerate(shown):
             x, y = broken_line(path, across, up)
-            name = (
-                f"{label} (ATE {metric('ate_rmse_m').show(ate)} cm)"
-                if ate == ate and ate
-                else label
-            )
+            name = label
+            if ate is not None and ate == ate:
+                name += f" (ATE {metric('ate_rmse_m').show(ate)} cm)"
             axis.plot(x, y, color=colour(index), linestyle=dash(index), linewidth=1.1, label=name)
             rows.append(_data(path, label, key))
         axis.set_aspect("equal", adjustable="datalim")
         axis.set_xlabel(f"{'xyz'[across]} [m]")
         axis.set_ylabel(f"{'xyz'[up]} [m]")
         axis.set_title(f"Trajectories: {condition.title}")
-        axis.legend(loc="best")
+        legend_beneath(made, axis)
         how = (
-            "aligned to the ground truth (rotation and translation, no scale)"
-            if truth is not None
+            f"aligned to the ground truth ({'; '.join(WORDS[k] for k in dict.fromkeys(kinds))})"
+            if truth is not None and kinds
             else "ground truth not available"
         )
         writer.save(
@@ -104,16 +110,6 @@ def thinned(path: Trajectory) -> Trajectory:
     if len(path) <= MOST_POINTS:
         return path
     return path.take(np.linspace(0, len(path) - 1, MOST_POINTS).astype(np.intp))
-
-
-def _during(
-    truth: Trajectory, shown: list[tuple[str, str, Trajectory, float | None]]
-) -> Trajectory:
-    """The part of the true path that was played."""
-    begin = min(path.stamps_s[0] for _, _, path, _ in shown) - 1e-3
-    end = max(path.stamps_s[-1] for _, _, path, _ in shown) + 1e-3
-    inside = np.flatnonzero((truth.stamps_s >= begin) & (truth.stamps_s <= end))
-    return truth.take(inside)
 
 
 def _data(path: Trajectory, label: str, run_key: str) -> pd.DataFrame:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from slambed.report.conditions import Condition, some_runs
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, dash, figure, file_name
+from slambed.report.style import FigureWriter, colour, dash, figure, file_name, legend_beneath
 
 BIN_S = 1.0
 """Samples come at 10 Hz; a second smooths the quota period away."""
@@ -62,8 +62,8 @@ def draw_over_time(
                                   alpha=0.15, linewidth=0)  # fmt: skip
             axis.set_ylabel(f"{node} [{quantity.unit}]")
             axis.set_ylim(bottom=0)
-            axis.legend(loc="best")
         axes[-1].set_xlabel("time [s]")
+        legend_beneath(made, axes[0])
         title = f"{quantity.title} over time: {condition.title}"
         axes[0].set_title(title)
         writer.save(

@@ -10,7 +10,7 @@ from slambed.metrics.events import EventLog
 from slambed.metrics.stages import delays, stage_times
 from slambed.report.conditions import Condition
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, figure, file_name
+from slambed.report.style import FigureWriter, colour, figure, file_name, legend_beneath
 
 RUNS_READ = 5
 """Event logs are large: this many runs per cell are enough for stage means."""
@@ -77,7 +77,7 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
         axis.set_ylim(len(stages) - 0.4, -0.6)
         axis.grid(axis="y", visible=False)
         axis.set_xlabel("wall time per frame, keyframe or call [ms]")
-        axis.legend(loc="best")
+        legend_beneath(made, axis)
         title = f"Stage times: {condition.title}"
         axis.set_title(title)
         writer.save(
@@ -113,6 +113,7 @@ def _delay_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
     table = table[table["label"].isin(labels)]
     with figure(height_in=1.7 + 0.5 * len(labels)) as (made, axes):
         axis = axes[0]
+        longest = 1.0
         for place, label in enumerate(labels):
             own = table[table["label"] == label].set_index("part")["mean_ms"]
             left = 0.0
@@ -124,23 +125,30 @@ def _delay_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
                     label=part if place == 0 else None,
                 )  # fmt: skip
                 left += width
+            wait = float(own.get("T_Wait", 0.0))
+            computed = float(own.get("T_Computed", totals[label]))
             axis.plot(
-                [totals[label]] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2,
-                label="T_Total measured" if place == 0 else None,
+                [computed] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2,
+                label="T_Computed measured" if place == 0 else None,
             )  # fmt: skip
+            axis.annotate(
+                f"+ {wait:.0f} ms pacing" if wait >= 1 else "", (max(computed, left), place),
+                xytext=(5, 0), textcoords="offset points", va="center", fontsize=7,
+            )  # fmt: skip
+            longest = max(longest, computed, left)
+        axis.set_xlim(0, 1.4 * longest)
         axis.set_yticks(range(len(labels)), labels)
         axis.set_ylim(len(labels) - 0.4, -0.6)
         axis.grid(axis="y", visible=False)
         axis.set_xlabel("mean [ms]")
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.3 / (0.6 + 0.3 * len(labels))),
-                    ncols=4)  # fmt: skip
+        legend_beneath(made, axis)
         title = f"Map update round: {condition.title}"
         axis.set_title(title)
         writer.save(
             made,
             file_name("update_delay", condition.dataset, condition.profile),
             title,
-            "Means of the parts, and of T_Total from capture of the newest covered keyframe until "
-            "its update was applied (waiting for the next update is in T_Total only).",
+            "Means of the parts, and of T_Computed: from capture of the newest covered keyframe "
+            "until its update was applied, without the pacing of updates (T_Wait).",
             table,
         )

@@ -6,18 +6,18 @@ from typing import Any
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from slambed.report.catalog import metric
+from slambed.metrics.catalog import metric
 from slambed.report.cells import Cell
 from slambed.report.style import (
     COLOURS,
     GROUND_TRUTH,
     MARKERS,
-    WIDTH_IN,
     FigureWriter,
     colour,
     dash,
     figure,
     file_name,
+    legend_beneath,
     marker,
 )
 
@@ -26,16 +26,14 @@ PAIRS = (
     ("mobile_cpu_percent_mean", "lost"),
     ("bytes_up", "ate_rmse_m"),
     ("rtt_asked_ms_mean", "lost"),
-    ("rtt_asked_ms_mean", "update_delay_ms_median"),
+    ("rtt_asked_ms_mean", "update_computed_ms_median"),
 )
 
 MINIMUM_PLACES = 3
 """Two points are a comparison, not a curve."""
 SHAPES = (*MARKERS, "<", ">", "*", "p", "h")
 """One per link profile."""
-HEIGHT_IN, LEGEND_ROW_IN = 3.5, 0.17
-MOST_COLUMNS, KEY_IN, LETTER_IN = 3, 0.53, 0.068
-"""Of the legend: its columns, and what an entry takes beside its text."""
+HEIGHT_IN = 3.5
 
 
 def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: FigureWriter) -> bool:
@@ -47,10 +45,7 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
     labels = list(dict.fromkeys(cell.label for cell in cells))
     profiles = list(dict.fromkeys(cell.profile for cell in shown))
     rows: list[dict[str, object]] = []
-    keys = [*dict.fromkeys(cell.label for cell in shown), *(profiles if len(profiles) > 1 else [])]
-    columns = _legend_columns(keys)
-    height_in = HEIGHT_IN + LEGEND_ROW_IN * -(-len(keys) // columns)
-    with figure(height_in=height_in) as (made, axes):
+    with figure(height_in=HEIGHT_IN) as (made, axes):
         axis = axes[0]
         handles: list[Line2D] = []
         for label in dict.fromkeys(cell.label for cell in shown):
@@ -87,8 +82,8 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
         axis.set_xlabel(across.heading)
         axis.set_ylabel(up.heading)
         axis.set_ylim(bottom=0)
-        made.legend(handles=handles, loc="outside lower center", ncols=columns)
-        title = f"{up.label[0].upper() + up.label[1:]} against {across.label}: {dataset}"
+        legend_beneath(made, axis, handles)
+        title = f"{up.title} against {across.name}: {dataset}"
         axis.set_title(title)
         writer.save(
             made,
@@ -99,9 +94,3 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
             pd.DataFrame(rows),
         )
     return True
-
-
-def _legend_columns(keys: list[str]) -> int:
-    """As many as are not wider than the figure."""
-    widest_in = KEY_IN + LETTER_IN * max(map(len, keys))
-    return max(1, min(MOST_COLUMNS, int(WIDTH_IN / widest_in)))

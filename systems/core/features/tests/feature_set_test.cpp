@@ -34,6 +34,25 @@ FeatureSet random_set(int count, unsigned seed) {
   return {sensor(), keypoints, std::vector<Descriptor>(count)};
 }
 
+TEST(FeatureSet, SelectKeepsWhatIsChosenInOrder) {
+  const FeatureSet set = random_set(100, 3);
+  std::vector<std::uint8_t> keep(100);
+  for (int i = 0; i < 100; ++i) keep[i] = set.keypoint(i).octave < 4;
+  const auto fine = select(set, keep);
+  ASSERT_EQ(fine->size(), std::count(keep.begin(), keep.end(), 1));
+  ASSERT_GT(fine->size(), 20);
+  int k = 0;
+  for (int i = 0; i < 100; ++i) {
+    if (!keep[i]) continue;
+    EXPECT_EQ(fine->keypoint(k).u, set.keypoint(i).u);
+    EXPECT_LT(fine->keypoint(k++).octave, 4);
+  }
+  keep.assign(100, 0);
+  EXPECT_EQ(select(set, keep)->size(), 0);
+  keep.pop_back();
+  EXPECT_THROW(select(set, keep), Error);
+}
+
 TEST(FeatureSet, WindowSearchFindsWhatBruteForceFinds) {
   const FeatureSet set = random_set(1000, 1);
   std::mt19937 random(2);

@@ -174,5 +174,67 @@ TEST(Direction, DirectionsHaveTheirOwnLuck) {
   EXPECT_NEAR(same, 500, 3 * std::sqrt(1000 * 0.25));
 }
 
+TEST(Direction, BurstsInTimeComeAndGoWhateverIsSent) {
+  DirectionOptions options = delays({0});
+  options.loss = LossOptions{.mean_good_ns = 2.0 * kSecond, .mean_bad_ns = 0.2 * kSecond};
+  DirectionModel busy(options, 3, 0), idle(options, 3, 0);
+  busy.start(0);
+  idle.start(0);
+  std::int64_t lost = 0, bursts = 0;
+  bool before = false;
+  constexpr std::int64_t kEnd = 2000 * kSecond;
+  for (std::int64_t now = 0; now < kEnd; now += 5 * kMs) {
+    const bool now_lost = busy.admit(now, 100).fate == Fate::kLost;
+    if (now % (1500 * kMs) == 0) {  // hardly ever a packet: it meets the same bursts
+      EXPECT_EQ(idle.admit(now, 100).fate == Fate::kLost, now_lost) << now;
+    }
+    lost += now_lost;
+    bursts += now_lost && !before;
+    before = now_lost;
+  }
+  // About 909 cycles of 2.2 s: 1 in 11 lost, each mean within three standard errors.
+  const double share = static_cast<double>(lost) / (kEnd / (5 * kMs));
+  EXPECT_NEAR(share, 1.0 / 11, 3 * 1.0 / 11 * std::sqrt(2.0 / 909));
+  const double burst_ms = 5.0 * static_cast<double>(lost) / static_cast<double>(bursts);
+  EXPECT_NEAR(burst_ms, 200, 3 * 200 / std::sqrt(909.0));
+}
+
+TEST(Direction, BurstsInTimeBeginWithTheRun) {
+  DirectionOptions options = delays({0});
+  options.loss = LossOptions{.mean_good_ns = 1e-6, .mean_bad_ns = 1e18};
+  DirectionModel model(options, 1, 0);
+  model.apply_profile();
+  EXPECT_EQ(model.admit(0, 100).fate, Fate::kDelivered);
+  model.start(kSecond);
+  EXPECT_EQ(model.admit(kSecond / 2, 100).fate, Fate::kDelivered);
+  EXPECT_EQ(model.admit(kSecond, 100).fate, Fate::kLost);
+}
+
+TEST(Direction, AProbeChangesNothingForTheData) {
+  DirectionOptions options = delays({3 * kMs});
+  options.loss = LossOptions{.to_bad = 0.05, .to_good = 0.3};
+  options.jitter = JitterOptions{.scale_ns = 2.0 * kMs};
+  options.rate = RateOptions{.bits_per_s = 12e6, .queue_bytes = 6000};
+  DirectionModel plain(options, 9, 0), probed(options, 9, 0);
+  plain.start(0);
+  probed.start(0);
+  int answered = 0, waited = 0;
+  for (std::int64_t now = 0; now < 20 * kSecond; now += 2 * kMs) {
+    const Admission probe = probed.admit(now, 76, Lane::kProbe);
+    EXPECT_NE(probe.fate, Fate::kQueueFull);
+    answered += probe.fate == Fate::kDelivered;
+    const int packets = now / kSecond % 2 == 0 ? 3 : 0;  // 18 Mbit/s, and nothing
+    for (int i = 0; i < packets; ++i) {
+      const Admission a = plain.admit(now, 1500), b = probed.admit(now, 1500);
+      ASSERT_EQ(a.fate, b.fate) << now;
+      ASSERT_EQ(a.due_ns, b.due_ns) << now;
+    }
+    // Behind a full queue a probe waits as long as a packet would: 4 ms.
+    if (packets > 0 && probe.fate == Fate::kDelivered) waited += probe.due_ns - now > 5 * kMs;
+  }
+  EXPECT_GT(answered, 7000);
+  EXPECT_GT(waited, 2000);
+}
+
 }  // namespace
 }  // namespace slambed::link

@@ -116,5 +116,22 @@ TEST(Jitter, IsCutAtItsMaximum) {
   EXPECT_EQ(largest, static_cast<std::int64_t>(10 * kMs));
 }
 
+/// FNV-1a over all draws. A scale this large shows every bit of what is drawn.
+std::uint64_t digest(JitterOptions options) {
+  options.scale_ns = 1e14;
+  JitterModel model(options, 7, 1);
+  std::uint64_t hash = 0xCBF29CE484222325u;
+  for (std::int64_t i = 0; i < 50'000; ++i) {
+    hash = (hash ^ static_cast<std::uint64_t>(model.draw(i * 1'000'000))) * 0x100000001B3u;
+  }
+  return hash;
+}
+
+TEST(SameBits, OfJitter) {
+  EXPECT_EQ(digest({.shape = JitterShape::kNormal, .correlation_time_ns = 3e6}),
+            15259544315735810191u);
+  EXPECT_EQ(digest({.shape = JitterShape::kPareto, .pareto_shape = 2.5}), 17751160885375415565u);
+}
+
 }  // namespace
 }  // namespace slambed::link

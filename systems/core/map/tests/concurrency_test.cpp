@@ -2,7 +2,9 @@
 // Readers beside a writer always see whole commits. Run with the thread sanitizer to mean more.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
+#include <functional>
 #include <thread>
 
 #include "map_fixture.hpp"
@@ -14,7 +16,9 @@ TEST(Concurrency, ReadersSeeWholeCommitsOnly) {
   Map map;
   std::atomic<bool> done{false};
   std::atomic<int> broken{0};
-  const auto reader = [&] {
+  constexpr std::uint64_t kCommits = 60;
+  std::array<std::atomic<std::uint64_t>, 2> seen{};  ///< revision that each reader saw last
+  const auto reader = [&](std::atomic<std::uint64_t>& mine) {
     std::uint64_t last = 0;
     while (!done) {
       const std::uint64_t hint = map.revision();
@@ -27,10 +31,11 @@ TEST(Concurrency, ReadersSeeWholeCommitsOnly) {
         for (const MapPointId id : view.point_ids()) broken += view.point(id)->p_w.x() != at;
         return 0;
       });
+      mine = last;
     }
   };
-  std::thread a(reader), b(reader);
-  for (std::uint64_t n = 1; n <= 60; ++n) {
+  std::thread a(reader, std::ref(seen[0])), b(reader, std::ref(seen[1]));
+  for (std::uint64_t n = 1; n <= kCommits; ++n) {
     MapDelta delta;
     const auto number = static_cast<double>(n);
     for (std::uint64_t p = 10 * n - 9; p <= 10 * n; ++p)
@@ -39,6 +44,9 @@ TEST(Concurrency, ReadersSeeWholeCommitsOnly) {
     for (std::uint64_t p = 1; p <= 10 * n - 10; ++p)
       delta.positions.push_back({pt(p), {number, 0, 2}, static_cast<std::uint32_t>(n)});
     map.commit(delta);
+    // Now and then the writer waits until both have seen its work, else it may run alone.
+    if (n % 10 != 0) continue;
+    while (seen[0] < map.revision() || seen[1] < map.revision()) std::this_thread::yield();
   }
   done = true;
   a.join();

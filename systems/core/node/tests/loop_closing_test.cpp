@@ -42,8 +42,18 @@ class LoopClosingTest : public ::testing::Test {
       log.set_clock([&simulator] { return simulator.now(); });
       log.start(Duration::zero(), [] {});
       VirtualRuntime runtime(simulator, device(), 1, log);
-      LocalMapping mapping(runtime, log, {}, laps->map, IdSpace::kMobileMapper, mode);
+      LoopClosing* behind = nullptr;
+      LocalMapping mapping(runtime, log, {}, laps->map, IdSpace::kMobileMapper, mode,
+                           {.take = {},
+                            .done = {},
+                            .idle =
+                                [&](Worker& worker) {
+                                  behind->idle(worker);
+                                  return kNever;
+                                },
+                            .changed = [&] { behind->map_changed(); }});
       LoopClosing loops(runtime, log, {}, laps->map, laps->places, mapping, mode);
+      behind = &loops;
       mapping.start();
       loops.start();
       runtime.spawn("driver", [&](Worker& worker) {
@@ -118,7 +128,7 @@ TEST_F(LoopClosingTest, SequentiallyTheBundleRunsAtOnce) {
 TEST_F(LoopClosingTest, AResetMakesARunningBundleWorthless) {
   run(Mode::kWorker, 70, [&](Worker& worker, LocalMapping& mapping, LoopClosing&) {
     worker.sleep_until(worker.now() + 30ms);  // the bundle is at its second step
-    mapping.reset(worker, laps->map);
+    mapping.reset(laps->map).wait(worker);
   });
   ASSERT_EQ(of("loop_closed").size(), 1u);
   EXPECT_LE(of("stage", "global_bundle").size(), 3u);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "map/map_snapshot.hpp"
@@ -144,16 +145,21 @@ struct PairLink {
   double step_s = 0.1;
   std::vector<link::Gap> gaps = {};
   std::optional<RttTable> profile_rtt{};  ///< told to the mobile, whatever the path does
-  std::uint64_t lost_keyframes = 0;  ///< the first messages on the channel never reach the edge
+  std::string lossy_channel = "keyframe";
+  std::uint64_t lost = 0;  ///< the first messages on that channel never reach the edge
+  std::uint64_t lost_updates = 0;  ///< the first messages on the map channel never reach the mobile
   RunTime edge_restarts = kNever;
-  double edge_bundle_us = 2000;  ///< per stage of a global bundle
+  double edge_bundle_us = 2000;  ///< per stage of a global bundle, on a uniform device
+  double mbit_per_s = 100;
+  /// Devices to charge in place of the uniform ones.
+  std::optional<DeviceModel> mobile_device{}, edge_device{};
 
   link::DirectionOptions direction() const {
     link::DirectionOptions options;
     options.delays_ns.clear();
     for (const double ms : one_way_ms) options.delays_ns.push_back(std::llround(ms * 1e6));
     options.step_ns = std::llround(step_s * 1e9);
-    options.rate = link::RateOptions{.bits_per_s = 100e6, .queue_bytes = 10'000'000};
+    options.rate = link::RateOptions{.bits_per_s = mbit_per_s * 1e6, .queue_bytes = 10'000'000};
     options.gaps = gaps;
     options.gap_drops = true;
     return options;
@@ -169,6 +175,7 @@ struct PairResult {
   MapCounts mobile_counts, edge_counts;
   MapDelta mobile_map, edge_map;  ///< as they were at the end
   std::vector<Bytes> keyframes;   ///< KEYFRAME messages as they were sent
+  std::map<KeyFrameId, SE3> keyframe_poses;  ///< T_cw that the final trajectory stands on
 
   std::vector<nlohmann::json> of(const std::string& type) const {
     std::vector<nlohmann::json> found;
@@ -198,10 +205,11 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
       log->set_clock([&simulator] { return simulator.now(); });
       log->start(Duration::zero(), [] {});
     }
-    VirtualRuntime mobile_runtime(simulator, uniform_device(2000), 1, mobile_log);
-    DeviceModel edge_device = uniform_device(2000);
-    edge_device.stages["global_bundle"].a_us = path.edge_bundle_us;
-    VirtualRuntime edge_runtime(simulator, edge_device, 2, edge_log);
+    VirtualRuntime mobile_runtime(
+        simulator, path.mobile_device.value_or(uniform_device(2000)), 1, mobile_log);
+    DeviceModel uniform_edge = uniform_device(2000);
+    uniform_edge.stages["global_bundle"].a_us = path.edge_bundle_us;
+    VirtualRuntime edge_runtime(simulator, path.edge_device.value_or(uniform_edge), 2, edge_log);
     VirtualLink link(simulator, path.direction(), path.direction(), 1);
     WorldSource source(std::move(look));
     PeerInfo peer;
@@ -210,9 +218,9 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
               .close_depth_m = sensor->close_depth_m,
               .played_fps = playlist.played_fps()});
     RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
-    LosingNetwork edge_network(link.edge_side(edge_log), "keyframe", path.lost_keyframes);
-    RestartingNetwork mobile_network(link.mobile_side(mobile_log), mobile_runtime,
-                                     path.edge_restarts);
+    LosingNetwork edge_network(link.edge_side(edge_log), path.lossy_channel, path.lost);
+    LosingNetwork losing_updates(link.mobile_side(mobile_log), "map", path.lost_updates);
+    RestartingNetwork mobile_network(losing_updates, mobile_runtime, path.edge_restarts);
     EdgeNode edge({edge_runtime, edge_network, edge_log, peer}, system, parameters);
     MobileNode mobile({.runtime = mobile_runtime,
                        .network = &mobile_network,
@@ -230,6 +238,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     mobile_runtime.join();
     edge_runtime.join();
     mobile.write_trajectories(folder.path());
+    for (const KeyFrameId id : mobile.poses().keyframes())
+      result.keyframe_poses[id] = mobile.poses().pose(id).value();
     result.finished = mobile.finished();
     result.end_reason = edge.end_reason();
     result.mobile_counts = mobile.counts();

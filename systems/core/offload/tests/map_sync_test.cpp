@@ -153,5 +153,21 @@ TEST_F(MapSync, PointsThatNothingSeesThereAreLeftOut) {
   EXPECT_TRUE(rebased.points.empty());
 }
 
+TEST_F(MapSync, APointSeenOnlyByAKeyframeThatIsGoneThereIsLeftOut) {
+  MapDelta there;
+  there.culled_keyframes = {kf(3)};
+  edge.commit(there);
+  MapDelta here;
+  here.points = {testing::new_point(44)};
+  here.attach = {{kf(3), 35, pt(44)}};
+  mobile.commit(here);
+  const MapDelta delta = changes();
+  ASSERT_EQ(delta.points.size(), 1u);
+  const MapDelta rebased =
+      edge.read([&](const MapView& view) { return rebase_changes(view, delta); });
+  EXPECT_TRUE(rebased.points.empty());
+  EXPECT_TRUE(rebased.attach.empty());
+}
+
 }  // namespace
 }  // namespace slambed

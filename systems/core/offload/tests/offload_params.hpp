@@ -24,7 +24,8 @@ inline nlohmann::json conventional() {
           {"reloc_map_period_s", 1.0},
           {"reloc_candidates", 5},
           {"reloc_covisibles", 2},
-          {"loop_closing", true}};
+          {"loop_closing", true},
+          {"second_hypotheses", false}};
 }
 
 inline nlohmann::json enhanced() {

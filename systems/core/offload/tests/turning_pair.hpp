@@ -8,7 +8,8 @@
 
 namespace slambed::testing {
 
-inline SE3 pose_at(int frame) {
+/// frame: may lie between two.
+inline SE3 pose_at(double frame) {
   const double yaw = 2.5 * frame * std::numbers::pi / 180;
   const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
   const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();

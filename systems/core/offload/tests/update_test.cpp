@@ -40,6 +40,11 @@ TEST(UpdateRules, FollowEdgeSlam) {
   state = usual();
   state.former_edge = true;
   EXPECT_EQ(reason(rules, state), "its edge is gone");
+  state = usual();
+  state.behind = true;
+  EXPECT_EQ(reason(rules, state), "the edge catches up");
+  state.relocalisation = state.lost = true;
+  EXPECT_EQ(reason(rules, state), "welcome");
 }
 
 TEST(UpdateRules, FastMotionMattersLessTheMoreKeyframesThereAre) {

@@ -42,6 +42,15 @@ TEST(FrameHeader, EveryFlippedBitIsNoticed) {
   }
 }
 
+TEST(FrameHeader, ATimeThatCannotBeCalculatedWithIsRefused) {
+  for (const RunTime time : {RunTime::max(), RunTime::min()}) {
+    FrameHeader queued = example(), sent = example();
+    queued.queued = sent.sent = time;
+    EXPECT_TRUE(std::holds_alternative<std::string>(FrameHeader::decode(queued.encode())));
+    EXPECT_TRUE(std::holds_alternative<std::string>(FrameHeader::decode(sent.encode())));
+  }
+}
+
 TEST(FrameHeader, RandomBytesAreNoHeader) {
   std::mt19937 random(1);
   for (int i = 0; i < 1000; ++i) {

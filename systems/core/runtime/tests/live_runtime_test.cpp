@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 #include <pthread.h>
 
+#include <atomic>
+#include <thread>
+
 #include "base/error.hpp"
 #include "runtime/tests/recorder.hpp"
 
@@ -54,10 +57,26 @@ TEST(LiveRuntime, StopWakesWaitersAndSleepers) {
   Recorder recorder;
   LiveRuntime runtime(recorder);
   auto signal = runtime.make_signal();
-  runtime.spawn("waiter", [&](Worker& worker) { worker.wait(*signal, signal->ticket(), kNever); });
-  runtime.spawn("sleeper", [](Worker& worker) { worker.sleep_until(kNever); });
+  std::atomic<int> begun{0}, ended{0};
+  std::atomic<bool> notified{false};
+  runtime.spawn("waiter", [&](Worker& worker) {
+    const auto ticket = signal->ticket();
+    ++begun;
+    notified = worker.wait(*signal, ticket, kNever);
+    ended += worker.stopping();
+  });
+  runtime.spawn("sleeper", [&](Worker& worker) {
+    ++begun;
+    worker.sleep_until(kNever);
+    ended += worker.stopping();
+  });
+  while (begun < 2) std::this_thread::yield();
+  std::this_thread::sleep_for(20ms);  // by now both sleep
+  EXPECT_EQ(ended, 0);
   runtime.stop();
   runtime.join();
+  EXPECT_EQ(ended, 2);
+  EXPECT_FALSE(notified);
 }
 
 TEST(LiveRuntime, FirstExceptionStopsTheRunAndComesOutOfJoin) {

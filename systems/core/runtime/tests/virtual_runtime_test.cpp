@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,32 @@ TEST(VirtualRuntime, StagesAreChargedByTheModel) {
   runtime.join();
   EXPECT_EQ(observer.log, std::vector<std::string>{"a:work 0+4000"});
   EXPECT_EQ(runtime.cpu_time(), 4ms);
+}
+
+TEST(VirtualRuntime, AnAcceleratorWorksBesideTheCores) {
+  Simulator simulator;
+  RecordingObserver observer;
+  DeviceModel model = device(1, 0.5);
+  model.accelerators["gpu"] = {.lanes = 1, .speed = 2};
+  model.stages["infer"] = {.a_us = 4000, .accelerator = "gpu"};
+  VirtualRuntime runtime(simulator, model, 1, observer);
+  runtime.spawn("core", [](Worker& w) { work(w); });
+  for (const char* name : {"one", "two"}) {
+    runtime.spawn(name, [](Worker& w) { w.stage("infer", [](StageUnits&) {}); });
+  }
+  simulator.run();
+  // The core takes 1 ms / 0.5 undisturbed; two pieces of 4 ms / 2 share the one lane.
+  EXPECT_EQ(observer.log,
+            (std::vector<std::string>{"core:work 0+2000", "one:infer 0+4000", "two:infer 0+4000"}));
+  EXPECT_EQ(runtime.cpu_time(), 2ms);
+}
+
+TEST(CostModel, AStageOnAnUnknownAcceleratorIsRefused) {
+  DeviceModel model = device(1);
+  model.stages["infer"] = {.a_us = 1, .accelerator = "gpu"};
+  EXPECT_THROW(model.check(), Error);
+  model.accelerators["gpu"] = {.lanes = 0};
+  EXPECT_THROW(model.check(), Error);
 }
 
 TEST(VirtualRuntime, AFrozenNodeGoesOnWhereItWas) {
@@ -201,6 +228,58 @@ TEST(VirtualRuntime, AStuckRunEndsAndSaysWhoWaited) {
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("lonely"), std::string::npos) << error.what();
   }
+}
+
+TEST(Simulator, EndsThoughItNeverRan) {
+  bool ran = false;
+  RecordingObserver observer;
+  {
+    Simulator simulator;
+    VirtualRuntime runtime(simulator, device(1), 1, observer);
+    runtime.spawn("never", [&](Worker&) { ran = true; });
+  }
+  EXPECT_FALSE(ran);
+}
+
+TEST(Simulator, UnwindsTheWorkersOfANodeThatStaysFrozen) {
+  Simulator simulator;
+  RecordingObserver observer;
+  VirtualRuntime runtime(simulator, device(1), 1, observer);
+  const auto signal = runtime.make_signal();
+  int unwound = 0;
+  struct AtEnd {
+    int& count;
+    ~AtEnd() { ++count; }
+  };
+  runtime.spawn("waits", [&](Worker& w) {
+    const AtEnd at_end{unwound};
+    w.wait(*signal, signal->ticket(), kNever);
+  });
+  runtime.spawn("works", [&](Worker& w) {
+    const AtEnd at_end{unwound};
+    for (int i = 0; i < 5; ++i) {
+      work(w);
+      w.sleep_until(w.now() + 1ms);
+    }
+  });
+  simulator.at(2500us, [&] { runtime.freeze(true); });
+  EXPECT_THROW(simulator.run(), Error);
+  EXPECT_EQ(unwound, 2);
+}
+
+TEST(Simulator, WhatAnActionThrowsLeavesTheRunAndNoTaskBehind) {
+  Simulator simulator;
+  RecordingObserver observer;
+  VirtualRuntime runtime(simulator, device(1), 1, observer);
+  const auto signal = runtime.make_signal();
+  bool waited = false;
+  runtime.spawn("waits", [&](Worker& w) {
+    w.wait(*signal, signal->ticket(), kNever);
+    waited = true;
+  });
+  simulator.at(1ms, [] { throw std::runtime_error("an action"); });
+  EXPECT_THROW(simulator.run(), std::runtime_error);
+  EXPECT_FALSE(waited);
 }
 
 TEST(VirtualRuntime, EqualSeedsGiveEqualRunsAndOtherSeedsDoNot) {

@@ -15,7 +15,14 @@ namespace slambed {
 /// factor of median 1.
 struct StageCost {
   double a_us = 0, b_us = 0, c_us = 0;
-  double jitter = 0;  ///< standard deviation of the factor's logarithm
+  double jitter = 0;        ///< standard deviation of the factor's logarithm
+  std::string accelerator{};  ///< the accelerator that does this work; empty: a core
+};
+
+/// What computes beside the cores (a GPU, an extractor in hardware).
+struct Accelerator {
+  int lanes = 1;     ///< pieces of work that it does at once, each at full speed
+  double speed = 1;  ///< relative to the machine on which its stages' costs were measured
 };
 
 /// What a device charges for work. Fitted by `slambed calibrate --stages`.
@@ -23,6 +30,7 @@ struct DeviceModel {
   int cores = 1;
   double speed = 1;  ///< relative to the reference machine
   std::map<std::string, StageCost, std::less<>> stages;
+  std::map<std::string, Accelerator, std::less<>> accelerators;
 
   /// Throws Error(kBadInput) for values that are negative or not finite.
   void check() const;

@@ -15,15 +15,14 @@ constexpr auto kLater = [](const auto& a, const auto& b) {
 
 }  // namespace
 
-void Task::suspend() { simulator_.dispatch(*this, true); }
+void Task::suspend() {
+  if (!simulator_.over_) simulator_.dispatch(*this, true);
+  if (simulator_.over_) throw SimulationOver();
+}
 
 Simulator::Simulator() : main_(*this, "simulator") {}
 
-Simulator::~Simulator() {
-  for (auto& task : tasks_) {
-    if (task->thread_.joinable()) task->thread_.join();
-  }
-}
+Simulator::~Simulator() { unwind(); }
 
 void Simulator::schedule(RunTime when, std::function<void()> action, bool background) {
   events_.push_back({std::max(when, now_), order_++, std::move(action), background});
@@ -36,10 +35,15 @@ Task& Simulator::spawn(std::string name, std::function<void()> body) {
   Task& task = *tasks_.back();
   task.thread_ = std::thread([this, &task, body = std::move(body)] {
     task.turn_.acquire();
-    body();
+    try {
+      if (!over_) body();
+    } catch (const SimulationOver&) {
+    } catch (...) {
+      if (!error_) error_ = std::current_exception();
+    }
     task.finished_ = true;
     --running_;
-    dispatch(task, false);
+    if (!over_) dispatch(task, false);
   });
   ++running_;
   resume(task);
@@ -51,13 +55,18 @@ void Simulator::resume(Task& task) {
 }
 
 Task* Simulator::next_task() {
-  while (running_ > 0 && foreground_ > 0) {
+  while (running_ > 0 && foreground_ > 0 && !error_) {
     std::pop_heap(events_.begin(), events_.end(), kLater);
     Event event = std::move(events_.back());
     events_.pop_back();
     foreground_ -= event.background ? 0 : 1;
     now_ = event.time;
-    event.action();
+    try {
+      event.action();
+    } catch (...) {
+      // On whichever task's thread this happens to be: it is the run's, not that task's.
+      error_ = std::current_exception();
+    }
     if (ready_) return std::exchange(ready_, nullptr);
   }
   return &main_;
@@ -70,24 +79,34 @@ void Simulator::dispatch(Task& self, bool wait) {
   if (wait) self.turn_.acquire();
 }
 
+std::string Simulator::waiting() const {
+  std::string names;
+  for (const auto& task : tasks_) {
+    if (!task->finished_) names += (names.empty() ? "" : ", ") + task->name();
+  }
+  return names;
+}
+
+void Simulator::unwind() {
+  over_ = true;
+  for (auto& task : tasks_) {
+    if (!task->thread_.joinable()) continue;
+    if (!task->finished_) task->turn_.release();
+    task->thread_.join();
+  }
+  over_ = false;
+}
+
 void Simulator::run() {
-  const auto waiting = [this] {
-    std::string names;
-    for (const auto& task : tasks_) {
-      if (!task->finished_) names += (names.empty() ? "" : ", ") + task->name();
-    }
-    return names;
-  };
   dispatch(main_, true);
   const std::string stuck = waiting();
   // Workers that end may wake others that wait in turn: twice is enough for those to end too.
-  for (int round = 0; round < 2 && !waiting().empty(); ++round) {
+  for (int round = 0; round < 2 && !error_ && !waiting().empty(); ++round) {
     for (auto& hook : stuck_hooks_) hook();
     dispatch(main_, true);
   }
-  for (auto& task : tasks_) {
-    if (task->finished_ && task->thread_.joinable()) task->thread_.join();
-  }
+  unwind();
+  if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
   if (!stuck.empty()) {
     throw Error(ExitCode::kInternal, "virtual run: nothing left to happen at " +
                                          std::to_string(to_seconds(now_)) + " s, but " + stuck +

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <semaphore>
@@ -15,6 +16,9 @@ namespace slambed {
 
 class Simulator;
 
+/// Thrown into a task whose simulation is over: it is to unwind, nothing will ever wake it.
+struct SimulationOver {};
+
 /// A cooperative thread of the simulation: exactly one task (or the simulator itself) runs at a
 /// time, so that code written for threads runs repeatably without being rewritten as coroutines.
 class Task {
@@ -23,6 +27,7 @@ class Task {
   const std::string& name() const { return name_; }
 
   /// Gives way until somebody calls Simulator::resume for this task. On the task's own thread only.
+  /// Throws SimulationOver when that will not happen any more.
   void suspend();
 
  private:
@@ -39,6 +44,7 @@ class Task {
 class Simulator {
  public:
   Simulator();
+  /// Tasks that never started are dropped without a call.
   ~Simulator();
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
@@ -59,7 +65,8 @@ class Simulator {
   void on_stuck(std::function<void()> hook) { stuck_hooks_.push_back(std::move(hook)); }
 
   /// Runs until every task has ended. Throws Error(kInternal) naming the waiting tasks when the
-  /// simulation was stuck.
+  /// simulation was stuck, and what an action or a task threw. However it ends, no task is left:
+  /// those that would not end are unwound while all that they refer to is still there.
   void run();
 
  private:
@@ -75,6 +82,8 @@ class Simulator {
   /// turn on; returns when the turn is self's again (or, with wait false, at once).
   void dispatch(Task& self, bool wait);
   Task* next_task();
+  std::string waiting() const;
+  void unwind();
 
   RunTime now_{};
   std::uint64_t order_ = 0;
@@ -85,6 +94,8 @@ class Simulator {
   Task main_;
   std::vector<std::unique_ptr<Task>> tasks_;
   std::vector<std::function<void()>> stuck_hooks_;
+  std::exception_ptr error_;  ///< first that left an action or a task
+  bool over_ = false;         ///< tasks that are woken now unwind
 };
 
 }  // namespace slambed

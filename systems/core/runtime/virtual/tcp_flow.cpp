@@ -2,16 +2,19 @@
 #include "runtime/virtual/tcp_flow.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace slambed {
 namespace {
 
-constexpr double kInitialWindow = 10.0 * TcpFlow::kSegmentBytes;
+using namespace std::chrono_literals;
+
 constexpr int kDuplicatesForLoss = 3;
 // Linux bounds the part for the variation, RFC 6298 the whole (1 s).
-constexpr Duration kLeastVariation = std::chrono::milliseconds(200);
-constexpr Duration kMaxTimeout = std::chrono::seconds(120);
+constexpr Duration kLeastVariation = 200ms;
+constexpr Duration kMaxTimeout = 120s;
+constexpr Duration kProbeMargin = 2ms;  ///< Linux's two ticks
 
 }  // namespace
 
@@ -25,99 +28,291 @@ TcpFlow::TcpFlow(Simulator& simulator, PathModel& data_path, PathModel& ack_path
       on_acknowledged_(std::move(on_acknowledged)) {}
 
 void TcpFlow::write(std::uint64_t bytes) {
-  if (next_ == acknowledged_) close_window_after(simulator_.now() - last_sent_);
+  if (board_.empty()) {
+    const Duration idle = simulator_.now() - last_sent_;
+    close_window_after(idle);
+    cubic_.idle(idle);
+  }
   written_ += bytes;
   pump();
 }
 
 void TcpFlow::close_window_after(Duration idle) {
   if (idle <= timeout()) return;
-  slow_start_limit_ = std::max(slow_start_limit_, 0.75 * window_);
-  for (idle -= timeout(); idle > Duration(0) && window_ > kInitialWindow; idle -= timeout()) {
-    window_ = std::max(window_ / 2, kInitialWindow);
+  cubic_.slow_start_limit = std::max(cubic_.slow_start_limit, 0.75 * cubic_.window);
+  for (idle -= timeout(); idle > Duration(0) && cubic_.window > TcpCubic::kInitialWindow;
+       idle -= timeout()) {
+    cubic_.window = std::max(cubic_.window / 2, TcpCubic::kInitialWindow);
   }
+  used_since_ = simulator_.now();
+  used_ = 0;
+}
+
+void TcpFlow::transmit(ByteRange bytes) {
+  const RunTime stamp = simulator_.now();
+  last_sent_ = stamp;
+  ++sent_in_recovery_;
+  data_path_.transmit(static_cast<std::uint32_t>(bytes.to - bytes.from) + kHeaderBytes,
+                      [this, bytes, stamp] { arrive(bytes, stamp); });
+}
+
+void TcpFlow::send_new() {
+  const ByteRange bytes{next_, std::min(written_, next_ + kSegmentBytes)};
+  next_ = bytes.to;
+  board_.sent({.bytes = bytes, .sent = simulator_.now()});
+  transmit(bytes);
+}
+
+void TcpFlow::send_again(TcpSegment& segment) {
+  ++retransmissions_;
+  board_.resend(segment, simulator_.now());
+  transmit(segment.bytes);
 }
 
 void TcpFlow::pump() {
-  while (next_ < written_) {
-    const double in_flight = static_cast<double>(next_ - acknowledged_);
-    if (in_flight > 0 && in_flight + kSegmentBytes > window_) break;
-    const std::uint64_t from = next_;
-    next_ = std::min(written_, next_ + kSegmentBytes);
-    send_segment(from);
-  }
-}
-
-void TcpFlow::send_segment(std::uint64_t from) {
-  const std::uint64_t to = std::min(next_, from + kSegmentBytes);
-  const RunTime stamp = simulator_.now();
-  if (unacknowledged() > 0 && timer_ == 0) arm_timer();
-  last_sent_ = stamp;
-  data_path_.transmit(static_cast<std::uint32_t>(to - from) + kHeaderBytes,
-                      [this, from, to, stamp] { arrive(from, to, stamp); });
-}
-
-void TcpFlow::arrive(std::uint64_t from, std::uint64_t to, RunTime stamp) {
-  const std::uint64_t before = received_;
-  if (to > received_) {
-    auto& end = early_[from];
-    end = std::max(end, to);
-    for (auto piece = early_.begin(); piece != early_.end() && piece->first <= received_;
-         piece = early_.erase(piece)) {
-      received_ = std::max(received_, piece->second);
+  const std::uint64_t before = next_;
+  bool limited = false;
+  // While a time-out is on trial (F-RTO) new data go first: their answer tells.
+  while (TcpSegment* lost = testing_ ? nullptr : board_.next_lost()) {
+    if (board_.in_flight() + 1 > cubic_.window) {
+      limited = true;
+      break;
     }
+    send_again(*lost);
   }
-  ack_path_.transmit(kHeaderBytes, [this, upto = received_, stamp] { acknowledge(upto, stamp); });
-  if (received_ > before) on_delivered_(received_);
+  while (!limited && next_ < written_) {
+    if (board_.in_flight() + 1 > cubic_.window) {
+      limited = true;
+      break;
+    }
+    send_new();
+  }
+  validate_window(limited);
+  if (next_ != before || armed_ == Timer::kNone) rearm();
 }
 
-void TcpFlow::acknowledge(std::uint64_t upto, RunTime stamp) {
-  if (upto > acknowledged_) {
-    const double newly = static_cast<double>(upto - acknowledged_);
-    acknowledged_ = upto;
-    duplicates_ = 0;
-    backoff_ = 0;
-    sample(simulator_.now() - stamp);
-    if (recovery_end_ && upto < *recovery_end_) {
-      ++retransmissions_;  // partial acknowledgement: the next hole (RFC 6582)
-      send_segment(acknowledged_);
-    } else {
-      recovery_end_.reset();
-      const bool slow_start = window_ < slow_start_limit_;
-      window_ += slow_start ? newly : kSegmentBytes * newly / window_;
-    }
-    timer_ = 0;
-    if (unacknowledged() > 0) arm_timer();
-    pump();
-    on_acknowledged_();
-  } else if (unacknowledged() > 0 && ++duplicates_ == kDuplicatesForLoss && !recovery_end_) {
-    slow_start_limit_ = std::max(static_cast<double>(unacknowledged()) / 2, 2.0 * kSegmentBytes);
-    window_ = slow_start_limit_;
+/// A window that is not used says nothing about the path (RFC 2861, as Linux does it).
+void TcpFlow::validate_window(bool limited) {
+  const int out = board_.out();
+  if (acknowledged_ >= usage_end_ || limited || (!limited_ && out > most_out_)) {
+    limited_ = limited;
+    most_out_ = out;
+    usage_end_ = next_;
+  }
+  if (window_limits()) {
+    used_ = 0;
+    used_since_ = simulator_.now();
+    return;
+  }
+  used_ = std::max(used_, out);
+  if (state_ != State::kOpen || simulator_.now() - used_since_ < timeout()) return;
+  const double used = std::max<double>(used_, TcpCubic::kInitialWindow);
+  if (used < cubic_.window) {
+    cubic_.slow_start_limit = std::max(cubic_.slow_start_limit, 0.75 * cubic_.window);
+    cubic_.window = (cubic_.window + used) / 2;
+  }
+  used_ = 0;
+  used_since_ = simulator_.now();
+}
+
+bool TcpFlow::window_limits() const {
+  return limited_ || (cubic_.slow_start() && cubic_.window < 2 * most_out_);
+}
+
+void TcpFlow::arrive(ByteRange bytes, RunTime stamp) {
+  const std::uint64_t before = receiver_.received();
+  const TcpAck ack = receiver_.take(bytes, stamp);
+  ack_path_.transmit(kHeaderBytes, [this, ack] { acknowledge(ack); });
+  if (receiver_.received() > before) on_delivered_(receiver_.received());
+}
+
+void TcpFlow::acknowledge(const TcpAck& ack) {
+  if (ack.upto < acknowledged_) return;
+  const bool advanced = ack.upto > acknowledged_;
+  const RunTime now = simulator_.now();
+  const TcpNews news = board_.take(ack, now);
+  acknowledged_ = ack.upto;
+  if (advanced || news.rtt) {
+    const Duration rtt = news.rtt.value_or(now - ack.echo);
+    sample(rtt);
+    if (news.rtt) cubic_.hear(rtt, now, acknowledged_, next_);
+  }
+  if (advanced) backoff_ = 0;
+  finish_tail_probe(ack);
+  if (state_ == State::kLoss) after_loss_timeout(ack, news);
+  if (state_ == State::kRecovery && acknowledged_ >= recovery_end_) {
+    cubic_.window = cubic_.slow_start_limit;
+    state_ = State::kOpen;
+  }
+  const int lost_before = board_.lost();
+  find_losses(news);
+  if (state_ == State::kRecovery) {
+    reduce_window(news, board_.lost() > lost_before);
+  } else if (advanced && window_limits()) {
+    cubic_.grow(news.acknowledged, now, srtt_);
+  }
+  if (advanced) armed_ = Timer::kNone;
+  pump();
+  if (advanced) on_acknowledged_();
+}
+
+void TcpFlow::after_loss_timeout(const TcpAck& ack, const TcpNews& news) {
+  const bool advanced = news.acknowledged > 0;
+  if ((advanced && ack.echo < resent_) || (testing_ && news.original && next_ == recovery_end_)) {
+    undo();
+    return;
+  }
+  if (acknowledged_ >= recovery_end_) {
+    state_ = State::kOpen;
+    testing_ = false;
+    return;
+  }
+  if (!testing_) return;
+  if (next_ > recovery_end_) {
+    // New data were answered, and the old ones are still missing: they are lost.
+    if (!advanced) testing_ = false;
+  } else if (advanced) {
     recovery_end_ = next_;
-    ++retransmissions_;
-    send_segment(acknowledged_);
+    testing_ = next_ < written_;
+  } else {
+    testing_ = false;
   }
 }
 
-void TcpFlow::arm_timer() {
-  // An older timer finds another number here and does nothing.
-  timer_ = ++armed_;
-  simulator_.at(simulator_.now() + timeout(), [this, mine = timer_] {
-    if (timer_ == mine) time_out();
+void TcpFlow::undo() {
+  board_.forgive();
+  cubic_.window = std::max(cubic_.window, window_before_);
+  cubic_.slow_start_limit = std::max(cubic_.slow_start_limit, limit_before_);
+  state_ = State::kOpen;
+  testing_ = false;
+}
+
+void TcpFlow::find_losses(const TcpNews& news) {
+  if (board_.sacked() == 0 && state_ == State::kOpen) return;
+  if (news.delivered == 0 && armed_ != Timer::kNone) return;
+  // The link never changes the order of packets, so three beyond a hole are enough.
+  const bool sure = state_ != State::kOpen || board_.sacked() >= kDuplicatesForLoss;
+  const auto look_again =
+      board_.find_losses(simulator_.now(), sure ? Duration(0) : std::min(least_rtt_ / 4, srtt_));
+  if (board_.lost() > 0 && state_ == State::kOpen) enter_recovery();
+  if (look_again) arm(Timer::kReordering, *look_again);
+}
+
+void TcpFlow::enter_recovery() {
+  state_ = State::kRecovery;
+  recovery_end_ = next_;
+  probe_end_.reset();
+  window_before_ = cubic_.window;
+  limit_before_ = cubic_.slow_start_limit;
+  cubic_.slow_start_limit = cubic_.reduced();
+  recovered_ = sent_in_recovery_ = 0;
+}
+
+void TcpFlow::reduce_window(const TcpNews& news, bool newly_lost) {
+  if (news.delivered == 0) return;
+  recovered_ += news.delivered;
+  const double limit = cubic_.slow_start_limit, flying = board_.in_flight();
+  double may_send;
+  if (flying > limit) {
+    may_send = std::max(0.0, std::ceil(limit * recovered_ / window_before_) - sent_in_recovery_);
+  } else {
+    may_send = std::max(recovered_ - sent_in_recovery_, news.delivered);
+    if (news.acknowledged > 0 && !newly_lost) ++may_send;
+    may_send = std::min(limit - flying, may_send);
+  }
+  if (sent_in_recovery_ == 0) may_send = std::max(may_send, 1.0);
+  cubic_.window = flying + may_send;
+}
+
+void TcpFlow::finish_tail_probe(const TcpAck& ack) {
+  if (!probe_end_ || ack.upto < *probe_end_) return;
+  if (!probe_was_old_ || ack.duplicate) {
+    probe_end_.reset();
+  } else if (ack.upto > *probe_end_) {
+    // The probe had repaired a loss: that counts as one.
+    probe_end_.reset();
+    if (state_ != State::kOpen) return;
+    cubic_.slow_start_limit = cubic_.reduced();
+    cubic_.window = std::min(cubic_.window, cubic_.slow_start_limit);
+  }
+}
+
+void TcpFlow::arm(Timer kind, RunTime when) {
+  armed_ = kind;
+  simulator_.at(when, [this, kind, mine = ++timer_] {
+    if (timer_ == mine && armed_ == kind) expire(kind);
   });
 }
 
+void TcpFlow::rearm() {
+  if (board_.empty()) {
+    armed_ = Timer::kNone;
+    return;
+  }
+  if (armed_ == Timer::kReordering) return;
+  const RunTime now = simulator_.now();
+  if (state_ == State::kOpen && board_.sacked() == 0 && !probe_end_) {
+    const Duration more = board_.out() == 1 ? kLeastVariation : kProbeMargin;
+    arm(Timer::kTailProbe, now + std::min(2 * srtt_ + more, timeout()));
+  } else {
+    arm(Timer::kTimeout, now + timeout());
+  }
+}
+
+void TcpFlow::expire(Timer kind) {
+  armed_ = Timer::kNone;
+  if (board_.empty()) return;
+  switch (kind) {
+    case Timer::kTailProbe:
+      probe_tail();
+      break;
+    case Timer::kReordering:
+      board_.find_losses(simulator_.now(), Duration(0));
+      if (board_.lost() > 0 && state_ == State::kOpen) {
+        enter_recovery();
+        cubic_.window = board_.in_flight() + 1;
+      }
+      pump();
+      break;
+    default:
+      time_out();
+  }
+}
+
+void TcpFlow::probe_tail() {
+  probe_was_old_ = next_ == written_;
+  if (probe_was_old_) {
+    send_again(board_.last());
+  } else {
+    send_new();
+  }
+  probe_end_ = next_;
+  arm(Timer::kTimeout, simulator_.now() + timeout());
+}
+
 void TcpFlow::time_out() {
-  slow_start_limit_ = std::max(static_cast<double>(unacknowledged()) / 2, 2.0 * kSegmentBytes);
-  window_ = kSegmentBytes;
+  const bool first = state_ != State::kLoss;
+  const bool fresh = state_ == State::kOpen || acknowledged_ >= recovery_end_;
+  if (fresh) {
+    window_before_ = cubic_.window;
+    limit_before_ = cubic_.slow_start_limit;
+    cubic_.slow_start_limit = cubic_.reduced();
+  }
+  testing_ = fresh || !first;
+  state_ = State::kLoss;
+  cubic_.forget_epoch();
+  board_.time_out(simulator_.now());
+  cubic_.window = board_.in_flight() + 1;
   recovery_end_ = next_;
+  probe_end_.reset();
+  if (first) resent_ = simulator_.now();
   ++backoff_;
-  ++retransmissions_;
-  timer_ = 0;
-  send_segment(acknowledged_);
+  send_again(board_.first());
+  arm(Timer::kTimeout, simulator_.now() + timeout());
 }
 
 void TcpFlow::sample(Duration rtt) {
+  least_rtt_ = std::min(least_rtt_, rtt);
   if (srtt_ == Duration::zero()) {
     srtt_ = rtt;
     rtt_variation_ = rtt / 2;

@@ -3,20 +3,22 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <optional>
 
 #include "base/time.hpp"
 #include "runtime/virtual/path_model.hpp"
 #include "runtime/virtual/simulator.hpp"
+#include "runtime/virtual/tcp_cubic.hpp"
+#include "runtime/virtual/tcp_scoreboard.hpp"
 
 namespace slambed {
 
-/// One direction of a TCP connection, segment by segment: ACK clocking, slow start, a window that an
-/// idle time halves once per time-out down to the initial one (RFC 2861, as Linux does it),
-/// congestion avoidance, fast retransmit with NewReno recovery (RFC 6582), time-outs and the smoothed
-/// RTT of RFC 6298, sampled with time stamps (RFC 7323) and per ACK. Every segment is acknowledged at
-/// once, as the nodes ask for with TCP_QUICKACK.
+/// One direction of a TCP connection, segment by segment, as Linux does it: ACK clocking, CUBIC
+/// with HyStart, a window that idle time and unused room close (RFC 2861), selective
+/// acknowledgements, loss found by RACK and tail-loss probes (RFC 8985), recovery by proportional
+/// rate reduction (RFC 6937), slow start after a time-out (with F-RTO, RFC 5682, and its undoing
+/// when it was wrong), and the smoothed RTT of RFC 6298. Every segment is acknowledged at once, as
+/// the nodes ask for.
 class TcpFlow {
  public:
   static constexpr std::uint32_t kSegmentBytes = 1448;  ///< 1500-byte packets with time stamps
@@ -37,13 +39,32 @@ class TcpFlow {
   std::uint64_t retransmissions() const { return retransmissions_; }
 
  private:
-  void close_window_after(Duration idle);
+  enum class State { kOpen, kRecovery, kLoss };
+  enum class Timer { kNone, kTimeout, kTailProbe, kReordering };
+
+  // Sending.
   void pump();
-  void send_segment(std::uint64_t from);
-  void arrive(std::uint64_t from, std::uint64_t to, RunTime stamp);
-  void acknowledge(std::uint64_t upto, RunTime stamp);
-  void arm_timer();
+  void transmit(ByteRange bytes);
+  void send_new();
+  void send_again(TcpSegment& segment);
+  void validate_window(bool limited);
+  bool window_limits() const;
+  void close_window_after(Duration idle);
+  // Receiving acknowledgements.
+  void arrive(ByteRange bytes, RunTime stamp);
+  void acknowledge(const TcpAck& ack);
+  void after_loss_timeout(const TcpAck& ack, const TcpNews& news);
+  void find_losses(const TcpNews& news);
+  void enter_recovery();
+  void reduce_window(const TcpNews& news, bool newly_lost);
+  void finish_tail_probe(const TcpAck& ack);
+  void undo();
+  // Time.
+  void arm(Timer kind, RunTime when);
+  void rearm();
+  void expire(Timer kind);
   void time_out();
+  void probe_tail();
   void sample(Duration rtt);
   Duration timeout() const;
 
@@ -53,20 +74,32 @@ class TcpFlow {
   std::function<void(std::uint64_t)> on_delivered_;
   std::function<void()> on_acknowledged_;
 
-  // Sender.
   std::uint64_t written_ = 0, next_ = 0, acknowledged_ = 0;
-  double window_ = 10.0 * kSegmentBytes;  ///< congestion window; initial value of RFC 6928
-  double slow_start_limit_ = 1e12;
-  int duplicates_ = 0;
-  std::optional<std::uint64_t> recovery_end_;
+  TcpScoreboard board_;
+  TcpCubic cubic_;
+  TcpReceiver receiver_;  ///< the peer's
+
+  State state_ = State::kOpen;
+  std::uint64_t recovery_end_ = 0;               ///< what was sent when the loss was found
+  double window_before_ = 0, limit_before_ = 0;  ///< for undoing, and for the rate of recovery
+  int recovered_ = 0, sent_in_recovery_ = 0;
+  RunTime resent_{};                        ///< first retransmission of this time-out
+  bool testing_ = false;                    ///< F-RTO: was the time-out wrong?
+  std::optional<std::uint64_t> probe_end_;  ///< a tail-loss probe is out
+  bool probe_was_old_ = false;
+
+  bool limited_ = false;  ///< the window was what ended the last sending
+  int most_out_ = 0;      ///< segments, in this round trip
+  std::uint64_t usage_end_ = 0;
+  int used_ = 0;  ///< most segments out while the window was not full
+  RunTime used_since_{};
+
   RunTime last_sent_{};
-  Duration srtt_{}, rtt_variation_{};
+  Duration srtt_{}, rtt_variation_{}, least_rtt_ = Duration::max();
   int backoff_ = 0;
-  std::uint64_t timer_ = 0, armed_ = 0;  ///< number of the running timer (0: none) and of the last
+  std::uint64_t timer_ = 0;  ///< number of the last timer armed; older ones do nothing
+  Timer armed_ = Timer::kNone;
   std::uint64_t retransmissions_ = 0;
-  // Receiver.
-  std::uint64_t received_ = 0;
-  std::map<std::uint64_t, std::uint64_t> early_;  ///< out-of-order pieces: from -> to
 };
 
 }  // namespace slambed

@@ -7,6 +7,7 @@
 #include "base/error.hpp"
 #include "runtime/message_queue.hpp"
 #include "runtime/message_record.hpp"
+#include "runtime/stall_watch.hpp"
 
 namespace slambed {
 namespace {
@@ -27,7 +28,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   void connect(VirtualChannel& peer, PathModel& outward, PathModel& inward) {
     flow_ = std::make_unique<TcpFlow>(
         simulator_, outward, inward, [&peer](std::uint64_t upto) { peer.take_in(upto); },
-        [this] { hand_over(); });
+        [this] { acknowledged(); });
     peer_ = &peer;
     flow_->start(outward.delay_now() + inward.delay_now());
     record_link("connected");
@@ -84,8 +85,8 @@ class VirtualLink::VirtualChannel final : public Channel {
     hand_over();
   }
 
-  void record_link(std::string_view event) const {
-    observer_.link({.channel = options_.name, .event = event, .detail = ""});
+  void record_link(std::string_view event, std::string_view detail = "") const {
+    observer_.link({.channel = options_.name, .event = event, .detail = detail});
   }
 
  private:
@@ -97,8 +98,33 @@ class VirtualLink::VirtualChannel final : public Channel {
       const std::uint64_t bytes = size_on_wire(message);
       peer_->expected_ += bytes;
       peer_->under_way_.emplace_back(peer_->expected_, std::move(message));
+      if (flow_->unacknowledged() == 0) stall_.progress(simulator_.now());
       flow_->write(bytes);
+      watch_stall();
     }
+  }
+
+  void acknowledged() {
+    if (const auto lasted = stall_.progress(simulator_.now())) {
+      record_link("flowing", StallWatch::told_at_end(*lasted));
+    }
+    watch_stall();
+    hand_over();
+  }
+
+  /// Looks when a stall would be due, as long as something is under way.
+  void watch_stall() {
+    if (watching_ || stall_.stalled()) return;
+    watching_ = true;
+    simulator_.at_background(stall_.due(), [this] {
+      watching_ = false;
+      if (flow_->unacknowledged() == 0) return;
+      if (stall_.stalls(simulator_.now())) {
+        record_link("stalled", StallWatch::told_at_begin());
+      } else {
+        watch_stall();
+      }
+    });
   }
 
   void take_in(std::uint64_t upto) {
@@ -132,6 +158,8 @@ class VirtualLink::VirtualChannel final : public Channel {
   std::uint64_t arrived_ = 0;  ///< bytes of the stream that the kernel has
   bool frozen_ = false;
   std::uint64_t next_sequence_ = 1;
+  StallWatch stall_;
+  bool watching_ = false;
 };
 
 class VirtualLink::Side final : public Network {

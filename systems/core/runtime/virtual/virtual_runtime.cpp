@@ -47,12 +47,13 @@ class VirtualRuntime::VirtualWorker final : public Worker {
     auto count = runtime_.executions_.try_emplace(std::string(token.name), 0).first;
     const Duration cost =
         runtime_.model_.charge(token.name, units, runtime_.seed_, count->second++);
-    runtime_.device_.execute(*task_, cost);
+    const std::string& on = runtime_.model_.cost(token.name).accelerator;
+    (on.empty() ? runtime_.device_ : runtime_.accelerators_.at(on)).execute(*task_, cost);
     runtime_.observer_.stage({.name = token.name,
                               .worker = name_,
                               .start = token.start,
                               .wall = now() - token.start,
-                              .cpu = cost,
+                              .cpu = on.empty() ? cost : Duration::zero(),
                               .units = units});
   }
   void end_stage_with(StageToken& token, const StageUnits& units,
@@ -75,6 +76,9 @@ VirtualRuntime::VirtualRuntime(Simulator& simulator, DeviceModel model, std::uin
       seed_(seed),
       observer_(observer) {
   model_.check();
+  for (const auto& [name, accelerator] : model_.accelerators) {
+    accelerators_.try_emplace(name, simulator, accelerator.lanes);
+  }
   simulator_.on_stuck([this] { stop(); });
 }
 
@@ -83,6 +87,8 @@ void VirtualRuntime::spawn(std::string name, std::function<void(Worker&)> body) 
   Task& task = simulator_.spawn(std::move(name), [this, worker, body = std::move(body)] {
     try {
       body(*worker);
+    } catch (const SimulationOver&) {
+      throw;
     } catch (...) {
       if (!error_) error_ = std::current_exception();
       stop();
@@ -102,6 +108,7 @@ void VirtualRuntime::stop() {
 void VirtualRuntime::freeze(bool frozen) {
   frozen_ = frozen;
   device_.freeze(frozen);
+  for (auto& [name, accelerator] : accelerators_) accelerator.freeze(frozen);
   if (frozen) return;
   for (Task* task : std::exchange(woken_, {})) simulator_.resume(*task);
 }

@@ -61,6 +61,7 @@ class VirtualRuntime final : public Runtime {
   Simulator& simulator_;
   DeviceModel model_;
   Device device_;
+  std::map<std::string, Device, std::less<>> accelerators_;
   std::uint64_t seed_;
   Observer& observer_;
   bool stopping_ = false;

@@ -87,8 +87,9 @@ TEST(KeyFrameRule, Table) {
 }
 
 TEST(KeyFrameRule, YoungMapsTrustPointsSooner) {
-  EXPECT_EQ(least_reference_weight(2), 2);
-  EXPECT_EQ(least_reference_weight(3), 3);
+  EXPECT_EQ(least_reference_weight({.keyframes = 2}), 2);
+  EXPECT_EQ(least_reference_weight({.keyframes = 3}), 3);
+  EXPECT_EQ(least_reference_weight({.keyframes = 3, .unpredicted = true}), 2);
 }
 
 }  // namespace

@@ -79,6 +79,10 @@ TEST_F(LocalViewTest, SightingsAreAbsoluteAndSorted) {
   for (int turn = 0; turn < 3; ++turn)
     for (std::size_t i = 0; i < 10; ++i) view.count_visible(9 - i);
   view.count_found(view.points()[4].id);
+  view.keep_sightings();
+  view.begin_look();
+  view.count_visible(20);
+  view.begin_look();  // the search before it had a wrong pose
   const auto sightings = view.take_sightings(map);
   ASSERT_EQ(sightings.size(), 10u);
   for (std::size_t i = 0; i < 10; ++i) {

@@ -287,5 +287,69 @@ TEST(Tracker, ProvisionalKeyFrameDoesNotBecomeTheReference) {
   EXPECT_NE(rig.show(world.look(walk(20)), false).reference, first);
 }
 
+TEST(Tracker, ResumesAtAPoseThatSomebodyElseFound) {
+  SyntheticWorld world;
+  Rig rig({.reset_below_keyframes = 0});
+  KeyFrameId old;
+  for (int i = 0; i < 120; ++i) {
+    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    if (i == 20) old = outcome.reference;
+  }
+  const SE3 pose = truth(20);
+  EXPECT_FALSE(rig.tracker.resume(pose, old)) << "not lost";
+  EXPECT_EQ(rig.show(world.nothing()).state, TrackingState::kLost);
+  EXPECT_FALSE(rig.tracker.resume(pose, KeyFrameId{12345})) << "nobody knows that keyframe";
+  EXPECT_EQ(rig.tracker.state(), TrackingState::kLost);
+  ASSERT_TRUE(rig.tracker.resume(pose, old));
+  EXPECT_EQ(rig.tracker.state(), TrackingState::kOk);
+  EXPECT_FALSE(rig.tracker.wants_keyframe({}));
+  for (int i = 23; i < 30; ++i) {
+    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
+    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 2e-3);
+  }
+}
+
+TEST(Tracker, AWrongPoseIsNotBelievedForLong) {
+  SyntheticWorld world, other(5000, 2);
+  Rig rig({.reset_below_keyframes = 0});
+  for (int i = 0; i < 30; ++i) rig.show(world.look(walk(i)));
+  const TrackOutcome last = rig.show(world.look(walk(30)), false);
+  EXPECT_EQ(rig.show(other.look(walk(31))).state, TrackingState::kLost);
+  ASSERT_TRUE(rig.tracker.resume(last.T_cw, last.reference));
+  EXPECT_EQ(rig.show(other.look(walk(32))).state, TrackingState::kLost);
+}
+
+TEST(Tracker, StartsInTheWorldOfAnotherMap) {
+  SyntheticWorld world;
+  Rig rig;
+  rig.tracker.start_at(walk(0));
+  for (int i = 0; i < 20; ++i) {
+    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    ASSERT_EQ(outcome.state, TrackingState::kOk);
+    EXPECT_LT(centre_error(outcome.T_cw, walk(i)), 1e-3) << "frame " << i;
+  }
+  rig.show(world.nothing());  // starts over, at the same pose
+  const TrackOutcome again = rig.show(world.look(walk(0)));
+  ASSERT_TRUE(again.initialised_now);
+  EXPECT_LT(centre_error(again.T_cw, walk(0)), 1e-9);
+}
+
+TEST(Tracker, TellsWhatItsRuleKnows) {
+  SyntheticWorld world;
+  Rig rig;
+  rig.show(world.look(walk(0)));
+  const TrackOutcome outcome = rig.show(world.look(walk(1)), false);
+  const KeyFrameEvidence& evidence = rig.tracker.evidence();
+  EXPECT_TRUE(evidence.tracked);
+  EXPECT_EQ(evidence.inliers, outcome.inliers);
+  EXPECT_EQ(evidence.keyframes, 1);
+  EXPECT_EQ(evidence.frames_since_keyframe, 1);
+  EXPECT_GT(evidence.close_tracked, 0);
+  EXPECT_GE(outcome.searched_points, outcome.local_points);
+  rig.show(world.nothing());
+  EXPECT_FALSE(rig.tracker.evidence().tracked);
+}
+
 }  // namespace
 }  // namespace slambed::testing

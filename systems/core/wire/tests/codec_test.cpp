@@ -51,6 +51,22 @@ TEST_F(Codec, FeaturesComeBackWithinTheStatedLoss) {
   }
 }
 
+TEST_F(Codec, TimesThatCannotBeCalculatedWithAreRefused) {
+  const MapDelta delta = example_keyframe(random, sensor, 20, 5, 5);
+  for (const RunTime time : {RunTime::max(), RunTime::min()}) {
+    const KeyFrameMessage keyframe{
+        .keyframe = keyframe_id(40), .captured = time, .delta = delta};
+    EXPECT_THROW(decode_keyframe(encode(keyframe), sensor), DecodeError);
+    for (const auto part : {&UpdateTimes::captured, &UpdateTimes::mapped, &UpdateTimes::due}) {
+      MapUpdate update{
+          .update = 1, .newest = keyframe_id(40), .times = {}, .map = delta, .poses = {}};
+      update.times.*part = time;
+      EXPECT_THROW(decode_update(encode(update), sensor), DecodeError);
+    }
+    EXPECT_THROW(decode_announce(encode(AnnounceMessage{1, time, 2})), DecodeError);
+  }
+}
+
 TEST_F(Codec, QuantisingTwiceChangesNothingMore) {
   const auto features = example_features(random, 300, sensor);
   ByteWriter first, second;

@@ -68,6 +68,7 @@ TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   message.urgent = message.after_relocalisation = true;
   message.applied_update = 6;
   message.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
+  message.delta.sightings = {{point_id(3), 1000, 70}, {point_id(4, IdSpace::kEdgeMapper), 5, 5}};
   const auto back = decode_keyframe_text(encode_text(message, known, *vocabulary), sensor);
   EXPECT_EQ(back.keyframe, message.keyframe);
   EXPECT_EQ(back.captured, message.captured);
@@ -83,8 +84,20 @@ TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   EXPECT_LT((a.T_cw.R - b.T_cw.R).norm(), 1e-14);
   EXPECT_EQ(a.T_cw.t, b.T_cw.t);
   expect_equal(*a.features, *b.features);
+  ASSERT_EQ(back.delta.sightings.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(back.delta.sightings[i].id, message.delta.sightings[i].id);
+    EXPECT_EQ(back.delta.sightings[i].visible, message.delta.sightings[i].visible);
+    EXPECT_EQ(back.delta.sightings[i].found, message.delta.sightings[i].found);
+  }
   ASSERT_EQ(back.delta.points.size(), 40u);
   for (std::size_t i = 0; i < 40; ++i) expect_equal(message.delta.points[i], back.delta.points[i]);
+}
+
+TEST_F(Compatibility, ATimeThatCannotBeCalculatedWithIsRefused) {
+  KeyFrameMessage message = keyframe(20, 5, 5);
+  message.captured = RunTime::max();
+  EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), sensor), DecodeError);
 }
 
 TEST_F(Compatibility, UpdateHoldsEachPointOnce) {

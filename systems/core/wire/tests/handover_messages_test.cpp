@@ -24,6 +24,12 @@ TEST(HandoverMessages, ANegativeRttIsRefused) {
   EXPECT_THROW(decode_state(encode(state)), DecodeError);
 }
 
+TEST(HandoverMessages, ATimeThatCannotBeCalculatedWithIsRefused) {
+  for (const RunTime time : {RunTime::max(), RunTime::min()}) {
+    EXPECT_THROW(decode_state(encode(StateMessage{.time = time, .rtt = {}})), DecodeError);
+  }
+}
+
 TEST(HandoverMessages, StopStartAndAckComeBack) {
   EXPECT_EQ(decode_stop(encode(StopMessage{7})).epoch, 7u);
   const StartMessage start = decode_start(encode(StartMessage{8, 9}));

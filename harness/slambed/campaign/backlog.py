@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs that a campaign still has to execute, shared by the threads that execute them."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from slambed.spec.matrix import RunSpec
+
+LOOK_EVERY_S = 0.1
+
+
+@dataclass
+class Item:
+    """A run with what became of its attempts in this campaign."""
+
+    spec: RunSpec
+    retries: int = 0
+    """Attempts after an untrusted one."""
+    failures: int = 0
+    """Attempts that ended without a result."""
+    not_before_s: float = 0.0
+    """On time.monotonic()."""
+
+
+@dataclass
+class Backlog:
+    """First in, first out; a run that is put back waits at the end, and for its time."""
+
+    specs: Iterable[RunSpec]
+    _waiting: deque[Item] = field(init=False)
+    _in_hand: int = 0
+    _changed: threading.Condition = field(default_factory=threading.Condition)
+
+    def __post_init__(self) -> None:
+        self._waiting = deque(Item(spec) for spec in self.specs)
+
+    def __iter__(self) -> Iterator[Item]:
+        """What waits, before anything was taken."""
+        return iter(self._waiting)
+
+    def take(self, stop: threading.Event) -> Item | None:
+        """The next run, as soon as there is one; None when all are done or `stop` is set."""
+        with self._changed:
+            while not stop.is_set():
+                now_s = time.monotonic()
+                for item in self._waiting:
+                    if item.not_before_s <= now_s:
+                        self._waiting.remove(item)
+                        self._in_hand += 1
+                        return item
+                # What another thread has in hand may still come back.
+                if not self._waiting and not self._in_hand:
+                    return None
+                self._changed.wait(LOOK_EVERY_S)
+        return None
+
+    def done(self) -> None:
+        """A run that was taken needs nothing more."""
+        with self._changed:
+            self._in_hand -= 1
+            self._changed.notify_all()
+
+    def put_back(self, item: Item, pause_s: float = 0.0) -> None:
+        """A run that was taken shall be tried again."""
+        with self._changed:
+            item.not_before_s = time.monotonic() + pause_s
+            self._waiting.append(item)
+            self._in_hand -= 1
+            self._changed.notify_all()

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a RunSpec to a raw folder with manifest, tables and summary: the same for every engine."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slambed.campaign.ledger import utc_now
+from slambed.campaign.manifest import manifest
+from slambed.data.playlist import offered_frames
+from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
+from slambed.engines.result import RunResult
+from slambed.metrics.collect import to_parquet
+from slambed.metrics.digest import digest
+from slambed.metrics.run import summarise_with_problems
+from slambed.spec import inputs
+from slambed.spec.matrix import RunSpec
+
+
+def execute_run(
+    spec: RunSpec,
+    raw: Path,
+    sequence: Path,
+    engine: dict[str, Any],
+    execute: Callable[[], RunResult],
+    attempt: int = 1,
+) -> dict[str, Any]:
+    """Executes a run whose raw files land in `raw`, and adds what makes them a result.
+
+    `engine` is what the engine says about itself. Returns the summary.
+    """
+    inputs.bring(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
+    started, load = utc_now(), os.getloadavg()[0]
+    result = execute()
+    facts = manifest(spec, engine, result, started, load)
+    facts["attempt"] = attempt
+    facts["frames_offered"] = frames_offered(spec, sequence)
+    _write(raw / "manifest.json", facts)
+    truth = sequence / "groundtruth.txt"
+    summary, problems = summarise_with_problems(
+        raw, facts["spec"], truth if truth.is_file() else None
+    )
+    problems += [p for p in to_parquet(raw, raw).problems if p not in problems]
+    _write(raw / "summary.json", summary)
+    _write(raw / "manifest.json", facts | {"warnings": problems, "results_sha256": digest(raw)})
+    return summary
+
+
+def frames_offered(spec: RunSpec, sequence: Path) -> int | None:
+    """How many frames playback offers by its plan; None for what is no prepared sequence."""
+    if not (sequence / SEQUENCE_FILE).is_file():
+        return None
+    prepared = PreparedSequence.open(sequence)
+    play = spec.playback
+    times_ns = prepared.index["timestamp_ns"].astype(np.int64)
+    return len(offered_frames(times_ns, prepared.info.fps, play.fps, play.start_s, play.end_s))
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What executes the runs of a campaign, and the one that executes live runs on this host."""
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from slambed.campaign.execution import execute_run
+from slambed.engines.base import Engine
+from slambed.engines.docker_errors import daemon_failures
+from slambed.engines.live_run import LinkOpener, LiveRun
+from slambed.errors import SlambedError
+from slambed.spec.host_speed import load_host_speed
+from slambed.spec.matrix import RunSpec
+
+Played = dict[str, tuple[Path, float]]
+"""Sequence id -> (prepared folder, played seconds)."""
+
+
+class Executor(Protocol):
+    """Turns RunSpecs into raw folders that are whole but for their place."""
+
+    jobs: int
+    """How many runs it executes at once; `execute` is called from as many threads."""
+
+    def execute(
+        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
+    ) -> dict[str, Any]:
+        """Fills the folder; returns the summary. InterruptedRunError soon after `stop` is set;
+        PassingError when another attempt may do."""
+
+    def close(self) -> None:
+        """Ends whatever it started."""
+
+
+@dataclass
+class LiveExecutor:
+    """Two nodes and a link on this host, one run at a time."""
+
+    engine: Engine
+    open_link: LinkOpener
+    played: Played
+    jobs: int = 1
+
+    def execute(
+        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
+    ) -> dict[str, Any]:
+        """In the calling thread. PassingError when the daemon or a process beside the run fails."""
+        sequence, played_s = self.played[spec.dataset]
+        host = load_host_speed()
+        if spec.host_speed not in (None, host.speed):
+            raise SlambedError("the host was calibrated since the campaign began; start it again")
+        run = LiveRun(spec, self.engine, sequence, played_s, raw, self.open_link, stop, host)
+        with daemon_failures("keep the nodes of a run"):
+            return execute_run(spec, raw, sequence, self.engine.describe(), run.execute, attempt)
+
+    def close(self) -> None:
+        """Nothing outlives a live run."""

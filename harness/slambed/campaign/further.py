@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs beyond a plan that its report shows too: more repetitions of the same, other engines."""
+
+from typing import Any
+
+from slambed.campaign.store import RunStore
+from slambed.spec.matrix import RunSpec
+
+
+def further_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec]:
+    """What an earlier campaign executed of the same cells beyond the repetitions planned now. Their
+    keys follow from the plan: nothing is searched for."""
+    last: dict[str, RunSpec] = {}
+    for spec in planned:
+        if spec.cell not in last or spec.repetition > last[spec.cell].repetition:
+            last[spec.cell] = spec
+    found: list[RunSpec] = []
+    for spec in last.values():
+        further = spec
+        while True:
+            number = further.repetition + 1
+            further = spec.model_copy(
+                update={"repetition": number, "seed": spec.seed - spec.repetition + number}
+            )
+            if store.state(further.run_key) != "trusted":
+                break
+            found.append(further)
+    return found
+
+
+def of_other_engines(before: dict[str, Any], engine: str) -> list[dict[str, Any]]:
+    """The planned runs of all other engines, as experiment.json has them."""
+    runs = before.get("runs")
+    listed = runs if isinstance(runs, list) else []
+    return [run for run in listed if isinstance(run, dict) and run.get("engine") != engine]

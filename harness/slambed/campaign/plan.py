@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From an experiment's file to the runs that it stands for on this host."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+from slambed.campaign.datasets import Sequence, must_be_here, prepare_sequence, sensor_of, stand_in
+from slambed.campaign.further import of_other_engines
+from slambed.campaign.ledger import utc_now
+from slambed.campaign.links import backend_for, read_profile
+from slambed.errors import MissingDataError, SlambedError
+from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import Experiment, Playback, assumed
+from slambed.spec.host_speed import load_host_speed
+from slambed.spec.library import Library
+from slambed.spec.matrix import (
+    Circumstances,
+    Profile,
+    RunSpec,
+    expand,
+    has_cuts,
+    needs_link,
+    read_profiles,
+)
+from slambed.spec.software import software_of_systems
+from slambed.spec.yaml_source import YamlSource
+
+
+@dataclass
+class Plan:
+    """An experiment made definite on this host."""
+
+    experiment: Experiment
+    specs: list[RunSpec]
+    sequences: dict[str, Sequence]
+    circumstances: Circumstances
+    left_out: list[str]
+    """Datasets that are not here and that the experiment can do without, with what to do."""
+
+
+def repetitions(experiment: Experiment, asked: int | str | None) -> int:
+    """Runs per cell: a number, `paper`, or what the experiment says."""
+    if asked is None or asked == "default":
+        return experiment.runs.default
+    if asked == "paper":
+        if experiment.runs.paper is None:
+            raise SlambedError(f"experiment {experiment.id} has no runs.paper; give a number")
+        return experiment.runs.paper
+    if (isinstance(asked, int) or asked.isdigit()) and (count := int(asked)) >= 1:
+        return count
+    raise SlambedError(f"--runs {asked} is neither a number above 0 nor 'paper' nor 'default'")
+
+
+def check(
+    experiment: Experiment, source: YamlSource, library: Library, engine: str = ""
+) -> list[Profile]:
+    """Finds what is wrong with an experiment without preparing or starting anything."""
+    profiles = read_profiles(experiment, source, read_profile)
+    _expand_unprepared(experiment, source, library, profiles, engine)
+    for index, name in enumerate(experiment.datasets):
+        try:
+            sensor = sensor_of(name)
+            if experiment.missing_datasets == "refuse":
+                must_be_here(name)
+        except SlambedError as error:
+            raise _of_dataset(error, source, index) from None
+        _check_sensor(sensor, experiment, source, library, index)
+    return profiles
+
+
+def notes(experiment: Experiment) -> list[str]:
+    """What is played instead of datasets that are not on this machine, and how to get those; and
+    what the experiment leaves to a default."""
+    return assumed(experiment) + [line for line in map(stand_in, experiment.datasets) if line]
+
+
+def planned_runs(experiment: Experiment, source: YamlSource, library: Library) -> int:
+    """How many runs an experiment stands for where all its datasets are."""
+    profiles = read_profiles(experiment, source, read_profile)
+    cells = _expand_unprepared(experiment, source, library, profiles, experiment.engine)
+    return len(cells) * repetitions(experiment, None)
+
+
+def _expand_unprepared(
+    experiment: Experiment,
+    source: YamlSource,
+    library: Library,
+    profiles: list[Profile],
+    engine: str,
+) -> list[RunSpec]:
+    """The first run of every cell, before anything is known of datasets and host."""
+    # Not prepared yet: its name stands for its content.
+    nowhere = {name: (name, name) for name in experiment.datasets}
+    anyhow = {profile.name: "" for profile in profiles}
+    engine = VIRTUAL if engine == VIRTUAL else ""
+    host = Circumstances(engine, anyhow, "", nowhere)
+    return expand(experiment, source, library, profiles, host, runs=1)
+
+
+def _of_dataset(error: SlambedError, source: YamlSource, index: int) -> SlambedError:
+    line = source.line_of(("datasets", index))
+    return SlambedError(f"{error} ({source.path} line {line})", error.code)
+
+
+def _check_sensor(
+    sensor: str, experiment: Experiment, source: YamlSource, library: Library, index: int
+) -> None:
+    """Every system must play what the dataset was recorded with."""
+    for choice in experiment.systems:
+        sensors = library.system(choice.system).sensors
+        if sensor not in sensors:
+            raise source.complaint(
+                f"dataset {experiment.datasets[index]} is {sensor}, system {choice.system} plays "
+                + " and ".join(sensors),
+                ("datasets", index),
+            )
+
+
+def make_plan(
+    experiment: Experiment,
+    source: YamlSource,
+    library: Library,
+    profiles: list[Profile],
+    engine: str,
+    software: str,
+    count: int,
+) -> Plan:
+    """Prepares the datasets and expands the matrix."""
+    sequences: dict[str, Sequence] = {}
+    names: dict[str, tuple[str, str]] = {}
+    played_s: dict[str, float] = {}
+    playbacks: dict[str, Playback] = {}
+    left_out: list[str] = []
+    for index, name in enumerate(experiment.datasets):
+        try:
+            sequence = prepare_sequence(name)
+            played_s[name] = sequence.played_s(experiment.playback)
+            playbacks[name] = sequence.playback(experiment.playback)
+        except SlambedError as error:
+            if isinstance(error, MissingDataError) and experiment.missing_datasets == "skip":
+                left_out.append(str(error))
+                continue
+            raise _of_dataset(error, source, index) from None
+        _check_sensor(sequence.sensor, experiment, source, library, index)
+        sequences[sequence.id] = sequence
+        names[name] = (sequence.id, sequence.checksum)
+    if not sequences:
+        raise SlambedError(f"no dataset of {source.path} is on this machine: {left_out[0]}")
+    backends: dict[str, str] = {}
+    if experiment.link is not None and needs_link(experiment, library):
+        asked = experiment.link.backend
+        backends = {p.name: VIRTUAL for p in profiles}
+        if engine != VIRTUAL:
+            cut = has_cuts(experiment)
+            backends = {p.name: backend_for(asked, p, cut) for p in profiles}
+    linked = software_of_systems(software, {choice.system for choice in experiment.systems})
+    circumstances = Circumstances(
+        engine,
+        backends,
+        software,
+        names,
+        played_s,
+        playbacks,
+        software_of=linked,
+        host_speed=load_host_speed().speed,
+    )
+    specs = expand(experiment, source, library, profiles, circumstances, count)
+    return Plan(experiment, specs, sequences, circumstances, left_out)
+
+
+def experiment_json(
+    plan: Plan, source: YamlSource, ordered: list[RunSpec], before: dict[str, Any]
+) -> dict[str, Any]:
+    """The experiment as run: the file's content, what the host decided, every run in its order;
+    and, from the file `before`, what other engines were last asked to execute."""
+    return {
+        "experiment": plan.experiment.model_dump(mode="json"),
+        "file": {
+            "name": source.path.name,
+            "sha256": hashlib.sha256(source.path.read_bytes()).hexdigest(),
+        },
+        "engine": plan.circumstances.engine,
+        "link_backends": dict(plan.circumstances.link_backends),
+        "software": plan.circumstances.software,
+        "stand_ins": {s.id: s.stands_in_for for s in plan.sequences.values() if s.stands_in_for},
+        "written_utc": utc_now(),
+        "runs": [
+            *({"run_key": s.run_key, **s.model_dump(mode="json")} for s in ordered),
+            *of_other_engines(before, plan.circumstances.engine),
+        ],
+    }

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Executes virtual runs side by side on this host, each in a process of its own.
+
+A run is a subprocess anyway, but reading its log and computing its metrics takes Python as long:
+threads alone would wait for each other. The processes are forked from a server that has imported
+everything (pebble over multiprocessing's forkserver), so one costs milliseconds; nothing is shared
+between them that a killed one could leave locked.
+"""
+
+import multiprocessing
+import os
+import sys
+import threading
+from concurrent.futures import CancelledError
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Any
+
+from pebble import ProcessExpired, concurrent
+
+from slambed.campaign.executors import Played
+from slambed.campaign.virtual_task import VirtualTask
+from slambed.engines.result import InterruptedRunError
+from slambed.errors import PassingError
+from slambed.spec.matrix import RunSpec
+
+LOOK_EVERY_S = 0.1
+CONTEXT = multiprocessing.get_context("forkserver")
+CONTEXT.set_forkserver_preload([__name__])
+
+
+class WorkerDiedError(PassingError):
+    """The process of a run ended without a result: somebody killed it, or memory ran out."""
+
+
+@concurrent.process(mp_context=CONTEXT)
+def execute_apart(task: VirtualTask) -> dict[str, Any]:
+    """Executes the run in a new process; the future gives its summary or raises its error."""
+    threading.Thread(target=_end_with_harness, daemon=True).start()
+    return task.execute()
+
+
+def _end_with_harness() -> None:
+    """However the harness dies, its run ends too: the kernel ends the simulation with us."""
+    if (harness := multiprocessing.parent_process()) is not None:
+        wait([harness.sentinel])
+        os._exit(1)
+
+
+@dataclass
+class ProcessExecutor:
+    """Executes virtual runs in `jobs` processes of this host."""
+
+    played: Played
+    program: Path
+    features: Path | None
+    jobs: int
+
+    def execute(
+        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
+    ) -> dict[str, Any]:
+        """Waits for a process of its own."""
+        sequence, played_s = self.played[spec.dataset]
+        future = execute_apart(
+            VirtualTask(
+                spec,
+                raw.resolve(),
+                sequence.resolve(),
+                played_s,
+                self.program.resolve(),
+                self.features.resolve() if self.features else None,
+                sys.argv,
+                attempt,
+            )
+        )
+        try:
+            while True:
+                try:
+                    summary: dict[str, Any] = future.result(LOOK_EVERY_S)
+                    return summary
+                except FutureTimeoutError:
+                    if stop.is_set():
+                        raise InterruptedRunError from None
+        except (ProcessExpired, CancelledError):
+            raise WorkerDiedError(
+                f"the process of run {spec.run_key} was killed; is there enough memory?"
+            ) from None
+        finally:
+            future.cancel()
+
+    def close(self) -> None:
+        """Processes end with their runs."""

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed run`: executes what is missing of an experiment."""
+
+import math
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from slambed.caller import give_to_caller
+from slambed.campaign.choose import choose_engine
+from slambed.campaign.cluster import join_cluster, start_on_slurm
+from slambed.campaign.executors import Executor, LiveExecutor, Played
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.further import further_repetitions
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.links import open_for_run
+from slambed.campaign.order import interleaved
+from slambed.campaign.plan import Plan, check, experiment_json, make_plan, notes, repetitions
+from slambed.campaign.processes import ProcessExecutor
+from slambed.campaign.progress import CampaignProgress, duration
+from slambed.campaign.quiet import wait_for_quiet
+from slambed.campaign.remote_link import HelperLinks
+from slambed.campaign.runner import DEFAULT_RETRIES, Runner, Verdict, stop_on_signal
+from slambed.campaign.store import ATTEMPTS, STORE
+from slambed.data.places import cache_folder
+from slambed.engines.docker_image import connect
+from slambed.engines.helper import is_root
+from slambed.engines.host_lock import host_lock
+from slambed.engines.reaper import mark_children, reap
+from slambed.engines.virtual import prune_features
+from slambed.errors import SlambedError, environment_error
+from slambed.json_file import object_or_empty
+from slambed.metrics.collect import keep_groundtruth
+from slambed.native import SIMULATION, find_program
+from slambed.outputs import make_folder
+from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import Experiment
+from slambed.spec.library import Library
+from slambed.spec.matrix import Profile
+from slambed.spec.software import host_software
+from slambed.spec.yaml_source import YamlSource
+
+# Containers, link and start signal, before and after the played time.
+OVERHEAD_S = 3.0
+# A virtual run takes about this share of the played time; only a first guess for the ETA.
+VIRTUAL_SHARE = 0.1
+RESERVED = (STORE, ATTEMPTS, "papers")
+"""Folders of `results/` that are no experiments."""
+
+
+@dataclass
+class Options:
+    """What the command line may override."""
+
+    runs: int | str | None = None
+    engine: str | None = None
+    results: Path = Path("results")
+    wait: bool = False
+    """Wait for another campaign on this host to end."""
+    jobs: int | None = None
+    """Virtual runs at a time; all CPUs when not given."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler whose workers execute the virtual runs."""
+    slurm: bool = False
+    """Virtual runs as `jobs` Slurm jobs."""
+    retries: int = DEFAULT_RETRIES
+    """Further attempts of a run that is not to be trusted."""
+    quiet_within_min: float = 0.0
+    """How long to wait for the host to become quiet before live runs."""
+
+
+def run_experiment(name: str, options: Options, console: Console) -> Verdict:
+    """Executes what is missing of an experiment into `results/<its id>`.
+
+    Everything that can be wrong with the files is found before anything is started.
+    """
+    library = Library()
+    experiment, source = library.experiment(name)
+    if experiment.id in RESERVED:
+        raise source.complaint(f"no experiment may be called '{experiment.id}'", ("id",))
+    count = repetitions(experiment, options.runs)
+    asked = options.engine or experiment.engine
+    profiles = check(experiment, source, library, asked)
+    files = (experiment, source, library, profiles)
+    if asked == VIRTUAL:
+        return _run_virtually(files, options, count, console)
+    if options.scheduler or options.slurm:
+        raise SlambedError(
+            "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
+            "add --engine virtual"
+        )
+    check_privilege(asked)
+    make_folder(options.results, "--results")
+    with host_lock(f"slambed run {experiment.id}", wait_s=math.inf if options.wait else 0.0):
+        mark_children()
+        if found := str(reap()):
+            _say(console, f"removed what a killed campaign left: {found}")
+        engine, software = choose_engine(asked, console)
+        plan = make_plan(*files, engine.name, software, count)
+        open_link = HelperLinks(engine) if engine.unprivileged else open_for_run
+
+        def executor_of(played: Played) -> Executor:
+            with stop_on_signal() as stop:
+                limit_s = 60.0 * options.quiet_within_min
+                wait_for_quiet(limit_s, stop, lambda line: _say(console, line))
+            return LiveExecutor(engine, open_link, played)
+
+        return _run_plan(plan, source, options, executor_of, console)
+
+
+def check_privilege(engine: str) -> None:
+    """A live run needs root, or a Docker daemon that listens to us."""
+    if is_root():
+        return
+    refused = "engine local needs root"
+    if engine != "local":
+        try:
+            connect().close()
+            return
+        except SlambedError as error:
+            refused = str(error)
+    raise environment_error(
+        f"no permission for a live run: not root, and {refused}; run the same command with sudo, "
+        "or with --engine virtual, which needs no privilege"
+    )
+
+
+def _run_virtually(
+    files: tuple[Experiment, YamlSource, Library, list[Profile]],
+    options: Options,
+    count: int,
+    console: Console,
+) -> Verdict:
+    """No privilege, no lock on the host: only the result folder is ours alone."""
+    program = find_program(SIMULATION)
+    features = cache_folder() / "features"
+    make_folder(options.results, "--results")
+    plan = make_plan(*files, VIRTUAL, host_software(program=SIMULATION), count)
+    prune_features(features)
+
+    def executor_of(played: Played) -> Executor:
+        if options.scheduler:
+            return join_cluster(played, options.scheduler, options.jobs)
+        if options.slurm:
+            return start_on_slurm(played, options.jobs)
+        jobs = options.jobs or len(os.sched_getaffinity(0))
+        return ProcessExecutor(played, program, features, jobs)
+
+    return _run_plan(plan, files[1], options, executor_of, console)
+
+
+def _run_plan(
+    plan: Plan,
+    source: YamlSource,
+    options: Options,
+    executor_of: Callable[[Played], Executor],
+    console: Console,
+) -> Verdict:
+    """Executes what is missing of a plan."""
+    experiment = plan.experiment
+    for line in plan.left_out:
+        _say(console, f"left out: {line}")
+    for line in notes(experiment):
+        _say(console, line)
+    folder = ResultFolder(options.results / experiment.id)
+    make_folder(folder.path, "--results")
+    played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
+    with host_lock(
+        f"slambed run {experiment.id}",
+        folder.path / ".lock",
+        math.inf if options.wait else 0.0,
+        f"another campaign writes to {folder.path}",
+    ):
+        # Before anything is written: an address with a typo must leave no trace.
+        executor = executor_of(played)
+        try:
+            folder.create()
+            return _execute(plan, source, options, folder, executor, console)
+        finally:
+            executor.close()
+            folder.close()
+            give_to_caller(folder.path)
+            for shared in (folder.store.runs, folder.store.attempts):
+                if shared.is_dir():
+                    give_to_caller(shared)
+
+
+def _execute(
+    plan: Plan,
+    source: YamlSource,
+    options: Options,
+    folder: ResultFolder,
+    executor: Executor,
+    console: Console,
+) -> Verdict:
+    experiment, engine = plan.experiment, plan.circumstances.engine
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    ordered = interleaved(plan.specs, experiment.seed)
+    again = ("trusted",) if options.retries else ("trusted", "untrusted")
+    todo = [spec for spec in ordered if folder.state(spec.run_key) not in again]
+    before = object_or_empty(folder.path / "experiment.json")
+    shown = [*ordered, *further_repetitions(folder.store, ordered)]
+    content = experiment_json(plan, source, shown, before)
+    folder.write_json("experiment.json", content)
+    folder.show(run["run_key"] for run in content["runs"])
+    ledger.append(
+        "campaign_started", runs=len(ordered), todo=[s.run_key for s in todo], command=sys.argv
+    )
+    for sequence in plan.sequences.values():
+        if (truth := sequence.path / "groundtruth.txt").is_file():
+            keep_groundtruth(folder.path, sequence.id, truth)
+    longest_s = max(sequence.played_s(experiment.playback) for sequence in plan.sequences.values())
+    run_s = longest_s * VIRTUAL_SHARE if engine == VIRTUAL else longest_s + OVERHEAD_S
+    _say(
+        console,
+        f"{experiment.title}: {len(ordered)} runs, {len(ordered) - len(todo)} there already, "
+        f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
+    )
+    with CampaignProgress(console, len(todo), run_s, executor.jobs) as progress:
+        runner = Runner(folder, ledger, executor, retries=options.retries)
+        verdict = runner.run(todo, progress)
+    ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
+    verdict.folder = folder.path
+    return verdict
+
+
+def _say(console: Console, line: str) -> None:
+    console.print(line, highlight=False, markup=False, soft_wrap=True)

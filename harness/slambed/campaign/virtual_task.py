@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One virtual run as it is handed to another process, of this host or of a cluster."""
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from slambed.campaign.execution import execute_run
+from slambed.engines.virtual import VirtualRun
+from slambed.spec.matrix import RunSpec
+
+
+@dataclass(frozen=True)
+class VirtualTask:
+    """Everything that a process needs to know of a run."""
+
+    spec: RunSpec
+    raw: Path
+    sequence: Path
+    played_s: float
+    program: Path
+    features: Path | None
+    command: list[str]
+    """What the user called: the process may be another's worker."""
+    attempt: int = 1
+
+    def execute(self) -> dict[str, Any]:
+        """Simulates in the calling thread, then summarises; returns the summary."""
+        run = VirtualRun(
+            self.spec, self.sequence, self.played_s, self.raw, self.program, self.features
+        )
+        engine = {"image_id": None, "command": self.command}
+        never = threading.Event()  # who wants this to stop ends the process
+        return execute_run(
+            self.spec, self.raw, self.sequence, engine, lambda: run.execute(never), self.attempt
+        )

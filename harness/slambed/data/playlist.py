@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which frames a playback offers, and when: the plan that the nodes' player follows.
+
+The same rule as `systems/core/node/playback.cpp`; `test_playlist.py` compares the two.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+NS_PER_S = 1_000_000_000
+
+
+def offered_frames(
+    times_ns: NDArray[np.integer],
+    recorded_fps: float,
+    fps: float | None,
+    start_s: float,
+    end_s: float | None,
+) -> NDArray[np.intp]:
+    """Indices of the recorded frames that are offered: of those from `start_s` on and before
+    `end_s`, every n-th, where n is the rounded ratio of recorded to wanted rate."""
+    # Half away from zero, as std::lround.
+    keep_every = max(1, int(np.floor(recorded_fps / fps + 0.5))) if fps else 1
+    inside = times_ns >= round(start_s * NS_PER_S)
+    if end_s is not None:
+        inside &= times_ns < round(end_s * NS_PER_S)
+    return np.flatnonzero(inside)[::keep_every]

@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one list of what is known about a run. A new number is one entry: summary.json, summary.csv,
+tables, figures, tests, the gate and the tables of docs/formats.md and docs/metrics.md follow."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+import numpy as np
+
+from slambed.errors import SlambedError
+from slambed.metrics.declared import own_digest, own_metrics
+from slambed.metrics.device_share import share_of_device
+from slambed.metrics.faults import told
+from slambed.metrics.loss_times import loss_times_text
+from slambed.metrics.metric import Metric, Use, Value
+from slambed.metrics.robust_accuracy import LEAST_COVERAGE
+from slambed.metrics.run_data import RunData
+from slambed.metrics.stages import host_stall_ms_max, mapping_ms_per_keyframe, total_ms
+from slambed.metrics.tracking import Tracking, mean_of, quantile_of
+from slambed.metrics.update_round import (
+    closure_error_ms_max,
+    codec_stages,
+    gap_keyframes_mean,
+    median_ms,
+    received,
+)
+
+METRICS_VERSION = 3
+"""Counted up with every change of a value's computation: old summaries are known by it, and
+`slambed report --again` makes them anew. A test compares a kept run with kept values."""
+
+SHOWN, DRAWN, TESTED, GATED = Use.SHOWN, Use.DRAWN, Use.TESTED, Use.GATED
+HEADLINE = SHOWN | DRAWN | TESTED | GATED
+
+Text = partial(Metric, type="text")
+Count = partial(Metric, type="count", digits=0)
+Flag = partial(Metric, type="flag", shown="%", scale=100, digits=0, kind="share",
+               relevant_step=0.10)  # fmt: skip
+Cost = partial(Metric, better="lower")
+
+
+def _spec(key: str) -> Callable[[RunData], Value]:
+    """A name of the RunSpec; that of a device where it is spelled out."""
+
+    def value(run: RunData) -> Value:
+        found = run.spec.get(key)
+        found = found.get("name") if isinstance(found, Mapping) else found
+        return found if isinstance(found, str | int) else None
+
+    return value
+
+
+def _backend(run: RunData) -> Value:
+    link = run.spec.get("link")
+    found = link.get("backend") if isinstance(link, Mapping) else None
+    return found if isinstance(found, str) else None
+
+
+def _tracking(of: Callable[[Tracking], Value]) -> Callable[[RunData], Value]:
+    """From the frame states, null without any event."""
+    return lambda run: of(run.tracking) if run.measured else None
+
+
+def _mapped(field: str) -> Callable[[RunData], Value]:
+    """The global map is the edge's where there is one: its last keyframe_mapped tells."""
+
+    def value(run: RunData) -> Value:
+        mapped = run.log.of("keyframe_mapped", node="edge") or run.log.of("keyframe_mapped")
+        return mapped[-1].get(field) if mapped else None
+
+    return value
+
+
+def _frames(share: float) -> Callable[[RunData], Value]:
+    return lambda run: quantile_of(run.log.of("frame_tracked"), "track_ms", share)
+
+
+def _extract(run: RunData) -> Value:
+    stages = [e for e in run.log.of("stage", node="mobile") if e.get("name") == "extract"]
+    return quantile_of(stages, "wall_ms", 0.5)
+
+
+def _update_delay(run: RunData) -> Value:
+    total = total_ms(run.log)
+    return float(np.quantile(total, 0.5)) if run.has_edge and len(total) else None
+
+
+def _message(name: str) -> Callable[[RunData], Value]:
+    return lambda run: quantile_of(received(run.log, name), "bytes", 0.5) if run.has_edge else None
+
+
+def _codec(node: str, name: str) -> Callable[[RunData], Value]:
+    return lambda run: (
+        quantile_of(codec_stages(run.log, node, name), "wall_ms", 0.5) if run.has_edge else None
+    )
+
+
+def _first_loop(run: RunData) -> Value:
+    closed = run.log.of("loop_closed")
+    return closed[0]["t_ns"] / 1e9 if closed else None
+
+
+def _both_directions(run: RunData) -> Value:
+    up, down = run.bytes_moved["up"], run.bytes_moved["down"]
+    if up is None or down is None or not run.end_s:
+        return None
+    return 8e-6 * (up + down) / run.end_s
+
+
+def _truth_digest(run: RunData) -> Value:
+    if run.truth_file is None:
+        return None
+    return hashlib.sha256(run.truth_file.read_bytes()).hexdigest()[:16]
+
+
+def _run_key(run: RunData) -> Value:
+    return run.manifest.get("run_key", run.spec.get("run_key"))
+
+
+METRICS: tuple[Metric, ...] = (
+    Text("run_key", "what names the run", _run_key),
+    Text("metrics_version", "version of this list, with a digest of the system's own metrics where "
+         "it has some", lambda run: version_for(run.spec.get("system"))),
+    Text("experiment", "its id", _spec("experiment")),
+    Text("cell", "system x dataset x link profile", _spec("cell")),
+    Count("repetition", "counted from 0", _spec("repetition")),
+    Text("system", "condition", _spec("system")),
+    Text("variant", "condition", _spec("variant")),
+    Text("dataset", "condition", _spec("dataset")),
+    Text("profile", "condition; null without a link", _spec("profile")),
+    Text("device_mobile", "condition", _spec("device_mobile")),
+    Text("device_edge", "condition; null without an edge", _spec("device_edge")),
+    Text("engine", "condition", _spec("engine")),
+    Text("link_backend", "condition; null without a link", _backend),
+    Count("seed", "of everything drawn in the run", _spec("seed")),
+    Text("outcome", "how the system ended: `completed`, `died`, `timed_out`, `refused` (its input)",
+         lambda run: run.outcome),
+    Text("outcome_reason", "in which words it died, timed out or refused",
+         lambda run: run.manifest.get("outcome_reason")),
+    Flag("not_completed", "whether the outcome is another than `completed`",
+         lambda run: run.outcome != "completed", "runs that did not complete", better="lower",
+         use=SHOWN),
+    Metric("trusted", "whether host, link and limits were as asked; only such runs count",
+           type="flag"),
+    Text("distrust", "why not"),
+    Count("attempts", "how often the run was executed, this one included; the others were not to "
+          "be trusted", lambda run: run.manifest.get("attempt")),
+    Text("faults", 'what went wrong on purpose, in s of run time: "kill 10.0-12.4, cut 20.0-25.0"; '
+         "null when nothing", lambda run: told(run.log.of("fault_began", "fault_ended"))),
+    Count("frames_total", "frames that playback offers by its plan and clock",
+          lambda run: run.frames_offered),
+    Count("frames_tracked", "with a pose (state ok; of a system without frame events: in its "
+          "trajectory)", lambda run: run.frames_tracked, better="higher"),
+    Count("frames_dropped", "replaced by a newer one before tracking took them",
+          _tracking(lambda t: t.frames_dropped), better="lower", relevant_step=5.0),
+    Flag("lost", "whether track was lost at least once", _tracking(lambda t: t.track_losses > 0),
+         "runs with a track loss", better="lower", use=HEADLINE),
+    Metric("coverage", "frames_tracked / frames_total, 0..1; 0 unless `completed`",
+           lambda run: run.coverage,
+           shown="%", scale=100, better="higher", relevant_share=0.0, relevant_step=0.02,
+           use=HEADLINE),
+    Flag("failed", f"whether coverage is below {LEAST_COVERAGE:g}",
+         lambda run: None if run.coverage is None else run.coverage < LEAST_COVERAGE,
+         "runs that tracked less than 90 %", better="lower", use=GATED),
+    Count("track_losses", "transitions ok -> lost", _tracking(lambda t: t.track_losses),
+          better="lower", relevant_step=1.0),
+    Metric("first_loss_s", "sequence time of the first loss; null when none",
+           _tracking(lambda t: t.first_loss_s), "first loss", "s"),
+    Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
+         _tracking(lambda t: loss_times_text(t.loss_times_s))),
+    Cost("lost_s", "sequence time between each loss and the next pose, or the end",
+         _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
+    Count("relocalisations", "times a lost camera was found again",
+          _tracking(lambda t: t.relocalisations)),
+    Cost("reloc_s_max", "longest time from the first frame that showed something, while lost, to "
+         "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalisation", "s",
+         digits=2, relevant_step=0.1),
+    Count("resets", "maps given up", _tracking(lambda t: t.resets)),
+    Count("loops_closed", "loops closed",
+          lambda run: len(run.log.of("loop_closed")) if run.measured else None),
+    Metric("first_loop_s", "run time at which the first loop was closed; null when none",
+           _first_loop, "first loop closed", "s"),
+    Count("keyframes", "in the global map at the end", _mapped("keyframes")),
+    Count("map_points", "in the global map at the end", _mapped("points")),
+    Text("groundtruth", "first 16 digits of the SHA-256 of the true path; null without one",
+         _truth_digest),
+    Cost("ate_rmse_m", "of `trajectory.txt` after one alignment",
+         lambda run: run.accuracy.ate_rmse_m, "ATE RMSE", "m", "cm", 100, 2, relevant_step=0.001,
+         use=HEADLINE),
+    Cost("ate_mean_m", "mean instead of root mean square", lambda run: run.accuracy.ate_mean_m,
+         "mean position error", "m", "cm", 100, 2, relevant_step=0.001),
+    Count("ate_pairs", "poses it was computed from", lambda run: run.accuracy.ate_pairs),
+    Text("ate_alignment", "`se3` (rigid, scale 1), or `sim3` for a monocular sequence",
+         lambda run: run.accuracy.ate_alignment),
+    Metric("ate_scale", "what the estimate was multiplied by", lambda run: run.accuracy.ate_scale,
+           "scale that fits best", digits=3),
+    Cost("ate_live_rmse_m", "of `trajectory_live.txt`", lambda run: run.accuracy.ate_live_rmse_m,
+         "ATE RMSE, live poses", "m", "cm", 100, 2, relevant_step=0.001),
+    Cost("rpe_trans_m", "RMSE of the relative pose error over 1 s, of the estimate times "
+         "`ate_scale`", lambda run: run.accuracy.rpe_trans_m, "RPE over 1 s", "m", "cm", 100, 2,
+         relevant_step=0.001, use=HEADLINE),
+    Cost("rpe_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_rot_deg,
+         "RPE over 1 s", "deg", digits=2, relevant_step=0.02),
+    Cost("rpe_all_trans_m", "RMSE of the relative pose error over pairs of any distance (TUM's "
+         "script without `--fixed_delta`)", lambda run: run.accuracy.rpe_all_trans_m,
+         "RPE over all pairs", "m", "cm", 100, 2, relevant_step=0.001),
+    Cost("rpe_all_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_all_rot_deg,
+         "RPE over all pairs", "deg", digits=2, relevant_step=0.02),
+    Cost("track_ms_median", "of the tracking steps, wall", _frames(0.5), "tracking, median", "ms",
+         relevant_step=0.5, use=HEADLINE),
+    Cost("track_ms_mean", "their mean",
+         lambda run: mean_of(run.log.of("frame_tracked"), "track_ms"), "tracking, mean", "ms",
+         relevant_step=0.5),
+    Cost("track_ms_p95", "their 95th percentile", _frames(0.95), "tracking, 95th percentile", "ms",
+         relevant_share=0.15, relevant_step=1.0, use=SHOWN | GATED),
+    Cost("extract_ms_median", "feature extraction on the mobile node, wall", _extract,
+         "feature extraction, median", "ms", relevant_step=0.5),
+    Cost("local_mapping_ms_mean", "per keyframe, all mapping stages, wall",
+         lambda run: mapping_ms_per_keyframe(run.log, "wall_ms"), "mapping per keyframe, wall",
+         "ms", digits=0, relevant_share=0.15, relevant_step=2.0, use=SHOWN | DRAWN | GATED),
+    Cost("local_mapping_cpu_ms_mean", "the same, thread CPU time",
+         lambda run: mapping_ms_per_keyframe(run.log, "cpu_ms"), "mapping per keyframe, CPU",
+         "ms", digits=0, relevant_share=0.15, relevant_step=2.0),
+    Cost("mobile_cpu_percent_mean", "over playback; the manifest has the limit",
+         lambda run: run.mobile.cpu_percent_mean, "mobile CPU", "% of a core", relevant_step=1.0,
+         use=HEADLINE),
+    Cost("mobile_cpu_device_percent", "the same as share of all `mobile_cores`",
+         lambda run: share_of_device(run.mobile.cpu_percent_mean, run.mobile_cores),
+         "mobile CPU", "% of the device", relevant_step=1.0),
+    Metric("mobile_cores", "cores of the whole mobile device: of its cost model; live, the CPU "
+           "quota granted; null without one", lambda run: run.mobile_cores, "mobile cores",
+           digits=2),
+    Cost("edge_cpu_percent_mean", "of the edge node", lambda run: run.edge.cpu_percent_mean,
+         "edge CPU", "% of a core", relevant_step=1.0),
+    Cost("mobile_mem_mb_peak", "largest sample", lambda run: run.mobile.memory_mb_peak,
+         "mobile memory, peak", "MB", digits=0, relevant_step=2.0, use=HEADLINE),
+    Cost("edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
+         "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
+    Cost("bytes_up", "payload and headers of our messages", lambda run: run.bytes_moved["up"],
+         "sent to the edge", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
+         use=SHOWN | GATED),
+    Cost("bytes_down", "the same towards the mobile node", lambda run: run.bytes_moved["down"],
+         "sent to the mobile", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
+         use=SHOWN | GATED),
+    Cost("link_mbit_s", "both directions together over playback", _both_directions,
+         "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
+    Count("updates_applied", "map updates that tracking took over",
+          lambda run: len(run.log.of("update_applied")) if run.has_edge else None,
+          "map updates applied"),
+    Cost("update_computed_ms_median", "T_Computed: capture of the newest covered keyframe until "
+         "applied, without the pacing of updates",
+         lambda run: median_ms(run.rounds, lambda r: r.computed_ms),
+         "map update delay without pacing, median", "ms", digits=0, relevant_step=5.0,
+         use=HEADLINE),
+    Metric("update_wait_ms_median", "T_Wait: the pacing of updates (`sync_period_s`)",
+           lambda run: median_ms(run.rounds, lambda r: r.parts_ms["T_Wait"]),
+           "pacing of map updates, median", "ms", digits=0, use=SHOWN),
+    Cost("update_delay_ms_median", "T_Total: both together", _update_delay,
+         "map update delay with pacing, median", "ms", digits=0, relevant_step=5.0),
+    Cost("update_gap_keyframes_mean", "keyframes that the local map loses by an update",
+         lambda run: gap_keyframes_mean(run.rounds), "local map gap per update", "keyframes",
+         digits=2, relevant_step=0.2),
+    Cost("update_pause_ms_mean", "how long tracking stood still for a map update (`pause_ms`); "
+         "null where the program does not tell",
+         lambda run: mean_of(run.log.of("update_applied"), "pause_ms") if run.has_edge else None,
+         "tracking held up per map update", "ms", relevant_step=1.0),
+    Metric("update_parts_error_ms_max", "how far the parts of T_Total are from it at most",
+           lambda run: closure_error_ms_max(run.rounds),
+           "T_Total against its parts, largest error", "ms", digits=3),
+    Cost("keyframe_bytes_median", "messages `KEYFRAME` that arrived", _message("KEYFRAME"),
+         "keyframe message, median", "B", "KB", 1e-3, relevant_step=1e3),
+    Cost("update_bytes_median", "messages `MAP_UPDATE` that arrived", _message("MAP_UPDATE"),
+         "map update message, median", "B", "KB", 1e-3, relevant_step=1e3),
+    Cost("serialise_ms_median", "writing a keyframe on the mobile, wall",
+         _codec("mobile", "serialise"), "writing a keyframe, median", "ms", digits=2,
+         relevant_step=0.1),
+    Cost("parse_ms_median", "reading it on the edge, wall", _codec("edge", "parse"),
+         "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),
+    Metric("rtt_asked_ms_mean", "of the profile over playback", lambda run: run.asked_rtt_ms_mean,
+           "RTT asked, mean", "ms"),
+    Metric("rtt_measured_ms_mean", "of the probes", lambda run: run.proof.measured_mean,
+           "RTT measured, mean", "ms"),
+    Cost("rtt_error_ms_median", "absolute error of the probe against asked + base",
+         lambda run: run.proof.error_median, "RTT error, median", "ms", digits=2,
+         relevant_step=0.2, use=SHOWN),
+    Metric("rtt_error_ms_p99", "its 99th percentile", lambda run: run.proof.error_p99,
+           "RTT error, 99th percentile", "ms", digits=2),
+    Metric("throttled_ms", "mobile node, cgroup counter", lambda run: run.mobile.throttled_ms,
+           "throttled", "ms", digits=0, use=SHOWN),
+    Metric("throttled_share", "of playback", lambda run: run.mobile.throttled_share,
+           "throttled share", shown="%", scale=100),
+    Metric("host_stall_ms_max", "live runs: longest time for which something else on the host held "
+           "the mobile node up",
+           lambda run: None if run.is_virtual else host_stall_ms_max(run.log),
+           "longest stall by the host", "ms", digits=0),
+    Metric("host_steal_percent", "live runs: of the host's CPU time, what its hypervisor gave to "
+           "others during playback", lambda run: run.host_steal_percent,
+           "CPU time stolen from the host", "%"),
+    Metric("wall_s", "duration of playback", lambda run: run.end_s, "playback", "s"),
+)  # fmt: skip
+
+SUMMARY_KEYS = tuple(metric.key for metric in METRICS)
+"""The first columns of summary.csv in their order; the own metrics of systems follow."""
+
+_BY_KEY = {metric.key: metric for metric in METRICS}
+
+
+def metrics_of(system: object) -> tuple[Metric, ...]:
+    """Everything that the summary of a run of this system holds."""
+    return METRICS + own_metrics(str(system), frozenset(SUMMARY_KEYS))
+
+
+def own_of(systems: Iterable[object]) -> dict[str, Metric]:
+    """The own metrics of all these systems by key.
+
+    Raises SlambedError where two of them show different things under one key.
+    """
+    found: dict[str, Metric] = {}
+    for system in dict.fromkeys(map(str, systems)):
+        for item in own_metrics(system, frozenset(SUMMARY_KEYS)):
+            if found.setdefault(item.key, item) != item:
+                raise SlambedError(
+                    f"metric '{item.key}' of system {system} is something else in another system, "
+                    f"systems/{system}/system.yaml, rename one of them"
+                )
+    return found
+
+
+def version_for(system: object) -> str:
+    """What `metrics_version` of a run of this system is today."""
+    digest = own_digest(str(system))
+    return f"{METRICS_VERSION}+{digest}" if digest else str(METRICS_VERSION)
+
+
+def metric(key: str, own: Mapping[str, Metric] | None = None) -> Metric:
+    """The metric of a key; a key nobody described is shown as it is."""
+    return _BY_KEY.get(key) or (own or {}).get(key) or Metric(key, "", digits=3)
+
+
+def keys_for(use: Use, own: Mapping[str, Metric] | None = None) -> list[str]:
+    """Keys of the metrics that a report takes unasked."""
+    return [item.key for item in (*METRICS, *(own or {}).values()) if use in item.use]

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the tables of docs/ that follow from the list of metrics.
+
+    python -m slambed.metrics.document
+
+Each stands between two comments; a test fails when they are not what the list says.
+"""
+
+from pathlib import Path
+
+from slambed.metrics.catalog import METRICS
+from slambed.metrics.metric import Metric, Use
+from slambed.native import repository_root
+from slambed.spec.library import Library
+
+COMMAND = "python -m slambed.metrics.document"
+TABLES = {"formats.md": ("summary", "own"), "metrics.md": ("gate",)}
+"""Page of docs/ and the tables in it."""
+
+
+def table(name: str) -> str:
+    """One table as Markdown."""
+    return {"summary": _summary, "own": _own, "gate": _gate}[name]()
+
+
+def _lines(headings: list[str], rows: list[list[str]]) -> str:
+    rule = ["---"] * len(headings)
+    return "".join(f"| {' | '.join(row)} |\n" for row in (headings, rule, *rows))
+
+
+def _summary() -> str:
+    rows = [[f"`{item.key}`", item.stored_type, item.unit, item.doc] for item in METRICS]
+    return _lines(["key", "type", "unit", "meaning"], rows)
+
+
+def _own() -> str:
+    library = Library()
+    rows = [
+        [f"`{key}`", name, "int" if item.take == "count" else "float", item.unit, item.doc]
+        for name in library.systems()
+        for key, item in library.system(name).metrics.items()
+    ]
+    return _lines(["key", "system", "type", "unit", "meaning"], rows)
+
+
+def _gate() -> str:
+    rows = [
+        [f"`{item.key}`", item.name, f"{item.better} is better", _least(item)]
+        for item in METRICS
+        if Use.GATED in item.use
+    ]
+    return _lines(["metric", "shown as", "", "a smaller change is no alarm"], rows)
+
+
+def _least(item: Metric) -> str:
+    step = f"{item.relevant_step * item.scale:g} {item.shown_unit}".strip()
+    if item.kind == "share" or not item.relevant_share:
+        return f"{item.relevant_step * item.scale:g} points"
+    share = f"{item.relevant_share:.0%}"
+    return f"{share}, at least {step}" if item.relevant_step else share
+
+
+def marks(name: str) -> tuple[str, str]:
+    """What stands before and after a table."""
+    return f"<!-- table {name}: {COMMAND} -->\n", f"<!-- end of table {name} -->\n"
+
+
+def renewed(text: str, names: tuple[str, ...]) -> str:
+    """A page with its tables as the list says. Raises ValueError where the comments are gone."""
+    for name in names:
+        begin, end = marks(name)
+        head, _, rest = text.partition(begin)
+        _, found, tail = rest.partition(end)
+        if not found:
+            raise ValueError(f"no place for the table '{name}': write {begin!r} and {end!r}")
+        text = f"{head}{begin}\n{table(name)}\n{end}{tail}"
+    return text
+
+
+def main() -> None:
+    """Renews every page."""
+    docs: Path = repository_root() / "docs"
+    for page, names in TABLES.items():
+        path = docs / page
+        path.write_text(renewed(path.read_text(encoding="utf-8"), names), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

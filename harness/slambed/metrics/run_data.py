@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run as its metrics see it, from its raw folder or its stored result; read when asked."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from slambed.data.prepared import SEQUENCE_FILE
+from slambed.errors import SlambedError
+from slambed.json_file import object_or_empty
+from slambed.metrics.accuracy import absolute_error, relative_error, relative_error_over_all
+from slambed.metrics.collect import read_link, read_log, read_samples
+from slambed.metrics.device_share import device_cores
+from slambed.metrics.events import EventLog
+from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, rtt_proof, series
+from slambed.metrics.older import manifest_of_today
+from slambed.metrics.resources import NOTHING, Resources, resources_of
+from slambed.metrics.tracking import Tracking, tracking_of
+from slambed.metrics.trajectory import EMPTY, Trajectory, read_tum
+from slambed.metrics.update_round import UpdateRound, update_rounds
+from slambed.spec.device import VIRTUAL
+
+RPE_DELTA_S = 1.0
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How far the estimated path is from the true one; None: not known."""
+
+    ate_rmse_m: float | None = None
+    ate_mean_m: float | None = None
+    ate_pairs: int | None = None
+    ate_alignment: str | None = None
+    ate_scale: float | None = None
+    rpe_trans_m: float | None = None
+    rpe_rot_deg: float | None = None
+    rpe_all_trans_m: float | None = None
+    rpe_all_rot_deg: float | None = None
+    ate_live_rmse_m: float | None = None
+
+
+@dataclass
+class RunData:
+    """A run's folder, its RunSpec as JSON, and what was wrong with its files (`problems`).
+
+    The true path is `groundtruth`, else `groundtruth.txt` of the folder, else that of the sequence
+    that was played.
+    """
+
+    folder: Path
+    spec: Mapping[str, Any]
+    groundtruth: Path | None = None
+    problems: list[str] = field(default_factory=list)
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """How the run ended and under which circumstances."""
+        return manifest_of_today(object_or_empty(self.folder / "manifest.json", self.problems))
+
+    @cached_property
+    def log(self) -> EventLog:
+        """Events of all nodes."""
+        log = read_log(self.folder)
+        self.problems += log.problems
+        return log
+
+    @cached_property
+    def samples(self) -> pd.DataFrame:
+        """What the sampler saw."""
+        samples, complaints = read_samples(self.folder)
+        self.problems += complaints
+        return samples
+
+    @cached_property
+    def link(self) -> pd.DataFrame | None:
+        """The link's series; None without a link."""
+        link, complaints = read_link(self.folder)
+        self.problems += complaints
+        return link
+
+    @property
+    def measured(self) -> bool:
+        """Whether any event was written."""
+        return len(self.log.events) > 0
+
+    @property
+    def has_edge(self) -> bool:
+        """Whether the run had a second node."""
+        return self.spec.get("device_edge") is not None
+
+    @property
+    def is_virtual(self) -> bool:
+        """True in virtual time: the link does what was asked by construction."""
+        return self.spec.get("engine") == VIRTUAL
+
+    @cached_property
+    def end_s(self) -> float | None:
+        """Run time of the last frame event: the end of playback."""
+        frames = self.log.of("frame_tracked", "frame_dropped")
+        return frames[-1]["t_ns"] / 1e9 if frames else None
+
+    @property
+    def outcome(self) -> str:
+        """How the system ended."""
+        return str(self.manifest.get("outcome") or "completed")
+
+    @cached_property
+    def tracking(self) -> Tracking:
+        """Counts of the frame states."""
+        return tracking_of(self.log)
+
+    @cached_property
+    def frames_offered(self) -> int | None:
+        """By the plan of playback, which knows frames that the node never told of."""
+        planned = self.manifest.get("frames_offered")
+        playback = self.spec.get("playback")
+        stops = isinstance(playback, Mapping) and playback.get("stop_at_first_loss")
+        if not isinstance(planned, int) or (stops and self.tracking.track_losses):
+            return self.tracking.frames_total if self.measured else None
+        return planned
+
+    @cached_property
+    def frames_tracked(self) -> int | None:
+        """As the frame events say; of a system that writes none, the poses of its trajectory."""
+        if self.log.of("frame_tracked", "frame_dropped"):
+            return self.tracking.frames_tracked
+        if self.frames_offered is None:
+            return None
+        live = self._trajectory("trajectory_live.txt")
+        poses = len(live) or len(self._trajectory("trajectory.txt"))
+        return min(poses, self.frames_offered)
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the offered frames that got a pose; a system that broke off has none."""
+        if self.outcome != "completed":
+            return 0.0
+        if not self.frames_offered or self.frames_tracked is None:
+            return None
+        return self.frames_tracked / self.frames_offered
+
+    @cached_property
+    def host_steal_percent(self) -> float | None:
+        """Of the CPU time of all the host's processors, over playback."""
+        cores = self.manifest.get("cores")
+        rows = self.samples[self.samples["t_s"] >= 0] if len(self.samples) else self.samples
+        if self.end_s is not None and len(rows):
+            rows = rows[rows["t_s"] <= self.end_s]
+        if "host_steal_s" not in rows or not isinstance(cores, int) or self.is_virtual:
+            return None
+        rows = rows.dropna(subset=["host_steal_s"]).sort_values("t_s", kind="stable")
+        span_s = float(rows["t_s"].iloc[-1] - rows["t_s"].iloc[0]) if len(rows) > 1 else 0.0
+        if span_s <= 0:
+            return None
+        stolen_s = float(rows["host_steal_s"].iloc[-1] - rows["host_steal_s"].iloc[0])
+        return 100.0 * stolen_s / (span_s * cores)
+
+    @cached_property
+    def mobile(self) -> Resources:
+        """CPU, memory and throttling of the mobile node."""
+        # Without a frame (mobile died early) the window is what the samples cover.
+        return resources_of(self.samples, "mobile", self.end_s)
+
+    @property
+    def mobile_cores(self) -> float | None:
+        """Cores of the whole mobile device."""
+        return device_cores(self.spec, self.manifest, "mobile")
+
+    @cached_property
+    def edge(self) -> Resources:
+        """The same of the edge, nothing without one."""
+        return resources_of(self.samples, "edge", self.end_s) if self.has_edge else NOTHING
+
+    @cached_property
+    def bytes_moved(self) -> dict[str, int | None]:
+        """Bytes `up` and `down`; None without an edge."""
+        return bytes_moved(self.log) if self.has_edge else {"up": None, "down": None}
+
+    @cached_property
+    def rounds(self) -> list[UpdateRound]:
+        """Accepted map updates that tell their parts."""
+        return update_rounds(self.log) if self.has_edge else []
+
+    @cached_property
+    def proof(self) -> RttProof:
+        """Measured against asked RTT: the link's own comparison, else that of the logged series."""
+        link = self.manifest.get("link")
+        record: Mapping[str, Any] = link if isinstance(link, Mapping) else {}
+        told = _told_proof(record.get("proof"))
+        if told is None and self.link is not None:
+            base = record.get("base_rtt_ms")
+            base_ms = float(base) if isinstance(base, int | float) else 0.0
+            told = rtt_proof(self.link, base_ms, self.end_s)
+        return told or NO_PROOF
+
+    @cached_property
+    def asked_rtt_ms_mean(self) -> float | None:
+        """What the profile asked for over playback, also where nothing was probed."""
+        if self.proof.asked_mean is not None or not self.is_virtual or self.link is None:
+            return self.proof.asked_mean
+        asked = series(self.link, "asked_rtt_ms")
+        if self.end_s is not None:
+            asked = asked[asked["t_s"] <= self.end_s]
+        return float(asked["value"].mean()) if len(asked) else None
+
+    @cached_property
+    def truth_file(self) -> Path | None:
+        """The true path that this run is judged by."""
+        candidates = [self.groundtruth, self.folder / "groundtruth.txt"]
+        if self._sequence is not None:
+            candidates.append(self._sequence / "groundtruth.txt")
+        return next((path for path in candidates if path is not None and path.is_file()), None)
+
+    @cached_property
+    def accuracy(self) -> Accuracy:
+        """Errors of the final and of the live path."""
+        if self.truth_file is None:
+            return Accuracy()
+        truth = read_tum(self.truth_file)
+        # A single camera knows no scale: its path is judged up to one, and marked.
+        free_scale = self.sensor == "mono"
+        found: dict[str, Any] = {}
+        estimate, live = self._trajectory("trajectory.txt"), self._trajectory("trajectory_live.txt")
+        try:
+            error = absolute_error(estimate, truth, with_scale=free_scale)
+            found |= {"ate_rmse_m": error.rmse, "ate_mean_m": error.mean, "ate_pairs": error.pairs}
+            found |= {"ate_alignment": error.alignment.lower(), "ate_scale": error.scale}
+            estimate = estimate.scaled(error.scale)
+            everywhere = relative_error_over_all(estimate, truth)
+            found["rpe_all_trans_m"] = everywhere.translation_m.rmse
+            found["rpe_all_rot_deg"] = everywhere.rotation_deg.rmse
+            drift = relative_error(estimate, truth, RPE_DELTA_S)
+            found["rpe_trans_m"] = drift.translation_m.rmse
+            found["rpe_rot_deg"] = drift.rotation_deg.rmse
+        except SlambedError as error_line:
+            self.problems.append(f"trajectory.txt: {error_line}")
+        try:
+            error = absolute_error(live, truth, with_scale=free_scale)
+            found["ate_live_rmse_m"] = error.rmse
+        except SlambedError as error_line:
+            self.problems.append(f"trajectory_live.txt: {error_line}")
+        return Accuracy(**found)
+
+    @cached_property
+    def sensor(self) -> str | None:
+        """What the played sequence brought: rgbd, stereo or mono."""
+        header = object_or_empty(self._sequence / SEQUENCE_FILE) if self._sequence else {}
+        told = header.get("sensor")
+        if told is None and self._stored.get("ate_alignment") == "sim3":
+            return "mono"  # the sequence is gone; its summary remembers
+        return told if isinstance(told, str) else None
+
+    @cached_property
+    def _stored(self) -> dict[str, Any]:
+        """The summary of a result, as it was made before."""
+        return object_or_empty(self.folder / "summary.json")
+
+    @cached_property
+    def _sequence(self) -> Path | None:
+        """The prepared sequence that was played."""
+        for path in (self.folder / "run.json", self.folder / "nodes" / "run.json"):
+            told = object_or_empty(path).get("sequence")
+            if isinstance(told, str):
+                return Path(told)
+        return None
+
+    def _trajectory(self, name: str) -> Trajectory:
+        """The mobile node's trajectory; an unreadable one counts as empty."""
+        for path in (self.folder / "mobile" / name, self.folder / name):
+            if path.exists():
+                try:
+                    return read_tum(path)
+                except SlambedError as error:
+                    self.problems.append(str(error))
+                    return EMPTY
+        return EMPTY
+
+
+def _told_proof(proof: object) -> RttProof | None:
+    """The link's own comparison: it knows the profile exactly, with its gaps and queues."""
+    if not isinstance(proof, Mapping):
+        return None
+    names = ("asked_ms_mean", "measured_ms_mean", "error_ms_median", "error_ms_p99")
+    numbers = [proof.get(name) for name in names]
+    if not all(isinstance(value, int | float) for value in numbers):
+        return None
+    asked, measured, median, p99 = (float(str(value)) for value in numbers)
+    return RttProof(asked, measured, median, p99, int(proof.get("echoes") or 0))

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a run was made under the circumstances that it asked for. How the system fared in it is
+another matter: a crash under the right circumstances is a result, a fine run under wrong ones none.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from slambed.spec.device import VIRTUAL
+
+NOTABLE_STEAL_PERCENT = 1.0
+"""Of the host's CPU time; below it, other reasons for a stall are likelier."""
+
+
+def reasons_for_distrust(
+    spec: Mapping[str, Any], manifest: Mapping[str, Any], summary: Mapping[str, Any]
+) -> list[str]:
+    """Why host, link or limits were not as asked, a line each; none for a run to be trusted."""
+    reasons = [str(line) for line in manifest.get("distrust") or []]
+    tolerances = spec.get("tolerances") or {}
+    stall, bearable = summary["host_stall_ms_max"], tolerances.get("host_stall_ms_max")
+    by_steal = _steal(summary)
+    if stall is not None and bearable is not None and stall > bearable:
+        reasons.append(
+            f"the host stalled the mobile node for {stall:.0f} ms, above {bearable:g} ms{by_steal}"
+        )
+    if not spec.get("link") or spec.get("engine") == VIRTUAL:
+        return reasons
+    for key, name in (("rtt_error_ms_median", "median"), ("rtt_error_ms_p99", "p99")):
+        allowed = tolerances.get(key)
+        if allowed is None:
+            continue
+        error = summary[key]
+        if error is None:
+            # A system that died at once left no time to measure; that it died is the result.
+            if summary["outcome"] == "completed":
+                reasons.append("the RTT of the link was not measured")
+                break
+        elif error > allowed:
+            reasons.append(f"RTT error {name} {error:.2f} ms is above {allowed:g} ms{by_steal}")
+    return reasons
+
+
+def _steal(summary: Mapping[str, Any]) -> str:
+    """What the hypervisor took, where it may be the cause."""
+    steal = summary.get("host_steal_percent")
+    if steal is None or steal < NOTABLE_STEAL_PERCENT:
+        return ""
+    return f" (steal: neighbours took {steal:.1f} % of this host's CPU time)"

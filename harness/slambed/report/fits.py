@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which published numbers our devices were fitted to: agreement there is no evidence."""
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from slambed.errors import SlambedError
+from slambed.native import repository_root
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One file of devices/fits: ids (patterns) of published numbers, and its devices."""
+
+    name: str
+    patterns: tuple[str, ...]
+    devices: frozenset[str]
+
+    def has(self, cell: str) -> bool:
+        """Whether a published number was used."""
+        return any(fnmatchcase(cell, pattern) for pattern in self.patterns)
+
+
+def read_fits(folder: Path | None = None) -> list[Fit]:
+    """All fits that name published numbers (`fits:`). Raises SlambedError on a torn file."""
+    found = []
+    for path in sorted((folder or repository_root() / "devices" / "fits").glob("*.yaml")):
+        try:
+            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except (OSError, yaml.YAMLError) as error:
+            raise SlambedError(f"cannot read a fit, {path}, {error}") from error
+        if not isinstance(content, dict) or not content.get("fits"):
+            continue
+        devices = frozenset(str(d["device"]) for d in content.get("devices", {}).values())
+        found.append(Fit(path.stem, tuple(map(str, content["fits"])), devices))
+    return found
+
+
+def fits_used(fits: list[Fit], runs: pd.DataFrame) -> list[Fit]:
+    """Those whose devices made any of these runs."""
+    columns = [c for c in ("device_mobile", "device_edge") if c in runs]
+    names = {str(name) for c in columns for name in runs[c].dropna().unique()}
+    return [fit for fit in fits if fit.devices & names]

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of two nights is evidence: which runs may be compared, which are pairs, and how surely."""
+
+from dataclasses import dataclass
+from math import comb
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from slambed.metrics.comparison import fisher, mcnemar, signed_rank
+from slambed.metrics.metric import Metric
+from slambed.metrics.robust_accuracy import failure_ranked
+from slambed.metrics.statistics import finite
+from slambed.report.cells import number
+from slambed.report.differences import paired_by_seed
+from slambed.spec.device import VIRTUAL
+
+Floats = NDArray[np.float64]
+
+RANKED_WITH_FAILURES = "ate_rmse_m"
+"""A run that failed has an infinitely bad one, not none."""
+
+
+@dataclass(frozen=True)
+class Test:
+    """One metric of a cell on both sides; where `paired`, run by run of equal seed."""
+
+    cell: str
+    metric: Metric
+    baseline: Floats
+    tonight: Floats
+    paired: bool
+
+    def p_value(self) -> float:
+        """Is tonight worse? One-sided."""
+        a, b = self.baseline, self.tonight
+        if self.metric.kind == "share":
+            if self.paired:
+                return mcnemar(a > 0, b > 0, "greater")
+            return fisher(int((a > 0).sum()), len(a), int((b > 0).sum()), len(b), "greater")
+        if self.paired:
+            return float(paired_p(a, b, self.metric.better))
+        return float(worsening_p(a, b, self.metric.better))
+
+    def least_p(self) -> float:
+        """The smallest p-value that so many runs can give."""
+        if self.paired:
+            return 2.0 ** -len(self.tonight) if self.metric.kind == "share" else 0.0
+        return 1 / comb(len(self.baseline) + len(self.tonight), len(self.tonight))
+
+    def runs_needed(self, level: float) -> int:
+        """Fewest runs a night (and in the baseline) with which the level can be reached."""
+        floors = (
+            (n, 2.0**-n if self.paired else 1 / comb(len(self.baseline) + n, n))
+            for n in range(2, 1000)
+        )
+        return next(n for n, floor in floors if floor <= level)
+
+
+def comparable(baseline: pd.DataFrame, tonight: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """The runs of the baseline that are evidence beside tonight's, and a line about what is not.
+
+    A virtual run is made again with the same result by the same program: of the nights of a cell
+    only the newest counts, and a run that is kept twice counts once. Numbers of another version of
+    the metrics do not count.
+    """
+    note = ""
+    if "metrics_version" in baseline and "metrics_version" in tonight:
+        versions = set(tonight["metrics_version"].dropna())
+        old = ~baseline["metrics_version"].isin(versions) if versions else baseline["cell"].isna()
+        if old.any():
+            baseline = baseline[~old]
+            note = f"{int(old.sum())} runs of the baseline are of another metrics version, left out"
+    if "engine" not in baseline:
+        return baseline, note
+    virtual = baseline["engine"].eq(VIRTUAL)
+    if "night_utc" in baseline:
+        newest = baseline.groupby("cell")["night_utc"].transform("max")
+        virtual_kept = virtual & baseline["night_utc"].eq(newest)
+    else:
+        virtual_kept = virtual
+    kept = baseline[~virtual | virtual_kept]
+    if "run_key" in kept:
+        named = kept["run_key"].notna()
+        kept = kept[~(named & kept.duplicated(["cell", "run_key"], keep="last"))]
+    return kept, note
+
+
+def values_of_nights(
+    before: pd.DataFrame, after: pd.DataFrame, item: Metric
+) -> tuple[Floats, Floats, bool]:
+    """A metric on both sides; aligned, and True, where the runs are virtual and pair by seed."""
+    if item.key not in before or item.key not in after:
+        return _values(before, item), _values(after, item), False
+    pairs = None
+    if {"engine", "seed"} <= set(before) & set(after):
+        pairs = paired_by_seed(before, after)
+    if pairs is None:
+        return _values(before, item), _values(after, item), False
+    a, b = (_aligned(side, item) for side in pairs)
+    both = ~(np.isnan(a) | np.isnan(b))
+    if not both.any():
+        return a[~np.isnan(a)], b[~np.isnan(b)], False
+    return a[both], b[both], True
+
+
+def _values(rows: pd.DataFrame, item: Metric) -> Floats:
+    """The measured values."""
+    if item.key not in rows or not len(finite(rows[item.key].to_numpy())):
+        return np.zeros(0)
+    return finite(_aligned(rows, item))
+
+
+def _aligned(rows: pd.DataFrame, item: Metric) -> Floats:
+    """One value per row, NaN where nothing was measured."""
+    if item.key == RANKED_WITH_FAILURES and "coverage" in rows:
+        pairs = zip(rows[item.key], rows["coverage"], strict=True)
+        return np.array([failure_ranked(number(ate), number(cover)) for ate, cover in pairs])
+    column = pd.to_numeric(rows[item.key].astype(object), errors="coerce")
+    return column.to_numpy(np.float64, na_value=np.nan)
+
+
+def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
+    """One-sided rank test along the last axis: is tonight worse? Exact without ties.
+
+    Leading axes are independent tests; failed runs are infinite.
+    """
+    alternative: Literal["less", "greater"] = "less" if better == "higher" else "greater"
+    both = np.sort(np.concatenate([baseline, tonight], axis=-1), axis=-1)
+    with np.errstate(invalid="ignore"):
+        ties = bool(np.any(both[..., 1:] == both[..., :-1]))
+    method: Literal["asymptotic", "exact"] = "asymptotic" if ties else "exact"
+    result = stats.mannwhitneyu(tonight, baseline, alternative=alternative, axis=-1, method=method)
+    # All values equal: no spread, nothing shown.
+    return np.nan_to_num(np.asarray(result.pvalue, dtype=np.float64), nan=1.0)
+
+
+def paired_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
+    """One-sided paired t-test along the last axis; 1 where no pair differs.
+
+    Two nights of one system differ by their programs alone, so without a worsening the differences
+    are symmetric, where a t-test is at most too careful; few runs can pass Holm with it, which no
+    rank test of pairs can. With failed runs (infinite) a signed-rank test takes its place.
+    """
+    alternative: Literal["less", "greater"] = "less" if better == "higher" else "greater"
+    if not (np.isfinite(baseline).all() and np.isfinite(tonight).all()):
+        with np.errstate(invalid="ignore"):
+            change = np.nan_to_num(tonight - baseline, nan=0.0)  # failed both times: no change
+        return np.asarray(signed_rank(np.zeros(len(change)), change, alternative))
+    change = tonight - baseline
+    if not np.any(change):
+        return np.ones(change.shape[:-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result = stats.ttest_1samp(change, 0.0, axis=-1, alternative=alternative)
+    return np.nan_to_num(np.asarray(result.pvalue, dtype=np.float64), nan=1.0)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""papers/<id>.plan.yaml: what a campaign will decide, written before it is run.
+
+The plan freezes what could be bent to fit a result (contrasts, margins, mapping) by their digest,
+and its own digest goes into the report. Runs from before it are told.
+"""
+
+import hashlib
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import AwareDatetime, BaseModel, Field, ValidationError
+
+from slambed.errors import SlambedError
+from slambed.report.papers.base import STRICT
+from slambed.report.papers.cells import cells_of
+from slambed.report.papers.paper import Paper
+from slambed.report.papers.reading import PLAN_SUFFIX, papers_folder
+from slambed.spec.matrix import canonical_json
+from slambed.spec.system import Role
+
+WORDS = {"label", "note", "read_as"}
+"""Texts of the mapping that may be bettered without another plan."""
+DIGITS = 16
+"""Hex digits of a digest: enough to tell plans apart, few enough to print."""
+
+
+class PlannedData(BaseModel):
+    """What is played where the paper has one of its sequences."""
+
+    model_config = STRICT
+
+    dataset: str
+    """As the experiments name it."""
+    played: str
+    """What that is where only the clone is there."""
+    stand_in: bool
+    why: str
+
+
+class PlannedRuns(BaseModel):
+    """One experiment, and what it decides."""
+
+    model_config = STRICT
+
+    experiment: str
+    runs: int = Field(ge=5)
+    """Per cell. Fewer than five decide nothing."""
+    seed: int
+    decides: list[str]
+    """Ids of contrasts."""
+    power: dict[str, float] = Field(default_factory=dict)
+    """Contrast -> chance that it holds with these runs if the paper's numbers are true; for those
+    that the paper prints numbers of."""
+    why: str = ""
+
+
+class PaperPlan(BaseModel):
+    """One file papers/<id>.plan.yaml."""
+
+    model_config = STRICT
+
+    paper: str
+    written_utc: AwareDatetime
+    engine: Literal["virtual", "live"]
+    devices: dict[Role, str]
+    fits: list[str]
+    """Files of devices/fits that these devices come from."""
+    frozen: str
+    """Digest of contrasts, margins and mapping of the paper (`frozen_digest`)."""
+    data: dict[str, PlannedData]
+    """Name in the paper -> what is played."""
+    runs: list[PlannedRuns] = Field(min_length=1)
+    limits: list[str] = Field(default_factory=list)
+    """What it cannot decide, and why."""
+
+    @property
+    def digest(self) -> str:
+        """Names this plan in reports."""
+        return _digest(_said(self, set(PaperPlan.model_fields)))
+
+    def made_before(self, started_utc: datetime) -> bool:
+        """Whether a run is older than the plan, and so was perhaps known when it was written."""
+        return started_utc < self.written_utc
+
+
+def frozen_digest(paper: Paper) -> str:
+    """Digest of all that a verdict depends on but the runs: what is compared with what, which
+    orderings, within which margins. Words about them are left out."""
+    parts = _said(paper, {"systems", "datasets", "conditions", "metrics", "margins"})
+    shape = {"id", "kind", "cells", "direction", "basis"}
+    parts["contrasts"] = [_said(item, shape) for item in paper.contrasts]
+    parts["cells"] = {
+        name: [cell.value, cell.spread, cell.metric, cell.system, cell.conditions, cell.runs,
+               _said(cell.standing, {"duplicate_of", "erratum"}),
+               _said(cell.claim, {"op", "quantity", "value"}) if cell.claim else None]
+        for name, cell in cells_of(paper).items() if cell.standing.judged
+    }  # fmt: skip
+    return _digest(_without_words(parts))
+
+
+def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
+    """The plan of a paper; None where none was written. Raises SlambedError on a wrong file."""
+    path = (folder or papers_folder()) / f"{paper}{PLAN_SUFFIX}"
+    if not path.exists():
+        return None
+    try:
+        plan = PaperPlan.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except (OSError, yaml.YAMLError) as error:
+        raise SlambedError(f"cannot read a plan, {path}, {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise SlambedError(f"{first['msg'].lower()}, {path.name}: {where}") from error
+    if plan.paper != paper:
+        raise SlambedError(f"plan of '{plan.paper}', {path.name}, write paper: {paper}")
+    return plan
+
+
+def _said(model: BaseModel, include: set[str]) -> dict[str, Any]:
+    """What a file says; a key that models get later, and no file has, changes no digest."""
+    return model.model_dump(mode="json", include=include, exclude_defaults=True)
+
+
+def _without_words(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _without_words(v) for k, v in value.items() if k not in WORDS}
+    return [_without_words(part) for part in value] if isinstance(value, list) else value
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(canonical_json(value).encode()).hexdigest()[:DIGITS]

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads papers/*.yaml."""
+
+from pathlib import Path
+
+import yaml
+from pydantic import ValidationError
+
+from slambed.errors import SlambedError
+from slambed.native import repository_root
+from slambed.report.papers.paper import Paper
+
+PLAN_SUFFIX = ".plan.yaml"
+"""Plans lie beside the papers that they are about."""
+
+
+def papers_folder() -> Path:
+    """The papers/ of this checkout."""
+    return repository_root() / "papers"
+
+
+def read_paper(path: Path) -> Paper:
+    """Raises SlambedError with file, key and reason when the file is not as described."""
+    try:
+        return Paper.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except (OSError, yaml.YAMLError) as error:
+        raise SlambedError(f"cannot read published numbers, {path}, {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise SlambedError(f"{first['msg'].lower()}, {path.name}: {where}") from error
+
+
+def paper_files() -> dict[str, Path]:
+    """Name of every paper and where its file lies."""
+    files = sorted(papers_folder().glob("*.yaml"))
+    return {path.stem: path for path in files if not path.name.endswith(PLAN_SUFFIX)}
+
+
+def read_papers(names: list[str] | None = None) -> list[Paper]:
+    """All papers, or those named; a wrong name lists the right ones."""
+    files = paper_files()
+    for name in names or []:
+        if name not in files:
+            known = ", ".join(files)
+            raise SlambedError(f"no paper '{name}' in {papers_folder()}; known: {known}")
+    return [read_paper(files[name]) for name in names or files]

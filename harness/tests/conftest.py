@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A place of their own for all tests: what lies on this machine changes no result.
+
+Home and cache are empty folders that only their owner may enter, as a newcomer's home is, and no
+recording is found beside the checkout. Tests that need recordings are marked so and run where
+`--recordings` says that there are some. docs/testing.md says which kinds of tests there are.
+"""
+
+import fcntl
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from skip_rules import unexpected
+
+PLACE = "SLAMBED_TEST_PLACE"
+"""Set for the processes of one session: pytest-xdist's workers, and what tests start."""
+QUIET = "quiet.lock"
+"""Held alone by a live test, together by all others: nothing computes beside a live one."""
+ROOT_NEEDED, PROGRAMS_NEEDED = ("needs root", "needs Docker", "TUN", "netem"), "make build"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--recordings", default="", help="Folders of recordings, a colon list.")
+    parser.addoption(
+        "--strict-skips", action="store_true", help="Fail for a skip that this host explains not."
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if PLACE in os.environ:
+        return
+    place = Path(tempfile.mkdtemp(prefix="slambed-tests-"))
+    config.add_cleanup(lambda: _leave(place))
+    home = place / "home"
+    home.mkdir(mode=0o700)
+    os.environ[PLACE] = str(place)
+    os.environ["HOME"] = str(home)
+    # Fonts are looked for once a session, not once a process.
+    os.environ["MPLCONFIGDIR"] = str(place / "matplotlib")
+    os.environ["SLAMBED_DATA_BESIDE"] = "no"
+    for name in ("SLAMBED_CACHE", "SLAMBED_DATA", "XDG_CACHE_HOME"):
+        os.environ.pop(name, None)
+
+
+def _leave(place: Path) -> None:
+    os.environ.pop(PLACE, None)
+    shutil.rmtree(place, ignore_errors=True)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Marks live tests and those of programs by what they would be skipped for, puts live ones
+    last, and leaves out tests of recordings where there are none: pytest counts them as
+    deselected."""
+    for item in items:
+        reasons = [str(mark.kwargs.get("reason")) for mark in item.iter_markers("skipif")]
+        if any(part in reason for reason in reasons for part in ROOT_NEEDED):
+            item.add_marker("live")
+        if any(PROGRAMS_NEEDED in reason for reason in reasons):
+            item.add_marker("programs")
+    items.sort(key=lambda item: item.get_closest_marker("live") is not None)
+    if config.getoption("--recordings"):
+        return
+    without = [item for item in items if item.get_closest_marker("recordings")]
+    config.hook.pytest_deselected(items=without)
+    items[:] = [item for item in items if item not in without]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    with (Path(os.environ[PLACE]) / QUIET).open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX if item.get_closest_marker("live") else fcntl.LOCK_SH)
+        return (yield)
+
+
+def _skips(config: pytest.Config) -> dict[str, int]:
+    """Reason -> number of tests, in the process that reports."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    found: dict[str, int] = {}
+    for report in reporter.stats.get("skipped", []) if reporter else []:
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        reason = reason.removeprefix("Skipped: ")
+        found[reason] = found.get(reason, 0) + 1
+    return found
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    config = session.config
+    if not config.getoption("--strict-skips") or hasattr(config, "workerinput"):
+        return
+    if exitstatus == pytest.ExitCode.OK and any(map(unexpected, _skips(config))):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    config = terminalreporter.config
+    for reason, count in sorted(_skips(config).items()):
+        why = "UNEXPECTED here" if unexpected(reason) else "expected here"
+        terminalreporter.write_line(f"skipped: {count} ({why}): {reason}")
+    if not config.getoption("--recordings"):
+        left_out = terminalreporter.stats.get("deselected", [])
+        count = sum(1 for item in left_out if item.get_closest_marker("recordings"))
+        if count:
+            line = f"left out: {count}: no recordings, give --recordings=FOLDER"
+            terminalreporter.write_line(line)
+
+
+@pytest.fixture
+def recording(request: pytest.FixtureRequest) -> Callable[[str], Path]:
+    """Finds a file or folder of the recordings by its name there."""
+
+    def find(name: str) -> Path:
+        folders = [Path(f) for f in request.config.getoption("--recordings").split(":") if f]
+        for folder in folders:
+            if (found := folder / name).exists():
+                return found
+        pytest.skip(f"no recording {name} in the folders given")
+
+    return find

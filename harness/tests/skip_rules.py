@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which tests a host may skip, and why: what no rule explains is a missing piece."""
+
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from slambed.engines.docker_image import connect
+from slambed.errors import SlambedError
+from slambed.link.netem import netem_available
+from slambed.sampling.cgroup import version
+
+
+def _not_root() -> bool:
+    return os.geteuid() != 0
+
+
+def _no_docker() -> bool:
+    try:
+        connect().close()
+    except SlambedError:
+        return True
+    return False
+
+
+RULES: list[tuple[str, Callable[[], bool]]] = [
+    (r"needs root", _not_root),
+    (r"needs Docker|needs the node image", _no_docker),
+    (r"this kernel has no netem", lambda: not netem_available()),
+    (r"this kernel has netem", netem_available),
+    (r"those of cgroup v1", lambda: version() != "v1"),
+    (r"/dev/net/tun|TUN", lambda: _not_root() or not Path("/dev/net/tun").exists()),
+    (r"engine virtual kills nobody", lambda: True),
+    (r"no recording .* in the folders given", lambda: True),
+]
+"""Part of a reason, and whether this host is one where it holds."""
+
+
+def unexpected(reason: str) -> bool:
+    """True when nothing about this host explains such a skip."""
+    return not any(re.search(part, reason) and holds() for part, holds in RULES)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ground truth that was corrected where it is prepared: the numbers follow, nothing is run."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from test_cli import slambed
+from virtual_parts import needs_programs
+
+from slambed.errors import ExitCode
+from slambed.metrics.digest import digest
+from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
+
+pytestmark = needs_programs
+
+EXPERIMENT = """\
+id: corrected
+title: A second of the generated room
+systems: [{system: orbslam2}]
+datasets: [synthetic_room]
+playback: {mode: realtime, fps: 10, end_s: 2}
+devices: {mobile: {device: host, name: phone, cores: 1, speed: 0.5}}
+engine: virtual
+runs: {default: 2}
+"""
+
+
+def read(run: Path, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((run / name).read_text())
+    return found
+
+
+def bend(path: Path) -> None:
+    """Moves the true path by up to ten centimetres, as a better calibration might."""
+    old = read_tum(path)
+    moved = old.positions_m + np.outer(np.sin(3 * old.stamps_s), [0.1, 0.0, 0.0])
+    write_tum(path, Trajectory(old.stamps_s, moved, old.quaternions_xyzw))
+
+
+def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
+    (tmp_path / "corrected.yaml").write_text(EXPERIMENT)
+    cache, results = tmp_path / "cache", tmp_path / "results"
+
+    def command(*words: str) -> str:
+        where = ("--results", str(results))
+        code, out, err = slambed(*words, *where, cwd=tmp_path, SLAMBED_CACHE=str(cache))
+        assert code == ExitCode.OK, out + err
+        return out
+
+    command("run", "corrected.yaml")
+    runs = sorted((results / "corrected" / "runs").iterdir())
+    before = [(read(run, "summary.json"), read(run, "manifest.json")) for run in runs]
+    measured = {path: path.stat() for run in runs for path in run.glob("*.parquet")}
+    ledger = (results / "corrected" / "ledger.jsonl").read_bytes()
+    assert len(runs) == 2 and len(measured) >= 4
+
+    (truth,) = cache.glob("prepared/synthetic_room-*/groundtruth.txt")
+    bend(truth)
+    out = command("report", "corrected", "--again", "--no-figures")
+    assert "the ground truth of synthetic_room has changed" in out
+    assert "numbers of 2 runs computed again; changed: " in out and "ate_rmse_m (2)" in out
+
+    for run, (summary, manifest) in zip(runs, before, strict=True):
+        new = read(run, "summary.json")
+        assert new["groundtruth"] != summary["groundtruth"]
+        assert new["ate_rmse_m"] > 2 * summary["ate_rmse_m"]
+        told = read(run, "manifest.json")["results_sha256"]
+        assert told != manifest["results_sha256"] and told == digest(run)
+        # What does not hang on the truth is what it was.
+        assert new["frames_tracked"] == summary["frames_tracked"]
+    for path, status in measured.items():
+        now = path.stat()
+        assert (now.st_ino, now.st_mtime_ns) == (status.st_ino, status.st_mtime_ns)
+    assert (results / "corrected" / "ledger.jsonl").read_bytes() == ledger
+
+    # Neither does the campaign take it for another one, nor are the numbers of two truths.
+    assert "2 runs, 2 there already" in command("run", "corrected.yaml")
+    assert "changed: none" in command("report", "corrected", "--again", "--no-figures")

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Docker daemon that is away, silent or ill costs a run an attempt; one that refuses, more."""
+
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from types import SimpleNamespace
+
+import docker
+import pytest
+from harness_parts import IdleLink, needs_root, run_spec
+from virtual_parts import Quiet
+
+from slambed.campaign.executors import LiveExecutor
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.runner import Runner
+from slambed.engines.docker import DockerEngine
+from slambed.errors import ExitCode, PassingError, SlambedError
+
+pytestmark = needs_root
+
+
+@contextmanager
+def silent() -> Iterator[int]:
+    """Takes connections and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+@contextmanager
+def away() -> Iterator[int]:
+    """Nobody listens."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port: int = server.getsockname()[1]
+    yield port
+
+
+@contextmanager
+def answers(code: int) -> Iterator[int]:
+    """To every request with this code."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.rfile.read(int(self.headers.get("Content-Length") or 0))
+            # A container is there only once it was made.
+            self.send_response(404 if self.command == "GET" else code)
+            self.end_headers()
+            self.wfile.write(json.dumps({"message": f"said {code}"}).encode())
+
+        do_POST = do_DELETE = do_GET  # noqa: N815 - the names of the base class
+
+        def log_message(self, format: str, *args: object) -> None: ...
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server.server_port
+        server.shutdown()
+        thread.join()
+
+
+def executor(folder: Path, port: int) -> LiveExecutor:
+    """The real engine and the real client; the daemon alone is not what it should be."""
+    client = docker.DockerClient(f"tcp://127.0.0.1:{port}", version="1.41", timeout=0.3)
+    image = SimpleNamespace(id="sha256:1", tags=["slambed-node:1"])
+    (folder / "sequence").mkdir()
+    engine = DockerEngine(client, image)
+    return LiveExecutor(engine, lambda *_: IdleLink(), {"room": (folder / "sequence", 0.5)})
+
+
+@pytest.mark.parametrize(
+    ("daemon", "passes", "line"),
+    [
+        (away(), True, "Connection refused"),
+        (silent(), True, "Read timed out"),
+        (answers(500), True, "start the mobile node: said 500"),
+        (answers(409), True, "start the mobile node: said 409"),
+        (answers(400), False, "start the mobile node: said 400"),
+    ],
+    ids=["away", "silent", "ill", "name-taken", "refuses"],
+)
+def test_what_a_daemon_does_is_told_and_judged(
+    tmp_path: Path, daemon: ExitStack, passes: bool, line: str
+) -> None:
+    (tmp_path / "raw").mkdir()
+    with daemon as port, pytest.raises(SlambedError, match=line) as raised:
+        executor(tmp_path, port).execute(run_spec(), tmp_path / "raw", threading.Event())
+    assert isinstance(raised.value, PassingError) == passes
+    assert raised.value.code == ExitCode.ENVIRONMENT
+
+
+def test_a_campaign_tries_again_before_it_gives_up(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "results" / "tiny")
+    folder.create()
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    with away() as port, pytest.raises(PassingError, match="Connection refused"):
+        # The first run of a campaign: without a daemon no other one could do better.
+        campaign = Runner(folder, ledger, executor(tmp_path, port), pauses_s=(0.01, 0.02))
+        campaign.run([run_spec()], Quiet())
+    folder.close()
+    events = [entry["event"] for entry in ledger.read()]
+    assert events == ["run_started", "run_failed"] * 3

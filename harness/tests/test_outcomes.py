@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a system that crashes now and then: it is told, everywhere and in full."""
+
+from pathlib import Path
+
+import pandas as pd
+from harness_parts import stand_in_sim, virtual_spec
+from virtual_parts import Quiet
+
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.processes import ProcessExecutor
+from slambed.campaign.runner import Runner
+from slambed.report.experiment import terminal_summary, write_report
+
+RUNS = 40
+CRASHES = 12
+"""Seeds that are 0, 3 or 6 modulo 10: three runs in ten."""
+
+
+def test_a_system_that_crashes_in_three_runs_of_ten_is_told_everywhere(tmp_path: Path) -> None:
+    (tmp_path / "sequence").mkdir()
+    folder = ResultFolder(tmp_path / "results" / "tiny")
+    folder.create()
+    played = {"room": (tmp_path / "sequence", 0.5)}
+    executor = ProcessExecutor(played, stand_in_sim(tmp_path), None, 2)
+    todo = [virtual_spec(seed=n, repetition=n, params={"sim_act": "some"}) for n in range(RUNS)]
+    verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor).run(todo, Quiet())
+    assert (verdict.done, verdict.trusted, verdict.not_completed) == (RUNS, RUNS, CRASHES)
+    # None of them is executed again, neither now nor by a later campaign.
+    assert {folder.state(spec.run_key) for spec in todo} == {"trusted"}
+    assert {folder.store.attempts_of(spec.run_key) for spec in todo} == {1}
+    runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in todo]
+    folder.write_json("experiment.json", {"experiment": {"id": "tiny"}, "runs": runs})
+    folder.close()
+
+    paths = write_report(folder.path, figures=False)
+    table = pd.read_csv(paths.summary_csv)
+    died = table[table["outcome"] == "died"]
+    assert len(table) == RUNS and len(died) == CRASHES
+    assert died["coverage"].eq(0).all() and died["not_completed"].all()
+    assert died["outcome_reason"].str.contains("signal 11").all()
+    page = paths.markdown.read_text()
+    assert f"{RUNS} to be trusted, {CRASHES} of them did not complete" in page
+    assert f"{CRASHES} of {RUNS} runs died: slambed-sim: signal 11" in page
+    cells = pd.read_csv(folder.path / "report" / "tables" / "cells_1.csv")
+    (share,) = (name for name in cells.columns if name.startswith("runs that did not complete"))
+    # 30 % with Wilson's interval for 12 of 40.
+    assert str(cells[share].iloc[0]).startswith("30 [18, 45]")
+    terminal_summary(folder.path)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a campaign can decide, what it costs, and whether results keep to their plan."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_compare import PAPER_ENHANCED, table_2
+from typer.testing import CliRunner
+
+from slambed.report.compare import compare_paper
+from slambed.report.load import Results
+from slambed.report.lookup import pool_of
+from slambed.report.papers import Paper, read_papers
+from slambed.report.papers.plan import PaperPlan, PlannedRuns, frozen_digest
+from slambed.report.papers_cli import app
+from slambed.report.power import costs, ordering_powers, seconds_per_run
+from slambed.report.registered import plan_lines, plan_words
+
+WRITTEN = datetime(2026, 5, 1, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def dynnetslam() -> Paper:
+    return read_papers(["dynnetslam"])[0]
+
+
+def plan_of(paper: Paper, **more: Any) -> PaperPlan:
+    runs = [PlannedRuns(experiment="made_up", runs=10, seed=1, decides=["dynnet.O04"])]
+    return PaperPlan(
+        paper=paper.id, written_utc=WRITTEN, engine="virtual", devices={"mobile": "pi"}, fits=[],
+        frozen=frozen_digest(paper), data={}, runs=runs,
+    ).model_copy(update=more)  # fmt: skip
+
+
+def results(started: str = "2026-05-02T00:00:00Z", seed: int = 1, runs: int = 10) -> Results:
+    lost = [min(n, runs) for n in PAPER_ENHANCED]
+    found = table_2({"static": lost}, runs, engine="virtual", device_mobile="pi")
+    found.runs["started_utc"] = started
+    found.spec["seed"] = seed
+    return found
+
+
+def bad(paper: Paper, plan: PaperPlan | None, found: Results) -> list[str]:
+    column = compare_paper(paper, pool_of([found]), []).columns[0]
+    return [line.text for line in plan_lines(paper, plan, column, [found]) if line.bad]
+
+
+def test_runs_that_keep_to_their_plan(dynnetslam: Paper) -> None:
+    plan = plan_of(dynnetslam)
+    assert bad(dynnetslam, plan, results()) == []
+    column = compare_paper(dynnetslam, pool_of([results()]), []).columns[0]
+    lines = plan_lines(dynnetslam, plan, column, [results()])
+    assert plan.digest in lines[0].text
+    assert plan_words(lines, plan).endswith("kept")
+    assert plan_words([], None) == "no plan"
+
+
+def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:
+    plan = plan_of(dynnetslam)
+    assert bad(dynnetslam, plan, results("2026-04-30T23:59:59Z")) == [
+        "50 of 50 runs were made before the plan was written."
+    ]
+    assert bad(dynnetslam, plan, results(seed=2)) == ["made_up: seed 2, 1 was planned."]
+    assert bad(dynnetslam, plan, results(runs=6)) == ["made_up: 6 runs in a cell, 10 were planned."]
+    other = plan_of(dynnetslam, devices={"mobile": "jetson"})
+    assert "pi in some runs, jetson was planned" in bad(dynnetslam, other, results())[0]
+    changed = plan_of(dynnetslam, frozen="0" * 16)
+    assert "changed after the plan" in bad(dynnetslam, changed, results())[0]
+    live = plan_of(dynnetslam, engine="live")
+    assert "The plan is for live runs" in bad(dynnetslam, live, results())[0]
+    unnamed = results()
+    unnamed.runs["started_utc"] = None
+    assert bad(dynnetslam, plan, unnamed) == ["50 of 50 runs do not say when they were made."]
+
+
+def test_a_margin_changed_after_the_plan_is_noticed(dynnetslam: Paper) -> None:
+    plan = plan_of(dynnetslam)
+    wider = dynnetslam.margins["track_loss_ratio"].model_copy(update={"points": 25.0})
+    paper = dynnetslam.model_copy(
+        update={"margins": dynnetslam.margins | {"track_loss_ratio": wider}}
+    )
+    assert len(bad(paper, plan, results())) == 1
+
+
+def test_powers_are_those_of_the_printed_numbers(dynnetslam: Paper) -> None:
+    rows = {row[0]: row for row in ordering_powers(dynnetslam, (10, 30)).rows}
+    assert float(rows["dynnet.O03"][2]) == pytest.approx(0.14, abs=0.04)
+    assert float(rows["dynnet.O03"][3]) == pytest.approx(0.92, abs=0.04)
+    assert rows["dynnet.O03"][4] == "30"
+    assert rows["dynnet.O09"][5].startswith("NO")  # 3 against 11 of 100 is not shown by itself
+    assert rows["dynnet.O11"][2:] == ["-", "-", "-", "in words only"]
+
+
+def test_costs_are_measured_where_a_ledger_is(dynnetslam: Paper, tmp_path: Path) -> None:
+    ledger = tmp_path / "d_t2_rtt" / "ledger.jsonl"
+    ledger.parent.mkdir()
+    entries = [
+        {"event": "run_finished", "time_utc": f"2026-05-01T{hour:02}:00:{6 * n:02}+00:00"}
+        for hour in (0, 5)
+        for n in range(8)
+    ]
+    ledger.write_text("\n".join(map(json.dumps, entries)) + "\n")
+    assert seconds_per_run(ledger) == pytest.approx(6.0)
+    assert seconds_per_run(tmp_path / "none.jsonl") is None
+    ledger.write_text("torn {")
+    assert seconds_per_run(ledger) is None
+    ledger.write_text("\n".join(map(json.dumps, entries)) + "\n")
+    sizes = {"d_t2_rtt": (10, 5, 87.0), "d_t3_sine": (28, 3, 87.0)}
+    table = costs(dynnetslam, sizes, None, tmp_path, jobs=2)
+    assert table.rows == [
+        ["d_t2_rtt", "10", "5", "50", "5", "measured here"],
+        ["d_t3_sine", "28", "3", "84", "6", "assumed"],
+    ]
+
+
+def test_the_command_tells_power_and_cost(tmp_path: Path) -> None:
+    shown = CliRunner().invoke(app, ["power", "multithread_rl", "--results", str(tmp_path)])
+    assert shown.exit_code == 0, shown.output
+    assert "Chance that an ordering holds" in shown.output
+    assert "Table 4" in shown.output
+    listed = CliRunner().invoke(app, ["list"])
+    assert "dynnetslam: DynNetSLAM" in listed.output

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many virtual runs at once complete, also where commits are slow and processes are killed."""
+
+import os
+import random
+import signal
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from harness_parts import stand_in_sim, virtual_spec
+from virtual_parts import Quiet
+
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.processes import ProcessExecutor, WorkerDiedError
+from slambed.campaign.runner import Runner
+from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.spec.matrix import RunSpec
+
+
+class SlowFolder(ResultFolder):
+    """On a disk that takes its time."""
+
+    def commit(self, run_key: str, raw: Path) -> None:
+        time.sleep(random.uniform(0, 0.15))
+        super().commit(run_key, raw)
+
+
+def runs(count: int, **changes: Any) -> list[RunSpec]:
+    return [virtual_spec(seed=n, repetition=n, **changes) for n in range(count)]
+
+
+def runner(tmp_path: Path, jobs: int) -> Runner:
+    (tmp_path / "sequence").mkdir()
+    folder = SlowFolder(tmp_path / "tiny")
+    folder.create()
+    played = {"room": (tmp_path / "sequence", 0.5)}
+    executor = ProcessExecutor(played, stand_in_sim(tmp_path), None, jobs)
+    return Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor)
+
+
+def children() -> list[psutil.Process]:
+    """Every process below this one that has a run in hand: simulation or its parent."""
+    found = psutil.Process().children(recursive=True)
+    return [p for p in found if p.status() != psutil.STATUS_ZOMBIE]
+
+
+def simulations(tmp_path: Path) -> list[psutil.Process]:
+    return [p for p in children() if str(tmp_path) in " ".join(p.cmdline())]
+
+
+def test_many_jobs_with_slow_commits_complete(tmp_path: Path) -> None:
+    """Sixteen jobs of a pool whose workers ended with the threads that had begun them never did."""
+    campaign = runner(tmp_path, 16)
+    todo = runs(48)
+    verdict = campaign.run(todo, Quiet())
+    assert (verdict.done, verdict.trusted, verdict.given_up) == (48, 48, {})
+    assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
+    assert {entry["event"] for entry in campaign.ledger.read()} == {"run_started", "run_finished"}
+    assert simulations(tmp_path) == []
+
+
+@dataclass
+class Killer:
+    """Kills a process of a run now and then until it is told to end."""
+
+    tmp_path: Path
+    every_s: float
+    over: threading.Event = field(default_factory=threading.Event)
+    killed: int = 0
+
+    def run(self) -> None:
+        random.seed(1)
+        while not self.over.wait(self.every_s):
+            try:
+                simulation = random.choice(simulations(self.tmp_path))
+                # The process that waits for the simulation: what the executor started.
+                os.kill(simulation.ppid(), signal.SIGKILL)
+                self.killed += 1
+            except (IndexError, psutil.NoSuchProcess, ProcessLookupError):
+                continue
+
+
+def test_killed_processes_cost_no_run(tmp_path: Path) -> None:
+    campaign = runner(tmp_path, 8)
+    killer = Killer(tmp_path, every_s=0.5)
+    thread = threading.Thread(target=killer.run)
+    thread.start()
+    todo = runs(24, params={"sim_sleep_s": 0.3})
+    try:
+        verdict = campaign.run(todo, Quiet())
+    finally:
+        killer.over.set()
+        thread.join()
+    assert killer.killed > 0
+    assert (verdict.done, verdict.trusted, verdict.given_up) == (24, 24, {})
+    assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
+    failed = [e for e in campaign.ledger.read() if e["event"] == "run_failed"]
+    assert len(failed) <= killer.killed and all("was killed" in e["error"] for e in failed)
+    assert simulations(tmp_path) == []
+
+
+@dataclass
+class Failing:
+    """Fails these runs so many times with this error."""
+
+    error: Exception
+    times: dict[int, int]
+    jobs: int = 1
+    left: dict[int, int] = field(default_factory=dict)
+
+    def execute(
+        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
+    ) -> dict[str, Any]:
+        if self.left.setdefault(spec.seed, self.times.get(spec.seed, 0)) > 0:
+            self.left[spec.seed] -= 1
+            raise self.error
+        for name in ("manifest.json", "summary.json"):
+            (raw / name).write_text('{"trusted": true}')
+        return {"trusted": True, "outcome": "completed"}
+
+    def close(self) -> None: ...
+
+
+def failing(tmp_path: Path, error: Exception, times: dict[int, int]) -> Runner:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    return Runner(folder, ledger, Failing(error, times), pauses_s=(0.01, 0.02))
+
+
+def test_what_passes_costs_an_attempt(tmp_path: Path) -> None:
+    campaign = failing(tmp_path, PassingError("the daemon restarts"), {0: 2, 1: 1})
+    verdict = campaign.run(runs(3), Quiet())
+    assert (verdict.done, verdict.given_up) == (3, {})
+
+
+def test_a_run_that_goes_on_failing_is_given_up_and_the_others_go_on(tmp_path: Path) -> None:
+    campaign = failing(tmp_path, PassingError("it never comes"), {1: 99})
+    todo = runs(4)
+    verdict = campaign.run(todo, Quiet())
+    assert (verdict.done, verdict.given_up) == (3, {todo[1].run_key: "it never comes"})
+    assert campaign.folder.state(todo[1].run_key) == "missing"
+
+
+def test_what_no_run_survives_ends_the_campaign(tmp_path: Path) -> None:
+    campaign = failing(tmp_path, SlambedError("no image", ExitCode.ENVIRONMENT), {0: 99})
+    with pytest.raises(SlambedError, match="no image"):
+        campaign.run(runs(4), Quiet())
+    (tmp_path / "later").mkdir()
+    later = failing(tmp_path / "later", OSError("gone"), dict.fromkeys(range(1, 20), 99))
+    with pytest.raises(OSError, match="gone"):
+        later.run(runs(20), Quiet())
+    assert len(later.folder.run_keys()) == 1
+
+
+def test_a_process_that_is_killed_again_and_again_is_given_up(tmp_path: Path) -> None:
+    campaign = failing(tmp_path, WorkerDiedError("was killed"), {1: 99})
+    verdict = campaign.run(runs(3), Quiet())
+    assert verdict.done == 2 and len(verdict.given_up) == 1

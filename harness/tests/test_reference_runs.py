@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The error of stored runs against a reference run: unaligned, of live poses, in one sequence."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from results_factory import quickstart_like
+
+from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
+from slambed.report.load import Results, load
+from slambed.report.lookup import pool_of
+from slambed.report.measured import measure
+from slambed.report.papers import Paper
+from slambed.report.reference_runs import live_path, reference_errors
+
+
+def shifted(path: Trajectory, by_m: float) -> Trajectory:
+    moved = path.positions_m + np.array([0.0, 0.0, by_m])
+    return Trajectory(path.stamps_s, moved, path.quaternions_xyzw)
+
+
+@pytest.fixture
+def stored(tmp_path: Path) -> Results:
+    return load(quickstart_like(tmp_path, repetitions=1, duration_s=3.0))
+
+
+def split(stored: Results) -> tuple[pd.DataFrame, pd.DataFrame]:
+    runs = stored.trusted.assign(experiment_folder=stored.name)
+    alone = runs["system"].eq("orbslam2")
+    return runs[~alone], runs[alone]
+
+
+def rewrite(stored: Results, key: str, path: Trajectory) -> None:
+    write_tum(stored.folder / "runs" / key / "trajectory_live.txt", path)
+
+
+def test_drift_stays_and_a_reference_gone_astray_is_not_taken(stored: Results) -> None:
+    own, references = split(stored)
+    extra = references.iloc[[0]].assign(run_key="extra")
+    references = pd.concat([references, extra], ignore_index=True)
+    first = read_tum(stored.folder / "runs" / references["run_key"][0] / "trajectory_live.txt")
+    (stored.folder / "runs" / "extra").mkdir()
+    for key, offset in zip(references["run_key"], (0.0, 0.1, 50.0), strict=True):
+        rewrite(stored, key, shifted(first, offset))
+    for key in own["run_key"]:
+        rewrite(stored, key, shifted(first, 3.1))
+    found = reference_errors({stored.name: stored}, own, references)
+    assert list(found.index) == list(own.index)
+    assert found.to_numpy() == pytest.approx(3.0)  # against the one at 0.1 m, never that at 50 m
+
+
+def test_what_has_no_path_has_no_error(stored: Results) -> None:
+    own, references = split(stored)
+    results = {stored.name: stored}
+    first, second = own["run_key"]
+    (stored.folder / "runs" / first / "trajectory_live.txt").unlink()
+    (stored.folder / "runs" / second / "trajectory_live.txt").write_text("no path\n")
+    assert live_path(results, stored.name, first) is None
+    assert reference_errors(results, own, references).isna().all()
+    assert reference_errors(results, own, references.iloc[:0]).isna().all()
+    elsewhere = references.assign(dataset="another_room")
+    assert reference_errors(results, own, elsewhere).isna().all()
+
+
+@pytest.fixture
+def paper() -> Paper:
+    """Edge-SLAM judged by ORB-SLAM2's path, as CloudSLAM judges itself."""
+    return Paper.model_validate({
+        "id": "p", "kind": "paper",
+        "paper": {"title": "t", "authors": ["a"], "venue": "v", "year": 2020},
+        "systems": {
+            "orb": {"label": "ORB-SLAM2", "match": {"system": "orbslam2"}},
+            "edge": {"label": "Edge-SLAM", "match": {"system": "edgeslam"}},
+            "other": {"label": "another", "match": {"system": "cloudslam"}},
+        },
+        "datasets": {"room": {"label": "room", "match": ["room_walk"]}},
+        "conditions": {"link": {"ramp": {"profile": "ramp_85"}}},
+        "metrics": {"rmse": {"key": "rmse_vs_reference_live_m", "reference": "orb",
+                             "statistic": "mean", "scale": 100, "better": "lower"}},
+    })  # fmt: skip
+
+
+def test_a_published_error_against_a_system_is_measured_against_its_run(
+    stored: Results, paper: Paper
+) -> None:
+    own, references = split(stored)
+    first = read_tum(stored.folder / "runs" / references["run_key"].iloc[0] / "trajectory_live.txt")
+    for key in references["run_key"]:
+        rewrite(stored, key, first)
+    for key in own["run_key"]:
+        rewrite(stored, key, shifted(first, 2.0))
+    conditions = {"dataset": "room", "link": "ramp"}
+    found = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
+    assert found.values == pytest.approx([200.0])  # in the paper's centimetres
+    without = stored.runs[~stored.runs["system"].eq("orbslam2")]
+    stored.runs = without
+    told = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
+    assert not told.there
+    assert told.found.reason == "ORB-SLAM2: no run to be trusted"

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a report says about what its numbers stand on: compute times, settings, alignment, runs."""
+
+import json
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from results_factory import RawRun, room_walk, spec_of, write_experiment
+
+from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
+from slambed.report.compute_times import compute_times
+from slambed.report.conditions import conditions_of
+from slambed.report.differences import difference_table, differences
+from slambed.report.figures.paths import draw_paths
+from slambed.report.load import load
+from slambed.report.settings import settings_table
+from slambed.report.setup import setup_lines
+from slambed.report.style import FigureWriter, figure, from_zero_if_it_shows, legend_beneath
+from slambed.report.truth import truth_table
+from slambed.report.view import find_run, write_png
+
+PI = {"name": "raspberry_pi_4"}
+
+
+def on_a_pi(root: Path, track_ms: float, **more: object) -> Path:
+    spec = spec_of("orbslam2", "default", None, 0, device_mobile=PI, **more)
+    run = RawRun(duration_s=4.0, edge=False, track_ms=track_ms, manifest={"limits": {}})
+    return write_experiment(root, [(spec, run)])
+
+
+def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
+    fast, slow = on_a_pi(tmp_path / "a", 5.0), on_a_pi(tmp_path / "b", 40.0)
+    (live,) = compute_times(load(fast))
+    assert live.ran_ms == pytest.approx(5.0, rel=0.1)
+    assert live.ratio == pytest.approx(8.1, rel=0.1)
+    (line,) = [line for line in setup_lines(load(fast)) if "Compute times" in line]
+    assert f"{live.ran_ms:.1f} ms per frame" in line
+    assert f"its cost model charges {live.model_ms:.1f} ms" in line and "two machines" in line
+    assert "two machines" not in " ".join(setup_lines(load(slow)))
+    virtual = on_a_pi(tmp_path / "c", 40.0, engine="virtual")
+    assert "are those of its cost model" in " ".join(setup_lines(load(virtual)))
+
+
+def test_truth_says_how_far_apart_the_compute_times_are(tmp_path: Path) -> None:
+    live, virtual = on_a_pi(tmp_path / "a", 5.0), on_a_pi(tmp_path / "b", 40.0, engine="virtual")
+    caption = truth_table(load(live), load(virtual)).caption
+    assert "raspberry_pi_4 is two machines" in caption and "times)" in caption
+    same = on_a_pi(tmp_path / "c", 40.0)
+    assert "is one machine" in truth_table(load(same), load(virtual)).caption
+
+
+def test_settings_that_differ_between_systems_are_told(tmp_path: Path) -> None:
+    short = RawRun(duration_s=3.0)
+    runs = [
+        (spec_of(system, variant, "ramp_85", 0, params=params), short)
+        for system, variant, params in (
+            ("edgeslam", "static", {"loop_closing": True, "n_orb": 750, "n_kf": 1}),
+            ("dynnetslam", "wh_wsz", {"loop_closing": False, "n_orb": 750, "l_ol_ms": 40.0}),
+        )
+    ]
+    table = settings_table(load(write_experiment(tmp_path, runs)))
+    assert table.headings == ["setting", "dynnetslam:wh_wsz", "edgeslam:static"]
+    assert table.rows == [["loop_closing", "false", "true"]]
+
+
+@pytest.fixture
+def one_camera(tmp_path: Path) -> Path:
+    """A run whose path is a quarter as large as the true one, judged with its scale; the truth is
+    known for three times as long."""
+    experiment = write_experiment(tmp_path, [(spec_of("orbslam2", "default", None, 0),
+                                              RawRun(duration_s=4.0, edge=False))])  # fmt: skip
+    (run,) = (experiment / "runs").iterdir()
+    path = run / "trajectory.txt"
+    write_tum(path, read_tum(path).scaled(0.25))
+    summary = json.loads((run / "summary.json").read_text())
+    (run / "summary.json").write_text(json.dumps(summary | {"ate_alignment": "sim3"}))
+    truth = experiment / "groundtruth" / "room_walk.txt"
+    write_tum(truth, room_walk(12.0))
+    manifest = json.loads((run / "summary.json").read_text()) | {"groundtruth": None}
+    (run / "summary.json").write_text(json.dumps(manifest))
+    return experiment
+
+
+def test_one_camera_is_drawn_with_the_alignment_of_its_number(
+    one_camera: Path, tmp_path: Path
+) -> None:
+    results = load(one_camera)
+    writer = FigureWriter(tmp_path / "figures", "", [])
+    draw_paths(results, conditions_of(results)[0], writer)
+    (saved,) = writer.saved
+    assert "with its scale, Sim(3)" in saved.caption
+    data = pd.read_csv(writer.folder / saved.data)
+    own, true = data[data["run_key"].notna()], data[data["label"] == "ground truth"]
+    near = np.searchsorted(true["stamp_s"], own["stamp_s"]).clip(0, len(true) - 1)
+    columns = ["x_m", "y_m", "z_m"]
+    off = own[columns].to_numpy() - true[columns].to_numpy()[near]
+    assert np.median(np.linalg.norm(off, axis=1)) < 0.05
+
+
+def test_a_view_shows_the_truth_that_was_played(one_camera: Path, tmp_path: Path) -> None:
+    view = find_run(one_camera.parent, "0000")
+    assert view.truth is not None and isinstance(view.truth, Trajectory)
+    assert np.ptp(view.truth.stamps_s) == pytest.approx(3.9, abs=0.2)
+    assert view.alignment is not None and view.alignment.scale == pytest.approx(4, rel=0.02)
+    assert write_png(view, tmp_path).stat().st_size > 1000
+
+
+def test_differences_are_about_the_experiments_own_metrics_and_pairs(tmp_path: Path) -> None:
+    runs = [
+        (spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
+         RawRun(duration_s=3.0, edge=edge, seed=repetition, track_ms=30 if edge else 40))
+        for repetition in range(4)
+        for system, variant, edge in (("orbslam2", "default", False), ("edgeslam", "static", True))
+    ]  # fmt: skip
+    experiment = write_experiment(tmp_path, runs)
+    content = {"experiment": {"report": {"metrics": ["track_ms_p95", "keyframes"]}}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    found = differences(load(experiment), baseline="orbslam2")
+    assert [d.metric.key for d in found] == ["track_ms_p95", "keyframes"]
+    assert all(d.paired and d.runs == 4 and not d.possible for d in found)
+    assert found[0].effect == "higher in 0 of 4 pairs"
+    table = difference_table(found)
+    assert {row[-1] for row in table.rows} == {"too few runs to show any"}
+    assert "With 4 runs 2 of these 2 comparisons could show no difference" in table.caption
+    assert "from 7 runs per cell on they can" in table.caption
+
+
+def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:
+    runs = [
+        (spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
+         RawRun(duration_s=2.0, edge=edge, seed=repetition, track_ms=30 if edge else 40))
+        for repetition in range(7)
+        for system, variant, edge in (("orbslam2", "default", False), ("edgeslam", "static", True))
+    ]  # fmt: skip
+    experiment = write_experiment(tmp_path, runs)
+    content = {"experiment": {"report": {"metrics": ["track_ms_median"]}}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    (found,) = differences(load(experiment), baseline="orbslam2")
+    assert (found.verdict, found.possible) == ("better", True)
+    assert found.p_value == pytest.approx(2 / 2**7)
+    assert "could show" not in difference_table([found]).caption
+
+
+def test_boxes_are_not_squeezed_to_an_edge() -> None:
+    with figure() as (_, (axis,)):
+        assert not from_zero_if_it_shows(axis, [61.0, 65.0])
+        low, high = axis.get_xlim()
+        assert 58 < low < 61 and 65 < high < 68
+        assert from_zero_if_it_shows(axis, [1.0, 65.0])
+        assert axis.get_xlim() == (0, pytest.approx(68.25))
+        assert not from_zero_if_it_shows(axis, [7.0, 7.0])
+        assert axis.get_xlim()[0] < 7 < axis.get_xlim()[1]
+
+
+def test_titles_and_legends_stay_inside_the_figure(tmp_path: Path) -> None:
+    made: list[Figure] = []
+    with figure() as (drawn, (axis,)):
+        for i in range(5):
+            axis.plot([0, 1], [0, i], label=f"a system with quite a long name {i}")
+        axis.set_title("Runs with a track loss against CPU: a_data_set_with_a_name, and a profile")
+        legend_beneath(drawn, axis)
+        FigureWriter(tmp_path, "", []).save(drawn, "x", "x", "", pd.DataFrame({"a": [1]}))
+        made.append(drawn)
+        page = drawn.bbox
+        for text in (axis.title, *drawn.legends):
+            box = text.get_window_extent()
+            assert page.x0 <= box.x0 and box.x1 <= page.x1
+        assert "\n" in axis.get_title()
+        assert not drawn.legends[0].get_window_extent().overlaps(axis.get_tightbbox())
+    assert matplotlib.image.imread(tmp_path / "x.png").size > 0

@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often the rules of verdicts err, simulated with fixed seeds; and mutations that must show."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slambed.metrics.comparison import holm
+from slambed.report.verdicts import contrasts, rates, shares, statements
+from slambed.report.verdicts.contrasts import Step, judge_blocks, judge_contrast, power_of
+from slambed.report.verdicts.means import Effect, judge_mean
+from slambed.report.verdicts.model import Mean, Share
+from slambed.report.verdicts.prediction import score, share_position
+from slambed.report.verdicts.shares import chance_to_reproduce, judge_share, newcombe
+from slambed.report.verdicts.statements import (
+    Pair,
+    judge_about,
+    judge_bound,
+    judge_range,
+    judge_reduction,
+    judge_set,
+    judge_up_to,
+    judge_window,
+    pair_by_seed,
+)
+from slambed.report.verdicts.trends import cochran_armitage, jonckheere, page, shares_rising
+
+MOST = 0.06
+
+
+def check_off_by_the_margin() -> None:
+    for paper in rates.PAPER_SHARES:
+        for runs in (10, 30, 100, 300):
+            assert rates.share_off(paper, runs) <= MOST, (paper, runs)
+
+
+def check_reversed_truth() -> None:
+    found = rates.one_contrast(0.5, 0.05, 30)
+    assert found.get("holds", 0.0) == 0
+    assert found["reversed"] >= 0.8
+
+
+def check_reduction() -> None:
+    assert rates.reduction_same(0.942, 0.942, 20, 0.3) > 0.75
+    pair = Pair(Mean(1000.0, 100.0, 30), Mean(58.0, 6.0, 30))
+    assert judge_reduction(pair, 0.942, 0.001).outcome == "reproduced"
+
+
+# (1) and (2)
+
+
+def test_equal_shares_reproduce_with_enough_runs_and_rarely_differ() -> None:
+    assert [rates.share_same(p, 100)[0] > 0.95 for p in (0.0, 0.03, 1.0)] == [True] * 3
+    assert rates.share_same(0.36, 30)[0] < 0.01  # thirty runs cannot: honest, not a fault
+    assert 0.4 < rates.share_same(0.36, 100)[0] < 0.5
+    assert rates.share_same(0.36, 300)[0] > 0.7
+    for paper in rates.PAPER_SHARES:
+        for runs in (10, 30, 100):
+            assert rates.share_same(paper, runs)[1] <= MOST
+
+
+def test_shares_off_by_the_margin_are_not_reproduced() -> None:
+    check_off_by_the_margin()
+
+
+def test_means_equal_and_off_by_the_margin() -> None:
+    assert rates.mean_same(1.0, 20, 20, 0.2, 0.2) > 0.7
+    assert rates.mean_same(1.0, 100, 100, 0.2, 0.2) > 0.99
+    for runs, paper_runs in ((10, 5), (20, 20), (100, 100)):
+        for ratio in (1.2, 1 / 1.2):
+            assert rates.mean_same(ratio, runs, paper_runs, 0.2, 0.2) <= MOST
+
+
+def test_a_reduction_is_told_from_one_at_its_margin() -> None:
+    check_reduction()
+    for true in (1 - 0.058 * 4 / 3, 1 - 0.058 * 3 / 4):
+        assert rates.reduction_same(true, 0.942, 20, 0.3) <= MOST
+
+
+# (3) and (4)
+
+
+def test_no_effect_rarely_holds() -> None:
+    for share in (0.02, 0.1, 0.3, 0.8):
+        for runs in (10, 30, 100):
+            assert rates.trend_rate((share,) * 5, runs) <= MOST
+    assert rates.values_trend_rate((0.0,) * 4, 20) <= MOST
+    assert rates.one_contrast(0.2, 0.2, 30).get("holds", 0) <= MOST
+
+
+def test_a_conjunction_never_holds_by_chance() -> None:
+    for runs in (10, 30, 100):
+        same = rates.ENHANCED
+        assert rates.conjunction_rate(same, same, runs) == 0
+        assert rates.reversal_rate(same, same, runs) <= MOST
+
+
+def test_reversed_truth_is_found_reversed() -> None:
+    check_reversed_truth()
+    assert rates.reversal_rate(rates.CONVENTIONAL, rates.ENHANCED, 30) >= 0.8
+
+
+def test_the_papers_own_orderings_are_found_where_they_hold() -> None:
+    assert rates.trend_rate(rates.ENHANCED, 10) > 0.99
+    assert 0.4 < rates.trend_rate(rates.CONVENTIONAL, 10) < 0.6
+    assert rates.conjunction_rate(rates.ENHANCED, rates.CONVENTIONAL, 30) > 0.9
+
+
+# (5) and (6)
+
+
+@pytest.mark.parametrize("runs", [1, 2, 3, 4])
+def test_up_to_four_runs_decide_nothing(runs: int) -> None:
+    for bad in range(runs + 1):
+        for paper in (0, 50, 100):
+            assert judge_share(Share(bad, runs), Share(paper, 100)).outcome == "inconclusive"
+    far = Mean(9.0, 0.1, runs)
+    assert judge_mean(far, Mean(1.0, 0.1, 100), 0.2).outcome == "inconclusive"
+    assert judge_mean(Mean(1.0, 0.0, runs), Mean(1.0), 0.2).outcome == "inconclusive"
+    assert judge_bound(far, "lt", 1.0).outcome == "inconclusive"
+    assert judge_reduction(Pair(far, far), 0.5).outcome == "inconclusive"
+    step = Step((Share(0, runs), Share(runs, runs)), (Share(0, 100), Share(73, 100)))
+    assert judge_contrast([step], 0.0).outcome == "inconclusive"
+
+
+def test_more_runs_never_lower_the_power() -> None:
+    """But for the sawtooth of whole counts, which stays below 6 points."""
+    for paper in (0, 3, 36, 73, 100):
+        chances = [chance_to_reproduce(Share(paper, 100), n) for n in (10, 30, 100, 300, 1000)]
+        assert all(b >= a - MOST for a, b in pairwise(chances)), chances
+    step = Step((), tuple(Share(round(100 * p), 100) for p in rates.CONVENTIONAL))
+    powers = [power_of([step], [[n] * 5]) for n in (10, 30, 100, 300)]
+    assert powers == sorted(powers)
+
+
+# (9) and what an interval is
+
+
+def test_intervals_at_the_ends() -> None:
+    for runs in (5, 30, 100):
+        for bad in (0, runs):
+            for paper in (0, 100):
+                low, high = newcombe(bad, runs, paper, 100, 0.95)
+                assert -1 <= low <= high <= 1
+    assert judge_share(Share(0, 100), Share(0, 100)).outcome == "reproduced"
+    assert judge_share(Share(100, 100), Share(100, 100)).outcome == "reproduced"
+    assert judge_share(Share(0, 100), Share(100, 100)).outcome == "differs"
+    assert judge_share(Share(0, 10), Share(0, 100)).outcome == "inconclusive"
+    assert judge_share(Share(0, 10), Share(0, 100)).runs_needed == 30
+
+
+def test_statistics_agree_with_published_examples() -> None:
+    """Newcombe (1998) table II; R's prop.trend.test(smokers, patients); Hollander and Wolfe (1999)
+    table 6.6 with the variance for ties."""
+    assert np.round(newcombe(56, 70, 48, 80, 0.95), 4) == pytest.approx([0.0524, 0.3339])
+    assert np.round(newcombe(9, 10, 3, 10, 0.95), 4) == pytest.approx([0.1705, 0.8090])
+    falling = cochran_armitage([70, 129, 90, 83], [82, 136, 93, 86])
+    assert 2 * float(falling) == pytest.approx(0.004132, abs=1e-6)
+    motivation = [
+        np.array([40, 35, 38, 43, 44, 41.0]),
+        np.array([38, 40, 47, 44, 40, 42.0]),
+        np.array([48, 40, 45, 43, 46, 44.0]),
+    ]
+    assert jonckheere(motivation) == pytest.approx(0.0207, abs=1e-4)
+
+
+def test_rare_losses_are_tested_exactly() -> None:
+    """Two losses, both in the last of three cells of ten: 10 * 9 / (30 * 29) of all placements."""
+    cells = [Share(0, 10), Share(0, 10), Share(2, 10)]
+    assert shares_rising(cells) == pytest.approx(45 / 435)
+    assert shares_rising(cells[::-1]) == 1.0
+    assert shares_rising([Share(10, 10), Share(10, 10), Share(10, 10)]) == 1.0
+    mirrored = [Share(8, 10), Share(10, 10), Share(10, 10)]
+    assert shares_rising(mirrored) == pytest.approx(45 / 435)
+
+
+# (11) statements
+
+
+def seconds(value: float) -> Mean:
+    return Mean(value, 0.05 * value, 20)
+
+
+def test_sets_and_ranges_are_no_lower_bounds() -> None:
+    stated = [Mean(250.0), Mean(300.0)]
+    assert judge_set([seconds(400), seconds(400)], stated, 0.2).outcome == "differs"
+    assert judge_set([seconds(255), seconds(290)], stated, 0.2).outcome == "reproduced"
+    assert judge_set([seconds(255), None], stated, 0.2).outcome == "inconclusive"
+    assert judge_set([None, None], stated, 0.2).outcome == "not_run"
+    assert judge_range(seconds(24), 23, 25).outcome == "reproduced"
+    assert judge_range(seconds(30), 23, 25).outcome == "differs"
+    assert judge_range(seconds(25), 23, 25).outcome == "inconclusive"
+
+
+def pair(reduction: float, runs: int = 30) -> Pair:
+    return Pair(
+        Mean(1000.0, 100.0, runs), Mean(1000 * (1 - reduction), 100 * (1 - reduction), runs)
+    )
+
+
+def test_up_to_is_no_upper_bound() -> None:
+    ours = {"desk": pair(0.88), "pioneer2": pair(0.942), "pioneer3": pair(0.93)}
+    assert judge_up_to(ours, 0.942, "pioneer2", 0.001).outcome == "reproduced"
+    small = {name: pair(0.02) for name in ours}
+    found = judge_up_to(small, 0.942, "pioneer2", 0.001)
+    assert found.outcome == "differs"
+    assert "smaller effect" in found.why
+    half = judge_up_to({name: pair(0.5) for name in ours}, 0.942, "pioneer2", 0.001)
+    assert half.why.startswith("a smaller effect, but one everywhere")
+    more = judge_up_to(ours | {"desk": pair(0.97)}, 0.942, "pioneer2", 0.001)
+    assert more.outcome == "differs"
+    assert more.why.startswith("more than stated on desk")
+    assert judge_up_to({"desk": pair(0.942)}, 0.942, "pioneer2").outcome == "not_run"
+
+
+def test_pairs_of_seeds_sharpen_a_reduction() -> None:
+    generator = np.random.default_rng(1)
+    before = generator.normal(100, 20, 30)
+    after = 0.5 * before + generator.normal(0, 2, 30)
+    paired = pair_by_seed(before.tolist(), after.tolist())
+    apart = Pair(paired.before, paired.after)
+    assert paired.left().se < 0.5 * apart.left().se
+    assert judge_reduction(paired, 0.5).outcome == "reproduced"
+
+
+def test_about_and_more_than() -> None:
+    assert judge_about(seconds(24), Mean(22.0)).outcome == "reproduced"
+    assert judge_about(seconds(33), Mean(22.0)).outcome == "differs"
+    assert judge_bound(seconds(20), "lt", 22).outcome == "reproduced"
+    assert judge_bound(seconds(22), "lt", 22).outcome == "inconclusive"
+    assert judge_bound(seconds(30), "lt", 22).outcome == "differs"
+    assert judge_bound(Share(2, 100), "lt", 0.1).outcome == "reproduced"
+
+
+def test_times_of_losses() -> None:
+    assert judge_window(9, 10, 3 / 87).outcome == "reproduced"
+    assert judge_window(1, 20, 3 / 87).outcome == "differs"
+    assert judge_window(3, 9, 3 / 87).outcome == "inconclusive"
+    assert judge_window(0, 0, 3 / 87).outcome == "not_run"
+    assert judge_window(8, 10, 0.8).outcome != "reproduced"  # a window of nearly all the time
+
+
+# orderings
+
+
+def test_an_ordering_that_the_paper_does_not_show_is_not_judged() -> None:
+    steps = [[Step((Share(0, 100), Share(9, 100)), (Share(9, 100), Share(10, 100)))],
+             [Step((Share(0, 100), Share(9, 100)), (Share(9, 100), Share(40, 100)))]]  # fmt: skip
+    shown = holm([contrasts.paper_shows(s)[0] for s in steps])
+    found = [judge_contrast(s, p).outcome for s, p in zip(steps, shown, strict=True)]
+    assert found == ["paper_cannot_tell", "holds"]
+
+
+def test_inconclusive_names_power_and_runs() -> None:
+    paper = tuple(Share(round(100 * p), 100) for p in rates.CONVENTIONAL)
+    ours = tuple(Share(bad, 10) for bad in (1, 2, 1, 3, 2))
+    found = judge_contrast([Step(ours, paper)], 0.0)
+    assert found.outcome == "inconclusive"
+    assert found.power == pytest.approx(0.51, abs=0.03)
+    assert found.runs_needed in (20, 30)
+    enhanced = tuple(Share(round(100 * p), 100) for p in rates.ENHANCED)
+    none = judge_contrast([Step((Share(0, 10),) * 5, enhanced)], 0.0)
+    assert (none.outcome, none.runs_needed) == ("inconclusive", None)  # ten would have shown it
+    assert none.power is not None and none.power > 0.99
+
+
+def test_blocks_ask_for_one_order_on_all_sequences() -> None:
+    paper = np.array([[1, 2, 3, 4.0], [2, 3, 4, 5], [1, 3, 4, 6], [1, 2, 4, 5]])
+    assert page(paper) < 0.001
+    assert judge_blocks(2 * paper, paper).outcome == "holds"
+    assert judge_blocks(paper[:, ::-1], paper).outcome == "reversed"
+    mixed = paper.copy()
+    mixed[::2] = mixed[::2, ::-1]
+    assert judge_blocks(mixed, paper).outcome == "inconclusive"
+    assert judge_blocks(paper, mixed).outcome == "paper_cannot_tell"
+
+
+# prediction
+
+
+def test_predictions_cover_what_they_say() -> None:
+    for runs in (30, 100, 300):
+        assert 0.93 <= rates.prediction_cover_overall(runs) <= 0.98
+    for share in (0.1, 0.36, 0.73):
+        assert 0.93 <= rates.prediction_cover(share, 100) <= 0.98
+    assert 0.93 <= rates.mean_prediction_cover(20, 20) <= 0.98
+    off = [share_position(Share(10, 100), Share(60, 100))] * 9 + [0.5]
+    found = score(off)
+    assert (found.inside, found.cells) == (1, 10)
+    assert found.p_value < 1e-6
+    assert found.histogram[-1] == 9
+
+
+# Mutations: each must make a check above fail, or the check is worth nothing.
+
+Check = Callable[[], None]
+
+
+def no_margin(*counts: Any) -> tuple[Any, Any]:
+    low, high = newcombe(*counts[:4], 0.95)
+    return (low < 0) & (high > 0), (low > 0) | (high < 0)
+
+
+@pytest.mark.parametrize(
+    ("target", "name", "mutant", "check"),
+    [
+        (shares, "decide", no_margin, check_off_by_the_margin),
+        (contrasts, "rising", lambda cells: contrasts.pair_rising(cells[1], cells[0]),
+         check_reversed_truth),
+        (statements, "effect_of", lambda a, b, kind: Effect(
+            float(np.log(b.value / a.value)), 0.02, 30), check_reduction),
+    ],
+    ids=["margin ignored", "sign of an ordering flipped", "sign of a reduction flipped"],
+)  # fmt: skip
+def test_mutations_are_noticed(
+    target: Any, name: str, mutant: Any, check: Check, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check()
+    monkeypatch.setattr(target, name, mutant)
+    with pytest.raises(AssertionError):
+        check()
+
+
+def test_what_is_assumed_is_flagged() -> None:
+    ours = Mean(36.0, 2.0, 100)
+    found = judge_mean(ours, Mean(36.3, None, None, 0.1), 0.2)
+    assert found.assumed == ("n = 5 in the paper", "spread in the paper as ours (6%)")
+    assert judge_mean(ours, Mean(36.3, 2.0, 100, 0.1), 0.2).assumed == ()
+    assert judge_mean(replace(ours, value=0.0), Mean(36.3), 0.2).outcome == "inconclusive"

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a virtual run may take: a limit of CPU time is an outcome, standing still is none."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+import pytest
+from harness_parts import stand_in_sim, virtual_spec
+
+from slambed.engines.virtual import VirtualRun
+from slambed.errors import ExitCode, PassingError
+
+
+@pytest.fixture
+def run_of(tmp_path: Path) -> Callable[[str], VirtualRun]:
+    """A run that may compute for two seconds and stand still for one and a half."""
+
+    def make(act: str) -> VirtualRun:
+        (tmp_path / "raw").mkdir()
+        spec, program = virtual_spec(params={"sim_act": act}), stand_in_sim(tmp_path)
+        return VirtualRun(spec, tmp_path, 0.1, tmp_path / "raw", program, None, 0.0, 1.5)
+
+    return make
+
+
+def simulation() -> psutil.Process | None:
+    for child in psutil.Process().children():
+        if "sim.json" in child.cmdline():
+            return child
+    return None
+
+
+def test_a_run_that_computes_for_too_long_has_timed_out(
+    run_of: Callable[[str], VirtualRun],
+) -> None:
+    result = run_of("burn").execute(threading.Event())
+    assert result.outcome == "timed_out"
+    assert result.reason == "slambed-sim had not finished after 2 s of CPU time"
+    assert simulation() is None
+
+
+def test_a_run_that_stands_still_is_a_failure_that_may_pass(
+    run_of: Callable[[str], VirtualRun],
+) -> None:
+    with pytest.raises(PassingError, match=r"computed .* in 2 s: it waits, was") as told:
+        run_of("hang").execute(threading.Event())
+    assert told.value.code == ExitCode.ENVIRONMENT
+    assert simulation() is None
+
+
+def test_a_host_that_leaves_a_run_little_time_changes_no_outcome(
+    run_of: Callable[[str], VirtualRun],
+) -> None:
+    """It is stopped for longer than it may compute, and still has its two seconds of CPU time."""
+    run, spent = replace(run_of("burn"), idle_limit_s=30.0), []
+    began_s = time.monotonic()
+
+    def starve() -> None:
+        while (found := simulation()) is None:
+            time.sleep(0.01)
+        os.kill(found.pid, signal.SIGSTOP)
+        time.sleep(3.0)
+        spent.append(sum(found.cpu_times()[:2]))
+        os.kill(found.pid, signal.SIGCONT)
+
+    thread = threading.Thread(target=starve)
+    thread.start()
+    result = run.execute(threading.Event())
+    thread.join()
+    assert result.outcome == "timed_out"
+    assert spent[0] < 2.0 and time.monotonic() - began_s > 3.0 + 2.0 - spent[0]

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a build must be for results to be the same bytes everywhere. Included where floating point
+/// decides, so that flags which break it are refused when it is built and not found in a table.
+#pragma once
+
+#include <cfloat>
+
+static_assert(FLT_EVAL_METHOD == 0, "doubles must be rounded after every operation (no x87)");
+
+#if defined(__FAST_MATH__)
+#error "-ffast-math lets the compiler change results: build slambed without it"
+#endif
+#if defined(__FMA__) || defined(__AVX__)
+#error "-march or -mavx for everything makes Eigen add in another order: build slambed without it"
+#endif

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <utility>
+
+#include "runtime/runtime.hpp"
+
+namespace slambed {
+
+/// What a worker was asked for: whoever asked looks whether it is done, waits for it, or does neither.
+/// Must not outlive the worker's owner.
+class Completion {
+ public:
+  using Test = std::function<bool()>;
+
+  /// signal: notified after each change of done() or hopeless().
+  Completion(Signal& signal, Test done, Test hopeless)
+      : signal_(&signal), done_(std::move(done)), hopeless_(std::move(hopeless)) {}
+
+  bool done() const { return done_(); }
+  /// True once it is done; false when that is hopeless, at the deadline or when the run stops.
+  bool wait(Worker& worker, RunTime deadline = kNever) const {
+    for (;;) {
+      const auto ticket = signal_->ticket();  // before the look: no notify in between is missed
+      if (done_()) return true;
+      if (hopeless_() || worker.stopping() || worker.now() >= deadline) return false;
+      worker.wait(*signal_, ticket, deadline);
+    }
+  }
+
+ private:
+  Signal* signal_;
+  Test done_, hopeless_;
+};
+
+}  // namespace slambed

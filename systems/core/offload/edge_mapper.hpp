@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "node/edge_node.hpp"
+#include "node/local_mapping.hpp"
+#include "node/loop_closing.hpp"
+#include "offload/keyframe_intake.hpp"
+#include "offload/map_jumps.hpp"
+
+namespace slambed {
+
+struct EdgeMapperOptions {
+  int queue_limit = 3;       ///< keyframes that may wait for the mapper
+  bool loop_closing = true;  ///< look for loops in the global map and close them
+};
+
+/// What others do on the mapping worker of an edge.
+struct EdgeMapperHooks {
+  /// After a keyframe was worked in, before loops are looked for; times: until mapped.
+  std::function<void(Worker&, const wire::UpdateTimes&)> mapped;
+  /// When no keyframe waits; returns when it wants to be called again.
+  std::function<RunTime(Worker&)> idle;
+  /// The map was thrown away: a new one begins. On the worker that admitted its first keyframe.
+  std::function<void()> cleared;
+};
+
+/// The global map of an edge and all that changes it: local mapping, loops, what the mobile changed
+/// itself. Knows which keyframes were admitted and mapped.
+class EdgeMapper {
+ public:
+  EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHooks hooks);
+
+  void start();
+  const std::shared_ptr<Map>& map() const { return map_; }
+  /// Which keyframes of the map look alike; follows the map.
+  const std::shared_ptr<PlaceIndex>& places() const { return places_; }
+
+  MapperStatus status() const { return mapping_.status(); }
+  /// Edge-SLAM's admission; see admission.hpp.
+  std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& message) const;
+  /// Takes a keyframe in; with the first of a new map the old one goes.
+  void admit(Worker& worker, AdmittedKeyFrame keyframe);
+
+  /// Reads the map for an update: read(number). See MapJumps.
+  template <typename Read>
+  auto read_for_update(Read read) {
+    return jumps_.update(read);
+  }
+  /// Where every keyframe that was ever admitted is now, culled ones through their parents.
+  std::vector<KeyFramePose> all_poses() const;
+  /// The latest mapped keyframes that still exist, newest first, at most count.
+  std::vector<KeyFrameId> latest(int count) const;
+  /// The last keyframe that was mapped or merged; none before the first.
+  KeyFrameId newest() const;
+  /// wire::MapUpdate::settled as of now.
+  KeyFrameId settled() const;
+
+  /// Waits until all that was admitted is mapped; what closed loops leave to do is dropped at the
+  /// deadline.
+  void drain(Worker& worker, RunTime deadline);
+  /// Mapping rests: no keyframe is admitted. What is being mapped is finished.
+  void park(bool parked) { mapping_.park(parked); }
+  /// Takes over what was changed elsewhere while mapping rested. Keyframes that waited are dropped:
+  /// the changes have them. From any worker but mapping's own.
+  CommitReport merge(Worker& worker, MapDelta changes);
+
+ private:
+  MappingHooks mapping_hooks();
+  void clear(Worker& worker);
+  bool take(KeyFrameId keyframe);
+  void mapped(Worker& worker, KeyFrameId keyframe);
+
+  EdgeNode& node_;
+  EdgeMapperOptions options_;
+  EdgeMapperHooks hooks_;
+  std::shared_ptr<Map> map_ = std::make_shared<Map>();
+  std::shared_ptr<PlaceIndex> places_;
+  LocalMapping mapping_;
+  std::optional<LoopClosing> loops_;
+  MapJumps jumps_;
+
+  mutable std::mutex mutex_;  ///< guards what follows
+  double last_admitted_s_ = -1;
+  std::map<KeyFrameId, AdmittedKeyFrame> pending_;
+  std::vector<KeyFrameId> admitted_;          ///< in order of arrival
+  std::vector<KeyFrameId> mapped_keyframes_;  ///< in order of mapping
+};
+
+}  // namespace slambed

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/keyframe_intake.hpp"
+
+#include "offload/admission.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed {
+
+KeyFrameIntake::KeyFrameIntake(EdgeNode& node, Channel& channel, MessageCodec codec,
+                               IntakeHooks hooks)
+    : node_(node),
+      channel_(channel),
+      codec_(std::move(codec)),
+      hooks_(std::move(hooks)),
+      received_(node.runtime().make_signal()) {}
+
+void KeyFrameIntake::start() {
+  node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
+}
+
+void KeyFrameIntake::receive(Worker& worker) {
+  while (const auto message = channel_.receive(worker, kNever)) {
+    if (message->type == static_cast<std::uint8_t>(wire::MessageType::kKeyFrame)) {
+      take(worker, *message);
+    }
+    received_sequence_ = message->sequence;
+    received_->notify();
+  }
+}
+
+void KeyFrameIntake::take(Worker& worker, const Message& raw) {
+  AdmittedKeyFrame keyframe;
+  std::optional<std::string_view> declined;
+  const bool parsed = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
+    units.n1 = kilobytes(raw.payload);
+    try {
+      keyframe.message = codec_.keyframe(raw.payload, node_.peer().sensor());
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string("KEYFRAME refused: ") + error.what());
+      return false;
+    }
+    if (hooks_.heard) hooks_.heard(keyframe.message);
+    declined = hooks_.decline_reason(keyframe.message);
+    return true;
+  });
+  if (!parsed) return;
+  if (declined) {
+    node_.log().write(JsonLine("keyframe_declined")
+                          .add("keyframe", keyframe.message.keyframe.value)
+                          .add("reason", *declined));
+    if (asks_ && *declined == kNoMap) {
+      channel_.send(static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted), {});
+    }
+    return;
+  }
+  keyframe.times.captured = keyframe.message.captured;
+  keyframe.times.queued = raw.queued;
+  keyframe.times.received = raw.received;
+  hooks_.admit(worker, std::move(keyframe));
+}
+
+void KeyFrameIntake::wait_for(Worker& worker, std::uint64_t sequence, RunTime deadline) {
+  for (;;) {
+    const auto ticket = received_->ticket();
+    if (received_sequence_ >= sequence || worker.stopping() || worker.now() >= deadline) return;
+    worker.wait(*received_, ticket, deadline);
+  }
+}
+
+}  // namespace slambed

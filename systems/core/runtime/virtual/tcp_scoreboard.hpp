@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "base/time.hpp"
+#include "runtime/virtual/tcp_receiver.hpp"
+
+namespace slambed {
+
+/// A segment that was sent and is not acknowledged yet.
+struct TcpSegment {
+  ByteRange bytes;
+  RunTime sent{};              ///< the last time
+  bool retransmitted = false;  ///< ever
+  bool sacked = false;
+  bool lost = false;   ///< believed lost, and not sent again since
+  bool again = false;  ///< sent again after a loss, under way
+};
+
+/// What one acknowledgement changed.
+struct TcpNews {
+  int acknowledged = 0;         ///< segments, cumulatively
+  int delivered = 0;            ///< segments newly known to have arrived
+  bool original = false;        ///< one of them had never been retransmitted
+  std::optional<Duration> rtt;  ///< of a segment that was sent once
+};
+
+/// What the sender knows of the segments under way, and which of them it believes lost: those sent
+/// before one that has arrived (RACK, RFC 8985).
+class TcpScoreboard {
+ public:
+  void sent(const TcpSegment& segment) { segments_.push_back(segment); }
+  TcpNews take(const TcpAck& ack, RunTime now);
+
+  /// Marks losses; returns when to look again at segments that may just be late, if at all.
+  std::optional<RunTime> find_losses(RunTime now, Duration reordering);
+  /// After a time-out everything counts as lost that was not sent within the last round trip.
+  void time_out(RunTime now);
+  /// The time-out was wrong: nothing is lost.
+  void forgive();
+
+  /// The first one to send again; nullptr when none is lost.
+  TcpSegment* next_lost();
+  void resend(TcpSegment& segment, RunTime now);
+  TcpSegment& first() { return segments_.front(); }
+  TcpSegment& last() { return segments_.back(); }
+
+  bool empty() const { return segments_.empty(); }
+  int out() const { return static_cast<int>(segments_.size()); }
+  int sacked() const { return sacked_; }
+  int lost() const { return lost_; }
+  int in_flight() const { return out() - sacked_ - lost_; }
+
+ private:
+  void arrived(const TcpSegment& segment, RunTime now, TcpNews& news);
+  bool before_newest(const TcpSegment& segment) const;
+  void mark_lost(TcpSegment& segment);
+
+  std::deque<TcpSegment> segments_;
+  int sacked_ = 0, lost_ = 0;
+  // RACK: of all that arrived, the one sent last.
+  RunTime newest_sent_{};
+  std::uint64_t newest_end_ = 0;
+  Duration newest_rtt_{}, least_rtt_ = Duration::max();
+};
+
+}  // namespace slambed

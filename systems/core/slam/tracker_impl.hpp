@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "slam/frame_search.hpp"
+#include "slam/keyframe_maker.hpp"
+#include "slam/local_view.hpp"
+#include "slam/relocaliser.hpp"
+#include "slam/tracker.hpp"
+#include "slam/two_view_start.hpp"
+#include "slam/wide_search.hpp"
+
+namespace slambed {
+
+/// A tracker from the inside: life of a frame (tracker.cpp), and ways to a pose
+/// (tracker_hypotheses.cpp).
+struct Tracker::Impl {
+  Impl(TrackerOptions o, std::shared_ptr<Map> m, IdSpace space, std::shared_ptr<PlaceIndex> places)
+      : options(o), map(std::move(m)), ids(space), relocaliser(std::move(places)) {
+    find_in_foreign_map();
+  }
+
+  TrackOutcome track(std::uint64_t index, double time_s, std::shared_ptr<const FeatureSet> set);
+  void initialise(TrackOutcome& outcome);
+  std::optional<MapDelta> first_keyframe();
+  void refresh_last();
+  bool track_motion();
+  bool track_reference();
+  bool track_widely();
+  bool relocalise();
+  void note_relocalisation();
+  bool follow(TrackOutcome& outcome);
+  bool agrees(float radius_factor, TrackOutcome& outcome);
+  bool find_again(TrackOutcome& outcome);
+  bool track_local(float radius_factor, TrackOutcome& outcome);
+  void gather_evidence(int inliers);
+  void start_over();
+  void find_in_foreign_map();
+  bool resume(const SE3& T_cw, KeyFrameId at);
+  MapDelta create_keyframe(bool becomes_reference);
+  void continue_on(std::shared_ptr<Map> fresh);
+
+  bool recently_relocalised(int frames) const {
+    return relocalised_ever && frame_number - relocalised_at < frames;
+  }
+
+  TrackerOptions options;
+  std::shared_ptr<Map> map;
+  TrackerIds ids;
+  TrackingState state = TrackingState::kNotInitialised;
+  SE3 first_T_cw;  ///< of the first keyframe of a map
+
+  Frame current, last;
+  std::optional<SE3> velocity;          ///< T_current_last of the last two frames
+  KeyFrameId reference;                 ///< keyframe that poses are relative to
+  std::vector<KeyFrameId> provisional;  ///< created here but not (yet) fit to be a reference
+  int frame_number = 0;                 ///< frames processed; starts at 1
+  int keyframe_at = 0, relocalised_at = 0;
+  bool relocalised_ever = false;
+  KeyFrameEvidence evidence;
+  int searched = 0;  ///< points looked for in this frame
+  MapDelta first_delta;  ///< of the keyframes made by initialise()
+  bool first_delta_waiting = false;
+
+  LocalView local;
+  FrameSearch search;
+  WideSearch wide;
+  struct Doubtful {
+    Frame frame;
+    TrackOutcome outcome;
+  };
+  std::optional<Doubtful> doubtful;  ///< best pose of this frame that the map hardly agrees with
+  Relocaliser relocaliser;
+  TwoViewStart two_views;
+  std::vector<SeenPoint> last_points;
+};
+
+}  // namespace slambed

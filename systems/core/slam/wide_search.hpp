@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "slam/frame_search.hpp"
+
+namespace slambed {
+
+/// Finds the pose of a frame among the points of a local map without a prediction: every point is
+/// compared with every feature, and three points in RANSAC decide. For frames that all else failed
+/// for: it costs points times features.
+class WideSearch {
+ public:
+  /// True when the frame has a pose that enough matches agree on; replaces all matches.
+  bool locate(std::span<const PointSketch> points, FrameSearch& search, Frame& frame);
+  /// Points compared by all calls so far.
+  std::uint64_t compared() const { return compared_; }
+
+ private:
+  /// A map point and the feature that looks like it.
+  struct Pair {
+    int point, feature;
+    Eigen::Vector3d p_c;  ///< the feature in the camera, where its depth was measured
+  };
+  void match(std::span<const PointSketch> points, const FeatureSet& features);
+  bool agree(const std::vector<Pair>& pairs, std::span<const PointSketch> points,
+             const FeatureSet& features, SE3& T_cw);
+
+  std::vector<Pair> pairs_;
+  std::vector<std::uint8_t> inlier_, best_inlier_;
+  std::vector<std::uint16_t> distances_;
+  std::uint64_t compared_ = 0;
+};
+
+}  // namespace slambed

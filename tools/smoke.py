@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Three seconds of one run of every experiment, in virtual time: see smoke.sh.
+
+    smoke.py FOLDER [EXPERIMENT ...]
+
+An experiment is cut down and otherwise left as it is: one cell of each of its systems, the last one
+that the virtual engine can play, on every dataset that a bare checkout has, with its faults early.
+"""
+
+import dataclasses
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slambed.data.catalog import Catalog
+from slambed.errors import SlambedError
+from slambed.spec.library import Library
+
+SECONDS, FPS = 3.0, 10.0
+SLACK_S = 0.3
+"""So that the last frame before SECONDS is in the sequence."""
+LIMIT_S = 600
+"""Far more than it takes: what hangs is a fault too."""
+FAULT_AT_S, FAULT_FOR_S = 1.0, 1.0
+LIVE_ONLY = ("kill", "restart")
+
+
+def short_catalog() -> Catalog:
+    """All generated datasets, SECONDS long; a recorded one is missing as in a bare checkout."""
+    shipped = Catalog.load(search=[])
+    datasets = {}
+    for name, dataset in shipped.datasets.items():
+        if dataset.synthetic is not None:
+            options = dataset.synthetic.model_copy(update={"seconds": SECONDS + SLACK_S})
+            dataset = dataset.model_copy(update={"synthetic": options, "fps": FPS})
+        datasets[name] = dataset
+    return dataclasses.replace(shipped, datasets=datasets)
+
+
+def cut(experiment: dict[str, Any], sequences: list[str]) -> dict[str, Any]:
+    """The experiment's file with one cell per system and dataset, and three seconds."""
+    common = experiment.get("faults", [])
+
+    def is_virtual(choice: dict[str, Any]) -> bool:
+        return not any(fault.get("edge") in LIVE_ONLY for fault in choice.get("faults", common))
+
+    # The last entry of each system: a report may ask for what only one of them measures.
+    choices = list({c["system"]: dict(c) for c in experiment["systems"] if is_virtual(c)}.values())
+    short = experiment | {"systems": choices, "datasets": sequences, "engine": "virtual"}
+    for place in (short, *choices):
+        if "faults" in place:
+            place["faults"] = [early(fault) for fault in place["faults"]]
+    if "link" in experiment:
+        known = [p if isinstance(p, str) else p["name"] for p in experiment["link"]["profiles"]]
+        for choice in choices:
+            choice["profiles"] = choice.get("profiles", known)[-1:]
+    playback = experiment.get("playback", {}) | {"start_s": 0, "end_s": SECONDS}
+    return short | {"playback": playback}
+
+
+def early(fault: dict[str, Any]) -> dict[str, Any]:
+    """The fault within the three seconds."""
+    return fault | {"at_s": FAULT_AT_S} | ({"for_s": FAULT_FOR_S} if "for_s" in fault else {})
+
+
+def play(name: str, catalog: Catalog, place: Path) -> str:
+    """Plays one experiment; what is wrong in one line, empty when it went well."""
+    library = Library()
+    experiment, source = library.experiment(name)
+    datasets = [catalog.resolve(dataset) for dataset in experiment.datasets]
+    here = list(dict.fromkeys(d.id for d in datasets if catalog.available(d)))
+    try:
+        sequences = [str(catalog.prepare(dataset).path) for dataset in here]
+    except SlambedError as error:
+        return str(error)
+    if not sequences:
+        return "nothing to play in a bare checkout"
+    file = place / f"{name}.yaml"
+    file.write_text(yaml.safe_dump(cut(source.data, sequences), sort_keys=False))
+    command = [sys.executable, "-c", "from slambed.cli import main; main()", "run", str(file)]
+    command += ["--engine", "virtual", "--runs", "1", "--jobs", "1"]
+    try:
+        done = subprocess.run(
+            [*command, "--results", str(place / "results")],
+            capture_output=True, text=True, check=False, timeout=LIMIT_S,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return f"not over after {LIMIT_S} s"
+    if done.returncode == 0:
+        return ""
+    lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
+    return f"exit code {done.returncode}: {lines[-1] if lines else 'no output'}"
+
+
+def main() -> int:
+    place, names = Path(sys.argv[1]), sys.argv[2:] or Library().experiments()
+    catalog = short_catalog()
+    began = time.monotonic()
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        results = dict(zip(names, pool.map(lambda n: play(n, catalog, place), names), strict=True))
+    bad = {name: line for name, line in results.items() if line}
+    for name, line in bad.items():
+        print(f"error: smoke, {name}: {line}", file=sys.stderr)
+    took_s = time.monotonic() - began
+    print(f"smoke: {len(names) - len(bad)} of {len(names)} experiments ran, {took_s:.0f} s")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
