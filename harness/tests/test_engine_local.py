@@ -261,8 +261,8 @@ class EdgeProbe(IdleLink):
     def alive(self) -> bool:
         assert self.bench is not None and self.bench.live is not None
         pid = self.bench.live._nodes["edge"].pid
-        # A process that ends leaves its namespaces first, its groups next, and is a zombie last: in this
-        # order of reading, groups and namespace are those of a process that was not ending.
+        # A process that ends leaves its namespaces first, its groups next, and is a zombie last: in
+        # this order of reading, groups and namespace are those of a process that was not ending.
         try:
             groups = Path(f"/proc/{pid}/cgroup").read_text()
             network = str(netns(pid).readlink())

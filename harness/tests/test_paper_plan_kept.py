@@ -14,7 +14,13 @@ from slambed.report.compare import compare_paper
 from slambed.report.load import Results
 from slambed.report.lookup import pool_of
 from slambed.report.papers import Paper, read_papers
-from slambed.report.papers.plan import PaperPlan, PlannedRuns, frozen_digest
+from slambed.report.papers.plan import (
+    PaperPlan,
+    PlannedRuns,
+    frozen_digest,
+    plans_of_today,
+    read_plan,
+)
 from slambed.report.papers_cli import app
 from slambed.report.power import costs, ordering_powers, seconds_per_run
 from slambed.report.registered import plan_lines, plan_words
@@ -35,10 +41,19 @@ def plan_of(paper: Paper, **more: Any) -> PaperPlan:
     ).model_copy(update=more)  # fmt: skip
 
 
-def results(started: str = "2026-05-02T00:00:00Z", seed: int = 1, runs: int = 10) -> Results:
+def results(
+    started: str = "2026-05-02T00:00:00Z",
+    seed: int = 1,
+    runs: int = 10,
+    plan: PaperPlan | None = None,
+) -> Results:
+    """Runs as they are made under a plan."""
     lost = [min(n, runs) for n in PAPER_ENHANCED]
     found = table_2({"static": lost}, runs, engine="virtual", device_mobile="pi")
     found.runs["started_utc"] = started
+    if plan is not None:
+        found.runs["plan.dynnetslam"] = plan.digest
+        found.runs["plan_frozen.dynnetslam"] = plan.frozen
     found.spec["seed"] = seed
     return found
 
@@ -50,9 +65,10 @@ def bad(paper: Paper, plan: PaperPlan | None, found: Results) -> list[str]:
 
 def test_runs_that_keep_to_their_plan(dynnetslam: Paper) -> None:
     plan = plan_of(dynnetslam)
-    assert bad(dynnetslam, plan, results()) == []
-    column = compare_paper(dynnetslam, pool_of([results()]), []).columns[0]
-    lines = plan_lines(dynnetslam, plan, column, [results()])
+    good = results(plan=plan)
+    assert bad(dynnetslam, plan, good) == []
+    column = compare_paper(dynnetslam, pool_of([good]), []).columns[0]
+    lines = plan_lines(dynnetslam, plan, column, [good])
     assert plan.digest in lines[0].text
     assert plan_words(lines, plan).endswith("kept")
     assert plan_words([], None) == "no plan"
@@ -60,20 +76,45 @@ def test_runs_that_keep_to_their_plan(dynnetslam: Paper) -> None:
 
 def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:
     plan = plan_of(dynnetslam)
-    assert bad(dynnetslam, plan, results("2026-04-30T23:59:59Z")) == [
+    assert bad(dynnetslam, plan, results("2026-04-30T23:59:59Z", plan=plan)) == [
         "50 of 50 runs were made before the plan was written."
     ]
-    assert bad(dynnetslam, plan, results(seed=2)) == ["made_up: seed 2, 1 was planned."]
-    assert bad(dynnetslam, plan, results(runs=6)) == ["made_up: 6 runs in a cell, 10 were planned."]
+    other_seed = results(seed=2, plan=plan)
+    assert bad(dynnetslam, plan, other_seed) == ["made_up: seed 2, 1 was planned."]
+    fewer = results(runs=6, plan=plan)
+    assert bad(dynnetslam, plan, fewer) == ["made_up: 6 runs in a cell, 10 were planned."]
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
-    assert "pi in some runs, jetson was planned" in bad(dynnetslam, other, results())[0]
-    changed = plan_of(dynnetslam, frozen="0" * 16)
-    assert "changed after the plan" in bad(dynnetslam, changed, results())[0]
+    assert "pi in some runs, jetson was planned" in bad(dynnetslam, other, results(plan=other))[0]
     live = plan_of(dynnetslam, engine="live")
-    assert "The plan is for live runs" in bad(dynnetslam, live, results())[0]
-    unnamed = results()
+    assert "The plan is for live runs" in bad(dynnetslam, live, results(plan=live))[0]
+    unnamed = results(plan=plan)
     unnamed.runs["started_utc"] = None
     assert bad(dynnetslam, plan, unnamed) == ["50 of 50 runs do not say when they were made."]
+
+
+def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> None:
+    plan = plan_of(dynnetslam)
+    # Written anew after a look at the results, with the date of before.
+    fewer = [PlannedRuns(experiment="made_up", runs=5, seed=1, decides=["dynnet.O04"])]
+    rewritten = plan_of(dynnetslam, runs=fewer)
+    assert bad(dynnetslam, rewritten, results(plan=plan)) == [
+        f"50 of 50 runs were made under another plan: {plan.digest}."
+    ]
+    assert bad(dynnetslam, plan, results()) == [
+        "50 of 50 runs do not say under which plan they were made."
+    ]
+    # Half of the runs come from a campaign of before the plan.
+    mixed = results(plan=plan)
+    mixed.runs.loc[: len(mixed.runs) // 2 - 1, "plan.dynnetslam"] = None
+    assert bad(dynnetslam, plan, mixed)[0].startswith("25 of 50 runs do not say")
+    # A mapping that was changed for the runs and set back after them.
+    bent = results(plan=plan)
+    bent.runs["plan_frozen.dynnetslam"] = "0" * 16
+    assert "with another mapping than the plan's" in bad(dynnetslam, plan, bent)[0]
+    assert bad(dynnetslam, None, results(plan=plan)) == [
+        f"50 of 50 runs were made under a plan that is gone: {plan.digest}."
+    ]
+    assert bad(dynnetslam, None, results()) == []
 
 
 def test_a_margin_changed_after_the_plan_is_noticed(dynnetslam: Paper) -> None:
@@ -82,7 +123,16 @@ def test_a_margin_changed_after_the_plan_is_noticed(dynnetslam: Paper) -> None:
     paper = dynnetslam.model_copy(
         update={"margins": dynnetslam.margins | {"track_loss_ratio": wider}}
     )
-    assert len(bad(paper, plan, results())) == 1
+    assert ["changed after the plan" in line for line in bad(paper, plan, results(plan=plan))] == [
+        True
+    ]
+
+
+def test_what_is_registered_today_goes_into_manifests(dynnetslam: Paper) -> None:
+    plan = read_plan("dynnetslam")
+    assert plan is not None
+    told = {"plan": plan.digest, "frozen": frozen_digest(dynnetslam)}
+    assert plans_of_today()["dynnetslam"] == told
 
 
 def test_powers_are_those_of_the_printed_numbers(dynnetslam: Paper) -> None:

@@ -65,6 +65,22 @@ def test_many_jobs_with_slow_commits_complete(tmp_path: Path) -> None:
     assert simulations(tmp_path) == []
 
 
+def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path: Path) -> None:
+    campaign = runner(tmp_path, 2)
+    old, new = {"somebody": {"plan": "1234", "frozen": "ab"}}, {"somebody": {"plan": "5678"}}
+    first, second = runs(2)
+    campaign.plans = old
+    campaign.run([first], Quiet())
+    campaign.plans = new
+    assert campaign.folder.state(first.run_key) == "trusted"  # so a campaign executes the other
+    campaign.run([second], Quiet())
+    for spec, plans in ((first, old), (second, new)):
+        manifest = campaign.folder.read(spec.run_key, "manifest.json")
+        assert manifest is not None
+        assert manifest["plans"] == plans
+        assert manifest["started_utc"]
+
+
 @dataclass
 class Killer:
     """Kills a process of a run now and then until it is told to end."""

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """manifest.json: under which circumstances a run was made (docs/formats.md)."""
 
+import json
 import os
 import platform
 import subprocess
 import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 from slambed import __version__
 from slambed.engines.result import RunResult
+from slambed.json_file import read_object
 from slambed.native import repository_root
 from slambed.spec.host_speed import cpu_model
 from slambed.spec.matrix import RunSpec
@@ -51,6 +54,14 @@ def manifest(
         "started_utc": started_utc,
         "versions": versions(),
     }
+
+
+def add_plans(raw: Path, plans: dict[str, dict[str, str]]) -> None:
+    """Which registered plans this attempt was made under. They are no part of what the run means:
+    a run that an older plan had executed keeps saying so to whoever reuses it."""
+    path = raw / "manifest.json"
+    if (facts := read_object(path)) is not None:
+        path.write_text(json.dumps(facts | {"plans": plans}, indent=1, allow_nan=False) + "\n")
 
 
 @cache

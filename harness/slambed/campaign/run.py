@@ -5,7 +5,7 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
@@ -71,6 +71,8 @@ class Options:
     """Further attempts of a run that is not to be trusted."""
     quiet_within_min: float = 0.0
     """How long to wait for the host to become quiet before live runs."""
+    plans: dict[str, dict[str, str]] = field(default_factory=dict)
+    """The papers' plans of this moment, for the manifests of what is executed."""
 
 
 def run_experiment(name: str, options: Options, console: Console) -> Verdict:
@@ -221,7 +223,7 @@ def _execute(
         f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
     )
     with CampaignProgress(console, len(todo), run_s, executor.jobs) as progress:
-        runner = Runner(folder, ledger, executor, retries=options.retries)
+        runner = Runner(folder, ledger, executor, options.retries, options.plans)
         verdict = runner.run(todo, progress)
     ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
     verdict.folder = folder.path

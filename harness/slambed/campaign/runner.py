@@ -15,6 +15,7 @@ from slambed.campaign.backlog import Backlog, Item
 from slambed.campaign.executors import Executor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.manifest import add_plans
 from slambed.campaign.processes import WorkerDiedError
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
@@ -55,6 +56,8 @@ class Runner:
     executor: Executor
     retries: int = DEFAULT_RETRIES
     """Further attempts of a run that is not to be trusted, in this campaign."""
+    plans: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Paper -> digests of its registered plan as this campaign began, for the manifests."""
     pauses_s: tuple[float, ...] = PAUSES_S
     _verdict: Verdict = field(default_factory=Verdict)
     _given_up_in_a_row: int = 0
@@ -113,6 +116,7 @@ class Runner:
             raw = self.folder.new_raw(spec.run_key)
             attempt = self.folder.store.attempts_of(spec.run_key) + 1
             summary = self.executor.execute(spec, raw, stop, attempt)
+            add_plans(raw, self.plans)
             self.folder.commit(spec.run_key, raw)
         except InterruptedRunError:
             with self._books:

@@ -35,7 +35,7 @@ MANIFEST_FACTS = (
 @dataclass
 class Results:
     """All runs of one experiment: `runs` has one row per run, columns are the summary keys plus
-    `label`, `params.<name>`, `started_utc` and `folder`."""
+    `label`, `params.<name>`, `plan.<paper>`, `started_utc` and `folder`."""
 
     folder: Path
     title: str
@@ -236,6 +236,7 @@ def _read_runs(
             "started_utc": manifest.get("started_utc"),
             "folder": path.name,
         }
+        row |= _plans_of(manifest)
         for name, value in (spec.get("params") or {}).items():
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:
@@ -251,6 +252,17 @@ def _read_runs(
         if count > MOST_PROBLEMS_PER_KIND:
             problems.append(f"... and {count - MOST_PROBLEMS_PER_KIND} more of this kind ({kind})")
     return rows, facts, limits
+
+
+def _plans_of(manifest: dict[str, Any]) -> dict[str, Any]:
+    """`plan.<paper>` and `plan_frozen.<paper>`: what was registered when the run was executed."""
+    plans = manifest.get("plans")
+    found: dict[str, Any] = {}
+    for paper, told in plans.items() if isinstance(plans, dict) else ():
+        if isinstance(told, dict):
+            found[f"plan.{paper}"] = told.get("plan")
+            found[f"plan_frozen.{paper}"] = told.get("frozen")
+    return found
 
 
 def _limits_of(row: dict[str, Any], manifest: dict[str, Any]) -> list[dict[str, Any]]:

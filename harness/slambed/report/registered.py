@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether results keep to the plan that was written before them (papers/<id>.plan.yaml)."""
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+
+import pandas as pd
 
 from slambed.report.compare import Column
 from slambed.report.load import Results
@@ -22,8 +26,14 @@ def plan_lines(
     paper: Paper, plan: PaperPlan | None, column: Column, used: list[Results]
 ) -> list[PlanLine]:
     """What is to be known of the plan of these runs, which are those of `used`."""
+    own = _own(column, used)
     if plan is None:
-        return [PlanLine(f"No plan was written before these runs (papers/{paper.id}.plan.yaml).")]
+        seen = _told(own, f"plan.{paper.id}")
+        found = [PlanLine(f"No plan was written before these runs (papers/{paper.id}.plan.yaml).")]
+        if known := {name: count for name, count in seen.items() if name}:
+            text = f"{_counted(known, own)} made under a plan that is gone: {', '.join(known)}."
+            found = [PlanLine(text, bad=True)]
+        return found
     written = f"{plan.written_utc.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     found = [PlanLine(f"Plan {plan.digest} of {written}, mapping and margins {plan.frozen}.")]
     if (today := frozen_digest(paper)) != plan.frozen:
@@ -35,7 +45,7 @@ def plan_lines(
         found.append(
             PlanLine(f"The plan is for {plan.engine} runs, not {column.engine} ones.", True)
         )
-    found += _times(plan, column, {r.name for r in used})
+    found += _times(plan, own) + _seen(plan, own)
     planned = {item.experiment: item for item in plan.runs}
     for results in used:
         item = planned.get(results.name)
@@ -54,8 +64,44 @@ def plan_lines(
     return found + _devices(plan, column)
 
 
-def _times(plan: PaperPlan, column: Column, names: set[str]) -> list[PlanLine]:
-    own = column.runs[column.runs["experiment_folder"].isin(names)]
+def _own(column: Column, used: list[Results]) -> pd.DataFrame:
+    """The runs that stand behind numbers and orderings."""
+    if "experiment_folder" not in column.runs:
+        return column.runs.head(0)
+    return column.runs[column.runs["experiment_folder"].isin({r.name for r in used})]
+
+
+def _told(runs: pd.DataFrame, key: str) -> "Counter[str]":
+    """What was written into the runs as they were executed; empty where nothing was."""
+    values = runs[key] if key in runs else [None] * len(runs)
+    return Counter(value if isinstance(value, str) else "" for value in values)
+
+
+def _counted(told: Mapping[str, int], runs: pd.DataFrame) -> str:
+    count = sum(told.values())
+    return f"{count} of {len(runs)} runs {'was' if count == 1 else 'were'}"
+
+
+def _seen(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
+    """Under which plan the runs were executed, by what they keep of it: a plan that was rewritten
+    after a look at results, with its old date, has another digest."""
+    found = []
+    seen = _told(runs, f"plan.{plan.paper}")
+    if unknown := seen.pop("", 0):
+        text = f"{unknown} of {len(runs)} runs do not say under which plan they were made."
+        found.append(PlanLine(text, bad=True))
+    if other := {name: count for name, count in seen.items() if name != plan.digest}:
+        text = f"{_counted(other, runs)} made under another plan: {', '.join(sorted(other))}."
+        found.append(PlanLine(text, bad=True))
+    frozen = _told(runs, f"plan_frozen.{plan.paper}")
+    changed = {name: count for name, count in frozen.items() if name not in ("", plan.frozen)}
+    if changed:
+        text = f"{_counted(changed, runs)} made with another mapping than the plan's: "
+        found.append(PlanLine(f"{text}{', '.join(sorted(changed))}.", bad=True))
+    return found
+
+
+def _times(plan: PaperPlan, own: pd.DataFrame) -> list[PlanLine]:
     if "started_utc" not in own or not len(own):
         return []
     times = [_time(value) for value in own["started_utc"]]

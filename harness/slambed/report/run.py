@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A campaign with its report: what `slambed run` and `slambed paper` do."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -11,13 +12,14 @@ from slambed.errors import ExitCode, SlambedError
 from slambed.report.again import recompute_refused
 from slambed.report.asked import check_asked
 from slambed.report.experiment import terminal_summary, write_report
+from slambed.report.papers.plan import plans_of_today
 from slambed.spec.library import Library
 
 
 def run_and_report(name: str, options: Options, console: Console) -> Verdict:
     """Executes what is missing of an experiment, then shows and writes its report."""
     check_asked(*Library().experiment(name))
-    verdict = run_experiment(name, options, console)
+    verdict = run_experiment(name, replace(options, plans=plans_of_today()), console)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
         show_report(verdict.folder, console, anew=verdict.done > 0)
     return verdict

@@ -6,6 +6,7 @@ and its own digest goes into the report. Runs from before it are told.
 """
 
 import hashlib
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +18,7 @@ from slambed.errors import SlambedError
 from slambed.report.papers.base import STRICT
 from slambed.report.papers.cells import cells_of
 from slambed.report.papers.paper import Paper
-from slambed.report.papers.reading import PLAN_SUFFIX, papers_folder
+from slambed.report.papers.reading import PLAN_SUFFIX, paper_files, papers_folder, read_paper
 from slambed.spec.matrix import canonical_json
 from slambed.spec.system import Role
 
@@ -117,6 +118,18 @@ def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
     if plan.paper != paper:
         raise SlambedError(f"plan of '{plan.paper}', {path.name}, write paper: {paper}")
     return plan
+
+
+def plans_of_today() -> dict[str, dict[str, str]]:
+    """Paper -> digests of its plan, and of what the paper's file says now (`frozen_digest`): what a
+    run of this moment is made under. A paper whose files cannot be read is left out, for a run
+    needs none; the lint tells what is wrong with it."""
+    found: dict[str, dict[str, str]] = {}
+    for name, path in paper_files().items():
+        with suppress(SlambedError):
+            if (plan := read_plan(name)) is not None:
+                found[name] = {"plan": plan.digest, "frozen": frozen_digest(read_paper(path))}
+    return found
 
 
 def _said(model: BaseModel, include: set[str]) -> dict[str, Any]:
