@@ -14,7 +14,7 @@ from slambed.errors import SlambedError
 from slambed.report.papers import Cell, Paper, PaperPlan, cells_of, read_papers
 from slambed.report.papers.checkout import Checkout
 from slambed.report.papers.lint_plan import plan_problems
-from slambed.report.papers.plan import frozen_digest, read_plan
+from slambed.report.papers.plan import PlannedLater, frozen_digest, read_plan
 from slambed.report.papers.reading import papers_folder
 from slambed.report.papers_cli import app
 from slambed.report.verdicts.contrasts import Published, Step, power_of
@@ -97,6 +97,10 @@ def first_with(plan: PaperPlan, **more: Any) -> PaperPlan:
     return changed(plan, runs=[plan.runs[0].model_copy(update=more), *plan.runs[1:]])
 
 
+def waiting(contrast: str) -> PlannedLater:
+    return PlannedLater(decides=[contrast], runs=30, waits_for="a system")
+
+
 @pytest.mark.parametrize(
     ("spoil", "told"),
     [
@@ -104,6 +108,8 @@ def first_with(plan: PaperPlan, **more: Any) -> PaperPlan:
         (lambda p: changed(p, fits=["pi"]), "no devices/fits/pi.yaml"),
         (lambda p: changed(p, data={"attic": p.data["desk"]}), "no sequence attic"),
         (lambda p: changed(p, runs=p.runs[1:]), "no experiment decides dynnet.O01"),
+        (lambda p: changed(p, later=[waiting("dynnet.O01")]), "O01 is decided by an experiment"),
+        (lambda p: changed(p, later=[waiting("dynnet.O98")]), "later: no contrast dynnet.O98"),
         (lambda p: first_with(p, seed=7), "d_t1_components: seed 1, not 7"),
         (lambda p: first_with(p, experiment="d_t1"), "unknown experiment 'd_t1'"),
         (lambda p: first_with(p, decides=["dynnet.O99"]), "no contrast dynnet.O99"),
@@ -120,7 +126,7 @@ def test_a_planted_mistake_in_a_plan_is_found(
 def test_a_torn_plan_is_one_line(tmp_path: Path) -> None:
     assert read_plan("dynnetslam", tmp_path) is None
     path = tmp_path / "dynnetslam.plan.yaml"
-    path.write_text("paper: dynnetslam\nruns: []\n")
+    path.write_text("paper: dynnetslam\n")
     with pytest.raises(SlambedError, match=r"dynnetslam\.plan\.yaml: written_utc"):
         read_plan("dynnetslam", tmp_path)
     text = (papers_folder() / "dynnetslam.plan.yaml").read_text()
@@ -137,9 +143,15 @@ def published(paper: Paper, cell: Cell) -> Published:
     return Mean(cell.value, cell.spread, cell.runs, cell.resolution or 0.0)
 
 
-def test_the_powers_are_those_of_the_rules(paper: Paper, plan: PaperPlan) -> None:
+@pytest.mark.parametrize("name", [p.id for p in read_papers() if p.kind == "paper"])
+def test_the_powers_are_those_of_the_rules(name: str) -> None:
+    """Of every paper: every contrast is planned, with the power that the rules give."""
+    paper, plan = read_papers([name])[0], read_plan(name)
+    assert plan is not None
+    planned = [*plan.runs, *plan.later]
+    assert {name for item in planned for name in item.decides} == {c.id for c in paper.contrasts}
     cells, contrasts = cells_of(paper), {item.id: item for item in paper.contrasts}
-    for item in plan.runs:
+    for item in planned:
         for name, power in item.power.items():
             contrast = contrasts[name]
             chains = [c if contrast.direction == "rises" else c[::-1] for c in contrast.chains]
@@ -153,5 +165,8 @@ def test_the_command_shows_what_is_decided() -> None:
     assert result.exit_code == 0, result.output
     assert "d_t3_sine: 150 runs per cell, seed 3" in result.output
     assert "dynnet.O09 (power 0.83): Under the sine the safe zone does harm" in result.output
-    missing = CliRunner().invoke(app, ["plan", "cloudslam"])
+    later = CliRunner().invoke(app, ["plan", "multithread_rl"])
+    assert "later, 150 runs per cell: systems/multithread_rl" in later.output
+    assert "ijnc.O03 (power 0.96)" in later.output
+    missing = CliRunner().invoke(app, ["plan", "peer_orbslam2"])
     assert isinstance(missing.exception, SlambedError)

@@ -65,6 +65,11 @@ def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
         for decided in runs.decides:
             power = f" (power {runs.power[decided]:g})" if decided in runs.power else ""
             typer.echo(f"    {decided}{power}: {says.get(decided, '?')}")
+    for later in found.later:
+        typer.echo(f"  later, {later.runs} runs per cell: {later.waits_for}")
+        for decided in later.decides:
+            power = f" (power {later.power[decided]:g})" if decided in later.power else ""
+            typer.echo(f"    {decided}{power}: {says.get(decided, '?')}")
     for limit in found.limits:
         typer.echo(f"  limit: {limit}")
 

@@ -7,7 +7,7 @@ from slambed.errors import SlambedError
 from slambed.report.papers.cells import cells_of
 from slambed.report.papers.checkout import Checkout
 from slambed.report.papers.paper import Paper
-from slambed.report.papers.plan import PaperPlan, PlannedRuns, frozen_digest
+from slambed.report.papers.plan import PaperPlan, frozen_digest
 from slambed.report.papers.problem import Problem
 
 
@@ -37,22 +37,30 @@ def plan_problems(plan: PaperPlan, paper: Paper, checkout: Checkout) -> Iterator
         reproduced |= paper.sources(set(experiment.reproduces))
         if experiment.seed != item.seed:
             yield Problem(where, f"{item.experiment}: seed {experiment.seed}, not {item.seed}")
-    yield from _contrasts(where, plan.runs, paper, reproduced)
+    yield from _contrasts(where, plan, paper, reproduced)
 
 
 def _contrasts(
-    where: str, runs: list[PlannedRuns], paper: Paper, reproduced: set[str]
+    where: str, plan: PaperPlan, paper: Paper, reproduced: set[str]
 ) -> Iterator[Problem]:
     contrasts = {item.id: item for item in paper.contrasts}
     cells = cells_of(paper)
-    for item in runs:
+    named = [(item.experiment, item) for item in plan.runs]
+    for about, item in (*named, *(("later", item) for item in plan.later)):
         for name in (*item.decides, *item.power):
             if name not in contrasts:
-                yield Problem(where, f"{item.experiment}: no contrast {name}")
-    decided = {name for item in runs for name in item.decides}
+                yield Problem(where, f"{about}: no contrast {name}")
+    decided = {name for item in plan.runs for name in item.decides}
+    waiting = {name for item in plan.later for name in item.decides}
+    for name in sorted(decided & waiting):
+        yield Problem(where, f"{name} is decided by an experiment, so not later")
     for name, contrast in contrasts.items():
+        if name in waiting:
+            continue
         if name not in decided:
-            yield Problem(where, f"no experiment decides {name}")
+            yield Problem(
+                where, f"no experiment decides {name}, and it is not among those of later"
+            )
             continue
         missing = {cells[i].source for i in contrast.ids() if i in cells} - reproduced
         if missing:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import AwareDatetime, BaseModel, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, Field, ValidationError, model_validator
 
 from slambed.errors import SlambedError
 from slambed.report.papers.base import STRICT
@@ -22,8 +22,9 @@ from slambed.report.papers.reading import PLAN_SUFFIX, paper_files, papers_folde
 from slambed.spec.matrix import canonical_json
 from slambed.spec.system import Role
 
-WORDS = {"label", "note", "read_as"}
-"""Texts of the mapping that may be bettered without another plan."""
+WORDS = {"label", "note", "read_as", "not_built"}
+"""Texts of the mapping that may be bettered without another plan. That a system is built now is no
+other mapping: `match` has said before how its runs are found."""
 DIGITS = 16
 """Hex digits of a digest: enough to tell plans apart, few enough to print."""
 
@@ -58,6 +59,22 @@ class PlannedRuns(BaseModel):
     why: str = ""
 
 
+class PlannedLater(BaseModel):
+    """Contrasts that nothing of ours can show yet, declared all the same: before there is a system
+    whose results could bend them."""
+
+    model_config = STRICT
+
+    decides: list[str] = Field(min_length=1)
+    """Ids of contrasts."""
+    runs: int = Field(ge=5)
+    """Per cell, at least."""
+    power: dict[str, float] = Field(default_factory=dict)
+    """As of `PlannedRuns`."""
+    waits_for: str
+    """What has to be there first."""
+
+
 class PaperPlan(BaseModel):
     """One file papers/<id>.plan.yaml."""
 
@@ -73,9 +90,17 @@ class PaperPlan(BaseModel):
     """Digest of contrasts, margins and mapping of the paper (`frozen_digest`)."""
     data: dict[str, PlannedData]
     """Name in the paper -> what is played."""
-    runs: list[PlannedRuns] = Field(min_length=1)
+    runs: list[PlannedRuns] = Field(default_factory=list)
+    later: list[PlannedLater] = Field(default_factory=list)
+    """What a plan with runs for them will have to take over; that one has a digest of its own."""
     limits: list[str] = Field(default_factory=list)
     """What it cannot decide, and why."""
+
+    @model_validator(mode="after")
+    def _decides_something(self) -> "PaperPlan":
+        if not self.runs and not self.later:
+            raise ValueError("a plan decides something: runs or later")
+        return self
 
     @property
     def digest(self) -> str:
