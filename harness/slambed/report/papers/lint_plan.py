@@ -7,7 +7,7 @@ from slambed.errors import SlambedError
 from slambed.report.papers.cells import cells_of
 from slambed.report.papers.checkout import Checkout
 from slambed.report.papers.paper import Paper
-from slambed.report.papers.plan import PaperPlan, frozen_digest
+from slambed.report.papers.plan import PaperPlan, PlannedLater, PlannedRuns, frozen_digest
 from slambed.report.papers.problem import Problem
 
 
@@ -45,8 +45,10 @@ def _contrasts(
 ) -> Iterator[Problem]:
     contrasts = {item.id: item for item in paper.contrasts}
     cells = cells_of(paper)
+    named: list[tuple[str, PlannedRuns | PlannedLater]]
     named = [(item.experiment, item) for item in plan.runs]
-    for about, item in (*named, *(("later", item) for item in plan.later)):
+    named += [("later", item) for item in plan.later]
+    for about, item in named:
         for name in (*item.decides, *item.power):
             if name not in contrasts:
                 yield Problem(where, f"{about}: no contrast {name}")
