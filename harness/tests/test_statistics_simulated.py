@@ -16,12 +16,28 @@ def test_three_runs_give_no_interval_of_a_median() -> None:
     assert simulated.coverage(simulated.now, "median", 3) == pytest.approx(0.75, abs=0.05)
 
 
-@pytest.mark.parametrize("runs", [3, 5, 10])
+@pytest.mark.parametrize("runs", [3, 5, 10, 30])
 def test_the_interval_of_a_mean_is_nominal_where_the_bootstraps_was_not(runs: int) -> None:
-    assert simulated.coverage(simulated.now, "mean", runs) == pytest.approx(0.95, abs=0.025)
-    skewed = simulated.coverage(simulated.now, "mean", runs, simulated.SKEW)
-    assert skewed >= 0.90
+    count = simulated.MEANS
+    assert simulated.coverage(simulated.now, "mean", runs, 0, count) == pytest.approx(
+        0.95, abs=0.02
+    )
+    skewed = simulated.coverage(simulated.now, "mean", runs, simulated.SKEW, count)
+    assert skewed >= 0.92
+    assert simulated.coverage(simulated.students, "mean", runs, simulated.SKEW, count) < skewed
     assert simulated.coverage(simulated.before, "mean", runs, simulated.SKEW, 300) < skewed
+
+
+@pytest.mark.parametrize("skew", [0.2, simulated.SKEW, 2 * simulated.SKEW])
+@pytest.mark.parametrize(("runs", "paper_runs"), [(20, 20), (100, 20), (100, 100), (300, 100)])
+def test_skewed_runs_off_by_the_margin_are_rarely_called_reproduced(
+    skew: float, runs: int, paper_runs: int
+) -> None:
+    assert simulated.reproduced_off_by_margin(skew, runs, paper_runs, log=True) <= 0.06
+
+
+def test_a_plain_t_interval_would_call_more_of_them_so() -> None:
+    assert simulated.reproduced_off_by_margin(simulated.SKEW, 300, 100, log=False) > 0.06
 
 
 def test_identical_nights_are_no_new_evidence() -> None:

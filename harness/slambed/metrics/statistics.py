@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals: how far a share, a mean or a median can be trusted."""
+"""Intervals: how far a share or a median can be trusted. Means are judged beside published ones
+only, on the logarithm (`report/verdicts/means.py`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,30 +58,20 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Inter
     return Interval(successes / trials, float(found.low), float(found.high), trials)
 
 
-def interval(
-    values: ArrayLike,
-    statistic: Literal["mean", "median"] = "median",
-    confidence: float = CONFIDENCE,
-) -> Interval:
-    """Mean or median with its confidence interval; the range of the values where they are too few.
+def interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
+    """Median with its confidence interval; the range of the values where they are too few.
 
-    A median by order statistics (Conover 1999, sec. 3.2), exact for every distribution; below
-    `FEWEST_FOR_MEDIAN` values no two of them hold it with 95 %. A mean by Student's t; where a
-    value is infinite (a failed run), or where there is one only, the range. Neither draws anything:
-    the same runs give the same interval. Raises SlambedError when there is no value.
+    By order statistics (Conover 1999, sec. 3.2), exact for every distribution; below
+    `FEWEST_FOR_MEDIAN` values no two of them hold it with 95 %. Nothing is drawn: the same runs
+    give the same interval. Raises SlambedError when there is no value.
     """
     sample = finite(values)
     count = len(sample)
     if count == 0:
         raise SlambedError("no measured value to summarise, check that the runs were measured")
-    middle = float(np.median(sample) if statistic == "median" else np.mean(sample))
-    low, high = float("nan"), float("nan")
-    if statistic == "median":
-        found: Any = stats.quantile_test(sample, q=0.0, p=0.5).confidence_interval(confidence)
-        low, high = float(found.low), float(found.high)
-    elif count > 1 and np.isfinite(sample).all():
-        reach = float(stats.t.ppf(0.5 + confidence / 2, count - 1) * stats.sem(sample))
-        low, high = middle - reach, middle + reach
+    middle = float(np.median(sample))
+    found: Any = stats.quantile_test(sample, q=0.0, p=0.5).confidence_interval(confidence)
+    low, high = float(found.low), float(found.high)
     if np.isnan(low):
         return Interval(middle, float(sample.min()), float(sample.max()), count, is_range=True)
     return Interval(middle, low, high, count)
