@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from slambed.engines.faults import write_planned
 from slambed.metrics.catalog import SUMMARY_KEYS
-from slambed.metrics.collect import keep_groundtruth, to_parquet
+from slambed.metrics.collect import keep_groundtruth
+from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run import summarise_run
+from slambed.metrics.run_data import RunData
 from slambed.metrics.trajectory import Trajectory, write_tum
 from slambed.spec.faults import Fault
 
@@ -283,7 +285,7 @@ def write_experiment(root: Path, runs: list[tuple[dict[str, Any], RawRun]]) -> P
         raw = write_raw(raw_root / key, run)
         target = experiment / "runs" / key
         target.mkdir()
-        to_parquet(raw, target)
+        to_parquet(RunData(raw, spec), target)
         summary = summarise_run(raw, spec) | {"run_key": key}
         (target / "summary.json").write_text(json.dumps(summary))
         manifest = json.loads((raw / "manifest.json").read_text()) | {"spec": spec, "run_key": key}

@@ -12,11 +12,13 @@ from results_factory import RawRun, room_walk, spec_of, write_raw
 from slambed.metrics import document
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.catalog import SUMMARY_KEYS, metrics_of
-from slambed.metrics.collect import keep_groundtruth, to_parquet
+from slambed.metrics.collect import keep_groundtruth
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.network import rtt_proof, traffic
+from slambed.metrics.parquet import to_parquet
 from slambed.metrics.resources import resources_of
 from slambed.metrics.run import summarise_run, summarise_with_problems
+from slambed.metrics.run_data import RunData
 from slambed.metrics.stages import delays, stage_times
 from slambed.metrics.tracking import tracking_of
 from slambed.metrics.trajectory import read_tum, write_tum
@@ -241,7 +243,7 @@ def test_a_torn_last_line_costs_only_itself(raw: Path, tmp_path: Path) -> None:
     assert torn.problems == ["mobile/events.jsonl: last line is torn, dropped"]
     path.write_text("garbage\n[1]\n" + text)
     assert read_events(raw).problems == ["mobile/events.jsonl: 2 unreadable lines, dropped"]
-    result = to_parquet(raw, tmp_path / "out")
+    result = to_parquet(RunData(raw, EDGE_SPEC), tmp_path / "out")
     assert result.problems == read_events(raw).problems
 
 
@@ -249,7 +251,7 @@ def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
     (raw / "edge" / "events.jsonl").open("a").write(
         json.dumps({"t_ns": 1, "type": "thing", "frame": "seven", "odd_key": 3}) + "\n"
     )
-    result = to_parquet(raw, tmp_path / "out")
+    result = to_parquet(RunData(raw, EDGE_SPEC), tmp_path / "out")
     assert {p.name for p in result.written} == {
         "events.parquet", "samples.parquet", "link.parquet",
     }  # fmt: skip
@@ -267,7 +269,7 @@ def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
 
 
 def test_results_can_be_summarised_from_their_parquet_files(raw: Path, tmp_path: Path) -> None:
-    to_parquet(raw, tmp_path / "out")
+    to_parquet(RunData(raw, EDGE_SPEC), tmp_path / "out")
     samples = pd.read_parquet(tmp_path / "out" / "samples.parquet")
     link = pd.read_parquet(tmp_path / "out" / "link.parquet")
     found = summarise_run(raw, EDGE_SPEC)

@@ -14,9 +14,10 @@ from slambed.campaign.manifest import manifest
 from slambed.data.playlist import offered_frames
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.engines.result import RunResult
-from slambed.metrics.collect import to_parquet
 from slambed.metrics.digest import digest
-from slambed.metrics.run import summarise_with_problems
+from slambed.metrics.parquet import to_parquet
+from slambed.metrics.run import summary_of
+from slambed.metrics.run_data import RunData
 from slambed.spec import inputs
 from slambed.spec.matrix import RunSpec
 
@@ -41,10 +42,9 @@ def execute_run(
     facts["frames_offered"] = frames_offered(spec, sequence)
     _write(raw / "manifest.json", facts)
     truth = sequence / "groundtruth.txt"
-    summary, problems = summarise_with_problems(
-        raw, facts["spec"], truth if truth.is_file() else None
-    )
-    problems += [p for p in to_parquet(raw, raw).problems if p not in problems]
+    run = RunData(raw, facts["spec"], truth if truth.is_file() else None)
+    summary = summary_of(run)
+    problems = to_parquet(run, raw).problems
     _write(raw / "summary.json", summary)
     _write(raw / "manifest.json", facts | {"warnings": problems, "results_sha256": digest(raw)})
     return summary

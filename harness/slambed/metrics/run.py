@@ -29,12 +29,16 @@ def summarise_with_problems(
 ) -> tuple[dict[str, Any], list[str]]:
     """As `summarise_run`, with what was wrong with the files (one line each)."""
     run = RunData(folder, spec, groundtruth)
+    return summary_of(run), run.problems
+
+
+def summary_of(run: RunData) -> dict[str, Any]:
+    """The summary of a run that is being read; what is wrong with its files becomes its problem."""
     summary: dict[str, Any] = {
         item.key: item.function(run) if item.function is not None else None
-        for item in metrics_of(spec.get("system"))
+        for item in metrics_of(run.spec.get("system"))
     }
     if (summary["update_parts_error_ms_max"] or 0.0) > CLOSURE_LIMIT_MS:
         run.problems.append("update_applied: the parts of T_Total do not add up to it")
-    distrust = reasons_for_distrust(spec, run.manifest, summary)
-    summary |= {"trusted": not distrust, "distrust": "; ".join(distrust) or None}
-    return summary, run.problems
+    distrust = reasons_for_distrust(run.spec, run.manifest, summary)
+    return summary | {"trusted": not distrust, "distrust": "; ".join(distrust) or None}

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Parquet files of a result (docs/results.md lists every column)."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from slambed.errors import SlambedError
+from slambed.metrics.run_data import RunData
+from slambed.metrics.tables import (
+    EVENT_COLUMNS,
+    LINK_COLUMNS,
+    SAMPLE_COLUMNS,
+    table_of,
+    table_of_frame,
+)
+
+
+@dataclass
+class Collected:
+    """What was written, and what was wrong with the raw files (one line each)."""
+
+    written: list[Path] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def to_parquet(run: RunData, out_dir: Path) -> Collected:
+    """Writes events.parquet, samples.parquet and, where there was a link, link.parquet.
+
+    Of what the metrics have read: raw files are parsed once. Torn or foreign lines are dropped and
+    reported. Raises SlambedError when `out_dir` cannot be written.
+    """
+    result = Collected()
+    events, samples, link = run.log.events, run.samples, run.link
+    result.problems += run.problems
+    tables = {
+        "events.parquet": table_of(events, EVENT_COLUMNS, result.problems, extra=True),
+        "samples.parquet": table_of_frame(samples, SAMPLE_COLUMNS, result.problems),
+    }
+    if link is not None:
+        tables["link.parquet"] = table_of_frame(link, LINK_COLUMNS, result.problems)
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        for name, table in tables.items():
+            partial = out_dir / f".{name}.partial"
+            pq.write_table(table, partial, compression="zstd")
+            partial.rename(out_dir / name)
+            result.written.append(out_dir / name)
+    except OSError as error:
+        raise SlambedError(
+            f"cannot write results, {out_dir}, {error.strerror}: check space and permissions"
+        ) from error
+    return result

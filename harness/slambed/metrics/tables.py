@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of events, samples and link series as columns of a fixed schema (docs/results.md)."""
+
+import json
+from collections.abc import Iterable, Sequence
+
+import pandas as pd
+import pyarrow as pa
+
+from slambed.metrics.events import Event
+
+SCHEMA_VERSION = "1"
+
+_F, _I, _S, _B = pa.float64(), pa.int64(), pa.string(), pa.bool_()
+
+Columns = dict[str, pa.DataType]
+
+EVENT_COLUMNS: Columns = {
+    "t_ns": _I, "node": _S, "type": _S, "frame": _I, "seq_s": _F,
+    "state": _S, "matches": _I, "inliers": _I, "local_points": _I, "track_ms": _F, "wait_ms": _F,
+    "keyframe": _I, "new_points": _I, "need": _S, "reason": _S, "keyframes": _I, "points": _I,
+    "update": _I, "newest_keyframe": _I, "gap_keyframes": _I, "relocalisation": _B,
+    "t_track_ms": _F, "t_me_ms": _F, "t_rkf_ms": _F, "t_lm_ms": _F, "t_wait_ms": _F,
+    "t_plmu_ms": _F, "t_em_ms": _F, "t_mu_ms": _F, "t_total_ms": _F, "pause_ms": _F,
+    "incarnation": _I,
+    "from": _S, "to": _S, "rtt_ms": _F, "epoch": _I, "source": _S, "channel": _S,
+    "name": _S, "worker": _S, "wall_ms": _F, "cpu_ms": _F, "n1": _F, "n2": _F,
+    "direction": _S, "message": _S, "bytes": _I, "sequence": _I,
+    "queued_ns": _I, "sent_ns": _I, "received_ns": _I, "dropped": _B,
+    "event": _S, "detail": _S, "text": _S, "target": _S, "fault": _S,
+}  # fmt: skip
+SAMPLE_COLUMNS: Columns = {
+    "t_s": _F, "node": _S, "cpu_s": _F, "cpu_percent": _F, "memory_mb": _F,
+    "throttled_s": _F, "throttled_periods": _I,
+    "run_delay_s": _F, "cpu_pressure_s": _F, "host_steal_s": _F,
+    "tcp_rtt_ms": _F, "tcp_retransmits": _I,
+}  # fmt: skip
+LINK_COLUMNS: Columns = {"t_s": _F, "series": _S, "value": _F}
+
+EXTRA_COLUMN = "extra"
+"""Fields of an event that the schema does not know, as one JSON object: nothing is lost."""
+
+LARGEST = (1 << 63) - 1
+
+_FITTING: dict[pa.DataType, frozenset[type]] = {
+    _F: frozenset({float, int, type(None)}),
+    _I: frozenset({int, type(None)}),
+    _S: frozenset({str, type(None)}),
+    _B: frozenset({bool, type(None)}),
+}
+"""Types that Arrow takes as they are."""
+
+
+def table_of(
+    rows: Sequence[Event], columns: Columns, problems: list[str], extra: bool = False
+) -> pa.Table:
+    """Columns of the schema in its order; a value of the wrong type becomes null and is told."""
+    values: dict[str, list[object]] = {}
+    unknown: list[str | None] = [None] * len(rows)
+    for index, row in enumerate(rows):
+        rest: Event = {}
+        for key, value in row.items():
+            if (column := values.get(key)) is not None:
+                column[index] = value
+            elif key in columns:
+                values[key] = [None] * len(rows)
+                values[key][index] = value
+            else:
+                rest[key] = value
+        if extra and rest:
+            unknown[index] = json.dumps(rest, sort_keys=True)
+    arrays = {
+        name: _array(name, values[name], kind, problems)
+        if name in values
+        else pa.nulls(len(rows), kind)
+        for name, kind in columns.items()
+    }
+    if extra:
+        arrays[EXTRA_COLUMN] = pa.array(unknown, _S)
+    return pa.table(arrays).replace_schema_metadata({"slambed_schema": SCHEMA_VERSION})
+
+
+def table_of_frame(frame: pd.DataFrame, columns: Columns, problems: list[str]) -> pa.Table:
+    """The same of a data frame."""
+    schema = pa.schema(list(columns.items()))
+    try:
+        table = pa.Table.from_pandas(frame[list(columns)], schema, preserve_index=False)
+    except (KeyError, pa.ArrowException):
+        rows = [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]
+        return table_of(rows, columns, problems)
+    return table.replace_schema_metadata({"slambed_schema": SCHEMA_VERSION})
+
+
+def frame_of(rows: Sequence[Event], columns: Columns) -> pd.DataFrame:
+    """Rows as a data frame of the schema; what is of the wrong type is null."""
+    return pd.DataFrame(table_of(rows, columns, []).to_pandas())
+
+
+def _array(name: str, values: list[object], kind: pa.DataType, problems: list[str]) -> pa.Array:
+    if set(map(type, values)) <= _FITTING[kind]:
+        try:
+            return pa.array(values, kind, from_pandas=kind == _F)
+        except (OverflowError, pa.ArrowException):
+            pass  # a number too large for it: found below
+    good = [_coerce(value, kind) for value in values]
+    if wrong := _count_wrong(values, good):
+        problems.append(f"column {name}: {wrong} values of the wrong type, dropped")
+    return pa.array(good, kind)
+
+
+def _count_wrong(values: Iterable[object], good: Iterable[object]) -> int:
+    """NaN is "not measured", not wrong."""
+    pairs = zip(values, good, strict=True)
+    return sum(v is not None and g is None and v == v for v, g in pairs)
+
+
+def _coerce(value: object, kind: pa.DataType) -> object:
+    if value is None or value != value:
+        return None
+    if kind == _B:
+        return value if isinstance(value, bool) else None
+    if kind == _S:
+        return value if isinstance(value, str) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    if kind == _F:
+        return number
+    return int(value) if number.is_integer() and -LARGEST <= value <= LARGEST else None
