@@ -74,6 +74,16 @@ function(slambed_test name)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300 RUN_SERIAL ${ARG_LIVE})
 endfunction()
 
+# slambed_vector_kernels(prefix): the files prefix_avx2.cpp and prefix_avx512.cpp of this folder. GCC
+# takes the instruction set from a file's own pragma, Clang does not.
+function(slambed_vector_kernels prefix)
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang AND CMAKE_SYSTEM_PROCESSOR STREQUAL x86_64)
+    set_source_files_properties(${prefix}_avx2.cpp PROPERTIES COMPILE_OPTIONS -mavx2)
+    set_source_files_properties(${prefix}_avx512.cpp PROPERTIES COMPILE_OPTIONS
+      "-mavx512f;-mavx512bw;-mavx512dq;-mavx512vl;-mavx512vpopcntdq")
+  endif()
+endfunction()
+
 # slambed_fixed_eigen_blocks(target): Eigen cuts large products into blocks by the caches that it
 # finds, and so adds in another order; here by the same sizes everywhere (its own for x86-64).
 function(slambed_fixed_eigen_blocks target)

@@ -39,16 +39,20 @@ BundleRows sort_rows(const BundleProblem& problem) {
     return std::tie(x.point, x.pose, a) < std::tie(y.point, y.pose, b);
   });
   for (std::size_t i = 0; i < problem.p_w.size(); ++i) bundle.begin[i + 1] += bundle.begin[i];
-  bundle.rows.reserve(order.size());
-  for (const std::uint32_t i : order) {
-    const BundleObservation& o = problem.observations[i];
+  for (auto* list : {&bundle.u, &bundle.v, &bundle.right_u, &bundle.weight, &bundle.right_weight,
+                     &bundle.chi2_limit})
+    list->resize(order.size() + kRowSlack);
+  for (auto* list : {&bundle.pose, &bundle.point}) list->resize(order.size() + kRowSlack);
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const BundleObservation& o = problem.observations[order[k]];
     const bool stereo = o.right_u >= 0;
-    bundle.rows.push_back({{o.u, o.v, stereo ? o.right_u : 0, o.inv_sigma2,
-                            stereo ? o.inv_sigma2 : 0, stereo ? kChi2Stereo : kChi2Mono},
-                           o.pose,
-                           i,
-                           true});
+    bundle.u[k] = o.u, bundle.v[k] = o.v, bundle.right_u[k] = stereo ? o.right_u : 0;
+    bundle.weight[k] = o.inv_sigma2, bundle.right_weight[k] = stereo ? o.inv_sigma2 : 0;
+    bundle.chi2_limit[k] = stereo ? kChi2Stereo : kChi2Mono;
+    bundle.pose[k] = o.pose, bundle.point[k] = o.point;
   }
+  bundle.active.assign(order.size(), 1);
+  bundle.original = std::move(order);
   return bundle;
 }
 
@@ -62,7 +66,9 @@ struct BundleAdjuster::Impl {
         options(chosen),
         camera(problem.camera),
         bundle(sort_rows(problem)),
-        system(bundle),
+        system(bundle, fastest_schur_kernels()),
+        costs(bundle, camera, fastest_schur_kernels()),
+        values(bundle, camera),
         trial_poses(problem.T_cw),
         trial_points(problem.p_w) {
     begin_stage(Stage::kRobust);
@@ -70,35 +76,31 @@ struct BundleAdjuster::Impl {
 
   bool robust() const { return stage == Stage::kRobust; }
 
-  bool is_outlier(const BundleRow& row, std::size_t point) const {
-    const Eigen::Vector3d p = problem.T_cw[row.pose] * problem.p_w[point];
+  bool is_outlier(std::size_t row) const {
+    const Eigen::Vector3d p = problem.T_cw[bundle.pose[row]] * problem.p_w[bundle.point[row]];
     if (!(p.z() > kMinDepth_m)) return true;
-    const ReprojectionError e(camera, row.measurement, p.x(), p.y(), p.z());
-    return !(e.chi2 <= row.measurement.chi2_limit);
+    const ReprojectionError e(camera, bundle.measurement(row), p.x(), p.y(), p.z());
+    return !(e.chi2 <= bundle.chi2_limit[row]);
   }
 
   /// Enters the stage, or the next one that has something to do.
   void begin_stage(Stage next) {
     stage = next;
     iterations_left = robust() ? options.robust_iterations : options.final_iterations;
-    if (stage == Stage::kFinal) {
-      for (std::size_t i = 0; i < problem.p_w.size(); ++i) {
-        for (std::size_t k = bundle.begin[i]; k < bundle.begin[i + 1]; ++k) {
-          bundle.rows[k].active = !is_outlier(bundle.rows[k], i);
-        }
-      }
-    }
+    if (stage == Stage::kFinal)
+      for (std::size_t k = 0; k < bundle.size(); ++k) bundle.active[k] = !is_outlier(k);
     damping = Damping();
     linearised = false;
-    const bool empty = std::none_of(bundle.rows.begin(), bundle.rows.end(),
-                                    [](const BundleRow& row) { return row.active; });
     if (stage == Stage::kDone) return;
+    const bool empty = std::none_of(bundle.active.begin(), bundle.active.end(),
+                                    [](std::uint8_t active) { return active; });
     if (empty) {
       stage = Stage::kDone;
     } else if (iterations_left <= 0) {
       end_stage();
     } else {
-      cost = bundle_cost(bundle, camera, problem.T_cw, problem.p_w, robust());
+      values.look_at(problem.T_cw, problem.p_w);
+      cost = costs.of(values, robust());
     }
   }
   void end_stage() { begin_stage(robust() ? Stage::kFinal : Stage::kDone); }
@@ -114,15 +116,17 @@ struct BundleAdjuster::Impl {
 
   /// One Levenberg-Marquardt iteration; false when the stage has nothing left to gain.
   bool iterate() {
-    if (!linearised) system.linearise(camera, problem.T_cw, problem.p_w, robust());
-    linearised = true;
+    if (!linearised) {
+      values.look_at(problem.T_cw, problem.p_w);
+      system.linearise(values, robust());
+      linearised = true;
+    }
     if (!system.solve(damping)) {
       damping.reject();
       return !damping.exhausted();
     }
     move_trial();
-    const double moved_cost =
-        trial_cost(bundle, camera, trial_poses, problem.p_w, trial_points, robust());
+    const double moved_cost = costs.of_trial(trial_poses, problem.p_w, trial_points, robust());
     const double fall = cost - moved_cost;
     bool arrived = !(system.promised() > kRoundingShare * cost);
     if (fall > 0) {
@@ -143,6 +147,8 @@ struct BundleAdjuster::Impl {
   Pinhole camera;
   BundleRows bundle;
   SchurSystem system;
+  BundleCost costs;
+  BundleValues values;  ///< for the kernels, while they read
   std::vector<SE3> trial_poses;
   std::vector<Eigen::Vector3d> trial_points;
   Stage stage = Stage::kRobust;
@@ -166,18 +172,15 @@ bool BundleAdjuster::step() {
 
 std::vector<std::uint8_t> BundleAdjuster::outliers() const {
   std::vector<std::uint8_t> marks(impl_->problem.observations.size(), 1);
-  for (std::size_t i = 0; i < impl_->problem.p_w.size(); ++i) {
-    for (std::size_t k = impl_->bundle.begin[i]; k < impl_->bundle.begin[i + 1]; ++k) {
-      const BundleRow& row = impl_->bundle.rows[k];
-      marks[row.original] = impl_->is_outlier(row, i);
-    }
-  }
+  for (std::size_t k = 0; k < impl_->bundle.size(); ++k)
+    marks[impl_->bundle.original[k]] = impl_->is_outlier(k);
   return marks;
 }
 
 double BundleAdjuster::robust_cost() const {
-  return bundle_cost(impl_->bundle, impl_->camera, impl_->problem.T_cw, impl_->problem.p_w, true,
-                     true);
+  BundleValues values(impl_->bundle, impl_->camera);
+  values.look_at(impl_->problem.T_cw, impl_->problem.p_w);
+  return BundleCost(impl_->bundle, impl_->camera, fastest_schur_kernels()).of(values, true, true);
 }
 
 bool BundleAdjuster::robust_stage_done() const { return !impl_->robust(); }

@@ -14,11 +14,12 @@ namespace slambed {
 
 /// A symmetric positive definite matrix of N x N blocks of which few are not zero: the lower
 /// triangle, block by block, and its factorisation. The pattern is fixed, so that the order of
-/// elimination (approximate minimum degree) is looked for only once.
-template <int D>
+/// elimination (approximate minimum degree) is looked for only once. Stride: numbers from one column
+/// of a block to the next; the rows beyond D are padding.
+template <int D, int Stride = D>
 class SparseBlocks {
  public:
-  using Block = Eigen::Matrix<double, D, D>;
+  using Block = Eigen::Matrix<double, Stride, D>;
 
   /// pairs: (row, column) with row >= column, in any order, repeated or not. The diagonal is there
   /// always.
@@ -46,6 +47,8 @@ class SparseBlocks {
     return static_cast<std::size_t>(std::lower_bound(first, last, row) - rows_.begin());
   }
   Block& operator[](std::size_t number) { return blocks_[number]; }
+  /// All blocks, one behind the other.
+  double* data() { return blocks_.front().data(); }
   Block& at(std::uint32_t row, std::uint32_t column) { return blocks_[find(row, column)]; }
   void set_zero() {
     for (Block& block : blocks_) block.setZero();

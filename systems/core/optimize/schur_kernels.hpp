@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace slambed {
+
+/// Doubles from one column of a block with six rows to the next: whole vectors fit.
+inline constexpr int kColumnStride = 8;
+inline constexpr int kCrossSize = 3 * kColumnStride;  ///< pose-point block, 6 x 3
+inline constexpr int kPoseBlockSize = 6 * kColumnStride;
+/// Of a pose: lower triangle of its block of the normal equations column by column (21), gradient.
+inline constexpr int kPoseSumsSize = 32, kPoseGradient = 21;
+/// Of a point: its block xx xy xz yy yz zz, gradient.
+inline constexpr int kPointSumsSize = 16, kPointGradient = 6;
+/// A pose as kernels read it: rotation column by column, translation.
+inline constexpr int kPoseSize = 12;
+inline constexpr int kPointSize = 4;  ///< x y z and room
+/// Arrays of rows have room for this many beyond the last.
+inline constexpr std::size_t kRowSlack = 8;
+
+/// Everything that the error of an observation hangs on.
+struct RowsView {
+  const double *u, *v, *right_u, *weight, *right_weight, *chi2_limit;
+  const std::uint32_t *pose, *point;
+  const double* poses;   ///< kPoseSize each
+  const double* points;  ///< kPointSize each
+  double fx, fy, cx, cy, bf;
+  double least_depth_m;
+  bool robust;  ///< Huber's loss
+};
+
+/// Where linearise() adds up.
+struct NormalSums {
+  const std::uint8_t* active;
+  std::uint32_t free_poses;
+  double* pose_sums;      ///< kPoseSumsSize per free pose, zero at first
+  double* point_sums;     ///< kPointSumsSize per point, zero at first
+  double* cross;          ///< kCrossSize per row
+  std::uint8_t* coupled;  ///< per row: cross is filled
+};
+
+/// One point that is taken out of the system.
+struct PointElimination {
+  std::size_t rows;             ///< of the point; the arrays below begin at its first
+  const double* cross;          ///< kCrossSize per row
+  const std::uint8_t* coupled;  ///< rows that take part
+  const std::uint32_t* pose;
+  const double* inverse;  ///< of the point's damped block: xx xy xz yy yz zz, inverse * gradient
+  double* right;          ///< kColumnStride per free pose
+  double* blocks;         ///< kPoseBlockSize each
+  /// Number of the block of each pair of rows (first, second >= first) on free poses; null: that of
+  /// a dense lower triangle.
+  const std::uint32_t* pair_block;
+  std::uint32_t free_poses;
+};
+
+/// Inner loops of the bundle solver. All implementations compute the same bytes: every number is
+/// made by the same operations in the same order, only more of them at a time. Their files use
+/// nothing inline from elsewhere, as features/kernels.hpp says.
+struct SchurKernels {
+  const char* name;
+  /// Normal equations of rows [0, rows).
+  void (*linearise)(const RowsView& view, std::size_t rows, const NormalSums& sums);
+  /// Cost of each row; behind marks those not in front of the camera, whose cost is not computed.
+  void (*row_costs)(const RowsView& view, std::size_t rows, double* cost, std::uint8_t* behind);
+  /// blocks -= W V^-1 W', right -= W V^-1 g.
+  void (*eliminate)(const PointElimination& point);
+};
+
+const SchurKernels& portable_schur_kernels();
+/// Null in builds for other processors.
+const SchurKernels* avx2_schur_kernels();
+const SchurKernels* avx512_schur_kernels();
+/// The fastest that this processor can run.
+const SchurKernels& fastest_schur_kernels();
+
+}  // namespace slambed

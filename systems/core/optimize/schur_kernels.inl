@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernels; see schur_kernels.hpp for what each one computes. Included by each schur_kernels_*
+// file inside its namespace, after kLanes and
+//   V                                    vector of kLanes doubles
+//   V root(V)                            square roots
+//   void load_transposed(const double* const from[kLanes], V to[4])
+//                                        to[i] = from[0][i], from[1][i] ...
+//   void store_transposed(const V from[kColumnStride], double* to, ptrdiff_t stride)
+//                                        kColumnStride numbers per lane, stride from lane to lane
+
+using std::ptrdiff_t;
+using std::size_t;
+using std::uint32_t;
+using std::uint8_t;
+
+/// Vectors in a column of six rows; the last one may reach into the padding.
+constexpr int kParts = (6 + kLanes - 1) / kLanes;
+
+inline V load(const double* from) {
+  V v;
+  __builtin_memcpy(&v, from, sizeof(V));
+  return v;
+}
+inline void store(double* to, V v) { __builtin_memcpy(to, &v, sizeof(V)); }
+inline V splat(double value) { return V{} + value; }
+
+/// kLanes rows side by side: the point in the camera frame and its error, measured minus predicted.
+struct Errors {
+  V R[9], x, y, z;
+  V inverse_z, u, v, right_u, weight, right_weight;
+  V rho, factor;  ///< loss and its derivative by chi-square
+};
+
+inline Errors errors_of(const RowsView& view, size_t first) {
+  Errors e;
+  V pose[kPoseSize], point[kPointSize];
+  const double* from[kLanes];
+  for (int i = 0; i < kLanes; ++i) from[i] = view.poses + size_t{kPoseSize} * view.pose[first + i];
+  for (int part = 0; part < kPoseSize; part += 4) {
+    const double* at[kLanes];
+    for (int i = 0; i < kLanes; ++i) at[i] = from[i] + part;
+    load_transposed(at, pose + part);
+  }
+  for (int i = 0; i < 9; ++i) e.R[i] = pose[i];
+  const V* t = pose + 9;
+  for (int i = 0; i < kLanes; ++i) from[i] = view.points + size_t{kPointSize} * view.point[first + i];
+  load_transposed(from, point);
+  const V X = point[0], Y = point[1], Z = point[2];
+  e.x = e.R[0] * X + e.R[3] * Y + e.R[6] * Z + t[0];
+  e.y = e.R[1] * X + e.R[4] * Y + e.R[7] * Z + t[1];
+  e.z = e.R[2] * X + e.R[5] * Y + e.R[8] * Z + t[2];
+
+  e.weight = load(view.weight + first);
+  e.right_weight = load(view.right_weight + first);
+  e.inverse_z = 1 / e.z;
+  const V predicted_u = view.fx * e.x * e.inverse_z + view.cx;
+  e.u = load(view.u + first) - predicted_u;
+  e.v = load(view.v + first) - (view.fy * e.y * e.inverse_z + view.cy);
+  e.right_u = load(view.right_u + first) - (predicted_u - view.bf * e.inverse_z);
+  const V chi2 = e.weight * (e.u * e.u + e.v * e.v) + e.right_weight * e.right_u * e.right_u;
+  e.rho = chi2;
+  e.factor = splat(1);
+  if (view.robust) {
+    const V limit = load(view.chi2_limit + first);
+    const auto within = chi2 <= limit;
+    const V linear = root(chi2 * limit);
+    e.rho = within ? chi2 : 2 * linear - limit;
+    e.factor = within ? e.factor : limit / linear;
+  }
+  return e;
+}
+
+void row_costs(const RowsView& view, size_t rows, double* cost, uint8_t* behind) {
+  for (size_t first = 0; first < rows; first += kLanes) {
+    const Errors e = errors_of(view, first);
+    store(cost + first, e.rho);
+    alignas(64) double z[kLanes];
+    store(z, e.z);
+    for (int i = 0; i < kLanes; ++i) behind[first + i] = !(z[i] > view.least_depth_m);
+  }
+}
+
+/// What one row adds to the sums of its pose and its point.
+struct RowTerms {
+  alignas(64) double pose[kLanes][kPoseSumsSize];
+  alignas(64) double point[kLanes][kPointSumsSize];
+  alignas(64) double cross[kLanes][kCrossSize];
+  alignas(64) double z[kLanes];
+};
+
+inline void terms_of(const RowsView& view, size_t first, RowTerms& terms) {
+  const Errors e = errors_of(view, first);
+  const V x = e.x, y = e.y, z = e.z;
+  // A = J' w J and a = J' w e with J the derivative of the pixel by the point in camera frame.
+  const V w = e.factor * e.weight, wr = e.factor * e.right_weight;
+  const V fx = view.fx * e.inverse_z, fy = view.fy * e.inverse_z;
+  const V ju = -fx * x * e.inverse_z, jv = -fy * y * e.inverse_z;
+  const V jr = ju + view.bf * e.inverse_z * e.inverse_z;
+  const V a00 = fx * fx * (w + wr), a02 = fx * (w * ju + wr * jr);
+  const V a11 = fy * fy * w, a12 = fy * w * jv;
+  const V a22 = w * (ju * ju + jv * jv) + wr * jr * jr;
+  const V g0 = fx * (w * e.u + wr * e.right_u), g1 = fy * w * e.v;
+  const V g2 = w * (ju * e.u + jv * e.v) + wr * jr * e.right_u;
+
+  // Point: H += R' A R, g += R' a, by way of B = A R. With D = [I, -[p]x]: cross block D' B.
+  V B[9], point[kPointSumsSize] = {};
+  for (int c = 0; c < 3; ++c) {
+    const V* r = e.R + 3 * c;
+    V* b = B + 3 * c;
+    b[0] = a00 * r[0] + a02 * r[2];
+    b[1] = a11 * r[1] + a12 * r[2];
+    b[2] = a02 * r[0] + a12 * r[1] + a22 * r[2];
+    const V column[kColumnStride] = {b[0],
+                                     b[1],
+                                     b[2],
+                                     y * b[2] - z * b[1],
+                                     z * b[0] - x * b[2],
+                                     x * b[1] - y * b[0]};
+    store_transposed(column, terms.cross[0] + c * kColumnStride, kCrossSize);
+  }
+  int h = 0;
+  for (int c = 0; c < 3; ++c) {
+    const V* r = e.R + 3 * c;
+    point[kPointGradient + c] = r[0] * g0 + r[1] * g1 + r[2] * g2;
+    for (int d = c; d < 3; ++d, ++h)
+      point[h] = r[0] * B[3 * d] + r[1] * B[3 * d + 1] + r[2] * B[3 * d + 2];
+  }
+  for (int i = 0; i < kPointSumsSize; i += kColumnStride)
+    store_transposed(point + i, terms.point[0] + i, kPointSumsSize);
+
+  // Pose: H += D' A D, g += D' a. M = -A [p]x.
+  const V m00 = y * a02, m01 = z * a00 - x * a02, m02 = -y * a00;
+  const V m10 = y * a12 - z * a11, m11 = -x * a12, m12 = x * a11;
+  const V m20 = y * a22 - z * a12, m21 = z * a02 - x * a22, m22 = x * a12 - y * a02;
+  const V pose[kPoseSumsSize] = {a00,
+                                 V{},
+                                 a02,
+                                 m00,
+                                 m01,
+                                 m02,
+                                 a11,
+                                 a12,
+                                 m10,
+                                 m11,
+                                 m12,
+                                 a22,
+                                 m20,
+                                 m21,
+                                 m22,
+                                 y * m20 - z * m10,
+                                 y * m21 - z * m11,
+                                 y * m22 - z * m12,
+                                 z * m01 - x * m21,
+                                 z * m02 - x * m22,
+                                 x * m12 - y * m02,
+                                 g0,
+                                 g1,
+                                 g2,
+                                 y * g2 - z * g1,
+                                 z * g0 - x * g2,
+                                 x * g1 - y * g0};
+  for (int i = 0; i < kPoseSumsSize; i += kColumnStride)
+    store_transposed(pose + i, terms.pose[0] + i, kPoseSumsSize);
+  store(terms.z, z);
+}
+
+template <int kSize>
+inline void add(double* sums, const double* terms) {
+  for (int i = 0; i < kSize; i += kLanes) store(sums + i, load(sums + i) + load(terms + i));
+}
+
+void linearise(const RowsView& view, size_t rows, const NormalSums& sums) {
+  RowTerms terms;
+  for (size_t first = 0; first < rows; first += kLanes) {
+    terms_of(view, first, terms);
+    const size_t here = rows - first < kLanes ? rows - first : kLanes;
+    for (size_t i = 0; i < here; ++i) {  // row after row, whatever the number of lanes
+      const size_t k = first + i;
+      const uint32_t pose = view.pose[k];
+      sums.coupled[k] = 0;
+      if (!sums.active[k] || !(terms.z[i] > view.least_depth_m)) continue;
+      add<kPointSumsSize>(sums.point_sums + size_t{kPointSumsSize} * view.point[k], terms.point[i]);
+      if (pose >= sums.free_poses) continue;
+      sums.coupled[k] = 1;
+      __builtin_memcpy(sums.cross + kCrossSize * k, terms.cross[i], sizeof terms.cross[i]);
+      add<kPoseSumsSize>(sums.pose_sums + size_t{kPoseSumsSize} * pose, terms.pose[i]);
+    }
+  }
+}
+
+/// block -= a * b', with a and b of 6 x 3.
+inline void subtract_product(double* block, const V a[3][kParts], const double* b) {
+  for (int j = 0; j < 6; ++j) {
+    const V b0 = splat(b[j]), b1 = splat(b[kColumnStride + j]), b2 = splat(b[2 * kColumnStride + j]);
+    for (int i = 0; i < kParts; ++i) {
+      double* out = block + j * kColumnStride + i * kLanes;
+      store(out, load(out) - (a[0][i] * b0 + a[1][i] * b1 + a[2][i] * b2));
+    }
+  }
+}
+
+inline void load_cross(const double* from, V to[3][kParts]) {
+  for (int c = 0; c < 3; ++c)
+    for (int i = 0; i < kParts; ++i) to[c][i] = load(from + c * kColumnStride + i * kLanes);
+}
+
+void eliminate(const PointElimination& point) {
+  const double* I = point.inverse;
+  const double* step = I + kPointGradient;
+  const uint32_t* pair_block = point.pair_block;
+  for (size_t k = 0; k < point.rows; ++k) {
+    const size_t pose_k = point.pose[k];
+    if (pose_k >= point.free_poses) break;  // sorted: only fixed ones follow
+    size_t partners = 0;                    // rows l >= k on free poses
+    if (pair_block != nullptr) {
+      while (k + partners < point.rows && point.pose[k + partners] < point.free_poses) ++partners;
+    }
+    if (point.coupled[k]) {
+      const double* cross = point.cross + kCrossSize * k;
+      V W[3][kParts], Y[3][kParts];  // Y = W V^-1
+      alignas(64) double y[kCrossSize];
+      load_cross(cross, W);
+      double* right = point.right + kColumnStride * pose_k;
+      for (int i = 0; i < kParts; ++i) {
+        const V w0 = W[0][i], w1 = W[1][i], w2 = W[2][i];
+        Y[0][i] = w0 * I[0] + w1 * I[1] + w2 * I[2];
+        Y[1][i] = w0 * I[1] + w1 * I[3] + w2 * I[4];
+        Y[2][i] = w0 * I[2] + w1 * I[4] + w2 * I[5];
+        for (int c = 0; c < 3; ++c) store(y + c * kColumnStride + i * kLanes, Y[c][i]);
+        double* out = right + i * kLanes;
+        store(out, load(out) - (w0 * step[0] + w1 * step[1] + w2 * step[2]));
+      }
+      for (size_t l = k; l < point.rows; ++l) {
+        if (!point.coupled[l]) continue;
+        const size_t pose_l = point.pose[l];
+        const size_t number =
+            pair_block != nullptr ? pair_block[l - k] : pose_l * (pose_l + 1) / 2 + pose_k;
+        double* block = point.blocks + kPoseBlockSize * number;
+        load_cross(point.cross + kCrossSize * l, W);
+        subtract_product(block, W, y);
+        // The same pose twice (a doubled observation): the mirrored term falls into the same block.
+        if (pose_l == pose_k && l != k) subtract_product(block, Y, point.cross + kCrossSize * l);
+      }
+    }
+    if (pair_block != nullptr) pair_block += partners;
+  }
+}
+
+constexpr auto named(const char* name) {
+  return SchurKernels{name, linearise, row_costs, eliminate};
+}
