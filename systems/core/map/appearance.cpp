@@ -11,20 +11,21 @@ int DescriptorChooser::choose(std::span<const Descriptor* const> candidates) {
   const std::size_t n = candidates.size();
   // One or two observations: both medians are the distance to itself, so the first one wins.
   if (n <= 2) return 0;
-  distances_.resize(n * n);
-  const DescriptorDistance& distance = descriptor_distance();
-  for (std::size_t i = 0; i < n; ++i)
-    distance.to_each(*candidates[i], candidates, distances_.data() + i * n);
+  row_.resize(n);
+  const DistanceKernels& distance = descriptor_distance();
   const std::size_t middle = (n - 1) / 2;
   int best = 0;
   int best_median = 257;
   for (std::size_t i = 0; i < n; ++i) {
-    row_.assign(distances_.begin() + i * n, distances_.begin() + (i + 1) * n);
-    std::nth_element(row_.begin(), row_.begin() + middle, row_.end());
-    if (row_[middle] < best_median) {
-      best_median = row_[middle];
-      best = static_cast<int>(i);
-    }
+    distance.to_each(*candidates[i], candidates, row_.data());
+    // The median is below the best one only if more than `middle` distances are: few rows need one.
+    std::uint16_t below = 0;
+    for (const std::uint16_t d : row_)
+      below = static_cast<std::uint16_t>(below + (d < best_median));
+    if (below <= middle) continue;
+    std::nth_element(row_.begin(), row_.begin() + static_cast<std::ptrdiff_t>(middle), row_.end());
+    best_median = row_[middle];
+    best = static_cast<int>(i);
   }
   return best;
 }

@@ -18,7 +18,7 @@ class DescriptorChooser {
   int choose(std::span<const Descriptor* const> candidates);
 
  private:
-  std::vector<std::uint16_t> distances_, row_;
+  std::vector<std::uint16_t> row_;  ///< distances of one candidate to all
 };
 
 struct DistanceRange {

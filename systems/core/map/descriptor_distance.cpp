@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "map/descriptor_distance.hpp"
 
+#include "base/processor.hpp"
+
 namespace slambed {
 namespace {
 
-#define SLAMBED_DISTANCE_LOOPS(prefix, attributes)                                                \
-  attributes void prefix##_to_each(                                                               \
-      const Descriptor& one, std::span<const Descriptor* const> others, std::uint16_t* out) {     \
-    for (const Descriptor* other : others)                                                        \
-      *out++ = static_cast<std::uint16_t>(hamming(one, *other));                                  \
-  }                                                                                               \
-  attributes void prefix##_to_some(const Descriptor& one, const Descriptor* all,                  \
-                                   std::span<const int> which, std::uint16_t* out) {              \
-    for (const int i : which) *out++ = static_cast<std::uint16_t>(hamming(one, all[i]));          \
-  }                                                                                               \
-  attributes void prefix##_to_all(const Descriptor& one, std::span<const Descriptor> all,         \
-                                  std::uint16_t* out) {                                           \
-    for (const Descriptor& other : all) *out++ = static_cast<std::uint16_t>(hamming(one, other)); \
-  }                                                                                               \
-  constexpr DescriptorDistance prefix##_distance{prefix##_to_each, prefix##_to_some,              \
-                                                 prefix##_to_all};
+#define SLAMBED_DISTANCE_LOOPS(prefix, attributes)                                                 \
+  attributes void prefix##_to_each(const Descriptor& one, const Descriptor* const* others,         \
+                                   std::size_t n, std::uint16_t* out) {                            \
+    for (std::size_t i = 0; i < n; ++i)                                                            \
+      out[i] = static_cast<std::uint16_t>(hamming(one, *others[i]));                               \
+  }                                                                                                \
+  attributes void prefix##_to_some(const Descriptor& one, const Descriptor* all, const int* which, \
+                                   std::size_t n, std::uint16_t* out) {                            \
+    for (std::size_t i = 0; i < n; ++i)                                                            \
+      out[i] = static_cast<std::uint16_t>(hamming(one, all[which[i]]));                            \
+  }                                                                                                \
+  attributes void prefix##_to_all(const Descriptor& one, const Descriptor* all, std::size_t n,     \
+                                  std::uint16_t* out) {                                            \
+    for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<std::uint16_t>(hamming(one, all[i])); \
+  }                                                                                                \
+  constexpr DistanceKernels prefix##_kernels{#prefix, prefix##_to_each, prefix##_to_some,          \
+                                             prefix##_to_all};
 
 SLAMBED_DISTANCE_LOOPS(plain, )
 #if defined(__x86_64__)
@@ -28,12 +31,23 @@ SLAMBED_DISTANCE_LOOPS(popcnt, __attribute__((target("popcnt"))))
 
 }  // namespace
 
-const DescriptorDistance& descriptor_distance() {
+const DistanceKernels& plain_distance() { return plain_kernels; }
+
+const DistanceKernels* popcnt_distance() {
 #if defined(__x86_64__)
-  static const bool has_popcnt = __builtin_cpu_supports("popcnt");
-  if (has_popcnt) return popcnt_distance;
+  return &popcnt_kernels;
+#else
+  return nullptr;
 #endif
-  return plain_distance;
+}
+
+const DistanceKernels& descriptor_distance() {
+  static const DistanceKernels& fastest = [&]() -> const DistanceKernels& {
+    if (vector_set() >= VectorSet::kAvx512 && avx512_distance()) return *avx512_distance();
+    if (has_popcnt() && popcnt_distance()) return *popcnt_distance();
+    return plain_kernels;
+  }();
+  return fastest;
 }
 
 }  // namespace slambed

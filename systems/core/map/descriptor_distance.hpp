@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -8,19 +9,41 @@
 
 namespace slambed {
 
-/// Hamming distances in bulk, with the processor's popcount where it has one.
-struct DescriptorDistance {
+/// Hamming distances in bulk, with what the processor has for counting bits. The functions take
+/// plain pointers, because the files of kernels use nothing inline from elsewhere
+/// (features/kernels.hpp says why).
+struct DistanceKernels {
+  const char* name;
+  void (*each)(const Descriptor& one, const Descriptor* const* others, std::size_t n,
+               std::uint16_t* out);
+  void (*some)(const Descriptor& one, const Descriptor* all, const int* which, std::size_t n,
+               std::uint16_t* out);
+  void (*all)(const Descriptor& one, const Descriptor* all, std::size_t n, std::uint16_t* out);
+
   /// out[i] = distance between one and *others[i].
-  void (*to_each)(const Descriptor& one, std::span<const Descriptor* const> others,
-                  std::uint16_t* out);
+  void to_each(const Descriptor& one, std::span<const Descriptor* const> others,
+               std::uint16_t* out) const {
+    each(one, others.data(), others.size(), out);
+  }
   /// out[i] = distance between one and all[which[i]].
-  void (*to_some)(const Descriptor& one, const Descriptor* all, std::span<const int> which,
-                  std::uint16_t* out);
+  void to_some(const Descriptor& one, const Descriptor* all_of_them, std::span<const int> which,
+               std::uint16_t* out) const {
+    some(one, all_of_them, which.data(), which.size(), out);
+  }
   /// out[i] = distance between one and all[i].
-  void (*to_all)(const Descriptor& one, std::span<const Descriptor> all, std::uint16_t* out);
+  void to_all(const Descriptor& one, std::span<const Descriptor> all_of_them,
+              std::uint16_t* out) const {
+    all(one, all_of_them.data(), all_of_them.size(), out);
+  }
 };
 
-/// The fastest implementation this processor can run; all give the same values.
-const DescriptorDistance& descriptor_distance();
+/// Without any instruction for it.
+const DistanceKernels& plain_distance();
+/// One word at a time. Null in builds for other processors, as is the next.
+const DistanceKernels* popcnt_distance();
+/// Eight words at a time.
+const DistanceKernels* avx512_distance();
+/// The fastest that this processor can run; all give the same values.
+const DistanceKernels& descriptor_distance();
 
 }  // namespace slambed
