@@ -9,6 +9,7 @@
 #include "geometry/triangulation.hpp"
 #include "map/descriptor_distance.hpp"
 #include "optimize/pose_optimizer.hpp"
+#include "slam/line_kernels.hpp"
 
 namespace slambed {
 namespace {
@@ -16,6 +17,7 @@ namespace {
 /// Squared distance to the epipolar line in units of the octave's variance: chi-square, one degree
 /// of freedom, 5 %.
 constexpr float kChi2Line = 3.84f;
+constexpr float kNever_px2 = -1;  ///< no squared distance is below it
 /// Without depth a match nearer than ten scaled pixels to the epipole says nothing about depth.
 constexpr float kEpipole_px2 = 100;
 /// Rays of a purely monocular pair must be further apart than this (about 1.15 degrees).
@@ -75,8 +77,8 @@ std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, cons
   return std::nullopt;
 }
 
-/// Baseline from which on a neighbour tells something: that of the camera itself, or else a share of
-/// the depth of the neighbour's points.
+/// Baseline from which on a neighbour tells something: that of the camera itself, or else a share
+/// of the depth of the neighbour's points.
 double least_baseline(const MapView& view, const KeyFrame& neighbour) {
   const Sensor& sensor = neighbour.features->sensor();
   if (sensor.metric()) return sensor.camera.baseline_m();
@@ -105,28 +107,41 @@ bool scales_agree(const KeyFrameCopy& a, int feature_a, const KeyFrameCopy& b, i
 
 }  // namespace
 
+void PointTriangulation::list_loose(const KeyFrameCopy& b) {
+  const FeatureSet& features = *b.features;
+  loose_.feature.clear();
+  loose_.u.clear();
+  loose_.v.clear();
+  loose_.limit.clear();
+  loose_.descriptor.clear();
+  for (int j = 0; j < features.size(); ++j) {
+    if (b.points[j]) continue;
+    const KeyPoint& p = features.keypoint(j);
+    loose_.feature.push_back(j);
+    loose_.u.push_back(p.u);
+    loose_.v.push_back(p.v);
+    loose_.limit.push_back(kChi2Line * features.sensor().pyramid.sigma2[p.octave]);
+    loose_.descriptor.push_back(features.descriptor(j));
+  }
+  const std::size_t room = loose_.feature.size() + kLineSlack;
+  loose_.u.resize(room);
+  loose_.v.resize(room);
+  loose_.limit.resize(room, kNever_px2);
+  candidates_.resize(room);
+  distances_.resize(room);
+}
+
 void PointTriangulation::match(const KeyFrameCopy& a, const KeyFrameCopy& b) {
   matches_.clear();
   const FeatureSet& fa = *a.features;
   const FeatureSet& fb = *b.features;
   const Camera& camera = fa.sensor().camera;
   const ScalePyramid& pyramid = fb.sensor().pyramid;
-
-  loose_.feature.clear();
-  loose_.u.clear();
-  loose_.v.clear();
-  loose_.limit.clear();
-  for (int j = 0; j < fb.size(); ++j) {
-    if (b.points[j]) continue;
-    const KeyPoint& p = fb.keypoint(j);
-    loose_.feature.push_back(j);
-    loose_.u.push_back(p.u);
-    loose_.v.push_back(p.v);
-    loose_.limit.push_back(kChi2Line * pyramid.sigma2[p.octave]);
-  }
-  const std::size_t n = loose_.feature.size();
-  loose_.near.resize(n);
-  loose_.taken.assign(n, 0);
+  list_loose(b);
+  const LinePoints points{loose_.u.data(), loose_.v.data(), loose_.limit.data(),
+                          loose_.feature.size()};
+  const LineKernels& lines = fastest_line_kernels();
+  const DistanceKernels& distance = descriptor_distance();
 
   // Line of x_a in image b: F^T-like product of K^-T [t]x R K^-1, all points in pixels.
   const SE3 T_ba = b.T_cw * a.T_cw.inverse();
@@ -145,29 +160,24 @@ void PointTriangulation::match(const KeyFrameCopy& a, const KeyFrameCopy& b) {
     const Eigen::Vector3f line = (F * Eigen::Vector3d(pa.u, pa.v, 1)).cast<float>();
     const float norm2 = line.x() * line.x() + line.y() * line.y();
     if (!(norm2 > 0)) continue;
-    const float x = line.x(), y = line.y(), z = line.z();
-    for (std::size_t k = 0; k < n; ++k) {
-      const float d = x * loose_.u[k] + y * loose_.v[k] + z;
-      loose_.near[k] = static_cast<std::uint8_t>(d * d < loose_.limit[k] * norm2);
-    }
-    candidates_.clear();
-    for (std::size_t k = 0; k < n; ++k)
-      if (loose_.near[k] && !loose_.taken[k]) candidates_.push_back(static_cast<int>(k));
+    const std::size_t found =
+        lines.near(points, {line.x(), line.y(), line.z(), norm2}, candidates_.data());
+    distance.to_some(fa.descriptor(i), loose_.descriptor.data(), {candidates_.data(), found},
+                     distances_.data());
     int best = -1, best_distance = kHammingLow + 1;
-    for (const int k : candidates_) {
-      const int j = loose_.feature[k];
-      const int distance = hamming(fa.descriptor(i), fb.descriptor(j));
-      if (distance >= best_distance) continue;
-      const KeyPoint& pb = fb.keypoint(j);
+    for (std::size_t c = 0; c < found; ++c) {
+      if (distances_[c] >= best_distance) continue;
+      const int k = candidates_[c];
+      const KeyPoint& pb = fb.keypoint(loose_.feature[k]);
       if (pa.right_u < 0 && pb.right_u < 0 && epipole_ahead) {
         const float du = epipole.x() - pb.u, dv = epipole.y() - pb.v;
         if (du * du + dv * dv < kEpipole_px2 * pyramid.scale[pb.octave]) continue;
       }
       best = k;
-      best_distance = distance;
+      best_distance = distances_[c];
     }
     if (best < 0) continue;
-    loose_.taken[best] = 1;
+    loose_.limit[best] = kNever_px2;  // taken
     matches_.emplace_back(i, loose_.feature[best]);
   }
 }

@@ -20,8 +20,9 @@ class PointTriangulation {
   struct Loose {
     std::vector<int> feature;
     std::vector<float> u, v, limit;  ///< limit: of the squared distance to the line, px^2
-    std::vector<std::uint8_t> near, taken;
+    std::vector<Descriptor> descriptor;
   };
+  void list_loose(const KeyFrameCopy& b);
   void match(const KeyFrameCopy& a, const KeyFrameCopy& b);
 
   Loose loose_;
