@@ -48,9 +48,13 @@ class JudgedOrdering:
         if ours:
             texts = [_value(m) for _, m in ends]
         else:
-            texts = ["?" if c.value is None else f"{c.value:g}" for c, _ in ends]
-        more = f", {len(self.chains)} pairs" if len(self.chains) > 1 else ""
-        return f"{texts[0]} → {texts[1]} {unit}{more}" if texts != ["?", "?"] else "in words"
+            texts = [NO_NUMBER if c.value is None else f"{c.value:g}" for c, _ in ends]
+        more = f" (first of {len(self.chains)} pairs)" if len(self.chains) > 1 else ""
+        return f"{texts[0]} → {texts[1]} {unit}{more}" if set(texts) != {NO_NUMBER} else "in words"
+
+
+NO_NUMBER = "not printed"
+"""Of an end of a chain that the paper draws or tells in words."""
 
 
 def _value(measured: Measured) -> str:

@@ -29,6 +29,7 @@ from slambed.report.paper_view import (
     claim_lines,
     claims_beside,
     headline,
+    text_lines,
     twelve_lines,
     twin,
     why_not,
@@ -191,7 +192,7 @@ def _place(paper: Paper, source: str) -> str:
     places = {t.id: (t.where, t.lines) for t in paper.tables}
     places |= {c.id: (c.where, c.lines) for c in paper.claims}
     where, lines = places.get(source, (source, []))
-    return where + (f", text line {', '.join(map(str, lines))}" if lines else "")
+    return where + (f", text {text_lines(lines)}" if lines else "")
 
 
 def _relative(path: Path, target: Path) -> str:

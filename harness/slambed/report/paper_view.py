@@ -4,12 +4,14 @@
 from collections import Counter
 from dataclasses import dataclass
 
+from slambed.errors import SlambedError
 from slambed.report.compare import Column, PaperVerdicts
 from slambed.report.judged import MARKS, Judged, Mark
 from slambed.report.load import Results
 from slambed.report.lookup import MISSING_WORDS
 from slambed.report.orderings import JudgedOrdering
-from slambed.report.papers import PublishedTable
+from slambed.report.paper_runs import experiments_of
+from slambed.report.papers import Paper, PublishedTable
 from slambed.report.papers.plan import read_plan
 from slambed.report.registered import PlanLine, plan_lines, plan_words
 
@@ -107,7 +109,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     if ordering.assumed:
         notes.append(f"assumed: {', '.join(ordering.assumed)}")
     contrast = item.contrast
-    lines = f", line {', '.join(map(str, contrast.lines))} of its text" if contrast.lines else ""
+    lines = f", {text_lines(contrast.lines)} of its text" if contrast.lines else ""
     return ClaimLine(
         engine, BADGES[kind], kind, contrast.says, item.values(False), item.values(True),
         "; ".join(notes), contrast.where + lines, contrast.id, item.provenance == "measured",
@@ -156,6 +158,11 @@ def _short(row: Judged) -> str:
     return f"{row.measured.mean.value:.3g}"
 
 
+def text_lines(lines: list[int]) -> str:
+    """`line 12`, `lines 12, 14`: where the paper's plain text says so."""
+    return f"line{'s' if len(lines) > 1 else ''} {', '.join(map(str, lines))}"
+
+
 def why_not(verdicts: PaperVerdicts, column: Column) -> list[str]:
     """The largest blocks of numbers without a verdict of their own, with what would help."""
     blocks: Counter[str] = Counter()
@@ -163,15 +170,28 @@ def why_not(verdicts: PaperVerdicts, column: Column) -> list[str]:
         if row.mark == "S":
             blocks[_stand_in(verdicts, row)] += 1
         elif row.missing == "too_few_runs" and "no run" in row.why:
-            blocks[f"not run yet; slambed paper {verdicts.paper.id}"] += 1
+            blocks[NOT_RUN] += 1
         elif row.mark == "N" and row.missing:
             blocks[f"{MISSING_WORDS[row.missing]}: {row.why}"] += 1
         elif row.mark == "I":
             blocks[_undecided(row)] += 1
+    if NOT_RUN in blocks:
+        blocks[f"{NOT_RUN}{_how_to_run(verdicts.paper)}"] = blocks.pop(NOT_RUN)
     return [
         f"{count} {'number' if count == 1 else 'numbers'}: {text}"
         for text, count in blocks.most_common(REASONS)
     ]
+
+
+NOT_RUN = "not run yet"
+
+
+def _how_to_run(paper: Paper) -> str:
+    try:
+        experiments_of([paper])
+    except SlambedError:
+        return ", and no experiment makes these runs"
+    return f"; slambed paper {paper.id}"
 
 
 def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
@@ -205,6 +225,12 @@ def headline(verdicts: PaperVerdicts, column: Column) -> str:
     weak = sum(line.kind == "holds" and not line.evidence for line in lines)
     if weak:
         told[0] += f" ({weak} of them on stand-ins or fitted)"
+    if not column.engine:
+        waiting, twice = marks["N"], marks["P"]
+        return (
+            f"Nothing was run yet. {len(lines)} main claims and {waiting} numbers wait; "
+            f"{twice} of the {len(column.rows)} printed numbers are settings or stand twice."
+        )
     claims = f"Of {len(lines)} main claims {', '.join(told)}. " if lines else ""
     return (
         f"{claims}{marks['R']} of {len(column.rows)} printed numbers reproduced, "
