@@ -15,6 +15,7 @@ from slambed.metrics.accuracy import (
     absolute_error,
     align_umeyama,
     pairs_by_time,
+    product,
     relative_error,
 )
 from slambed.metrics.association import associate, match_nearest, match_tum
@@ -237,3 +238,22 @@ def test_rpe_finds_partners_where_a_second_is_no_whole_number_of_frames() -> Non
     drift = relative_error(path, path, 1.0)
     assert drift.translation_m.pairs == len(path) - 10
     assert drift.translation_m.rmse == pytest.approx(0, abs=1e-9)
+
+
+def test_the_product_of_rotations_is_that_of_scipy() -> None:
+    rng = np.random.default_rng(4)
+    first, second = Rotation.random(500, rng), Rotation.random(500, rng)
+    turn = (product(first, second) * (first * second).inv()).magnitude()
+    assert turn.max() < 1e-15
+
+
+def test_a_trajectory_is_read_alike_at_once_and_line_by_line(tmp_path: Path) -> None:
+    """Commas are for the slow way; both must find the same numbers."""
+    lines = ["# time x y z", "1.5 0.1 -2e-3 3 0 0 0 1", "", "2.5 1 2 3 0 0.6 0 0.8 # turned"]
+    plain, other = tmp_path / "plain.txt", tmp_path / "other.txt"
+    plain.write_text("\n".join(lines))
+    other.write_text("\n".join(lines).replace("1.5 0.1", "1.5, 0.1"))
+    found, expected = read_tum(plain), read_tum(other)
+    assert len(found) == 2
+    for name in ("stamps_s", "positions_m", "quaternions_xyzw"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name))

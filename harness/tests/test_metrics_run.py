@@ -247,6 +247,15 @@ def test_a_torn_last_line_costs_only_itself(raw: Path, tmp_path: Path) -> None:
     assert result.problems == read_events(raw).problems
 
 
+def test_a_line_that_is_no_text_costs_only_itself(raw: Path) -> None:
+    path = raw / "mobile" / "events.jsonl"
+    whole = read_events(raw)
+    path.write_bytes(b"\xff\xfe\n \n" + path.read_bytes())
+    broken = read_events(raw)
+    assert broken.events == whole.events
+    assert broken.problems == ["mobile/events.jsonl: 1 unreadable lines, dropped"]
+
+
 def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
     (raw / "edge" / "events.jsonl").open("a").write(
         json.dumps({"t_ns": 1, "type": "thing", "frame": "seven", "odd_key": 3}) + "\n"

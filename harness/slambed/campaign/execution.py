@@ -40,9 +40,8 @@ def execute_run(
     facts = manifest(spec, engine, result, started, load)
     facts["attempt"] = attempt
     facts["frames_offered"] = frames_offered(spec, sequence)
-    _write(raw / "manifest.json", facts)
     truth = sequence / "groundtruth.txt"
-    run = RunData(raw, facts["spec"], truth if truth.is_file() else None)
+    run = RunData(raw, facts["spec"], truth if truth.is_file() else None, facts)
     summary = summary_of(run)
     problems = to_parquet(run, raw).problems
     _write(raw / "summary.json", summary)

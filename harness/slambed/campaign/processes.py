@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Executes virtual runs side by side on this host, each in a process of its own.
 
-A run is a subprocess anyway, but reading its log and computing its metrics takes Python as long:
-threads alone would wait for each other. The processes are forked from a server that has imported
-everything (pebble over multiprocessing's forkserver), so one costs milliseconds; nothing is shared
-between them that a killed one could leave locked.
+A run is a subprocess anyway, but reading its log and computing its metrics takes Python as well:
+threads alone would wait for each other. The processes are forked from a server that has everything
+ready (`preload`; pebble over multiprocessing's forkserver), so one costs milliseconds; nothing is
+shared between them that a killed one could leave locked.
 """
 
 import multiprocessing
@@ -28,7 +28,7 @@ from slambed.spec.matrix import RunSpec
 
 LOOK_EVERY_S = 0.1
 CONTEXT = multiprocessing.get_context("forkserver")
-CONTEXT.set_forkserver_preload([__name__])
+CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
 
 
 class WorkerDiedError(PassingError):

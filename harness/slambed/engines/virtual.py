@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from slambed.engines.base import last_line
+from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
@@ -35,7 +36,7 @@ DRAIN_S = 30.0
 LEAST_LIMIT_S = 120.0
 LIMIT_FACTOR = 20.0
 """A run that computes (CPU time) for so many times its played time, and LEAST_LIMIT_S, hangs."""
-WATCH_PERIOD_S = 0.05
+WATCH_PERIOD_S = 0.25
 CACHE_BYTES = 4 << 30
 """Feature caches beyond this size go, the longest unused first."""
 PR_SET_PDEATHSIG = 1
@@ -142,14 +143,13 @@ class VirtualRun:
             )
         watch = CpuWatch(process.pid, SIMULATION, self._limit_s(), self.idle_limit_s)
         try:
-            while True:
-                try:
-                    return process.wait(WATCH_PERIOD_S)
-                except subprocess.TimeoutExpired:
+            with end_of(process) as wait:
+                while (code := wait(WATCH_PERIOD_S)) is None:
                     if stop.is_set():
-                        raise InterruptedRunError from None
+                        raise InterruptedRunError
                     if watch.spent():
                         return None
+            return code
         finally:
             if process.poll() is None:
                 process.kill()

@@ -77,8 +77,7 @@ def _frames(share: float) -> Callable[[RunData], Value]:
 
 
 def _extract(run: RunData) -> Value:
-    stages = [e for e in run.log.of("stage", node="mobile") if e.get("name") == "extract"]
-    return quantile_of(stages, "wall_ms", 0.5)
+    return quantile_of(run.log.stages("mobile", "extract"), "wall_ms", 0.5)
 
 
 def _update_delay(run: RunData) -> Value:

@@ -29,6 +29,7 @@ class EventLog:
         self._by_type: dict[str, list[Event]] = defaultdict(list)
         for event in self.events:
             self._by_type[event["type"]].append(event)
+        self._stages: dict[tuple[str, str], list[Event]] | None = None
 
     def of(self, *types: str, node: str | None = None) -> list[Event]:
         """Events of these types in order of time, of one node if named."""
@@ -36,6 +37,15 @@ class EventLog:
         if len(types) > 1:
             found.sort(key=lambda event: event["t_ns"])
         return [e for e in found if e["node"] == node] if node else found
+
+    def stages(self, node: str, *names: str) -> list[Event]:
+        """Timed stages of these names on a node, one name after the other; most events are stages,
+        so that each is looked at once."""
+        if self._stages is None:
+            self._stages = defaultdict(list)
+            for event in self._by_type.get("stage", ()):
+                self._stages[event["node"], str(event.get("name"))].append(event)
+        return [event for name in names for event in self._stages.get((node, name), ())]
 
 
 def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
@@ -47,18 +57,16 @@ def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
         data = path.read_bytes()
     except OSError as error:
         return [], [f"{path.name}: cannot be read ({error.strerror})"]
-    lines = data.split(b"\n")
-    torn_end = lines.pop() if lines else b""  # what follows the last line end
+    lines = _lines_of(data)
+    torn_end = lines.pop()  # what follows the last line end
     objects: list[Event] = []
     bad = 0
     for line in lines:
-        if not line.strip():
-            continue
         value = _parse(line)
-        if value is None:
-            bad += 1
-        else:
+        if value is not None:
             objects.append(value)
+        elif line.strip():
+            bad += 1
     problems = []
     if torn_end.strip():
         value = _parse(torn_end)
@@ -71,8 +79,25 @@ def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
     return objects, problems
 
 
-def _parse(line: bytes) -> Event | None:
+def _lines_of(data: bytes) -> list[str] | list[bytes]:
+    """As text where all of it is; a line that is not must not cost the others."""
     try:
+        return data.decode().split("\n")
+    except UnicodeDecodeError:
+        return data.split(b"\n")
+
+
+_DECODER = json.JSONDecoder()
+
+
+def _parse(line: str | bytes) -> Event | None:
+    """An object, None for anything else. What a node writes begins and ends at the braces, which
+    saves the decoder looking for blanks around it."""
+    try:
+        if isinstance(line, str) and line.startswith("{"):
+            value, end = _DECODER.raw_decode(line)
+            if end == len(line):
+                return value  # type: ignore[no-any-return]
         value = json.loads(line)
     except ValueError:
         return None

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from slambed.metrics.events import EventLog
 
+Floats = NDArray[np.float64]
 MINIMUM_PROBES = 20  # one second of probing; fewer prove nothing
 
 
@@ -69,6 +71,17 @@ def series(link: pd.DataFrame, name: str) -> pd.DataFrame:
     return chosen.sort_values("t_s", kind="stable")
 
 
+def curve(link: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
+    """The same as two arrays: times and values."""
+    rows = np.flatnonzero((link["series"] == name).to_numpy(bool))
+    t_s = link["t_s"].to_numpy(np.float64)[rows]
+    values = link["value"].to_numpy(np.float64)[rows]
+    there = ~(np.isnan(t_s) | np.isnan(values))
+    t_s, values = t_s[there], values[there]
+    order = np.argsort(t_s, kind="stable")
+    return t_s[order], values[order]
+
+
 def rtt_proof(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> RttProof | None:
     """Compares each probe with the RTT asked for during its flight plus the base RTT.
 
@@ -76,22 +89,15 @@ def rtt_proof(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> Rt
     changing latency that is the asked RTT a quarter of the RTT after sending.
     None when there is nothing to compare (no profile, or hardly any probe).
     """
-    asked, probes = series(link, "asked_rtt_ms"), series(link, "probe_rtt_ms")
-    probes = probes[probes["t_s"] >= 0.0]
+    asked_s, asked = curve(link, "asked_rtt_ms")
+    sent_s, measured = curve(link, "probe_rtt_ms")
+    during = sent_s >= 0.0
     if end_s is not None:
-        probes = probes[probes["t_s"] <= end_s]
-    if asked.empty or len(probes) < MINIMUM_PROBES:
+        during &= sent_s <= end_s
+    sent_s, measured = sent_s[during], measured[during]
+    if not len(asked) or len(measured) < MINIMUM_PROBES:
         return None
-    sent_s = probes["t_s"].to_numpy(np.float64)
-    measured = probes["value"].to_numpy(np.float64)
-    expected = (
-        np.interp(
-            sent_s + measured / 4e3,
-            asked["t_s"].to_numpy(np.float64),
-            asked["value"].to_numpy(np.float64),
-        )
-        + base_rtt_ms
-    )
+    expected = np.interp(sent_s + measured / 4e3, asked_s, asked) + base_rtt_ms
     error = np.abs(measured - expected)
     return RttProof(
         float((expected - base_rtt_ms).mean()),

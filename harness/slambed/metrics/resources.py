@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -26,15 +29,10 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
     """Of one node from run time 0 to `end_s`; CPU by the cumulative counter, not by averaging."""
     if samples.empty or "node" not in samples:
         return NOTHING
-    own = samples[(samples["node"] == node) & (samples["t_s"] >= 0)]
-    if end_s is not None:
-        own = own[own["t_s"] <= end_s]
-    own = own.sort_values("t_s", kind="stable")
-    percent = _column(own, "cpu_percent")
-    memory = _column(own, "memory_mb")
-    throttled = _increase(own, "throttled_s")
-    span = _span(own)
-    cpu = _increase(own, "cpu_s")
+    own = _Rows(samples, node, end_s)
+    percent, memory = own.column("cpu_percent"), own.column("memory_mb")
+    throttled = own.increase("throttled_s")
+    span, cpu = own.span_s(), own.increase("cpu_s")
     return Resources(
         cpu_percent_mean=100.0 * cpu / span if cpu is not None and span else None,
         cpu_percent_p50=float(np.quantile(percent, 0.5)) if len(percent) else None,
@@ -45,18 +43,32 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
     )
 
 
-def _column(own: pd.DataFrame, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    if name not in own:
-        return np.zeros(0)
-    return own[name].dropna().to_numpy(np.float64)
+class _Rows:
+    """The samples of one node over playback in order of time, column by column."""
 
+    def __init__(self, samples: pd.DataFrame, node: str, end_s: float | None) -> None:
+        t_s = samples["t_s"].to_numpy(np.float64)
+        inside = (samples["node"] == node).to_numpy(bool) & (t_s >= 0)
+        if end_s is not None:
+            inside &= t_s <= end_s
+        rows = np.flatnonzero(inside)
+        self._samples = samples
+        self._rows = rows[np.argsort(t_s[rows], kind="stable")]
+        self._t_s = t_s[self._rows]
 
-def _increase(own: pd.DataFrame, name: str) -> float | None:
-    values = _column(own, name)
-    return float(values[-1] - values[0]) if len(values) > 1 else None
+    def column(self, name: str) -> Floats:
+        """What was measured of it."""
+        if name not in self._samples:
+            return np.zeros(0)
+        values = self._samples[name].to_numpy(np.float64)[self._rows]
+        measured: Floats = values[~np.isnan(values)]
+        return measured
 
+    def increase(self, name: str) -> float | None:
+        """Of a counter from the first sample that has it to the last."""
+        values = self.column(name)
+        return float(values[-1] - values[0]) if len(values) > 1 else None
 
-def _span(own: pd.DataFrame) -> float | None:
-    if len(own) < 2:
-        return None
-    return float(own["t_s"].iloc[-1] - own["t_s"].iloc[0]) or None
+    def span_s(self) -> float | None:
+        """From the first sample to the last."""
+        return float(self._t_s[-1] - self._t_s[0]) or None if len(self._t_s) > 1 else None

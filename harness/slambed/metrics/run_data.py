@@ -16,7 +16,7 @@ from slambed.metrics.accuracy import absolute_error, relative_error, relative_er
 from slambed.metrics.collect import read_link, read_log, read_samples
 from slambed.metrics.device_share import device_cores
 from slambed.metrics.events import EventLog
-from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, rtt_proof, series
+from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, rtt_proof
 from slambed.metrics.older import manifest_of_today
 from slambed.metrics.resources import NOTHING, Resources, resources_of
 from slambed.metrics.tracking import Tracking, tracking_of
@@ -54,11 +54,15 @@ class RunData:
     folder: Path
     spec: Mapping[str, Any]
     groundtruth: Path | None = None
+    facts: Mapping[str, Any] | None = None
+    """The manifest, where it is not written yet."""
     problems: list[str] = field(default_factory=list)
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """How the run ended and under which circumstances."""
+        if self.facts is not None:
+            return dict(self.facts)
         return manifest_of_today(object_or_empty(self.folder / "manifest.json", self.problems))
 
     @cached_property
@@ -147,11 +151,11 @@ class RunData:
     def host_steal_percent(self) -> float | None:
         """Of the CPU time of all the host's processors, over playback."""
         cores = self.manifest.get("cores")
+        if self.is_virtual or not isinstance(cores, int) or "host_steal_s" not in self.samples:
+            return None
         rows = self.samples[self.samples["t_s"] >= 0] if len(self.samples) else self.samples
         if self.end_s is not None and len(rows):
             rows = rows[rows["t_s"] <= self.end_s]
-        if "host_steal_s" not in rows or not isinstance(cores, int) or self.is_virtual:
-            return None
         rows = rows.dropna(subset=["host_steal_s"]).sort_values("t_s", kind="stable")
         span_s = float(rows["t_s"].iloc[-1] - rows["t_s"].iloc[0]) if len(rows) > 1 else 0.0
         if span_s <= 0:
@@ -202,10 +206,10 @@ class RunData:
         """What the profile asked for over playback, also where nothing was probed."""
         if self.proof.asked_mean is not None or not self.is_virtual or self.link is None:
             return self.proof.asked_mean
-        asked = series(self.link, "asked_rtt_ms")
+        times_s, asked = curve(self.link, "asked_rtt_ms")
         if self.end_s is not None:
-            asked = asked[asked["t_s"] <= self.end_s]
-        return float(asked["value"].mean()) if len(asked) else None
+            asked = asked[times_s <= self.end_s]
+        return float(asked.mean()) if len(asked) else None
 
     @cached_property
     def truth_file(self) -> Path | None:

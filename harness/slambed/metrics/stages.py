@@ -82,7 +82,7 @@ def longest_stall(log: EventLog) -> tuple[float, float] | None:
     ratio of the two, is not the device's limits: something else on the host had the processor. A
     lower bound, for extraction fills a part of the time only. None where nothing was timed.
     """
-    stages = [e for e in log.of("stage", node="mobile") if e.get("name") == "extract"]
+    stages = log.stages("mobile", "extract")
     both = [e for e in stages if e.get("wall_ms") is not None and e.get("cpu_ms")]
     if not both:
         return None
@@ -131,7 +131,7 @@ def delays(log: EventLog) -> dict[str, Delay]:
         )
     keyframe_messages = _messages(log, "up", "keyframe")
     update_messages = _messages(log, "down", "map")
-    parse = [e for e in log.of("stage", node="edge") if e.get("name") == "parse"]
+    parse = log.stages("edge", "parse")
     prepare = [e for e in log.of("stage") if e.get("name") == "prepare_update"]
     parts = {
         "T_Track": values_of(log.of("frame_tracked"), "track_ms"),

@@ -103,6 +103,8 @@ def _read_rows(path: Path, columns: int, what: str) -> Floats:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SlambedError(f"cannot read a trajectory, {path}, {error}") from error
+    if (plain := _plain_rows(lines, columns)) is not None:
+        return plain
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
         text = line.split("#", 1)[0].replace(",", " ").split()
@@ -116,3 +118,15 @@ def _read_rows(path: Path, columns: int, what: str) -> Floats:
             raise SlambedError(f"not a pose, {path}:{number}, expected {what}")
         rows.append(values)
     return np.array(rows, dtype=np.float64).reshape(-1, columns)
+
+
+def _plain_rows(lines: list[str], columns: int) -> Floats | None:
+    """Of a file as programs write it, at once; None of one that has to be looked at line by line:
+    with commas, wrong numbers, or nothing in it."""
+    if not any(line and line[0] != "#" for line in lines):
+        return None
+    try:
+        rows = np.loadtxt(lines, dtype=np.float64, comments="#", ndmin=2)
+    except ValueError:
+        return None
+    return rows if rows.size and rows.shape[1] == columns and np.isfinite(rows).all() else None

@@ -88,4 +88,4 @@ def received(log: EventLog, message: str) -> list[Event]:
 
 def codec_stages(log: EventLog, node: str, name: str) -> list[Event]:
     """The stage in either codec's form."""
-    return [e for e in log.of("stage", node=node) if e.get("name") in (name, f"{name}_text")]
+    return log.stages(node, name, f"{name}_text")
