@@ -6,6 +6,7 @@ import os
 import select
 import sys
 import traceback
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -78,6 +79,7 @@ def run(
         float,
         typer.Option(min=0, help="Minutes to wait for a quiet host before live runs."),
     ] = 0.0,
+    figures: Annotated[bool, typer.Option(help="Draw figures for the report.")] = True,
 ) -> None:
     """Run what is missing of an experiment, then show and write its report.
 
@@ -105,7 +107,7 @@ def run(
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
     options = Options(runs, engine, results, wait, jobs, scheduler, slurm, retries, wait_for_quiet)
-    verdict = run_and_report(experiment, options, screen)
+    verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])
         typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
@@ -208,24 +210,78 @@ def clean() -> None:
         typer.echo(f"removed: {reap() or 'nothing'}")
 
 
-def _add_groups() -> None:
-    from slambed.calibrate.cli import calibrate
-    from slambed.campaign.size import app as results_app
-    from slambed.data.cli import app as data_app
-    from slambed.explain.cli import explain
-    from slambed.link.cli import app as profile_app
-    from slambed.link.cli import link_app
+@cache
+def _add_reports() -> None:
     from slambed.report.cli import add_commands
-    from slambed.report.papers_cli import app as papers_app
 
     add_commands(app)
+
+
+@cache
+def _add_calibrate() -> None:
+    from slambed.calibrate.cli import calibrate
+
     app.command()(calibrate)
+
+
+@cache
+def _add_explain() -> None:
+    from slambed.explain.cli import explain
+
     app.command()(explain)
+
+
+@cache
+def _add_data() -> None:
+    from slambed.data.cli import app as data_app
+
     app.add_typer(data_app, name="data")
+
+
+@cache
+def _add_results() -> None:
+    from slambed.campaign.size import app as results_app
+
     app.add_typer(results_app, name="results")
+
+
+@cache
+def _add_links() -> None:
+    from slambed.link.cli import app as profile_app
+    from slambed.link.cli import link_app
+
     app.add_typer(profile_app, name="profile")
     app.add_typer(link_app, name="link")
+
+
+@cache
+def _add_papers() -> None:
+    from slambed.report.papers_cli import app as papers_app
+
     app.add_typer(papers_app, name="papers")
+
+
+HERE = ("run", "status", "doctor", "images", "clean", "--version")
+ELSEWHERE = {
+    **dict.fromkeys(
+        ("report", "plots", "compare", "truth", "paper", "gate", "view", "evaluate"), _add_reports
+    ),
+    "calibrate": _add_calibrate,
+    "explain": _add_explain,
+    "data": _add_data,
+    "results": _add_results,
+    **dict.fromkeys(("profile", "link"), _add_links),
+    "papers": _add_papers,
+}
+
+
+def _add_commands(asked: str) -> None:
+    """Loads the module of one command: all of them, with what they need, take seconds. Whoever asks
+    for help, or for what there is not, gets to see them all."""
+    if asked in HERE:
+        return
+    for add in [ELSEWHERE[asked]] if asked in ELSEWHERE else ELSEWHERE.values():
+        add()
 
 
 def main() -> None:
@@ -236,7 +292,7 @@ def main() -> None:
 def run_command(arguments: list[str]) -> int:
     """The exit code of a command line."""
     try:
-        _add_groups()
+        _add_commands(arguments[0] if arguments else "")
         result = app(args=arguments, prog_name="slambed", standalone_mode=False)
         return result if isinstance(result, int) else ExitCode.OK
     except SlambedError as error:

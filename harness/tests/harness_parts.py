@@ -2,6 +2,7 @@
 """Small specs, files and stand-ins shared by the tests of spec, engines and campaign."""
 
 import os
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -28,6 +29,21 @@ def nodes_of_tests() -> Iterator[None]:
     with host_lock("tests of nodes", wait_s=300):
         reap()
         yield
+
+
+OF_THE_HOST = re.compile("RTT error|RTT probes came back|stalled the mobile node")
+"""What a busy host does to a run, as the line says that tells why it is not to be trusted."""
+
+
+def is_trusted(summary: dict[str, Any], attempts: int = 3) -> bool:
+    """Whether what the system did in a live run may be judged. A busy host may spoil all attempts:
+    what is promised then is that each was made, and that the last one tells the host's part."""
+    if summary["trusted"]:
+        return True
+    lines = str(summary["distrust"]).split("; ")
+    assert lines and all(map(OF_THE_HOST.search, lines)), lines
+    assert summary["attempts"] == attempts
+    return False
 
 
 STAND_IN = Path(__file__).parent / "stand_in_node.py"

@@ -31,7 +31,6 @@ RULES: list[tuple[str, Callable[[], bool]]] = [
     (r"this kernel has netem", netem_available),
     (r"those of cgroup v1", lambda: version() != "v1"),
     (r"/dev/net/tun|TUN", lambda: _not_root() or not Path("/dev/net/tun").exists()),
-    (r"engine virtual kills nobody", lambda: True),
     (r"no recording .* in the folders given", lambda: True),
 ]
 """Part of a reason, and whether this host is one where it holds."""

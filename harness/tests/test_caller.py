@@ -5,8 +5,8 @@ import os
 from pathlib import Path
 
 import pytest
+from command_line import slambed
 from harness_parts import needs_root
-from test_cli import slambed
 
 from slambed.caller import give_to_caller
 from slambed.errors import ExitCode

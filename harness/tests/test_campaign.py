@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import refused, slambed
 from data_samples import write_prepared
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, stand_in, write_library
-from test_cli import refused, slambed
 
 from slambed.campaign import plan as planning
 from slambed.campaign.datasets import prepare_sequence

@@ -1,37 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: one-line errors, documented exit codes."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from command_line import refused, slambed, slambed_process
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode
-
-
-def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str, str]:
-    done = subprocess.run(
-        [sys.executable, "-c", "from slambed.cli import main; main()", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env={**os.environ, **environment},
-        check=False,
-        timeout=400,
-    )
-    return done.returncode, done.stdout, done.stderr
-
-
-def refused(code: int, *arguments: str, cwd: Path | None = None, **environment: str) -> str:
-    """The one line that a refused command prints."""
-    found, _, stderr = slambed(*arguments, cwd=cwd, **environment)
-    lines = stderr.strip().splitlines()
-    assert found == code, stderr
-    assert len(lines) == 1 and lines[0].startswith("error: "), stderr
-    return lines[0]
 
 
 def test_help_lists_the_commands() -> None:
@@ -43,8 +21,14 @@ def test_help_lists_the_commands() -> None:
 
 
 def test_version() -> None:
-    code, out, _ = slambed("--version")
-    assert code == ExitCode.OK and out.startswith("slambed ")
+    for called in (slambed, slambed_process):
+        code, out, err = called("--version")
+        assert (code, err) == (ExitCode.OK, "") and out.startswith("slambed ")
+
+
+def test_a_mistake_is_the_exit_code_of_the_process() -> None:
+    code, out, err = slambed_process("rnu")
+    assert (code, out) == (ExitCode.BAD_INPUT, "") and err.count("\n") == 1
 
 
 def test_wrong_usage_is_one_line() -> None:

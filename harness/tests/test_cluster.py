@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import refused, slambed
 from distributed import Client
-from test_cli import refused, slambed
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 
 from slambed.campaign.cluster import pack, unpack
@@ -23,7 +23,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.errors import ExitCode
 from slambed.native import find_program
 
-RUNS = 3
+RUNS = 2
 CELLS = 2
 
 
@@ -83,13 +83,13 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
 ) -> None:
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk"), RUNS)
     here = ResultFolder(tmp_path / "here" / "walk")
-    code, out, err = slambed("run", str(path), "--results", str(here.path.parent))
+    code, out, err = slambed("run", str(path), "--results", str(here.path.parent), "--no-figures")
     assert code == ExitCode.OK, out + err
 
     for name in ("a", "b"):
         cluster.add_worker(name)
     there = ResultFolder(tmp_path / "there" / "walk")
-    command = ["run", str(path), "--results", str(there.path.parent)]
+    command = ["run", str(path), "--no-figures", "--results", str(there.path.parent)]
     command += ["--scheduler", cluster.address]
     with Client(cluster.address) as client:
         client.wait_for_workers(2, timeout=120)
@@ -161,7 +161,8 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
 
 
 @needs_programs
-def test_a_scheduler_that_is_not_there(tmp_path: Path) -> None:
+def test_a_scheduler_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slambed.campaign.cluster.CONNECT_TIMEOUT_S", 1.0)
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
     arguments = ("run", str(path), "--results", str(tmp_path / "results"))
     line = refused(ExitCode.ENVIRONMENT, *arguments, "--scheduler", "tcp://127.0.0.1:1")
@@ -184,7 +185,8 @@ def test_slurm_jobs_become_workers(tmp_path: Path) -> None:
         (tmp_path / "bin" / name).write_text(text)
         (tmp_path / "bin" / name).chmod(0o755)
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
-    arguments = ("run", str(path), "--results", str(tmp_path / "results"), "--slurm", "--jobs", "1")
+    arguments = ("run", str(path), "--results", str(tmp_path / "results"), "--no-figures")
+    arguments = (*arguments, "--slurm", "--jobs", "1")
     found = f"{tmp_path / 'bin'}:{os.environ['PATH']}"
     code, out, err = slambed(*arguments, cwd=tmp_path, PATH=found)
     assert code == ExitCode.OK, out + err

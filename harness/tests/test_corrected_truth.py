@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ground truth that was corrected where it is prepared: the numbers follow, nothing is run."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from test_cli import slambed
+import pytest
+from command_line import slambed
 from virtual_parts import needs_programs
 
+from slambed.data.catalog import Catalog
 from slambed.errors import ExitCode
 from slambed.metrics.digest import digest
 from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
@@ -25,6 +28,18 @@ devices: {mobile: {device: host, name: phone, cores: 1, speed: 0.5}}
 engine: virtual
 runs: {default: 2}
 """
+
+
+@pytest.fixture(autouse=True)
+def short_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of its twenty seconds are enough, and a third of its frames."""
+    whole = Catalog.load()
+    room = whole.get("synthetic_room")
+    assert room.synthetic is not None
+    options = room.synthetic.model_copy(update={"seconds": 2.3})
+    room = room.model_copy(update={"synthetic": options, "fps": 10.0})
+    short = dataclasses.replace(whole, datasets=whole.datasets | {room.id: room})
+    monkeypatch.setattr(Catalog, "load", lambda: short)
 
 
 def read(run: Path, name: str) -> dict[str, Any]:
@@ -49,7 +64,7 @@ def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
         assert code == ExitCode.OK, out + err
         return out
 
-    command("run", "corrected.yaml")
+    command("run", "corrected.yaml", "--no-figures")
     runs = sorted((results / "corrected" / "runs").iterdir())
     before = [(read(run, "summary.json"), read(run, "manifest.json")) for run in runs]
     measured = {path: path.stat() for run in runs for path in run.glob("*.parquet")}
@@ -76,5 +91,5 @@ def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
     assert (results / "corrected" / "ledger.jsonl").read_bytes() == ledger
 
     # Neither does the campaign take it for another one, nor are the numbers of two truths.
-    assert "2 runs, 2 there already" in command("run", "corrected.yaml")
+    assert "2 runs, 2 there already" in command("run", "corrected.yaml", "--no-figures")
     assert "changed: none" in command("report", "corrected", "--again", "--no-figures")

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from command_line import refused, slambed
 from data_samples import one_line, write_tum
-from test_cli import refused, slambed
 
 from slambed.campaign import plan
 from slambed.data import Catalog

@@ -8,11 +8,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import refused, slambed
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from test_cli import refused, slambed
 from virtual_parts import EXPERIMENT, make_sequence, needs_programs, write_experiment
 
 from slambed.errors import ExitCode, SlambedError
@@ -32,7 +32,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sequence = make_sequence(folder / "walk", 8, *dark)
     text = EXPERIMENT.replace("speed: 0.04", "speed: 0.018")
     path = write_experiment(folder, sequence, runs=1, text=text)
-    code, out, err = slambed("run", str(path), "--results", str(folder / "results"))
+    code, out, err = slambed("run", str(path), "--no-figures", "--results", str(folder / "results"))
     assert code == ExitCode.OK, out + err
     return folder / "results"
 

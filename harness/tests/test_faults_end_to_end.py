@@ -10,14 +10,15 @@ import pandas as pd
 import pytest
 import virtual_parts
 import yaml
+from command_line import slambed
+from harness_parts import is_trusted
 from test_campaign_end_to_end import image_is_built, programs_are_built
-from test_cli import slambed
 from virtual_parts import make_sequence
 
 from slambed.errors import ExitCode
 from slambed.spec.device import VIRTUAL
 
-SECONDS = 12
+SECONDS = 9
 QUICK = {
     "rtt_source": "echo",
     "echo_hz": 20.0,
@@ -26,25 +27,31 @@ QUICK = {
     "rtt_missing_s": 0.6,
     "decision_gap_s": 0.3,
 }
-KILL = {"at_s": 3, "edge": "kill"}
+AT_S, BACK_S = 2.0, 4.0
+KILL = {"at_s": AT_S, "edge": "kill"}
+RESTART = {"at_s": BACK_S, "edge": "restart"}
 FAULTS: dict[str, list[dict[str, Any]]] = {
-    "frozen": [{"at_s": 3, "edge": "freeze", "for_s": 3}],
-    "cut": [{"at_s": 3, "link": "cut", "for_s": 3}],
-    "again": [KILL, {"at_s": 6, "edge": "restart"}],
+    "frozen": [{"at_s": AT_S, "edge": "freeze", "for_s": BACK_S - AT_S}],
+    "cut": [{"at_s": AT_S, "link": "cut", "for_s": BACK_S - AT_S}],
+    "again": [KILL, RESTART],
     "killed": [KILL],
-    "static again": [KILL, {"at_s": 5, "edge": "restart"}],
+    "static again": [KILL, RESTART],
+}
+PLAYED = {
+    VIRTUAL: ("frozen", "cut"),
+    "local": tuple(FAULTS),
+    # What happens to a process is another matter in a container; the rest is the same.
+    "docker": ("frozen", "again"),
 }
 
 
 def experiment(sequence: Path, engine: str) -> dict[str, Any]:
     systems = []
-    for label, faults in FAULTS.items():
-        if engine == VIRTUAL and KILL in faults:
-            continue
+    for label in PLAYED[engine]:
         system: dict[str, Any] = {"system": "dynnetslam", "variant": "wh_wosz", "params": QUICK}
         if label.startswith("static"):
             system = {"system": "edgeslam", "variant": "static"}
-        systems.append(system | {"label": label, "faults": faults})
+        systems.append(system | {"label": label, "faults": FAULTS[label]})
     return {
         "id": "failing",
         "title": "A short walk during which the edge fails",
@@ -75,13 +82,15 @@ class Run:
         return states[1:] if states[:1] == ["MES"] else states
 
 
-pytestmark = [pytest.mark.live, pytest.mark.programs]
+pytestmark = pytest.mark.programs
+LIVE = [pytest.param(engine, marks=pytest.mark.live) for engine in ("local", "docker")]
 
 
-@pytest.fixture(scope="module", params=[VIRTUAL, "local", "docker"])
+@pytest.fixture(scope="module", params=[VIRTUAL, *LIVE])
 def runs(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Run]:
+    """By label, what may be judged: on a busy host not every run."""
     engine = request.param
     if engine == VIRTUAL and not virtual_parts.programs_are_built():
         pytest.skip("needs the programs ('make build')")
@@ -94,23 +103,24 @@ def runs(
     path.write_text(yaml.safe_dump(experiment(make_sequence(folder / "walk", SECONDS), engine)))
     results = folder / "results"
     code, out, err = slambed(
-        *("run", str(path), "--engine", engine, "--results", str(results), "--wait")
+        *("run", str(path), "--engine", engine, "--results", str(results), "--wait", "--no-figures")
     )
-    assert code == ExitCode.OK, out + err
     found = [Run(run) for run in (results / "failing" / "runs").iterdir()]
-    return {str(run.summary["cell"]).partition("/")[0]: run for run in found}
+    assert len(found) == len(PLAYED[engine]), out + err
+    trusted = [run for run in found if is_trusted(run.summary)]
+    assert code == (ExitCode.OK if trusted == found else ExitCode.NOT_ALL_GOOD), out + err
+    assert engine != VIRTUAL or trusted == found
+    return {str(run.summary["cell"]).partition("/")[0]: run for run in trusted}
 
 
-def test_every_run_is_valid_and_tells_its_faults(runs: dict[str, Run]) -> None:
-    assert len(runs) >= 2
-    for run in runs.values():
-        assert run.summary["trusted"] is True, run.summary["distrust"]
+def test_every_run_tells_its_faults(runs: dict[str, Run]) -> None:
+    for name, run in runs.items():
         assert run.summary["frames_total"] == 10 * SECONDS
         began = run.of("fault_began").iloc[0]
-        assert began["node"] == "harness" and 3.0 <= began["t_ns"] / 1e9 < 3.5
-        first = FAULTS[run.summary["cell"].partition("/")[0]][0]
-        assert run.summary["faults"].split(" ")[0] == first.get("edge", "cut")
-    assert runs["cut"].summary["faults"] == "cut 3.0-6.0"
+        assert began["node"] == "harness" and AT_S <= began["t_ns"] / 1e9 < AT_S + 0.5
+        assert run.summary["faults"].split(" ")[0] == FAULTS[name][0].get("edge", "cut")
+    if "cut" in runs:
+        assert runs["cut"].summary["faults"] == "cut 2.0-4.0"
     if "killed" in runs:
         assert runs["killed"].summary["faults"].endswith("-")
 
@@ -123,7 +133,7 @@ def test_the_mobile_leaves_the_edge_and_comes_back(runs: dict[str, Run]) -> None
         applied = run.of("handover_applied")
         assert len(applied) and (applied["keyframes"] > 0).all(), name
         left, back = run.of("state_changed")["t_ns"].iloc[-2:] / 1e9
-        assert 3.0 < left < 6.0 < back, name
+        assert AT_S < left < BACK_S < back, name
     if "killed" not in runs:
         return
     assert runs["killed"].states() == ["OS", "MES"]
@@ -131,12 +141,13 @@ def test_the_mobile_leaves_the_edge_and_comes_back(runs: dict[str, Run]) -> None
 
 
 def test_a_restarted_edge_gets_a_map(runs: dict[str, Run]) -> None:
-    if "again" not in runs:
-        pytest.skip("engine virtual kills nobody")
-    again = runs["again"]
-    assert len(again.of("node_restarted")) == 1
-    # A field that the table has no column for.
-    assert json.loads(again.of("handover_sent")["extra"].iloc[-1])["whole"] is True
+    if "again" in runs:
+        again = runs["again"]
+        assert len(again.of("node_restarted")) == 1
+        # A field that the table has no column for.
+        assert json.loads(again.of("handover_sent")["extra"].iloc[-1])["whole"] is True
+    if "static again" not in runs:
+        return
     static = runs["static again"]
     assert len(static.of("node_restarted")) == 1
     restarted_s = float(static.of("fault_ended")["t_ns"].iloc[0]) / 1e9
@@ -147,9 +158,9 @@ def test_a_restarted_edge_gets_a_map(runs: dict[str, Run]) -> None:
 
 def test_explain_shows_the_faults(runs: dict[str, Run], tmp_path: Path) -> None:
     told = {
-        "frozen": "edge frozen from 3.",
-        "cut": "link cut from 3.00 s to 6.00 s",
-        "killed": "edge killed from 3.",
+        "frozen": "edge frozen from 2.",
+        "cut": "link cut from 2.00 s to 4.00 s",
+        "killed": "edge killed from 2.",
     }
     for name in told.keys() & runs.keys():
         code, out, err = slambed("explain", str(runs[name].folder), "-o", str(tmp_path / "x.png"))

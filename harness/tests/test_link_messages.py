@@ -94,7 +94,7 @@ def test_an_outage_is_over_a_few_round_trips_after_the_time_out() -> None:
 @needs_root
 @pytest.mark.skipif(not Path("/dev/net/tun").exists(), reason="needs /dev/net/tun")
 def test_live_and_model_meet_the_same_bursts() -> None:
-    table = compare_profile(BURSTS, Trace.steady(100, 25_000, 10.0), seeds=(1, 2))
+    table = compare_profile(BURSTS, Trace.steady(100, 25_000, 10.0), seeds=(1,))
     assert (table["live_100_ms"] < 3_000.0).all() and (table["virtual_100_ms"] < 3_000.0).all()
     assert (table["live_50_ms"] >= 5.0).all() and (table["virtual_50_ms"] >= 5.0).all()
 

@@ -142,6 +142,17 @@ def test_runs_under_other_circumstances_than_asked_say_why(
     assert reason in found["distrust"]
 
 
+def test_an_error_of_the_rtt_is_told_once(tmp_path: Path) -> None:
+    lines = [
+        "link: median RTT error 8.80 ms is above 1 ms",
+        "mobile: CPU quota 2 cores instead of 1",
+    ]
+    change = {"link": {"base_rtt_ms": 9.0}, "distrust": lines}
+    told = summarise_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
+    assert told["distrust"].count("RTT error median") == 1 and "link: " not in told["distrust"]
+    assert lines[1] in told["distrust"]
+
+
 @pytest.mark.parametrize("outcome", ["died", "timed_out", "refused"])
 def test_a_system_that_breaks_off_is_a_result_with_coverage_0(tmp_path: Path, outcome: str) -> None:
     change = {"outcome": outcome, "outcome_reason": "edge node: signal 9"}

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import refused, slambed
 from harness_parts import run_spec
-from test_cli import refused, slambed
 from virtual_parts import make_sequence, needs_programs
 
 from slambed.engines.result import run_json
@@ -40,7 +40,7 @@ def experiment(folder: Path, name: str, sequence: Path, params: str) -> Path:
 def run(folder: Path, name: str, sequence: Path, params: str) -> Path:
     """The folder of the only run of an experiment."""
     path = experiment(folder, name, sequence, params)
-    code, out, err = slambed("run", str(path), "--results", str(folder / "results"))
+    code, out, err = slambed("run", str(path), "--no-figures", "--results", str(folder / "results"))
     assert code == ExitCode.OK, out + err
     (only,) = (folder / "results" / name / "runs").iterdir()
     return only
@@ -72,11 +72,12 @@ def test_a_run_goes_on_in_the_map_of_another(
     (tmp_path / "room.slm").write_bytes(whole[:-100])
     path = tmp_path / "second.yaml"
     # A system that refuses its input has a result, as one that dies: told with its reason.
-    code, out, err = slambed("run", str(path), "--results", str(tmp_path / "results"))
+    again = ("run", str(path), "--no-figures", "--results", str(tmp_path / "results"))
+    code, out, err = slambed(*again)
     assert code == ExitCode.NOT_ALL_GOOD, out + err
     assert "is cut or too long" in out + err
     (tmp_path / "room.slm").unlink()
-    line = refused(ExitCode.BAD_INPUT, "run", str(path), "--results", str(tmp_path / "results"))
+    line = refused(ExitCode.BAD_INPUT, *again)
     assert "file 'room.slm' not found" in line and "second.yaml line 3" in line
 
 

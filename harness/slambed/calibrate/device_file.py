@@ -4,10 +4,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
-
 from slambed.errors import environment_error
 from slambed.spec.device import CostModel, StageCost
+from slambed.yaml_text import read_yaml
 
 MODEL = "model:"
 
@@ -57,7 +56,7 @@ def write_model(path: Path, model: CostModel, comments: Mapping[str, str], title
 
 def stages_in(text: str) -> dict[str, StageCost]:
     """Costs of the stages in a device file; none when it has no model."""
-    device = yaml.safe_load(text)
+    device = read_yaml(text)
     model = device.get("model") if isinstance(device, dict) else None
     return dict(CostModel.model_validate(model).stages) if model else {}
 

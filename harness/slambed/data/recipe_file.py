@@ -13,14 +13,15 @@ from pydantic import BaseModel, ValidationError
 from slambed.data.recipe import Dataset
 from slambed.data.suggestion import did_you_mean
 from slambed.errors import SlambedError
+from slambed.yaml_text import read_yaml, with_parser
 
 
 def load_recipe(path: Path) -> Dataset:
     """Reads and checks one dataset file."""
     try:
         text = path.read_text(encoding="utf-8")
-        raw = yaml.safe_load(text)
-        lines = _key_lines(yaml.compose(text, Loader=yaml.SafeLoader))
+        raw = read_yaml(text)
+        lines = _key_lines(with_parser(lambda p: yaml.compose(text, Loader=p)))
     except yaml.YAMLError as broken:
         mark = getattr(broken, "problem_mark", None)
         where = f"{path}:{mark.line + 1}" if mark else str(path)

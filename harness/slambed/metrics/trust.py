@@ -26,6 +26,7 @@ def reasons_for_distrust(
         )
     if not spec.get("link") or spec.get("engine") == VIRTUAL:
         return reasons
+    errors = []
     for key, name in (("rtt_error_ms_median", "median"), ("rtt_error_ms_p99", "p99")):
         allowed = tolerances.get(key)
         if allowed is None:
@@ -34,11 +35,14 @@ def reasons_for_distrust(
         if error is None:
             # A system that died at once left no time to measure; that it died is the result.
             if summary["outcome"] == "completed":
-                reasons.append("the RTT of the link was not measured")
+                errors.append("the RTT of the link was not measured")
                 break
         elif error > allowed:
-            reasons.append(f"RTT error {name} {error:.2f} ms is above {allowed:g} ms{by_steal}")
-    return reasons
+            errors.append(f"RTT error {name} {error:.2f} ms is above {allowed:g} ms{by_steal}")
+    if errors:
+        # The link has told the first of them too, when it was taken down.
+        reasons = [x for x in reasons if not (x.startswith("link: ") and "RTT error" in x)]
+    return reasons + errors
 
 
 def _steal(summary: Mapping[str, Any]) -> str:

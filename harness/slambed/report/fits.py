@@ -10,6 +10,7 @@ import yaml
 
 from slambed.errors import SlambedError
 from slambed.native import repository_root
+from slambed.yaml_text import read_yaml
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ def read_fits(folder: Path | None = None) -> list[Fit]:
     found = []
     for path in sorted((folder or repository_root() / "devices" / "fits").glob("*.yaml")):
         try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+            content = read_yaml(path.read_text(encoding="utf-8"))
         except (OSError, yaml.YAMLError) as error:
             raise SlambedError(f"cannot read a fit, {path}, {error}") from error
         if not isinstance(content, dict) or not content.get("fits"):

@@ -8,6 +8,7 @@ import yaml
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.report.papers import Paper
+from slambed.yaml_text import read_yaml
 
 
 def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]:
@@ -17,7 +18,7 @@ def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]
     found: list[str] = []
     for path in sorted(folder.glob("*.yaml")):
         try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+            content = read_yaml(path.read_text(encoding="utf-8"))
         except (OSError, yaml.YAMLError) as error:
             raise SlambedError(f"cannot read an experiment, {path}, {error}") from error
         wanted = set(content.get("reproduces") or []) if isinstance(content, dict) else set()

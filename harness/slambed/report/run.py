@@ -16,12 +16,12 @@ from slambed.report.papers.plan import plans_of_today
 from slambed.spec.library import Library
 
 
-def run_and_report(name: str, options: Options, console: Console) -> Verdict:
+def run_and_report(name: str, options: Options, console: Console, figures: bool = True) -> Verdict:
     """Executes what is missing of an experiment, then shows and writes its report."""
     check_asked(*Library().experiment(name))
     verdict = run_experiment(name, replace(options, plans=plans_of_today()), console)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
-        show_report(verdict.folder, console, anew=verdict.done > 0)
+        show_report(verdict.folder, console, verdict.done > 0, figures)
     return verdict
 
 
@@ -42,14 +42,14 @@ def raise_unless_good(verdicts: list[Verdict], what: str) -> None:
         raise SlambedError(line, ExitCode.NOT_ALL_GOOD)
 
 
-def show_report(folder: Path, console: Console, anew: bool = True) -> None:
+def show_report(folder: Path, console: Console, anew: bool = True, figures: bool = True) -> None:
     """Shows the tables of a result folder and writes its report, unless it is there already."""
     if (again := recompute_refused(folder)) is not None:
         anew = True
         for line in again.lines():
             _say(console, line)
     if anew or not (folder / "report" / "index.html").exists():
-        write_report(folder)
+        write_report(folder, figures=figures)
     terminal_summary(folder, console)
     _say(console, f"every run: {folder / 'summary.csv'}")
 

@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from slambed.errors import SlambedError
+from slambed.yaml_text import with_parser
 
 Location = tuple[str | int, ...]
 KINDS = {
@@ -56,16 +57,20 @@ def load_yaml(path: Path) -> YamlSource:
         raise SlambedError(f"no such file: {path}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SlambedError(f"cannot read {path}: {error}") from None
-    loader = yaml.SafeLoader(text)
-    lines: dict[Location, int] = {}
     try:
-        root = loader.get_single_node()
-        data = None if root is None else _construct(loader, root, (), lines, path)
+        return with_parser(lambda parser: _read(parser(text), path))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = mark.line + 1 if mark is not None else 1
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         raise SlambedError(f"not YAML: {problem}, {path} line {line}") from None
+
+
+def _read(loader: yaml.SafeLoader, path: Path) -> YamlSource:
+    lines: dict[Location, int] = {}
+    try:
+        root = loader.get_single_node()
+        data = None if root is None else _construct(loader, root, (), lines, path)
     finally:
         loader.dispose()
     return YamlSource(path, data, lines)

@@ -18,6 +18,7 @@ from slambed.data.model import Camera, Frame, GreyImage, Trajectory
 from slambed.data.readers.base import FolderReader, ReaderOptions, require
 from slambed.data.trajectory_file import trajectory_from_matrices
 from slambed.errors import SlambedError
+from slambed.yaml_text import read_yaml
 
 
 class Reader(FolderReader):
@@ -128,7 +129,7 @@ def _image_list(folder: Path) -> list[tuple[int, Path]]:
 def _sensor(folder: Path) -> dict[str, Any]:
     file = require(folder / "sensor.yaml", "calibration")
     try:
-        raw = yaml.safe_load(file.read_text())
+        raw = read_yaml(file.read_text())
         fu, fv, cu, cv = raw["intrinsics"]
         return {
             "K": np.array([[fu, 0, cu], [0, fv, cv], [0, 0, 1]], dtype=np.float64),

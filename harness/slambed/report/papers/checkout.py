@@ -16,6 +16,7 @@ from slambed.metrics.update_round import PART_FIELDS
 from slambed.report.fits import read_fits
 from slambed.spec.library import Library
 from slambed.spec.system import System
+from slambed.yaml_text import read_yaml
 
 SPECIAL_KEYS = ("rmse_vs_reference_live_m",)
 """Computed when runs are compared, because they need a second run."""
@@ -111,7 +112,7 @@ def fits_any(pattern: str, names: set[str]) -> bool:
 
 def _yaml(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path.read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError) as error:
         raise SlambedError(f"cannot read {path}, {error}") from error
     return content if isinstance(content, dict) else {}

@@ -21,6 +21,7 @@ from slambed.report.papers.paper import Paper
 from slambed.report.papers.reading import PLAN_SUFFIX, paper_files, papers_folder, read_paper
 from slambed.spec.matrix import canonical_json
 from slambed.spec.system import Role
+from slambed.yaml_text import read_yaml
 
 WORDS = {"label", "note", "read_as", "not_built"}
 """Texts of the mapping that may be bettered without another plan. That a system is built now is no
@@ -133,7 +134,7 @@ def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
     if not path.exists():
         return None
     try:
-        plan = PaperPlan.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+        plan = PaperPlan.model_validate(read_yaml(path.read_text(encoding="utf-8")))
     except (OSError, yaml.YAMLError) as error:
         raise SlambedError(f"cannot read a plan, {path}, {error}") from error
     except ValidationError as error:

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.report.papers.paper import Paper
+from slambed.yaml_text import read_yaml
 
 PLAN_SUFFIX = ".plan.yaml"
 """Plans lie beside the papers that they are about."""
@@ -22,7 +23,7 @@ def papers_folder() -> Path:
 def read_paper(path: Path) -> Paper:
     """Raises SlambedError with file, key and reason when the file is not as described."""
     try:
-        return Paper.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+        return Paper.model_validate(read_yaml(path.read_text(encoding="utf-8")))
     except (OSError, yaml.YAMLError) as error:
         raise SlambedError(f"cannot read published numbers, {path}, {error}") from error
     except ValidationError as error:

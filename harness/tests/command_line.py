@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line as tests call it: in this process, or in one of its own where that matters."""
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+from unittest.mock import patch
+
+from slambed.cli import run_command
+
+
+def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command, without the seconds that a new
+    process takes to load everything."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        patch.dict(os.environ, environment),
+        patch.object(sys, "argv", ["slambed", *arguments]),
+        contextlib.chdir(cwd or Path.cwd()),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        code = run_command(list(arguments))
+    return int(code), out.getvalue(), err.getvalue()
+
+
+def slambed_process(*arguments: str, **environment: str) -> tuple[int, str, str]:
+    """The same as users start it."""
+    done = subprocess.run(
+        [sys.executable, "-c", "from slambed.cli import main; main()", *arguments],
+        capture_output=True,
+        text=True,
+        env=os.environ | environment,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def refused(code: int, *arguments: str, cwd: Path | None = None, **environment: str) -> str:
+    """The one line that a refused command prints."""
+    found, _, stderr = slambed(*arguments, cwd=cwd, **environment)
+    lines = stderr.strip().splitlines()
+    assert found == code, stderr
+    assert len(lines) == 1 and lines[0].startswith("error: "), stderr
+    return lines[0]
