@@ -27,14 +27,18 @@ def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tup
     return int(code), out.getvalue(), err.getvalue()
 
 
-def slambed_process(*arguments: str, **environment: str) -> tuple[int, str, str]:
+def slambed_process(
+    *arguments: str, cwd: Path | None = None, **environment: str
+) -> tuple[int, str, str]:
     """The same as users start it."""
     done = subprocess.run(
         [sys.executable, "-c", "from slambed.cli import main; main()", *arguments],
         capture_output=True,
         text=True,
+        cwd=cwd,
         env=os.environ | environment,
         check=False,
+        timeout=400,
     )
     return done.returncode, done.stdout, done.stderr
 

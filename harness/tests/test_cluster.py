@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import refused, slambed
+from command_line import refused, slambed_process
 from distributed import Client
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 
@@ -23,7 +23,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.errors import ExitCode
 from slambed.native import find_program
 
-RUNS = 2
+RUNS = 3
 CELLS = 2
 
 
@@ -83,7 +83,9 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
 ) -> None:
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk"), RUNS)
     here = ResultFolder(tmp_path / "here" / "walk")
-    code, out, err = slambed("run", str(path), "--results", str(here.path.parent), "--no-figures")
+    code, out, err = slambed_process(
+        "run", str(path), "--results", str(here.path.parent), "--no-figures"
+    )
     assert code == ExitCode.OK, out + err
 
     for name in ("a", "b"):
@@ -119,7 +121,7 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
 
     # Called again, on the cluster or here, there is nothing to do.
     for again in (command, command[:-2]):
-        code, out, err = slambed(*again)
+        code, out, err = slambed_process(*again)
         assert code == ExitCode.OK and f"{RUNS * CELLS} there already" in out, err
 
 
@@ -188,7 +190,7 @@ def test_slurm_jobs_become_workers(tmp_path: Path) -> None:
     arguments = ("run", str(path), "--results", str(tmp_path / "results"), "--no-figures")
     arguments = (*arguments, "--slurm", "--jobs", "1")
     found = f"{tmp_path / 'bin'}:{os.environ['PATH']}"
-    code, out, err = slambed(*arguments, cwd=tmp_path, PATH=found)
+    code, out, err = slambed_process(*arguments, cwd=tmp_path, PATH=found)
     assert code == ExitCode.OK, out + err
     assert len(ResultFolder(tmp_path / "results" / "walk").run_keys()) == CELLS
     assert "tcp://" in (tmp_path / "bin" / "sbatch.log").read_text()
