@@ -239,6 +239,13 @@ def _add_data() -> None:
 
 
 @cache
+def _add_inputs() -> None:
+    from slambed.campaign.inputs_cli import app as inputs_app
+
+    app.add_typer(inputs_app, name="inputs")
+
+
+@cache
 def _add_results() -> None:
     from slambed.campaign.size import app as results_app
 
@@ -269,6 +276,7 @@ ELSEWHERE = {
     "calibrate": _add_calibrate,
     "explain": _add_explain,
     "data": _add_data,
+    "inputs": _add_inputs,
     "results": _add_results,
     **dict.fromkeys(("profile", "link"), _add_links),
     "papers": _add_papers,

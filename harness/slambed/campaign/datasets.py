@@ -27,6 +27,9 @@ class Sequence:
     """The dataset that the experiment would rather have played and that is not here."""
     defaults: DatasetPlayback = field(default_factory=DatasetPlayback)
     """`playback` of the dataset's file."""
+    prior_map: str | None = None
+    reference: str | None = None
+    """Prepared inputs that the dataset's file names."""
 
     def playback(self, asked: Playback) -> Playback:
         """What the experiment asks for, and the dataset's own where that leaves something open."""
@@ -62,7 +65,8 @@ def sensor_of(name: str) -> str:
 
     if (Path(name) / SEQUENCE_FILE).is_file():
         return PreparedSequence.open(name).info.sensor
-    return Catalog.load().resolve(name).sensor
+    catalog = Catalog.load()
+    return catalog.whole(catalog.resolve(name)).sensor
 
 
 def must_be_here(name: str) -> None:
@@ -86,20 +90,33 @@ def stand_in(name: str) -> str:
     return f"{catalog.resolve(name).id} stands in for {wanted.id}: {how_to_get(wanted)}"
 
 
+def prior_map_of(name: str) -> str | None:
+    """The prepared input that a dataset's file names, known without preparing anything."""
+    from slambed.data.catalog import Catalog
+
+    if (Path(name) / SEQUENCE_FILE).is_file():
+        return None
+    return Catalog.load().resolve(name).prior_map
+
+
 def prepare_sequence(name: str) -> Sequence:
     """Prepares a dataset, and reads every frame of it once against its checksums."""
     from slambed.data.catalog import Catalog, prepare
 
     prepared = prepare(name)
     given = (Path(name) / SEQUENCE_FILE).is_file()
-    wanted = None if given else Catalog.load().stands_in_for(name)
+    catalog = None if given else Catalog.load()
+    wanted = catalog.stands_in_for(name) if catalog else None
+    dataset = catalog.resolve(name) if catalog else None
     prepared.verify(full=True)
     return Sequence(
-        id=prepared.info.id,
+        id=dataset.id if dataset is not None and dataset.window_of else prepared.info.id,
         checksum=prepared.checksum,
         sensor=prepared.info.sensor,
         path=prepared.path,
         times_s=prepared.times_s,
         stands_in_for=wanted.id if wanted else "",
-        defaults=DatasetPlayback() if given else Catalog.load().resolve(name).playback,
+        defaults=dataset.playback if dataset is not None else DatasetPlayback(),
+        prior_map=dataset.prior_map if dataset is not None else None,
+        reference=dataset.reference if dataset is not None else None,
     )

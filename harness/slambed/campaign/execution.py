@@ -3,6 +3,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from slambed.engines.result import RunResult
 from slambed.metrics.digest import digest
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run import summary_of
-from slambed.metrics.run_data import RunData
+from slambed.metrics.run_data import REFERENCE_FILE, RunData
 from slambed.spec import inputs
 from slambed.spec.matrix import RunSpec
 
@@ -35,6 +36,8 @@ def execute_run(
     `engine` is what the engine says about itself. Returns the summary.
     """
     inputs.bring(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
+    if spec.reference:
+        shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
     started, load = utc_now(), os.getloadavg()[0]
     result = execute()
     facts = manifest(spec, engine, result, started, load)

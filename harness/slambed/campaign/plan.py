@@ -2,14 +2,24 @@
 """From an experiment's file to the runs that it stands for on this host."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from slambed.campaign.datasets import Sequence, must_be_here, prepare_sequence, sensor_of, stand_in
+from slambed.campaign.datasets import (
+    Sequence,
+    must_be_here,
+    prepare_sequence,
+    prior_map_of,
+    sensor_of,
+    stand_in,
+)
 from slambed.campaign.further import of_other_engines
 from slambed.campaign.ledger import utc_now
 from slambed.campaign.links import backend_for, read_profile
 from slambed.errors import MissingDataError, SlambedError
+from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment, Playback, assumed
 from slambed.spec.host_speed import load_host_speed
@@ -25,6 +35,9 @@ from slambed.spec.matrix import (
 )
 from slambed.spec.software import software_of_systems
 from slambed.spec.yaml_source import YamlSource
+
+Provider = Callable[[str], Path]
+"""Name of a prepared input -> its file, made now where it is missing."""
 
 
 @dataclass
@@ -94,8 +107,15 @@ def _expand_unprepared(
     nowhere = {name: (name, name) for name in experiment.datasets}
     anyhow = {profile.name: "" for profile in profiles}
     engine = VIRTUAL if engine == VIRTUAL else ""
-    host = Circumstances(engine, anyhow, "", nowhere)
+    maps = {name: prior_map_of(name) for name in experiment.datasets if wants_maps(experiment)}
+    prior = {name: (made, made) for name, made in maps.items() if made is not None}
+    host = Circumstances(engine, anyhow, "", nowhere, prior_maps=prior)
     return expand(experiment, source, library, profiles, host, runs=1)
+
+
+def wants_maps(experiment: Experiment) -> bool:
+    """Whether any system starts in the prior map of the dataset that it plays."""
+    return any(inputs.FROM_DATASET in choice.params.values() for choice in experiment.systems)
 
 
 def _of_dataset(error: SlambedError, source: YamlSource, index: int) -> SlambedError:
@@ -125,8 +145,13 @@ def make_plan(
     engine: str,
     software: str,
     count: int,
+    provide: Provider | None = None,
+    judged: bool = True,
 ) -> Plan:
-    """Prepares the datasets and expands the matrix."""
+    """Prepares the datasets, and what their files name for their runs, and expands the matrix.
+
+    `judged`: with the reference that runs are compared with. Without `provide` no input is made.
+    """
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
     played_s: dict[str, float] = {}
@@ -154,6 +179,17 @@ def make_plan(
         if engine != VIRTUAL:
             cut = has_cuts(experiment)
             backends = {p.name: backend_for(asked, p, cut) for p in profiles}
+    prior: dict[str, tuple[str, str]] = {}
+    references: dict[str, str] = {}
+    by_id = {found: name for name, (found, _) in names.items()}
+    for sequence in sequences.values():
+        if provide is None:
+            break
+        if wants_maps(experiment) and sequence.prior_map:
+            made = provide(sequence.prior_map)
+            prior[by_id[sequence.id]] = (str(made), inputs.sha256_of(made))
+        if judged and sequence.reference:
+            references[by_id[sequence.id]] = str(provide(sequence.reference))
     linked = software_of_systems(software, {choice.system for choice in experiment.systems})
     circumstances = Circumstances(
         engine,
@@ -162,6 +198,8 @@ def make_plan(
         names,
         played_s,
         playbacks,
+        prior,
+        references,
         software_of=linked,
         host_speed=load_host_speed().speed,
     )

@@ -20,6 +20,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import open_for_run
 from slambed.campaign.order import interleaved
 from slambed.campaign.plan import Plan, check, experiment_json, make_plan, notes, repetitions
+from slambed.campaign.prepared_inputs import prepare_input
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.progress import CampaignProgress, duration
 from slambed.campaign.quiet import wait_for_quiet
@@ -102,7 +103,7 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
         if found := str(reap()):
             _say(console, f"removed what a killed campaign left: {found}")
         engine, software = choose_engine(asked, console)
-        plan = make_plan(*files, engine.name, software, count)
+        plan = make_plan(*files, engine.name, software, count, _provider(library, console))
         open_link = HelperLinks(engine) if engine.unprivileged else open_for_run
 
         def executor_of(played: Played) -> Executor:
@@ -112,6 +113,10 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
             return LiveExecutor(engine, open_link, played)
 
         return _run_plan(plan, source, options, executor_of, console)
+
+
+def _provider(library: Library, console: Console) -> Callable[[str], Path]:
+    return lambda name: prepare_input(name, library, lambda line: _say(console, line)).file
 
 
 def check_privilege(engine: str) -> None:
@@ -141,7 +146,8 @@ def _run_virtually(
     program = find_program(SIMULATION)
     features = cache_folder() / "features"
     make_folder(options.results, "--results")
-    plan = make_plan(*files, VIRTUAL, host_software(program=SIMULATION), count)
+    provide = _provider(files[2], console)
+    plan = make_plan(*files, VIRTUAL, host_software(program=SIMULATION), count, provide)
     prune_features(features)
 
     def executor_of(played: Played) -> Executor:

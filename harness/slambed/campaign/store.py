@@ -14,6 +14,7 @@ from typing import Any, Literal
 from slambed.errors import environment_error
 from slambed.json_file import read_object
 from slambed.metrics.digest import MOBILE_FILES
+from slambed.metrics.run_data import REFERENCE_FILE
 
 State = Literal["trusted", "untrusted", "missing"]
 
@@ -22,7 +23,7 @@ STORE = "runs"
 ATTEMPTS = "attempts"
 WORK = ".work"
 LOCK = ".lock"
-RESULT_FILES = ("manifest.json", "summary.json")
+RESULT_FILES = ("manifest.json", "summary.json", REFERENCE_FILE)
 NODE_FILES = ("node.json", "ready.json", "log.txt")
 ROLES = ("mobile", "edge")
 FULL_BYTES = 1 << 20

@@ -72,12 +72,25 @@ class Catalog:
 
     def available(self, dataset: Dataset, cache_dir: Path | None = None) -> bool:
         """True when prepare would succeed in finding the source."""
+        dataset = self.whole(dataset)
         if dataset.synthetic:
             wanted = dataset.synthetic.path_file
             return wanted is None or self._find_path_file(wanted) is not None
         if self.locate(dataset) is not None:
             return True
         return SequenceCache(places.prepared_folder(cache_dir)).find(dataset) is not None
+
+    def whole(self, dataset: Dataset) -> Dataset:
+        """The sequence that a window is a part of; any other dataset itself."""
+        if dataset.window_of is None:
+            return dataset
+        whole = self.get(dataset.window_of)
+        if whole.first_of or whole.window_of:
+            raise SlambedError(
+                f"dataset '{dataset.id}': window_of {whole.id}, which is no sequence of its own; "
+                "name the one that it leads to"
+            )
+        return whole
 
     def locate(self, dataset: Dataset) -> Path | None:
         """The source on the search path, or None."""
@@ -123,7 +136,7 @@ class Catalog:
 
         Two processes never prepare the same dataset at once; an interrupt leaves nothing behind.
         """
-        dataset = self.resolve(name, cache_dir)
+        dataset = self.whole(self.resolve(name, cache_dir))
         cache = SequenceCache(places.prepared_folder(cache_dir))
         if dataset.synthetic is not None:
             return cache.get(dataset, SynthJob(dataset, self._path_file(dataset)), progress)
@@ -138,7 +151,7 @@ class Catalog:
 
     def must_be_here(self, name: str, cache_dir: Path | None = None) -> None:
         """Raises what `prepare` would where a dataset is missing, without preparing it."""
-        dataset = self.resolve(name, cache_dir)
+        dataset = self.whole(self.resolve(name, cache_dir))
         if self.available(dataset, cache_dir):
             return
         if dataset.synthetic is not None:

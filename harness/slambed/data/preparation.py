@@ -119,8 +119,12 @@ class SynthJob:
         return digest.hexdigest()
 
     def size_bytes(self) -> int:
-        seconds = self._options.seconds or _USUAL_SYNTHETIC_S
-        return round(seconds * self._dataset.fps) * stride_bytes(self._dataset.sensor, 640, 480)
+        options = self._options
+        seconds = options.seconds or _USUAL_SYNTHETIC_S
+        width, height = options.width or 640, options.height or 480
+        return round(seconds * self._dataset.fps) * stride_bytes(
+            self._dataset.sensor, width, height
+        )
 
     def command(self, path: Path) -> list[str]:
         """The command line that makes this sequence."""

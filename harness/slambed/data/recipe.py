@@ -74,6 +74,17 @@ class Synthetic(_Strict):
     depth_noise: float | None = Field(default=None, ge=0)
     depth_holes: float | None = Field(default=None, ge=0, le=1)
     moving_objects: int | None = Field(default=None, ge=0)
+    width: int | None = Field(default=None, ge=32)
+    height: int | None = Field(default=None, ge=32)
+    texel_scale: float | None = Field(default=None, ge=0.5)
+    open_stretches: int | None = Field(default=None, ge=0)
+    focal_error: float | None = None
+    distortion: float | None = None
+    right_yaw_deg: float | None = None
+    right_pitch_deg: float | None = None
+    right_roll_deg: float | None = None
+    readout_s: float | None = Field(default=None, ge=0)
+    exposure_wander: float | None = Field(default=None, ge=0)
     blackout_start_s: float | None = Field(default=None, ge=0)
     blackout_end_s: float | None = Field(default=None, ge=0)
 
@@ -81,6 +92,13 @@ class Synthetic(_Strict):
     def path_file(self) -> str | None:
         """The trajectory when it is a file, else None."""
         return self.trajectory if self.trajectory.endswith(".txt") else None
+
+
+_ROAD = {
+    "width", "height", "texel_scale", "open_stretches", "focal_error", "distortion",
+    "right_yaw_deg", "right_pitch_deg", "right_roll_deg", "readout_s", "exposure_wander",
+}  # fmt: skip
+"""Options that came with streets."""
 
 
 def split_pattern(pattern: str) -> tuple[Path | None, str]:
@@ -94,7 +112,8 @@ def split_pattern(pattern: str) -> tuple[Path | None, str]:
 
 
 class Dataset(_Strict):
-    """One sequence: recorded (reader), generated (synthetic) or a choice of others (first_of)."""
+    """One sequence: recorded (reader), generated (synthetic), a part of another one (window_of) or
+    a choice of others (first_of)."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
     title: str
@@ -114,6 +133,12 @@ class Dataset(_Strict):
     note: str = ""
     synthetic: Synthetic | None = None
     first_of: tuple[str, ...] = ()
+    window_of: str | None = None
+    """Of this dataset `playback` plays a part: no copy is made."""
+    prior_map: str | None = None
+    """Prepared input that a parameter with the value `dataset` stands for (docs/inputs.md)."""
+    reference: str | None = None
+    """Prepared input whose path runs on this dataset are compared with."""
 
     @field_validator("paths")
     @classmethod
@@ -127,9 +152,9 @@ class Dataset(_Strict):
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
-        origins = [self.reader is not None, self.synthetic is not None, bool(self.first_of)]
-        if sum(origins) != 1:
-            raise ValueError("exactly one of reader, synthetic and first_of is needed")
+        origins = [self.reader, self.synthetic, self.first_of, self.window_of]
+        if sum(map(bool, origins)) != 1:
+            raise ValueError("exactly one of reader, synthetic, window_of and first_of is needed")
         if self.reader and not self.paths:
             raise ValueError("paths is needed: where the source lies below the search path")
         if self.reader and self.sensor == "rgbd" and self.depth_unit_m == 0:
@@ -140,7 +165,13 @@ class Dataset(_Strict):
 
     def content_key(self) -> str:
         """Hash of everything that changes what the prepared sequence contains."""
-        content = self.model_dump(
-            mode="json", exclude={"aliases", "paths", "playback", "download", "licence", "note"}
-        )
+        aside = {"aliases", "paths", "playback", "download", "licence", "note"}
+        aside |= {"window_of", "prior_map", "reference"}
+        content = self.model_dump(mode="json", exclude=aside)
+        # What a recipe does not ask for leaves its key as it was before one could ask for it.
+        if content["synthetic"] is not None:
+            asked = self.model_dump(mode="json", exclude_unset=True)["synthetic"]
+            old = Synthetic.model_fields.keys() - _ROAD
+            kept = {k: v for k, v in content["synthetic"].items() if k in old or k in asked}
+            content["synthetic"] = kept
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -32,6 +32,15 @@ class NodePlan:
     """It will be killed on purpose: its network namespace has to outlive it."""
 
 
+EDGE_CONFIG = "run_edge.json"
+
+
+def config_name(plan: NodePlan) -> str:
+    """The node's run configuration: the edge has one of its own where files are for it alone."""
+    own = plan.role == "edge" and (plan.run_dir / EDGE_CONFIG).is_file()
+    return EDGE_CONFIG if own else "run.json"
+
+
 class Node(Protocol):
     """A node that an engine started; it waits at the gate until `release`."""
 

@@ -9,7 +9,7 @@ from typing import Any
 import docker
 from docker.errors import APIError, DockerException, NotFound
 
-from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch, netns
+from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch, config_name, netns
 from slambed.engines.cgroups import V1_LARGEST_SHARES
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, told
 from slambed.engines.docker_image import connect, find_image, image_tag
@@ -231,7 +231,7 @@ class DockerEngine:
         return self._client.containers.create(
             self._image.id,
             entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, self._program],
-            command=["--role", plan.role, "--config", f"{OUTPUT}/run.json"],
+            command=["--role", plan.role, "--config", f"{OUTPUT}/{config_name(plan)}"],
             name=self._clear(f"{LABEL}-{plan.run_key}-{plan.role}"),
             labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
             network_mode="none" if keeper is None else f"container:{keeper.id}",

@@ -13,6 +13,7 @@ from typing import Any, Protocol, cast
 
 from slambed.engines.attendant import Attendant
 from slambed.engines.base import (
+    EDGE_CONFIG,
     Engine,
     Node,
     NodePlan,
@@ -22,7 +23,13 @@ from slambed.engines.base import (
     thread_problems,
 )
 from slambed.engines.faults import FaultDriver, RunEdge
-from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
+from slambed.engines.result import (
+    InterruptedRunError,
+    Outcome,
+    RunResult,
+    run_json,
+    without_edge_files,
+)
 from slambed.errors import ExitCode, PassingError
 from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
@@ -92,6 +99,9 @@ class LiveRun:
             self._engine.output_path(self._run_dir),
             self._time_limit_s(),
         )
+        if self._spec.edge_inputs:
+            (self._run_dir / EDGE_CONFIG).write_text(json.dumps(config, indent=1))
+            config = without_edge_files(config, self._spec)
         (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slambed.engines import launcher
-from slambed.engines.base import Node, NodePlan, ProcessWatch, last_line, netns
+from slambed.engines.base import Node, NodePlan, ProcessWatch, config_name, last_line, netns
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
 from slambed.engines.helper import direct_command
 from slambed.errors import environment_error
@@ -154,7 +154,7 @@ class LocalEngine:
             ",".join(str(fd) for fd in (ready_write, network_fd) if fd >= 0),
             *map(str, entry_files(paths)),
             *("--", str(self._program), "--role", plan.role),
-            *("--config", str(plan.run_dir.resolve() / "run.json")),
+            *("--config", str(plan.run_dir.resolve() / config_name(plan))),
         ]
         try:
             with (role_dir / "log.txt").open("wb" if dead is None else "ab") as log:

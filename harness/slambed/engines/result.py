@@ -48,6 +48,11 @@ def profile_rtt(link: LinkSpec, horizon_s: float) -> dict[str, Any]:
     return {"step_s": RTT_STEP_S, "rtt_ms": rtt_ms}
 
 
+def without_edge_files(config: dict[str, Any], spec: RunSpec) -> dict[str, Any]:
+    """The same for the mobile node, which is told of no file that is for the edge alone."""
+    return config | {"params": config["params"] | dict.fromkeys(spec.edge_inputs, "")}
+
+
 def run_json(spec: RunSpec, sequence: str, output: str, horizon_s: float) -> dict[str, Any]:
     """The run configuration (docs/formats.md); both paths as the nodes see them. The run is over
     before the horizon."""

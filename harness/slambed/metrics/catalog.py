@@ -26,7 +26,7 @@ from slambed.metrics.update_round import (
     received,
 )
 
-METRICS_VERSION = 3
+METRICS_VERSION = 4
 """Counted up with every change of a value's computation: old summaries are known by it, and
 `slambed report --again` makes them anew. A test compares a kept run with kept values."""
 
@@ -196,6 +196,13 @@ METRICS: tuple[Metric, ...] = (
            "scale that fits best", digits=3),
     Cost("ate_live_rmse_m", "of `trajectory_live.txt`", lambda run: run.accuracy.ate_live_rmse_m,
          "ATE RMSE, live poses", "m", "cm", 100, 2, relevant_step=0.001),
+    Cost("reference_rmse_m", "live poses to the live path of the reference run that the dataset "
+         "names, not aligned", lambda run: run.reference.rmse_m, "error to the reference", "m",
+         digits=3, relevant_step=0.05),
+    Cost("reference_rmse_aligned_m", "the same after one rigid alignment",
+         lambda run: run.reference.aligned_m, "error to the reference, aligned", "m", digits=3,
+         relevant_step=0.05),
+    Count("reference_pairs", "frames that it was computed from", lambda run: run.reference.pairs),
     Cost("rpe_trans_m", "RMSE of the relative pose error over 1 s, of the estimate times "
          "`ate_scale`", lambda run: run.accuracy.rpe_trans_m, "RPE over 1 s", "m", "cm", 100, 2,
          relevant_step=0.001, use=HEADLINE),
@@ -234,6 +241,8 @@ METRICS: tuple[Metric, ...] = (
          "edge CPU", "% of a core", relevant_step=1.0),
     Cost("mobile_mem_mb_peak", "largest sample", lambda run: run.mobile.memory_mb_peak,
          "mobile memory, peak", "MB", digits=0, relevant_step=2.0, use=HEADLINE),
+    Cost("mobile_mem_mb_mean", "mean of the samples", lambda run: run.mobile.memory_mb_mean,
+         "mobile memory, mean", "MB", digits=0, relevant_step=2.0),
     Cost("edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
          "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
     Cost("bytes_up", "payload and headers of our messages", lambda run: run.bytes_moved["up"],

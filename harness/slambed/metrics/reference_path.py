@@ -7,13 +7,15 @@ the very drift that this is about.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from slambed.errors import SlambedError
-from slambed.metrics.accuracy import ErrorStatistics, statistics_of
+from slambed.metrics.accuracy import ErrorStatistics, absolute_error, statistics_of
 from slambed.metrics.association import DEFAULT_MAX_DIFFERENCE_S, associate
-from slambed.metrics.trajectory import Trajectory
+from slambed.metrics.events import EventLog
+from slambed.metrics.trajectory import EMPTY, Trajectory
 
 
 def error_to_reference(
@@ -30,6 +32,42 @@ def error_to_reference(
             "compare runs of the same sequence and playback"
         )
     return statistics_of(np.linalg.norm(own.positions_m - other.positions_m, axis=1), "none")
+
+
+@dataclass(frozen=True)
+class ReferenceErrors:
+    """RMSE of live poses to a reference path, in metres, and how many frames it is of."""
+
+    rmse_m: float | None = None
+    aligned_m: float | None = None
+    pairs: int | None = None
+
+
+def reference_errors(live: Trajectory, reference: Trajectory) -> ReferenceErrors:
+    """Unaligned, and after one rigid alignment; nothing for a run without a scored pose."""
+    if not len(live):
+        return ReferenceErrors()
+    plain = error_to_reference(live, reference)
+    try:
+        aligned: float | None = absolute_error(live, reference).rmse
+    except SlambedError:
+        aligned = None  # too few poses to align
+    return ReferenceErrors(plain.rmse, aligned, plain.pairs)
+
+
+def scored_part(live: Trajectory, log: EventLog) -> Trajectory:
+    """The poses that are in the frame of the reference: all, but of a system that aligns itself on
+    the way (`state_changed` to ALIGN) only those between each `trip_aligned` and the next
+    reset."""
+    aligning = any(event.get("to") == "ALIGN" for event in log.of("state_changed"))
+    first = next((e for e in log.of("frame_tracked") if e.get("state") == "ok"), None)
+    if not aligning or first is None or not len(live):
+        return live if not aligning else EMPTY
+    times_s = live.stamps_s - live.stamps_s[0] + float(first["seq_s"])
+    scored = np.zeros(len(live), dtype=bool)
+    for event in log.of("trip_aligned", "reset"):
+        scored[times_s >= float(event["seq_s"]) - 1e-6] = event["type"] == "trip_aligned"
+    return live.take(np.flatnonzero(scored))
 
 
 def reference_of(paths: Mapping[str, Trajectory]) -> str:

@@ -18,11 +18,12 @@ class Resources:
     cpu_percent_p50: float | None
     cpu_percent_p95: float | None
     memory_mb_peak: float | None
+    memory_mb_mean: float | None
     throttled_ms: float | None
     throttled_share: float | None
 
 
-NOTHING = Resources(None, None, None, None, None, None)
+NOTHING = Resources(None, None, None, None, None, None, None)
 
 
 def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resources:
@@ -38,6 +39,7 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
         cpu_percent_p50=float(np.quantile(percent, 0.5)) if len(percent) else None,
         cpu_percent_p95=float(np.quantile(percent, 0.95)) if len(percent) else None,
         memory_mb_peak=float(memory.max()) if len(memory) else None,
+        memory_mb_mean=float(memory.mean()) if len(memory) else None,
         throttled_ms=1e3 * throttled if throttled is not None else None,
         throttled_share=throttled / span if throttled is not None and span else None,
     )

@@ -18,6 +18,7 @@ from slambed.metrics.device_share import device_cores
 from slambed.metrics.events import EventLog
 from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, rtt_proof
 from slambed.metrics.older import manifest_of_today
+from slambed.metrics.reference_path import ReferenceErrors, reference_errors, scored_part
 from slambed.metrics.resources import NOTHING, Resources, resources_of
 from slambed.metrics.tracking import Tracking, tracking_of
 from slambed.metrics.trajectory import EMPTY, Trajectory, read_tum
@@ -25,6 +26,8 @@ from slambed.metrics.update_round import UpdateRound, update_rounds
 from slambed.spec.device import VIRTUAL
 
 RPE_DELTA_S = 1.0
+REFERENCE_FILE = "reference.txt"
+"""In a run's folder: the path that its live one is compared with."""
 
 
 @dataclass(frozen=True)
@@ -248,6 +251,18 @@ class RunData:
         except SlambedError as error_line:
             self.problems.append(f"trajectory_live.txt: {error_line}")
         return Accuracy(**found)
+
+    @cached_property
+    def reference(self) -> ReferenceErrors:
+        """Distance of the live path to that of the reference run, where there is one."""
+        if not (self.folder / REFERENCE_FILE).is_file():
+            return ReferenceErrors()
+        scored = scored_part(self._trajectory("trajectory_live.txt"), self.log)
+        try:
+            return reference_errors(scored, read_tum(self.folder / REFERENCE_FILE))
+        except SlambedError as error_line:
+            self.problems.append(f"{REFERENCE_FILE}: {error_line}")
+            return ReferenceErrors()
 
     @cached_property
     def sensor(self) -> str | None:

@@ -10,6 +10,7 @@ from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.spec.device import Device
 from slambed.spec.experiment import Experiment
+from slambed.spec.input_recipe import InputRecipe
 from slambed.spec.system import System
 from slambed.spec.yaml_source import YamlSource, load_yaml, parse, suggestion
 
@@ -36,6 +37,22 @@ class Library:
                 f"id '{experiment.id}' is not the file's name", ("id",), f"write id: {path.stem}"
             )
         return experiment, source
+
+    def input(self, name: str) -> tuple[InputRecipe, YamlSource]:
+        """A recipe of inputs/*.yaml."""
+        path = self.root / "inputs" / f"{name}.yaml"
+        self._must_exist(path, "input", name, self.inputs())
+        source = load_yaml(path)
+        recipe = parse(InputRecipe, source)
+        if recipe.id != path.stem:
+            raise source.complaint(
+                f"id '{recipe.id}' is not the file's name", ("id",), f"write id: {path.stem}"
+            )
+        return recipe, source
+
+    def inputs(self) -> list[str]:
+        """Names of all recipes of inputs."""
+        return _stems(self.root / "inputs")
 
     def device(self, name: str) -> Device:
         """A device of devices/*.yaml."""

@@ -53,6 +53,10 @@ class RunSpec(BaseModel):
     params: dict[str, Scalar]
     inputs: dict[str, str] = Field(default_factory=dict)
     """Parameter that names an input file -> SHA-256 of the file."""
+    edge_inputs: list[str] = Field(default_factory=list)
+    """Those that only the edge is told of; in no key."""
+    reference: str = ""
+    """Path that this run's is compared with: it judges the run and is in no key."""
     dataset: str
     sequence_checksum: str
     playback: Playback
@@ -137,6 +141,10 @@ class Circumstances:
     """Name of a dataset -> how long it plays, once that is known; in no key."""
     playbacks: Mapping[str, Playback] = field(default_factory=dict)
     """Name of a dataset -> how it is played, where its file adds something to the experiment's."""
+    prior_maps: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Name of a dataset -> (path, SHA-256) of the prior map that its file names."""
+    references: Mapping[str, str] = field(default_factory=dict)
+    """Name of a dataset -> path of the run that others on it are compared with."""
     software_of: Mapping[str, str] = field(default_factory=dict)
     """System -> tag of the sources that it really links; `software` where it is not known."""
     host_speed: float | None = None
@@ -186,7 +194,11 @@ def expand(
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
             named = {name: str(params[name]) for name in system.file_params if params[name]}
-            files = {n: inputs.find_input(p, source.path.parent) for n, p in named.items()}
+            files = {
+                n: inputs.find_input(p, source.path.parent)
+                for n, p in named.items()
+                if p != inputs.FROM_DATASET
+            }
             digests = {name: inputs.sha256_of(path) for name, path in files.items()}
         except SlambedError as error:
             raise source.complaint(str(error), place) from None
@@ -202,6 +214,13 @@ def expand(
             if dataset not in host.datasets:
                 continue  # left out, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
+            paths: dict[str, Scalar] = {name: str(path) for name, path in files.items()}
+            sums = dict(digests)
+            for name in named.keys() - files.keys():
+                if dataset not in host.prior_maps:
+                    line = f"parameter '{name}': dataset {dataset} names no prior_map in its file"
+                    raise source.complaint(line, place)
+                paths[name], sums[name] = host.prior_maps[dataset]
             for profile in _profiles_of(choice, profiles, source, index):
                 cell = "/".join([label, found, *([profile.name] if profile else [])])
                 for repetition in range(runs):
@@ -215,8 +234,10 @@ def expand(
                             variant=variant,
                             roles=system.roles,
                             channels=system.channels,
-                            params=params | {name: str(path) for name, path in files.items()},
-                            inputs=digests,
+                            params=params | paths,
+                            inputs=sums,
+                            edge_inputs=[name for name in system.edge_files if name in sums],
+                            reference=host.references.get(dataset, ""),
                             dataset=found,
                             sequence_checksum=checksum,
                             playback=host.playbacks.get(dataset, experiment.playback),

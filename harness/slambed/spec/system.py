@@ -21,7 +21,10 @@ class Parameter(BaseModel):
     model_config = STRICT
 
     type: Literal["int", "float", "bool", "str", "path"]
-    """`path`: of an input file, empty for none; its content is what matters to a run."""
+    """`path`: of an input file, empty for none; its content is what matters to a run. `dataset`
+    stands for the prior map that the dataset's file names."""
+    role: Role | None = None
+    """Of a path: the only node that is told of the file; both if not given."""
     default: Scalar
     min: int | float | None = None
     max: int | float | None = None
@@ -32,6 +35,8 @@ class Parameter(BaseModel):
 
     @model_validator(mode="after")
     def _default_is_legal(self) -> "Parameter":
+        if self.role is not None and self.type != "path":
+            raise ValueError("role belongs to parameters of type path")
         self.check(self.default)
         return self
 
@@ -133,6 +138,11 @@ class System(BaseModel):
     def file_params(self) -> list[str]:
         """Names of the parameters that name an input file."""
         return sorted(name for name, p in self.params.items() if p.type == "path")
+
+    @property
+    def edge_files(self) -> list[str]:
+        """Those of them that only the edge is told of."""
+        return [name for name in self.file_params if self.params[name].role == "edge"]
 
     @property
     def has_edge(self) -> bool:

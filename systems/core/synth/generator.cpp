@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "synth/sequence_writer.hpp"
+#include "synth/street.hpp"
 
 namespace slambed::synth {
 namespace {
@@ -19,12 +20,25 @@ constexpr double kWallMargin_m = 1.5;
 /// Larger rooms would need more texture memory than a development machine has.
 constexpr double kLargestHalf_m = 15;
 
+/// The car's camera: focal length of 1280 pixels, and baseline, as CloudSLAM's.
+constexpr double kRoadFocal_px = 700, kRoadBaseline_m = 0.12;
+/// Points count as near up to so many baselines: 9.6 m, where a street begins.
+constexpr double kRoadCloseDepth = 80, kRoomCloseDepth = 40;
+/// On the road blur is sampled for what is so near, and never more than this.
+constexpr double kRoadNearest_m = 6;
+constexpr int kRoadMostSamples = 3;
+
 struct ChosenPath {
-  std::unique_ptr<CameraPath> path;
+  std::shared_ptr<const CameraPath> path;
   double origin_s = kTimeOrigin_s;
+  std::shared_ptr<const Drive> drive{};  ///< the same path where it is one
 };
 
 ChosenPath choose_path(const GeneratorOptions& options) {
+  if (is_route(options.trajectory)) {
+    auto drive = std::make_shared<const Drive>(options.trajectory, options.seed);
+    return {drive, kTimeOrigin_s, drive};
+  }
   const auto names = path_names();
   if (std::find(names.begin(), names.end(), options.trajectory) != names.end() ||
       options.trajectory.find_first_of("./") == std::string::npos)
@@ -55,10 +69,24 @@ RoomOptions room_for(const GeneratorOptions& options, const std::vector<Vec3>& p
   return room;
 }
 
+std::shared_ptr<const Scene> make_scene(const GeneratorOptions& options, const ChosenPath& chosen,
+                                        double seconds, int threads) {
+  if (chosen.drive)
+    return make_street({.seed = options.seed,
+                        .passing_cars = options.moving_objects,
+                        .open_stretches = options.open_stretches,
+                        .texel_scale = options.texel_scale,
+                        .threads = threads},
+                       chosen.drive);
+  std::vector<Vec3> places;
+  for (double t = 0; t <= seconds; t += 0.1) places.push_back(chosen.path->at(t).t);
+  return make_room(room_for(options, places, threads), places);
+}
+
 nlohmann::json describe(const GeneratorOptions& o) {
   const SensorOptions& s = o.sensor_model;
   const auto slash = o.trajectory.find_last_of('/');
-  return {
+  nlohmann::json described = {
       {"generator", "slambed-synth"},
       {"generator_version", kGeneratorVersion},
       {"trajectory", slash == std::string::npos ? o.trajectory : o.trajectory.substr(slash + 1)},
@@ -71,6 +99,17 @@ nlohmann::json describe(const GeneratorOptions& o) {
       {"depth_holes", s.depth_holes},
       {"blackout_start_s", s.blackout_start_s},
       {"blackout_end_s", s.blackout_end_s}};
+  if (!is_route(o.trajectory)) return described;
+  const CameraFlaws& f = s.flaws;
+  described.update({{"open_stretches", o.open_stretches},
+                    {"focal_error", f.focal_error},
+                    {"distortion", f.distortion},
+                    {"right_yaw_deg", f.right_yaw_deg},
+                    {"right_pitch_deg", f.right_pitch_deg},
+                    {"right_roll_deg", f.right_roll_deg},
+                    {"readout_s", f.readout_s},
+                    {"exposure_wander", f.exposure_wander}});
+  return described;
 }
 
 }  // namespace
@@ -84,6 +123,10 @@ Camera generator_camera(const GeneratorOptions& o) {
   camera.cy = (o.height - 1) / 2.0;
   if (o.sensor == "rgbd") camera.bf = 40.0 * o.width / 640;
   if (o.sensor == "stereo") camera.bf = camera.fx * 0.11;
+  if (is_route(o.trajectory)) {
+    camera.fx = camera.fy = kRoadFocal_px * o.width / 1280;
+    camera.bf = o.sensor == "stereo" ? camera.fx * kRoadBaseline_m : 0;
+  }
   return camera;
 }
 
@@ -99,20 +142,30 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
   const double seconds = options.seconds > 0 ? std::min(options.seconds, path_s) : path_s;
   const int frames = std::max(1, static_cast<int>(std::floor(seconds * options.fps + 0.5)));
 
-  std::vector<Vec3> places;
-  for (double t = 0; t <= seconds; t += 0.1) places.push_back(chosen.path->at(t).t);
-  const auto scene = make_room(room_for(options, places, threads), places);
+  if (chosen.drive && rgbd) throw bad_input("a street has no depth; choose stereo or mono");
+  const auto scene = make_scene(options, chosen, seconds, threads);
   const Camera camera = generator_camera(options);
   SensorOptions sensor = options.sensor_model;
   sensor.seed = options.seed;
   sensor.baseline_m = camera.baseline_m();
+  if (chosen.drive) {
+    sensor.laps.second_lap_s = chosen.drive->second_lap_s();
+    sensor.nearest_m = kRoadNearest_m;
+    sensor.most_samples = kRoadMostSamples;
+  }
 
-  SequenceHeader header{options.id, options.title,  options.sensor,
-                        camera,     options.fps,    rgbd ? sensor.depth_unit_m : 0,
-                        40,         chosen.origin_s};
+  SequenceHeader header{options.id,
+                        options.title,
+                        options.sensor,
+                        camera,
+                        options.fps,
+                        rgbd ? sensor.depth_unit_m : 0,
+                        chosen.drive ? kRoadCloseDepth : kRoomCloseDepth,
+                        chosen.origin_s};
   SequenceWriter writer(folder, header);
   std::vector<SensorModel> sensors;
-  for (int i = 0; i < threads; ++i) sensors.emplace_back(scene, camera, sensor);
+  for (int i = 0; i < threads; ++i)
+    sensors.emplace_back(scene, true_camera(camera, sensor.flaws), sensor);
   const auto time_ns = [&](int i) {
     return static_cast<std::int64_t>(std::floor(i * 1e9 / options.fps + 0.5));
   };

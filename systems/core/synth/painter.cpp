@@ -84,6 +84,20 @@ void paint_joints(Texture& texture, double spacing_texels, std::uint8_t grey) {
         texture.row(y)[x] = grey;
 }
 
+void paint_mark(Texture& texture, const Mark& mark) {
+  const double per_m = texture.texels_per_m();
+  const auto texel = [&](double at_m, int size) {
+    return std::clamp(static_cast<int>(at_m * per_m + 0.5), 0, size);
+  };
+  const int left = texel(mark.s_m, texture.width());
+  const int right = texel(mark.s_m + mark.width_m, texture.width());
+  const int top = texel(mark.t_m + mark.height_m, texture.height());
+  for (int y = texel(mark.t_m, texture.height()); y < top; ++y)
+    if (left < right)
+      std::memset(texture.row(y) + left, to_grey(mark.grey),
+                  static_cast<std::size_t>(right - left));
+}
+
 }  // namespace
 
 void paint(Texture& texture, const Material& m, Random random) {
@@ -112,6 +126,7 @@ void paint(Texture& texture, const Material& m, Random random) {
     leaf.draw(texture);
   }
   if (m.grid_m > 0) paint_joints(texture, m.grid_m * per_m, to_grey(m.grey * 0.45));
+  for (const Mark& mark : m.marks) paint_mark(texture, mark);
 }
 
 }  // namespace slambed::synth

@@ -1,10 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "synth/random.hpp"
 #include "synth/texture.hpp"
 
 namespace slambed::synth {
+
+/// A plain rectangle on a surface: a window, a line on the road.
+struct Mark {
+  double s_m, t_m, width_m, height_m;
+  double grey;
+};
 
 /// Look of a surface: opaque shapes of all sizes thrown over each other ("dead leaves", Lee,
 /// Mumford and Huang 2001). Their size law is scale-free, so corners exist at every distance.
@@ -16,6 +24,7 @@ struct Material {
   double coverage = 2.5;      ///< how often the surface is covered on average
   double grid_m = 0;          ///< joints of tiles or planks; 0: none
   double texel_m = 0.003;
+  std::vector<Mark> marks{};  ///< painted over the leaves, in this order
 };
 
 void paint(Texture& texture, const Material& material, Random random);

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "base/error.hpp"
 #include "synth/texture_filter.hpp"
 
 namespace slambed::synth {
@@ -39,12 +41,23 @@ Renderer::Renderer(std::shared_ptr<const Scene> scene, const Camera& camera)
   const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
   inverse_depth_.resize(pixels);
   face_at_.resize(pixels);
+  last_row_ = camera.height;
 }
 
 void Renderer::accumulate(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
                           std::vector<float>& grey) {
   rasterise(T_wc, time_s, offset_x_px, offset_y_px);
   shade(grey);
+}
+
+void Renderer::accumulate_rows(const SE3& T_wc, double time_s, double offset_x_px,
+                               double offset_y_px, int first_row, int last_row,
+                               std::vector<float>& grey) {
+  first_row_ = first_row;
+  last_row_ = last_row;
+  accumulate(T_wc, time_s, offset_x_px, offset_y_px, grey);
+  first_row_ = 0;
+  last_row_ = camera_.height;
 }
 
 void Renderer::render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m) {
@@ -62,15 +75,37 @@ Picture Renderer::render(const SE3& T_wc, double time_s) {
 }
 
 void Renderer::rasterise(const SE3& T_wc, double time_s, double offset_x, double offset_y) {
-  std::fill(inverse_depth_.begin(), inverse_depth_.end(), 0.0f);
-  std::fill(face_at_.begin(), face_at_.end(), std::uint16_t{0});
+  const auto first = static_cast<std::ptrdiff_t>(first_row_) * camera_.width;
+  const auto last = static_cast<std::ptrdiff_t>(last_row_) * camera_.width;
+  std::fill(inverse_depth_.begin() + first, inverse_depth_.begin() + last, 0.0f);
+  std::fill(face_at_.begin() + first, face_at_.begin() + last, std::uint16_t{0});
   planes_.clear();
   const SE3 T_cw = T_wc.inverse();
   for (const Body& body : scene_->bodies()) {
     const SE3 T_cb = body.moving ? T_cw * body.pose(time_s) : T_cw;
+    if (!in_sight(body, T_cb, time_s)) continue;
     for (int i = body.first_face; i < body.last_face; ++i)
       draw_face(scene_->faces()[i], T_cb, offset_x, offset_y);
   }
+}
+
+/// Whether the ball around a body reaches into what the drawn rows see.
+bool Renderer::in_sight(const Body& body, const SE3& T_cb, double time_s) const {
+  if (time_s < body.from_s || time_s >= body.until_s) return false;
+  if (body.reach_m == 0) return true;
+  const Vec3 p = T_cb * body.middle;
+  const double reach = body.reach_m;
+  if (p.z() < -reach) return false;
+  // Four planes through the camera; a pixel more for the offsets of samples.
+  const double left = (camera_.cx + 1) / camera_.fx;
+  const double right = (camera_.width - camera_.cx) / camera_.fx;
+  const double above = (camera_.cy + 1 - first_row_) / camera_.fy;
+  const double below = (last_row_ - camera_.cy) / camera_.fy;
+  const auto outside = [&](double beyond, double slope) {
+    return beyond - slope * p.z() > reach * std::sqrt(1 + slope * slope);
+  };
+  return !outside(-p.x(), left) && !outside(p.x(), right) && !outside(-p.y(), above) &&
+         !outside(p.y(), below);
 }
 
 void Renderer::draw_face(const Face& face, const SE3& T_cb, double offset_x, double offset_y) {
@@ -97,7 +132,8 @@ void Renderer::draw_face(const Face& face, const SE3& T_cb, double offset_x, dou
     low_y = std::min(low_y, polygon[i].y);
     high_y = std::max(high_y, polygon[i].y);
   }
-  if (high_x < 0 || low_x > camera_.width - 1 || high_y < 0 || low_y > camera_.height - 1) return;
+  if (high_x < 0 || low_x > camera_.width - 1 || high_y < first_row_ || low_y > last_row_ - 1)
+    return;
 
   // A point o + s a + t b = z d on the pixel's ray d gives (s/z, t/z, 1/z) = [a b o]^-1 d.
   const Vec3 rows[3] = {b.cross(o) / det, o.cross(a) / det, normal / det};
@@ -112,11 +148,13 @@ void Renderer::draw_face(const Face& face, const SE3& T_cb, double offset_x, dou
     coefficients[k][2] = static_cast<float>(scale[k] * dy);
   }
   plane.texture = face.texture;
+  if (planes_.size() == std::numeric_limits<std::uint16_t>::max())
+    throw bad_input("more than 65,535 faces in one picture; leave some things out");
   planes_.push_back(plane);
   const auto id = static_cast<std::uint16_t>(planes_.size());
 
-  const int y_begin = std::max(0, static_cast<int>(std::ceil(low_y)));
-  const int y_end = std::min(camera_.height - 1, static_cast<int>(std::floor(high_y)));
+  const int y_begin = std::max(first_row_, static_cast<int>(std::ceil(low_y)));
+  const int y_end = std::min(last_row_ - 1, static_cast<int>(std::floor(high_y)));
   for (int y = y_begin; y <= y_end; ++y) {
     double left = 1e9, right = -1e9;
     for (int i = 0; i < kept; ++i) {
@@ -144,13 +182,16 @@ void Renderer::draw_face(const Face& face, const SE3& T_cb, double offset_x, dou
 }
 
 void Renderer::shade(std::vector<float>& grey) const {
-  for (int y = 0; y < camera_.height; ++y) {
+  for (int y = first_row_; y < last_row_; ++y) {
     const std::uint16_t* ids = face_at_.data() + static_cast<std::size_t>(y) * camera_.width;
     float* out = grey.data() + static_cast<std::size_t>(y) * camera_.width;
     for (int begin = 0; begin < camera_.width;) {
       int end = begin + 1;
       while (end < camera_.width && ids[end] == ids[begin]) ++end;
-      if (ids[begin] != 0) shade_run(planes_[ids[begin] - 1], y, begin, end, out);
+      if (ids[begin] != 0)
+        shade_run(planes_[ids[begin] - 1], y, begin, end, out);
+      else if (scene_->background() > 0)
+        for (int x = begin; x < end; ++x) out[x] += scene_->background();
       begin = end;
     }
   }

@@ -28,6 +28,9 @@ class Renderer {
   /// every pixel. Adds to grey, so that several samples can be averaged.
   void accumulate(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
                   std::vector<float>& grey);
+  /// The same in rows [first, last) alone: a shutter that rolls sees every row from another place.
+  void accumulate_rows(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
+                       int first_row, int last_row, std::vector<float>& grey);
   /// Depth through the pixel centres.
   void render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m);
   /// Grey (one sample per pixel) and depth.
@@ -44,6 +47,7 @@ class Renderer {
 
   void rasterise(const SE3& T_wc, double time_s, double offset_x, double offset_y);
   void draw_face(const Face& face, const SE3& T_cb, double offset_x, double offset_y);
+  bool in_sight(const Body& body, const SE3& T_cb, double time_s) const;
   void shade(std::vector<float>& grey) const;
   void shade_run(const Plane& plane, int y, int begin, int end, float* out) const;
 
@@ -52,6 +56,7 @@ class Renderer {
   std::vector<float> inverse_depth_;
   std::vector<std::uint16_t> face_at_;  ///< 1 + index into planes_; 0: nothing
   std::vector<Plane> planes_;
+  int first_row_ = 0, last_row_ = 0;  ///< drawn now: [first, last)
 };
 
 }  // namespace slambed::synth

@@ -15,6 +15,7 @@ constexpr int kLightStepTexels = 16;  ///< light varies slowly; it is computed o
 
 SE3 Body::pose(double time_s) const {
   if (!moving) return {};
+  if (motion) return motion->at(time_s);
   const SinCos a = sincos_turns(time_s / period_s + phase);
   // Faces the way it walks: the tangent of the ellipse.
   Vec3 ahead(-radius_x_m * a.sin, radius_y_m * a.cos, 0);
@@ -31,6 +32,7 @@ double Extent::distance_m(const Vec3& p) const {
 
 double Light::at(const Vec3& p, const Vec3& normal) const {
   double sum = ambient;
+  if (sun_strength > 0) sum += sun_strength * std::max(0.0, normal.dot(to_sun));
   for (const Vec3& lamp : lamps) {
     const Vec3 to = lamp - p;
     const double d2 = to.squaredNorm();
@@ -53,7 +55,7 @@ void Scene::add_face(const Vec3& origin, const Vec3& edge_s, const Vec3& edge_t,
   materials_.push_back(material);
   faces_.push_back(std::move(face));
   if (!in_body_) {
-    if (bodies_.empty() || bodies_.back().moving)
+    if (bodies_.empty() || bodies_.back().moving || bodies_.back().reach_m > 0)
       bodies_.push_back({.first_face = static_cast<int>(faces_.size()) - 1});
     bodies_.back().last_face = static_cast<int>(faces_.size());
   }
@@ -102,6 +104,28 @@ void Scene::add_cylinder(const Vec3& base_centre, double radius, double height,
   faces_.back().corners = ring;
 }
 
+void Scene::add_polygon(std::span<const Vec3> corners, const Material& material) {
+  const Vec3 along = (corners[1] - corners[0]).normalized();
+  const Vec3 normal = along.cross(corners[2] - corners[0]).normalized();
+  const Vec3 up = normal.cross(along);
+  double low_s = 0, high_s = 0, high_t = 0;  // no corner lies below the first edge
+  for (const Vec3& corner : corners) {
+    const Vec3 d = corner - corners[0];
+    low_s = std::min(low_s, d.dot(along));
+    high_s = std::max(high_s, d.dot(along));
+    high_t = std::max(high_t, d.dot(up));
+  }
+  add_face(corners[0] + low_s * along, (high_s - low_s) * along, high_t * up, material);
+  faces_.back().corners.assign(corners.begin(), corners.end());
+}
+
+void Scene::begin_group(double from_s, double until_s) {
+  bodies_.push_back({.first_face = static_cast<int>(faces_.size())});
+  bodies_.back().from_s = from_s;
+  bodies_.back().until_s = until_s;
+  in_body_ = true;
+}
+
 void Scene::begin_body(const Body& motion) {
   bodies_.push_back(motion);
   bodies_.back().moving = true;
@@ -110,8 +134,22 @@ void Scene::begin_body(const Body& motion) {
 }
 
 void Scene::end_body() {
-  bodies_.back().last_face = static_cast<int>(faces_.size());
+  Body& body = bodies_.back();
+  body.last_face = static_cast<int>(faces_.size());
   in_body_ = false;
+  if (body.moving && !body.motion) return;  // the figures of rooms are always near
+  Vec3 low = Vec3::Constant(1e9), high = Vec3::Constant(-1e9);
+  for (int i = body.first_face; i < body.last_face; ++i)
+    for (const Vec3& corner : faces_[i].corners) {
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+  body.middle = 0.5 * (low + high);
+  body.reach_m = 0.5 * (high - low).norm();
+}
+
+void Scene::draw_everything() {
+  for (Body& body : bodies_) body.reach_m = 0;
 }
 
 void Scene::paint_face(int i, const Light& light, std::uint64_t seed) {

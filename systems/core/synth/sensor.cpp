@@ -9,7 +9,9 @@ namespace slambed::synth {
 namespace {
 
 /// Samples per pixel of a still picture, and at most; blur is sampled about every pixel of motion.
-constexpr int kMinSamples = 3, kMaxSamples = 12;
+constexpr int kMinSamples = 3;
+/// Rows of a rolling shutter are drawn in so many bands, each from one place.
+constexpr int kBands = 16;
 /// Grey of a covered lens.
 constexpr float kBlackLevel = 3;
 /// Depth jumps by this share of the depth count as an edge, where a structured-light sensor is
@@ -51,7 +53,10 @@ void soften(std::vector<float>& image, int width, int height) {
 
 SensorModel::SensorModel(std::shared_ptr<const Scene> scene, const Camera& camera,
                          SensorOptions options)
-    : renderer_(std::move(scene), camera), options_(options) {
+    : renderer_(std::move(scene), camera),
+      options_(options),
+      lens_(camera, options.flaws.distortion),
+      right_rotation_(right_rotation(options.flaws)) {
   sum_.resize(static_cast<std::size_t>(camera.width) * camera.height);
 }
 
@@ -85,10 +90,27 @@ int SensorModel::samples_for(const CameraPath& path, double time_s) const {
   if (options_.motion_blur_s <= 0) return kMinSamples;
   const SE3 a = path.at(time_s - 0.5 * options_.motion_blur_s);
   const SE3 b = path.at(time_s + 0.5 * options_.motion_blur_s);
-  // How far something 1.5 m ahead moves in the picture: turning, and walking sideways.
-  const double turn = (a.R.col(2) - b.R.col(2)).norm() + (a.t - b.t).norm() / 1.5;
+  // How far something near ahead moves in the picture: turning, and walking sideways.
+  const double turn = (a.R.col(2) - b.R.col(2)).norm() + (a.t - b.t).norm() / options_.nearest_m;
   const auto wanted = static_cast<int>(std::ceil(turn * renderer_.camera().fx));
-  return std::clamp(wanted, kMinSamples, kMaxSamples);
+  return std::clamp(wanted, kMinSamples, options_.most_samples);
+}
+
+/// One sample per pixel; with a rolling shutter the time is that of the middle row.
+void SensorModel::expose_sample(const CameraPath& path, double time_s, double baseline_m,
+                                double across, double down) {
+  const int height = renderer_.camera().height;
+  const bool rolling = options_.flaws.readout_s > 0;
+  const int bands = rolling ? std::min(kBands, height) : 1;
+  for (int band = 0; band < bands; ++band) {
+    const int first = height * band / bands, last = height * (band + 1) / bands;
+    const double row = 0.5 * (first + last) / height - 0.5;
+    const double t = rolling ? time_s + options_.flaws.readout_s * row : time_s;
+    SE3 T_wc = path.at(t);
+    T_wc.t += baseline_m * T_wc.R.col(0);
+    if (baseline_m > 0) T_wc.R = (T_wc.R * right_rotation_).eval();
+    renderer_.accumulate_rows(T_wc, t, across, down, first, last, sum_);
+  }
 }
 
 std::vector<std::uint8_t> SensorModel::expose(const CameraPath& path, int frame, double time_s,
@@ -102,18 +124,18 @@ std::vector<std::uint8_t> SensorModel::expose(const CameraPath& path, int frame,
       const double at = (i + 0.5) / samples;
       const double across = at - 0.5, down = 0.618034 * (i + 0.5);
       const double t = time_s + options_.motion_blur_s * (at - 0.5);
-      SE3 T_wc = path.at(t);
-      T_wc.t += baseline_m * T_wc.R.col(0);
-      renderer_.accumulate(T_wc, t, across, down - std::floor(down) - 0.5, sum_);
+      expose_sample(path, t, baseline_m, across, down - std::floor(down) - 0.5);
     }
-    const float share = 1.0f / static_cast<float>(samples);
+    const double gain = exposure_gain(options_.flaws, options_.laps, options_.seed, time_s);
+    const float share = static_cast<float>(gain) / static_cast<float>(samples);
     for (float& value : sum_) value *= share;
+    lens_.bend(sum_);
     soften(sum_, camera.width, camera.height);
   }
   std::vector<std::uint8_t> grey(sum_.size());
   const std::uint64_t seed =
       mix(options_.seed ^ mix(static_cast<std::uint64_t>(frame) * 2 + stream));
-  const auto sigma = static_cast<float>(options_.noise);
+  const auto sigma = static_cast<float>(options_.noise * noise_gain(options_.laps, time_s));
   for (std::size_t i = 0; i < grey.size(); ++i) {
     const float noisy = sum_[i] + sigma * bell(pixel_hash(seed, i)) + 0.5f;
     grey[i] = static_cast<std::uint8_t>(std::clamp(noisy, 0.0f, 255.0f));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "features/image.hpp"
+#include "synth/camera_flaws.hpp"
 #include "synth/camera_path.hpp"
 #include "synth/renderer.hpp"
 
@@ -22,6 +23,10 @@ struct SensorOptions {
   double max_depth_m = 10;
   double baseline_m = 0;                            ///< of the right camera, for stereo
   double blackout_start_s = 0, blackout_end_s = 0;  ///< lens covered in [start, end)
+  CameraFlaws flaws{};
+  LapChange laps{};
+  double nearest_m = 1.5;  ///< what blur is sampled for; the street is farther away than tables
+  int most_samples = 12;   ///< per pixel
 };
 
 /// One frame as recorded; depth or right is empty, as asked for.
@@ -45,12 +50,16 @@ class SensorModel {
  private:
   std::vector<std::uint8_t> expose(const CameraPath& path, int frame, double time_s,
                                    double baseline_m, std::uint32_t stream);
+  void expose_sample(const CameraPath& path, double time_s, double baseline_m, double across,
+                     double down);
   int samples_for(const CameraPath& path, double time_s) const;
   std::vector<std::uint16_t> measure_depth(int frame) const;
   bool covered(double time_s) const;
 
   Renderer renderer_;
   SensorOptions options_;
+  Lens lens_;
+  Eigen::Matrix3d right_rotation_;
   std::vector<float> sum_, depth_m_;
 };
 

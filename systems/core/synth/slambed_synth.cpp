@@ -15,6 +15,24 @@ namespace {
 volatile std::sig_atomic_t stop_asked = 0;
 void ask_stop(int) { stop_asked = 1; }
 
+void add_road_options(CLI::App& app, synth::GeneratorOptions& options) {
+  synth::CameraFlaws& flaws = options.sensor_model.flaws;
+  app.add_option("--open-stretches", options.open_stretches, "of a street, nothing near the road")
+      ->check(CLI::Range(0, 20));
+  app.add_option("--focal-error", flaws.focal_error, "believed focal length: true one times 1 + x")
+      ->check(CLI::Range(-0.03, 0.03));
+  app.add_option("--distortion", flaws.distortion, "left over: a ray's slope times 1 + x r^2")
+      ->check(CLI::Range(-0.05, 0.05));
+  const CLI::Range turn(-0.1, 0.1);
+  app.add_option("--right-yaw-deg", flaws.right_yaw_deg, "right camera turned")->check(turn);
+  app.add_option("--right-pitch-deg", flaws.right_pitch_deg, "right camera turned")->check(turn);
+  app.add_option("--right-roll-deg", flaws.right_roll_deg, "right camera turned")->check(turn);
+  app.add_option("--readout-s", flaws.readout_s, "rolling shutter, first row to last")
+      ->check(CLI::Range(0.0, 0.05));
+  app.add_option("--exposure-wander", flaws.exposure_wander, "share by which brightness wanders")
+      ->check(CLI::Range(0.0, 0.4));
+}
+
 int run(int argc, char** argv) {
   synth::GeneratorOptions options;
   synth::SensorOptions& sensor = options.sensor_model;
@@ -22,7 +40,9 @@ int run(int argc, char** argv) {
   int threads = 0;
   bool show_progress = false;
 
-  CLI::App app{"Renders a furnished room along a camera path into a prepared sequence."};
+  CLI::App app{
+      "Renders a furnished room along a camera path, or a drive through streets, into a prepared "
+      "sequence."};
   app.name("slambed-synth");
   app.set_version_flag("--version", std::string("slambed-synth ") + synth::kGeneratorVersion);
   app.add_option("--out", out, "folder to write; appears when complete")->required();
@@ -30,14 +50,16 @@ int run(int argc, char** argv) {
   app.add_option("--title", options.title, "title of the sequence");
   app.add_option("--sensor", options.sensor, "rgbd, stereo or mono");
   app.add_option("--trajectory", options.trajectory,
-                 "still, spline, office, two_laps, or a TUM-format file (with . or / in its name)");
+                 "still, spline, office, two_laps, or a TUM-format file (with . or / in its name); "
+                 "two laps by car: rectangle, circular, block");
   app.add_option("--seconds", options.seconds, "length; default: the whole path")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--fps", options.fps, "frames per second")->check(CLI::PositiveNumber);
   app.add_option("--seed", options.seed, "of scene, path and noise");
   app.add_option("--width", options.width, "pixels");
   app.add_option("--height", options.height, "pixels");
-  app.add_option("--moving-objects", options.moving_objects, "figures that walk around")
+  app.add_option("--moving-objects", options.moving_objects,
+                 "figures that walk around; cars that come the other way")
       ->check(CLI::Range(0, 20));
   app.add_option("--texel-scale", options.texel_scale, "larger: coarser textures")
       ->check(CLI::Range(0.5, 50.0));
@@ -53,6 +75,7 @@ int run(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--blackout-end-s", sensor.blackout_end_s, "to here")
       ->check(CLI::NonNegativeNumber);
+  add_road_options(app, options);
   app.add_option("--source", extra_source, "JSON object added to 'source' of sequence.json");
   app.add_option("--threads", threads, "default: all cores; does not change the result")
       ->check(CLI::Range(1, 256));

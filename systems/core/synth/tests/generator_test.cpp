@@ -95,7 +95,8 @@ TEST_F(Generator, MonoIsTheLeftPictureOfStereo) {
   const std::string mono = slurp(folder_ / "mono" / "frames.bin");
   ASSERT_EQ(mono.size(), 5 * kMonoStride);
   for (int i = 0; i < 5; ++i)
-    EXPECT_EQ(mono.substr(i * kMonoStride, kPixels), stereo.substr(i * kStereoStride, kPixels)) << i;
+    EXPECT_EQ(mono.substr(i * kMonoStride, kPixels), stereo.substr(i * kStereoStride, kPixels))
+        << i;
   const auto header = nlohmann::json::parse(slurp(folder_ / "mono" / "sequence.json"));
   EXPECT_EQ(header["sensor"], "mono");
   EXPECT_EQ(header["camera"]["bf"], 0);

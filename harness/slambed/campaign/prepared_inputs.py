@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that runs need and other runs make: made once, kept under a key, verified before use."""
+
+import fcntl
+import hashlib
+import json
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from slambed.campaign.ledger import utc_now
+from slambed.campaign.plan import Plan, make_plan
+from slambed.campaign.virtual_task import VirtualTask
+from slambed.data.places import cache_folder, no_cache
+from slambed.errors import SlambedError
+from slambed.json_file import object_or_empty
+from slambed.metrics.collect import read_log
+from slambed.native import SIMULATION, find_program
+from slambed.spec import inputs
+from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import DeviceChoice, Experiment, Runs, SystemChoice
+from slambed.spec.input_recipe import YIELDED, InputRecipe
+from slambed.spec.library import Library
+from slambed.spec.matrix import KEY_DIGITS, canonical_json
+from slambed.spec.software import host_software
+
+RECORD = "input.json"
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class PreparedInput:
+    """A file that a recipe stands for, with what is known of its making."""
+
+    file: Path
+    sha256: str
+    record: dict[str, Any]
+
+
+def inputs_folder() -> Path:
+    """Where prepared inputs are kept."""
+    return cache_folder() / "inputs"
+
+
+def prepare_input(name: str, library: Library, say: Say) -> PreparedInput:
+    """The file of a recipe, from the cache or made now by its run.
+
+    Raises SlambedError where the run does not fulfil the recipe's conditions; nothing is kept then.
+    """
+    plan, recipe = _plan(name, library, say)
+    folder = inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}"
+    if (ready := _open(folder, recipe, say)) is not None:
+        return ready
+    with _lock(recipe.id):
+        if (ready := _open(folder, recipe, say)) is None:
+            say(f"making input {recipe.id}: {recipe.title}")
+            _make(folder, plan, recipe)
+            ready = _open(folder, recipe, say)
+    assert ready is not None
+    return ready
+
+
+def find_prepared(name: str) -> list[PreparedInput]:
+    """Every file that was ever made of a recipe and is still there, newest first; whether it
+    belongs to the sources and data of today is not asked."""
+    found = []
+    for record in inputs_folder().glob(f"{name}-*/{RECORD}"):
+        content = object_or_empty(record)
+        if content.get("id") == name and (file := record.parent / str(content["file"])).is_file():
+            found.append(PreparedInput(file, str(content["sha256"]), content))
+    return sorted(found, key=lambda item: str(item.record.get("made_utc")), reverse=True)
+
+
+def _plan(name: str, library: Library, say: Say) -> tuple[Plan, InputRecipe]:
+    recipe, source = library.input(name)
+    wanted = {"save_map": True} if recipe.yields == "map" else {}
+    experiment = Experiment(
+        id=f"input_{recipe.id}",
+        title=recipe.title,
+        systems=[
+            SystemChoice(
+                system=recipe.system, variant=recipe.variant, params=recipe.params | wanted
+            )
+        ],
+        datasets=[recipe.dataset],
+        playback=recipe.playback,
+        devices=DeviceChoice(mobile=recipe.device),
+        engine="virtual",
+        runs=Runs(default=1),
+        seed=recipe.seed,
+    )
+    if library.system(recipe.system).has_edge:
+        raise source.complaint(f"system {recipe.system} has an edge: inputs are made by one node")
+    software = host_software(program=SIMULATION)
+    # An input is judged by its conditions: a reference that is being made has none of its own.
+    plan = make_plan(
+        experiment, source, library, [], VIRTUAL, software, 1,
+        lambda other: prepare_input(other, library, say).file, judged=False,
+    )  # fmt: skip
+    return plan, recipe
+
+
+def _key(plan: Plan, recipe: InputRecipe) -> str:
+    """Over recipe, sequence and sources: what the run means, what is kept and what must hold."""
+    meaning = {
+        "run": plan.specs[0].meaning(),
+        "yields": recipe.yields,
+        "must": recipe.must.model_dump(),
+    }
+    return hashlib.sha256(canonical_json(meaning).encode()).hexdigest()[:KEY_DIGITS]
+
+
+def _open(folder: Path, recipe: InputRecipe, say: Say) -> PreparedInput | None:
+    """What lies there, if its bytes are those that were written; a damaged one is made again."""
+    record = object_or_empty(folder / RECORD)
+    file = folder / YIELDED[recipe.yields]
+    if not record or not file.is_file():
+        return None
+    if inputs.sha256_of(file) != record.get("sha256"):
+        say(f"{file} is damaged: its SHA-256 is not the recorded one; it is made again")
+        return None
+    return PreparedInput(file, str(record["sha256"]), record)
+
+
+def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
+    (spec,), (sequence,) = plan.specs, plan.sequences.values()
+    raw = folder.with_name(f".{folder.name}.partial")
+    shutil.rmtree(raw, ignore_errors=True)
+    raw.mkdir(parents=True)
+    try:
+        task = VirtualTask(
+            spec, raw, sequence.path, sequence.played_s(spec.playback),
+            find_program(SIMULATION), cache_folder() / "features", sys.argv,
+        )  # fmt: skip
+        summary = task.execute()
+        if summary["outcome"] != "completed":
+            raise SlambedError(f"input {recipe.id}: {summary['outcome_reason']}")
+        found = _facts(raw, summary)
+        if broken := recipe.must.broken_by(found):
+            raise SlambedError(
+                f"input {recipe.id}: its run does not fulfil inputs/{recipe.id}.yaml: "
+                f"{'; '.join(broken)}; nothing was kept"
+            )
+        name = YIELDED[recipe.yields]
+        kept = raw / "mobile" / name
+        record = {
+            "format": "slambed-input", "version": 1, "id": recipe.id, "yields": recipe.yields,
+            "file": name, "sha256": inputs.sha256_of(kept), "size_bytes": kept.stat().st_size,
+            "found": found, "keyframes": summary["keyframes"],
+            "map_points": summary["map_points"], "run_key": spec.run_key,
+            "dataset": spec.dataset, "sequence_checksum": spec.sequence_checksum,
+            "software": spec.software, "inputs": spec.inputs, "made_utc": utc_now(),
+        }  # fmt: skip
+        whole = folder.with_name(f".{folder.name}.whole")
+        shutil.rmtree(whole, ignore_errors=True)
+        whole.mkdir()
+        kept.rename(whole / name)
+        (whole / RECORD).write_text(json.dumps(record, indent=1) + "\n")
+        shutil.rmtree(folder, ignore_errors=True)
+        whole.rename(folder)
+    finally:
+        shutil.rmtree(raw, ignore_errors=True)
+
+
+def _facts(raw: Path, summary: dict[str, Any]) -> dict[str, float]:
+    """What conditions may ask for."""
+    bundles = [e for e in read_log(raw).of("stage") if e.get("name") == "global_bundle"]
+    return {
+        "coverage": float(summary["coverage"] or 0.0),
+        "loops_closed": float(summary["loops_closed"] or 0),
+        "global_bundles": float(len(bundles)),
+    }
+
+
+@contextmanager
+def _lock(name: str) -> Iterator[None]:
+    """Two processes never make the same input at once."""
+    folder = inputs_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / f".{name}.lock").open("w")
+    except OSError as refused:
+        raise no_cache(folder, refused) from refused
+    with file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
