@@ -17,6 +17,7 @@ from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
 from slambed.report.figures.paths import draw_paths
 from slambed.report.figures.resources import CPU, MEMORY, draw_over_time
 from slambed.report.figures.stages import draw_stages
+from slambed.report.figures.sweep import draw_sweep, sweeps
 from slambed.report.figures.tradeoff import PAIRS, draw_tradeoff
 from slambed.report.load import Results
 from slambed.report.style import FigureWriter, SavedFigure
@@ -90,6 +91,8 @@ def _jobs(
         yield "cpu", partial(draw_over_time, results, condition, CPU, writer)
         yield "memory", partial(draw_over_time, results, condition, MEMORY, writer)
         yield "stages", partial(draw_stages, results, condition, writer)
+    for _, variant, dataset, column, runs in sweeps(results):
+        yield "sweep", partial(draw_sweep, results, variant, dataset, column, runs, writer)
     for (label, dataset), runs in results.trusted.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
             yield (

@@ -25,6 +25,9 @@ PAIRS = (
     ("mobile_cpu_percent_mean", "ate_rmse_m"),
     ("mobile_cpu_percent_mean", "lost"),
     ("bytes_up", "ate_rmse_m"),
+    ("link_mbit_s", "reference_rmse_m"),
+    ("rtt_asked_ms_mean", "reference_rmse_m"),
+    ("rtt_asked_ms_mean", "response_ms_median"),
     ("rtt_asked_ms_mean", "lost"),
     ("rtt_asked_ms_mean", "update_computed_ms_median"),
 )
