@@ -15,8 +15,8 @@ constexpr double kCentreLine_m = 1.75, kOncoming_m = 3.5;
 constexpr double kRightKerb_m = -3.85, kLeftKerb_m = 7.35, kKerbHeight_m = 0.12;
 constexpr double kRightHouses_m = -6.35, kLeftHouses_m = 9.85;
 constexpr double kRightParking_m = -2.85, kLeftParking_m = 6.3;
-constexpr double kPiece_m = 3;             ///< length of a piece of road
-constexpr double kHouseClearance_m = 5.8;  ///< of any house from the middle of the driven lane
+constexpr double kPiece_m = 3;                 ///< length of a piece of road
+constexpr double kHouseClearance_m = 5.8;      ///< of any house from the middle of the driven lane
 constexpr double kNoParking_per_m = 1.0 / 16;  ///< where the street bends more
 constexpr double kOpenStretch_m = 30;
 constexpr float kSky = 215;
