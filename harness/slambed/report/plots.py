@@ -91,8 +91,8 @@ def _jobs(
         yield "cpu", partial(draw_over_time, results, condition, CPU, writer)
         yield "memory", partial(draw_over_time, results, condition, MEMORY, writer)
         yield "stages", partial(draw_stages, results, condition, writer)
-    for _, variant, dataset, column, runs in sweeps(results):
-        yield "sweep", partial(draw_sweep, results, variant, dataset, column, runs, writer)
+    for _, variant, played, column, own in sweeps(results):
+        yield "sweep", partial(draw_sweep, results, variant, played, column, own, writer)
     for (label, dataset), runs in results.trusted.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
             yield (
