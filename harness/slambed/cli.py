@@ -80,6 +80,16 @@ def run(
         typer.Option(min=0, help="Minutes to wait for a quiet host before live runs."),
     ] = 0.0,
     figures: Annotated[bool, typer.Option(help="Draw figures for the report.")] = True,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE instead of the file's, or params.NAME=VALUE."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help="Execute this cell only; * is any text.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be executed, and how long it takes.")
+    ] = False,
 ) -> None:
     """Run what is missing of an experiment, then show and write its report.
 
@@ -96,7 +106,7 @@ def run(
         raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
     if check:
         library = Library()
-        found, source = library.experiment(experiment)
+        found, source = library.experiment(experiment, settings)
         check_asked(found, source)
         plan.check(found, source, library, engine or found.engine)
         typer.echo(f"{source.path}: good")
@@ -106,7 +116,8 @@ def run(
     screen = console()
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
-    options = Options(runs, engine, results, wait, jobs, scheduler, slurm, retries, wait_for_quiet)
+    options = Options(runs, engine, results, wait, jobs, scheduler, slurm, retries, wait_for_quiet,
+                      settings or [], only or [], dry_run)  # fmt: skip
     verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])

@@ -21,6 +21,7 @@ from slambed.campaign.links import open_for_run
 from slambed.campaign.order import interleaved
 from slambed.campaign.plan import Plan, check, experiment_json, make_plan, notes, repetitions
 from slambed.campaign.prepared_inputs import prepare_input
+from slambed.campaign.preview import chosen, preview
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.progress import CampaignProgress, duration
 from slambed.campaign.quiet import wait_for_quiet
@@ -72,6 +73,12 @@ class Options:
     """Further attempts of a run that is not to be trusted."""
     quiet_within_min: float = 0.0
     """How long to wait for the host to become quiet before live runs."""
+    settings: list[str] = field(default_factory=list)
+    """`key=value`, instead of what the experiment's file says."""
+    only: list[str] = field(default_factory=list)
+    """Cells to execute, patterns included; all where none is named."""
+    dry_run: bool = False
+    """Tell what would be executed, and execute nothing."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
     """The papers' plans of this moment, for the manifests of what is executed."""
 
@@ -82,7 +89,7 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
     Everything that can be wrong with the files is found before anything is started.
     """
     library = Library()
-    experiment, source = library.experiment(name)
+    experiment, source = library.experiment(name, options.settings)
     if experiment.id in RESERVED:
         raise source.complaint(f"no experiment may be called '{experiment.id}'", ("id",))
     count = repetitions(experiment, options.runs)
@@ -175,6 +182,12 @@ def _run_plan(
     for line in notes(experiment):
         _say(console, line)
     folder = ResultFolder(options.results / experiment.id)
+    about = chosen(plan.specs, options.only)
+    if options.dry_run:
+        jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else 1)
+        for line in preview(about, folder.store, _kept(options), _run_s(plan), jobs):
+            _say(console, line)
+        return Verdict()
     make_folder(folder.path, "--results")
     played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
     with host_lock(
@@ -208,8 +221,12 @@ def _execute(
     experiment, engine = plan.experiment, plan.circumstances.engine
     ledger = Ledger(folder.path / "ledger.jsonl")
     ordered = interleaved(plan.specs, experiment.seed)
-    again = ("trusted",) if options.retries else ("trusted", "untrusted")
-    todo = [spec for spec in ordered if folder.state(spec.run_key) not in again]
+    wanted = {spec.run_key for spec in chosen(ordered, options.only)}
+    todo = [
+        spec
+        for spec in ordered
+        if spec.run_key in wanted and folder.state(spec.run_key) not in _kept(options)
+    ]
     before = object_or_empty(folder.path / "experiment.json")
     shown = [*ordered, *further_repetitions(folder.store, ordered)]
     content = experiment_json(plan, source, shown, before)
@@ -221,8 +238,7 @@ def _execute(
     for sequence in plan.sequences.values():
         if (truth := sequence.path / "groundtruth.txt").is_file():
             keep_groundtruth(folder.path, sequence.id, truth)
-    longest_s = max(sequence.played_s(experiment.playback) for sequence in plan.sequences.values())
-    run_s = longest_s * VIRTUAL_SHARE if engine == VIRTUAL else longest_s + OVERHEAD_S
+    run_s = _run_s(plan)
     _say(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(ordered) - len(todo)} there already, "
@@ -234,6 +250,22 @@ def _execute(
     ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
     verdict.folder = folder.path
     return verdict
+
+
+def _kept(options: Options) -> tuple[str, ...]:
+    """States of runs that are not executed again."""
+    return ("trusted",) if options.retries else ("trusted", "untrusted")
+
+
+def _is_virtual(plan: Plan) -> bool:
+    return plan.circumstances.engine == VIRTUAL
+
+
+def _run_s(plan: Plan) -> float:
+    """A first guess at how long one run takes."""
+    playback = plan.experiment.playback
+    longest_s = max(sequence.played_s(playback) for sequence in plan.sequences.values())
+    return longest_s * VIRTUAL_SHARE if _is_virtual(plan) else longest_s + OVERHEAD_S
 
 
 def _say(console: Console, line: str) -> None:

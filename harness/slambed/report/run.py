@@ -18,7 +18,7 @@ from slambed.spec.library import Library
 
 def run_and_report(name: str, options: Options, console: Console, figures: bool = True) -> Verdict:
     """Executes what is missing of an experiment, then shows and writes its report."""
-    check_asked(*Library().experiment(name))
+    check_asked(*Library().experiment(name, options.settings))
     verdict = run_experiment(name, replace(options, plans=plans_of_today()), console)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
         show_report(verdict.folder, console, verdict.done > 0, figures)

@@ -11,6 +11,7 @@ from slambed.native import repository_root
 from slambed.spec.device import Device
 from slambed.spec.experiment import Experiment
 from slambed.spec.input_recipe import InputRecipe
+from slambed.spec.sweep import changed, swept
 from slambed.spec.system import System
 from slambed.spec.yaml_source import YamlSource, load_yaml, parse, suggestion
 
@@ -23,14 +24,17 @@ class Library:
     def __init__(self, root: Path | None = None) -> None:
         self.root = root or repository_root()
 
-    def experiment(self, name: str) -> tuple[Experiment, YamlSource]:
-        """An experiment by name (`quickstart`) or by path (anything that ends in .yaml)."""
+    def experiment(
+        self, name: str, settings: list[str] | None = None
+    ) -> tuple[Experiment, YamlSource]:
+        """An experiment by name (`quickstart`) or by path (anything that ends in .yaml), its grid
+        written out; `settings` are `key=value` and go before what the file says."""
         if name.endswith((".yaml", ".yml")):
             path = Path(name)
         else:
             path = self.root / "experiments" / f"{name}.yaml"
             self._must_exist(path, "experiment", name, self.experiments())
-        source = load_yaml(path)
+        source = swept(changed(load_yaml(path), settings or []))
         experiment = parse(Experiment, source)
         if experiment.id != path.stem:
             raise source.complaint(

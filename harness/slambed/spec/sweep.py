@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`grid:` and `--set`: what an experiment's file leaves to be varied, put in before it is checked.
+
+A cell of a grid is the cell that somebody would have written by hand: a run's key does not know
+how its parameters came to be written.
+"""
+
+from copy import deepcopy
+from itertools import product
+from typing import Any
+
+import yaml
+
+from slambed.errors import SlambedError
+from slambed.spec.yaml_source import Location, YamlSource
+
+GRID = "grid"
+PARAMS = "params."
+RTT = "link.rtt_ms"
+OF_A_SYSTEM = ("variant", "devices.mobile", "devices.edge")
+ADVICE = f"a grid varies {PARAMS}<name>, {', '.join(OF_A_SYSTEM)}, {RTT}"
+
+
+def swept(source: YamlSource) -> YamlSource:
+    """The same experiment with its grid written out: every system once per point of it."""
+    data = source.data
+    if not isinstance(data, dict) or GRID not in data:
+        return source
+    grid = _checked(source, data[GRID])
+    found = {key: value for key, value in data.items() if key != GRID}
+    lines = dict(source.lines)
+    if RTT in grid:
+        link = found.get("link", {})
+        if not isinstance(link, dict) or "profiles" in link:
+            raise source.complaint(f"{RTT} of a grid and link.profiles are two links", (GRID, RTT))
+        found["link"] = {**link, "profiles": grid[RTT]}
+        _move(lines, source, (GRID, RTT), ("link", "profiles"))
+    axes = {key: values for key, values in grid.items() if key != RTT}
+    entries = found.get("systems")
+    if axes and isinstance(entries, list):
+        found["systems"] = []
+        for index, entry in enumerate(entries):
+            for point in product(*axes.values()):
+                _move(lines, source, ("systems", index), ("systems", len(found["systems"])))
+                values = dict(zip(axes, point, strict=True))
+                found["systems"].append(_at(source, index, entry, values))
+    return YamlSource(source.path, found, lines)
+
+
+def changed(source: YamlSource, settings: list[str]) -> YamlSource:
+    """With `key=value` of the command line: a key of the file (`playback.end_s`), or
+    `params.<name>` of every system. Raises SlambedError for what is no such pair."""
+    if not settings or not isinstance(source.data, dict):
+        return source
+    data = deepcopy(source.data)
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not key or key == "id":
+            raise SlambedError(f"--set {setting}: write KEY=VALUE, as in params.n_orb=750")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise SlambedError(f"--set {setting}: {text} is no value of YAML") from None
+        entries = data.get("systems")
+        if key.startswith(PARAMS) and isinstance(entries, list):
+            for entry in (e for e in entries if isinstance(e, dict)):
+                entry["params"] = {**(entry.get("params") or {}), key.removeprefix(PARAMS): value}
+        else:
+            _put(data, key.split("."), value, setting)
+    return YamlSource(source.path, data, source.lines)
+
+
+def _checked(source: YamlSource, grid: Any) -> dict[str, list[Any]]:
+    if not isinstance(grid, dict) or not grid:
+        raise source.complaint("expected keys with lists of values", (GRID,), ADVICE)
+    for key, values in grid.items():
+        place = (GRID, key)
+        if not (key in (*OF_A_SYSTEM, RTT) or key.removeprefix(PARAMS) not in ("", key)):
+            raise source.complaint(f"a grid cannot vary '{key}'", place, ADVICE)
+        if not isinstance(values, list) or not values:
+            raise source.complaint(f"'{key}' of a grid is a list of values", place)
+        if any(isinstance(value, dict | list) or value is None for value in values):
+            raise source.complaint(f"'{key}' of a grid has plain values", place)
+        if len({str(value) for value in values}) < len(values):
+            raise source.complaint(f"'{key}' of a grid has a value twice", place)
+    return grid
+
+
+def _at(source: YamlSource, index: int, entry: Any, point: dict[str, Any]) -> Any:
+    """A system at one point of the grid, with a label that names the point."""
+    if not isinstance(entry, dict):
+        return entry  # told by who checks the systems
+    made = deepcopy(entry)
+    words = []
+    for key, value in point.items():
+        name = key.removeprefix(PARAMS)
+        part, _, leaf = ("params." + name if name != key else key).rpartition(".")
+        inside = made if not part else made.setdefault(part, {})
+        if not isinstance(inside, dict) or leaf in inside:
+            raise source.complaint(f"{key} is in the grid and here", ("systems", index))
+        inside[leaf] = value
+        words.append(f"{leaf} {value}")
+    base = entry.get("label") or entry.get("system")
+    if not entry.get("label") and entry.get("variant"):
+        base = f"{base}:{entry['variant']}"
+    return {**made, "label": f"{base} {', '.join(words)}"}
+
+
+def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> None:
+    for part in path[:-1]:
+        data = data.setdefault(part, {})
+        if not isinstance(data, dict):
+            raise SlambedError(f"--set {setting}: '{part}' of the experiment has no keys")
+    data[path[-1]] = value
+
+
+def _move(lines: dict[Location, int], source: YamlSource, old: Location, new: Location) -> None:
+    """Complaints about what was written out name the line that it was written at."""
+    for place in [place for place in lines if place[: len(new)] == new]:
+        del lines[place]
+    for place, line in source.lines.items():
+        if place[: len(old)] == old:
+            lines[(*new, *place[len(old) :])] = line
