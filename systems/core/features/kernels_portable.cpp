@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "base/processor.hpp"
 #include "features/kernels.hpp"
 
 namespace slambed {
@@ -26,9 +27,7 @@ constexpr Kernels kKernels{"portable", blend_rows, resize_row, fast_row,
 const Kernels& portable_kernels() { return kKernels; }
 
 const Kernels& fastest_kernels() {
-#if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return *avx2_kernels();
-#endif
+  if (vector_set() >= VectorSet::kAvx2 && avx2_kernels()) return *avx2_kernels();
   return kKernels;
 }
 

@@ -2,13 +2,17 @@
 #include "features/vocabulary.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "features/descriptor_distance.hpp"
 
 namespace slambed {
 namespace {
 
 /// Features are matched only inside nodes of this level: about a hundred groups (ORB-SLAM2).
 constexpr int kMatchingLevel = 2;
+constexpr std::uint32_t kChildrenAtOnce = 16;
 
 }  // namespace
 
@@ -33,16 +37,20 @@ int Vocabulary::matching_level() const { return std::min(kMatchingLevel, depth_)
 
 std::pair<const Vocabulary::Node*, std::uint32_t> Vocabulary::find(
     const Descriptor& descriptor) const {
+  const DistanceKernels& kernels = descriptor_distance();
+  std::array<const Descriptor*, kChildrenAtOnce> some;
+  std::array<std::uint16_t, kChildrenAtOnce> distances;
   std::uint32_t index = 0, passed = 0;
   while (nodes_[index].children > 0) {
-    const Node& node = nodes_[index];
-    std::uint32_t best = node.first_child;
-    int best_distance = hamming(descriptor, nodes_[best].descriptor);
-    for (std::uint32_t child = best + 1; child < node.first_child + node.children; ++child) {
-      const int distance = hamming(descriptor, nodes_[child].descriptor);
-      if (distance < best_distance) best_distance = distance, best = child;
+    const std::uint32_t begin = nodes_[index].first_child, end = begin + nodes_[index].children;
+    int best_distance = 257;
+    for (std::uint32_t first = begin; first < end; first += kChildrenAtOnce) {
+      const std::uint32_t n = std::min(end - first, kChildrenAtOnce);
+      for (std::uint32_t i = 0; i < n; ++i) some[i] = &nodes_[first + i].descriptor;
+      kernels.to_each(descriptor, {some.data(), n}, distances.data());
+      for (std::uint32_t i = 0; i < n; ++i)
+        if (distances[i] < best_distance) best_distance = distances[i], index = first + i;
     }
-    index = best;
     if (nodes_[index].level <= matching_level()) passed = index;
   }
   return {&nodes_[index], passed};

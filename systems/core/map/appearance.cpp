@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "map/descriptor_distance.hpp"
+#include "features/descriptor_distance.hpp"
 
 namespace slambed {
 

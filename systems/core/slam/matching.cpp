@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map/descriptor_distance.hpp"
+#include "features/descriptor_distance.hpp"
 
 namespace slambed {
 

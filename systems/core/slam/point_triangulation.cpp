@@ -6,8 +6,8 @@
 #include <cmath>
 #include <optional>
 
+#include "features/descriptor_distance.hpp"
 #include "geometry/triangulation.hpp"
-#include "map/descriptor_distance.hpp"
 #include "optimize/pose_optimizer.hpp"
 #include "slam/line_kernels.hpp"
 

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "base/portable_math.hpp"
+#include "features/descriptor_distance.hpp"
 #include "geometry/p3p.hpp"
 #include "geometry/random_sample.hpp"
-#include "map/descriptor_distance.hpp"
 
 namespace slambed {
 namespace {
@@ -70,9 +70,9 @@ void WideSearch::match(std::span<const PointSketch> points, const FeatureSet& fe
     const KeyPoint& seen = features.keypoint(i);
     // Far depths are guesses.
     const bool deep = seen.has_depth() && seen.depth_m < sensor.close_depth_m;
-    pairs_.push_back({holder[i].point, i,
-                      deep ? sensor.camera.unproject(seen.u, seen.v, seen.depth_m)
-                           : Eigen::Vector3d(0, 0, -1)});
+    pairs_.push_back(
+        {holder[i].point, i,
+         deep ? sensor.camera.unproject(seen.u, seen.v, seen.depth_m) : Eigen::Vector3d(0, 0, -1)});
   }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "slam/word_matching.hpp"
 
-#include "map/descriptor_distance.hpp"
+#include "features/descriptor_distance.hpp"
 #include "slam/matching.hpp"
 
 namespace slambed {

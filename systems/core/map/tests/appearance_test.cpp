@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/processor.hpp"
-#include "map/descriptor_distance.hpp"
+#include "features/descriptor_distance.hpp"
 
 namespace slambed {
 namespace {

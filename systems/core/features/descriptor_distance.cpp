@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "map/descriptor_distance.hpp"
+#include "features/descriptor_distance.hpp"
 
 #include "base/processor.hpp"
 
