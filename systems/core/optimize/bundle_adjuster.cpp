@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 #include <utility>
 
 #include "optimize/damping.hpp"
@@ -27,18 +26,22 @@ BundleRows sort_rows(const BundleProblem& problem) {
   BundleRows bundle;
   bundle.free_poses = std::clamp(problem.free_poses, 0, static_cast<int>(problem.T_cw.size()));
   bundle.begin.assign(problem.p_w.size() + 1, 0);
-  std::vector<std::uint32_t> order;
-  for (std::uint32_t i = 0; i < problem.observations.size(); ++i) {
-    if (!usable(problem, problem.observations[i])) continue;
-    order.push_back(i);
-    ++bundle.begin[problem.observations[i].point + 1];
+  std::vector<std::uint8_t> used(problem.observations.size());
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    used[i] = usable(problem, problem.observations[i]);
+    if (used[i]) ++bundle.begin[problem.observations[i].point + 1];
   }
-  // The given order breaks ties, so the sums are formed the same way on every machine.
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const auto &x = problem.observations[a], &y = problem.observations[b];
-    return std::tie(x.point, x.pose, a) < std::tie(y.point, y.pose, b);
-  });
   for (std::size_t i = 0; i < problem.p_w.size(); ++i) bundle.begin[i + 1] += bundle.begin[i];
+  std::vector<std::uint32_t> order(bundle.begin.back()), next(bundle.begin);
+  for (std::uint32_t i = 0; i < used.size(); ++i)
+    if (used[i]) order[next[problem.observations[i].point]++] = i;
+  // The given order breaks ties, so the sums are formed the same way on every machine.
+  for (std::size_t i = 0; i < problem.p_w.size(); ++i)
+    std::sort(order.begin() + bundle.begin[i], order.begin() + bundle.begin[i + 1],
+              [&](std::uint32_t a, std::uint32_t b) {
+                return std::pair(problem.observations[a].pose, a) <
+                       std::pair(problem.observations[b].pose, b);
+              });
   for (auto* list : {&bundle.u, &bundle.v, &bundle.right_u, &bundle.weight, &bundle.right_weight,
                      &bundle.chi2_limit})
     list->resize(order.size() + kRowSlack);

@@ -43,7 +43,8 @@ inline Errors errors_of(const RowsView& view, size_t first) {
   }
   for (int i = 0; i < 9; ++i) e.R[i] = pose[i];
   const V* t = pose + 9;
-  for (int i = 0; i < kLanes; ++i) from[i] = view.points + size_t{kPointSize} * view.point[first + i];
+  for (int i = 0; i < kLanes; ++i)
+    from[i] = view.points + size_t{kPointSize} * view.point[first + i];
   load_transposed(from, point);
   const V X = point[0], Y = point[1], Z = point[2];
   e.x = e.R[0] * X + e.R[3] * Y + e.R[6] * Z + t[0];
@@ -110,12 +111,8 @@ inline void terms_of(const RowsView& view, size_t first, RowTerms& terms) {
     b[0] = a00 * r[0] + a02 * r[2];
     b[1] = a11 * r[1] + a12 * r[2];
     b[2] = a02 * r[0] + a12 * r[1] + a22 * r[2];
-    const V column[kColumnStride] = {b[0],
-                                     b[1],
-                                     b[2],
-                                     y * b[2] - z * b[1],
-                                     z * b[0] - x * b[2],
-                                     x * b[1] - y * b[0]};
+    const V column[kColumnStride] = {
+        b[0], b[1], b[2], y * b[2] - z * b[1], z * b[0] - x * b[2], x * b[1] - y * b[0]};
     store_transposed(column, terms.cross[0] + c * kColumnStride, kCrossSize);
   }
   int h = 0;
@@ -188,13 +185,23 @@ void linearise(const RowsView& view, size_t rows, const NormalSums& sums) {
   }
 }
 
+/// The numbers of a 6 x 3 block, each in all lanes.
+struct Splats {
+  V of[3][6];
+};
+inline Splats splats(const double* block) {
+  Splats all;
+  for (int c = 0; c < 3; ++c)
+    for (int j = 0; j < 6; ++j) all.of[c][j] = splat(block[c * kColumnStride + j]);
+  return all;
+}
+
 /// block -= a * b', with a and b of 6 x 3.
-inline void subtract_product(double* block, const V a[3][kParts], const double* b) {
+inline void subtract_product(double* block, const V a[3][kParts], const Splats& b) {
   for (int j = 0; j < 6; ++j) {
-    const V b0 = splat(b[j]), b1 = splat(b[kColumnStride + j]), b2 = splat(b[2 * kColumnStride + j]);
     for (int i = 0; i < kParts; ++i) {
       double* out = block + j * kColumnStride + i * kLanes;
-      store(out, load(out) - (a[0][i] * b0 + a[1][i] * b1 + a[2][i] * b2));
+      store(out, load(out) - (a[0][i] * b.of[0][j] + a[1][i] * b.of[1][j] + a[2][i] * b.of[2][j]));
     }
   }
 }
@@ -230,6 +237,7 @@ void eliminate(const PointElimination& point) {
         double* out = right + i * kLanes;
         store(out, load(out) - (w0 * step[0] + w1 * step[1] + w2 * step[2]));
       }
+      const Splats every_y = splats(y);
       for (size_t l = k; l < point.rows; ++l) {
         if (!point.coupled[l]) continue;
         const size_t pose_l = point.pose[l];
@@ -237,9 +245,10 @@ void eliminate(const PointElimination& point) {
             pair_block != nullptr ? pair_block[l - k] : pose_l * (pose_l + 1) / 2 + pose_k;
         double* block = point.blocks + kPoseBlockSize * number;
         load_cross(point.cross + kCrossSize * l, W);
-        subtract_product(block, W, y);
+        subtract_product(block, W, every_y);
         // The same pose twice (a doubled observation): the mirrored term falls into the same block.
-        if (pose_l == pose_k && l != k) subtract_product(block, Y, point.cross + kCrossSize * l);
+        if (pose_l == pose_k && l != k)
+          subtract_product(block, Y, splats(point.cross + kCrossSize * l));
       }
     }
     if (pair_block != nullptr) pair_block += partners;
