@@ -62,7 +62,8 @@ function(slambed_program name)
 endfunction()
 
 # slambed_test(name [LIVE] SOURCES ... DEPENDS ...): one GoogleTest program, one ctest entry per test
-# case. LIVE: its cases look at the clock, or start programs that do; no other test runs beside one.
+# case. LIVE: its cases look at the clock, or start programs that do; no other test runs beside one, and
+# the program is one entry, so that its cases share what they play.
 function(slambed_test name)
   if(NOT SLAMBED_TESTS)
     return()
@@ -70,8 +71,13 @@ function(slambed_test name)
   cmake_parse_arguments(ARG "LIVE" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
+  if(ARG_LIVE)
+    add_test(NAME ${name} COMMAND ${name} --gtest_brief=1)
+    set_tests_properties(${name} PROPERTIES TIMEOUT 900 RUN_SERIAL ON)
+    return()
+  endif()
   include(GoogleTest)
-  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300 RUN_SERIAL ${ARG_LIVE})
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300)
 endfunction()
 
 # slambed_vector_kernels(prefix): the files prefix_avx2.cpp and prefix_avx512.cpp of this folder. GCC

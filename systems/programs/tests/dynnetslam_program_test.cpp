@@ -13,7 +13,7 @@ using testing::Forwarder;
 using testing::Process;
 using namespace std::chrono_literals;
 
-constexpr int kFrames = 180;  // 12 s
+constexpr int kFrames = 120;  // 8 s
 const std::vector<std::string> kChannels = {"control", "keyframe", "map", "frame", "handover"};
 
 class DynNetSlamProgram : public testing::NodeProgramTest {
@@ -64,10 +64,18 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
       text.append(text.empty() ? "" : " ").append(event["to"].get<std::string>());
     return text.rfind("MES ", 0) == 0 ? text.substr(4) : text;
   }
+  /// Until the mobile's log tells these states, which follows them by up to a second.
+  void await_states(const std::string& expected) {
+    for (int i = 0; i < 600 && states() != expected; ++i) std::this_thread::sleep_for(50ms);
+    ASSERT_EQ(states(), expected);
+  }
+  /// Until both have begun to work with each other.
   void await_start() {
     ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json"))
         << log("mobile") << log("edge");
     start();
+    await_states("OS");
+    ASSERT_TRUE(await_event("edge", "keyframe_mapped"));
   }
   /// Playback went on to the end, and both parted in order.
   void expect_good_end(Process& mobile, Process& edge) {
@@ -111,11 +119,10 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
 TEST_F(DynNetSlamProgram, GoesToTheMobileSideAndBackWithTheLatency) {
   Process edge = edge_node(), mobile = node("mobile");
   await_start();
-  for (int i = 0; i < 3; ++i) {
-    set_rtt(4ms);
-    std::this_thread::sleep_for(2s);
-    set_rtt(1200ms);
-    std::this_thread::sleep_for(2s);
+  for (const char* changes : {"OS MES", "OS MES OS", "OS MES OS MES"}) {
+    set_rtt(states().ends_with("MES") ? 4ms : 1200ms);
+    await_states(changes);
+    std::this_thread::sleep_for(300ms);
   }
   set_rtt(4ms);
   expect_good_end(mobile, edge);
@@ -127,9 +134,9 @@ TEST_F(DynNetSlamProgram, GoesToTheMobileSideAndBackWithTheLatency) {
 TEST_F(DynNetSlamProgram, AFrozenEdgeIsLeftAndJoinsAgain) {
   Process edge = edge_node(), mobile = node("mobile");
   await_start();
-  std::this_thread::sleep_for(2s);
   edge.signal(SIGSTOP);
-  std::this_thread::sleep_for(5s);
+  await_states("OS MES");
+  std::this_thread::sleep_for(1s);
   edge.signal(SIGCONT);
   expect_good_end(mobile, edge);
   EXPECT_EQ(states(), "OS MES OS");
@@ -139,9 +146,9 @@ TEST_F(DynNetSlamProgram, AFrozenEdgeIsLeftAndJoinsAgain) {
 TEST_F(DynNetSlamProgram, AWayThatIsCutIsLeftAndTakenAgain) {
   Process edge = edge_node(), mobile = node("mobile");
   await_start();
-  std::this_thread::sleep_for(2s);
   cut(true);
-  std::this_thread::sleep_for(5s);
+  await_states("OS MES");
+  std::this_thread::sleep_for(1s);
   cut(false);
   expect_good_end(mobile, edge);
   EXPECT_EQ(states(), "OS MES OS");
@@ -153,9 +160,8 @@ TEST_F(DynNetSlamProgram, ARestartedEdgeGetsTheWholeMap) {
   {
     Process edge = edge_node();
     await_start();
-    std::this_thread::sleep_for(2s);
   }  // SIGKILL
-  std::this_thread::sleep_for(3s);
+  await_states("OS MES");
   Process edge = edge_node();
   expect_good_end(mobile, edge);
   EXPECT_EQ(states(), "OS MES OS");
@@ -172,7 +178,6 @@ TEST_F(DynNetSlamProgram, AnEdgeRestartedAtOnceGetsTheMapWithoutAChangeOfState) 
   {
     Process edge = edge_node();
     await_start();
-    std::this_thread::sleep_for(2s);
   }  // SIGKILL
   Process edge = edge_node();
   expect_good_end(mobile, edge);
@@ -187,7 +192,6 @@ TEST_F(DynNetSlamProgram, AnEdgeThatNeverComesBackChangesNothingForTracking) {
   {
     Process edge = edge_node();
     await_start();
-    std::this_thread::sleep_for(2s);
   }  // SIGKILL
   EXPECT_EQ(mobile.wait(), 0) << log("mobile");
   EXPECT_EQ(end("mobile")["exit_reason"], "completed");

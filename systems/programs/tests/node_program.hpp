@@ -8,6 +8,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "node/tests/temporary_folder.hpp"
@@ -17,6 +18,8 @@
 
 namespace slambed::testing {
 
+constexpr double kFps = 15;
+
 /// A short generated sequence; made once per program.
 inline const std::filesystem::path& sequence(int frames) {
   static const TemporaryFolder folder;
@@ -25,7 +28,7 @@ inline const std::filesystem::path& sequence(int frames) {
     synth::GeneratorOptions options;
     options.width = 320;
     options.height = 240;
-    options.fps = 15;
+    options.fps = kFps;
     options.seconds = frames / options.fps;
     synth::generate(options, made, 2, [](int, int) { return true; });
     return made;
@@ -92,6 +95,12 @@ class NodeProgramTest : public ::testing::Test {
                         {"prior_map", ""},
                         {"save_map", false}};
     config["network"] = nullptr;
+  }
+
+  /// Plays no more than so much of the sequence; returns the number of frames.
+  int play_for(double seconds) {
+    config["playback"]["end_s"] = seconds;
+    return static_cast<int>(std::lround(seconds * kFps));
   }
 
   /// Frames still come at their times, but a machine that is too slow for them (under a sanitizer,

@@ -71,6 +71,7 @@ TEST_F(SensorProgram, StereoRunsAloneInMetres) {
 
 TEST_F(SensorProgram, StereoRunsWithAnEdge) {
   play("stereo");
+  play_for(3);
   testing::Process edge = node("edge"), mobile = node("mobile");
   ASSERT_TRUE(await("edge/ready.json") && await("mobile/ready.json"))
       << log("edge") << log("mobile");
