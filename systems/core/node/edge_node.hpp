@@ -14,12 +14,18 @@ namespace slambed {
 /// What the greeting told this node of its peer. Thread-safe.
 class PeerInfo {
  public:
+  static constexpr double kFpsUntilKnown = 30;
+
   void set(const wire::SensorInfo& sensor) {
     std::lock_guard lock(mutex_);
     if (!sensor_) {
       sensor_ = sensor.make_sensor();
-      played_fps_ = sensor.played_fps;
+      info_ = sensor;
     }
+  }
+  std::optional<wire::SensorInfo> info() const {
+    std::lock_guard lock(mutex_);
+    return info_;
   }
   /// Null until a mobile has connected; then it stays the same.
   std::shared_ptr<const Sensor> sensor() const {
@@ -28,13 +34,13 @@ class PeerInfo {
   }
   double played_fps() const {
     std::lock_guard lock(mutex_);
-    return played_fps_;
+    return info_ ? info_->played_fps : kFpsUntilKnown;
   }
 
  private:
   mutable std::mutex mutex_;
   std::shared_ptr<const Sensor> sensor_;
-  double played_fps_ = 30;
+  std::optional<wire::SensorInfo> info_;
 };
 
 /// The greeting of this node; what the peer shows goes into peer.
@@ -59,6 +65,8 @@ class EdgeNode {
   MapCounts counts() const { return count(*map()); }
   /// Why the run ended: "bye", "peer_lost"; empty while it goes on or was stopped from outside.
   std::string end_reason() const;
+  /// After the runtime has joined.
+  void leave(const std::filesystem::path& folder) { policy_->leave(folder); }
 
   // The verbs of a policy.
   Runtime& runtime() { return parts_.runtime; }

@@ -90,21 +90,21 @@ class LiveNode {
     }
     if (config_.network) open_network(info);
     maps_.emplace(system_, parameters_, *sequence_, *playlist_, info);
-    mobile_.emplace(MobileParts{.runtime = runtime_,
-                                .network = network_ ? &*network_ : nullptr,
-                                .log = log_,
-                                .features = *features_,
-                                .feed = *feed_,
-                                .sequence = &*sequence_,
-                                .sensor = sequence_->sensor(),
-                                .played_fps = playlist_->played_fps(),
-                                .stop_at_first_loss = config_.playback.stop_at_first_loss,
-                                .timestamps_ns = sequence_->timestamps_ns(),
-                                .time_origin_ns = sequence_->time_origin_ns(),
-                                .prior_map = maps_->prior(),
-                                .profile_rtt = config_.network ? config_.network->profile_rtt
-                                                               : std::nullopt},
-                    system_, parameters_);
+    mobile_.emplace(
+        MobileParts{.runtime = runtime_,
+                    .network = network_ ? &*network_ : nullptr,
+                    .log = log_,
+                    .features = *features_,
+                    .feed = *feed_,
+                    .sequence = &*sequence_,
+                    .sensor = sequence_->sensor(),
+                    .played_fps = playlist_->played_fps(),
+                    .stop_at_first_loss = config_.playback.stop_at_first_loss,
+                    .timestamps_ns = sequence_->timestamps_ns(),
+                    .time_origin_ns = sequence_->time_origin_ns(),
+                    .prior_map = maps_->prior(),
+                    .profile_rtt = config_.network ? config_.network->profile_rtt : std::nullopt},
+        system_, parameters_);
   }
 
   void open_network(std::optional<wire::SensorInfo> sensor) {
@@ -172,6 +172,7 @@ class LiveNode {
       end.frames_total = feed_->offered();
       if (mobile_->finished()) end.reason = "completed";
     } else {
+      edge_->leave(folder_);
       end.counts = edge_->counts();
       end.reason = edge_->end_reason();
     }

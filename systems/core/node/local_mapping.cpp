@@ -24,10 +24,22 @@ WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& 
     size.covisibles = static_cast<double>(keyframe->covisibles.size());
     for (const Covisible& covisible : keyframe->covisibles) size.shared += covisible.weight;
     for (const MapPointId point : keyframe->points) size.unmatched += point ? 0 : 1;
-    size.neighbours = std::min<double>(options.neighbours_for(keyframe->features->sensor()),
-                                       size.covisibles);
+    size.neighbours =
+        std::min<double>(options.neighbours_for(keyframe->features->sensor()), size.covisibles);
     return size;
   });
+}
+
+/// Whatever was computed from where things were before the map was corrected.
+void leave_out_geometry(MapDelta& delta) {
+  delta.poses.clear();
+  delta.positions.clear();
+  const auto fresh = [&](const ObservationEdit& edit) {
+    return std::any_of(delta.points.begin(), delta.points.end(),
+                       [&](const NewPoint& point) { return point.id == edit.point; });
+  };
+  std::erase_if(delta.attach, fresh);
+  delta.points.clear();
 }
 
 }  // namespace
@@ -85,6 +97,10 @@ Completion LocalMapping::reset(std::shared_ptr<Map> map) {
 void LocalMapping::adopt(Task task) {
   map_ = std::move(task.map);
   mapper_.replace_map(map_);
+  {
+    const std::lock_guard lock(commit_mutex_);
+    limits_ = {};
+  }
   if (hooks_.changed) hooks_.changed();
   completed_ = task.submitted;
   changes_done_ = task.change;
@@ -132,11 +148,29 @@ void LocalMapping::commit_stage(Worker& worker, std::string_view name, StageUnit
         units = size;
         return stage();
       },
-      [&](const MapDelta& delta) { map_->commit(delta); });
+      [&](const MapDelta& delta) { commit(delta); });
+}
+
+void LocalMapping::commit(MapDelta delta) {
+  const std::lock_guard lock(commit_mutex_);
+  const auto now = map_->read([](const MapView& view) { return view.epoch(); });
+  if (delta.epoch < now) leave_out_geometry(delta);
+  map_->commit(delta);
+}
+
+void LocalMapping::correct(Map& map, const Correction& correction) {
+  const std::lock_guard lock(commit_mutex_);
+  auto [delta, limits] = map.read([&](const MapView& view) { return correction(view); });
+  map.commit(delta);
+  limits_ = limits;
 }
 
 void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
   if (hooks_.take && !hooks_.take(worker, keyframe)) return;
+  {
+    const std::lock_guard lock(commit_mutex_);
+    mapper_.limit_bundles(limits_);
+  }
   const WindowSize window = window_size(*map_, keyframe, options_);
   const StageUnits size{window.covisibles, window.shared};
   worker.stage("insert", [&](StageUnits& units) {

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <mutex>
 
 #include "node/completion.hpp"
 #include "node/event_log.hpp"
@@ -44,8 +45,8 @@ class LocalMapping {
   /// Queues a keyframe of the map gone on to last (sequential: maps it now). Complete when it was
   /// worked in, or dropped by a change of map; hopeless while parked.
   Completion submit(Worker& worker, KeyFrameId keyframe);
-  /// Drops what waits, ends what runs and continues on another map (also while parked). Until that is
-  /// complete what runs goes on, on the old map.
+  /// Drops what waits, ends what runs and continues on another map (also while parked). Until that
+  /// is complete what runs goes on, on the old map.
   Completion reset(std::shared_ptr<Map> map);
   /// Complete when nothing waits or runs; hopeless while parked.
   Completion drained();
@@ -55,6 +56,12 @@ class LocalMapping {
   /// On the mapping side: the mapper's points count on behind this one.
   void skip(MapPointId used) { mapper_.skip(used); }
   bool parked() const { return parked_; }
+  /// A correction of the map, under a new epoch, and what bundles have to keep to from then on.
+  using Correction = std::function<std::pair<MapDelta, BundleLimits>(const MapView&)>;
+  /// Commits what the function makes of the map as it is, from any worker but mapping's own;
+  /// mapping commits nothing in between. What a stage that runs computes on the map as it was loses
+  /// its poses and positions; bundles keep to the limits from the next keyframe on.
+  void correct(Map& map, const Correction& correction);
   /// No keyframe is accepted while the map is being put right.
   void hold(bool held) { held_ = held; }
   /// Lets the mapping side come round to on_idle. From any worker.
@@ -77,16 +84,20 @@ class LocalMapping {
   bool leaving() const { return changes_done_ != changes_asked_; }
   bool interrupted() const { return mode_ == Mode::kWorker && (waiting_ > 0 || leaving()); }
 
+  void commit(MapDelta delta);
+
   Runtime& runtime_;
   EventLog& log_;
   std::shared_ptr<Map> map_;  ///< changed on the mapping side only
+  std::mutex commit_mutex_;   ///< held while a change is committed; guards limits_
+  BundleLimits limits_;
   LocalMapperOptions options_;
   LocalMapper mapper_;
   Mode mode_;
   MappingHooks hooks_;
   Mailbox<Task> queue_;
-  std::unique_ptr<Signal> settled_;  ///< a keyframe is done, or a change of map
-  std::atomic<int> waiting_{0};      ///< keyframes in the queue
+  std::unique_ptr<Signal> settled_;               ///< a keyframe is done, or a change of map
+  std::atomic<int> waiting_{0};                   ///< keyframes in the queue
   std::atomic<int> submitted_{0}, completed_{0};  ///< keyframes; completed: of the first so many
   std::atomic<bool> busy_{false}, parked_{false}, held_{false};
   std::atomic<int> changes_asked_{0}, changes_done_{0};  ///< of map

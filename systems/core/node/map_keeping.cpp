@@ -24,6 +24,14 @@ std::string describe(const wire::SensorInfo& sensor) {
 
 }  // namespace
 
+void require_same_rig(const wire::SensorInfo& stored, const wire::SensorInfo& played,
+                      const std::filesystem::path& map) {
+  if (same_rig(stored, played)) return;
+  throw bad_input("map " + map.string() + ": was made with another camera (" + describe(stored) +
+                  ") than this sequence's (" + describe(played) +
+                  "); take a map of the same camera");
+}
+
 MapKeeping::MapKeeping(const System& system, const Parameters& parameters,
                        const PreparedSequence& sequence, const Playlist& playlist,
                        const wire::SensorInfo& sensor)
@@ -39,11 +47,7 @@ std::shared_ptr<Map> MapKeeping::prior() const {
   if (prior_.empty()) return nullptr;
   const StoredMap stored = load_map(prior_);
   const std::string what = "map " + prior_.string() + ": ";
-  if (!same_rig(stored.info.sensor, sensor_)) {
-    throw bad_input(what + "was made with another camera (" + describe(stored.info.sensor) +
-                    ") than this sequence's (" + describe(sensor_) +
-                    "); take a map of the same camera");
-  }
+  require_same_rig(stored.info.sensor, sensor_, prior_);
   MapDelta whole = stored.map->read([](const MapView& view) { return snapshot(view); });
   if (whole.keyframes.empty()) {
     throw bad_input(what + "has no keyframes to start from; leave prior_map empty");

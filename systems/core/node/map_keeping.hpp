@@ -11,7 +11,12 @@
 
 namespace slambed {
 
-/// Maps that outlive a run: the one it starts from, the one it leaves (docs/formats.md, "Map file").
+/// bad_input when the map was made with another camera or pyramid than the one that is played.
+void require_same_rig(const wire::SensorInfo& stored, const wire::SensorInfo& played,
+                      const std::filesystem::path& map);
+
+/// Maps that outlive a run: the one it starts from, the one it leaves (docs/formats.md, "Map
+/// file").
 class MapKeeping {
  public:
   MapKeeping(const System& system, const Parameters& parameters, const PreparedSequence& sequence,

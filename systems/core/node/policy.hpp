@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -59,6 +60,8 @@ class EdgePolicy {
   virtual void start() = 0;
   /// The global map.
   virtual std::shared_ptr<const Map> map() const = 0;
+  /// After all workers have ended: what is to stay in the node's folder.
+  virtual void leave(const std::filesystem::path&) {}
 };
 
 /// A system as the programs know it. Factories run before the start: they open their channels.

@@ -112,22 +112,22 @@ class VirtualRun {
                          system_, parameters_);
     }
     maps_.emplace(system_, parameters_, sequence_, playlist_, info);
-    mobile_node_.emplace(MobileParts{.runtime = mobile_.runtime,
-                                     .network = edge_ ? &link_.mobile_side(mobile_.log) : nullptr,
-                                     .log = mobile_.log,
-                                     .features = *features_,
-                                     .feed = *feed_,
-                                     .sequence = &sequence_,
-                                     .sensor = sequence_.sensor(),
-                                     .played_fps = playlist_.played_fps(),
-                                     .stop_at_first_loss = config_.run.playback.stop_at_first_loss,
-                                     .timestamps_ns = sequence_.timestamps_ns(),
-                                     .time_origin_ns = sequence_.time_origin_ns(),
-                                     .prior_map = maps_->prior(),
-                                     .profile_rtt = config_.run.network
-                                                        ? config_.run.network->profile_rtt
-                                                        : std::nullopt},
-                         system_, parameters_);
+    mobile_node_.emplace(
+        MobileParts{
+            .runtime = mobile_.runtime,
+            .network = edge_ ? &link_.mobile_side(mobile_.log) : nullptr,
+            .log = mobile_.log,
+            .features = *features_,
+            .feed = *feed_,
+            .sequence = &sequence_,
+            .sensor = sequence_.sensor(),
+            .played_fps = playlist_.played_fps(),
+            .stop_at_first_loss = config_.run.playback.stop_at_first_loss,
+            .timestamps_ns = sequence_.timestamps_ns(),
+            .time_origin_ns = sequence_.time_origin_ns(),
+            .prior_map = maps_->prior(),
+            .profile_rtt = config_.run.network ? config_.run.network->profile_rtt : std::nullopt},
+        system_, parameters_);
   }
 
   void finish() {
@@ -139,6 +139,7 @@ class VirtualRun {
     if (mobile_node_->finished()) end.reason = "completed";
     mobile_.end(end);
     if (!edge_) return;
+    edge_node_->leave(edge_->folder);
     NodeEnd edge_end;
     edge_end.counts = edge_node_->counts();
     edge_end.reason = edge_node_->end_reason();

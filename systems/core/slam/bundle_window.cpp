@@ -13,7 +13,8 @@ constexpr std::size_t kLeastKeyFrames = 3;
 }  // namespace
 
 std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyframe,
-                                                 const BundleOptions& options, Scratch& scratch) {
+                                                 const BundleOptions& options, Scratch& scratch,
+                                                 const BundleLimits& limits) {
   BundleWindow window;
   BundleProblem problem;
   const std::uint32_t run = ++scratch.run;
@@ -39,12 +40,18 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
     };
     // The free ones first, newest to oldest.
     std::vector<KeyFrameId> moving{keyframe};
-    for (const Covisible& near : current->covisibles) moving.push_back(near.id);
+    const auto takes_part = [&](KeyFrameId id) {
+      return view.keyframe(id)->timestamp_s >= limits.since_s;
+    };
+    for (const Covisible& near : current->covisibles)
+      if (takes_part(near.id)) moving.push_back(near.id);
     std::sort(moving.begin(), moving.end(), std::greater<>());
     for (const KeyFrameId id : moving)
-      if (id != view.origin()) place_of(id);
+      if (id != view.origin() && id != limits.held &&
+          (!limits.movable || made_by(id, *limits.movable)))
+        place_of(id);
     const std::size_t free = window.poses_.size();
-    // The origin, if it is among them, comes next: it never moves.
+    // Those that never move, if there are any among them, come next.
     for (const KeyFrameId id : moving) place_of(id);
 
     for (const KeyFrameId id : moving) {
@@ -57,6 +64,7 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
         window.points_.push_back({point_id, point.version});
         problem.p_w.push_back(point.p_w);
         for (const Observation& at : point.observations) {
+          if (!takes_part(at.keyframe)) continue;
           const std::uint32_t pose = place_of(at.keyframe);
           const KeyPoint& p = features[pose]->keypoint(at.feature);
           problem.observations.push_back({pose, mark.place, p.u, p.v,

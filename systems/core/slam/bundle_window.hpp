@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -10,6 +11,21 @@
 #include "optimize/bundle_adjuster.hpp"
 
 namespace slambed {
+
+/// Whether the module that the space belongs to made the element.
+template <typename Tag>
+constexpr bool made_by(Id<Tag> id, IdSpace space) {
+  return id.value >> 56 == static_cast<std::uint64_t>(space);
+}
+
+/// What of the map a window may use and move.
+struct BundleLimits {
+  /// Keyframes from before this sequence time take no part, not even as fixed ones: they would pull
+  /// the others back to where they were before a correction.
+  double since_s = -std::numeric_limits<double>::infinity();
+  KeyFrameId held{};                 ///< does not move; none: none but the origin
+  std::optional<IdSpace> movable{};  ///< only keyframes of this module move; none: of any
+};
 
 /// The part of the map that a local bundle adjustment moves: a keyframe, all its covisibles, the
 /// points they see; every other keyframe that sees those points is held fixed, as is the origin.
@@ -28,7 +44,8 @@ class BundleWindow {
 
   /// Nothing when the keyframe is gone or the map has fewer than three keyframes.
   static std::optional<BundleWindow> around(const Map& map, KeyFrameId keyframe,
-                                            const BundleOptions& options, Scratch& scratch);
+                                            const BundleOptions& options, Scratch& scratch,
+                                            const BundleLimits& limits = {});
 
   bool step();
   /// Size of the problem, for the cost model of virtual time.

@@ -44,6 +44,7 @@ struct LocalMapper::Impl {
   PointTriangulation triangulation;
   PointMerging merging;
   BundleWindow::Scratch window_scratch;
+  BundleLimits limits;
   std::optional<BundleWindow> window;
 };
 
@@ -99,8 +100,8 @@ MapDelta LocalMapper::cull_points() {
 }
 
 MapDelta LocalMapper::triangulate() {
-  MapDelta delta = impl_->triangulation.run(*impl_->map, impl_->current, impl_->neighbours,
-                                            impl_->point_ids);
+  MapDelta delta =
+      impl_->triangulation.run(*impl_->map, impl_->current, impl_->neighbours, impl_->point_ids);
   for (const NewPoint& point : delta.points) impl_->recent.push_back({point.id, impl_->keyframes});
   return delta;
 }
@@ -112,7 +113,7 @@ MapDelta LocalMapper::fuse() {
 
 bool LocalMapper::begin_bundle() {
   impl_->window = BundleWindow::around(*impl_->map, impl_->current, impl_->options.bundle,
-                                       impl_->window_scratch);
+                                       impl_->window_scratch, impl_->limits);
   return impl_->window.has_value();
 }
 
@@ -138,7 +139,10 @@ void LocalMapper::replace_map(std::shared_ptr<Map> map) {
   impl_->current = {};
   impl_->recent.clear();
   impl_->window.reset();
+  impl_->limits = {};
 }
+
+void LocalMapper::limit_bundles(const BundleLimits& limits) { impl_->limits = limits; }
 
 void LocalMapper::skip(MapPointId used) { impl_->point_ids.skip(used); }
 

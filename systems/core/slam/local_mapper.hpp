@@ -6,6 +6,7 @@
 #include "base/ids.hpp"
 #include "map/map.hpp"
 #include "optimize/bundle_adjuster.hpp"
+#include "slam/bundle_window.hpp"
 
 namespace slambed {
 
@@ -50,6 +51,8 @@ class LocalMapper {
 
   /// Continues on another map (hand-over); pending work is dropped.
   void replace_map(std::shared_ptr<Map> map);
+  /// For bundles that begin from now on.
+  void limit_bundles(const BundleLimits& limits);
   /// Makes its next points with ids behind this one.
   void skip(MapPointId used);
 

@@ -2,6 +2,7 @@
 #include "slam/loop_verifier.hpp"
 
 #include <algorithm>
+#include <unordered_map>
 
 #include "map/appearance.hpp"
 #include "optimize/sim3_solver.hpp"
@@ -34,26 +35,41 @@ std::vector<PointSketch> sketch_points(const MapView& view, std::span<const MapP
   return sketches;
 }
 
-bool LoopVerifier::copy(const Map& map, KeyFrameId keyframe, KeyFrameId candidate) {
-  return map.read([&](const MapView& view) {
-    const auto take = [&](KeyFrameId id, Side& side) {
-      const KeyFrame* k = view.keyframe(id);
-      if (!k) return false;
-      side.keyframe = copy_of(*k);
-      side.points.clear();
-      side.of_feature.assign(k->points.size(), -1);
-      side.has_point.assign(k->points.size(), 0);
-      for (std::size_t i = 0; i < k->points.size(); ++i) {
-        const MapPoint* point = k->points[i] ? view.point(k->points[i]) : nullptr;
-        if (!point) continue;
-        side.of_feature[i] = static_cast<int>(side.points.size());
-        side.has_point[i] = 1;
-        side.points.push_back(sketch_of(*point));
-      }
-      return true;
-    };
-    return take(keyframe, current_) && take(candidate, matched_);
-  });
+bool LoopVerifier::copy(const MapView& view, KeyFrameId id, Side& side) {
+  const KeyFrame* k = view.keyframe(id);
+  if (!k) return false;
+  side.keyframe = copy_of(*k);
+  side.points.clear();
+  side.of_feature.assign(k->points.size(), -1);
+  side.has_point.assign(k->points.size(), 0);
+  for (std::size_t i = 0; i < k->points.size(); ++i) {
+    const MapPoint* point = k->points[i] ? view.point(k->points[i]) : nullptr;
+    if (!point) continue;
+    side.of_feature[i] = static_cast<int>(side.points.size());
+    side.has_point[i] = 1;
+    side.points.push_back(sketch_of(*point));
+  }
+  return true;
+}
+
+LoopVerifier::Side LoopVerifier::side_of(const MapDelta& fresh) {
+  const NewKeyFrame& k = fresh.keyframes.front();
+  std::unordered_map<MapPointId, const NewPoint*> points;
+  for (const NewPoint& point : fresh.points) points.emplace(point.id, &point);
+  Side side;
+  side.keyframe = {k.id, k.features, k.T_cw, k.points};
+  side.of_feature.assign(k.points.size(), -1);
+  side.has_point.assign(k.points.size(), 0);
+  for (std::size_t i = 0; i < k.points.size(); ++i) {
+    const auto point = points.find(k.points[i]);
+    if (point == points.end()) continue;
+    side.of_feature[i] = static_cast<int>(side.points.size());
+    side.has_point[i] = 1;
+    const Appearance& looks = point->second->appearance;
+    side.points.push_back({point->first, point->second->p_w, looks.normal, looks.min_distance_m,
+                           looks.max_distance_m, looks.descriptor});
+  }
+  return side;
 }
 
 bool LoopVerifier::copy_loop_points(const Map& map, KeyFrameId candidate) {
@@ -174,19 +190,37 @@ void LoopVerifier::add_points(LoopMatch& match) {
 std::optional<LoopMatch> LoopVerifier::verify(const Map& map, KeyFrameId keyframe,
                                               KeyFrameId candidate) {
   const auto bag = places_->bag(keyframe), candidate_bag = places_->bag(candidate);
-  if (!bag || !candidate_bag || !copy(map, keyframe, candidate)) return std::nullopt;
-  Pairs pairs = match_by_words({*current_.keyframe.features, *bag, current_.has_point},
-                               {*matched_.keyframe.features, *candidate_bag, matched_.has_point},
+  const bool there = bag && candidate_bag && map.read([&](const MapView& view) {
+    return copy(view, keyframe, current_) && copy(view, candidate, matched_);
+  });
+  return there ? compare(map, *bag, *candidate_bag) : std::nullopt;
+}
+
+std::optional<LoopMatch> LoopVerifier::verify(const Map& map, const MapDelta& fresh,
+                                              const BagOfWords& bag, KeyFrameId candidate) {
+  const auto candidate_bag = places_->bag(candidate);
+  const bool there = candidate_bag &&
+                     map.read([&](const MapView& view) { return copy(view, candidate, matched_); });
+  if (!there) return std::nullopt;
+  current_ = side_of(fresh);
+  return compare(map, bag, *candidate_bag);
+}
+
+std::optional<LoopMatch> LoopVerifier::compare(const Map& map, const BagOfWords& bag,
+                                               const BagOfWords& candidate_bag) {
+  Pairs pairs = match_by_words({*current_.keyframe.features, bag, current_.has_point},
+                               {*matched_.keyframe.features, candidate_bag, matched_.has_point},
                                options_.word_ratio);
   Sim3 S_12;
   if (static_cast<int>(pairs.size()) < options_.least_matches || !estimate(pairs, S_12, true))
     return std::nullopt;
   add_pairs(S_12, pairs);
-  if (!estimate(pairs, S_12, false) || !copy_loop_points(map, candidate)) return std::nullopt;
+  if (!estimate(pairs, S_12, false) || !copy_loop_points(map, matched_.keyframe.id))
+    return std::nullopt;
 
   LoopMatch match;
-  match.keyframe = keyframe;
-  match.matched = candidate;
+  match.keyframe = current_.keyframe.id;
+  match.matched = matched_.keyframe.id;
   match.S_cw = normalized(S_12 * to_sim3(matched_.keyframe.T_cw));
   match.points.resize(current_.of_feature.size());
   for (const auto& [i, j] : pairs) match.points[i] = matched_.points[matched_.of_feature[j]].id;

@@ -39,6 +39,9 @@ class LoopVerifier {
       : options_(options), places_(std::move(places)) {}
 
   std::optional<LoopMatch> verify(const Map& map, KeyFrameId keyframe, KeyFrameId candidate);
+  /// The same for a keyframe that is not in the map: fresh has it, with all points that it sees.
+  std::optional<LoopMatch> verify(const Map& map, const MapDelta& fresh, const BagOfWords& bag,
+                                  KeyFrameId candidate);
 
  private:
   /// A keyframe and its points.
@@ -50,7 +53,10 @@ class LoopVerifier {
   };
   using Pairs = std::vector<std::pair<int, int>>;  ///< feature of the new one, of the old one
 
-  bool copy(const Map& map, KeyFrameId keyframe, KeyFrameId candidate);
+  static bool copy(const MapView& view, KeyFrameId id, Side& side);
+  static Side side_of(const MapDelta& fresh);
+  std::optional<LoopMatch> compare(const Map& map, const BagOfWords& bag,
+                                   const BagOfWords& candidate_bag);
   /// What only a candidate that holds so far is worth.
   bool copy_loop_points(const Map& map, KeyFrameId candidate);
   /// Similarity of the pairs, from scratch or from a start; keeps the pairs that fit.

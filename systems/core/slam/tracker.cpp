@@ -76,7 +76,8 @@ void Tracker::Impl::initialise(TrackOutcome& outcome) {
     two_views.reset();
     return;
   }
-  auto made = current.features->sensor().metric() ? first_keyframe() : two_views.offer(current, ids);
+  auto made =
+      current.features->sensor().metric() ? first_keyframe() : two_views.offer(current, ids);
   if (!made) return;
   first_delta = std::move(*made);
   first_delta_waiting = true;
@@ -233,6 +234,21 @@ bool Tracker::wants_keyframe(const MapperStatus& mapper) const {
 
 MapDelta Tracker::create_keyframe(bool becomes_reference) {
   return impl_->create_keyframe(becomes_reference);
+}
+
+void Tracker::moved(const SE3& T_new_old, const SE3& T_rw_before) {
+  Frame& frame = impl_->current;
+  if (!frame.has_pose) return;
+  const auto T_rw =
+      impl_->map->read([&](const MapView& view) { return view.pose_of(frame.reference); });
+  if (!T_rw) return;
+  // The reference may have moved by less than what the frame sees.
+  frame.T_cw = (frame.T_cr * T_rw_before * T_new_old.inverse()).normalized();
+  frame.T_cr = (frame.T_cw * T_rw->inverse()).normalized();
+}
+
+KeyFrameId Tracker::reference() const {
+  return impl_->current.has_pose ? impl_->current.reference : KeyFrameId{};
 }
 
 void Tracker::accept_keyframes() { impl_->provisional.clear(); }

@@ -28,8 +28,8 @@ struct TrackerOptions {
   int close_points_wanted = 100;    ///< needClose: fewer tracked than this ...
   int close_points_available = 70;  ///< ... and more untracked than this
   float reference_ratio = 0.75f;
-  float urgent_ratio = 0.25f;  ///< of the reference's points; fewer: not to be put off
-  int busy_queue = 3;          ///< fewer keyframes than this may wait for a busy mapper
+  float urgent_ratio = 0.25f;     ///< of the reference's points; fewer: not to be put off
+  int busy_queue = 3;             ///< fewer keyframes than this may wait for a busy mapper
   int reset_below_keyframes = 6;  ///< lost with fewer keyframes: start over
   /// Where the camera moved far between two frames: doubts poses that few matches agree with, tries
   /// every other hypothesis, at last all local points without a prediction. False: ORB-SLAM2's
@@ -109,6 +109,12 @@ class Tracker {
   /// Continues on another map (Edge-SLAM's update): point ids of the last frame are looked up in
   /// it, the last pose is re-expressed through the reference keyframe when that is known there.
   void replace_map(std::shared_ptr<Map> map);
+  /// The part of the map around the last frame was moved: p_new = T_new_old * p_old. Between that
+  /// frame and the next, after the change was committed; T_rw_before: where the last frame's
+  /// reference keyframe was until then. The motion model stays as it is.
+  void moved(const SE3& T_new_old, const SE3& T_rw_before);
+  /// The keyframe that the last pose is relative to.
+  KeyFrameId reference() const;
   std::shared_ptr<Map> map() const;
   TrackingState state() const;
 

@@ -35,6 +35,14 @@ std::string_view message_name(std::uint8_t type) {
       return "MAP_HANDOVER";
     case MessageType::kHandoverAck:
       return "HANDOVER_ACK";
+    case MessageType::kTripStart:
+      return "TRIP_START";
+    case MessageType::kInitialPose:
+      return "INITIAL_POSE";
+    case MessageType::kPoseUpdate:
+      return "POSE_UPDATE";
+    case MessageType::kTripUpload:
+      return "TRIP_UPLOAD";
   }
   return "UNKNOWN";
 }

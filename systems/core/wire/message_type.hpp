@@ -13,15 +13,15 @@ inline constexpr std::uint16_t kDeltaVersion = 4;
 
 /// Message::type. Numbers are never reused.
 enum class MessageType : std::uint8_t {
-  kKeyFrame = 1,   ///< mobile -> edge: a keyframe with its new points
-  kMapUpdate = 2,  ///< edge -> mobile: keyframes and points that become the local map
-  kFrame = 3,      ///< mobile -> edge: a frame that needs relocalisation
-  kRelocMap = 4,   ///< edge -> mobile: MAP_UPDATE with the candidates
-  kAck = 5,        ///< receiver -> sender: a message arrived
-  kProbe = 6,      ///< keeps RTT samples coming; content is ignored
-  kBye = 7,        ///< last message of a node
-  kPoses = 8,      ///< edge -> mobile: where all keyframes ended up
-  kAnnounce = 9,   ///< sender -> receiver: a message of this size wants to come
+  kKeyFrame = 1,         ///< mobile -> edge: a keyframe with its new points
+  kMapUpdate = 2,        ///< edge -> mobile: keyframes and points that become the local map
+  kFrame = 3,            ///< mobile -> edge: a frame that needs relocalisation
+  kRelocMap = 4,         ///< edge -> mobile: MAP_UPDATE with the candidates
+  kAck = 5,              ///< receiver -> sender: a message arrived
+  kProbe = 6,            ///< keeps RTT samples coming; content is ignored
+  kBye = 7,              ///< last message of a node
+  kPoses = 8,            ///< edge -> mobile: where all keyframes ended up
+  kAnnounce = 9,         ///< sender -> receiver: a message of this size wants to come
   kKeyFrameWanted = 10,  ///< edge -> mobile: there is no map yet that a keyframe could join
   // DynNetSLAM
   kState = 16,
@@ -29,6 +29,11 @@ enum class MessageType : std::uint8_t {
   kStop = 18,
   kMapHandover = 19,
   kHandoverAck = 20,
+  // CloudSLAM
+  kTripStart = 48,    ///< mobile -> edge: KEYFRAME of a trip whose place is not known yet
+  kInitialPose = 49,  ///< edge -> mobile: where it is
+  kPoseUpdate = 50,   ///< edge -> mobile: where a later keyframe is
+  kTripUpload = 51,   ///< mobile -> edge: a keyframe that stayed here during the trip
 };
 
 /// "KEYFRAME", "MAP_UPDATE" ...; "UNKNOWN" for numbers that name nothing.

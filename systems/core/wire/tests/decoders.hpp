@@ -9,6 +9,7 @@
 #include "wire/handover_messages.hpp"
 #include "wire/message_type.hpp"
 #include "wire/tests/examples.hpp"
+#include "wire/trip_messages.hpp"
 
 namespace slambed::wire {
 
@@ -38,8 +39,8 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
        [=](auto b) { decode_keyframe_text(b, sensor); }, kStep},
       {"update_text", encode_text(update, *vocabulary),
        [=](auto b) { decode_update_text(b, sensor); }, kStep},
-      {"frame_text", encode_text(frame, *vocabulary),
-       [=](auto b) { decode_frame_text(b, sensor); }, kStep},
+      {"frame_text", encode_text(frame, *vocabulary), [=](auto b) { decode_frame_text(b, sensor); },
+       kStep},
   };
 }
 
@@ -76,6 +77,9 @@ inline std::vector<Target> targets() {
       {"handover", encode(MapHandover{.epoch = 3, .number = 4, .whole = true, .changes = delta}),
        [=](auto b) { decode_handover(b, sensor); }},
       {"handover_ack", encode(HandoverAck{3, 4, true}), [](auto b) { decode_handover_ack(b); }},
+      {"pose_answer", encode(PoseAnswer{.keyframe = keyframe_id(3), .matches = 300, .T_cw = SE3()}),
+       [](auto b) { defect(decode_pose_answer(b)); }},
+      {"filled", fill_up({1, 2, 3}, 20), [](auto b) { without_filler(b); }},
       {"hello", encode(hello), [](auto b) { decode_hello(b); }},
   };
   for (Target& target : text_targets(random, sensor)) all.push_back(std::move(target));

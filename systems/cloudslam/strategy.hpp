@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+namespace slambed::cloudslam {
+
+enum class StrategyKind { kAll, kPeriodic, kDistance, kAdaptive, kNone };
+
+struct StrategyOptions {
+  StrategyKind kind = StrategyKind::kDistance;
+  double period_s = 5;
+  double distance_m = 20;             ///< adaptive: what it begins with
+  double correction_threshold_m = 2;  ///< adaptive: tau, the error that the user tolerates
+  double decrease = 0.9, increase = 1.01;
+  double distance_min_m = 1, distance_max_m = 500;
+};
+
+/// A keyframe as the strategies see it.
+struct Moment {
+  double seq_s = 0;
+  double travelled_m = 0;  ///< tracked path until then
+};
+
+struct StrategyState {
+  std::optional<Moment> last_sent;
+  double distance_m = 0;  ///< X
+};
+
+/// Which keyframes go to the edge (section V of the paper). Pure: the same state and keyframe give
+/// the same answer, and whoever sends one says so with sent().
+class Strategy {
+ public:
+  /// bad_input for a strategy whose parameter is missing or makes no sense.
+  explicit Strategy(const StrategyOptions& options);
+
+  StrategyState begin() const { return {std::nullopt, options_.distance_m}; }
+  /// Whether this new keyframe is to be sent. A period is a maximum rate, not a clock: the first
+  /// keyframe after it.
+  bool next(const StrategyState& state, const Moment& keyframe) const;
+  static StrategyState sent(StrategyState state, const Moment& keyframe);
+  /// The edge's pose came, this far from ours.
+  StrategyState answered(StrategyState state, double magnitude_m) const;
+  bool adapts() const { return options_.kind == StrategyKind::kAdaptive; }
+  /// False: nothing is sent after the alignment.
+  bool sends() const { return options_.kind != StrategyKind::kNone; }
+
+ private:
+  StrategyOptions options_;
+};
+
+}  // namespace slambed::cloudslam

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cloudslam/strategy.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "base/error.hpp"
+
+namespace slambed::cloudslam {
+namespace {
+
+/// Times of the keyframes that are sent, one metre per second travelled unless said otherwise.
+std::vector<double> sent_at(const StrategyOptions& options, const std::vector<Moment>& keyframes) {
+  const Strategy strategy(options);
+  StrategyState state = strategy.begin();
+  std::vector<double> sent;
+  for (const Moment& keyframe : keyframes) {
+    if (!strategy.next(state, keyframe)) continue;
+    state = Strategy::sent(state, keyframe);
+    sent.push_back(keyframe.seq_s);
+  }
+  return sent;
+}
+
+std::vector<Moment> driven(const std::vector<double>& times, double m_per_s = 1) {
+  std::vector<Moment> moments;
+  for (const double t : times) moments.push_back({t, m_per_s * t});
+  return moments;
+}
+
+TEST(Strategy, APeriodIsAMaximumRate) {
+  const auto keyframes = driven({0, 0.4, 0.9, 1.0, 1.9, 2.1});
+  EXPECT_EQ(sent_at({.kind = StrategyKind::kPeriodic, .period_s = 1}, keyframes),
+            (std::vector<double>{0, 1.0, 2.1}));
+  EXPECT_EQ(sent_at({.kind = StrategyKind::kAll}, keyframes).size(), keyframes.size());
+  EXPECT_TRUE(sent_at({.kind = StrategyKind::kNone}, keyframes).empty());
+}
+
+TEST(Strategy, ADistanceIsOfThePathAndNotOfTime) {
+  const StrategyOptions options{.kind = StrategyKind::kDistance, .distance_m = 5};
+  EXPECT_EQ(sent_at(options, driven({0, 1, 2, 3, 4, 5, 6}, 2.5)),
+            (std::vector<double>{0, 2, 4, 6}));
+  // Standing still nothing is sent, however long; a period goes on.
+  const std::vector<Moment> standing{{0, 7}, {10, 7}, {1000, 7}};
+  EXPECT_EQ(sent_at(options, standing), (std::vector<double>{0}));
+  EXPECT_EQ(sent_at({.kind = StrategyKind::kPeriodic, .period_s = 5}, standing).size(), 3u);
+}
+
+TEST(Strategy, LargeCorrectionsShortenTheDistanceAndSmallOnesLengthenIt) {
+  const Strategy strategy(
+      {.kind = StrategyKind::kAdaptive, .distance_m = 40, .correction_threshold_m = 2});
+  StrategyState state = strategy.begin();
+  std::vector<double> distances;
+  for (const double magnitude_m : {3.0, 3.0, 0.5, 2.0}) {
+    state = strategy.answered(state, magnitude_m);
+    distances.push_back(state.distance_m);
+  }
+  const std::vector<double> expected{36, 32.4, 32.724, 33.05124};
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(distances[i], expected[i], 1e-9);
+  // The others keep theirs.
+  const Strategy fixed({.kind = StrategyKind::kDistance, .distance_m = 40});
+  EXPECT_EQ(fixed.answered(fixed.begin(), 3).distance_m, 40);
+}
+
+TEST(Strategy, TheDistanceStaysWithinItsBounds) {
+  const Strategy strategy({.kind = StrategyKind::kAdaptive, .distance_m = 40});
+  StrategyState state = strategy.begin();
+  for (int i = 0; i < 100; ++i) state = strategy.answered(state, 10);
+  EXPECT_EQ(state.distance_m, 1);
+  for (int i = 0; i < 1000; ++i) state = strategy.answered(state, 0);
+  EXPECT_EQ(state.distance_m, 500);
+}
+
+TEST(Strategy, RefusesWhatMakesNoSense) {
+  const StrategyOptions adaptive{.kind = StrategyKind::kAdaptive};
+  const auto with = [](StrategyOptions options, auto change) {
+    change(options);
+    return options;
+  };
+  EXPECT_NO_THROW(Strategy{adaptive});
+  for (const StrategyOptions& bad :
+       {StrategyOptions{.kind = StrategyKind::kPeriodic, .period_s = 0},
+        StrategyOptions{.kind = StrategyKind::kDistance, .distance_m = 0},
+        with(adaptive, [](auto& o) { o.correction_threshold_m = 0; }),
+        with(adaptive, [](auto& o) { o.decrease = 1.1; }),
+        with(adaptive, [](auto& o) { o.increase = 0.99; }),
+        with(adaptive, [](auto& o) { o.distance_m = 501; })}) {
+    EXPECT_THROW(Strategy{bad}, Error);
+  }
+}
+
+}  // namespace
+}  // namespace slambed::cloudslam

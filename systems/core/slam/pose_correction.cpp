@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "slam/pose_correction.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <limits>
+#include <numbers>
+
+namespace slambed {
+namespace {
+
+/// Part of a correction, along a straight line for the camera centre and one axis for its turn.
+class PartialMove {
+ public:
+  PartialMove(const SE3& T_cw_before, const SE3& T_cw_after)
+      : before_(T_cw_before), T_wc_(T_cw_before.inverse()), after_(T_cw_after) {
+    const SE3 T_wc_after = T_cw_after.inverse();
+    step_m_ = T_wc_after.t - T_wc_.t;
+    turn_ = SE3(T_wc_after.R * T_wc_.R.transpose(), Eigen::Vector3d::Zero()).log().tail<3>();
+  }
+
+  /// T_new_old of the world for this share of the move; 0 to 1.
+  SE3 at(double share) const {
+    if (share >= 1) return (after_.inverse() * before_).normalized();
+    Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
+    twist.tail<3>() = share * turn_;
+    const SE3 T_wc(SE3::exp(twist).R * T_wc_.R, T_wc_.t + share * step_m_);
+    return (T_wc * before_).normalized();
+  }
+  double distance_m() const { return step_m_.norm(); }
+  double rotation_deg() const { return turn_.norm() * 180 / std::numbers::pi; }
+
+ private:
+  SE3 before_, T_wc_, after_;
+  Eigen::Vector3d step_m_, turn_;
+};
+
+}  // namespace
+
+std::optional<PoseCorrection> correct_pose(const MapView& view, KeyFrameId id, const SE3& T_cw,
+                                           const CorrectionWindow& window) {
+  const KeyFrame* told = view.keyframe(id);
+  const auto now = view.pose_of(id);
+  if (!now) return std::nullopt;
+  const PartialMove move(*now, T_cw);
+  PoseCorrection correction;
+  correction.keyframe = id;
+  correction.T_new_old = move.at(1);
+  correction.magnitude_m = move.distance_m();
+  correction.rotation_deg = move.rotation_deg();
+  correction.delta.epoch = view.epoch() + 1;
+  // One that was culled meanwhile has no time any more: whatever is newer by its id is newer.
+  double told_s = -std::numeric_limits<double>::infinity();
+  for (const KeyFrameId other : view.keyframe_ids())
+    if (other <= id) told_s = std::max(told_s, view.keyframe(other)->timestamp_s);
+  if (told) told_s = told->timestamp_s;
+  correction.since_s = told_s - window.window_s;
+
+  const auto share_at = [&](double time_s) {
+    if (time_s >= told_s) return 1.0;
+    if (time_s < correction.since_s) return 0.0;
+    return window.graded && window.window_s > 0 ? 1 - (told_s - time_s) / window.window_s : 1.0;
+  };
+  for (const KeyFrameId other : view.keyframe_ids()) {
+    const KeyFrame& keyframe = *view.keyframe(other);
+    const double share = other == id ? 1 : share_at(keyframe.timestamp_s);
+    if (share <= 0) continue;
+    const SE3 T_new_old = share >= 1 ? correction.T_new_old : move.at(share);
+    const SE3 after = other == id ? T_cw : (keyframe.T_cw * T_new_old.inverse()).normalized();
+    correction.delta.poses.push_back({other, after, keyframe.version + 1});
+    for (const MapPointId point_id : keyframe.points) {
+      const MapPoint* point = point_id ? view.point(point_id) : nullptr;
+      // Observations are ordered by keyframe id, and ids grow with time: the last is the newest.
+      if (!point || point->observations.back().keyframe != other) continue;
+      correction.delta.positions.push_back({point_id, T_new_old * point->p_w, point->version + 1});
+    }
+  }
+  return correction;
+}
+
+}  // namespace slambed
