@@ -53,6 +53,7 @@ std::optional<PoseCorrection> PoseUpdates::apply(Worker& worker, const Message& 
   PoseCorrection correction = correct(worker, answer, whole_map);
   applied_ = std::max(applied_, answer.keyframe);
   node_.log().write(event("pose_update_applied", answer, raw, seq_s)
+                        .add("initial", whole_map)
                         .add("magnitude_m", correction.magnitude_m)
                         .add("rotation_deg", correction.rotation_deg));
   return correction;
