@@ -30,7 +30,7 @@ Mapped map_with_correction_at(RunTime when) {
   for (int frame = 0; frame < 60; ++frame) {
     tracker.track(
         frame, frame / 30.0,
-        world.look(walk(frame), {.pixel_noise = 1, .depth_noise = 0.02, .depth_limit_m = 3}));
+        world.look(walk(frame), {.pixel_noise = 0.7, .depth_noise = 0.02, .depth_limit_m = 4}));
     if (frame % 10 == 0) newest = tracker.create_keyframe().keyframes.at(0).id;
   }
   Mapped mapped;

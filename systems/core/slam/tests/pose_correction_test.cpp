@@ -30,7 +30,7 @@ SE3 off(const SE3& T_cw) {
 /// Tracker and mapper with nobody else.
 class Car {
  public:
-  enum class Mapping { kNone, kKeyFrames, kAll };
+  enum class Mapping { kNone, kBare, kAll };
   void drive(int frames, Mapping mapping) {
     for (const int end = frame_ + frames; frame_ < end; ++frame_) {
       outcome = tracker.track(
@@ -77,7 +77,7 @@ class Car {
 
 class PoseCorrectionTest : public ::testing::Test {
  protected:
-  PoseCorrectionTest() { car.drive(kFramesBetween * kKeyFrames, Car::Mapping::kKeyFrames); }
+  PoseCorrectionTest() { car.drive(kFramesBetween * kKeyFrames, Car::Mapping::kBare); }
   Car car;
 };
 
