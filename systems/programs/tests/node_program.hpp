@@ -129,7 +129,7 @@ class NodeProgramTest : public ::testing::Test {
   }
   /// Waits until the node's log on disk has an event of this type.
   bool await_event(const std::string& role, const std::string& type) {
-    for (int i = 0; i < 600; ++i) {
+    for (int i = 0; i < 2400; ++i) {
       if (!events(role, type).empty()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
