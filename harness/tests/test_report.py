@@ -24,6 +24,7 @@ from slambed.report.cells import cells_of, metrics_to_show
 from slambed.report.differences import differences
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
+from slambed.report.run import show_report
 from slambed.report.tables import Table, cell_tables
 from slambed.report.timeline import timeline_svg
 from slambed.report.view import find_run, write_png, write_rerun
@@ -166,6 +167,21 @@ def test_differences_name_the_better_system(reported: Path, tmp_path: Path) -> N
     assert (cpu.baseline, cpu.other, cpu.verdict) == ("orbslam2", "edgeslam:static", "better")
     assert "large" in cpu.effect
     assert found["track_ms_median", "none"].verdict == "no difference shown"
+
+
+def test_a_campaign_reads_its_runs_once_for_page_and_terminal(
+    experiment: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def once_more(folder: Path) -> None:
+        raise AssertionError(f"{folder} is read once more")
+
+    for module in ("again", "experiment"):
+        monkeypatch.setattr(f"slambed.report.{module}.load", once_more)
+    monkeypatch.setattr("slambed.report.experiment.draw_all", lambda *_: plots.Drawn([], 0))
+    console = Console(width=220, record=True)
+    show_report(experiment, console)
+    assert (experiment / "report.md").is_file()
+    assert "12 runs in 4 cells, 12 to be trusted." in console.export_text()
 
 
 def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> None:

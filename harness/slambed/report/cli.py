@@ -52,6 +52,7 @@ def report(
     With --again the numbers too: after a change of a metric, or of a dataset's ground truth.
     """
     from slambed.report.experiment import terminal_summary, write_report
+    from slambed.report.load import load
 
     folder = experiment_folder(results, experiment)
     if again:
@@ -60,8 +61,9 @@ def report(
         with writing(folder, "--results"):
             for line in recompute(folder).lines():
                 typer.echo(line)
-    write_report(folder, figures=figures)
-    terminal_summary(folder, console())
+    found = load(folder)
+    write_report(folder, figures=figures, loaded=found)
+    terminal_summary(folder, console(), found)
 
 
 @app.command()

@@ -44,13 +44,14 @@ def write_report(
     command: str | None = None,
     figures: bool = True,
     limit_s: float | None = TIME_FOR_FIGURES_S,
+    loaded: Results | None = None,
 ) -> ReportPaths:
     """Writes summary.csv, report.md and report/ (index.html, figures, tables) from the runs alone.
 
     Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
-    is not there.
+    is not there. `loaded`: what is in the folder, where the caller has read it.
     """
-    results = load(experiment_dir)
+    results = loaded or load(experiment_dir)
     folder = experiment_dir / "report"
     folder.mkdir(exist_ok=True)
     summary_csv = write_summary_csv(results)
@@ -153,9 +154,11 @@ def _failed(results: Results) -> str:
     return f", {count} of them did not complete" if count else ""
 
 
-def terminal_summary(experiment_dir: Path, console: Console | None = None) -> RenderableType:
+def terminal_summary(
+    experiment_dir: Path, console: Console | None = None, loaded: Results | None = None
+) -> RenderableType:
     """The tables for a terminal; printed when a console is given."""
-    results = load(experiment_dir)
+    results = loaded or load(experiment_dir)
     metrics = metrics_to_show(results)
     cells = cells_of(results, metrics)
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]

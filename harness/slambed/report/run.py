@@ -12,6 +12,7 @@ from slambed.errors import ExitCode, SlambedError
 from slambed.report.again import recompute_refused
 from slambed.report.asked import check_asked
 from slambed.report.experiment import terminal_summary, write_report
+from slambed.report.load import load
 from slambed.report.papers.plan import plans_of_today
 from slambed.spec.library import Library
 
@@ -44,13 +45,15 @@ def raise_unless_good(verdicts: list[Verdict], what: str) -> None:
 
 def show_report(folder: Path, console: Console, anew: bool = True, figures: bool = True) -> None:
     """Shows the tables of a result folder and writes its report, unless it is there already."""
-    if (again := recompute_refused(folder)) is not None:
+    results = load(folder)
+    if results.refused and (again := recompute_refused(folder)) is not None:
         anew = True
         for line in again.lines():
             _say(console, line)
+        results = load(folder)
     if anew or not (folder / "report" / "index.html").exists():
-        write_report(folder, figures=figures)
-    terminal_summary(folder, console)
+        write_report(folder, figures=figures, loaded=results)
+    terminal_summary(folder, console, results)
     _say(console, f"every run: {folder / 'summary.csv'}")
 
 
