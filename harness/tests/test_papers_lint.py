@@ -96,8 +96,8 @@ MISTAKES: dict[str, tuple[str, Mistake, str]] = {
     ),
     "a stand-in that there is not": (
         "cloudslam",
-        lambda p: p["datasets"]["rectangle"].update(stand_in=["synthetic_rectangle*"]),
-        "no dataset synthetic_rectangle*",
+        lambda p: p["datasets"]["rectangle"].update(stand_in=["synthetic_triangle*"]),
+        "no dataset synthetic_triangle*",
     ),
     "a link profile that there is not": (
         "dynnetslam",
@@ -206,7 +206,7 @@ MISTAKES: dict[str, tuple[str, Mistake, str]] = {
     ),
     "a reference that is not named": (
         "cloudslam",
-        lambda p: p["metrics"]["rmse_vs_orbslam"].pop("reference"),
+        lambda p: p["metrics"]["rmse_vs_orbslam"].update(key="rmse_vs_reference_live_m"),
         "a reference is named",
     ),
     "a figure of which nothing is compared": (

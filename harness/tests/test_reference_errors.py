@@ -57,6 +57,14 @@ def test_frames_before_the_alignment_and_after_a_reset_are_not_scored() -> None:
     assert list(times) == [0.7, 0.8, 0.9, 1.0, 1.1, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1]
 
 
+def test_the_first_poses_of_a_trip_count_only_once_it_is_placed() -> None:
+    """As systems/cloudslam tells it: the state that a run begins in is not announced."""
+    told = (0.3, "state_changed", {"from": "ALIGN", "to": "TRIP"})
+    log = log_of(TRACKED, told, (0.3, "trip_aligned", {}))
+    assert len(scored_part(path_of(20), log)) == 19
+    assert len(scored_part(path_of(20), log_of(TRACKED, (9.0, "align_failed", {})))) == 0
+
+
 def test_a_trip_that_was_never_aligned_has_no_error_and_others_need_no_alignment() -> None:
     assert len(scored_part(path_of(20), log_of(ALIGN, TRACKED))) == 0
     assert len(scored_part(path_of(20), log_of(TRACKED))) == 20

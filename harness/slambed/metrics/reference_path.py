@@ -57,9 +57,12 @@ def reference_errors(live: Trajectory, reference: Trajectory) -> ReferenceErrors
 
 def scored_part(live: Trajectory, log: EventLog) -> Trajectory:
     """The poses that are in the frame of the reference: all, but of a system that aligns itself on
-    the way (`state_changed` to ALIGN) only those between each `trip_aligned` and the next
-    reset."""
-    aligning = any(event.get("to") == "ALIGN" for event in log.of("state_changed"))
+    the way (state ALIGN, `trip_aligned`, `align_failed`) only those between each `trip_aligned` and
+    the next reset."""
+    changes = log.of("state_changed")
+    aligning = any("ALIGN" in (event.get("from"), event.get("to")) for event in changes) or bool(
+        log.of("trip_aligned", "align_failed")
+    )
     first = next((e for e in log.of("frame_tracked") if e.get("state") == "ok"), None)
     if not aligning or first is None or not len(live):
         return live if not aligning else EMPTY
