@@ -31,6 +31,10 @@ class PassingError(SlambedError):
         super().__init__(line, code)
 
 
+class KilledError(PassingError):
+    """A process that does the work of a run was killed: by somebody, or because memory ran out."""
+
+
 class MissingDataError(SlambedError):
     """A known dataset whose source is not on this machine."""
 

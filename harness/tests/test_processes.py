@@ -17,9 +17,9 @@ from virtual_parts import Quiet
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.processes import ProcessExecutor, WorkerDiedError
+from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import MOST_DEATHS, Runner
-from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.spec.matrix import RunSpec
 
 
@@ -177,6 +177,6 @@ def test_what_no_run_survives_ends_the_campaign(tmp_path: Path) -> None:
 
 
 def test_a_process_that_is_killed_again_and_again_is_given_up(tmp_path: Path) -> None:
-    campaign = failing(tmp_path, WorkerDiedError("was killed"), {1: 99})
+    campaign = failing(tmp_path, KilledError("was killed"), {1: 99})
     verdict = campaign.run(runs(3), Quiet())
     assert verdict.done == 2 and len(verdict.given_up) == 1

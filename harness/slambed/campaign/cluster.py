@@ -21,11 +21,10 @@ from typing import Any
 
 from slambed.campaign.datasets import prepare_sequence
 from slambed.campaign.executors import Played
-from slambed.campaign.processes import WorkerDiedError
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.data.places import cache_folder
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import SlambedError, environment_error
+from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.json_file import read_object
 from slambed.native import SIMULATION, find_program
 from slambed.spec.matrix import RunSpec
@@ -59,7 +58,7 @@ class ClusterExecutor:
         try:
             summary, files = self._wait(future, stop)
         except KilledWorker:
-            raise WorkerDiedError(
+            raise KilledError(
                 f"workers died again and again in run {spec.run_key}; is there enough memory?"
             ) from None
         except (CancelledError, OSError):

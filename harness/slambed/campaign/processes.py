@@ -23,16 +23,12 @@ from pebble import ProcessExpired, concurrent
 from slambed.campaign.executors import Played
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import PassingError
+from slambed.errors import KilledError
 from slambed.spec.matrix import RunSpec
 
 LOOK_EVERY_S = 0.1
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
-
-
-class WorkerDiedError(PassingError):
-    """The process of a run ended without a result: somebody killed it, or memory ran out."""
 
 
 @concurrent.process(mp_context=CONTEXT)
@@ -84,7 +80,7 @@ class ProcessExecutor:
                     if stop.is_set():
                         raise InterruptedRunError from None
         except (ProcessExpired, CancelledError):
-            raise WorkerDiedError(
+            raise KilledError(
                 f"the process of run {spec.run_key} was killed; is there enough memory?"
             ) from None
         finally:

@@ -16,10 +16,9 @@ from slambed.campaign.executors import Executor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.manifest import add_plans
-from slambed.campaign.processes import WorkerDiedError
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import PassingError, SlambedError, no_space
+from slambed.errors import KilledError, PassingError, SlambedError, no_space
 from slambed.spec.matrix import RunSpec
 
 PAUSES_S = (1.0, 10.0, 60.0)
@@ -156,7 +155,7 @@ class Runner:
         item.failures += 1
         line = str(error) if isinstance(error, SlambedError) else f"{type(error).__name__}: {error}"
         self._tell("run_failed", item.spec, error=line)
-        if isinstance(error, WorkerDiedError) and item.failures < MOST_DEATHS:
+        if isinstance(error, KilledError) and item.failures < MOST_DEATHS:
             reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
             return 0.0
         if isinstance(error, PassingError) and item.failures <= len(self.pauses_s):

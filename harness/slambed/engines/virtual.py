@@ -19,12 +19,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from slambed.endings import ended_from_outside, ending
 from slambed.engines.base import last_line
 from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
-from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
 from slambed.link.modelled import link_json, write_link_log
 from slambed.link.profile import parse_profile
 from slambed.native import SIMULATION
@@ -106,6 +107,12 @@ class VirtualRun:
         cache = feature_file(self.features, self.spec) if self.features else None
         with _made_once(cache):
             code = self._run(stop)
+        if code is not None and ended_from_outside(code):
+            # No limit of ours kills it, so this says nothing about the system.
+            raise KilledError(
+                f"{SIMULATION} of run {self.spec.run_key} was killed ({ending(code)}); "
+                "is there enough memory?"
+            )
         if code == ExitCode.ENVIRONMENT:
             told = last_line(self.run_dir / "log.txt").removeprefix("error: ")
             raise SlambedError(f"{SIMULATION}: {told}", ExitCode(code))
@@ -161,8 +168,7 @@ class VirtualRun:
     def _reason(self, code: int | None) -> str:
         if code is None:
             return f"{SIMULATION} had not finished after {self._limit_s():.0f} s of CPU time"
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return f"{SIMULATION}: {how}: {last_line(self.run_dir / 'log.txt')}"
+        return f"{SIMULATION}: {ending(code)}: {last_line(self.run_dir / 'log.txt')}"
 
 
 def _outcome(code: int | None) -> Outcome:

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a process ended, and whether that was its own doing."""
+
+import signal
+
+FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+"""Nobody sends these to himself: the kernel without memory does, a daemon that goes down, a user."""
+BY_SHELLS = 128
+"""Shells and Docker tell the end by signal n as exit code 128 + n."""
+
+
+def signal_of(code: int) -> int | None:
+    """The signal that ended a process; None when it exited by itself."""
+    if code < 0:
+        return -code
+    return code - BY_SHELLS if BY_SHELLS < code <= BY_SHELLS + signal.NSIG else None
+
+
+def ended_from_outside(code: int) -> bool:
+    """Whether somebody else ended it: a crash is another signal."""
+    return signal_of(code) in FROM_OUTSIDE
+
+
+def ending(code: int) -> str:
+    """`signal 9` or `exit code 3`."""
+    return f"signal {-code}" if code < 0 else f"exit code {code}"

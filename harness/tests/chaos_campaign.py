@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One campaign of short runs that meets faults at seeded random instants, is called again until it
+is done, and is then looked at."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import chaos_faults as faults
+import psutil
+from chaos_checks import problems_of_bytes, problems_of_host, problems_of_results
+from chaos_cluster import Cluster
+from chaos_faults import KILL, ON_DISK, STOP, TERMINATE, Disk, Fault
+
+from slambed.campaign.folder import ResultFolder
+from slambed.engines.host_lock import default_lock_path
+from slambed.errors import ExitCode
+
+MOST_HELD_S = 1.5
+"""How long something stays stopped, or the disk bad."""
+MOST_WORKERS = 3
+EARLY = 0.15
+"""Share of calls that may meet a fault before they execute runs."""
+HANGS_S = 300.0
+LOOK_EVERY_S = 0.01
+EXPECTED = {ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT, 130, -signal.SIGKILL, -signal.SIGTERM}
+"""How a call that met faults may end."""
+ALWAYS: list[tuple[Fault, int]] = [
+    (Fault(KILL, "harness"), 4),
+    (Fault(TERMINATE, "harness"), 1),
+    (Fault(STOP, "harness"), 1),
+    *((Fault(act), 1) for act in ON_DISK),
+]
+OF_KIND: dict[str, list[tuple[Fault, int]]] = {
+    "virtual": [
+        (Fault(KILL, "worker"), 6),
+        (Fault(KILL, "node"), 6),
+        (Fault(KILL, "fork server"), 1),
+        (Fault(KILL, "resource tracker"), 1),
+        (Fault(STOP, "worker"), 2),
+        (Fault(STOP, "node"), 2),
+    ],
+    "dask": [
+        (Fault(KILL, "Dask worker"), 5),
+        (Fault(KILL, "Dask scheduler"), 1),
+        (Fault(KILL, "node"), 4),
+        (Fault(STOP, "Dask worker"), 2),
+        (Fault(STOP, "node"), 1),
+    ],
+    "live": [
+        *((Fault(KILL, role), 3) for role in ("mobile node", "edge node", "relay", "sampler")),
+        *((Fault(STOP, role), 1) for role in ("mobile node", "edge node", "relay", "sampler")),
+        *((Fault(TERMINATE, role), 1) for role in ("mobile node", "edge node")),
+    ],
+}
+
+
+@dataclass(frozen=True)
+class Torment:
+    """What to do to one campaign; equal ones draw equal faults at equal instants."""
+
+    kind: str
+    seed: int
+    jobs: int
+    faults: int
+    every_s: float
+    """Mean time between faults."""
+
+
+@dataclass
+class Outcome:
+    """What came of it."""
+
+    torment: Torment
+    struck: list[str] = field(default_factory=list)
+    calls: list[list[Any]] = field(default_factory=list)
+    """Exit code and last line of each call of the command."""
+    problems: list[str] = field(default_factory=list)
+    took_s: float = 0.0
+
+    def line(self) -> str:
+        """As one line of a log."""
+        return json.dumps(asdict(self))
+
+
+@dataclass
+class Campaign:
+    """A place with an experiment, and what to call."""
+
+    place: Path
+    experiment: Path
+    torment: Torment
+    own_disk: bool
+    reference: dict[str, str] | None = None
+    more: list[str] = field(default_factory=list)
+    """Further arguments of the command."""
+
+    def __post_init__(self) -> None:
+        t = self.torment
+        self.token = f"{os.getpid()}-{t.kind}-{t.seed}"
+        self.folder = self.place / f"{t.kind}-{t.seed}"
+        self.folder.mkdir()
+        (self.folder / "tmp").mkdir()
+        self.disk = Disk(self.folder / "results", self.own_disk)
+        self.rng = random.Random(f"chaos/{t.kind}/{t.seed}/{t.jobs}")
+        self.out = Outcome(t)
+        self._held: list[tuple[float, psutil.Process | None]] = []
+        """When to let go of what was stopped; None: the disk."""
+        self._log = self.folder / "log.txt"
+        self._cluster: Cluster | None = None
+        if t.kind == "dask":
+            self._cluster = Cluster(self.folder, self.environment(), min(t.jobs, MOST_WORKERS))
+            self.more = [*self.more, "--scheduler", self._cluster.address]
+
+    def environment(self) -> dict[str, str]:
+        """Of everything that this campaign starts."""
+        own = {faults.TOKEN: self.token, "TMPDIR": str(self.folder / "tmp"), "SLAMBED_DEBUG": "1"}
+        return {**os.environ, **own}
+
+    def play(self) -> Outcome:
+        """Calls the command until it is done, with faults; then looks at what is there."""
+        began_s = time.monotonic()
+        calm = 0
+        try:
+            while calm < 2:
+                before = len(self.out.struck)
+                code = self._call()
+                if code == ExitCode.OK:
+                    break
+                calm = calm + 1 if len(self.out.struck) == before else 0
+                if calm and code not in (ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT):
+                    self.out.problems.append(f"exit code {code} without a fault")
+            else:
+                self.out.problems.append(f"not done: {self.out.calls[-1]}")
+            if self._cluster is not None:
+                self._cluster.close()
+            self._look()
+        finally:
+            if self._cluster is not None:
+                self._cluster.close()
+            self._let_go(everything=True)
+            for process in faults.processes(self.token):
+                process.kill()
+            self.disk.remove()
+        self.out.took_s = round(time.monotonic() - began_s, 1)
+        return self.out
+
+    def _look(self) -> None:
+        results = ResultFolder(self.disk.folder / self.experiment.stem)
+        if not results.path.is_dir():
+            self.out.problems.append("no results")
+            return
+        keys = results.run_keys()
+        self.out.problems += problems_of_results(results)
+        if self.reference is not None:
+            self.out.problems += problems_of_bytes(results, self.reference)
+        locks = [results.path / ".lock"]
+        if self.torment.kind == "live":
+            locks.append(default_lock_path())
+        self.out.problems += problems_of_host(self.token, locks, keys, self.folder / "tmp")
+
+    def _call(self) -> int:
+        command = [sys.executable, "-c", "from slambed.cli import main; main()"]
+        command += ["run", str(self.experiment), "--results", str(self.disk.folder), *self.more]
+        with self._log.open("w") as log:
+            process = subprocess.Popen(
+                command,
+                env=self.environment(),
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                cwd=self.folder,
+                start_new_session=True,
+            )
+        # Now and then while it starts; mostly once it executes runs, however slow the host is.
+        early = self.rng.random() < EARLY
+        began_ns, next_s = time.time_ns(), None
+        last_s = time.monotonic()
+        while (code := process.poll()) is None:
+            self._let_go()
+            now_s = time.monotonic()
+            if next_s is None and (early or self._executes_since(began_ns)):
+                next_s = now_s + self.rng.expovariate(1 / self.torment.every_s)
+            if len(self.out.struck) < self.torment.faults and next_s and now_s >= next_s:
+                next_s = now_s + self.rng.expovariate(1 / self.torment.every_s)
+                if self._strike(process.pid):
+                    last_s = now_s
+            if now_s - last_s > HANGS_S:
+                self.out.problems.append(f"hangs: {self._last_line()}")
+                process.kill()
+            time.sleep(LOOK_EVERY_S)
+        self._let_go(everything=self.rng.random() < 0.5)
+        self.out.calls.append([code, self._last_line()])
+        self._judge(code)
+        return code
+
+    def _executes_since(self, began_ns: int) -> bool:
+        plan = self.disk.folder / self.experiment.stem / "experiment.json"
+        try:
+            return plan.stat().st_mtime_ns > began_ns
+        except OSError:
+            return False
+
+    def _judge(self, code: int) -> None:
+        text = self._log.read_text(errors="replace")
+        if code != ExitCode.OK and code not in EXPECTED:
+            self.out.problems.append(f"exit code {code}: {text[-2000:]}")
+        if code in (ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT) and "\nerror: " not in f"\n{text}":
+            self.out.problems.append(f"exit code {code} without its line: {text[-500:]}")
+        for word in ("Traceback", "a bug of slambed"):
+            if word in text:
+                self.out.problems.append(f"{word}: {text[text.index(word) - 200 :][-2500:]}")
+
+    def _last_line(self) -> str:
+        lines = self._log.read_text(errors="replace").strip().splitlines() or [""]
+        return ([line for line in lines if line.startswith("error: ")] or lines)[-1][:300]
+
+    def _strike(self, harness: int) -> bool:
+        choices = ALWAYS + OF_KIND[self.torment.kind]
+        (fault,) = self.rng.choices([c[0] for c in choices], [c[1] for c in choices])
+        until_s = time.monotonic() + self.rng.uniform(0.1, MOST_HELD_S)
+        if fault.act in ON_DISK:
+            if any(held is None for _, held in self._held):
+                return False
+            if not self.disk.strike(fault.act, self.rng):
+                self.disk.heal()
+                return False
+            self._held.append((until_s, None))
+        else:
+            victim = faults.strike(fault, self.token, harness, self.rng)
+            if victim is None:
+                return False
+            if fault.act == STOP:
+                self._held.append((until_s, victim))
+        self.out.struck.append(str(fault))
+        return True
+
+    def _let_go(self, everything: bool = False) -> None:
+        """Of what was held long enough."""
+        now_s = time.monotonic()
+        for item in list(self._held):
+            until_s, victim = item
+            if everything or until_s <= now_s:
+                if victim is None:
+                    self.disk.heal()
+                else:
+                    faults.wake(victim)
+                self._held.remove(item)

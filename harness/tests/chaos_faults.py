@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults that a campaign meets from outside: processes that are killed, stopped or asked to end, a
+disk that is full, without inodes, or with a folder that has become read-only.
+
+All processes of a campaign carry a token in their environment, so whatever is started is found, and
+nothing else is hit.
+"""
+
+import contextlib
+import os
+import random
+import signal
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+
+TOKEN = "SLAMBED_CHAOS"
+KILL, TERMINATE, STOP = "kill -9", "SIGTERM", "SIGSTOP"
+SIGNALS = {KILL: signal.SIGKILL, TERMINATE: signal.SIGTERM, STOP: signal.SIGSTOP}
+FULL, NO_INODES, READ_ONLY = "disk full", "no inodes", "folder read-only"
+ON_DISK = (FULL, NO_INODES, READ_ONLY)
+LEAST_FILL = 4096
+
+
+def processes(token: str) -> list[psutil.Process]:
+    """Everything alive that was started for this campaign."""
+    found = []
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error):
+            if process.status() == psutil.STATUS_ZOMBIE or process.pid == os.getpid():
+                continue
+            if process.environ().get(TOKEN) == token:
+                found.append(process)
+    return found
+
+
+MARKS = {
+    "slambed.engines.attend": "sampler",
+    "slambed.campaign.link_helper": "helper container",
+    "slambed-relay": "relay",
+    "slambed-pace": "metronome",
+    "slambed-sim": "node",
+    "-m dask worker": "Dask worker",
+    "-m dask scheduler": "Dask scheduler",
+    "multiprocessing.resource_tracker": "resource tracker",
+}
+"""What a command line has in it -> what the process is."""
+
+
+def role_of(process: psutil.Process, harness: int) -> str:
+    """What a process of a campaign is, in the words of the faults; empty for what is none."""
+    if process.pid == harness:
+        return "harness"
+    command = " ".join(process.cmdline())
+    if "slambed-node" in command and "--role" in command:
+        return f"{command.rpartition('--role ')[2].split()[0]} node"
+    if "multiprocessing.forkserver" in command:
+        # Worker processes are forked from the server and keep its command line.
+        parent = process.parent()
+        forked = parent is not None and "multiprocessing.forkserver" in " ".join(parent.cmdline())
+        return "worker" if forked or process.ppid() != harness else "fork server"
+    return next((role for mark, role in MARKS.items() if mark in command), "")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What to do to what."""
+
+    act: str
+    target: str = ""
+    """A role; empty for the disk."""
+
+    def __str__(self) -> str:
+        return f"{self.act} {self.target}".strip()
+
+
+@dataclass
+class Disk:
+    """Where results go: a small file system of their own, or (not root) a plain folder."""
+
+    folder: Path
+    own: bool
+    kibibytes: int = 98304
+    inodes: int = 6000
+    _fillers: list[Path] = field(default_factory=list)
+    _fixed: list[Path] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.folder.mkdir(parents=True)
+        if self.own:
+            options = f"size={self.kibibytes}k,nr_inodes={self.inodes}"
+            _mount("-t", "tmpfs", "-o", options, "slambed-chaos", str(self.folder))
+
+    def remove(self) -> None:
+        """Nothing is left mounted."""
+        self.heal()
+        if self.own:
+            subprocess.run(["umount", "--lazy", str(self.folder)], check=True)
+
+    def strike(self, act: str, rng: random.Random) -> bool:
+        """Makes it bad; False when that could not be."""
+        if not self.own:
+            return False
+        strikes: dict[str, Callable[[random.Random], bool]] = {
+            FULL: self._fill,
+            NO_INODES: self._use_inodes,
+            READ_ONLY: self._fix,
+        }
+        return strikes[act](rng)
+
+    def _fill(self, rng: random.Random) -> bool:
+        filler = self.folder / f".filler{len(self._fillers)}"
+        self._fillers.append(filler)
+        size = self.kibibytes << 10
+        with filler.open("wb") as out:
+            while size >= LEAST_FILL:
+                try:
+                    os.posix_fallocate(out.fileno(), out.seek(0, os.SEEK_END), size)
+                except OSError:
+                    size //= 2
+        return os.statvfs(self.folder).f_bavail == 0
+
+    def _use_inodes(self, rng: random.Random) -> bool:
+        many = self.folder / f".many{len(self._fillers)}"
+        self._fillers.append(many)
+        many.mkdir()
+        with contextlib.suppress(OSError):
+            for number in range(self.inodes):
+                (many / str(number)).touch()
+        return os.statvfs(self.folder).f_favail == 0
+
+    def _fix(self, rng: random.Random) -> bool:
+        folders = [p for p in (self.folder, *self.folder.glob("*/")) if not p.is_symlink()]
+        folder = rng.choice(sorted(folders))
+        done = subprocess.run(["chattr", "+i", str(folder)], capture_output=True, check=False)
+        if done.returncode == 0:
+            self._fixed.append(folder)
+        return done.returncode == 0
+
+    def heal(self) -> None:
+        """As it was."""
+        for folder in self._fixed:
+            subprocess.run(["chattr", "-i", str(folder)], capture_output=True, check=False)
+        for filler in self._fillers:
+            if filler.is_dir():
+                for path in filler.iterdir():
+                    path.unlink()
+                filler.rmdir()
+            else:
+                filler.unlink(missing_ok=True)
+        self._fixed, self._fillers = [], []
+
+
+def _mount(*arguments: str) -> None:
+    subprocess.run(["mount", *arguments], check=True)
+
+
+def strike(fault: Fault, token: str, harness: int, rng: random.Random) -> psutil.Process | None:
+    """Does it to one of the processes that have this role now; None when there is none."""
+    found = []
+    for process in processes(token):
+        with contextlib.suppress(psutil.Error):
+            if role_of(process, harness) == fault.target:
+                found.append(process)
+    if not found:
+        return None
+    victim = rng.choice(sorted(found, key=lambda process: process.pid))
+    try:
+        victim.send_signal(SIGNALS[fault.act])
+    except psutil.Error:
+        return None
+    return victim
+
+
+def wake(process: psutil.Process) -> None:
+    """After a SIGSTOP."""
+    with contextlib.suppress(psutil.Error):
+        process.send_signal(signal.SIGCONT)

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where campaigns are tormented: a generated sequence, an experiment, a warm cache, and the files
+that an undisturbed virtual campaign has."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from chaos_campaign import Campaign, Outcome, Torment
+from virtual_parts import fingerprints, make_sequence, write_experiment
+
+from slambed.campaign.folder import ResultFolder
+
+SECONDS = 2
+RUNS = {"virtual": 16, "dask": 6, "live": 2}
+LIVE = """\
+id: walk
+title: A short walk with an edge
+systems:
+  - {{system: edgeslam, variant: static, label: offloaded, params: {{sync_period_s: 0.5}}}}
+datasets: [{sequence}]
+playback: {{mode: realtime, fps: 10}}
+link: {{backend: relay, profiles: [{{name: some, rtt_ms: 20}}]}}
+devices: {{mobile: host, edge: host}}
+runs: {{default: {runs}}}
+tolerances: {{rtt_error_ms_median: 1000}}
+"""
+
+
+class Place:
+    """Everything that campaigns of one kind have in common."""
+
+    def __init__(self, folder: Path, kind: str, runs: int = 0) -> None:
+        self.folder = folder
+        os.environ["SLAMBED_CACHE"] = str(folder / "cache")
+        os.environ["SLAMBED_DATA_BESIDE"] = "no"
+        sequence = make_sequence(folder / "sequence", SECONDS)
+        more = (LIVE,) if kind == "live" else ()
+        self.experiment = write_experiment(folder, sequence, runs or RUNS[kind], *more)
+        self.own_disk = os.geteuid() == 0
+        self.reference: dict[str, str] | None = None
+        if kind != "live":
+            self.reference = self._undisturbed()
+
+    def _undisturbed(self) -> dict[str, str]:
+        calm = self.folder / "calm"
+        command = [sys.executable, "-c", "from slambed.cli import main; main()", "run"]
+        command += [str(self.experiment), "--results", str(calm)]
+        subprocess.run(command, check=True, capture_output=True)
+        return fingerprints(ResultFolder(calm / self.experiment.stem))
+
+    def play(self, torment: Torment) -> Outcome:
+        """One campaign from its beginning to its end."""
+        options = ["--jobs", str(torment.jobs)]
+        if torment.kind == "live":
+            options = ["--engine", "local", "--wait", "--retries", "5"]
+        campaign = Campaign(
+            self.folder, self.experiment, torment, self.own_disk, self.reference, options
+        )
+        return campaign.play()

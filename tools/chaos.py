@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Campaigns of short runs that meet faults, until so many have struck: see docs/testing.md.
+
+    tools/chaos.py virtual|dask|live --faults N [--seed N] [--jobs 2,8,32] [--log FILE]
+    tools/chaos.py table FILE ...
+
+Every campaign is one line in the log, with its seed and what came of it; `table` counts them. Exit
+status 1 when something was not as it must be.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "harness" / "tests"))
+
+from chaos_campaign import Outcome, Torment  # noqa: E402
+from chaos_place import Place  # noqa: E402
+
+FAULTS_EACH = {"virtual": 12, "dask": 8, "live": 4}
+EVERY_S = {"virtual": 0.8, "dask": 1.5, "live": 4.0}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    commands = parser.add_subparsers(dest="kind", required=True)
+    for kind in FAULTS_EACH:
+        one = commands.add_parser(kind)
+        one.add_argument("--faults", type=int, default=100)
+        one.add_argument("--seed", type=int, default=1, help="of the first campaign")
+        one.add_argument("--jobs", default="2,8,32", help="one after the other")
+        one.add_argument("--runs", type=int, default=0, help="of a cell of each campaign")
+        one.add_argument("--log", type=Path)
+    commands.add_parser("table").add_argument("files", type=Path, nargs="+")
+    asked = parser.parse_args()
+    if asked.kind == "table":
+        return table(asked.files)
+    with tempfile.TemporaryDirectory(prefix="slambed-chaos-") as folder:
+        return torment_all(asked, Path(folder))
+
+
+def torment_all(asked: argparse.Namespace, folder: Path) -> int:
+    place = Place(folder, asked.kind, asked.runs)
+    jobs = [int(number) for number in asked.jobs.split(",")]
+    struck = bad = 0
+    seed = asked.seed
+    while struck < asked.faults:
+        torment = Torment(
+            asked.kind, seed, jobs[seed % len(jobs)], FAULTS_EACH[asked.kind], EVERY_S[asked.kind]
+        )
+        outcome = place.play(torment)
+        struck += len(outcome.struck)
+        bad += bool(outcome.problems)
+        tell(outcome, struck, asked.log)
+        seed += 1
+    print(f"chaos: {struck} faults in {seed - asked.seed} campaigns, {bad} not as they must be")
+    return 1 if bad else 0
+
+
+def tell(outcome: Outcome, struck: int, log: Path | None) -> None:
+    t = outcome.torment
+    print(
+        f"{t.kind} seed {t.seed}, {t.jobs} jobs: {len(outcome.struck)} faults ({struck} in all), "
+        f"{len(outcome.calls)} calls, {outcome.took_s} s, {len(outcome.problems)} problems",
+        flush=True,
+    )
+    for problem in outcome.problems[:12]:
+        print(f"  {problem}", flush=True)
+    if log is not None:
+        commit = subprocess.run(
+            ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"],
+            capture_output=True,
+            text=True,
+            check=False,
+        ).stdout.strip()
+        with log.open("a") as out:
+            out.write(json.dumps({"commit": commit} | json.loads(outcome.line())) + "\n")
+
+
+def table(files: list[Path]) -> int:
+    """Faults by kind and what they hit, and campaigns with problems."""
+    lines = [json.loads(line) for file in files for line in file.read_text().splitlines()]
+    kinds = sorted({line["torment"]["kind"] for line in lines})
+    counts = {
+        kind: Counter(f for x in lines if x["torment"]["kind"] == kind for f in x["struck"])
+        for kind in kinds
+    }
+    print("| fault |" + "".join(f" {kind} |" for kind in kinds))
+    print("|---|" + "---:|" * len(kinds))
+    for fault in sorted({fault for counted in counts.values() for fault in counted}):
+        print(f"| {fault} |" + "".join(f" {counts[kind][fault] or ''} |" for kind in kinds))
+    print("| faults |" + "".join(f" {counts[kind].total()} |" for kind in kinds))
+    for word, of in (
+        ("campaigns", lambda x: 1),
+        ("calls of the command", lambda x: len(x["calls"])),
+        ("campaigns not as they must be", lambda x: bool(x["problems"])),
+    ):
+        sums = (sum(of(x) for x in lines if x["torment"]["kind"] == kind) for kind in kinds)
+        print(f"| {word} |" + "".join(f" {number} |" for number in sums))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
