@@ -327,9 +327,9 @@ def run_command(arguments: list[str]) -> int:
             # Of our output (`| head`): not an error. Nothing more can be flushed.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return ExitCode.OK
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            full = no_space(error.filename or "the results")
-            return _fail(str(full), full.code)
+        if (full := _full_disk(error)) is not None:
+            refused = no_space(full.filename or "the results")
+            return _fail(str(refused), refused.code)
         if isinstance(error, PermissionError):
             # Whoever owns it: a file that we may not touch is no bug of ours.
             line = f"{error.filename}: {error.strerror}; change its rights, or be who may"
@@ -343,6 +343,16 @@ def run_command(arguments: list[str]) -> int:
     finally:
         if arguments and not set(arguments) <= {"--version", "--help"}:
             give_caches_to_caller()
+
+
+def _full_disk(error: BaseException | None) -> OSError | None:
+    """The refusal of a full disk behind an error; a library that closes its half-written file may
+    fail once more over it, in another way."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return error
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def _reader_has_gone() -> bool:

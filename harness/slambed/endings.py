@@ -4,7 +4,7 @@
 import signal
 
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-"""Nobody sends these to himself: the kernel without memory does, a daemon that goes down, a user."""
+"""No program sends these to itself: a kernel out of memory, a daemon going down, a user do."""
 BY_SHELLS = 128
 """Shells and Docker tell the end by signal n as exit code 128 + n."""
 

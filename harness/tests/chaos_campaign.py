@@ -23,6 +23,13 @@ from slambed.campaign.folder import ResultFolder
 from slambed.engines.host_lock import default_lock_path
 from slambed.errors import ExitCode
 
+COMMAND = "from slambed.cli import main; main()"
+WITHOUT_FIGURES = f"""
+from slambed.report import experiment
+from slambed.report.plots import Drawn
+experiment.draw_all = lambda *_: Drawn([], 0)
+{COMMAND}
+"""
 MOST_HELD_S = 1.5
 """How long something stays stopped, or the disk bad."""
 MOST_WORKERS = 3
@@ -33,7 +40,7 @@ LOOK_EVERY_S = 0.01
 EXPECTED = {ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT, 130, -signal.SIGKILL, -signal.SIGTERM}
 """How a call that met faults may end."""
 ALWAYS: list[tuple[Fault, int]] = [
-    (Fault(KILL, "harness"), 4),
+    (Fault(KILL, "harness"), 3),
     (Fault(TERMINATE, "harness"), 1),
     (Fault(STOP, "harness"), 1),
     *((Fault(act), 1) for act in ON_DISK),
@@ -72,6 +79,10 @@ class Torment:
     faults: int
     every_s: float
     """Mean time between faults."""
+    figures: bool = True
+    """Whether reports draw any: most of what a campaign of short runs computes."""
+    only: tuple[str, ...] = ()
+    """These faults; else all of the kind."""
 
 
 @dataclass
@@ -167,7 +178,7 @@ class Campaign:
         self.out.problems += problems_of_host(self.token, locks, keys, self.folder / "tmp")
 
     def _call(self) -> int:
-        command = [sys.executable, "-c", "from slambed.cli import main; main()"]
+        command = [sys.executable, "-c", COMMAND if self.torment.figures else WITHOUT_FIGURES]
         command += ["run", str(self.experiment), "--results", str(self.disk.folder), *self.more]
         with self._log.open("w") as log:
             process = subprocess.Popen(
@@ -215,7 +226,7 @@ class Campaign:
             self.out.problems.append(f"exit code {code} without its line: {text[-500:]}")
         for word in ("Traceback", "a bug of slambed"):
             if word in text:
-                self.out.problems.append(f"{word}: {text[text.index(word) - 200 :][-2500:]}")
+                self.out.problems.append(f"{word}: {text[max(0, text.index(word) - 200) :][:2500]}")
 
     def _last_line(self) -> str:
         lines = self._log.read_text(errors="replace").strip().splitlines() or [""]
@@ -223,6 +234,8 @@ class Campaign:
 
     def _strike(self, harness: int) -> bool:
         choices = ALWAYS + OF_KIND[self.torment.kind]
+        if self.torment.only:
+            choices = [c for c in choices if str(c[0]) in self.torment.only]
         (fault,) = self.rng.choices([c[0] for c in choices], [c[1] for c in choices])
         until_s = time.monotonic() + self.rng.uniform(0.1, MOST_HELD_S)
         if fault.act in ON_DISK:

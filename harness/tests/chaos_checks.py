@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 import docker
+import pandas as pd
 import psutil
 from chaos_faults import processes
 from docker.errors import DockerException
@@ -50,8 +51,10 @@ def problems_of_results(folder: ResultFolder) -> list[str]:
         found += [f"left in {place.name}: {name}" for name in left if name.endswith(".partial")]
     work = [p.name for p in (folder.store.results / WORK).iterdir() if p.name != LOCK]
     found += [f"left in {WORK}: {name}" for name in work]
-    if not (folder.path / "report" / "index.html").is_file():
-        found.append("no report")
+    table = folder.path / "summary.csv"
+    told = set(pd.read_csv(table)["run_key"]) if table.is_file() else set()
+    if told != keys or not (folder.path / "report" / "index.html").is_file():
+        found.append(f"a report of {len(told)} runs instead of {len(keys)}")
     return found
 
 

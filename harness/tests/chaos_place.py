@@ -7,13 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from chaos_campaign import Campaign, Outcome, Torment
+from chaos_campaign import WITHOUT_FIGURES, Campaign, Outcome, Torment
 from virtual_parts import fingerprints, make_sequence, write_experiment
 
 from slambed.campaign.folder import ResultFolder
 
 SECONDS = 2
-RUNS = {"virtual": 16, "dask": 6, "live": 2}
+RUNS = {"virtual": 12, "dask": 6, "live": 2}
 LIVE = """\
 id: walk
 title: A short walk with an edge
@@ -45,7 +45,7 @@ class Place:
 
     def _undisturbed(self) -> dict[str, str]:
         calm = self.folder / "calm"
-        command = [sys.executable, "-c", "from slambed.cli import main; main()", "run"]
+        command = [sys.executable, "-c", WITHOUT_FIGURES, "run"]
         command += [str(self.experiment), "--results", str(calm)]
         subprocess.run(command, check=True, capture_output=True)
         return fingerprints(ResultFolder(calm / self.experiment.stem))

@@ -49,9 +49,12 @@ class Bench:
         sequence.mkdir()
         played_s = spec.playback.end_s or 0.0
         self.live = LiveRun(
-            spec, self.engine, sequence, played_s, raw, lambda *_: self.link, self.stop, self.host
+            spec, self.engine, sequence, played_s, raw, self.open_link, self.stop, self.host
         )
         return self.live.execute()
+
+    def open_link(self, *_: Any) -> IdleLink:
+        return self.link
 
     def read(self, name: str) -> Any:
         return json.loads((self.folder / "raw" / name).read_text())
@@ -252,7 +255,10 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
         os.kill(bench.live._nodes["edge"].pid, signal.SIGTERM)
 
     threading.Thread(target=stop_edge, daemon=True).start()
-    assert bench.run(spec).outcome == "died"
+    result = bench.run(spec)
+    assert result.outcome == "died"
+    # As when the daemon goes down: nobody takes that for the system's own end.
+    assert result.distrust == ["the edge node was told to stop from outside"]
 
 
 @dataclass

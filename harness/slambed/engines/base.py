@@ -106,15 +106,6 @@ def netns(pid: int) -> Path:
     return Path(f"/proc/{pid}/ns/net")
 
 
-def stat_fields(pid: int) -> list[str] | None:
-    """/proc/<pid>/stat from the state on; None when there is no such process."""
-    try:
-        # The command in parentheses may hold spaces: count the fields after it.
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return None
-
-
 class ProcessWatch:
     """Knows whether a process is alive, even if its number was given to another one since."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import docker
+import psutil
 from docker.errors import APIError, DockerException, NotFound
 
 from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch, config_name, netns
@@ -14,7 +15,7 @@ from slambed.engines.cgroups import V1_LARGEST_SHARES
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, told
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
-from slambed.errors import environment_error
+from slambed.errors import KilledError, environment_error
 from slambed.sampling.cgroup import CgroupReader, paths_of
 from slambed.spec.system import Role
 
@@ -180,6 +181,13 @@ class DockerEngine:
         return node
 
     def _node(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
+        try:
+            return self._waiting(plan, container, keeper)
+        except OSError:
+            # At its gate it is a shell that waits: only somebody else ends that.
+            raise KilledError(f"the container of the {plan.role} node was killed") from None
+
+    def _waiting(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
         pid = _started(container)
         inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
         namespace = NAMESPACES / plan.role if self.unprivileged else inside
@@ -260,7 +268,9 @@ def _started(container: Any) -> int:
     container.start()
     container.reload()
     pid = int(container.attrs["State"]["Pid"])
-    if pid == 0 or not Path(f"/proc/{pid}").exists():
+    if pid == 0:
+        raise KilledError(f"container {container.short_id} ended at once; somebody killed it")
+    if not psutil.pid_exists(pid):
         raise environment_error(
             f"container {container.short_id} has no process on this host; "
             "slambed needs a daemon on the same machine"

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+import psutil
+
 from slambed.engines.attendant import Attendant
-from slambed.engines.base import Engine, Node, NodePlan, stat_fields
-from slambed.errors import environment_error
+from slambed.engines.base import Engine, Node, NodePlan
+from slambed.errors import PassingError
 from slambed.spec.faults import FAULT_FILE, Fault
 from slambed.spec.system import Role
 
@@ -52,7 +54,7 @@ class RunEdge:
         while node.exit_code() is None and is_stopped(node.pid) != frozen:
             if time.monotonic() > deadline:
                 word = "frozen" if frozen else "woken"
-                raise environment_error(f"the edge node was not {word}, process {node.pid}")
+                raise PassingError(f"the edge node was not {word}, process {node.pid}")
             time.sleep(0.001)
 
     def start_again(self) -> None:
@@ -66,8 +68,10 @@ class RunEdge:
 
 def is_stopped(pid: int) -> bool:
     """By SIGSTOP; False for a process that has gone, too."""
-    fields = stat_fields(pid)
-    return fields is not None and fields[0] == "T"
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_STOPPED
+    except psutil.NoSuchProcess:
+        return False
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from slambed.engines.base import (
     thread_problems,
 )
 from slambed.engines.faults import FaultDriver, RunEdge
+from slambed.engines.node_ends import at_gate, from_outside, how_it_died, told_by
 from slambed.engines.result import (
     InterruptedRunError,
     Outcome,
@@ -30,7 +31,7 @@ from slambed.engines.result import (
     run_json,
     without_edge_files,
 )
-from slambed.errors import ExitCode, PassingError
+from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
 from slambed.spec.matrix import RunSpec
@@ -105,22 +106,24 @@ class LiveRun:
         (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)
-            attendant = Attendant(
-                self._engine, self._nodes, self._limits, self._cpus, self._run_dir
-            )
+            with at_gate(self._nodes):
+                attendant = Attendant(
+                    self._engine, self._nodes, self._limits, self._cpus, self._run_dir
+                )
             cleanup.callback(attendant.close)
             edge = RunEdge(self._engine, self._plans.get("edge"), self._nodes, attendant, cleanup)
             faults = FaultDriver(self._spec.faults, edge, self._run_dir)
             if self._spec.link is not None:
                 log_dir = self._run_dir / "link"
                 log_dir.mkdir()
-                self._link = self._open_link(
-                    self._spec,
-                    self._nodes["mobile"].namespace,
-                    self._nodes["edge"].namespace,
-                    log_dir,
-                    self._time_limit_s() + EDGE_GRACE_S,
-                )
+                with at_gate(self._nodes):
+                    self._link = self._open_link(
+                        self._spec,
+                        self._nodes["mobile"].namespace,
+                        self._nodes["edge"].namespace,
+                        log_dir,
+                        self._time_limit_s() + EDGE_GRACE_S,
+                    )
                 cleanup.callback(self._close_link)
             for node in self._nodes.values():
                 node.release()
@@ -207,6 +210,8 @@ class LiveRun:
         return None
 
     def _refused(self, role: Role, code: int) -> tuple[Outcome, str]:
+        if (how := from_outside(self._nodes[role], code, self._run_dir)) is not None:
+            raise KilledError(f"the {role} node {how} before it was ready")
         told = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
         line = f"the {role} node ended before it was ready (exit code {code}): {told}"
         if code in (ExitCode.ENVIRONMENT, ExitCode.PEER):
@@ -249,14 +254,14 @@ class LiveRun:
                 return "timed_out", f"not finished after {self._time_limit_s():.0f} s"
             missed = ended is None and not faults.edge_is_dead
             if missed and edge is not None and self._ended_early(edge):
-                ended = "died", self._died("edge", edge.exit_code() or 0)
+                ended = self._died("edge", edge.exit_code() or 0)
             if not link_died and self._link is not None and not self._link.alive():
                 link_died = True
                 self._problems.append("the link ended in the middle of the run")
         faults.finish()
-        if code != 0:
+        if code != 0 or from_outside(mobile, code, self._run_dir):
             self._end_nodes()
-            return "died", self._died("mobile", code)
+            return self._died("mobile", code)
         edge = self._nodes.get("edge")
         if edge is not None and ended is None and not faults.edge_is_dead:
             ended = self._await_edge(edge)
@@ -267,11 +272,8 @@ class LiveRun:
         """An edge that ends well has heard BYE: then the mobile node is about to end too."""
         if (code := edge.exit_code()) is None:
             return False
-        try:
-            told = json.loads((self._run_dir / "edge" / "node.json").read_text())
-        except (OSError, ValueError):
-            return True
-        return code != 0 or bool(told.get("stopped"))
+        told = told_by(edge, self._run_dir)
+        return code != 0 or bool(told.get("stopped", True))
 
     def _await_edge(self, edge: Node) -> tuple[Outcome, str] | None:
         deadline = time.monotonic() + EDGE_GRACE_S
@@ -284,13 +286,16 @@ class LiveRun:
                     "timed_out",
                     f"the edge node went on {EDGE_GRACE_S:.0f} s after the mobile node",
                 )
-        return None if code == 0 else ("died", self._died("edge", code))
+        if code != 0 or from_outside(edge, code, self._run_dir):
+            return self._died("edge", code)
+        return None
 
-    def _died(self, role: Role, code: int) -> str:
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        if self._nodes[role].out_of_memory():
-            how = "killed at its memory limit"
-        return f"{role} node: {how}: {last_line(self._run_dir / role / 'log.txt')}"
+    def _died(self, role: Role, code: int) -> tuple[Outcome, str]:
+        """Its outcome; nobody trusts a run in which somebody else did it."""
+        node = self._nodes[role]
+        if (how := from_outside(node, code, self._run_dir)) is not None:
+            self._problems.append(f"the {role} node {how}")
+        return "died", how_it_died(node, code, self._run_dir)
 
     def _end_nodes(self) -> None:
         for node in self._nodes.values():

@@ -9,11 +9,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from slambed.endings import ended_from_outside, ending
 from slambed.engines import launcher
 from slambed.engines.base import Node, NodePlan, ProcessWatch, config_name, last_line, netns
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
 from slambed.engines.helper import direct_command
-from slambed.errors import environment_error
+from slambed.errors import KilledError, PassingError, SlambedError, environment_error
 from slambed.native import find_program
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader
 from slambed.spec.system import Role
@@ -62,6 +63,10 @@ class LocalNode:
     def exit_code(self) -> int | None:
         """None while it runs."""
         return self._process.poll()
+
+    def wait(self) -> int:
+        """The exit code of a process that is about to end."""
+        return self._process.wait(KILL_TIMEOUT_S)
 
     def out_of_memory(self) -> bool:
         """As its group counted it."""
@@ -171,10 +176,10 @@ class LocalEngine:
             os.close(ready_write)
             ready_write = -1
             node = LocalNode(plan.role, process, paths)
-            if not _one_byte(ready_read):
+            log_file = role_dir / "log.txt"
+            if (problem := _problem_at_gate(ready_read, node, log_file)) is not None:
                 node.remove()
-                told = last_line(role_dir / "log.txt")
-                raise environment_error(f"the {plan.role} node did not reach its gate: {told}")
+                raise problem
             if dead is not None:
                 node.take_over_namespace(dead)
             return node
@@ -184,5 +189,15 @@ class LocalEngine:
                     os.close(fd)
 
 
-def _one_byte(fd: int) -> bool:
-    return bool(select.select([fd], [], [], GATE_TIMEOUT_S)[0]) and os.read(fd, 1) == b"r"
+def _problem_at_gate(ready: int, node: LocalNode, log: Path) -> SlambedError | None:
+    """Why a node is not at its gate. That it was slow or killed may pass; that the kernel refused
+    it something will not."""
+    line = f"the {node.role} node did not reach its gate"
+    if not select.select([ready], [], [], GATE_TIMEOUT_S)[0]:
+        return PassingError(f"{line} within {GATE_TIMEOUT_S:.0f} s")
+    if os.read(ready, 1) == b"r":
+        return None
+    code = node.wait()
+    if ended_from_outside(code):
+        return KilledError(f"{line}: it was killed ({ending(code)})")
+    return environment_error(f"{line}: {last_line(log)}")

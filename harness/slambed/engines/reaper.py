@@ -6,14 +6,14 @@ Safe only under the host lock: then whatever carries our label belongs to nobody
 
 import contextlib
 import os
-import signal
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import docker
+import psutil
 from docker.errors import DockerException, NotFound
 
-from slambed.engines.base import LABEL, stat_fields
+from slambed.engines.base import LABEL
 from slambed.engines.cgroups import CgroupMaker, remove
 from slambed.engines.helper import is_root
 
@@ -48,9 +48,17 @@ def mark_children() -> None:
 
 
 def start_time(pid: int) -> int | None:
-    """Kernel clock ticks at which a process began; with the number it names the process."""
-    fields = stat_fields(pid)
-    return None if fields is None else int(fields[19])
+    """Kernel clock ticks since boot at which a process began; with the number it names it.
+
+    Not psutil's create_time: that is a time of day, which another one becomes when the clock is
+    set, and the children of a living harness would be taken for orphans.
+    """
+    try:
+        # The command in parentheses may hold spaces: count the fields after it.
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+    return int(fields[19])
 
 
 def reap() -> Reaped:
@@ -79,19 +87,13 @@ def _reap_containers(reaped: Reaped) -> None:
 
 
 def _reap_processes(reaped: Reaped) -> None:
-    marker = f"{OWNER_VARIABLE}=".encode()
-    for folder in Path("/proc").glob("[0-9]*"):
-        pid = int(folder.name)
-        try:
-            environment = (folder / "environ").read_bytes().split(b"\0")
-        except OSError:
-            continue
-        owners = [item.removeprefix(marker) for item in environment if item.startswith(marker)]
-        if not owners or pid == os.getpid():
-            continue
-        owner, _, began = owners[0].decode(errors="replace").partition(":")
-        alive = owner.isdigit() and str(start_time(int(owner))) == began
-        if not alive:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.kill(pid, signal.SIGKILL)
-                reaped.processes.append(pid)
+    for process in psutil.process_iter():
+        # Gone meanwhile, or another user's.
+        with contextlib.suppress(psutil.NoSuchProcess, psutil.AccessDenied):
+            mark = process.environ().get(OWNER_VARIABLE, "")
+            if not mark or process.pid == os.getpid():
+                continue
+            owner, _, began = mark.partition(":")
+            if not owner.isdigit() or str(start_time(int(owner))) != began:
+                process.kill()
+                reaped.processes.append(process.pid)

@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.endings import ended_from_outside, ending
+from slambed.errors import ExitCode, KilledError, PassingError, SlambedError, environment_error
 from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
@@ -171,7 +172,9 @@ class RelayShaper:
         while not line.endswith(b"\n"):
             left = deadline - time.monotonic()
             if left <= 0 or not select.select([stream], [], [], left)[0]:
-                raise environment_error(f"slambed-relay did not answer '{key}', {self._errors}")
+                raise PassingError(
+                    f"slambed-relay did not answer '{key}' within {READY_TIMEOUT_S:.0f} s"
+                )
             if not (byte := os.read(stream.fileno(), 1)):
                 raise self._failure()
             line += byte
@@ -183,13 +186,16 @@ class RelayShaper:
     def _failure(self) -> SlambedError:
         code = self._process.wait(STOP_TIMEOUT_S)
         words = self._last_words(code)
+        if ended_from_outside(code):
+            return KilledError(f"{words}: somebody killed it")
         known = code in (ExitCode.BAD_INPUT, ExitCode.ENVIRONMENT)
         return SlambedError(words, ExitCode(code) if known else ExitCode.INTERNAL)
 
     def _last_words(self, code: int) -> str:
         lines = self._errors.read_text("utf-8", errors="replace").strip().splitlines()
-        ending = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return lines[-1].removeprefix("error: ") if lines else f"slambed-relay ended, {ending}"
+        return (
+            lines[-1].removeprefix("error: ") if lines else f"slambed-relay ended, {ending(code)}"
+        )
 
 
 def _series(packets: pd.DataFrame, t0_ns: int) -> Series:

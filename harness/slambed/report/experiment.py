@@ -9,6 +9,7 @@ from rich.text import Text
 
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.comparison import power_hint
+from slambed.report import current
 from slambed.report.cells import Cell, cells_of, metrics_to_show
 from slambed.report.differences import difference_table, differences
 from slambed.report.html import PageContent, write_html
@@ -51,9 +52,10 @@ def write_report(
     Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
     is not there. `loaded`: what is in the folder, where the caller has read it.
     """
-    results = loaded or load(experiment_dir)
     folder = experiment_dir / "report"
     folder.mkdir(exist_ok=True)
+    runs = current.begin(experiment_dir)
+    results = loaded or load(experiment_dir)
     summary_csv = write_summary_csv(results)
     metrics = metrics_to_show(results)
     cells = cells_of(results, metrics)
@@ -81,6 +83,7 @@ def write_report(
     html = write_html(results, content, folder)
     markdown = experiment_dir / "report.md"
     markdown.write_text(_markdown(results, content), encoding="utf-8")
+    current.finish(experiment_dir, runs)
     return ReportPaths(markdown, html, summary_csv, folder, results.problems)
 
 

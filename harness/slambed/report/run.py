@@ -11,6 +11,7 @@ from slambed.campaign.runner import Verdict
 from slambed.errors import ExitCode, SlambedError
 from slambed.report.again import recompute_refused
 from slambed.report.asked import check_asked
+from slambed.report.current import is_current
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.papers.plan import plans_of_today
@@ -44,14 +45,15 @@ def raise_unless_good(verdicts: list[Verdict], what: str) -> None:
 
 
 def show_report(folder: Path, console: Console, anew: bool = True, figures: bool = True) -> None:
-    """Shows the tables of a result folder and writes its report, unless it is there already."""
+    """Shows the tables of a result folder and writes its report, unless one of these runs is there
+    already."""
     results = load(folder)
     if results.refused and (again := recompute_refused(folder)) is not None:
         anew = True
         for line in again.lines():
             _say(console, line)
         results = load(folder)
-    if anew or not (folder / "report" / "index.html").exists():
+    if anew or not is_current(folder):
         write_report(folder, figures=figures, loaded=results)
     terminal_summary(folder, console, results)
     _say(console, f"every run: {folder / 'summary.csv'}")

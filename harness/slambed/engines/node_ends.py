@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a live node ended: by itself, at its memory limit, or because somebody else ended it."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from slambed.endings import ended_from_outside, ending
+from slambed.engines.base import Node, last_line
+from slambed.errors import KilledError, SlambedError
+from slambed.json_file import object_or_empty
+from slambed.spec.system import Role
+
+
+def told_by(node: Node, run_dir: Path) -> dict[str, Any]:
+    """What a node wrote about its end; empty when it could not."""
+    return object_or_empty(run_dir / node.role / "node.json")
+
+
+def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
+    """What somebody else did to a node whose end nobody here asked for; None for its own end.
+
+    A node that hears SIGTERM (as from a daemon that goes down) writes everything and exits well: it
+    says itself that it was stopped.
+    """
+    if ended_from_outside(code) and not node.out_of_memory():
+        return f"was killed from outside ({ending(code)})"
+    if code == 0 and told_by(node, run_dir).get("stopped"):
+        return "was told to stop from outside"
+    return None
+
+
+def how_it_died(node: Node, code: int, run_dir: Path) -> str:
+    """One line for the outcome."""
+    if (outside := from_outside(node, code, run_dir)) is not None:
+        return f"{node.role} node: {outside}"
+    how = "killed at its memory limit" if node.out_of_memory() else ending(code)
+    return f"{node.role} node: {how}: {last_line(run_dir / node.role / 'log.txt')}"
+
+
+@contextmanager
+def at_gate(nodes: Mapping[Role, Node]) -> Iterator[None]:
+    """What fails because a node has gone passes: before its gate opens it executes nothing of the
+    system, so somebody else ended it."""
+    try:
+        yield
+    except (SlambedError, OSError) as error:
+        for role, node in nodes.items():
+            if (code := node.exit_code()) is not None:
+                line = f"the {role} node was killed at its gate ({ending(code)}): {error}"
+                raise KilledError(line) from error
+        raise

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node that somebody else kills or stops says nothing about the system: such a run is not to be
+trusted, or costs an attempt, and the campaign goes on."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
+from test_engine_local import Bench
+
+from slambed.endings import ended_from_outside, signal_of
+from slambed.engines import launcher, local
+from slambed.errors import KilledError, PassingError, environment_error
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    with nodes_of_tests():
+        yield Bench(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("code", "number", "outside"),
+    [
+        (0, None, False),
+        (3, None, False),
+        (-9, 9, True),
+        (137, 9, True),
+        (143, 15, True),
+        (-11, 11, False),
+        (139, 11, False),
+        (255, None, False),
+    ],
+)
+def test_what_a_code_says_of_an_end(code: int, number: int | None, outside: bool) -> None:
+    assert (signal_of(code), ended_from_outside(code)) == (number, outside)
+
+
+@needs_root
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [
+        (signal.SIGKILL, "was killed from outside (signal 9)"),
+        (signal.SIGTERM, "was told to stop from outside"),
+    ],
+)
+def test_a_mobile_ended_from_outside_is_no_result(
+    bench: Bench, number: signal.Signals, told: str
+) -> None:
+    def end() -> None:
+        while not (bench.folder / "raw" / "mobile" / "events.jsonl").exists():
+            time.sleep(0.01)
+        assert bench.live is not None
+        os.kill(bench.live._nodes["mobile"].pid, number)
+
+    threading.Thread(target=end, daemon=True).start()
+    playback = run_spec().playback.model_copy(update={"end_s": 1.5})
+    result = bench.run(run_spec(playback=playback))
+    assert (result.outcome, result.reason) == ("died", f"mobile node: {told}")
+    assert result.distrust == [f"the mobile node {told}"]
+
+
+@needs_root
+def test_a_node_killed_at_its_gate_costs_an_attempt(bench: Bench) -> None:
+    def kill_the_edge(*_: Any) -> IdleLink:
+        assert bench.live is not None
+        node = bench.live._nodes["edge"]
+        os.kill(node.pid, signal.SIGKILL)
+        while node.exit_code() is None:
+            time.sleep(0.005)
+        raise environment_error("no such namespace")
+
+    bench.open_link = kill_the_edge  # type: ignore[method-assign]
+    with pytest.raises(KilledError, match="the edge node was killed at its gate"):
+        bench.run(run_spec(edge=True))
+
+
+GATES = {
+    # What takes the launcher's place -> the error and what it says.
+    "import time; time.sleep(60)": (PassingError, "did not reach its gate within 1 s"),
+    "import os; os.kill(os.getpid(), 9)": (KilledError, "it was killed .signal 9"),
+}
+
+
+@needs_root
+@pytest.mark.parametrize("code", GATES)
+def test_who_does_not_reach_the_gate(
+    bench: Bench, code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Slow or killed passes; only a kernel that refuses is final (engine local's own tests)."""
+    program = bench.folder / "launcher.py"
+    program.write_text(code)
+    monkeypatch.setattr(launcher, "__file__", str(program))
+    monkeypatch.setattr(local, "GATE_TIMEOUT_S", 1.0)
+    kind, line = GATES[code]
+    with pytest.raises(kind, match=line):
+        bench.run(run_spec())
