@@ -8,11 +8,14 @@ import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import psutil
 import pytest
 from harness_parts import stand_in_sim, virtual_spec
+from pebble.common import ProcessFuture, Result, ResultStatus
+from pebble.concurrent.process import _worker_handler
 from virtual_parts import Quiet
 
 from slambed.campaign.folder import ResultFolder
@@ -180,3 +183,41 @@ def test_a_process_that_is_killed_again_and_again_is_given_up(tmp_path: Path) ->
     campaign = failing(tmp_path, KilledError("was killed"), {1: 99})
     verdict = campaign.run(runs(3), Quiet())
     assert verdict.done == 2 and len(verdict.given_up) == 1
+
+
+@dataclass
+class LatePipe:
+    """Has a result, and meanwhile nobody wants it any more."""
+
+    future: ProcessFuture[int]
+
+    def poll(self, timeout_s: float) -> bool:
+        return True
+
+    def recv(self) -> Result[int]:
+        self.future.set_running_or_notify_cancel()
+        assert self.future.cancel()
+        return Result(ResultStatus.SUCCESS, 1)
+
+
+def test_a_result_that_comes_while_a_campaign_stops_is_no_traceback(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a full disk under 32 jobs the user once read a traceback of a thread of pebble's."""
+    monkeypatch.setattr(threading, "excepthook", threading.__excepthook__)
+    future: ProcessFuture[int] = ProcessFuture()
+    worker = SimpleNamespace(is_alive=lambda: False)
+
+    def handle() -> None:
+        thread = threading.Thread(target=_worker_handler, args=(future, worker, pipe, None))
+        thread.start()
+        thread.join()
+
+    pipe = LatePipe(future)
+    handle()
+    assert "InvalidStateError" in capfd.readouterr().err
+    executor = ProcessExecutor({}, tmp_path, None, 1)
+    handle()
+    assert capfd.readouterr().err == ""
+    executor.close()
+    assert threading.excepthook is threading.__excepthook__

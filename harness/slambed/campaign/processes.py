@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import sys
 import threading
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, InvalidStateError
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
 from multiprocessing.connection import wait
@@ -45,6 +45,13 @@ def _end_with_harness() -> None:
         os._exit(1)
 
 
+def thread_failed(failure: threading.ExceptHookArgs) -> None:
+    """A thread of pebble's finds its future cancelled at the very moment at which its process ends:
+    when a campaign stops nobody waits for that result, so there is nothing to tell."""
+    if failure.exc_type is not InvalidStateError:
+        threading.__excepthook__(failure)
+
+
 @dataclass
 class ProcessExecutor:
     """Executes virtual runs in `jobs` processes of this host."""
@@ -53,6 +60,9 @@ class ProcessExecutor:
     program: Path
     features: Path | None
     jobs: int
+
+    def __post_init__(self) -> None:
+        threading.excepthook = thread_failed
 
     def execute(
         self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
@@ -88,3 +98,4 @@ class ProcessExecutor:
 
     def close(self) -> None:
         """Processes end with their runs."""
+        threading.excepthook = threading.__excepthook__
