@@ -22,8 +22,8 @@ sys.path.insert(0, str(ROOT / "harness" / "tests"))
 from chaos_campaign import Outcome, Torment  # noqa: E402
 from chaos_place import Place  # noqa: E402
 
-FAULTS_EACH = {"virtual": 24, "dask": 10, "live": 4}
-EVERY_S = {"virtual": 0.5, "dask": 1.5, "live": 4.0}
+FAULTS_EACH = {"virtual": 50, "dask": 10, "live": 4}
+EVERY_S = {"virtual": 0.2, "dask": 1.5, "live": 4.0}
 DRAW_EVERY = 8
 """Only so many campaigns have figures drawn: that takes longer than their runs."""
 

@@ -47,12 +47,12 @@ ALWAYS: list[tuple[Fault, int]] = [
 ]
 OF_KIND: dict[str, list[tuple[Fault, int]]] = {
     "virtual": [
-        (Fault(KILL, "worker"), 6),
-        (Fault(KILL, "node"), 6),
-        (Fault(KILL, "fork server"), 1),
+        (Fault(KILL, "worker"), 12),
+        (Fault(KILL, "node"), 12),
+        (Fault(KILL, "fork server"), 2),
         (Fault(KILL, "resource tracker"), 1),
-        (Fault(STOP, "worker"), 2),
-        (Fault(STOP, "node"), 2),
+        (Fault(STOP, "worker"), 3),
+        (Fault(STOP, "node"), 3),
     ],
     "dask": [
         (Fault(KILL, "Dask worker"), 5),
@@ -125,6 +125,7 @@ class Campaign:
         self._held: list[tuple[float, psutil.Process | None]] = []
         """When to let go of what was stopped; None: the disk."""
         self._log = self.folder / "log.txt"
+        self._pids: list[int] = []
         self._cluster: Cluster | None = None
         if t.kind == "dask":
             self._cluster = Cluster(self.folder, self.environment(), min(t.jobs, MOST_WORKERS))
@@ -172,10 +173,9 @@ class Campaign:
         self.out.problems += problems_of_results(results)
         if self.reference is not None:
             self.out.problems += problems_of_bytes(results, self.reference)
-        locks = [results.path / ".lock"]
-        if self.torment.kind == "live":
-            locks.append(default_lock_path())
-        self.out.problems += problems_of_host(self.token, locks, keys, self.folder / "tmp")
+        locks = [results.path / ".lock", default_lock_path()]
+        empty = self.folder / "tmp"
+        self.out.problems += problems_of_host(self.token, locks, self._pids, keys, empty)
 
     def _call(self) -> int:
         command = [sys.executable, "-c", COMMAND if self.torment.figures else WITHOUT_FIGURES]
@@ -189,6 +189,7 @@ class Campaign:
                 cwd=self.folder,
                 start_new_session=True,
             )
+        self._pids.append(process.pid)
         # Now and then while it starts; mostly once it executes runs, however slow the host is.
         early = self.rng.random() < EARLY
         began_ns, next_s = time.time_ns(), None

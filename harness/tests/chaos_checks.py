@@ -79,7 +79,9 @@ def problems_of_bytes(folder: ResultFolder, reference: dict[str, str]) -> list[s
     return [f"other bytes: {name}" for name in names if here.get(name) != reference.get(name)]
 
 
-def problems_of_host(token: str, locks: list[Path], keys: list[str], empty: Path) -> list[str]:
+def problems_of_host(
+    token: str, locks: list[Path], pids: list[int], keys: list[str], empty: Path
+) -> list[str]:
     """Processes, locks, control groups, containers and temporary files that are left."""
     deadline = time.monotonic() + ENDS_WITHIN_S
     while (left := processes(token)) and time.monotonic() < deadline:
@@ -88,7 +90,7 @@ def problems_of_host(token: str, locks: list[Path], keys: list[str], empty: Path
     for process in left:
         with contextlib.suppress(psutil.Error):
             found.append(f"process left: {process.pid} {' '.join(process.cmdline())[:100]}")
-    found += [f"lock held: {path}" for path in locks if _is_held(path)]
+    found += [f"lock held: {path}" for path in locks if _is_held(path, pids)]
     groups = [
         path.name for path in CgroupMaker().leftovers() if path.name[:-5].startswith(tuple(keys))
     ]
@@ -98,8 +100,9 @@ def problems_of_host(token: str, locks: list[Path], keys: list[str], empty: Path
     return found
 
 
-def _is_held(path: Path) -> bool:
-    if not path.exists():
+def _is_held(path: Path, pids: list[int]) -> bool:
+    """By one of these: that of the host may be another campaign's now."""
+    if (read_object(path) or {}).get("pid") not in pids:
         return False
     with path.open("r+") as handle:
         try:
