@@ -39,6 +39,9 @@ PAYLOAD = bytes(48)
 """With headers 76 bytes: small enough not to matter at any rate."""
 ANCILLARY_BYTES = 512
 LARGEST_SEQUENCE = 65_535
+OFFSET_TRIES = 3
+CLOCK_SET_NS = 1_000_000
+"""A clock that is only disciplined (0.5 ms in a second) moves less while an echo travels."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,8 @@ class Pinger:
         self._user_sent: dict[int, int] = {}
         self._kernel_sent: dict[int, int] = {}
         self._received: dict[int, int] = {}
+        self._offset_sent: dict[int, int] = {}
+        self._offset_received: dict[int, int] = {}
         self._next = 0
 
     def send(self) -> None:
@@ -78,6 +83,7 @@ class Pinger:
         check = _checksum(header + PAYLOAD)
         packet = HEADER.pack(ECHO_REQUEST, 0, check, self._identifier, sequence) + PAYLOAD
         self._user_sent[self._next] = time.clock_gettime_ns(time.CLOCK_REALTIME)
+        self._offset_sent[self._next] = to_monotonic_ns()
         self._next += 1
         # A full queue or a device that went away: the echo counts as lost.
         with contextlib.suppress(OSError):
@@ -113,24 +119,31 @@ class Pinger:
             return
         # The newest request with this 16-bit number; numbers repeat after 65,535 echoes.
         number = (self._next - 1) - (self._next - sequence) % LARGEST_SEQUENCE
-        self._received.setdefault(number, stamp)
+        if number not in self._received:
+            self._received[number] = stamp
+            self._offset_received[number] = to_monotonic_ns()
 
     def echoes(self) -> Echoes:
         """Everything so far."""
         numbers = list(range(self._next))
-        to_monotonic = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - time.clock_gettime_ns(
-            time.CLOCK_REALTIME
-        )
         sent = [self._kernel_sent.get(n, self._user_sent[n]) for n in numbers]
         rtt = [
-            (self._received[n] - stamp) / 1e6 if n in self._received else np.nan
+            (self._received[n] - stamp + self._set_meanwhile_ns(n)) / 1e6
+            if n in self._received
+            else np.nan
             for n, stamp in zip(numbers, sent, strict=True)
         ]
+        offsets = [self._offset_sent[n] for n in numbers]
         return Echoes(
             sequence=np.array([n % LARGEST_SEQUENCE + 1 for n in numbers], dtype=np.int64),
-            sent_ns=np.array(sent, dtype=np.int64) + to_monotonic,
+            sent_ns=np.array(sent, dtype=np.int64) + np.array(offsets, dtype=np.int64),
             rtt_ms=np.array(rtt, dtype=float),
         )
+
+    def _set_meanwhile_ns(self, number: int) -> int:
+        """By how much somebody set the clock while an echo was under way."""
+        by_ns = self._offset_received[number] - self._offset_sent[number]
+        return by_ns if abs(by_ns) > CLOCK_SET_NS else 0
 
     @property
     def kernel_stamps(self) -> bool:
@@ -140,6 +153,18 @@ class Pinger:
     def close(self) -> None:
         """Closes the socket."""
         self._socket.close()
+
+
+def to_monotonic_ns() -> int:
+    """CLOCK_MONOTONIC - CLOCK_REALTIME now: another one once the clock is set. Of a few tries
+    that with the least time in it, because the host may stop us between two clocks."""
+    tries = []
+    for _ in range(OFFSET_TRIES):
+        before = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+        real = time.clock_gettime_ns(time.CLOCK_REALTIME)
+        after = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+        tries.append((after - before, (before + after) // 2 - real))
+    return min(tries)[1]
 
 
 def _open_socket() -> socket.socket:
