@@ -24,12 +24,6 @@ from slambed.engines.host_lock import default_lock_path
 from slambed.errors import ExitCode
 
 COMMAND = "from slambed.cli import main; main()"
-WITHOUT_FIGURES = f"""
-from slambed.report import experiment
-from slambed.report.plots import Drawn
-experiment.draw_all = lambda *_: Drawn([], 0)
-{COMMAND}
-"""
 MOST_HELD_S = 1.5
 """How long something stays stopped, or the disk bad."""
 MOST_WORKERS = 3
@@ -178,8 +172,9 @@ class Campaign:
         self.out.problems += problems_of_host(self.token, locks, self._pids, keys, empty)
 
     def _call(self) -> int:
-        command = [sys.executable, "-c", COMMAND if self.torment.figures else WITHOUT_FIGURES]
-        command += ["run", str(self.experiment), "--results", str(self.disk.folder), *self.more]
+        command = [sys.executable, "-c", COMMAND, "run", str(self.experiment), *self.more]
+        command += ["--results", str(self.disk.folder)]
+        command += ["--figures" if self.torment.figures else "--no-figures"]
         with self._log.open("w") as log:
             process = subprocess.Popen(
                 command,

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from chaos_campaign import WITHOUT_FIGURES, Campaign, Outcome, Torment
+from chaos_campaign import COMMAND, Campaign, Outcome, Torment
 from virtual_parts import fingerprints, make_sequence, write_experiment
 
 from slambed.campaign.folder import ResultFolder
@@ -45,7 +45,7 @@ class Place:
 
     def _undisturbed(self) -> dict[str, str]:
         calm = self.folder / "calm"
-        command = [sys.executable, "-c", WITHOUT_FIGURES, "run"]
+        command = [sys.executable, "-c", COMMAND, "run", "--no-figures"]
         command += [str(self.experiment), "--results", str(calm)]
         subprocess.run(command, check=True, capture_output=True)
         return fingerprints(ResultFolder(calm / self.experiment.stem))
