@@ -29,7 +29,7 @@ MOST_HELD_S = 1.5
 MOST_WORKERS = 3
 EARLY = 0.15
 """Share of calls that may meet a fault before they execute runs."""
-HANGS_S = 300.0
+HANGS_S = 1200.0
 LOOK_EVERY_S = 0.01
 EXPECTED = {ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT, 130, -signal.SIGKILL, -signal.SIGTERM}
 """How a call that met faults may end."""
@@ -201,6 +201,7 @@ class Campaign:
             if now_s - last_s > HANGS_S:
                 self.out.problems.append(f"hangs: {self._last_line()}")
                 process.kill()
+                process.wait()
             time.sleep(LOOK_EVERY_S)
         self._let_go(everything=self.rng.random() < 0.5)
         self.out.calls.append([code, self._last_line()])

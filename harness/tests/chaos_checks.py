@@ -16,12 +16,14 @@ from virtual_parts import fingerprints
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.store import LOCK, RESULT_FILES, WORK
+from slambed.campaign.store import LOCK, WORK
 from slambed.engines.base import LABEL
 from slambed.engines.cgroups import CgroupMaker
 from slambed.json_file import read_object
 from slambed.metrics.digest import digest
 
+ALWAYS = ("manifest.json", "summary.json")
+"""What every run has."""
 ENDS_WITHIN_S = 10.0
 """A process whose harness was killed has this long to see it."""
 
@@ -60,7 +62,7 @@ def problems_of_results(folder: ResultFolder) -> list[str]:
 
 def _torn(place: Path) -> list[str]:
     """What is wrong with the folder of one run."""
-    found = [f"no {name}" for name in RESULT_FILES if read_object(place / name) is None]
+    found = [f"no {name}" for name in ALWAYS if read_object(place / name) is None]
     if not found:
         told = (read_object(place / "manifest.json") or {}).get("results_sha256")
         if told != digest(place):

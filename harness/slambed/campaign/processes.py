@@ -97,5 +97,4 @@ class ProcessExecutor:
             future.cancel()
 
     def close(self) -> None:
-        """Processes end with their runs."""
-        threading.excepthook = threading.__excepthook__
+        """Processes end with their runs; threads of pebble's may still be about to see that."""
