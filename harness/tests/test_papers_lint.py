@@ -81,8 +81,8 @@ MISTAKES: dict[str, tuple[str, Mistake, str]] = {
     ),
     "a system that is not built and does not say so": (
         "multithread_rl",
-        lambda p: p["systems"]["relocate"].pop("not_built"),
-        "no system multithread_rl",
+        lambda p: p["systems"]["relocate"]["match"].update(system="multithread_lr"),
+        "no system multithread_lr",
     ),
     "a system that is said not to be built": (
         "dynnetslam",

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam/edgeslam.hpp"
 
-#include "edgeslam/policies.hpp"
+#include "offload/edge_slam.hpp"
 
 namespace slambed {
 

@@ -30,6 +30,8 @@ STAGE_COLOURS = {
     "extract": "#56B4E9", "track": "#0072B2", "create_keyframe": "#003d66",
     "serialise": "#CC79A7", "serialise_text": "#CC79A7", "parse": "#8a4a70",
     "parse_text": "#8a4a70", "apply_update": "#000000",
+    "insert_keyframes": "#000000", "update_reference": "#525252", "update_last_frame": "#969696",
+    "clean_map": "#bdbdbd", "relocalise": "#F0E442",
     "prepare_update": "#E69F00", "insert": "#c7e9c0", "cull_points": "#a1d99b",
     "triangulate": "#74c476", "fuse": "#31a354", "bundle": "#006d2c", "cull_keyframes": "#00441b",
     "loop_detect": "#fdae6b", "loop_close": "#e6550d", "global_bundle": "#a63603",

@@ -20,8 +20,8 @@ WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 def story(run: RunLog) -> list[str]:
     """One line per fact."""
     return [
-        _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run), *_states(run),
-        *_losses(run),
+        _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run), *_requests(run),
+        *_states(run), *_losses(run),
     ]  # fmt: skip
 
 
@@ -101,6 +101,24 @@ def _updates(run: RunLog) -> list[str]:
         for reason, count in declined["reason"].value_counts().items():
             lines.append(f"{_count(int(count), what)} declined: {reason}")
     return lines
+
+
+def _requests(run: RunLog) -> list[str]:
+    """Lost frames that the edge was asked for, and how long updates rested meanwhile."""
+    asked = run.of("reloc_request")
+    if asked.empty:
+        return []
+    replies = run.of("reloc_reply")
+    used = int(replies["used"].eq(True).sum()) if len(replies) else 0
+    reasons = replies["reason"].value_counts() if "reason" in replies else pd.Series(dtype=int)
+    others = "".join(f", {reason} {count}" for reason, count in reasons.items())
+    lines = [f"{_count(len(asked), 'lost frame')} sent to the edge: {used} found and used{others}"]
+    begun, ended = run.of("suspended"), run.of("resumed")
+    ends = dict(zip(ended["loss"], ended["t_s"], strict=True)) if len(ended) else {}
+    for loss, t_s in zip(begun["loss"], begun["t_s"], strict=True):
+        until = f"{ends[loss]:.2f} s" if loss in ends else "the end"
+        lines.append(f"updates rested from {t_s:.2f} s to {until}")
+    return lines[: MOST_LOSSES + 1]
 
 
 def _states(run: RunLog) -> list[str]:

@@ -139,7 +139,11 @@ void MobileNode::record(const TrackedFrame& frame, TrackingState before, Duratio
   }
   if (outcome.reset_now) log.write(frame_event("reset", frame.offered));
   if (outcome.initialised_now) log.write(frame_event("initialised", frame.offered));
-  if (frame.relocalised_now) log.write(frame_event("relocalised", frame.offered));
+  if (frame.relocalised_now) {
+    JsonLine event = frame_event("relocalised", frame.offered);
+    if (const auto by = policy_->relocalised_by(frame); !by.empty()) event.add("by", by);
+    log.write(event);
+  }
   log.write(frame_event("frame_tracked", frame.offered)
                 .add("state", state_name(outcome.state))
                 .add("features", frame.features->size())
@@ -175,7 +179,9 @@ MapDelta MobileNode::create_keyframe(Worker& worker, const TrackedFrame& frame, 
   return delta;
 }
 
-void MobileNode::replace_map(std::shared_ptr<Map> map) { tracker_->replace_map(std::move(map)); }
+void MobileNode::replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> provisional) {
+  tracker_->replace_map(std::move(map), provisional);
+}
 
 void MobileNode::write_trajectories(const std::filesystem::path& folder) {
   policy_->place_keyframes(poses_);

@@ -64,8 +64,8 @@ class MobileNode {
   /// Makes a keyframe of the frame just tracked and records it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
-  /// Notes the old map's poses and lets tracking go on with another one.
-  void replace_map(std::shared_ptr<Map> map);
+  /// Lets tracking go on with another map; see Tracker::replace_map.
+  void replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> provisional = {});
   PoseBook& poses() { return poses_; }
 
  private:

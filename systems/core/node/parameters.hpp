@@ -30,6 +30,8 @@ class Parameters {
   Parameters(const nlohmann::json& values, const std::vector<ParameterSpec>& specs,
              const std::string& where);
 
+  /// Whether the system has such a parameter.
+  bool has(const std::string& name) const { return values_.contains(name); }
   int integer(const std::string& name) const;
   double real(const std::string& name) const;
   bool boolean(const std::string& name) const;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "node/counts.hpp"
@@ -44,6 +45,9 @@ class MobilePolicy {
   }
   /// After each frame: whether to make a keyframe, and what becomes of it.
   virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
+  /// Of a frame in which a lost camera was found: with whose help ("local", "edge", "map"); empty: the
+  /// system does not tell.
+  virtual std::string_view relocalised_by(const TrackedFrame&) { return {}; }
   /// Playback is over: let work end, say goodbye.
   virtual void finish(Worker& worker) = 0;
   /// After all workers have ended: enters the keyframe poses it knows of.

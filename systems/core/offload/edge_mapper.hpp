@@ -51,6 +51,13 @@ class EdgeMapper {
   auto read_for_update(Read read) {
     return jumps_.update(read);
   }
+  /// read(number, jumped): also whether the map has jumped since the update with the number applied.
+  template <typename Read>
+  auto read_for_update(std::uint64_t applied, Read read) {
+    return jumps_.update(applied, read);
+  }
+  /// How often the map has jumped so far.
+  std::uint64_t jumps() const { return jumps_.count(); }
   /// Where every keyframe that was ever admitted is now, culled ones through their parents.
   std::vector<KeyFramePose> all_poses() const;
   /// The latest mapped keyframes that still exist, newest first, at most count.

@@ -68,7 +68,10 @@ void EdgeFarewell::listen(Worker& worker) {
 }
 
 bool EdgeFarewell::answer(Worker& worker, const Message& message) {
-  if (message.type != type_of(wire::MessageType::kBye)) return false;
+  if (message.type != type_of(wire::MessageType::kBye)) {
+    if (options_.other) options_.other(message);
+    return false;
+  }
   wire::ByeMessage bye;
   try {
     bye = wire::decode_bye(message.payload);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
+
 #include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
 #include "wire/messages.hpp"
@@ -44,6 +46,8 @@ struct EdgeFarewellOptions {
   bool final_poses = true;
   /// The mobile must be away for so long before the edge gives up.
   Duration patience = std::chrono::seconds(30);
+  /// Hears what else comes on the control channel.
+  std::function<void(const Message&)> other{};
 };
 
 /// The edge's control worker: ends the node after BYE or when the mobile is gone for good.
@@ -51,7 +55,7 @@ class EdgeFarewell {
  public:
   EdgeFarewell(EdgeNode& node, Channel& control, FarewellSource& source,
                EdgeFarewellOptions options)
-      : node_(node), control_(control), source_(source), options_(options) {}
+      : node_(node), control_(control), source_(source), options_(std::move(options)) {}
 
   void start();
 

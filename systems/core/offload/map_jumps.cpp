@@ -45,6 +45,7 @@ void MapJumps::commit(Map& map, const MapDelta& delta) {
   map.commit(delta);
   if (map.read([&](const MapView& view) { return moved(view, before); })) {
     jumps_.push_back({updates_, std::move(before)});
+    ++count_;
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -23,6 +24,16 @@ class MapJumps {
     std::lock_guard lock(mutex_);
     return read(++updates_);
   }
+  /// The same for somebody whose last update had the number applied: read(number, jumped), whether the
+  /// map has jumped since then.
+  template <typename Read>
+  auto update(std::uint64_t applied, Read read) {
+    std::lock_guard lock(mutex_);
+    const bool jumped = !jumps_.empty() && jumps_.back().updates >= applied;
+    return read(++updates_, jumped);
+  }
+  /// How often the map has jumped so far.
+  std::uint64_t count() const { return count_; }
   /// Commits a change that may move keyframes by more than the mapper does.
   void commit(Map& map, const MapDelta& delta);
   /// The keyframe and its new points as they fit the map now, when the mobile made them on a map
@@ -42,6 +53,7 @@ class MapJumps {
   std::mutex mutex_;           ///< guards what follows; taken before a map's lock
   std::uint64_t updates_ = 0;  ///< read so far
   std::deque<Jump> jumps_;     ///< oldest first
+  std::atomic<std::uint64_t> count_{0};
 };
 
 }  // namespace slambed

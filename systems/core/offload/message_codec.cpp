@@ -43,6 +43,17 @@ Bytes MessageCodec::serialise(Worker& worker, const wire::FrameMessage& message)
                 [&] { return text() ? encode_text(message, *vocabulary_) : encode(message); });
 }
 
+Bytes MessageCodec::serialise(Worker& worker, const wire::RelocRequest& message) const {
+  return staged(worker,
+                [&] { return text() ? encode_text(message, *vocabulary_) : encode(message); });
+}
+
+Bytes MessageCodec::serialise(Worker& worker, const wire::RelocOk& message,
+                              const wire::FrameMessage& asked) const {
+  return staged(
+      worker, [&] { return text() ? encode_text(message, asked, *vocabulary_) : encode(message); });
+}
+
 wire::KeyFrameMessage MessageCodec::keyframe(const Bytes& bytes,
                                              const wire::SensorPtr& sensor) const {
   return text() ? wire::decode_keyframe_text(bytes, sensor) : wire::decode_keyframe(bytes, sensor);
@@ -54,6 +65,15 @@ wire::MapUpdate MessageCodec::update(const Bytes& bytes, const wire::SensorPtr& 
 
 wire::FrameMessage MessageCodec::frame(const Bytes& bytes, const wire::SensorPtr& sensor) const {
   return text() ? wire::decode_frame_text(bytes, sensor) : wire::decode_frame(bytes, sensor);
+}
+
+wire::RelocRequest MessageCodec::request(const Bytes& bytes, const wire::SensorPtr& sensor) const {
+  return text() ? wire::decode_reloc_request_text(bytes, sensor)
+                : wire::decode_reloc_request(bytes, sensor);
+}
+
+wire::RelocOk MessageCodec::found(const Bytes& bytes, const wire::SensorPtr& sensor) const {
+  return text() ? wire::decode_reloc_ok_text(bytes, sensor) : wire::decode_reloc_ok(bytes, sensor);
 }
 
 }  // namespace slambed

@@ -8,6 +8,7 @@
 #include "map/map.hpp"
 #include "runtime/channel.hpp"
 #include "wire/messages.hpp"
+#include "wire/reloc_messages.hpp"
 
 namespace slambed {
 
@@ -28,11 +29,17 @@ class MessageCodec {
   Bytes serialise(Worker& worker, const wire::KeyFrameMessage& message, const Map& local) const;
   Bytes serialise(Worker& worker, const wire::MapUpdate& message) const;
   Bytes serialise(Worker& worker, const wire::FrameMessage& message) const;
+  Bytes serialise(Worker& worker, const wire::RelocRequest& message) const;
+  /// asked: the frame of the request.
+  Bytes serialise(Worker& worker, const wire::RelocOk& message,
+                  const wire::FrameMessage& asked) const;
 
   /// All throw wire::DecodeError. Within the stage parse_stage().
   wire::KeyFrameMessage keyframe(const Bytes& bytes, const wire::SensorPtr& sensor) const;
   wire::MapUpdate update(const Bytes& bytes, const wire::SensorPtr& sensor) const;
   wire::FrameMessage frame(const Bytes& bytes, const wire::SensorPtr& sensor) const;
+  wire::RelocRequest request(const Bytes& bytes, const wire::SensorPtr& sensor) const;
+  wire::RelocOk found(const Bytes& bytes, const wire::SensorPtr& sensor) const;
 
  private:
   template <typename Write>

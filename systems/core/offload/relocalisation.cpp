@@ -38,7 +38,7 @@ void RelocalisationService::serve(Worker& worker) {
                                  options_.codec.frame(message->payload, node_.peer().sensor()));
       } catch (const wire::DecodeError& error) {
         node_.log().warning(std::string("FRAME refused: ") + error.what());
-        return Relocaliser::Answer();
+        return RelocalisationHelp::Answer();
       }
     });
     if (!answer) continue;

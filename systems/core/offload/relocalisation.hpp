@@ -25,12 +25,12 @@ class RelocalisationRequests {
 };
 
 /// How an edge tells a lost mobile where it is.
-class Relocaliser {
+class RelocalisationHelp {
  public:
   /// Tells the mobile; false when there was nothing to tell after all.
   using Answer = std::function<bool(Worker&)>;
 
-  virtual ~Relocaliser() = default;
+  virtual ~RelocalisationHelp() = default;
   /// The mobile has asked, whether or not it will be looked for.
   virtual void asked(const Message&) {}
   /// Looks for the frame. Within the stage that parsed it; empty: not found.
@@ -47,7 +47,7 @@ struct RelocalisationOptions {
 /// The edge's side: receives frames of a lost mobile and has them answered.
 class RelocalisationService {
  public:
-  RelocalisationService(EdgeNode& node, Channel& frames, Relocaliser& relocaliser,
+  RelocalisationService(EdgeNode& node, Channel& frames, RelocalisationHelp& relocaliser,
                         RelocalisationOptions options)
       : node_(node), channel_(frames), relocaliser_(relocaliser), options_(std::move(options)) {}
   void start();
@@ -57,7 +57,7 @@ class RelocalisationService {
 
   EdgeNode& node_;
   Channel& channel_;
-  Relocaliser& relocaliser_;
+  RelocalisationHelp& relocaliser_;
   RelocalisationOptions options_;
 };
 

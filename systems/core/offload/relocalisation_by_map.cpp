@@ -7,7 +7,7 @@
 
 namespace slambed {
 
-Relocaliser::Answer RelocalisationByMap::find(const Message& raw, const wire::FrameMessage& frame) {
+RelocalisationHelp::Answer RelocalisationByMap::find(const Message& raw, const wire::FrameMessage& frame) {
   auto found = alike(frame);
   if (found.empty()) return {};
   return [this, queued = raw.queued, received = raw.received,

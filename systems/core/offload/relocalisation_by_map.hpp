@@ -10,7 +10,7 @@ namespace slambed {
 
 /// Edge-SLAM's way: keyframes that look like the frame and the latest ones become the mobile's map, in
 /// which it finds itself.
-class RelocalisationByMap final : public Relocaliser {
+class RelocalisationByMap final : public RelocalisationHelp {
  public:
   /// latest: so many of the latest keyframes go along.
   RelocalisationByMap(EdgeMapper& mapper, UpdateSender& updates, int latest,

@@ -12,12 +12,12 @@ bool compatible(const Parameters& parameters) {
 
 }  // namespace
 
-std::vector<ParameterSpec> offload_parameters() {
+std::vector<ParameterSpec> offload_parameters(std::vector<std::string> map_updates) {
   return {
       ParameterSpec::integer("n_orb", 50, 10'000),
       ParameterSpec::integer("n_kf", 1, 100),
       ParameterSpec::real("sync_period_s", 0, 600),
-      ParameterSpec::choice("map_update", {"serial", "parallel"}),
+      ParameterSpec::choice("map_update", std::move(map_updates)),
       ParameterSpec::integer("update_neighbours", 0, 100),
       ParameterSpec::integer("min_local_keyframes", 0, 100),
       ParameterSpec::real("fast_motion_ms", 0, 10'000),
@@ -36,11 +36,21 @@ std::vector<ParameterSpec> offload_parameters() {
   };
 }
 
-System offload_system(std::string name) {
+std::vector<ParameterSpec> staging_parameters() {
+  return {ParameterSpec::choice("keyframe_backup", {"none", "update", "uncovered"})};
+}
+
+std::vector<ParameterSpec> edge_relocalisation_parameters() {
+  return {ParameterSpec::choice("relocalisation", {"map", "edge"}),
+          ParameterSpec::boolean("keep_recovery_keyframe"),
+          ParameterSpec::integer("reloc_fail_bytes", 0, 10'000'000)};
+}
+
+System offload_system(std::string name, std::vector<ParameterSpec> specs) {
   System system;
   system.name = std::move(name);
   system.channels = {"control", "keyframe", "map", "frame"};
-  system.parameters = offload_parameters();
+  system.parameters = std::move(specs);
   system.orb = [](const Parameters& parameters) {
     OrbOptions options;
     options.features = parameters.integer("n_orb");
@@ -87,15 +97,22 @@ void OffloadChannels::start() {
   for (const auto& channel : waiting_) channel->start();
 }
 
-MapDownlink::Mode downlink_mode(const Parameters& parameters) {
-  return parameters.text("map_update") == "parallel" ? MapDownlink::Mode::kParallel
-                                                     : MapDownlink::Mode::kSerial;
-}
-
-UpdateRules update_rules(const Parameters& parameters) {
-  return {.min_local_keyframes = parameters.integer("min_local_keyframes"),
-          .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
-          .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")};
+DownlinkOptions downlink_options(const Parameters& parameters) {
+  DownlinkOptions options{
+      .rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
+                .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
+                .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
+      .codec = message_codec(parameters)};
+  const std::string mode = parameters.text("map_update");
+  if (mode == "parallel") options.mode = MapUpdateMode::kParallel;
+  if (mode == "staged") {
+    options.mode = MapUpdateMode::kStaged;
+    const std::string backup = parameters.text("keyframe_backup");
+    options.backup = backup == "none"     ? MapStaging::Backup::kNone
+                     : backup == "update" ? MapStaging::Backup::kUpdate
+                                          : MapStaging::Backup::kUncovered;
+  }
+  return options;
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters) {
@@ -105,7 +122,18 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
                       .neighbours = parameters.integer("update_neighbours"),
                       .period = from_seconds(parameters.real("sync_period_s")),
                       .poses = parameters.boolean("update_poses"),
+                      .keep_recovery = relocalises_on_edge(parameters) &&
+                                       parameters.boolean("keep_recovery_keyframe"),
                       .codec = message_codec(parameters)}};
+}
+
+bool relocalises_on_edge(const Parameters& parameters) {
+  return parameters.has("relocalisation") && parameters.text("relocalisation") == "edge";
+}
+
+PoseRelocalisationOptions pose_relocalisation_options(const Parameters& parameters) {
+  return {.codec = message_codec(parameters),
+          .fail_bytes = static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))};
 }
 
 RelocalisationOptions relocalisation_options(const Parameters& parameters) {

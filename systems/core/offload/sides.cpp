@@ -15,17 +15,43 @@ constexpr double kAfterRelocalisationS = 1;
 OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters)
     : node_(node),
       channels_(node.runtime(), node.network(), node.log(), parameters),
-      downlink_(node, channels_.map, downlink_mode(parameters), update_rules(parameters),
-                message_codec(parameters)),
+      downlink_(node, channels_.map, downlink_options(parameters)),
       farewell_(node, channels_.control),
       uplink_(node, channels_.keyframe, message_codec(parameters)),
       relocalisation_(channels_.frame, relocalisation_period(parameters),
-                      message_codec(parameters)) {}
+                      message_codec(parameters)) {
+  if (relocalises_on_edge(parameters))
+    poses_.emplace(node, channels_.frame, channels_.control, downlink_, message_codec(parameters));
+}
 
 void OffloadMobile::start() {
   channels_.start();
   downlink_.start();
+  if (poses_) poses_->start();
   spawn_rtt_monitor(node_.runtime(), node_.log(), channels_.keyframe);
+}
+
+void OffloadMobile::before_frame(Worker& worker) {
+  if (poses_) poses_->before_frame(worker);
+  downlink_.before_frame(worker);
+}
+
+void OffloadMobile::before_tracking(Worker& worker, const OfferedFrame& frame,
+                                    const std::shared_ptr<const FeatureSet>& features) {
+  if (poses_) poses_->before_tracking(worker, frame, features);
+}
+
+void OffloadMobile::ask(Worker& worker, const TrackedFrame& frame) {
+  if (poses_) {
+    poses_->after_frame(worker, frame);
+  } else {
+    relocalisation_.after_frame(worker, frame);
+  }
+}
+
+std::string_view OffloadMobile::relocalised_by(const TrackedFrame& frame) {
+  const bool map = downlink_.came_from_map();
+  return frame.outcome.resumed ? "edge" : map ? "map" : "local";
 }
 
 void OffloadMobile::note(const TrackedFrame& frame) {
@@ -35,7 +61,8 @@ void OffloadMobile::note(const TrackedFrame& frame) {
 MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& frame,
                                         KeyFrameNeed need, bool becomes_reference) {
   MapDelta made = node_.create_keyframe(worker, frame, need, becomes_reference);
-  if (!made.keyframes.empty()) downlink_.keyframe_created(worker.now());
+  if (!made.keyframes.empty())
+    downlink_.keyframe_created(worker.now(), made, !becomes_reference);
   return made;
 }
 
@@ -71,12 +98,23 @@ OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
                    relocalisation_options(parameters)),
       relocalisation_(node, channels_.frame, relocaliser_, relocalisation_options(parameters)),
       farewell_(node, channels_.control, mapping_,
-                {.final_poses = parameters.boolean("final_poses")}) {}
+                {.final_poses = parameters.boolean("final_poses"),
+                 .other = [this](const Message& message) {
+                   if (poses_) poses_->listen(message);
+                 }}) {
+  if (relocalises_on_edge(parameters))
+    poses_.emplace(node, channels_.frame, mapping_.mapper(), mapping_.updates(),
+                   pose_relocalisation_options(parameters));
+}
 
 void OffloadEdge::start() {
   channels_.start();
   mapping_.start();
-  relocalisation_.start();
+  if (poses_) {
+    poses_->start();
+  } else {
+    relocalisation_.start();
+  }
   farewell_.start();
 }
 

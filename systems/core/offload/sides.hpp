@@ -5,7 +5,9 @@
 #include "offload/farewell.hpp"
 #include "offload/keyframe_uplink.hpp"
 #include "offload/map_downlink.hpp"
+#include "offload/pose_requests.hpp"
 #include "offload/relocalisation_by_map.hpp"
+#include "offload/relocalisation_by_pose.hpp"
 #include "offload/settings.hpp"
 
 namespace slambed {
@@ -18,11 +20,16 @@ class OffloadMobile {
 
   void start();
   /// Between two frames: an update may replace the local map.
-  void before_frame(Worker& worker) { downlink_.before_frame(worker); }
+  void before_frame(Worker& worker);
+  /// Between extraction and tracking: a lost frame goes to the edge before the local attempt at it.
+  void before_tracking(Worker& worker, const OfferedFrame& frame,
+                       const std::shared_ptr<const FeatureSet>& features);
   /// First thing after each frame.
   void note(const TrackedFrame& frame);
   /// While tracking is lost, asks the edge where it is.
-  void ask(Worker& worker, const TrackedFrame& frame) { relocalisation_.after_frame(worker, frame); }
+  void ask(Worker& worker, const TrackedFrame& frame);
+  /// With whose help a lost camera was found in this frame.
+  std::string_view relocalised_by(const TrackedFrame& frame);
   /// Makes a keyframe of the frame; the update rules hear of it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
@@ -44,6 +51,7 @@ class OffloadMobile {
   MobileFarewell farewell_;
   KeyFrameUplink uplink_;
   RelocalisationRequests relocalisation_;
+  std::optional<PoseRequests> poses_;  ///< in its place, with relocalisation on the edge
   double relocalised_s_ = -1;  ///< sequence time of the last relocalisation; negative: none
 };
 
@@ -61,6 +69,7 @@ class OffloadEdge {
   EdgeMapping mapping_;
   RelocalisationByMap relocaliser_;
   RelocalisationService relocalisation_;
+  std::optional<RelocalisationByPose> poses_;  ///< in its place, with relocalisation on the edge
   EdgeFarewell farewell_;
 };
 

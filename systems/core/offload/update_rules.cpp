@@ -16,10 +16,15 @@ bool tells_poses(const UpdateState& state) {
   return !state.former_edge && state.epoch >= state.current_epoch && state.update > state.applied;
 }
 
-std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
+std::optional<std::string_view> obsolete_reason(const UpdateState& state) {
   if (state.former_edge) return "its edge is gone";
   if (state.epoch < state.current_epoch) return "older epoch";
   if (state.update <= state.applied) return "older than the map";
+  return std::nullopt;
+}
+
+std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
+  if (const auto obsolete = obsolete_reason(state)) return obsolete;
   if (state.relocalisation) {
     if (!state.lost) return "not lost any more";
     return std::nullopt;

@@ -39,6 +39,9 @@ struct UpdateState {
 /// declined.
 bool tells_poses(const UpdateState& state);
 
+/// Why no map may be made of the update, whatever the camera does; nothing: it is not too late for it.
+std::optional<std::string_view> obsolete_reason(const UpdateState& state);
+
 /// Nothing when the update is welcome, else why it is declined.
 std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state);
 

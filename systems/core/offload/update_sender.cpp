@@ -22,12 +22,15 @@ void UpdateSender::mapped(Worker& worker, const wire::UpdateTimes& times) {
     std::lock_guard lock(mutex_);
     newest_times_ = times;
     news_ = true;
+    if (recovery_ && times.captured > recovery_->found && --recovery_->to_come <= 0)
+      recovery_.reset();
   }
   send_if_due(worker);
 }
 
 RunTime UpdateSender::send_if_due(Worker& worker) {
   wire::UpdateTimes times;
+  KeyFrameId recovery;
   {
     std::lock_guard lock(mutex_);
     if (!news_ || held_ || stopped_) return kNever;
@@ -35,6 +38,7 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
     const RunTime due = std::max(last_sent_, RunTime::zero()) + options_.period;
     if (worker.now() < due) return due;
     times = newest_times_;
+    if (recovery_) recovery = recovery_->reference;
   }
   const KeyFrameId newest = mapper_.newest();
   auto keyframes = mapper_.latest(options_.keyframes);
@@ -48,6 +52,8 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
       }
     }
   }
+  if (recovery && std::find(keyframes.begin(), keyframes.end(), recovery) == keyframes.end())
+    keyframes.push_back(recovery);
   send(worker, times, newest, keyframes, false);
   return kNever;
 }
@@ -119,6 +125,13 @@ void UpdateSender::hold(RunTime asked) {
   held_ = asked;
 }
 
+void UpdateSender::release(RunTime found, KeyFrameId reference) {
+  std::lock_guard lock(mutex_);
+  held_.reset();
+  if (options_.keep_recovery && reference)
+    recovery_ = Recovery{.reference = reference, .found = found, .to_come = options_.keyframes};
+}
+
 void UpdateSender::heard(const wire::KeyFrameMessage& keyframe) {
   std::lock_guard lock(mutex_);
   if (held_ && keyframe.captured >= *held_) held_.reset();
@@ -139,6 +152,7 @@ void UpdateSender::resume(std::uint64_t epoch) {
 void UpdateSender::clear() {
   std::lock_guard lock(mutex_);
   told_.clear();
+  recovery_.reset();
   news_ = false;
 }
 

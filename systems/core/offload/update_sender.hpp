@@ -15,6 +15,7 @@ struct UpdateSenderOptions {
   int neighbours = 0;   ///< best covisibles of the newest one besides
   Duration period{};    ///< at least so long between two updates; 0: after each keyframe
   bool poses = true;    ///< an update also says where other keyframes moved
+  bool keep_recovery = false;  ///< see UpdateSender::release
   MessageCodec codec{};
 };
 
@@ -35,6 +36,10 @@ class UpdateSender {
   /// The mobile asked where it is, at this time: regular updates pause until a later keyframe says that
   /// it knows again, so that none takes the place of the map that is the answer.
   void hold(RunTime asked);
+  /// It knows again, found at this keyframe: updates go on. Until as many keyframes as an update carries
+  /// were made since then and mapped, they carry that one too, so that the first does not take the
+  /// camera's place away.
+  void release(RunTime found, KeyFrameId reference);
   /// A keyframe came: it knows where it is, and which update it has taken over.
   void heard(const wire::KeyFrameMessage& keyframe);
   /// No map leaves, of any kind.
@@ -62,6 +67,12 @@ class UpdateSender {
   wire::UpdateTimes newest_times_;
   bool news_ = false;  ///< a keyframe was mapped since the last update
   std::optional<RunTime> held_;  ///< when the mobile asked where it is
+  struct Recovery {
+    KeyFrameId reference;
+    RunTime found{};
+    int to_come = 0;  ///< keyframes
+  };
+  std::optional<Recovery> recovery_;
   bool stopped_ = false;
   std::uint64_t epoch_ = 0;
   RunTime last_sent_ = RunTime::min();

@@ -85,6 +85,7 @@ bool Relocaliser::try_keyframe(const BagOfWords& bag, const BagOfWords& candidat
   const auto matches =
       match_by_words({*features_, candidate_bag, has_point_}, {*frame.features, bag, {}}, kRatio);
   if (matches.size() < kLeastMatches || !start_pose(matches, frame)) return false;
+  ++candidates_posed_;
   int inliers = search.optimise_pose(frame);
   if (inliers < kLeastInliers) return false;
   if (inliers >= kInliersWanted) return true;
@@ -124,6 +125,7 @@ int Relocaliser::match(const Map& map, KeyFrameId keyframe, float ratio, Frame& 
 }
 
 bool Relocaliser::locate(const Map& map, KeyFrameId around, FrameSearch& search, Frame& frame) {
+  candidates_posed_ = 0;
   places().follow(map);
   const BagOfWords bag = places_->vocabulary().transform(frame.features->descriptors());
   for (const KeyFrameId candidate : candidates(map, around, bag)) {

@@ -24,6 +24,8 @@ class Relocaliser {
 
   /// True when the frame has a verified pose and matches; around: the last reference keyframe.
   bool locate(const Map& map, KeyFrameId around, FrameSearch& search, Frame& frame);
+  /// Of the last locate(): keyframes whose matches gave a pose, right or not.
+  int candidates_posed() const { return candidates_posed_; }
   /// Matches a keyframe's points by descriptor inside the vocabulary's nodes. Replaces all matches;
   /// returns their number.
   int match(const Map& map, KeyFrameId keyframe, float ratio, Frame& frame);
@@ -38,6 +40,7 @@ class Relocaliser {
   bool start_pose(std::span<const std::pair<int, int>> matches, Frame& frame) const;
 
   std::shared_ptr<PlaceIndex> places_;
+  int candidates_posed_ = 0;
   // The keyframe being tried.
   std::shared_ptr<const FeatureSet> features_;
   std::vector<SeenPoint> points_;

@@ -30,7 +30,9 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
     initialise(outcome);
   } else {
     const KeyFrameId before = reference;
-    const bool tracked = state == TrackingState::kOk ? follow(outcome) : find_again(outcome);
+    const bool tracked = state == TrackingState::kOk
+                             ? follow(outcome)
+                             : follow_found(outcome) || find_again(outcome);
     if (tracked) {
       local.keep_sightings();
       velocity =
@@ -129,6 +131,7 @@ void Tracker::Impl::start_over() {
   reference = {};
   velocity.reset();
   relocalised_ever = false;
+  found_elsewhere = false;
   state = TrackingState::kNotInitialised;
 }
 
@@ -161,6 +164,39 @@ bool Tracker::Impl::resume(const SE3& T_cw, KeyFrameId at) {
   return true;
 }
 
+bool Tracker::Impl::resume(const FoundFrame& found) {
+  if (state != TrackingState::kLost) return false;
+  const auto T_rw = map->read([&](const MapView& view) {
+    const KeyFrame* keyframe = view.keyframe(found.reference);
+    return keyframe ? std::optional<SE3>(keyframe->T_cw) : std::nullopt;
+  });
+  if (!T_rw || std::ssize(found.points) != found.features->size()) return false;
+  current.begin(found.index, found.timestamp_s, found.features);
+  current.points = found.points;
+  current.has_pose = true;
+  current.T_cw = found.T_cw;
+  reference = current.reference = found.reference;
+  current.T_cr = (found.T_cw * T_rw->inverse()).normalized();
+  velocity.reset();
+  note_relocalisation();
+  found_elsewhere = true;
+  return true;
+}
+
+/// A lost frame from the one before, where that was found elsewhere.
+bool Tracker::Impl::follow_found(TrackOutcome& outcome) {
+  if (!std::exchange(found_elsewhere, false)) return false;
+  const KeyFrameId before = reference;
+  outcome.resumed = follow(outcome);
+  last.has_pose = false;  // too far back for a velocity
+  if (outcome.resumed) return true;
+  outcome = {};
+  reference = before;
+  current.clear_matches();
+  current.has_pose = false;
+  return false;
+}
+
 MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
   if (first_delta_waiting) {
     first_delta_waiting = false;
@@ -185,13 +221,14 @@ MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
   return delta;
 }
 
-void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh) {
+void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
+                                std::span<const KeyFrameId> still_provisional) {
   const MapChange change =
       compare_maps(*map, *fresh, current.reference ? current.reference : reference);
   rename_points(*map, *fresh, current.points);
   map = std::move(fresh);
   local.clear();
-  provisional.clear();
+  provisional.assign(still_provisional.begin(), still_provisional.end());
   first_delta_waiting = false;
   if (state == TrackingState::kNotInitialised) find_in_foreign_map();
   if (!change.reference) {
@@ -220,6 +257,7 @@ void Tracker::start_at(const SE3& T_cw) { impl_->first_T_cw = T_cw; }
 bool Tracker::resume(const SE3& T_cw, KeyFrameId reference) {
   return impl_->resume(T_cw, reference);
 }
+bool Tracker::resume(const FoundFrame& found) { return impl_->resume(found); }
 const KeyFrameEvidence& Tracker::evidence() const { return impl_->evidence; }
 
 KeyFrameNeed Tracker::keyframe_need() const {
@@ -252,7 +290,9 @@ KeyFrameId Tracker::reference() const {
 }
 
 void Tracker::accept_keyframes() { impl_->provisional.clear(); }
-void Tracker::replace_map(std::shared_ptr<Map> map) { impl_->continue_on(std::move(map)); }
+void Tracker::replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> provisional) {
+  impl_->continue_on(std::move(map), provisional);
+}
 std::shared_ptr<Map> Tracker::map() const { return impl_->map; }
 TrackingState Tracker::state() const { return impl_->state; }
 

@@ -3,6 +3,8 @@
 
 #include <memory>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "base/ids.hpp"
 #include "features/feature_set.hpp"
@@ -53,6 +55,17 @@ struct TrackOutcome {
   /// Points looked for over all hypotheses, as many as the work is worth: what the frame cost.
   int searched_points = 0;
   bool by_motion_model = false;
+  bool resumed = false;  ///< lost until now, and tracked from a frame that was found elsewhere
+};
+
+/// A lost frame that somebody else has found: its pose, and which of its features is which point.
+struct FoundFrame {
+  std::uint64_t index = 0;
+  double timestamp_s = 0;
+  std::shared_ptr<const FeatureSet> features;
+  SE3 T_cw;
+  KeyFrameId reference;            ///< in the tracker's map
+  std::vector<MapPointId> points;  ///< per feature; none where unmatched
 };
 
 /// What the keyframe decision asks of the mapper's side.
@@ -89,6 +102,10 @@ class Tracker {
   /// next frame is tracked from this keyframe as right after a relocalisation. False, and nothing
   /// changed, when the tracker is not lost or its map has no such keyframe.
   bool resume(const SE3& T_cw, KeyFrameId reference);
+  /// The same with the frame that was found, which may be older than the last one tracked: it takes the
+  /// last one's place, without a velocity. Tracking stays lost until a frame was tracked from it; the next
+  /// one is tried so first, then as any lost frame.
+  bool resume(const FoundFrame& found);
 
   /// What the keyframe rule knows of the frame just tracked, for rules of one's own.
   const KeyFrameEvidence& evidence() const;
@@ -108,7 +125,8 @@ class Tracker {
 
   /// Continues on another map (Edge-SLAM's update): point ids of the last frame are looked up in
   /// it, the last pose is re-expressed through the reference keyframe when that is known there.
-  void replace_map(std::shared_ptr<Map> map);
+  /// provisional (ascending): keyframes of it that are still not to be references.
+  void replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> provisional = {});
   /// The part of the map around the last frame was moved: p_new = T_new_old * p_old. Between that
   /// frame and the next, after the change was committed; T_rw_before: where the last frame's
   /// reference keyframe was until then. The motion model stays as it is.

@@ -39,8 +39,10 @@ struct Tracker::Impl {
   void start_over();
   void find_in_foreign_map();
   bool resume(const SE3& T_cw, KeyFrameId at);
+  bool resume(const FoundFrame& found);
+  bool follow_found(TrackOutcome& outcome);
   MapDelta create_keyframe(bool becomes_reference);
-  void continue_on(std::shared_ptr<Map> fresh);
+  void continue_on(std::shared_ptr<Map> fresh, std::span<const KeyFrameId> still_provisional);
 
   bool recently_relocalised(int frames) const {
     return relocalised_ever && frame_number - relocalised_at < frames;
@@ -59,6 +61,7 @@ struct Tracker::Impl {
   int frame_number = 0;                 ///< frames processed; starts at 1
   int keyframe_at = 0, relocalised_at = 0;
   bool relocalised_ever = false;
+  bool found_elsewhere = false;  ///< last is a frame that somebody else has found
   KeyFrameEvidence evidence;
   int searched = 0;  ///< points looked for in this frame
   MapDelta first_delta;  ///< of the keyframes made by initialise()

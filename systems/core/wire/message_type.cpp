@@ -35,6 +35,16 @@ std::string_view message_name(std::uint8_t type) {
       return "MAP_HANDOVER";
     case MessageType::kHandoverAck:
       return "HANDOVER_ACK";
+    case MessageType::kRelocRequest:
+      return "RELOC_REQUEST";
+    case MessageType::kRelocFail:
+      return "RELOC_FAIL";
+    case MessageType::kRelocOk:
+      return "RELOC_OK";
+    case MessageType::kSuspend:
+      return "SUSPEND";
+    case MessageType::kResume:
+      return "RESUME";
     case MessageType::kTripStart:
       return "TRIP_START";
     case MessageType::kInitialPose:

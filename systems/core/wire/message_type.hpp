@@ -29,6 +29,12 @@ enum class MessageType : std::uint8_t {
   kStop = 18,
   kMapHandover = 19,
   kHandoverAck = 20,
+  // Relocalisation on the edge
+  kRelocRequest = 32,  ///< mobile -> edge: find this frame in the global map
+  kRelocFail = 33,     ///< edge -> mobile: it is not there
+  kRelocOk = 34,       ///< edge -> mobile: where it was taken, and a keyframe to go on from
+  kSuspend = 35,       ///< mobile -> edge: tracking is lost, no more updates
+  kResume = 36,        ///< mobile -> edge: tracking goes on
   // CloudSLAM
   kTripStart = 48,    ///< mobile -> edge: KEYFRAME of a trip whose place is not known yet
   kInitialPose = 49,  ///< edge -> mobile: where it is

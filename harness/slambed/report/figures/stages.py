@@ -95,6 +95,7 @@ STAGES = (
     "extract", "track", "create_keyframe", "serialise", "serialise_text",
     "parse", "parse_text", "insert", "cull_points",
     "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update",
+    "insert_keyframes", "update_reference", "update_last_frame", "clean_map", "relocalise",
 )  # fmt: skip
 """In the order in which a frame meets them."""
 

@@ -36,7 +36,8 @@ inline DeviceModel uniform_device(double stage_us) {
   model.cores = 2;
   for (const char* stage :
        {"extract", "track", "create_keyframe", "serialise", "parse", "insert", "cull_points",
-        "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update",
+        "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update", "insert_keyframes",
+        "update_reference", "update_last_frame", "clean_map", "relocalise",
         "serialise_text", "parse_text", "loop_detect", "loop_close", "global_bundle"}) {
     model.stages[stage] = {.a_us = stage_us, .b_us = 0, .c_us = 0, .jitter = 0};
   }
@@ -91,6 +92,36 @@ class LosingNetwork final : public Network {
   std::string channel_;
   std::uint64_t lost_;
   std::unique_ptr<TappedChannel> losing_;
+};
+
+/// The mobile's network on which messages of one channel pass through a hand of the test's; false: this
+/// one never came.
+class AlteringNetwork final : public Network {
+ public:
+  using Alter = std::function<bool(Message&)>;
+  AlteringNetwork(Network& below, std::string channel, Alter alter)
+      : below_(below), channel_(std::move(channel)), alter_(std::move(alter)) {}
+  Channel& open(const ChannelOptions& options) override {
+    Channel& opened = below_.open(options);
+    if (options.name != channel_ || !alter_) return opened;
+    altering_ = std::make_unique<TappedChannel>(
+        opened,
+        [this](Channel& below) {
+          auto message = below.try_receive();
+          while (message && !alter_(*message)) message = below.try_receive();
+          return message;
+        },
+        [](const Bytes&) {});
+    return *altering_;
+  }
+  PeerState peer() const override { return below_.peer(); }
+  Signal& peer_signal() override { return below_.peer_signal(); }
+
+ private:
+  Network& below_;
+  std::string channel_;
+  Alter alter_;
+  std::unique_ptr<TappedChannel> altering_;
 };
 
 /// The mobile's network when another process takes the edge's place (which in truth goes on), and
@@ -148,6 +179,7 @@ struct PairLink {
   std::string lossy_channel = "keyframe";
   std::uint64_t lost = 0;  ///< the first messages on that channel never reach the edge
   std::uint64_t lost_updates = 0;  ///< the first messages on the map channel never reach the mobile
+  AlteringNetwork::Alter alter_frames{};  ///< what the edge answers on the channel "frame"
   RunTime edge_restarts = kNever;
   double edge_bundle_us = 2000;  ///< per stage of a global bundle, on a uniform device
   double mbit_per_s = 100;
@@ -220,7 +252,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
     LosingNetwork edge_network(link.edge_side(edge_log), path.lossy_channel, path.lost);
     LosingNetwork losing_updates(link.mobile_side(mobile_log), "map", path.lost_updates);
-    RestartingNetwork mobile_network(losing_updates, mobile_runtime, path.edge_restarts);
+    AlteringNetwork altering_frames(losing_updates, "frame", path.alter_frames);
+    RestartingNetwork mobile_network(altering_frames, mobile_runtime, path.edge_restarts);
     EdgeNode edge({edge_runtime, edge_network, edge_log, peer}, system, parameters);
     MobileNode mobile({.runtime = mobile_runtime,
                        .network = &mobile_network,

@@ -320,6 +320,64 @@ TEST(Tracker, AWrongPoseIsNotBelievedForLong) {
   EXPECT_EQ(rig.show(other.look(walk(32))).state, TrackingState::kLost);
 }
 
+/// A keyframe as if it were a lost frame that somebody has found.
+FoundFrame found_at(const Map& map, KeyFrameId id) {
+  return map.read([&](const MapView& view) {
+    const KeyFrame& keyframe = *view.keyframe(id);
+    return FoundFrame{.index = keyframe.frame_index,
+                      .timestamp_s = keyframe.timestamp_s,
+                      .features = keyframe.features,
+                      .T_cw = keyframe.T_cw,
+                      .reference = id,
+                      .points = keyframe.points};
+  });
+}
+
+TEST(Tracker, GoesOnFromAFrameThatSomebodyElseFoundAndIsLostUntilThen) {
+  SyntheticWorld world;
+  Rig rig({.reset_below_keyframes = 0});
+  KeyFrameId old;
+  int seen_at = 0;
+  for (int i = 0; i < 120; ++i) {
+    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    if (i == 20) old = outcome.reference;
+  }
+  const Map& map = *rig.tracker.map();
+  FoundFrame found = found_at(map, old);
+  seen_at = static_cast<int>(found.index);
+  EXPECT_FALSE(rig.tracker.resume(found)) << "not lost";
+  EXPECT_EQ(rig.show(world.nothing()).state, TrackingState::kLost);
+  FoundFrame unknown = found;
+  unknown.reference = KeyFrameId{12345};
+  EXPECT_FALSE(rig.tracker.resume(unknown)) << "nobody knows that keyframe";
+  FoundFrame cut = found;
+  cut.points.pop_back();
+  EXPECT_FALSE(rig.tracker.resume(cut)) << "matches of another frame";
+  ASSERT_TRUE(rig.tracker.resume(found));
+  EXPECT_EQ(rig.tracker.state(), TrackingState::kLost);
+  for (int i = seen_at + 2; i < seen_at + 8; ++i) {
+    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
+    EXPECT_EQ(outcome.resumed, i == seen_at + 2);
+    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 2e-3);
+  }
+}
+
+TEST(Tracker, AFrameThatWasFoundAtAWrongPlaceEndsNoLoss) {
+  SyntheticWorld world, other(5000, 2);
+  Rig rig({.reset_below_keyframes = 0});
+  for (int i = 0; i < 30; ++i) rig.show(world.look(walk(i)));
+  const KeyFrameId last = rig.show(world.look(walk(30)), false).reference;
+  const FoundFrame found = found_at(*rig.tracker.map(), last);
+  EXPECT_EQ(rig.show(other.look(walk(31))).state, TrackingState::kLost);
+  ASSERT_TRUE(rig.tracker.resume(found));
+  const TrackOutcome outcome = rig.show(other.look(walk(32)));
+  EXPECT_EQ(outcome.state, TrackingState::kLost);
+  EXPECT_FALSE(outcome.resumed);
+  // It is tried once; the next frame is a lost one as any.
+  EXPECT_EQ(rig.show(world.look(walk(33))).state, TrackingState::kOk);
+}
+
 TEST(Tracker, StartsInTheWorldOfAnotherMap) {
   SyntheticWorld world;
   Rig rig;

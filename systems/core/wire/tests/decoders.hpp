@@ -8,6 +8,7 @@
 #include "wire/delta_codec.hpp"
 #include "wire/handover_messages.hpp"
 #include "wire/message_type.hpp"
+#include "wire/reloc_messages.hpp"
 #include "wire/tests/examples.hpp"
 #include "wire/trip_messages.hpp"
 
@@ -19,6 +20,19 @@ struct Target {
   std::function<void(std::span<const std::uint8_t>)> decode;
   std::size_t bit_step = 1;  ///< text is long, and its bits are much alike
 };
+
+inline RelocOk example_found(std::mt19937& random, const SensorPtr& sensor, int features) {
+  RelocOk found{.number = 300,
+                .times = {RunTime(5), RunTime(9)},
+                .update = 12,
+                .jumped = true,
+                .T_cw = SE3(),
+                .matches = {},
+                .keyframe = fresh_keyframe(random, sensor, features, features)};
+  for (std::size_t i = 0; i < found.keyframe.points.size(); ++i)
+    found.matches.emplace_back(static_cast<std::uint16_t>(i), found.keyframe.points[i].id);
+  return found;
+}
 
 /// The same messages as text, with few features: the grid alone makes them long.
 inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& sensor) {
@@ -34,7 +48,12 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
                    .map = keyframe.delta,
                    .poses = {{keyframe_id(8), SE3(), 9}}};
   FrameMessage frame{3, 0.5, example_features(random, 5, sensor)};
+  const RelocOk found = example_found(random, sensor, 6);
   return {
+      {"reloc_request_text", encode_text(RelocRequest{300, 7, frame}, *vocabulary),
+       [=](auto b) { decode_reloc_request_text(b, sensor); }, kStep},
+      {"reloc_ok_text", encode_text(found, frame, *vocabulary),
+       [=](auto b) { decode_reloc_ok_text(b, sensor); }, kStep},
       {"keyframe_text", encode_text(keyframe, {}, *vocabulary),
        [=](auto b) { decode_keyframe_text(b, sensor); }, kStep},
       {"update_text", encode_text(update, *vocabulary),
@@ -77,6 +96,15 @@ inline std::vector<Target> targets() {
       {"handover", encode(MapHandover{.epoch = 3, .number = 4, .whole = true, .changes = delta}),
        [=](auto b) { decode_handover(b, sensor); }},
       {"handover_ack", encode(HandoverAck{3, 4, true}), [](auto b) { decode_handover_ack(b); }},
+      {"reloc_request", encode(RelocRequest{300, 7, frame}),
+       [=](auto b) { decode_reloc_request(b, sensor); }},
+      {"reloc_fail",
+       encode(RelocFail{300, {RunTime(5), RunTime(9)}, RelocFailure::kNoMap, 20}),
+       [](auto b) { decode_reloc_fail(b); }},
+      {"reloc_ok", encode(example_found(random, sensor, 30)),
+       [=](auto b) { decode_reloc_ok(b, sensor); }},
+      {"suspend", encode(SuspendMessage{300}), [](auto b) { decode_suspend(b); }},
+      {"resume", encode(ResumeMessage{300, keyframe_id(40)}), [](auto b) { decode_resume(b); }},
       {"pose_answer", encode(PoseAnswer{.keyframe = keyframe_id(3), .matches = 300, .T_cw = SE3()}),
        [](auto b) { defect(decode_pose_answer(b)); }},
       {"filled", fill_up({1, 2, 3}, 20), [](auto b) { without_filler(b); }},

@@ -5,13 +5,24 @@
 
 namespace slambed {
 
+/// Edge-SLAM's decisions on the mobile node: when to make a keyframe, what a new edge is sent, what one is
+/// asked for that has no map.
 class EdgeSlamMobile final : public MobilePolicy {
  public:
   EdgeSlamMobile(MobileNode& node, const Parameters& parameters);
 
   void start() override { offload_.start(); }
   void before_frame(Worker& worker, const OfferedFrame& frame) override;
+  std::shared_ptr<const FeatureSet> before_tracking(
+      Worker& worker, const OfferedFrame& frame,
+      std::shared_ptr<const FeatureSet> features) override {
+    offload_.before_tracking(worker, frame, features);
+    return features;
+  }
   void after_frame(Worker& worker, const TrackedFrame& frame) override;
+  std::string_view relocalised_by(const TrackedFrame& frame) override {
+    return offload_.relocalised_by(frame);
+  }
   void finish(Worker& worker) override { offload_.say_goodbye(worker); }
   void place_keyframes(PoseBook& book) override;
   MapCounts counts() const override { return offload_.farewell().counts(); }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "edgeslam/policies.hpp"
+#include "offload/edge_slam.hpp"
 
 #include <array>
 #include <utility>

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/pose_requests.hpp"
+
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+/// An answer that takes longer is not worth waiting for: the camera is elsewhere by then.
+constexpr Duration kPatience = std::chrono::seconds(2);
+
+constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
+
+std::string_view name_of(wire::RelocFailure reason) {
+  switch (reason) {
+    case wire::RelocFailure::kNoMap:
+      return "the edge has no map";
+    case wire::RelocFailure::kUnreadable:
+      return "the request could not be read";
+    case wire::RelocFailure::kNotFound:
+      break;
+  }
+  return "not found";
+}
+
+}  // namespace
+
+PoseRequests::PoseRequests(MobileNode& node, Channel& frames, Channel& control,
+                           MapDownlink& downlink, MessageCodec codec)
+    : node_(node),
+      frames_(frames),
+      control_(control),
+      downlink_(downlink),
+      codec_(std::move(codec)),
+      requests_(node.runtime(), 1),
+      answers_(node.runtime()) {}
+
+void PoseRequests::start() {
+  node_.runtime().spawn("reloc", [this](Worker& worker) { work(worker); });
+}
+
+void PoseRequests::work(Worker& worker) {
+  while (!worker.stopping()) {
+    const auto ticket = frames_.signal().ticket();
+    if (const auto request = requests_.try_take()) {
+      serialise(worker, *request);
+    } else if (auto message = frames_.try_receive()) {
+      parse(worker, std::move(*message));
+    } else {
+      worker.wait(frames_.signal(), ticket, kNever);
+    }
+  }
+}
+
+void PoseRequests::serialise(Worker& worker, const Request& request) {
+  Bytes payload = codec_.serialise(worker, request.message);
+  node_.log().write(JsonLine("reloc_request")
+                        .add("number", request.message.number)
+                        .add("frame", request.message.frame.frame_index)
+                        .add("bytes", payload.size()));
+  frames_.send(type_of(wire::MessageType::kRelocRequest), std::move(payload));
+}
+
+void PoseRequests::parse(Worker& worker, Message message) {
+  const bool ok = message.type == type_of(wire::MessageType::kRelocOk);
+  if (!ok && message.type != type_of(wire::MessageType::kRelocFail)) return;
+  Answer answer;
+  answer.raw = std::move(message);
+  answer.bytes = answer.raw.payload.size();
+  const bool good = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
+    units.n1 = ok ? kilobytes(answer.raw.payload) : 0;
+    try {
+      if (ok) {
+        answer.found = std::make_shared<const wire::RelocOk>(
+            codec_.found(answer.raw.payload, node_.sensor()));
+      } else {
+        answer.failed = wire::decode_reloc_fail(answer.raw.payload);
+      }
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string(ok ? "RELOC_OK" : "RELOC_FAIL") +
+                          " refused: " + error.what());
+      return false;
+    }
+    return true;
+  });
+  answer.raw.payload = {};
+  if (good) answers_.put(std::move(answer));
+}
+
+void PoseRequests::before_frame(Worker& worker) {
+  while (const auto answer = answers_.try_take()) take(worker, *answer);
+  if (!outstanding_) return;
+  const PeerState edge = node_.network().peer();
+  if (!edge.connected || edge.incarnation != outstanding_->incarnation) return give_up("edge away");
+  if (worker.now() - outstanding_->asked >= kPatience) give_up("no answer");
+}
+
+void PoseRequests::give_up(std::string_view reason) {
+  node_.log().write(JsonLine("reloc_given_up")
+                        .add("number", outstanding_->message.number)
+                        .add("reason", reason));
+  outstanding_.reset();
+}
+
+void PoseRequests::take(Worker& worker, const Answer& answer) {
+  const wire::RelocOk* found = answer.found.get();
+  const std::string_view foreign = unwanted(answer, found ? found->number : answer.failed.number);
+  const std::string_view dropped = !foreign.empty() ? foreign
+                                   : found          ? use(answer, *found)
+                                                    : name_of(answer.failed.reason);
+  record(worker, answer, found ? found->times : answer.failed.times, foreign.empty(), dropped);
+  if (foreign.empty()) outstanding_.reset();
+}
+
+std::string_view PoseRequests::unwanted(const Answer& answer, std::uint64_t number) const {
+  if (answer.raw.incarnation != node_.network().peer().incarnation) return "its edge is gone";
+  return outstanding_ && outstanding_->message.number == number ? "" : "not asked for";
+}
+
+std::string_view PoseRequests::use(const Answer& answer, const wire::RelocOk& found) {
+  if (node_.tracker().state() != TrackingState::kLost) return "not lost any more";
+  if (outstanding_->loss != losses_) return "of an earlier loss";
+  const wire::FrameMessage& frame = outstanding_->message.frame;
+  FoundFrame resumed{.index = frame.frame_index,
+                     .timestamp_s = frame.timestamp_s,
+                     .features = frame.features,
+                     .T_cw = found.T_cw,
+                     .reference = found.keyframe.keyframes.front().id,
+                     .points = std::vector<MapPointId>(frame.features->size())};
+  for (const auto& [feature, point] : found.matches) {
+    if (feature >= resumed.points.size()) return "not of the frame";
+    resumed.points[feature] = point;
+  }
+  downlink_.join(found.keyframe, found.update, answer.raw.incarnation, found.jumped);
+  found_ = node_.tracker().resume(resumed);
+  return found_ ? "" : "its keyframe is not there";
+}
+
+void PoseRequests::record(Worker& worker, const Answer& answer, const wire::RelocTimes& times,
+                          bool ours, std::string_view dropped) {
+  JsonLine event("reloc_reply");
+  event.add("found", answer.found != nullptr).add("used", dropped.empty()).add("bytes", answer.bytes);
+  if (!dropped.empty()) event.add("reason", dropped);
+  if (ours) {
+    event.add("number", outstanding_->message.number)
+        .add("frame", outstanding_->message.frame.frame_index)
+        .add_ms("request_ms", times.queued - outstanding_->asked)
+        .add_ms("up_ms", times.received - times.queued)
+        .add_ms("edge_ms", answer.raw.queued - times.received)
+        .add_ms("down_ms", answer.raw.received - answer.raw.queued)
+        .add_ms("boundary_ms", worker.now() - answer.raw.received)
+        .add_ms("total_ms", worker.now() - outstanding_->asked);
+  }
+  node_.log().write(event);
+}
+
+void PoseRequests::before_tracking(Worker& worker, const OfferedFrame& frame,
+                                   const std::shared_ptr<const FeatureSet>& features) {
+  if (!lost_ || found_ || outstanding_ || node_.tracker().state() != TrackingState::kLost) return;
+  const PeerState edge = node_.network().peer();
+  if (!edge.connected) return;
+  outstanding_ = Request{.message = {.number = ++requests_made_,
+                                     .applied_update = downlink_.applied_update(),
+                                     .frame = {.frame_index = frame.played.index,
+                                               .timestamp_s = frame.played.seq_s(),
+                                               .features = features}},
+                         .asked = worker.now(),
+                         .incarnation = edge.incarnation,
+                         .loss = losses_};
+  requests_.put(*outstanding_);
+  frames_.signal().notify();
+}
+
+void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
+  const bool lost = frame.outcome.state == TrackingState::kLost;
+  found_ = false;
+  if (lost == lost_) return;
+  lost_ = lost;
+  downlink_.suspend(lost);
+  if (lost) {
+    ++losses_;
+    control_.send(type_of(wire::MessageType::kSuspend), encode(wire::SuspendMessage{losses_}));
+  } else {
+    downlink_.recovered(worker.now(), frame.outcome.reference);
+    control_.send(type_of(wire::MessageType::kResume),
+                  encode(wire::ResumeMessage{losses_, frame.outcome.reference}));
+  }
+  node_.log().write(JsonLine(lost ? "suspended" : "resumed")
+                        .add("loss", losses_)
+                        .add("frame", frame.offered.played.index)
+                        .add("seq_s", frame.offered.played.seq_s()));
+}
+
+}  // namespace slambed

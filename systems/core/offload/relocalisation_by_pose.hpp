@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "node/edge_node.hpp"
+#include "offload/edge_mapper.hpp"
+#include "offload/update_sender.hpp"
+#include "slam/relocaliser.hpp"
+#include "wire/reloc_messages.hpp"
+
+namespace slambed {
+
+struct PoseRelocalisationOptions {
+  MessageCodec codec{};
+  std::uint64_t fail_bytes = 0;  ///< size of a RELOC_FAIL, at least; as text
+};
+
+/// The edge's side of relocalisation on the edge: looks for lost frames in the global map and says
+/// where they were taken, with the keyframe to go on from. The mobile has at most one request under way.
+class RelocalisationByPose {
+ public:
+  RelocalisationByPose(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
+                       PoseRelocalisationOptions options);
+  void start();
+  /// SUSPEND and RESUME, which come on another channel. On any worker.
+  void listen(const Message& message);
+
+ private:
+  void serve(Worker& worker);
+  void answer(Worker& worker, const Message& raw);
+  bool locate(Worker& worker, Frame& frame);
+  std::optional<wire::RelocOk> answer_for(const wire::RelocRequest& request, const Frame& frame,
+                                          std::uint64_t jumps_before);
+
+  EdgeNode& node_;
+  Channel& channel_;
+  EdgeMapper& mapper_;
+  UpdateSender& updates_;
+  PoseRelocalisationOptions options_;
+
+  // The worker's.
+  Relocaliser relocaliser_;
+  FrameSearch search_;
+};
+
+}  // namespace slambed

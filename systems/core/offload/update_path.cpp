@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/update_path.hpp"
+
+#include <algorithm>
+
+namespace slambed {
+namespace {
+
+/// True, and recorded, when the update is not taken over.
+bool declined(Worker& worker, UpdateInbox& inbox, const UpdateArrival& arrival) {
+  const auto reason = inbox.decline_reason(worker, arrival);
+  if (!reason) return false;
+  inbox.record_declined(arrival, *reason);
+  inbox.keep_poses(worker, arrival);
+  return true;
+}
+
+void build(UpdateArrival& arrival, StageUnits& units) {
+  arrival.map = std::make_shared<Map>();
+  arrival.map->commit(arrival.update.map);
+  units.n1 = static_cast<double>(arrival.update.map.keyframes.size());
+  units.n2 = static_cast<double>(arrival.update.map.points.size());
+}
+
+int gap_of(MobileNode& node, const UpdateArrival& arrival) {
+  return local_map_gap(*node.tracker().map(), arrival.update.newest, keyframes_of(arrival.update));
+}
+
+}  // namespace
+
+void SerialUpdates::before_frame(Worker& worker) {
+  if (suspended_) return;
+  const RunTime begin = worker.now();
+  auto message = inbox_.take();
+  if (!message) return;
+  auto arrival = inbox_.read(worker, std::move(*message));
+  if (!arrival || declined(worker, inbox_, *arrival)) return;
+  if (is_elsewhere(*arrival)) {
+    inbox_.record_declined(*arrival, "from before the recovery");
+    return inbox_.keep_poses(worker, *arrival);
+  }
+  const int gap = gap_of(node_, *arrival);
+  worker.stage("apply_update", [&](StageUnits& units) {
+    build(*arrival, units);
+    node_.replace_map(arrival->map);  // disposes of the old one
+  });
+  exchange_.done(worker, *arrival, {.begin = begin, .gap = gap});
+}
+
+bool SerialUpdates::is_elsewhere(const UpdateArrival& arrival) const {
+  if (!recovery_ || arrival.raw.queued >= recovery_->when) return false;
+  const auto kept = keyframes_of(arrival.update);
+  return !std::binary_search(kept.begin(), kept.end(), recovery_->reference);
+}
+
+ParallelUpdates::ParallelUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange)
+    : node_(node),
+      inbox_(inbox),
+      exchange_(exchange),
+      ready_(node.runtime(), 1),
+      replaced_(node.runtime()),
+      disused_(node.runtime()) {}
+
+void ParallelUpdates::start() {
+  node_.runtime().spawn("map-update", [this](Worker& worker) { work(worker); });
+}
+
+void ParallelUpdates::work(Worker& worker) {
+  while (!worker.stopping()) {
+    const auto ticket = inbox_.signal().ticket();
+    while (disused_.try_take()) {  // frees the map that an update replaced
+    }
+    auto message = inbox_.take();
+    if (!message) {
+      worker.wait(inbox_.signal(), ticket, kNever);
+      continue;
+    }
+    auto arrival = inbox_.read(worker, std::move(*message));
+    if (!arrival) continue;
+    worker.stage("apply_update", [&](StageUnits& units) { build(*arrival, units); });
+    if (auto replaced = ready_.put(std::move(*arrival))) {
+      inbox_.record_declined(*replaced, "a newer one came");
+      replaced_.put(std::move(*replaced));
+    }
+  }
+}
+
+void ParallelUpdates::before_frame(Worker& worker) {
+  const RunTime begin = worker.now();
+  while (const auto replaced = replaced_.try_take()) inbox_.keep_poses(worker, *replaced);
+  const auto arrival = ready_.try_take();
+  if (!arrival || declined(worker, inbox_, *arrival)) return;
+  auto old_map = node_.tracker().map();
+  const int gap = gap_of(node_, *arrival);
+  worker.stage("apply_update", [&](StageUnits&) { node_.replace_map(arrival->map); });
+  disused_.put(std::move(old_map));
+  inbox_.signal().notify();  // wakes the worker that disposes of it
+  exchange_.done(worker, *arrival, {.begin = begin, .gap = gap});
+}
+
+}  // namespace slambed

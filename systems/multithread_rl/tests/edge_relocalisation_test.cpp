@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+// A camera that is lost, and an edge that may find it, in virtual time on a synthetic world.
+#include <gtest/gtest.h>
+
+#include "multithread_rl/multithread_rl.hpp"
+#include "offload/tests/turning_pair.hpp"
+#include "wire/reloc_messages.hpp"
+
+namespace slambed {
+namespace {
+
+using testing::AlteringNetwork;
+using testing::conventional;
+using testing::PairLink;
+using testing::PairResult;
+using testing::SyntheticWorld;
+using testing::turn;
+
+constexpr int kDark = 80, kDarkFor = 6, kFrames = 120;
+
+/// A local map of one keyframe, so that only the global one reaches back.
+nlohmann::json params(const std::string& map_update, const std::string& codec = "binary") {
+  auto all = conventional();
+  all.update({{"map_update", map_update},
+              {"keyframe_backup", "update"},
+              {"relocalisation", "edge"},
+              {"keep_recovery_keyframe", true},
+              {"reloc_fail_bytes", 75'000},
+              {"codec", codec},
+              {"n_kf", 1},
+              {"sync_period_s", 1.0},
+              {"fast_motion_ms", 0.0},
+              {"min_local_keyframes", 1}});
+  return all;
+}
+
+/// Which frame of the turn shows what the camera sees after the darkness: second one, and then on at half
+/// the pace, so that it does not come near the place where it was lost.
+double far_back_at(int frame) { return 10 + 0.5 * (frame - kDark - kDarkFor); }
+
+/// Darkness, then what nobody but the edge knows.
+std::shared_ptr<const FeatureSet> far_back(SyntheticWorld& world, int frame) {
+  if (frame < kDark) return turn(world, frame);
+  return frame < kDark + kDarkFor ? world.nothing() : world.look(testing::pose_at(far_back_at(frame)));
+}
+
+/// Darkness, then what was seen last.
+std::shared_ptr<const FeatureSet> same_place(SyntheticWorld& world, int frame) {
+  if (frame >= kDark && frame < kDark + kDarkFor) return world.nothing();
+  return turn(world, frame < kDark ? frame : frame - kDarkFor);
+}
+
+PairResult run(const nlohmann::json& params, const PairLink& link,
+               testing::WorldSource::Look look = far_back) {
+  return testing::run_pair(multithread_rl_system(), params, kFrames, 10, link, std::move(look));
+}
+
+double time_of(const nlohmann::json& event) { return event["t_ns"].get<double>(); }
+
+int count_of(const PairResult& result, const std::string& message) {
+  int found = 0;
+  for (const auto& event : result.of("message")) found += event["message"] == message;
+  return found;
+}
+
+class EdgeRelocalisation : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
+  const PairResult result = run(params(GetParam()), {.one_way_ms = {20}});
+  ASSERT_EQ(result.of("track_lost").size(), 1u);
+  const auto relocalised = result.of("relocalised");
+  ASSERT_EQ(relocalised.size(), 1u);
+  EXPECT_EQ(relocalised[0]["by"], "edge");
+  EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
+  EXPECT_EQ(result.end_reason, "bye");
+  EXPECT_EQ(count_of(result, "RELOC_MAP"), 0);
+  EXPECT_EQ(count_of(result, "FRAME"), 0);
+  EXPECT_GT(count_of(result, "RELOC_FAIL"), 0);  // in the dark
+  EXPECT_EQ(count_of(result, "SUSPEND"), 1);
+  EXPECT_EQ(count_of(result, "RESUME"), 1);
+
+  // The loss ends with a tracked frame, which is later than the one that was found.
+  nlohmann::json used;
+  for (const auto& reply : result.of("reloc_reply")) {
+    if (reply["used"] == true) used = reply;
+    const double sum = reply["request_ms"].get<double>() + reply["up_ms"].get<double>() +
+                       reply["edge_ms"].get<double>() + reply["down_ms"].get<double>() +
+                       reply["boundary_ms"].get<double>();
+    EXPECT_NEAR(sum, reply["total_ms"].get<double>(), 0.01);
+    EXPECT_GE(reply["up_ms"].get<double>(), 20);
+    EXPECT_GE(reply["down_ms"].get<double>(), 20);
+  }
+  ASSERT_FALSE(used.is_null());
+  EXPECT_GT(relocalised[0]["frame"].get<int>(), used["frame"].get<int>());
+  EXPECT_GT(time_of(relocalised[0]), time_of(used));
+
+  // Poses go on where the camera is: it looks at what it saw at second one.
+  for (const auto& [keyframe, T_cw] : result.keyframe_poses) {
+    for (const NewKeyFrame& made : result.edge_map.keyframes) {
+      const auto frame = static_cast<int>(made.frame_index);
+      if (made.id != keyframe || frame < kDark) continue;
+      const SE3 truth = testing::pose_at(far_back_at(frame)) * testing::pose_at(0).inverse();
+      EXPECT_LT((T_cw.inverse().t - truth.inverse().t).norm(), 0.03) << "frame " << frame;
+    }
+  }
+}
+
+TEST_P(EdgeRelocalisation, HoldsUpdatesFromLossToRecovery) {
+  const PairResult result = run(params(GetParam()), {.one_way_ms = {20}});
+  const auto suspended = result.of("suspended"), resumed = result.of("resumed");
+  ASSERT_EQ(suspended.size(), 1u);
+  ASSERT_EQ(resumed.size(), 1u);
+  constexpr double kTransit_ns = 25e6;
+  int before = 0, after = 0;
+  for (const auto& sent : result.of("update_sent")) {
+    const double when = time_of(sent);
+    EXPECT_FALSE(when > time_of(suspended[0]) + kTransit_ns && when < time_of(resumed[0])) << sent;
+    before += when < time_of(suspended[0]);
+    after += when > time_of(resumed[0]);
+  }
+  EXPECT_GT(before, 0);
+  EXPECT_GT(after, 0);
+  for (const auto& applied : result.of("update_applied")) {
+    const double when = time_of(applied);
+    EXPECT_FALSE(when > time_of(suspended[0]) && when < time_of(resumed[0])) << applied;
+  }
+  // No update takes away the place where the camera was found.
+  EXPECT_EQ(result.of("track_lost").size(), 1u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Updates, EdgeRelocalisation, ::testing::Values("serial", "staged"));
+
+/// What becomes of an answer, and who ends the loss.
+struct Case {
+  const char* name;
+  bool local;        ///< the mobile's own map shows the place
+  PairLink link;
+  const char* by;    ///< nullptr: stays lost
+  const char* told;  ///< in some event
+};
+
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
+PairLink with(AlteringNetwork::Alter alter) {
+  PairLink link;
+  link.alter_frames = std::move(alter);
+  return link;
+}
+
+bool fail(Message& message) {
+  message.type = static_cast<std::uint8_t>(wire::MessageType::kRelocFail);
+  wire::RelocFail failed;
+  failed.number = 1;
+  message.payload = encode(failed);
+  return true;
+}
+
+bool never(Message&) { return false; }
+
+bool from_a_former_process(Message& message) {
+  ++message.incarnation;
+  return true;
+}
+
+bool garbage(Message& message) {
+  std::mt19937 random(3);
+  message.payload.resize(75'000);
+  for (auto& byte : message.payload) byte = static_cast<std::uint8_t>(random());
+  return true;
+}
+
+/// Each answer comes when the next request has been answered.
+PairLink late() {
+  return with([held = std::make_shared<std::optional<Message>>()](Message& message) {
+    std::optional<Message> before = std::exchange(*held, message);
+    if (before) message = std::move(*before);
+    return before.has_value();
+  });
+}
+
+class Protocol : public ::testing::TestWithParam<Case> {};
+
+TEST_P(Protocol, EndsALossByTheFirstSuccess) {
+  const Case& c = GetParam();
+  const PairResult result =
+      run(params("staged"), c.link, c.local ? testing::WorldSource::Look(same_place) : far_back);
+  ASSERT_EQ(result.of("track_lost").size(), 1u);
+  const auto relocalised = result.of("relocalised");
+  if (c.by == nullptr) {
+    EXPECT_TRUE(relocalised.empty());
+  } else {
+    ASSERT_EQ(relocalised.size(), 1u);
+    EXPECT_EQ(relocalised[0]["by"], c.by);
+  }
+  EXPECT_TRUE(result.finished);
+  EXPECT_EQ(result.end_reason, "bye");
+  bool told = false;
+  for (const auto& event : result.mobile) {
+    for (const char* field : {"reason", "message", "text"}) {
+      if (!event.contains(field) || !event[field].is_string()) continue;
+      told |= event[field].get<std::string>().find(c.told) != std::string::npos;
+    }
+  }
+  EXPECT_TRUE(told) << c.told;
+  // Never two requests under way.
+  double asked = 0;
+  for (const auto& event : result.mobile) {
+    const std::string type = event["type"];
+    if (type == "reloc_reply" || type == "reloc_given_up") asked = 0;
+    if (type != "reloc_request") continue;
+    EXPECT_EQ(asked, 0) << event;
+    asked = time_of(event);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, Protocol,
+    ::testing::Values(Case{"LocalOk", true, {}, "local", "not lost any more"},
+                      Case{"LocalFail", true, with(fail), "local", "not asked for"},
+                      Case{"LocalLate", true, late(), "local", "no answer"},
+                      Case{"LocalNever", true, with(never), "local", "no answer"},
+                      Case{"LocalFormer", true, with(from_a_former_process), "local",
+                           "its edge is gone"},
+                      Case{"LocalGarbage", true, with(garbage), "local", "refused"},
+                      Case{"EdgeOk", false, {}, "edge", "not found"},
+                      Case{"EdgeFail", false, with(fail), nullptr, "not asked for"},
+                      Case{"EdgeLate", false, late(), nullptr, "not asked for"},
+                      Case{"EdgeNever", false, with(never), nullptr, "no answer"},
+                      Case{"EdgeFormer", false, with(from_a_former_process), nullptr,
+                           "its edge is gone"},
+                      Case{"EdgeGarbage", false, with(garbage), nullptr, "refused"}),
+    [](const auto& c) { return c.param.name; });
+
+TEST(EdgeRelocalisationAsText, SendsFramesAndKeyframesWhole) {
+  const PairResult result = run(params("serial", "compatibility"), {.one_way_ms = {5}});
+  const auto relocalised = result.of("relocalised");
+  ASSERT_EQ(relocalised.size(), 1u);
+  EXPECT_EQ(relocalised[0]["by"], "edge");
+  std::map<std::string, double> largest;
+  for (const auto& message : result.of("message")) {
+    double& bytes = largest[message["message"]];
+    bytes = std::max(bytes, message["bytes"].get<double>());
+  }
+  EXPECT_GT(largest["RELOC_FAIL"], 75e3);
+  EXPECT_LT(largest["RELOC_FAIL"], 75.1e3);
+  EXPECT_GT(largest["RELOC_REQUEST"], 100e3);
+  EXPECT_GT(largest["RELOC_OK"], 2 * largest["RELOC_REQUEST"]);
+}
+
+}  // namespace
+}  // namespace slambed

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two nodes in virtual time on a synthetic world: repeatable, and no timing of this machine decides.
+#include "multithread_rl/multithread_rl.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "offload/edge_slam.hpp"
+#include "offload/tests/turning_pair.hpp"
+
+namespace slambed {
+namespace {
+
+using testing::conventional;
+using testing::PairLink;
+using testing::PairResult;
+using testing::turn;
+
+constexpr int kFrames = 90;
+
+nlohmann::json switches(const std::string& map_update, const std::string& backup = "update",
+                        const std::string& relocalisation = "map") {
+  auto params = conventional();
+  params.update({{"map_update", map_update},
+                 {"keyframe_backup", backup},
+                 {"relocalisation", relocalisation},
+                 {"keep_recovery_keyframe", true},
+                 {"reloc_fail_bytes", 75'000},
+                 {"sync_period_s", 2.0},
+                 {"fast_motion_ms", 0.0}});
+  return params;
+}
+
+PairResult run(const nlohmann::json& params, const PairLink& link = {}, int frames = kFrames) {
+  return testing::run_pair(multithread_rl_system(), params, frames, 10, link, turn);
+}
+
+/// Edge-SLAM as its own folder puts it together.
+System edge_slam() {
+  System system = offload_system("edgeslam");
+  system.mobile = [](MobileNode& node, const Parameters& parameters) {
+    return std::make_unique<EdgeSlamMobile>(node, parameters);
+  };
+  system.edge = [](EdgeNode& node, const Parameters& parameters) {
+    return std::make_unique<EdgeSlamEdge>(node, parameters);
+  };
+  return system;
+}
+
+class BothCodecs : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(BothCodecs, WithBothSwitchesOffItIsConventionalEdgeSlam) {
+  auto theirs = conventional(), ours = switches("serial");
+  for (const char* same : {"sync_period_s", "fast_motion_ms"}) theirs[same] = ours[same];
+  theirs["codec"] = ours["codec"] = GetParam();
+  const PairLink link{.one_way_ms = {5}};
+  const PairResult expected = testing::run_pair(edge_slam(), theirs, kFrames, 10, link, turn);
+  const PairResult result = run(ours, link);
+  ASSERT_FALSE(result.of("update_applied").empty());
+  EXPECT_EQ(result.mobile_text, expected.mobile_text);
+  EXPECT_EQ(result.edge_text, expected.edge_text);
+  EXPECT_EQ(result.trajectory, expected.trajectory);
+}
+
+INSTANTIATE_TEST_SUITE_P(Codecs, BothCodecs, ::testing::Values("binary", "compatibility"));
+
+double longest_pause_ms(const PairResult& result) {
+  double longest = 0;
+  for (const auto& update : result.of("update_applied"))
+    longest = std::max(longest, update["pause_ms"].get<double>());
+  return longest;
+}
+
+int sum_of(const PairResult& result, const char* field) {
+  int sum = 0;
+  for (const auto& update : result.of("update_applied")) sum += update.value(field, 0);
+  return sum;
+}
+
+/// A mobile that needs a while for whatever an update needs.
+DeviceModel slow_to_update() {
+  DeviceModel device = testing::uniform_device(2000);
+  for (const char* stage : {"parse", "apply_update", "insert_keyframes"})
+    device.stages[stage].a_us = 500'000;
+  return device;
+}
+
+TEST(Multithread, TrackingGoesOnWhileAnUpdateIsWorkedIn) {
+  PairLink link;
+  link.mobile_device = slow_to_update();
+  const PairResult serial = run(switches("serial"), link), staged = run(switches("staged"), link);
+  ASSERT_GE(serial.of("update_applied").size(), 2u);
+  ASSERT_GE(staged.of("update_applied").size(), 1u);
+  EXPECT_NEAR(longest_pause_ms(serial), 1000, 1);
+  EXPECT_GT(serial.of("frame_dropped").size(), 4u);
+  EXPECT_TRUE(staged.of("frame_dropped").empty() || staged.of("frame_dropped").size() < 4);
+  EXPECT_TRUE(staged.of("track_lost").empty());
+  EXPECT_EQ(staged.end_reason, "bye");
+  for (const auto& stage : staged.of("stage")) {
+    const std::string name = stage["name"], worker = stage["worker"];
+    if (name == "update_reference") {
+      EXPECT_EQ(worker, "map-update");
+    }
+    if (name == "clean_map" || name == "update_last_frame") {
+      EXPECT_EQ(worker, "tracking");
+    }
+    EXPECT_NE(name, "apply_update");
+  }
+}
+
+TEST(Multithread, CarriesOverWhatWasMadeMeanwhile) {
+  PairLink link;
+  link.mobile_device = slow_to_update();
+  const PairResult none = run(switches("staged", "none"), link);
+  const PairResult backed_up = run(switches("staged", "update"), link);
+  const PairResult all = run(switches("staged", "uncovered"), link);
+  ASSERT_GE(none.of("update_applied").size(), 2u);
+  EXPECT_EQ(sum_of(none, "backed_up"), 0);
+  EXPECT_GT(sum_of(none, "gap_keyframes"), 0);
+  EXPECT_GT(sum_of(backed_up, "backed_up"), 0);
+  EXPECT_LT(sum_of(backed_up, "gap_keyframes"), sum_of(none, "gap_keyframes"));
+  EXPECT_EQ(sum_of(all, "gap_keyframes"), 0);
+}
+
+/// From an update's begin to its swap every keyframe made must be in the map that tracking ends with.
+TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
+  PairLink link;
+  link.mobile_device = slow_to_update();
+  const PairResult result = run(switches("staged"), link);
+  int made = 0, begun = 0, counted = 0;
+  for (const auto& event : result.mobile) {
+    const std::string type = event["type"];
+    if (type == "update_received") begun = 1, made = 0;
+    if (type == "update_declined") begun = 0;
+    if (type == "keyframe_created" && begun) ++made;
+    if (type == "update_applied") {
+      // Some were made while it was read, before it is told to be received.
+      EXPECT_GE(event.value("backed_up", 0), made);
+      counted += made;
+      begun = 0;
+    }
+  }
+  EXPECT_GT(counted, 0);
+}
+
+TEST(Multithread, TheSameSeedGivesTheSameBytes) {
+  PairLink link{.one_way_ms = {10}};
+  link.mobile_device = slow_to_update();
+  const PairResult first = run(switches("staged"), link), second = run(switches("staged"), link);
+  EXPECT_EQ(first.mobile_text, second.mobile_text);
+  EXPECT_EQ(first.edge_text, second.edge_text);
+  EXPECT_EQ(first.trajectory, second.trajectory);
+}
+
+TEST(Multithread, AMapForRelocalisationIsStagedToo) {
+  const auto dark = [](testing::SyntheticWorld& world, int frame) {
+    if (frame >= 100 && frame < 110) return world.nothing();
+    return turn(world, frame < 100 ? frame : frame - 90);
+  };
+  auto params = switches("staged");
+  params.update({{"n_kf", 1}, {"min_local_keyframes", 1}});
+  const PairResult result =
+      testing::run_pair(multithread_rl_system(), params, 200, 10, {}, dark);
+  EXPECT_EQ(result.of("track_lost").size(), 1u);
+  EXPECT_EQ(result.of("relocalised").size(), 1u);
+  int begun = 0, applied = 0;
+  for (const auto& update : result.of("update_begun")) begun += update["relocalisation"] == true;
+  for (const auto& update : result.of("update_applied"))
+    applied += update["relocalisation"] == true;
+  EXPECT_GT(applied, 0);
+  EXPECT_GE(begun, applied);
+  EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
+}
+
+}  // namespace
+}  // namespace slambed
