@@ -109,14 +109,13 @@ def _requests(run: RunLog) -> list[str]:
     if asked.empty:
         return []
     replies = run.of("reloc_reply")
-    used = int(replies["used"].eq(True).sum()) if len(replies) else 0
-    reasons = replies["reason"].value_counts() if "reason" in replies else pd.Series(dtype=int)
+    used = int(replies["reason"].isna().sum())  # who is not used says why
+    reasons = replies["reason"].value_counts()
     others = "".join(f", {reason} {count}" for reason, count in reasons.items())
     lines = [f"{_count(len(asked), 'lost frame')} sent to the edge: {used} found and used{others}"]
-    begun, ended = run.of("suspended"), run.of("resumed")
-    ends = dict(zip(ended["loss"], ended["t_s"], strict=True)) if len(ended) else {}
-    for loss, t_s in zip(begun["loss"], begun["t_s"], strict=True):
-        until = f"{ends[loss]:.2f} s" if loss in ends else "the end"
+    ends = [f"{t_s:.2f} s" for t_s in run.of("resumed")["t_s"]]
+    for place, t_s in enumerate(run.of("suspended")["t_s"]):
+        until = ends[place] if place < len(ends) else "the end"
         lines.append(f"updates rested from {t_s:.2f} s to {until}")
     return lines[: MOST_LOSSES + 1]
 
