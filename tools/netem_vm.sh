@@ -53,7 +53,11 @@ TMPDIR=$scratch $first timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.u
   "init=$repository/tools/netem_vm_init.sh" "VM_SCRATCH=$scratch" "VM_OUT=$out" \
   "VM_MODULES=$modules" "VM_PYTHON=$repository/.venv/bin/python" "VM_BIN=${SLAMBED_BIN:-}" \
   < /dev/null 2>&1 | tee "$log" | sed -u -n '/^SLAMBED_VM_READY/,/^SLAMBED_VM_RESULT/{/^SLAMBED_VM_/!p}' || true
-grep -q '^SLAMBED_VM_READY' "$log" || no_machine "user-mode Linux does not start here: $(tail -n 1 "$log")"
+if ! grep -q '^SLAMBED_VM_READY' "$log"; then
+  # It cannot put back the registers of a processor whose state (AMX) is larger than its kernel's buffer.
+  if grep -q put_fp_registers "$log"; then no_machine "this processor's registers are more than user-mode Linux knows"; fi
+  no_machine "user-mode Linux does not start here: $(tail -n 1 "$log")"
+fi
 result=$(sed -n 's/^SLAMBED_VM_RESULT \([0-9]*\).*/\1/p' "$log" | tail -1)
 if [ -z "$result" ]; then
   lacks=$(sed -n 's/^\(cannot load .*\)/; \1/p' "$log")

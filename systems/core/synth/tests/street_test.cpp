@@ -26,13 +26,6 @@ std::shared_ptr<const Scene> coarse(const std::shared_ptr<const Drive>& drive, i
                      drive);
 }
 
-double difference(const Picture& a, const Picture& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < a.grey.size(); ++i)
-    sum += std::abs(static_cast<double>(a.grey[i]) - b.grey[i]);
-  return sum / static_cast<double>(a.grey.size());
-}
-
 TEST(Street, SkyAboveRoadBelowAndHousesBeside) {
   const auto drive = std::make_shared<const Drive>("block", 4);
   const auto scene = coarse(drive);
@@ -62,8 +55,9 @@ TEST(Street, NothingStandsInTheLane) {
     for (const Body& body : scene->bodies())
       for (int i = body.first_face; i < body.last_face; ++i)
         for (const Vec3& corner : scene->faces()[i].corners)
-          if (corner.z() > 0.15 && corner.z() < 3)
+          if (corner.z() > 0.15 && corner.z() < 3) {
             ASSERT_GT(drive->route().distance_m(corner, 9), 1.6) << name;
+          }
   }
 }
 
