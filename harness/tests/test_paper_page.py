@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from test_compare import DOCUMENTED, PAPER_CONVENTIONAL, PAPER_ENHANCED, results_of, table_2
 
+from slambed.errors import SlambedError
+from slambed.report import paper_view
 from slambed.report.load import Results
 from slambed.report.paper_page import PaperPage, write_overview, write_paper_page
 from slambed.report.paper_view import twelve_lines
@@ -147,7 +149,7 @@ def test_one_page_over_all_papers(
     assert html.count("no runs yet") == len(papers) - 1
     assert html.count("Nothing was run yet") == len(papers) - 1
     assert html.count("printed numbers reproduced") == 2  # dynnetslam has two engines
-    assert "no experiment makes these runs" in html  # cloudslam's KITTI 05, so no command is named
+    assert "not run yet; slambed paper cloudslam" in html
 
 
 def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:
@@ -155,3 +157,15 @@ def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:
     page = write_paper_page(paper, [results_of([], reproduces=())][:0], tmp_path)
     assert "no runs yet" in page.html.read_text()
     assert "NOT RUN" in page.html.read_text()
+
+
+def test_no_command_is_named_where_no_experiment_makes_the_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(papers: list[Paper]) -> list[str]:
+        raise SlambedError("no experiment")
+
+    monkeypatch.setattr(paper_view, "experiments_of", none)
+    html = write_paper_page(read_papers(["cloudslam"])[0], [], tmp_path).html.read_text()
+    assert "not run yet, and no experiment makes these runs" in html
+    assert "slambed paper cloudslam" not in html

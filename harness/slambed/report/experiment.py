@@ -52,10 +52,10 @@ def write_report(
     Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
     is not there. `loaded`: what is in the folder, where the caller has read it.
     """
-    folder = experiment_dir / "report"
-    folder.mkdir(exist_ok=True)
     runs = current.begin(experiment_dir)
     results = loaded or load(experiment_dir)
+    folder = experiment_dir / "report"
+    folder.mkdir(exist_ok=True)
     summary_csv = write_summary_csv(results)
     metrics = metrics_to_show(results)
     cells = cells_of(results, metrics)
