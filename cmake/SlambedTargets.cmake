@@ -62,7 +62,7 @@ function(slambed_program name)
 endfunction()
 
 # slambed_test(name [LIVE] SOURCES ... DEPENDS ...): one GoogleTest program, one ctest entry per test
-# case. LIVE: its cases look at the clock, or start programs that do; no other test runs beside one, and
+# case. LIVE: its cases look at the clock, or start programs that do; one at a time (label `live`), and
 # the program is one entry, so that its cases share what they play.
 function(slambed_test name)
   if(NOT SLAMBED_TESTS)
@@ -73,7 +73,7 @@ function(slambed_test name)
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   if(ARG_LIVE)
     add_test(NAME ${name} COMMAND ${name} --gtest_brief=1)
-    set_tests_properties(${name} PROPERTIES TIMEOUT 900 RUN_SERIAL ON)
+    set_tests_properties(${name} PROPERTIES TIMEOUT 900 RUN_SERIAL ON LABELS live)
     return()
   endif()
   include(GoogleTest)

@@ -3,7 +3,7 @@
 # names. Used by tools/build_image.sh; where there are none, docker/Dockerfile compiles them.
 
 FROM debian:bookworm-slim
-COPY slambed-node slambed-sim slambed-relay slambed-synth slambed-pace /usr/local/bin/
+COPY slambed-node slambed-sim slambed-relay slambed-synth slambed-pace slambed-play /usr/local/bin/
 # No account, no home: a number that owns nothing.
 USER 10001:10001
 ENTRYPOINT ["slambed-node"]

@@ -1,17 +1,22 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# fuzz.sh [SECONDS]: builds the fuzz targets with clang, AddressSanitizer and UBSan, and runs each for
-# so long (20 s). What breaks one is left in build-fuzz/.
+# fuzz.sh [SECONDS [TARGET ...]]: builds the fuzz targets (all, or those named) with clang,
+# AddressSanitizer and UBSan, and runs each for so long (20 s). What breaks one is left in build-fuzz/.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
 seconds=${1:-20}
+shift || true
 command -v clang++ >/dev/null || { echo "error: no clang++; install clang" >&2; exit 3; }
 cmake -S . -B build-fuzz -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DSLAMBED_FUZZ=ON -DSLAMBED_TESTS=OFF \
   -DCMAKE_CXX_FLAGS_RELEASE=-O1 >/dev/null
-ninja -C build-fuzz --quiet ${SLAMBED_NINJA_FLAGS:-} fuzz_targets
-for target in build-fuzz/bin/*_fuzz; do
-  echo "== $(basename "$target"), $seconds s"
+ninja -C build-fuzz --quiet ${SLAMBED_NINJA_FLAGS:-} "${@:-fuzz_targets}"
+if [ $# -eq 0 ]; then
+  set -- $(cd build-fuzz/bin && ls | grep '_fuzz$')
+fi
+for name in "$@"; do
+  target=build-fuzz/bin/$name
+  echo "== $name, $seconds s"
   "$target" -max_total_time="$seconds" -max_len=4096 -rss_limit_mb=4096 -timeout=10 \
     -artifact_prefix=build-fuzz/ -print_final_stats=1 -verbosity=0
 done

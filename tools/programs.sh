@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Sourced by the scripts that build: what the C++ programs are, and of which sources those in $bin were made.
-programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace"
+programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace slambed-play"
 
 # programs_are_of HASH: all of them are there, and the stamp beside them says so.
 programs_are_of() {

@@ -7,7 +7,7 @@ packages_for() {
   case $1 in
     run) echo python3 python3-venv ca-certificates ;;
     live) echo iproute2 ;;
-    build) echo g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev ;;
+    build) echo g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev libturbojpeg0-dev ;;
     # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
     # the whole of it only.
     test) echo libgtest-dev libopencv-dev libceres-dev ;;

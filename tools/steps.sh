@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 # Sourced by check.sh and test.sh: named steps with their durations; the first failure does not hide the next one.
-failed=()
-durations=()
+# What steps came to is in files: a lane of them may run in a process of its own.
+logs=$(mktemp -d)
+trap 'rm -rf "$logs"' EXIT
+touch "$logs/failed" "$logs/durations"
 
 step() {
   local name=$1 began=$SECONDS
   shift
   echo "== $name"
-  "$@" || failed+=("$name")
-  durations+=("$(printf '%5s s  %s' $((SECONDS - began)) "$name")")
+  "$@" || echo "$name" >>"$logs/failed"
+  printf '%5s s  %s\n' $((SECONDS - began)) "$name" >>"$logs/durations"
 }
 
 checks() {
@@ -27,10 +29,11 @@ lint_imports() {
 # Durations, what a step kept for the end, and the exit status.
 finish() {
   echo "== durations"
-  printf '%s\n' "${durations[@]}"
+  cat "$logs/durations"
+  printf '%5s s  %s\n' "$SECONDS" "everything"
   [ $# -eq 0 ] || cat "$@"
-  if [ ${#failed[@]} -gt 0 ]; then
-    echo "error: failed: ${failed[*]}" >&2
+  if [ -s "$logs/failed" ]; then
+    echo "error: failed: $(paste -sd ' ' "$logs/failed")" >&2
     exit 1
   fi
 }

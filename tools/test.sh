@@ -1,14 +1,13 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # test.sh BUILD_FOLDER: everything that must be green, with the time of every step. The C++ is compiled once, on this
-# host: the node image is made out of the same programs. Ends with the summaries of ctest and pytest.
+# host: the node image is made out of the same programs. Then two lanes run side by side: live tests, one at a time, which
+# mostly wait; and, behind them in every queue for a CPU, all that computes. Ends with the summaries of ctest and pytest.
 set -uo pipefail
 
 cd "$(dirname "$0")/.."
 build=${1:-build}
 jobs=$(nproc)
-logs=$(mktemp -d)
-trap 'rm -rf "$logs"' EXIT
 # shellcheck source=tools/steps.sh
 source tools/steps.sh
 
@@ -36,17 +35,15 @@ logged() {
 sudo=
 if [ "$(id -u)" -ne 0 ] && sudo -n true 2>/dev/null; then sudo="sudo --preserve-env=PATH env PYTHONDONTWRITEBYTECODE=1"; fi
 
-# Tests of one file share what they prepare, and stay in one process; live ones of any file wait for each other.
-pytest_all() {
-  local options=(--strict-skips --dist loadfile --no-loadscope-reorder --durations=15)
-  if [ -z "$sudo" ]; then
-    logged pytest .venv/bin/pytest -n "$jobs" "${options[@]}"
-    return
-  fi
-  local good=0
-  logged pytest_user .venv/bin/pytest -n "$jobs" "${options[@]}" -m "not live" || good=1
-  logged pytest $sudo .venv/bin/pytest "${options[@]}" -p no:cacheprovider -m live || good=1
-  return $good
+# Tests of one file share what they prepare, and stay in one process.
+pytest_computing() {
+  logged pytest .venv/bin/pytest -n "$jobs" --strict-skips --dist loadfile --no-loadscope-reorder --durations=15 -m "not live"
+}
+
+# One at a time. What needs root is among them.
+pytest_live() {
+  # shellcheck disable=SC2086
+  logged pytest_live $sudo .venv/bin/pytest --strict-skips --durations=15 -p no:cacheprovider -m live
 }
 
 # Folders with recordings, a colon list: those that SLAMBED_TEST_RECORDINGS names, else those where data is looked for.
@@ -59,21 +56,48 @@ recordings() {
   echo "${found#:}"
 }
 
-checks
+ctest_of() {
+  local name=$1
+  shift
+  # Two of them would write the same logs.
+  logged "$name" flock "$logs/ctest.lock" ctest --test-dir "$build" --output-on-failure --no-tests=error "$@"
+}
+
+# Whatever looks at the clock or starts nodes.
+live_lane() {
+  step netem netem
+  step "pytest, live" pytest_live
+  step "ctest, live" ctest_of ctest_live -L '^live$'
+}
+
+# Nodes and live tests go before this, by their priority and control groups.
+computing_lane() {
+  renice -n 19 -p $BASHPID >/dev/null
+  checks
+  step smoke tools/smoke.sh
+  if [ -n "$(recordings)" ]; then
+    step recordings .venv/bin/pytest -m recordings "--recordings=$(recordings)" --durations=0 -v harness/tests
+  else
+    echo "== recordings: none beside this checkout; the tests that need them are left out"
+  fi
+  step ctest ctest_of ctest -LE '^live$' -j "$jobs"
+  step pytest pytest_computing
+}
+
 step compile compile
 # Where Docker is, its engine is tested with the real image.
 if docker info >/dev/null 2>&1; then
   step image tools/build.sh docker
 fi
-step netem netem
-step smoke tools/smoke.sh
-if [ -n "$(recordings)" ]; then
-  step recordings .venv/bin/pytest -m recordings "--recordings=$(recordings)" --durations=0 -v harness/tests
-else
-  echo "== recordings: none beside this checkout; the tests that need them are left out"
-fi
-step ctest logged ctest ctest --test-dir "$build" -j "$jobs" --output-on-failure --no-tests=error
-step pytest pytest_all
-tail -n 12 "$logs/ctest" >"$logs/ctest_end"
-sed -s -n '/^skipped: \|^left out: /p; $p' "$logs"/pytest* >"$logs/pytest_end"
+# A session of its own: kernels share CPUs out among sessions before they look at priorities.
+export -f live_lane step netem ctest_of pytest_live logged
+export build jobs sudo logs
+setsid bash -c live_lane >"$logs/live" 2>&1 &
+live=$!
+trap 'kill -TERM -- "-$live" 2>/dev/null; rm -rf "$logs"' EXIT
+(computing_lane)
+wait "$live"
+cat "$logs/live"
+tail -q -n 12 "$logs/ctest" "$logs/ctest_live" >"$logs/ctest_end"
+sed -s -n '/^skipped: \|^left out: /p; $p' "$logs/pytest" "$logs/pytest_live" >"$logs/pytest_end"
 finish "$logs/ctest_end" "$logs/pytest_end"

@@ -1,4 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""slambed: a reproducible testbed for edge-offloaded visual SLAM."""
+"""slambed: a reproducible testbed for edge-offloaded visual SLAM.
+
+`Results` and `run` are for notebooks and scripts (docs/results.md).
+"""
+
+from importlib import import_module
+from typing import Any
 
 __version__ = "0.1.0"
+FOR_NOTEBOOKS = ("Results", "run")
+
+
+def __getattr__(name: str) -> Any:
+    """What is for notebooks stands above everything that imports this file: it is loaded when
+    asked for."""
+    if name in FOR_NOTEBOOKS:
+        return getattr(import_module("slambed.report.notebook"), name)
+    raise AttributeError(f"module 'slambed' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *FOR_NOTEBOOKS])

@@ -87,6 +87,15 @@ def run(
     only: Annotated[
         list[str] | None, typer.Option("--only", help="Execute this cell only; * is any text.")
     ] = None,
+    force: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--force", help="Execute this cell again, also where it is there; * is any text."
+        ),
+    ] = None,
+    keep_going: Annotated[
+        bool, typer.Option("--keep-going", help="Go on however many runs have to be given up.")
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be executed, and how long it takes.")
     ] = False,
@@ -117,7 +126,7 @@ def run(
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
     options = Options(runs, engine, results, wait, jobs, scheduler, slurm, retries, wait_for_quiet,
-                      settings or [], only or [], dry_run)  # fmt: skip
+                      settings or [], only or [], force or [], keep_going, dry_run)  # fmt: skip
     verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])
@@ -176,6 +185,35 @@ def status(
         screen.print(line, highlight=False, markup=False, soft_wrap=True)
     if not found.complete:
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
+
+
+@app.command("check-system")
+def check_system(
+    system: Annotated[str, typer.Argument(help="Name of a system, or path of its system.yaml.")],
+) -> None:
+    """Play twenty frames to a system of your own and say what of the contract holds."""
+    from slambed.campaign.check_system import check_system as checked
+    from slambed.spec.library import Library
+
+    found = checked(system, Library())
+    for good, line in found.lines:
+        mark = Text("ok " if good else "no ", "green" if good else "red")
+        console().print(mark, line, soft_wrap=True)
+    if not found.good:
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD)
+
+
+@app.command()
+def new(
+    kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
+    name: Annotated[str, typer.Argument(help="What it shall be called.")],
+    folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
+) -> None:
+    """Write a skeleton that works, to be changed: a system, a dataset or an experiment."""
+    from slambed.campaign.skeletons import write_skeleton
+
+    for line in write_skeleton(kind, name, folder):
+        typer.echo(line)
 
 
 @app.command()
@@ -250,6 +288,13 @@ def _add_data() -> None:
 
 
 @cache
+def _add_masks() -> None:
+    from slambed.segment.cli import app as masks_app
+
+    app.add_typer(masks_app, name="masks")
+
+
+@cache
 def _add_inputs() -> None:
     from slambed.campaign.inputs_cli import app as inputs_app
 
@@ -279,15 +324,28 @@ def _add_papers() -> None:
     app.add_typer(papers_app, name="papers")
 
 
-HERE = ("run", "status", "doctor", "images", "clean", "--version")
+HERE = ("run", "status", "check-system", "new", "doctor", "images", "clean", "--version")
 ELSEWHERE = {
     **dict.fromkeys(
-        ("report", "plots", "compare", "truth", "paper", "gate", "view", "evaluate"), _add_reports
+        (
+            "report",
+            "losses",
+            "plots",
+            "compare",
+            "truth",
+            "diff",
+            "paper",
+            "gate",
+            "view",
+            "evaluate",
+        ),
+        _add_reports,
     ),
     "calibrate": _add_calibrate,
     "explain": _add_explain,
     "data": _add_data,
     "inputs": _add_inputs,
+    "masks": _add_masks,
     "results": _add_results,
     **dict.fromkeys(("profile", "link"), _add_links),
     "papers": _add_papers,

@@ -19,7 +19,8 @@ from slambed.spec.software import host_software
 Level = Literal["good", "missing", "fatal"]
 MIN_CORES = 2
 MIN_FREE_GB = 5
-PROGRAMS = ("slambed-node", "slambed-sim", "slambed-relay", "slambed-pace", "slambed-synth")
+PROGRAMS = ("slambed-node", "slambed-sim", "slambed-relay", "slambed-pace", "slambed-synth",
+            "slambed-play")  # fmt: skip
 
 
 @dataclass(frozen=True)

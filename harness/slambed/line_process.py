@@ -15,6 +15,12 @@ from slambed.errors import ExitCode, PassingError, SlambedError
 STOP_TIMEOUT_S = 10.0
 
 
+def error_answer(error: SlambedError) -> dict[str, Any]:
+    """What a child answers when it fails: a failure that passes stays one."""
+    passes = isinstance(error, PassingError)
+    return {"error": str(error), "code": int(error.code), "passes": passes}
+
+
 class LineProcess:
     """One request at a time; an answer `{"error": line, "code": n}` is raised."""
 
@@ -61,7 +67,8 @@ class LineProcess:
         line, _, self._buffer = self._buffer.partition(b"\n")
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
-            raise SlambedError(str(answer["error"]), ExitCode(int(answer["code"])))
+            kind = PassingError if answer.get("passes") else SlambedError
+            raise kind(str(answer["error"]), ExitCode(int(answer["code"])))
         return answer
 
     def alive(self) -> bool:

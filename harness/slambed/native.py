@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the C++ programs: slambed-node, -sim, -relay, -pace and -synth."""
+"""Finds the C++ programs: slambed-node, -sim, -relay, -pace, -synth and -play."""
 
 import os
 from pathlib import Path

@@ -122,7 +122,11 @@ class Campaign:
         self._pids: list[int] = []
         self._cluster: Cluster | None = None
         if t.kind == "dask":
-            self._cluster = Cluster(self.folder, self.environment(), min(t.jobs, MOST_WORKERS))
+            # What a killed scheduler leaves is its owner's: slambed was only given its address.
+            own = self.folder / "cluster-tmp"
+            own.mkdir()
+            environment = self.environment() | {"TMPDIR": str(own)}
+            self._cluster = Cluster(self.folder, environment, min(t.jobs, MOST_WORKERS))
             self.more = [*self.more, "--scheduler", self._cluster.address]
 
     def environment(self) -> dict[str, str]:
@@ -175,7 +179,8 @@ class Campaign:
         command = [sys.executable, "-c", COMMAND, "run", str(self.experiment), *self.more]
         command += ["--results", str(self.disk.folder)]
         command += ["--figures" if self.torment.figures else "--no-figures"]
-        with self._log.open("w") as log:
+        self._log.unlink(missing_ok=True)
+        with self._log.open("a") as log:
             process = subprocess.Popen(
                 command,
                 env=self.environment(),

@@ -137,6 +137,14 @@ def run_spec(edge: bool = False, **changes: Any) -> RunSpec:
     return RunSpec(**(fields | changes))
 
 
+def specs(cells: int = 2, runs: int = 2, **changes: Any) -> list[RunSpec]:
+    return [
+        run_spec(cell=f"c{cell}", params={"x": cell}, repetition=r, seed=r, **changes)
+        for cell in range(cells)
+        for r in range(runs)
+    ]
+
+
 def stand_in(folder: Path) -> Path:
     """The stand-in node as a program file."""
     program = folder / "slambed-node"

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
-from command_line import slambed
+from command_line import slambed, slambed_process
 from harness_parts import needs_root
 
 from slambed.caller import give_to_caller
@@ -58,6 +58,24 @@ def test_a_command_that_writes_nothing_gives_nothing(home: Path) -> None:
     for option in ("--version", "--help"):
         where(home, (option,), **CALLER)
     assert owner(home / ".cache") == owner(home / ".cache" / "slambed" / "prepared") == ROOT
+
+
+def test_a_real_process_that_only_tells_its_version_touches_no_owner(tmp_path: Path) -> None:
+    """What a cache holds may be anybody's. The inodes' change times tell of any chown at all."""
+    for owner_of_it, name in (
+        (0, "prepared"),
+        (1234, "features"),
+        (0, "somebody's"),
+        (65534, "uml"),
+    ):
+        (tmp_path / name / "below").mkdir(parents=True)
+        os.chown(tmp_path / name / "below", owner_of_it, owner_of_it)
+    os.chown(tmp_path, *MINE)
+    paths = [tmp_path, *sorted(tmp_path.rglob("*"))]
+    before = [(owner(path), path.lstat().st_ctime_ns) for path in paths]
+    code, out, err = slambed_process("--version", SLAMBED_CACHE=str(tmp_path), **CALLER)
+    assert code == ExitCode.OK and out.strip() and not err
+    assert [(owner(path), path.lstat().st_ctime_ns) for path in paths] == before
 
 
 def test_a_cache_of_roots_own_stays_so(home: Path) -> None:

@@ -72,10 +72,10 @@ def write_experiment(folder: Path, sequence: Path) -> Path:
     return path
 
 
-def run_it(folder: Path, sequence: Path, engine: str) -> list[dict[str, Any]]:
+def run_it(folder: Path, sequence: Path, engine: str, *options: str) -> list[dict[str, Any]]:
     path = write_experiment(folder, sequence)
     arguments = ["run", str(path), "--engine", engine, "--results", str(folder / "results")]
-    arguments.append("--wait")
+    arguments += ["--wait", *options]
     code, out, err = slambed(*arguments)
     assert code in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), out + err
     results = folder / "results" / "short"
@@ -99,7 +99,6 @@ def run_it(folder: Path, sequence: Path, engine: str) -> list[dict[str, Any]]:
     # Called again, there is nothing to do.
     _, out, _ = slambed(*arguments, "--retries", "0")
     assert "2 there already" in out
-    explain_them(results, folder)
     return sorted(summaries, key=lambda summary: str(summary["system"]))
 
 
@@ -137,6 +136,7 @@ def local_results(tmp_path_factory: pytest.TempPathFactory, sequence: Path) -> P
     """Of the local engine, checked."""
     folder = tmp_path_factory.mktemp("local")
     check_figures(run_it(folder, sequence, "local"))
+    explain_them(folder / "results" / "short", folder)
     return folder
 
 
@@ -147,7 +147,8 @@ def test_the_local_engine_makes_a_whole_result(local_results: Path) -> None:
 
 @pytest.mark.skipif(not image_is_built(), reason="needs the node image ('make images')")
 def test_the_docker_engine_makes_the_same(tmp_path: Path, sequence: Path) -> None:
-    check_figures(run_it(tmp_path, sequence, "docker"))
+    """Its figures and time lines are drawn from the same tables."""
+    check_figures(run_it(tmp_path, sequence, "docker", "--no-figures"))
 
 
 def test_live_then_virtual_then_live_executes_nothing_twice(

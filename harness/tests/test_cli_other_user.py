@@ -38,8 +38,8 @@ def checkout() -> Iterator[Path]:
         place.chmod(0o755)
         for part in READ:
             shutil.copytree(root / part, place / part, ignore=shutil.ignore_patterns("__pycache__"))
-        for file in (root / "systems").glob("*/system.yaml"):
-            (place / file.relative_to(root)).parent.mkdir(parents=True)
+        for file in (root / "systems").rglob("*.yaml"):
+            (place / file.relative_to(root)).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, place / file.relative_to(root))
         (place / "own").mkdir(mode=0o700)
         shutil.chown(place / "own", 65534, 65534)

@@ -62,6 +62,15 @@ def test_tum(tmp_path: Path) -> None:
     assert truth is not None and truth.shape == (6, 8)
 
 
+def test_tum_with_one_camera_takes_every_colour_image(tmp_path: Path) -> None:
+    folder = write_tum(tmp_path / "t")
+    (folder / "depth.txt").unlink()
+    reader = load_reader("tum")(folder, options(sensor="mono", groundtruth="groundtruth.txt"))
+    assert len(reader) == 6 and all(frame.second is None for frame in reader)
+    assert np.array_equal(reader[2].grey, grey(2)) and reader.trajectory() is not None
+    assert not any("depth" in str(file) for file in reader.files())
+
+
 def test_tum_without_pairs(tmp_path: Path) -> None:
     folder = write_tum(tmp_path / "t")
     (folder / "depth.txt").write_text("5.0 depth/x.png\n")

@@ -49,7 +49,7 @@ echo '{}' > $out/ready.json
 until [ -e /out/start.json ]; do sleep 0.02; done
 case "$role $(cat /out/run.json)" in
   "edge "*die*) sleep 0.6; exit 139;;
-  "mobile "*long*) sleep 60 & wait;;
+  "mobile "*long*|"edge "*stay*) sleep 60 & wait;;
   "mobile "*hungry*) x=$(head -c 900m /dev/zero | tr '\0' x);;
 esac
 [ $role = mobile ] && sleep 1
@@ -140,6 +140,31 @@ def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None
 
 def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:
     assert bench.run(docker_spec(variant="die")).outcome == "died"
+
+
+@pytest.mark.parametrize(("role", "variant"), [("mobile", "long"), ("edge", "stay")])
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [("SIGKILL", "was killed from outside"), ("SIGTERM", "was told to stop")],
+)
+def test_a_container_ended_from_outside_is_no_result(
+    bench: Bench, role: str, variant: str, number: str, told: str
+) -> None:
+    """Docker tells it as exit code 137, as it does of a node at its memory limit."""
+
+    def end() -> None:
+        while not (bench.raw / "start.json").exists():
+            time.sleep(0.01)
+        assert CLIENT is not None
+        (container,) = CLIENT.containers.list(filters={"label": f"slambed.role={role}"})
+        container.kill(number)
+
+    thread = threading.Thread(target=end)
+    thread.start()
+    result = bench.run(docker_spec(variant=variant, playback=Playback(end_s=1.0)))
+    thread.join()
+    assert result.outcome == "died" and told in str(result.reason)
+    assert [f"the {role} node {told}" in line for line in result.distrust] == [True]
 
 
 def test_a_container_that_refuses_is_an_outcome_with_its_own_words(bench: Bench) -> None:

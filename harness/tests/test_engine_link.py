@@ -8,11 +8,13 @@ from typing import Any
 import pandas as pd
 import pytest
 from harness_parts import needs_root, nodes_of_tests, run_spec, stand_in
+from virtual_parts import Quiet
 
 from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import RunLink, backend_for, open_for_run, read_profile
+from slambed.campaign.remote_link import HelperLinks
 from slambed.campaign.runner import Runner
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
@@ -20,7 +22,7 @@ from slambed.errors import SlambedError
 from slambed.link.relay import RelayShaper
 from slambed.native import find_program
 from slambed.spec.experiment import Playback
-from slambed.spec.matrix import LinkSpec, RunSpec
+from slambed.spec.matrix import LinkSpec
 
 RAMP = {"name": "up", "rtt_ms": {"ramp": {"from_ms": 10, "to_ms": 30, "rise_s": 2}}}
 
@@ -60,16 +62,6 @@ def test_a_run_records_what_its_link_delivered(tmp_path: Path) -> None:
     # The kernel of the nodes sees the latency: it rises. (How exactly is the link's own test.)
     assert probes["value"].median() > 12
     assert result.link["proof"]["asked_ms_mean"] == pytest.approx(20, abs=2)
-
-
-class Quiet:
-    """A reporter that says nothing."""
-
-    def run_started(self, spec: RunSpec) -> None: ...
-
-    def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
-
-    def run_failed(self, spec: RunSpec, why: str, last: bool) -> None: ...
 
 
 def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_path: Path) -> None:
@@ -113,3 +105,45 @@ def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_pa
     # What the mobile node made of it is there: it played to its end.
     assert first["frames_total"] == second["frames_total"] == 20
     assert second["outcome"] == "completed"
+
+
+KILLED_ONCE = """#!/bin/sh
+if [ -e {flag} ]; then exec {relay} "$@"; fi
+touch {flag}
+{before}
+kill -9 $$
+"""
+AT_SET_UP = {"at once": "", "after it was ready": "echo '{\"ready\": {}}'; sleep 0.1"}
+
+
+@pytest.mark.parametrize("before", AT_SET_UP.values(), ids=AT_SET_UP)
+@pytest.mark.parametrize("helper", [False, True], ids=["itself", "helper"])
+def test_a_relay_killed_at_set_up_costs_an_attempt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, helper: bool
+) -> None:
+    """Also where it is a helper that keeps the link: what it tells stays what it is. A relay that
+    was ready takes its devices along."""
+    relay, programs = find_program("slambed-relay"), tmp_path / "bin"
+    programs.mkdir()
+    script = programs / "slambed-relay"
+    script.write_text(KILLED_ONCE.format(flag=tmp_path / "flag", relay=relay, before=before))
+    script.chmod(0o755)
+    monkeypatch.setenv("SLAMBED_BIN", str(programs))
+    profile = read_profile(RAMP, "here")
+    link = LinkSpec(backend="relay", profile=profile.name, content=profile.content)
+    spec = run_spec(edge=True, link=link, profile="up")
+    engine = LocalEngine(stand_in(tmp_path))
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    (tmp_path / "sequence").mkdir()
+    opener = HelperLinks(engine) if helper else open_for_run
+    executor = LiveExecutor(engine, opener, {"room": (tmp_path / "sequence", 0.5)})
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    with nodes_of_tests():
+        runner = Runner(folder, ledger, executor, retries=0, pauses_s=(0.01,))
+        verdict = runner.run([spec], Quiet())
+    assert (verdict.done, verdict.given_up) == (1, {})
+    (failed,) = (entry for entry in ledger.read() if entry["event"] == "run_failed")
+    assert "slambed-relay ended" in failed["error"] and "signal 9" in failed["error"]
+    summary = folder.read(spec.run_key, "summary.json")
+    assert summary is not None and summary["outcome"] == "completed"

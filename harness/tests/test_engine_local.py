@@ -164,6 +164,18 @@ def test_the_quota_holds_and_throttling_is_told(bench: Bench) -> None:
     assert result.throttling["mobile"]["throttled_periods"] > 0
 
 
+CAPABILITY_SETS = ("CapInh:", "CapPrm:", "CapEff:", "CapBnd:", "CapAmb:")
+
+
+def test_a_node_is_nobody_in_particular_and_may_only_read(bench: Bench) -> None:
+    """Below folders that are closed to others, as homes are; what it writes is its own."""
+    bench.folder.chmod(0o700)
+    assert bench.run(run_spec()).outcome == "completed"
+    mobile = bench.folder / "raw" / "mobile"
+    assert mobile.stat().st_uid == (mobile / "events.jsonl").stat().st_uid == 10001
+    assert (bench.folder / "raw" / "run.json").stat().st_uid == 0
+
+
 def test_a_node_at_the_gate_has_its_own_network(bench: Bench) -> None:
     raw = bench.folder / "raw"
     (raw / "mobile").mkdir(parents=True)
@@ -175,8 +187,13 @@ def test_a_node_at_the_gate_has_its_own_network(bench: Bench) -> None:
         assert node.exit_code() is None
         status = Path(f"/proc/{node.pid}/status").read_text()
         assert "NoNewPrivs:\t1" in status
-        bounding = next(line for line in status.splitlines() if line.startswith("CapBnd"))
-        assert int(bounding.split()[1], 16) == 1 << 2  # CAP_DAC_READ_SEARCH alone
+        assert "Uid:\t10001\t10001\t10001\t10001" in status
+        assert "Gid:\t10001\t10001\t10001\t10001" in status and "\nGroups:\t \n" in status
+        sets = [line.split() for line in status.splitlines() if line.startswith("Cap")]
+        # CAP_DAC_READ_SEARCH alone
+        assert {name: int(held, 16) for name, held in sets} == dict.fromkeys(
+            CAPABILITY_SETS, 1 << 2
+        )
     finally:
         node.remove()
     assert not Path(f"/proc/{node.pid}").exists()
@@ -327,7 +344,7 @@ def test_a_killed_edge_starts_again_where_it_was(bench: Bench) -> None:
 def test_a_frozen_edge_stands_still_and_goes_on(bench: Bench) -> None:
     result, probe = run_with(bench, Fault(at_s=0.4, edge="freeze", for_s=0.5))
     assert (result.outcome, result.reason, result.distrust) == ("completed", None, [])
-    assert [state for _, state, _, _ in probe.seen] == ["", "T", ""]
+    assert [state for _, state, _, _ in probe.seen] == ["", "T", ""], probe.seen
     assert len({pid for pid, _, _, _ in probe.seen}) == 1
     assert faults_of(bench) == [("fault_began", "freeze"), ("fault_ended", "freeze")]
 

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many virtual runs at once complete, also where commits are slow and processes are killed."""
 
+import contextlib
 import os
 import random
+import shutil
 import signal
+import socket
+import sys
+import tempfile
 import threading
 import time
 from dataclasses import dataclass, field
+from multiprocessing import forkserver
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,10 +24,12 @@ from pebble.common import ProcessFuture, Result, ResultStatus
 from pebble.concurrent.process import _worker_handler
 from virtual_parts import Quiet
 
+from slambed.campaign import server_folder
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import MOST_DEATHS, Runner
+from slambed.engines.virtual import NICE
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.spec.matrix import RunSpec
 
@@ -29,9 +37,9 @@ from slambed.spec.matrix import RunSpec
 class SlowFolder(ResultFolder):
     """On a disk that takes its time."""
 
-    def commit(self, run_key: str, raw: Path) -> None:
+    def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
         time.sleep(random.uniform(0, 0.15))
-        super().commit(run_key, raw)
+        super().commit(run_key, raw, replace)
 
 
 def runs(count: int, **changes: Any) -> list[RunSpec]:
@@ -49,12 +57,16 @@ def runner(tmp_path: Path, jobs: int) -> Runner:
 
 def children() -> list[psutil.Process]:
     """Every process below this one that has a run in hand: simulation or its parent."""
-    found = psutil.Process().children(recursive=True)
-    return [p for p in found if p.status() != psutil.STATUS_ZOMBIE]
+    return psutil.Process().children(recursive=True)
 
 
 def simulations(tmp_path: Path) -> list[psutil.Process]:
-    return [p for p in children() if str(tmp_path) in " ".join(p.cmdline())]
+    found = []
+    for process in children():
+        with contextlib.suppress(psutil.Error):  # gone meanwhile
+            if str(tmp_path) in " ".join(process.cmdline()):
+                found.append(process)
+    return found
 
 
 def test_many_jobs_with_slow_commits_complete(tmp_path: Path) -> None:
@@ -82,6 +94,39 @@ def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path
         assert manifest is not None
         assert manifest["plans"] == plans
         assert manifest["started_utc"]
+
+
+def fork_server(tmp_path: Path) -> psutil.Process | None:
+    """What forked the process that waits for a simulation, where that is a fork server."""
+    with contextlib.suppress(psutil.Error, IndexError):
+        _, server, *_ = simulations(tmp_path)[0].parents()
+        return server if "multiprocessing.forkserver" in " ".join(server.cmdline()) else None
+    return None
+
+
+def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
+    """Nothing is forked from the harness itself, whose threads may hold any lock at that moment."""
+    campaign = runner(tmp_path, 3)
+    killed = []
+
+    def kill() -> None:
+        for _ in range(2):
+            while (server := fork_server(tmp_path)) is None:
+                time.sleep(0.005)
+            killed.append(server.pid)
+            server.kill()
+
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    todo = runs(9, params={"sim_sleep_s": 0.3})
+    verdict = campaign.run(todo, Quiet())
+    thread.join()
+    assert len(set(killed)) == 2 and os.getpid() not in killed
+    assert (verdict.done, verdict.trusted, verdict.given_up) == (9, 9, {})
+    assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
+    finished = [e["run_key"] for e in campaign.ledger.read() if e["event"] == "run_finished"]
+    assert sorted(finished) == campaign.folder.run_keys()
+    assert simulations(tmp_path) == []
 
 
 @dataclass
@@ -123,6 +168,87 @@ def test_killed_processes_cost_no_run(tmp_path: Path) -> None:
     failed = [e for e in campaign.ledger.read() if e["event"] == "run_failed"]
     assert len(failed) <= killer.killed and all("was killed" in e["error"] for e in failed)
     assert simulations(tmp_path) == []
+
+
+def test_virtual_runs_go_behind_what_is_live(tmp_path: Path) -> None:
+    """A live run on this host shall not meet them: neither simulations nor what sums them up."""
+    seen: list[tuple[int, int, str]] = []
+    over = threading.Event()
+
+    def look() -> None:
+        while not over.wait(0.05):
+            for process in simulations(tmp_path):
+                with contextlib.suppress(psutil.Error, OSError, AttributeError):
+                    group = Path(f"/proc/{process.pid}/autogroup")
+                    shared = group.read_text().split()[-1] if group.exists() else str(NICE)
+                    seen.append((process.nice(), process.parent().nice(), shared))
+
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    runner(tmp_path, 2).run(runs(2, params={"sim_sleep_s": 0.5}), Quiet())
+    over.set()
+    watcher.join()
+    least = max(NICE, os.getpriority(os.PRIO_PROCESS, 0))
+    assert seen and all(min(process, parent) >= least for process, parent, _ in seen)
+    assert {shared for *_, shared in seen} == {str(NICE)}
+
+
+KILLED_HARNESS = """
+import sys
+from pathlib import Path
+import test_processes as tests
+tests.runner(Path(sys.argv[1]), 2).run(tests.runs(2, params={"sim_sleep_s": 60}), tests.Quiet())
+"""
+
+
+def test_what_a_killed_harness_left_goes_with_the_next_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """Its runs and their server end by themselves; the server's socket is swept."""
+    # The address of a socket is at most 107 letters: not below pytest's folders.
+    scratch = Path(tempfile.mkdtemp(prefix="s"))
+    request.addfinalizer(lambda: shutil.rmtree(scratch, ignore_errors=True))
+    harness = psutil.Popen(
+        [sys.executable, "-c", KILLED_HARNESS, str(tmp_path)],
+        env={**os.environ, "TMPDIR": str(scratch), "PYTHONPATH": str(Path(__file__).parent)},
+    )
+    while len(simulations(tmp_path)) < 3:  # itself, too
+        assert harness.poll() is None
+        time.sleep(0.02)
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    started = harness.children(recursive=True)
+    (folder,) = scratch.iterdir()
+    server_folder.sweep()
+    assert list(folder.rglob("listener-*")), "its owner lives"
+    harness.kill()
+    harness.wait()
+    psutil.wait_procs(started)
+    server_folder.sweep()
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_long_folder_of_temporary_files_is_no_obstacle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / ("long" * 25)))
+    folder = server_folder.choose.__wrapped__()
+    assert folder.is_dir() and len(str(folder)) < 70
+    assert tempfile.tempdir == str(tmp_path / ("long" * 25))
+
+
+def test_half_a_request_to_the_fork_server_is_no_traceback(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A harness that is killed leaves a server that reads what it had begun to say."""
+    ended = runner(tmp_path, 1).run(runs(1), Quiet())
+    assert ended.done == 1
+    server = next(p for p in children() if "multiprocessing.forkserver" in " ".join(p.cmdline()))
+    with socket.socket(socket.AF_UNIX) as client:
+        client.connect(forkserver._forkserver._forkserver_address)
+    # Not waited for: its owner does that, when the next run needs one.
+    while server.status() != psutil.STATUS_ZOMBIE:
+        time.sleep(0.02)
+    assert capfd.readouterr().err == ""
 
 
 @dataclass

@@ -131,7 +131,7 @@ def test_trajectory_figure_is_aligned(reported: Path) -> None:
 
 def test_summary_csv_is_the_contract(reported: Path) -> None:
     table = pd.read_csv(reported / "summary.csv")
-    assert tuple(table.columns) == SUMMARY_KEYS
+    assert tuple(table.columns) == (*SUMMARY_KEYS, "label", "params.n_orb")
     assert len(table) == 12
     first = json.loads((reported / "runs" / f"{0:016x}" / "summary.json").read_text())
     rows = table[(table["cell"] == first["cell"]) & (table["repetition"] == 0)]

@@ -7,9 +7,11 @@ import pytest
 from matplotlib.figure import Figure
 from results_factory import RawRun, spec_of, write_experiment
 
+from slambed.metrics.catalog import metric
 from slambed.metrics.statistics import Interval
-from slambed.report.cells import Cell
+from slambed.report.cells import Cell, cells_of
 from slambed.report.conditions import conditions_of
+from slambed.report.figures.boxes import draw_metric
 from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
 from slambed.report.figures.tradeoff import draw_tradeoff
 from slambed.report.load import load
@@ -62,6 +64,24 @@ def test_a_tradeoff_names_its_points_beside_the_axes(
     points = [line for line in axes.lines if line.get_marker() not in ("None", "_", "|")]
     looks = {(p.get_color(), p.get_markerfacecolor(), p.get_marker()) for p in points}
     assert len(looks) == len(cells)
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_box_figure_ends_where_its_scale_does_and_names_single_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    runs = [(spec_of("orbslam2", "default", "none", i), RawRun(4, seed=i)) for i in range(count)]
+    results = load(write_experiment(tmp_path, runs))
+    results.runs["coverage"] = 1.0
+    writer = FigureWriter(tmp_path, "", [])
+    saved: list[tuple[Figure, str]] = []
+    monkeypatch.setattr(writer, "save", lambda made, *more: saved.append((made, more[2])))
+    draw_metric(results, cells_of(results, [metric("coverage")]), metric("coverage"), writer)
+    ((made, caption),) = saved
+    (axes,) = made.axes
+    assert axes.get_xlim()[0] < 100 == axes.get_xlim()[1]
+    assert [text.get_text() for text in axes.texts] == (["100.0"] if count == 1 else [])
+    assert ("the only run" in caption, "Box:" in caption) == (count == 1, count > 1)
 
 
 def test_colours_differ_in_grey_too() -> None:

@@ -115,7 +115,7 @@ def test_the_number_of_an_ended_process_is_nobodys(
     process.wait()
     caps.scan()
     # The kernel gives the number to somebody else.
-    monkeypatch.setattr("slambed.engines.thread_caps.thread_ids", lambda _: [os.getpid()])
+    monkeypatch.setattr("slambed.sampling.tasks.thread_ids", lambda _: [os.getpid()])
     caps.scan()
     caps.release()
     assert os.getpid() not in caps.threads

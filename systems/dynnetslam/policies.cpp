@@ -15,15 +15,14 @@ StrategyOptions strategy_options(const Parameters& parameters) {
   return options;
 }
 
-ContactOptions contact_options(const Parameters& parameters) {
+LinkOptions link_options(const Parameters& parameters) {
   const std::string source = parameters.text("rtt_source");
   return {.source = source == "echo"      ? RttSource::kEcho
                     : source == "profile" ? RttSource::kProfile
                                           : RttSource::kTcpInfo,
+          .missing = from_seconds(parameters.real("rtt_missing_s")),
           .probe_hz = parameters.real("mes_probe_hz"),
-          .probe_bytes = parameters.integer("mes_probe_bytes"),
-          .echo_hz = parameters.real("echo_hz"),
-          .missing = from_seconds(parameters.real("rtt_missing_s"))};
+          .probe_bytes = parameters.integer("mes_probe_bytes")};
 }
 
 /// Playback is over: so long for keyframes that waited for a hand-over.
@@ -44,7 +43,7 @@ DynNetSlamMobile::DynNetSlamMobile(MobileNode& node, const Parameters& parameter
       decision_gap_(from_seconds(parameters.real("decision_gap_s"))),
       offload_(node, parameters),
       contact_(node, open_handover(node.network()), offload_.channels().keyframe,
-               contact_options(parameters)),
+               link_options(parameters), parameters.real("echo_hz")),
       mapping_(node.runtime(), node.log(), {}, node.tracker().map(), IdSpace::kMobileMapper,
                LocalMapping::Mode::kWorker) {
   offload_.downlink().on_applied([this](const wire::MapUpdate&, const std::shared_ptr<Map>& map) {
@@ -68,7 +67,7 @@ void DynNetSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
     begin_epoch();
     mapping_.park(false);
     contact_.hand_over(epoch_, node_.tracker().map());
-    contact_.tell(state_, epoch_, contact_.rtt(worker.now()));
+    contact_.announce(state_, epoch_, contact_.rtt(worker.now()));
   }
 }
 
@@ -119,7 +118,7 @@ void DynNetSlamMobile::enter(Worker& worker, State next, std::optional<Duration>
     node_.tracker().accept_keyframes();
   }
   if (from == State::kMobile) contact_.hand_over(epoch_, node_.tracker().map());
-  contact_.tell(next, epoch_, rtt);
+  contact_.announce(next, epoch_, rtt);
   JsonLine event("state_changed");
   event.add("from", decided_ ? to_string(from) : "start").add("to", to_string(next));
   if (rtt) event.add_ms("rtt_ms", *rtt);

@@ -4,9 +4,9 @@
 #include <deque>
 
 #include "dynnetslam/edge_contact.hpp"
-#include "dynnetslam/handover_service.hpp"
 #include "dynnetslam/strategy.hpp"
 #include "node/local_mapping.hpp"
+#include "offload/handover_server.hpp"
 #include "offload/sides.hpp"
 
 namespace slambed::dynnetslam {
@@ -66,7 +66,7 @@ class DynNetSlamEdge final : public EdgePolicy {
 
  private:
   OffloadEdge offload_;
-  HandoverService handover_;
+  HandoverServer handover_;
 };
 
 }  // namespace slambed::dynnetslam

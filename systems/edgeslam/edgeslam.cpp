@@ -2,11 +2,14 @@
 #include "edgeslam/edgeslam.hpp"
 
 #include "offload/edge_slam.hpp"
+#include "offload/original_behaviour.hpp"
 
 namespace slambed {
 
 System edgeslam_system() {
-  System system = offload_system("edgeslam");
+  auto parameters = offload_parameters({"serial", "parallel", "parallel_waiting"});
+  for (ParameterSpec& one : original_parameters()) parameters.push_back(std::move(one));
+  System system = offload_system("edgeslam", std::move(parameters));
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<EdgeSlamMobile>(node, parameters);

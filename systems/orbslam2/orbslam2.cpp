@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "orbslam2/orbslam2.hpp"
 
-#include <optional>
-
-#include "node/local_mapping.hpp"
-#include "node/loop_closing.hpp"
 #include "node/mobile_node.hpp"
+#include "node/onboard_mapping.hpp"
 
 namespace slambed {
 namespace {
@@ -14,67 +11,22 @@ class OrbSlam2Policy final : public MobilePolicy {
  public:
   OrbSlam2Policy(MobileNode& node, const Parameters& parameters)
       : node_(node),
-        mode_(parameters.boolean("sequential") ? LocalMapping::Mode::kSequential
-                                               : LocalMapping::Mode::kWorker),
-        mapping_(node.runtime(), node.log(), {}, node.tracker().map(), IdSpace::kMobileMapper,
-                 mode_, parameters.boolean("loop_closing") ? loop_hooks() : MappingHooks()) {
-    if (!parameters.boolean("loop_closing")) return;
-    loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), node.tracker().map(),
-                   node.places(), mapping_, mode_);
-  }
+        mapping_(node.runtime(), node.log(), node.tracker().map(), node.places(),
+                 {.mode = parameters.boolean("sequential") ? LocalMapping::Mode::kSequential
+                                                           : LocalMapping::Mode::kWorker,
+                  .loop_closing = parameters.boolean("loop_closing")}) {}
 
-  void start() override {
-    mapping_.start();
-    if (loops_) loops_->start();
-  }
-
+  void start() override { mapping_.start(); }
   void after_frame(Worker& worker, const TrackedFrame& frame) override {
-    if (frame.outcome.reset_now) {
-      const auto map = node_.tracker().map();
-      mapping_.reset(map).wait(worker);
-      map->clear();  // of what the mapper committed before it heard of the reset
-    }
-    if (frame.outcome.state != TrackingState::kOk ||
-        !node_.tracker().wants_keyframe(mapping_.status())) {
-      return;
-    }
-    const MapDelta made =
-        node_.create_keyframe(worker, frame, node_.tracker().keyframe_need(), true);
-    for (const NewKeyFrame& keyframe : made.keyframes) mapping_.submit(worker, keyframe.id);
+    mapping_.after_frame(worker, node_.tracking(), frame);
   }
-
-  void finish(Worker& worker) override {
-    mapping_.drained().wait(worker);
-    if (loops_) loops_->drain(worker);
-  }
-
-  void place_keyframes(PoseBook& book) override {
-    // Also those that were culled: the map knows them through their parents.
-    const auto map = node_.tracker().map();
-    for (const KeyFrameId id : book.keyframes()) {
-      const auto pose = map->read([&](const MapView& view) { return view.pose_of(id); });
-      if (pose) book.placed(id, *pose);
-    }
-  }
-
+  void finish(Worker& worker) override { mapping_.drain(worker); }
+  void place_keyframes(PoseBook& book) override { mapping_.place(book); }
   MapCounts counts() const override { return count(*node_.tracker().map()); }
 
  private:
-  MappingHooks loop_hooks() {
-    return {.take = {},
-            .done = [this](Worker& worker, KeyFrameId id) { loops_->mapped(worker, id); },
-            .idle =
-                [this](Worker& worker) {
-                  loops_->idle(worker);
-                  return kNever;
-                },
-            .changed = [this] { loops_->map_changed(); }};
-  }
-
   MobileNode& node_;
-  LocalMapping::Mode mode_;
-  LocalMapping mapping_;
-  std::optional<LoopClosing> loops_;
+  OnboardMapping mapping_;
 };
 
 }  // namespace

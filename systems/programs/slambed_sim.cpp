@@ -3,8 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "base/error.hpp"
 #include "base/machine.hpp"
 #include "base/program.hpp"
+#include "node/image_source.hpp"
 #include "node/message_trace.hpp"
 #include "node/node_files.hpp"
 #include "node/virtual_run.hpp"
@@ -32,8 +34,23 @@ int simulate(int argc, char** argv) {
   source->add_option("--config", config, "path of sim.json");
   source->add_option("--messages", messages,
                      "path of a message trace: only the link, arrivals on standard output");
+  std::filesystem::path images, sequence;
+  std::string key;
+  int quality = 0;
+  auto* pictures = source->add_option(
+      "--images", images, "image cache to make, where there is none with this key: nothing is run");
+  app.add_option("--sequence", sequence, "of --images: folder of the prepared sequence")
+      ->needs(pictures);
+  app.add_option("--quality", quality, "of --images: of the JPEGs")
+      ->needs(pictures)
+      ->check(CLI::Range(1, 100));
+  app.add_option("--key", key, "of --images: what names the pictures")->needs(pictures);
   if (const auto code = parse(app, argc, argv)) return *code;
-  if (!messages.empty()) {
+  if (!images.empty()) {
+    if (sequence.empty() || quality == 0)
+      throw bad_input("--images: give --sequence and --quality, too");
+    ImageCache(images, key, PreparedSequence(sequence), quality);
+  } else if (!messages.empty()) {
     play_message_trace(messages, std::cout);
   } else {
     run_virtually(config, all_systems());

@@ -178,6 +178,8 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     fit.look_again(setting)
     _print(match_table(fit))
     for role, fitted in targets.devices.items():
+        if fitted.given:
+            continue
         path = library.root / "devices" / f"{fitted.device}.yaml"
         head = f"Found by 'slambed calibrate --match {name}': {targets.title}."
         write_model(path, fit.model(role), {"": head}, targets.title)

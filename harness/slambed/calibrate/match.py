@@ -82,7 +82,10 @@ class Fit:
         self.targets = targets
         self._source = source
         self._library = library
-        self._base = {role: library.device(fitted.like) for role, fitted in targets.devices.items()}
+        self._base = {
+            role: library.device(fitted.device if fitted.given else fitted.like)
+            for role, fitted in targets.devices.items()
+        }
         for role, device in self._base.items():
             if device.model is None:
                 raise SlambedError(f"device {device.name} of {role} has no cost model to scale")
@@ -107,6 +110,8 @@ class Fit:
         """The device as found so far."""
         fitted, base = self.targets.devices[role], self._base[role].model
         assert base is not None
+        if fitted.given:
+            return base
         stages = {
             name: scaled(cost, fitted.factor, cost.jitter) for name, cost in base.stages.items()
         }
@@ -306,6 +311,21 @@ def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]
     return len(found), found
 
 
+def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of the stages for each update that was taken over, whichever worker did it."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "update_applied", "update_declined"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "stage":
+            spent += event["wall_ms"] if event["name"] in component.stages else 0.0
+            continue
+        found += [spent] if event["type"] == "update_applied" else []
+        spent = 0.0
+    return len(found), found
+
+
 def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
     """A part of T_Total as applied updates tell it; its stages run for all keyframes."""
     delay = delays(log).get(component.measure)
@@ -328,4 +348,5 @@ EXECUTED_FOR: Mapping[str, tuple[str, ...]] = {
 MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
     "per_frame": _per_frame,
     "per_keyframe": _per_keyframe,
+    "per_update": _per_update,
 }

@@ -17,11 +17,13 @@ class FittedDevice(BaseModel):
     device: str
     like: str = "host"
     """Its costs are scaled; their dependence on sizes is kept."""
-    cores: int = Field(ge=1)
+    cores: int = Field(default=1, ge=1)
     factor: float = Field(default=1.0, gt=0)
     """For stages that no component is about, and to start with."""
     kept: list[str] = Field(default_factory=list)
     """Stages whose cost the device file has from elsewhere: neither scaled nor overwritten."""
+    given: bool = False
+    """The runs need it as its file has it; the fit is not about it and writes nothing."""
 
 
 class Component(BaseModel):
@@ -36,8 +38,9 @@ class Component(BaseModel):
     stages: list[str]
     """None: the time follows from the others and is only shown."""
     measure: str = "per_frame"
-    """A part of T_Total (`T_LM`, ...), `per_frame` or `per_keyframe`: the stages' time in a tracked
-    frame, or in one that becomes a keyframe."""
+    """A part of T_Total (`T_LM`, ...), or the stages' time on the mobile node in a tracked frame
+    (`per_frame`), in one that becomes a keyframe (`per_keyframe`) or in a map update that was taken
+    over (`per_update`)."""
     fixed_on: str | None = None
     """Stage whose time independent of sizes is found instead of scaled, where one factor cannot
     serve all conditions."""
@@ -82,6 +85,8 @@ class Targets(BaseModel):
                 raise ValueError(f"component {component.name}: no condition {min(unknown)}")
             if component.node not in self.devices:
                 raise ValueError(f"component {component.name}: no device for {component.node}")
+            if self.devices[component.node].given:
+                raise ValueError(f"component {component.name}: its device is given")
             both = {*component.stages} & {*self.devices[component.node].kept}
             if both:
                 raise ValueError(f"component {component.name}: stage {min(both)} is to be kept")

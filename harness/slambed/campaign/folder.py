@@ -87,9 +87,9 @@ class ResultFolder:
         """Whether the disk has no room for one more run."""
         return self.store.is_full()
 
-    def commit(self, run_key: str, raw: Path) -> None:
-        """A finished run into the store and into this view."""
-        self.store.commit(run_key, raw)
+    def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
+        """A finished run into the store and this view; `replace`: in the place of any other."""
+        self.store.commit(run_key, raw, replace)
         self._link(run_key)
 
     def write_json(self, name: str, content: object) -> None:

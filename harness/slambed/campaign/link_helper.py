@@ -14,6 +14,7 @@ from typing import Any
 from slambed.campaign.links import RunLink, open_for_run
 from slambed.engines.cpu_group import leave_cpu_group
 from slambed.errors import ExitCode, SlambedError
+from slambed.line_process import error_answer
 from slambed.spec.matrix import RunSpec
 
 
@@ -36,7 +37,7 @@ def main() -> None:
                 _tell({"stopped": link.stop()})
                 return
     except SlambedError as error:
-        _tell({"error": str(error), "code": int(error.code)})
+        _tell(error_answer(error))
     except Exception as error:  # Told where a person sees it: by the campaign.
         line = f"a bug of slambed: {type(error).__name__}: {error}"
         _tell({"error": line, "code": int(ExitCode.INTERNAL)})

@@ -2,7 +2,7 @@
 """From an experiment's file to the runs that it stands for on this host."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -147,10 +147,12 @@ def make_plan(
     count: int,
     provide: Provider | None = None,
     judged: bool = True,
+    foreign: Mapping[str, str] | None = None,
 ) -> Plan:
     """Prepares the datasets, and what their files name for their runs, and expands the matrix.
 
     `judged`: with the reference that runs are compared with. Without `provide` no input is made.
+    `foreign`: tags of the systems that are programs of their own.
     """
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
@@ -200,7 +202,7 @@ def make_plan(
         playbacks,
         prior,
         references,
-        software_of=linked,
+        software_of=linked | dict(foreign or {}),
         host_speed=load_host_speed().speed,
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)

@@ -7,7 +7,10 @@ done by each of them. It lives as long as the harness, for which all of it holds
 
 import gc
 import importlib
+import pickle
+import sys
 from contextlib import suppress
+from types import TracebackType
 
 from slambed.campaign.manifest import git_state, versions
 from slambed.errors import SlambedError
@@ -34,4 +37,13 @@ def prepare() -> None:
     gc.freeze()
 
 
+def half_a_request(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    """What a harness leaves that is killed while it asks for a process. Nobody waits for it."""
+    if not issubclass(kind, EOFError | ConnectionError | pickle.UnpicklingError):
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = half_a_request
 prepare()

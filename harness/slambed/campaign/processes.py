@@ -20,9 +20,11 @@ from typing import Any
 
 from pebble import ProcessExpired, concurrent
 
+from slambed.campaign import server_folder
 from slambed.campaign.executors import Played
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.engines.result import InterruptedRunError
+from slambed.engines.virtual import NICE
 from slambed.errors import KilledError
 from slambed.spec.matrix import RunSpec
 
@@ -31,11 +33,16 @@ CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
 
 
-@concurrent.process(mp_context=CONTEXT)
-def execute_apart(task: VirtualTask) -> dict[str, Any]:
-    """Executes the run in a new process; the future gives its summary or raises its error."""
+def _execute(task: VirtualTask) -> dict[str, Any]:
     threading.Thread(target=_end_with_harness, daemon=True).start()
+    os.nice(NICE)
     return task.execute()
+
+
+_in_a_process: Any = concurrent.process
+# Pebble's types call the option mp_context; its code reads this one, and forks the harness without.
+execute_apart = _in_a_process(context=CONTEXT)(_execute)
+"""Executes the run in a new process; the future gives its summary or raises its error."""
 
 
 def _end_with_harness() -> None:
@@ -63,24 +70,29 @@ class ProcessExecutor:
 
     def __post_init__(self) -> None:
         threading.excepthook = thread_failed
+        server_folder.sweep()
+        server_folder.choose()
 
     def execute(
         self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
     ) -> dict[str, Any]:
         """Waits for a process of its own."""
         sequence, played_s = self.played[spec.dataset]
-        future = execute_apart(
-            VirtualTask(
-                spec,
-                raw.resolve(),
-                sequence.resolve(),
-                played_s,
-                self.program.resolve(),
-                self.features.resolve() if self.features else None,
-                sys.argv,
-                attempt,
-            )
+        task = VirtualTask(
+            spec,
+            raw.resolve(),
+            sequence.resolve(),
+            played_s,
+            self.program.resolve(),
+            self.features.resolve() if self.features else None,
+            sys.argv,
+            attempt,
         )
+        try:
+            future = execute_apart(task)
+        except (ConnectionError, EOFError):
+            # The next run has a new one.
+            raise KilledError("the fork server of virtual runs was killed") from None
         try:
             while True:
                 try:

@@ -15,6 +15,7 @@ from slambed.campaign.choose import choose_engine
 from slambed.campaign.cluster import join_cluster, start_on_slurm
 from slambed.campaign.executors import Executor, LiveExecutor, Played
 from slambed.campaign.folder import ResultFolder
+from slambed.campaign.foreign import software_of_foreign
 from slambed.campaign.further import further_repetitions
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import open_for_run
@@ -42,7 +43,7 @@ from slambed.outputs import make_folder
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
-from slambed.spec.matrix import Profile
+from slambed.spec.matrix import Profile, RunSpec
 from slambed.spec.software import host_software
 from slambed.spec.yaml_source import YamlSource
 
@@ -77,6 +78,10 @@ class Options:
     """`key=value`, instead of what the experiment's file says."""
     only: list[str] = field(default_factory=list)
     """Cells to execute, patterns included; all where none is named."""
+    force: list[str] = field(default_factory=list)
+    """Cells, patterns included, whose runs are executed again although they are there."""
+    keep_going: bool = False
+    """Runs that have to be given up do not end the campaign."""
     dry_run: bool = False
     """Tell what would be executed, and execute nothing."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -110,7 +115,9 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
         if found := str(reap()):
             _say(console, f"removed what a killed campaign left: {found}")
         engine, software = choose_engine(asked, console)
-        plan = make_plan(*files, engine.name, software, count, _provider(library, console))
+        foreign = software_of_foreign(experiment, library, engine, software)
+        provide = _provider(library, console)
+        plan = make_plan(*files, engine.name, software, count, provide, foreign=foreign)
         open_link = HelperLinks(engine) if engine.unprivileged else open_for_run
 
         def executor_of(played: Played) -> Executor:
@@ -185,7 +192,8 @@ def _run_plan(
     about = chosen(plan.specs, options.only)
     if options.dry_run:
         jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else 1)
-        for line in preview(about, folder.store, _kept(options), _run_s(plan), jobs):
+        forced = _forced(plan.specs, options)
+        for line in preview(about, folder.store, _kept(options), _run_s(plan), jobs, forced):
             _say(console, line)
         return Verdict()
     make_folder(folder.path, "--results")
@@ -222,10 +230,12 @@ def _execute(
     ledger = Ledger(folder.path / "ledger.jsonl")
     ordered = interleaved(plan.specs, experiment.seed)
     wanted = {spec.run_key for spec in chosen(ordered, options.only)}
+    forced = _forced(ordered, options)
     todo = [
         spec
         for spec in ordered
-        if spec.run_key in wanted and folder.state(spec.run_key) not in _kept(options)
+        if spec.run_key in wanted
+        and (spec.run_key in forced or folder.state(spec.run_key) not in _kept(options))
     ]
     before = object_or_empty(folder.path / "experiment.json")
     shown = [*ordered, *further_repetitions(folder.store, ordered)]
@@ -245,11 +255,19 @@ def _execute(
         f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
     )
     with CampaignProgress(console, len(todo), run_s, executor.jobs) as progress:
-        runner = Runner(folder, ledger, executor, options.retries, options.plans)
+        runner = Runner(
+            folder, ledger, executor, options.retries, forced, options.keep_going, options.plans
+        )
         verdict = runner.run(todo, progress)
     ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
     verdict.folder = folder.path
     return verdict
+
+
+def _forced(specs: list[RunSpec], options: Options) -> frozenset[str]:
+    if not options.force:
+        return frozenset()
+    return frozenset(spec.run_key for spec in chosen(specs, options.force, "--force"))
 
 
 def _kept(options: Options) -> tuple[str, ...]:

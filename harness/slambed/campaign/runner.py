@@ -55,6 +55,11 @@ class Runner:
     executor: Executor
     retries: int = DEFAULT_RETRIES
     """Further attempts of a run that is not to be trusted, in this campaign."""
+    forced: frozenset[str] = frozenset()
+    """Keys of runs that are executed although they are there; a trusted result takes their place,
+    and they stay as earlier attempts."""
+    keep_going: bool = False
+    """Runs given up do not end the campaign, however many they are."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
     """Paper -> digests of its registered plan as this campaign began, for the manifests."""
     pauses_s: tuple[float, ...] = PAUSES_S
@@ -116,7 +121,8 @@ class Runner:
             attempt = self.folder.store.attempts_of(spec.run_key) + 1
             summary = self.executor.execute(spec, raw, stop, attempt)
             add_plans(raw, self.plans)
-            self.folder.commit(spec.run_key, raw)
+            replace = spec.run_key in self.forced and summary.get("trusted") is True
+            self.folder.commit(spec.run_key, raw, replace)
         except InterruptedRunError:
             with self._books:
                 self._tell("run_interrupted", spec)
@@ -162,7 +168,8 @@ class Runner:
             reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
             return self.pauses_s[item.failures - 1]
         self._given_up_in_a_row += 1
-        if not self._verdict.done or self._given_up_in_a_row >= MOST_GIVEN_UP:
+        hopeless = not self._verdict.done or self._given_up_in_a_row >= MOST_GIVEN_UP
+        if hopeless and not self.keep_going:
             raise error
         self._verdict.given_up[item.spec.run_key] = line
         reporter.run_failed(item.spec, line, last=True)

@@ -112,11 +112,11 @@ class RunStore:
         no_files = disk.f_files > 0 and disk.f_favail < FULL_FILES
         return disk.f_bavail * disk.f_frsize < FULL_BYTES or no_files
 
-    def commit(self, run_key: str, raw: Path) -> None:
+    def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
         """Gives a finished raw folder its final form and its place, by one rename.
 
         An earlier attempt that is not to be trusted is kept; a trusted one, which a campaign beside
-        this one has made meanwhile, stays.
+        this one has made meanwhile, stays, or becomes an earlier attempt where it is replaced.
         """
         assert self.work is not None
         tidy = self.work / f"{run_key}.whole"
@@ -139,7 +139,7 @@ class RunStore:
             _flush(path)
         place = self.runs / run_key
         with _locked(self.results / WORK / LOCK):
-            if self.state(run_key) != "trusted":
+            if replace or self.state(run_key) != "trusted":
                 self._set_aside(run_key)
                 tidy.rename(place)
                 _flush(self.runs)
@@ -147,7 +147,7 @@ class RunStore:
             shutil.rmtree(leftover, ignore_errors=True)
 
     def _set_aside(self, run_key: str) -> None:
-        """An untrusted attempt is kept by its number, what is torn is removed."""
+        """An attempt is kept by its number, what is torn is removed."""
         place = self.runs / run_key
         if self.state(run_key) == "missing":
             shutil.rmtree(place, ignore_errors=True)

@@ -52,6 +52,14 @@ class SequenceCache:
                 found.append((header.stat().st_mtime, folder))
         return max(found)[1] if found else None
 
+    def of_checksum(self, checksum: str) -> PreparedSequence | None:
+        """The sequence with this content, whatever it is called; None: it is not here."""
+        for folder in self._entries(""):
+            ready = _open_or_none(folder)
+            if ready is not None and ready.checksum == checksum:
+                return ready
+        return None
+
     def _entries(self, prefix: str) -> list[Path]:
         """What lies here under such a name. Not glob(): it takes a folder that may not be read for
         an empty one, or ends with an error of its own, as the Python is."""

@@ -18,9 +18,11 @@ from slambed.data.catalog import Catalog, prepare
 from slambed.data.contact_sheet import write_contact_sheet
 from slambed.data.download import download as fetch
 from slambed.data.download import how_to_get, recipe_text
+from slambed.data.export import export as write_export
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
-from slambed.outputs import picture
+from slambed.errors import SlambedError
+from slambed.outputs import picture, writing
 from slambed.terminal import console
 
 app = typer.Typer(help="Recorded and generated sequences.", no_args_is_help=True)
@@ -104,6 +106,59 @@ def show(
     file = output or picture(f"{sequence.info.id}.png")
     write_contact_sheet(sequence, file, frames)
     typer.echo(f"{file}: {describe(sequence)}")
+
+
+@app.command()
+def difficulty(
+    datasets: Annotated[list[str], typer.Argument(help="ids or aliases, or prepared folders")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="figure: .png, .svg, .pdf; default pictures/"),
+    ] = None,
+    table: Annotated[Path | None, typer.Option(help="CSV to write: a row per gap")] = None,
+) -> None:
+    """Measure how hard sequences are across a gap: matches 0.1 to 2 s apart, and which are right.
+
+    Features are matched by descriptors alone, as ORB-SLAM2 falls back to after missing frames; what
+    is right is known from ground truth and depth (a camera without depth: from the epipolar line).
+    """
+    from slambed.data.difficulty import measure
+    from slambed.data.difficulty_report import csv_of, draw, lines_of
+
+    measured = []
+    for name in datasets:
+        sequence = prepare(name)
+        measured.append(measure(sequence))
+        for line in lines_of(measured[-1]):
+            typer.echo(line)
+    if table is not None:
+        with writing(table, "--table"):
+            table.write_text(csv_of(measured))
+    file = output or picture("difficulty.png")
+    if file.suffix not in (".png", ".svg", ".pdf"):
+        raise SlambedError(f"unknown picture format {file}; known: .png, .svg, .pdf")
+    draw(measured, file)
+    typer.echo(f"figure: {file}")
+
+
+@app.command()
+def export(
+    dataset: Id,
+    layout: Annotated[str, typer.Option("--format", help="tum, euroc or kitti")],
+    output: Annotated[Path | None, typer.Option(help="folder to write; default ID-FORMAT")] = None,
+) -> None:
+    """Write a sequence as a folder of pictures that other programs read."""
+    sequence = prepare(dataset)
+    folder = output or Path(f"{sequence.info.id}-{layout}")
+    with _progress_bar() as bar:
+        task = bar.add_task(dataset, total=None)
+        write_export(
+            sequence,
+            layout,
+            folder,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    typer.echo(f"{folder}: {describe(sequence)}")
 
 
 @app.command()

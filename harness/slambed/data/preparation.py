@@ -137,7 +137,10 @@ class SynthJob:
         if self._path_file is not None:
             options["trajectory"] = self._path_file.resolve()
         for name, value in options.items():
-            command += [f"--{name.replace('_', '-')}", str(value)]
+            if value is not False:
+                command.append(f"--{name.replace('_', '-')}")
+            if not isinstance(value, bool):
+                command.append(str(value))
         return command
 
     def write(self, path: Path, progress: Progress | None) -> None:

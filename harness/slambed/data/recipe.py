@@ -85,6 +85,9 @@ class Synthetic(_Strict):
     right_roll_deg: float | None = None
     readout_s: float | None = Field(default=None, ge=0)
     exposure_wander: float | None = Field(default=None, ge=0)
+    people: int | None = Field(default=None, ge=0)
+    activity: Literal["walking", "crossing", "sitting", "mixed"] | None = None
+    labels: bool | None = None
     blackout_start_s: float | None = Field(default=None, ge=0)
     blackout_end_s: float | None = Field(default=None, ge=0)
 
@@ -94,11 +97,12 @@ class Synthetic(_Strict):
         return self.trajectory if self.trajectory.endswith(".txt") else None
 
 
-_ROAD = {
+_LATER = {
     "width", "height", "texel_scale", "open_stretches", "focal_error", "distortion",
     "right_yaw_deg", "right_pitch_deg", "right_roll_deg", "readout_s", "exposure_wander",
+    "people", "activity", "labels",
 }  # fmt: skip
-"""Options that came with streets."""
+"""Options that came with streets and with people: what asks for none keeps its key."""
 
 
 def split_pattern(pattern: str) -> tuple[Path | None, str]:
@@ -171,7 +175,7 @@ class Dataset(_Strict):
         # What a recipe does not ask for leaves its key as it was before one could ask for it.
         if content["synthetic"] is not None:
             asked = self.model_dump(mode="json", exclude_unset=True)["synthetic"]
-            old = Synthetic.model_fields.keys() - _ROAD
+            old = Synthetic.model_fields.keys() - _LATER
             kept = {k: v for k, v in content["synthetic"].items() if k in old or k in asked}
             content["synthetic"] = kept
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -21,7 +21,8 @@ from typing import Any, TextIO
 from slambed.engines.cpu_group import leave_cpu_group
 from slambed.engines.thread_caps import ThreadCaps
 from slambed.errors import ExitCode, SlambedError
-from slambed.sampling.cgroup import CgroupReader, paths_of
+from slambed.line_process import error_answer
+from slambed.sampling.cgroup import CgroupReader, GroupProcesses, paths_of
 from slambed.sampling.sampler import NodeWatch, Sampler
 from slambed.sampling.tasks import Pressure, RunQueueDelay
 from slambed.sampling.tcp_info import TcpWatch
@@ -70,6 +71,7 @@ class Attendant:
         if config["cpus"]:
             os.sched_setaffinity(0, config["cpus"])
         self._caps: dict[str, ThreadCaps] = {}
+        self._whole_groups = bool(config["whole_groups"])
         self._watches = [self._watch(name, node) for name, node in config["nodes"].items()]
         self._sampler = Sampler(self._watches, out)
         self._metronome = Metronome(config["pace"], config["metronome_cpus"])
@@ -79,13 +81,16 @@ class Attendant:
 
     def _watch(self, name: str, node: dict[str, Any]) -> NodeWatch:
         paths = paths_of(node["pid"])
+        group = GroupProcesses(paths) if self._whole_groups else None
         watch = NodeWatch(
-            name, CgroupReader(paths), RunQueueDelay(node["pid"]), Pressure(paths.unified)
+            name, CgroupReader(paths), RunQueueDelay(node["pid"], group), Pressure(paths.unified)
         )
         if node["namespace"] is not None:
             watch.tcp = TcpWatch(Path(node["namespace"]))
         if node["thread_cores"] is not None:
-            caps = ThreadCaps(node["pid"], paths, node["thread_cores"], node["period_ms"])
+            caps = ThreadCaps(
+                node["pid"], paths, node["thread_cores"], node["period_ms"], group=group
+            )
             self._caps[name] = caps
             watch.below = caps.read_throttling
         return watch
@@ -208,7 +213,7 @@ def main() -> None:
             finally:
                 attendant.close()
     except SlambedError as error:
-        _tell(sys.stdout, {"error": str(error), "code": int(error.code)})
+        _tell(sys.stdout, error_answer(error))
     except OSError as error:
         told = f"{error.strerror}, {error.filename or 'sampler'}"
         _tell(sys.stdout, {"error": f"cannot attend to the nodes: {told}", "code": 3})

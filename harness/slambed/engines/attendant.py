@@ -43,7 +43,9 @@ class Attendant:
         limits: dict[Role, Limits],
         cpus: dict[Role, list[int]],
         run_dir: Path,
+        whole_groups: bool = False,
     ) -> None:
+        """`whole_groups`: a node may be several processes, all of its control group."""
         samples = (run_dir / "samples.jsonl").resolve()
         # Made here, so that it belongs to whoever runs the harness; a helper may be another user.
         samples.touch()
@@ -65,6 +67,7 @@ class Attendant:
             "pace": str(find_program("slambed-pace")) if ticked else None,
             "metronome_cpus": ticked,
             "helper": engine.unprivileged,
+            "whole_groups": whole_groups,
         }
         command = engine.beside(MODULE, [samples])
         self._process = LineProcess(command, "sampler", run_dir / "sampler_errors.txt")

@@ -10,10 +10,13 @@ from typing import Any, Protocol
 
 from slambed.sampling.cgroup import CgroupReader, Granted
 from slambed.spec.device import Limits
+from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
 LABEL = "slambed"
 """Containers carry this label, control groups live under this name."""
+NODE_UID = 10001
+"""Owner of a node's process and of what it writes: nobody on the host has this number."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,10 @@ class NodePlan:
     """Host CPUs the node may use."""
     dies: bool = False
     """It will be killed on purpose: its network namespace has to outlive it."""
+    runtime: Runtime | None = None
+    """Of a system that is a program of its own."""
+    system_folder: Path | None = None
+    """Where that lies on the host."""
 
 
 EDGE_CONFIG = "run_edge.json"
@@ -67,7 +74,7 @@ class Node(Protocol):
         """SIGKILL, and waits for the end."""
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT to the program; the kernel's TCP goes on without it."""
+        """Its processes stand still, or go on; the kernel's TCP goes on without them."""
 
     def remove(self) -> None:
         """Removes every trace but the output files; calling it twice is harmless."""
@@ -88,6 +95,9 @@ class Engine(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """For the manifest: image id and the like."""
+
+    def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
+        """Role -> id of the image that a program of its own gets; empty without containers."""
 
     def start(self, plan: NodePlan) -> Node:
         """Brings the node to the gate: namespaces and limits in place, program not started."""

@@ -10,17 +10,25 @@ import docker
 import psutil
 from docker.errors import APIError, DockerException, NotFound
 
-from slambed.engines.base import LABEL, Node, NodePlan, ProcessWatch, config_name, netns
+from slambed.engines.base import (
+    LABEL,
+    NODE_UID,
+    Node,
+    NodePlan,
+    ProcessWatch,
+    config_name,
+    netns,
+)
 from slambed.engines.cgroups import V1_LARGEST_SHARES
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, told
 from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.engines.foreign import PLAYER, environment, player_arguments, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
-from slambed.errors import KilledError, environment_error
+from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.sampling.cgroup import CgroupReader, paths_of
+from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER, Runtime
 from slambed.spec.system import Role
 
-NODE_UID = 10001
-"""Owner of the node's process: nobody on the host has this number."""
 OUTPUT, SEQUENCE = "/out", "/sequence"
 GATE = "/out/go"
 # The shell waits for the link to be up, then becomes the program.
@@ -48,6 +56,8 @@ class DockerNode:
         self.sandbox = str((keeper or container).attrs["NetworkSettings"]["SandboxKey"])
         """The file by which the daemon keeps the network namespace."""
         self.container = container
+        self.several_processes = False
+        """The node is a program of its own behind its player."""
         self.keeper = keeper
         """The container whose network this one uses, if it will be killed."""
         self._run_dir = run_dir
@@ -87,9 +97,13 @@ class DockerNode:
             self._watch.wait(KILL_TIMEOUT_S)
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT."""
+        """SIGSTOP or SIGCONT; to several processes it would come one after the other, so that the
+        kernel's freezer holds those."""
         with contextlib.suppress(APIError):
-            self.container.kill("SIGSTOP" if frozen else "SIGCONT")
+            if self.several_processes:
+                (self.container.pause if frozen else self.container.unpause)()
+            else:
+                self.container.kill("SIGSTOP" if frozen else "SIGCONT")
 
     def remove(self) -> None:
         """Removes the container, and the one that kept its network."""
@@ -129,6 +143,8 @@ class DockerEngine:
         self.unprivileged = not is_root()
         self._program = program
         self._nodes: dict[Role, DockerNode] = {}
+        self._ids: dict[str, str] = {}
+        """Of images of others, as the campaign began."""
         self._run_key = ""
         self._image = image or find_image(self._client)
         if self._image is None:
@@ -147,11 +163,30 @@ class DockerEngine:
         assert self._image is not None
         return {"image": next(iter(self._image.tags), None), "image_id": self._image.id}
 
+    def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
+        """As the daemon knows them now: a name may be given to another image tomorrow."""
+        found: dict[str, str] = {}
+        for role in ("mobile", "edge") if runtime.edge is not None else ("mobile",):
+            if not (name := runtime.image_of(role)):
+                raise SlambedError(
+                    f"system {system} names no image for engine docker; write runtime.image, or "
+                    "use --engine local"
+                )
+            try:
+                found[role] = self._ids[name] = str(self._client.images.get(name).id)
+            except NotFound:
+                raise environment_error(
+                    f"system {system}: there is no image {name} on this host; build it as the "
+                    "system's README says"
+                ) from None
+        return found
+
     def start(self, plan: NodePlan) -> Node:
         """A container at the gate."""
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
-        if self.unprivileged:
+        foreign_user = plan.runtime is not None and bool(plan.runtime.of(plan.role).user)
+        if self.unprivileged or foreign_user:
             role_dir.chmod(0o777)
         else:
             os.chown(role_dir, NODE_UID, NODE_UID)
@@ -192,6 +227,7 @@ class DockerEngine:
         inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
         namespace = NAMESPACES / plan.role if self.unprivileged else inside
         node = DockerNode(plan.role, container, plan.run_dir, pid, namespace, keeper)
+        node.several_processes = plan.runtime is not None
         self._nodes[plan.role] = node
         return node
 
@@ -237,25 +273,51 @@ class DockerEngine:
         if limits.memory_mb is not None:
             quota |= {"mem_limit": limits.memory_mb * 2**20}
         return self._client.containers.create(
-            self._image.id,
-            entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, self._program],
-            command=["--role", plan.role, "--config", f"{OUTPUT}/{config_name(plan)}"],
+            **(self._our_program(plan) if plan.runtime is None else self._foreign_program(plan)),
             name=self._clear(f"{LABEL}-{plan.run_key}-{plan.role}"),
             labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
             network_mode="none" if keeper is None else f"container:{keeper.id}",
-            user=f"{NODE_UID}:{NODE_UID}",
             read_only=True,
             cap_drop=["ALL"],
             security_opt=["no-new-privileges"],
             pids_limit=PIDS_LIMIT,
             cpu_shares=V1_LARGEST_SHARES,
             cpuset_cpus=",".join(map(str, plan.cpus)),
-            volumes={
-                str(plan.sequence.resolve()): {"bind": SEQUENCE, "mode": "ro"},
-                str(plan.run_dir.resolve()): {"bind": OUTPUT, "mode": "rw"},
-            },
             **quota,
         )
+
+    def _our_program(self, plan: NodePlan) -> dict[str, Any]:
+        assert self._image is not None
+        return {
+            "image": self._image.id,
+            "entrypoint": ["/bin/sh", "-c", WAIT_AT_GATE, self._program],
+            "command": ["--role", plan.role, "--config", f"{OUTPUT}/{config_name(plan)}"],
+            "user": f"{NODE_UID}:{NODE_UID}",
+            "volumes": _volumes(plan),
+        }
+
+    def _foreign_program(self, plan: NodePlan) -> dict[str, Any]:
+        """The player waits at the gate by itself: an image may have no shell."""
+        assert plan.runtime is not None
+        part = plan.runtime.of(plan.role)
+        name = plan.runtime.image_of(plan.role)
+        config = f"{OUTPUT}/{config_name(plan)}"
+        return {
+            "image": self._ids.get(name, name),
+            "entrypoint": [f"{PLAYER_IN_CONTAINER}/{PLAYER}"],
+            "command": ["--gate", GATE, *player_arguments(plan, config, SYSTEM_IN_CONTAINER)],
+            "user": part.user or f"{NODE_UID}:{NODE_UID}",
+            "environment": environment(plan, f"{PLAYER_IN_CONTAINER}/client", None),
+            "tmpfs": {place: f"size={size}m" for place, size in part.tmpfs.items()},
+            "volumes": _volumes(plan) | player_volumes(plan),
+        }
+
+
+def _volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
+    return {
+        str(plan.sequence.resolve()): {"bind": SEQUENCE, "mode": "ro"},
+        str(plan.run_dir.resolve()): {"bind": OUTPUT, "mode": "rw"},
+    }
 
 
 def _remove(container: Any) -> None:

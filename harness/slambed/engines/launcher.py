@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process that becomes a node of the local engine: limits and namespace first, then a gate.
 
-Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] TASKS_FILE... -- PROGRAM ARGUMENT...`.
+Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] UID TASKS_FILE... -- PROGRAM ...`.
 NETWORK_FD is a namespace to enter; without it the node gets a new one. Imports nothing of slambed,
 so that it starts fast. It writes one byte to READY_FD when everything is in
 place and waits for one byte before it becomes the program; at the end of its input it exits.
@@ -17,31 +17,32 @@ import sys
 
 CLONE_NEWNET = 0x40000000
 PR_SET_PDEATHSIG = 1
+PR_SET_KEEPCAPS = 8
 PR_CAPBSET_READ = 23
 PR_CAPBSET_DROP = 24
 PR_SET_NO_NEW_PRIVS = 38
+PR_CAP_AMBIENT = 47
+PR_CAP_AMBIENT_RAISE = 2
+LINUX_CAPABILITY_VERSION_3 = 0x20080522
 SIOCSIFFLAGS = 0x8914
 IFF_UP = 1
 # Reading a sequence in a home folder that is closed to others is all a node may do beyond a user.
 CAP_DAC_READ_SEARCH = 2
 LAST_CAPABILITY_TRIED = 63
+libc = ctypes.CDLL(None, use_errno=True)
+
+
+def check(result: int, what: str) -> None:
+    """OSError where the kernel refused."""
+    if result != 0:
+        raise OSError(ctypes.get_errno(), f"{what}: {os.strerror(ctypes.get_errno())}")
 
 
 def main() -> None:
     parent = int(sys.argv[1])
     split = sys.argv.index("--")
     ready_fd, *network_fd = map(int, sys.argv[2].split(","))
-    tasks_files, program = sys.argv[3:split], sys.argv[split + 1 :]
-    libc = ctypes.CDLL(None, use_errno=True)
-
-    def check(result: int, what: str) -> None:
-        if result != 0:
-            raise OSError(ctypes.get_errno(), f"{what}: {os.strerror(ctypes.get_errno())}")
-
-    # A node must not outlive the harness, however that dies.
-    check(libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0), "PR_SET_PDEATHSIG")
-    if os.getppid() != parent:
-        sys.exit(1)
+    uid, tasks_files, program = int(sys.argv[3]), sys.argv[4:split], sys.argv[split + 1 :]
     for path in tasks_files:
         with open(path, "w") as tasks:  # noqa: PTH123 - pathlib costs start-up time here
             tasks.write(str(os.getpid()))
@@ -51,7 +52,12 @@ def main() -> None:
     else:
         check(libc.unshare(CLONE_NEWNET), "unshare(CLONE_NEWNET)")
         bring_up_loopback()
-    drop_capabilities(libc)
+    drop_capabilities()
+    become(uid)
+    # A node must not outlive the harness, however that dies. (Another user's process forgets this.)
+    check(libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0), "PR_SET_PDEATHSIG")
+    if os.getppid() != parent:
+        sys.exit(1)
     check(libc.prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0), "PR_SET_NO_NEW_PRIVS")
 
     os.write(ready_fd, b"r")
@@ -79,8 +85,22 @@ def bring_up_loopback() -> None:
         fcntl.ioctl(handle, SIOCSIFFLAGS, request)
 
 
-def drop_capabilities(libc: ctypes.CDLL) -> None:
-    """Empties the bounding set: a root process has nothing left after its next exec."""
+def become(uid: int) -> None:
+    """Another user, who keeps the right to read through the next exec."""
+    check(libc.prctl(PR_SET_KEEPCAPS, 1, 0, 0, 0), "PR_SET_KEEPCAPS")
+    os.setgroups([])
+    os.setresgid(uid, uid, uid)
+    os.setresuid(uid, uid, uid)
+    right = 1 << CAP_DAC_READ_SEARCH
+    header = struct.pack("Ii", LINUX_CAPABILITY_VERSION_3, 0)
+    # Effective, permitted, inheritable: of the lower 32 capabilities, then of the others.
+    check(libc.capset(header, struct.pack("6I", right, right, right, 0, 0, 0)), "capset")
+    raised = libc.prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, CAP_DAC_READ_SEARCH, 0, 0)
+    check(raised, "PR_CAP_AMBIENT_RAISE")
+
+
+def drop_capabilities() -> None:
+    """Empties the bounding set but for one right: no exec brings another back."""
     for capability in range(LAST_CAPABILITY_TRIED + 1):
         known = libc.prctl(PR_CAPBSET_READ, capability, 0, 0, 0) >= 0
         if known and capability != CAP_DAC_READ_SEARCH:

@@ -108,8 +108,9 @@ class LiveRun:
             limits = self._start_nodes(cleanup)
             with at_gate(self._nodes):
                 attendant = Attendant(
-                    self._engine, self._nodes, self._limits, self._cpus, self._run_dir
-                )
+                    self._engine, self._nodes, self._limits, self._cpus, self._run_dir,
+                    whole_groups=self._spec.runtime is not None,
+                )  # fmt: skip
             cleanup.callback(attendant.close)
             edge = RunEdge(self._engine, self._plans.get("edge"), self._nodes, attendant, cleanup)
             faults = FaultDriver(self._spec.faults, edge, self._run_dir)
@@ -174,7 +175,10 @@ class LiveRun:
             asked = self._limits[role]
             dies = role == "edge" and any(fault.edge == "kill" for fault in self._spec.faults)
             key, own = self._spec.run_key, cpus[role]
-            plan = NodePlan(role, key, self._run_dir, self._sequence, asked, own, dies)
+            runtime, folder = self._spec.runtime, Path(self._spec.system_folder)
+            plan = NodePlan(
+                role, key, self._run_dir, self._sequence, asked, own, dies, runtime, folder
+            )
             node = self._engine.start(plan)
             cleanup.callback(node.remove)
             self._nodes[role], self._plans[role] = node, plan
@@ -190,7 +194,9 @@ class LiveRun:
 
     def _await_ready(self) -> tuple[Outcome, str] | None:
         """None once all nodes are; else how one of them ended before."""
-        deadline = time.monotonic() + READY_TIMEOUT_S
+        runtime = self._spec.runtime
+        patience_s = READY_TIMEOUT_S if runtime is None else runtime.ready_s
+        deadline = time.monotonic() + patience_s
         waiting = set(self._nodes)
         while waiting:
             waiting = {r for r in waiting if not (self._run_dir / r / "ready.json").exists()}
@@ -204,7 +210,7 @@ class LiveRun:
             if time.monotonic() > deadline:
                 names = " and ".join(sorted(waiting))
                 raise PassingError(
-                    f"the {names} node was not ready within {READY_TIMEOUT_S:.0f} s", ExitCode.PEER
+                    f"the {names} node was not ready within {patience_s:.0f} s", ExitCode.PEER
                 )
             time.sleep(WATCH_PERIOD_S / 2)
         return None

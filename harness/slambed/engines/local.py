@@ -11,12 +11,28 @@ from typing import Any
 
 from slambed.endings import ended_from_outside, ending
 from slambed.engines import launcher
-from slambed.engines.base import Node, NodePlan, ProcessWatch, config_name, last_line, netns
+from slambed.engines.base import (
+    NODE_UID,
+    Node,
+    NodePlan,
+    ProcessWatch,
+    config_name,
+    last_line,
+    netns,
+)
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
+from slambed.engines.foreign import (
+    PLAYER,
+    clients_folder,
+    environment,
+    host_path,
+    player_arguments,
+)
 from slambed.engines.helper import direct_command
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
 from slambed.native import find_program
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader
+from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
 GATE_TIMEOUT_S = 20.0
@@ -84,9 +100,9 @@ class LocalNode:
             self._process.wait(KILL_TIMEOUT_S)
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT."""
+        """SIGSTOP or SIGCONT to all of its process group."""
         if self._process.poll() is None:
-            self._watch.signal(signal.SIGSTOP if frozen else signal.SIGCONT)
+            os.killpg(self.pid, signal.SIGSTOP if frozen else signal.SIGCONT)
 
     def remove(self) -> None:
         """Kills the process and removes its groups."""
@@ -130,6 +146,10 @@ class LocalEngine:
         """No image."""
         return {"image_id": None}
 
+    def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
+        """None: programs of this host."""
+        return {}
+
     def beside(self, module: str, writable: list[Path]) -> list[str]:
         """A child of this process, which is root."""
         return direct_command(module)
@@ -148,19 +168,30 @@ class LocalEngine:
         node.release()
         return node
 
+    def _program_of(self, plan: NodePlan) -> list[str]:
+        config = str(plan.run_dir.resolve() / config_name(plan))
+        if plan.runtime is None:
+            return [str(self._program), "--role", plan.role, "--config", config]
+        player = str(find_program(PLAYER))
+        return [player, *player_arguments(plan, config, str(plan.system_folder))]
+
     def _launch(self, plan: NodePlan, dead: LocalNode | None) -> LocalNode:
         network_fd = -1 if dead is None else os.open(dead.namespace, os.O_RDONLY)
         paths = self._groups.make(f"{plan.run_key}-{plan.role}", plan.limits, plan.cpus)
         ready_read, ready_write = os.pipe()
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
+        os.chown(role_dir, NODE_UID, NODE_UID)
         command = [
             *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid())),
             ",".join(str(fd) for fd in (ready_write, network_fd) if fd >= 0),
+            str(NODE_UID),
             *map(str, entry_files(paths)),
-            *("--", str(self._program), "--role", plan.role),
-            *("--config", str(plan.run_dir.resolve() / config_name(plan))),
+            *("--", *self._program_of(plan)),
         ]
+        own = (
+            None if plan.runtime is None else environment(plan, str(clients_folder()), host_path())
+        )
         try:
             with (role_dir / "log.txt").open("wb" if dead is None else "ab") as log:
                 process = subprocess.Popen(
@@ -170,6 +201,7 @@ class LocalEngine:
                     stderr=subprocess.STDOUT,
                     pass_fds=[fd for fd in (ready_write, network_fd) if fd >= 0],
                     cwd="/",
+                    env=own,
                     # Ctrl-C reaches the harness alone; it ends the nodes in its own order.
                     start_new_session=True,
                 )

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.errors import environment_error
-from slambed.sampling.cgroup import CgroupPaths
+from slambed.sampling.cgroup import CgroupPaths, GroupProcesses
 from slambed.sampling.kept_files import KeptFiles
-from slambed.sampling.tasks import thread_ids, thread_name
+from slambed.sampling.tasks import thread_name, threads_of
 
 PREFIX = "thread-"
 GONE = (errno.ESRCH, errno.ENOENT, errno.ENODEV)
@@ -25,6 +25,7 @@ US_PER_S = 1e6
 class CappedThread:
     """One thread and what the kernel granted it."""
 
+    pid: int
     tid: int
     folder: Path
     stat_file: str
@@ -46,6 +47,8 @@ class ThreadCaps:
     paths: CgroupPaths
     cores: float
     period_ms: float
+    group: GroupProcesses | None = None
+    """Where the node may be several processes: all of them."""
     threads: dict[int, CappedThread] = field(default_factory=dict)
     _files: KeptFiles = field(default_factory=KeptFiles)
 
@@ -61,22 +64,22 @@ class ThreadCaps:
 
     def scan(self) -> None:
         """Caps threads that are new, forgets those that have ended."""
-        present = thread_ids(self.pid) if self.pid else []
+        present = {tid: pid for pid, tid in threads_of(self.pid, self.group)} if self.pid else {}
         if not present:
             self.pid = 0
-        for tid in present:
+        for tid, pid in present.items():
             known = self.threads.get(tid)
             if known is None or not known.alive:
-                self._cap(tid)
-        for tid in self.threads.keys() - set(present):
+                self._cap(pid, tid)
+        for tid in self.threads.keys() - present.keys():
             self._forget(self.threads[tid])
 
     def read_names(self) -> None:
         """Threads name themselves soon after their start, and the program replaces the gate."""
         for thread in self.threads.values():
-            thread.name = thread_name(self.pid, thread.tid) or thread.name
+            thread.name = thread_name(thread.pid, thread.tid) or thread.name
 
-    def _cap(self, tid: int) -> None:
+    def _cap(self, pid: int, tid: int) -> None:
         folder = self._group / f"{PREFIX}{tid}"
         try:
             folder.mkdir(exist_ok=True)
@@ -93,9 +96,9 @@ class ThreadCaps:
                 f"cannot cap a thread: {error.strerror}, {error.filename}; run as root, on a host "
                 "where cgroups can be written"
             ) from None
-        thread = CappedThread(tid, folder, f"{folder}/cpu.stat")
+        thread = CappedThread(pid, tid, folder, f"{folder}/cpu.stat")
         thread.cores, thread.period_ms = self._granted(folder)
-        thread.name = thread_name(self.pid, tid) or ""
+        thread.name = thread_name(pid, tid) or ""
         self.threads[tid] = thread
 
     def _limit_v1(self, folder: Path) -> None:

@@ -7,9 +7,11 @@ from typing import Annotated
 import typer
 
 from slambed.errors import SlambedError
+from slambed.explain.loss_pictures import draw_loss, losses_in
 from slambed.explain.picture import Window, draw
 from slambed.explain.run_log import RunLog, find_run, read_run
 from slambed.explain.story import story
+from slambed.metrics.losses import sentence
 from slambed.outputs import picture
 
 FORMATS = (".png", ".svg", ".pdf")
@@ -34,7 +36,8 @@ def explain(
     """Show what happened in one run: a time line picture, and its story in lines.
 
     Who computed what when, messages under way, states, RTT and track losses; live and virtual runs
-    alike.
+    alike. --around loss also says why track was lost and shows the pictures on both sides of it,
+    where the sequence is prepared here.
     """
     log = read_run(find_run(run, results))
     window = choose_window(log, begin, end, around)
@@ -45,6 +48,10 @@ def explain(
         typer.echo(line)
     if (begin is not None and begin < 0.0) or (end is not None and end > log.end_s):
         typer.echo(f"note: the run is from 0 to {log.end_s:.1f} s, there is nothing beyond")
+    if around == "loss":
+        for loss in losses_in(log)[:1]:  # none where events tell losses but no frames
+            typer.echo(f"why it was lost at {loss.t_s:.2f} s ({loss.cause}): {sentence(loss)}")
+            typer.echo(draw_loss(log, loss, path.with_stem(f"{path.stem}_loss")))
     draw(log, window, path)
     typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {path}")
 

@@ -134,6 +134,7 @@ class RelayShaper:
                 "real_time": bool(self._ready.get("real_time")),
                 "kernel_drops": kernel,
                 "relay": summary,
+                "carried_bytes": {side: _carried(during, n) for n, side in enumerate(SIDES)},
             },
         )
 
@@ -223,6 +224,12 @@ def _centres(binned: pd.Series) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 def _dropped(packets: pd.DataFrame, direction: int) -> int:
     return int(((packets["direction"] == direction) & (packets["fate"] != 0)).sum())
+
+
+def _carried(packets: pd.DataFrame, direction: int) -> int:
+    """Bytes of the nodes' own packets that arrived, IP headers and acknowledgements included."""
+    arrived = delivered(packets, direction)
+    return int(arrived.loc[arrived["protocol"] != ICMP, "bytes"].sum())
 
 
 def waits_of(packets: pd.DataFrame, echoes: Echoes) -> Waits:

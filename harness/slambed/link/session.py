@@ -11,7 +11,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.errors import environment_error
+from slambed.errors import PassingError, environment_error
 from slambed.link.namespaces import check_privilege, different, tune_tcp
 from slambed.link.probe import Echoes, Probe, measure_base_ms
 from slambed.link.profile import Profile
@@ -24,6 +24,8 @@ MOBILE_ADDRESS, EDGE_ADDRESS, PREFIX_LENGTH = "10.77.0.1", "10.77.0.2", 30
 NETWORK = "10.77.0.0/30"
 DEVICE = "slam0"
 """Name of the device in both namespaces."""
+DYING_S = 1.0
+"""Longer than a killed process takes to be gone, on a busy host too."""
 
 Series = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -80,6 +82,15 @@ class Shaper(Protocol):
         """Removes everything; never raises."""
 
 
+def _dies(shaper: Shaper) -> str | None:
+    """Why the link is going; None if it stays. A relay that is killed takes its devices along
+    before its parent hears of its end."""
+    deadline = time.monotonic() + DYING_S
+    while (died := shaper.died()) is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return died
+
+
 class LinkSession:
     """An open link. A context manager; leaves no device, process or address behind."""
 
@@ -116,8 +127,13 @@ class LinkSession:
                     "is a firewall in one of the namespaces?"
                 )
             self._shaper.apply()
-        except BaseException:
+        except BaseException as error:
+            told = isinstance(error, PassingError) or not isinstance(error, Exception)
+            died = None if told else _dies(self._shaper)
             self.close()
+            if died is not None:
+                # Whatever failed, failed for this.
+                raise PassingError(f"the link went away while it was set up: {died}") from error
             raise
 
     def start(self, t0_ns: int) -> None:

@@ -9,11 +9,12 @@ from functools import partial
 import numpy as np
 
 from slambed.errors import SlambedError
-from slambed.metrics.declared import own_digest, own_metrics
+from slambed.metrics.declared import described_by, own_digest, own_metrics
 from slambed.metrics.device_share import share_of_device
 from slambed.metrics.faults import told
 from slambed.metrics.loss_times import loss_times_text
 from slambed.metrics.metric import Metric, Use, Value
+from slambed.metrics.recovery import frames_lost_to_updates, pause_ms_mean
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
 from slambed.metrics.run_data import RunData
 from slambed.metrics.stages import host_stall_ms_max, mapping_ms_per_keyframe, total_ms
@@ -25,8 +26,9 @@ from slambed.metrics.update_round import (
     median_ms,
     received,
 )
+from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
 
-METRICS_VERSION = 4
+METRICS_VERSION = 5
 """Counted up with every change of a value's computation: old summaries are known by it, and
 `slambed report --again` makes them anew. A test compares a kept run with kept values."""
 
@@ -95,6 +97,22 @@ def _codec(node: str, name: str) -> Callable[[RunData], Value]:
     )
 
 
+def _pause(relocalisation: bool) -> Callable[[RunData], Value]:
+    return lambda run: pause_ms_mean(run.log, relocalisation) if run.has_edge else None
+
+
+def _work(part: str) -> Metric:
+    return Metric(f"work_{part}_share", f"of the mobile node's timed work, part `{part}`",
+                  lambda run: share_of_work(run.log, part), shown="%", scale=100)  # fmt: skip
+
+
+def _update_work(part: str) -> Metric:
+    return Metric(f"update_{part}_share", f"of the work of map updates, part `{part}`; null "
+                  "where they are not told by parts",
+                  lambda run: share_of_update(run.log, part) if run.has_edge else None,
+                  shown="%", scale=100)  # fmt: skip
+
+
 def _first_loop(run: RunData) -> Value:
     closed = run.log.of("loop_closed")
     return closed[0]["t_ns"] / 1e9 if closed else None
@@ -120,7 +138,7 @@ def _run_key(run: RunData) -> Value:
 METRICS: tuple[Metric, ...] = (
     Text("run_key", "what names the run", _run_key),
     Text("metrics_version", "version of this list, with a digest of the system's own metrics where "
-         "it has some", lambda run: version_for(run.spec.get("system"))),
+         "it has some", lambda run: version_for(described_by(run.spec))),
     Text("experiment", "its id", _spec("experiment")),
     Text("cell", "system x dataset x link profile", _spec("cell")),
     Count("repetition", "counted from 0", _spec("repetition")),
@@ -159,6 +177,9 @@ METRICS: tuple[Metric, ...] = (
            lambda run: run.coverage,
            shown="%", scale=100, better="higher", relevant_share=0.0, relevant_step=0.02,
            use=HEADLINE),
+    Metric("coverage_processed", "frames that tracking took / frames_total, with a pose or without",
+           lambda run: run.coverage_processed, "frames processed", shown="%", scale=100,
+           better="higher", relevant_share=0.0, relevant_step=0.02),
     Flag("failed", f"whether coverage is below {LEAST_COVERAGE:g}",
          lambda run: None if run.coverage is None else run.coverage < LEAST_COVERAGE,
          "runs that tracked less than 90 %", better="lower", use=GATED),
@@ -175,6 +196,10 @@ METRICS: tuple[Metric, ...] = (
     Cost("reloc_s_max", "longest time from the first frame that showed something, while lost, to "
          "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalisation", "s",
          digits=2, relevant_step=0.1),
+    Cost("reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
+         "been tracked (true poses) to the next pose",
+         lambda run: run.known_place_s, "recovery at known places", "s", digits=2,
+         relevant_step=0.1),
     Count("resets", "maps given up", _tracking(lambda t: t.resets)),
     Count("loops_closed", "loops closed",
           lambda run: len(run.log.of("loop_closed")) if run.measured else None),
@@ -213,6 +238,11 @@ METRICS: tuple[Metric, ...] = (
          "RPE over all pairs", "m", "cm", 100, 2, relevant_step=0.001),
     Cost("rpe_all_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_all_rot_deg,
          "RPE over all pairs", "deg", digits=2, relevant_step=0.02),
+    Cost("rpe_frame_trans_m", "RMSE of the relative pose error from one pose to the next",
+         lambda run: run.accuracy.rpe_frame_trans_m, "RPE over a frame", "m", "cm", 100, 2,
+         relevant_step=0.001),
+    Cost("rpe_frame_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_frame_rot_deg,
+         "RPE over a frame", "deg", digits=2, relevant_step=0.02),
     Cost("track_ms_median", "of the tracking steps, wall", _frames(0.5), "tracking, median", "ms",
          relevant_step=0.5, use=HEADLINE),
     Cost("track_ms_mean", "their mean",
@@ -243,9 +273,13 @@ METRICS: tuple[Metric, ...] = (
          "mobile memory, peak", "MB", digits=0, relevant_step=2.0, use=HEADLINE),
     Cost("mobile_mem_mb_mean", "mean of the samples", lambda run: run.mobile.memory_mb_mean,
          "mobile memory, mean", "MB", digits=0, relevant_step=2.0),
+    Cost("mobile_mem_mb_slope", "growth, of the straight line through the samples, in MB a minute",
+         lambda run: run.mobile.memory_mb_per_min, "growth of mobile memory", "MB/min", digits=1,
+         relevant_step=0.5),
     Cost("edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
          "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
-    Cost("bytes_up", "payload and headers of our messages", lambda run: run.bytes_moved["up"],
+    Cost("bytes_up", "payload and headers of our messages; of a system that tells none, what "
+         "the relay carried, IP headers included", lambda run: run.bytes_moved["up"],
          "sent to the edge", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
          use=SHOWN | GATED),
     Cost("bytes_down", "the same towards the mobile node", lambda run: run.bytes_moved["down"],
@@ -256,6 +290,9 @@ METRICS: tuple[Metric, ...] = (
     Count("updates_applied", "map updates that tracking took over",
           lambda run: len(run.log.of("update_applied")) if run.has_edge else None,
           "map updates applied"),
+    Count("updates_declined", "map updates that it did not",
+          lambda run: len(run.log.of("update_declined")) if run.has_edge else None,
+          "map updates declined"),
     Cost("update_computed_ms_median", "T_Computed: capture of the newest covered keyframe until "
          "applied, without the pacing of updates",
          lambda run: median_ms(run.rounds, lambda r: r.computed_ms),
@@ -273,6 +310,17 @@ METRICS: tuple[Metric, ...] = (
          "null where the program does not tell",
          lambda run: mean_of(run.log.of("update_applied"), "pause_ms") if run.has_edge else None,
          "tracking held up per map update", "ms", relevant_step=1.0),
+    Cost("update_pause_regular_ms_mean", "the same of regular updates alone", _pause(False),
+         "tracking held up per regular update", "ms", relevant_step=1.0),
+    Cost("update_pause_reloc_ms_mean", "the same of maps sent for relocalisation alone",
+         _pause(True), "tracking held up per map for relocalisation", "ms", relevant_step=1.0),
+    Count("frames_lost_to_updates", "frames dropped while a map update held tracking up; null "
+          "where the program does not tell",
+          lambda run: frames_lost_to_updates(run.log) if run.has_edge and run.measured else None,
+          better="lower",
+          relevant_step=2.0),
+    *map(_work, WORK),
+    *map(_update_work, UPDATE),
     Metric("update_parts_error_ms_max", "how far the parts of T_Total are from it at most",
            lambda run: closure_error_ms_max(run.rounds),
            "T_Total against its parts, largest error", "ms", digits=3),

@@ -2,8 +2,10 @@
 """A system's own metrics: what its system.yaml says is to be taken from its events."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,16 @@ REDUCED: dict[str, Callable[[np.ndarray[tuple[int], np.dtype[np.float64]]], floa
     "max": lambda v: float(v.max()),
     "last": lambda v: float(v[-1]),
 }
+
+
+def described_by(spec: Mapping[str, Any]) -> str:
+    """What finds the description of a run's system: its name, or the file of a program of its own
+    where that is still there."""
+    name, folder = str(spec.get("system")), spec.get("system_folder")
+    if not isinstance(folder, str) or not folder:
+        return name
+    files = (Path(folder) / f"{name}.yaml", Path(folder) / "system.yaml")
+    return str(next((file for file in files if file.is_file()), name))
 
 
 def own_metrics(system: str, taken: frozenset[str]) -> tuple[Metric, ...]:
@@ -58,7 +70,12 @@ def own_digest(system: str) -> str:
 @lru_cache(maxsize=64)
 def _system(name: str) -> System | None:
     library = Library()
-    return library.system(name) if name in library.systems() else None
+    try:
+        return library.system(name)
+    except SlambedError:
+        if name in library.systems():
+            raise
+        return None
 
 
 def _metric(key: str, item: OwnMetric) -> Metric:

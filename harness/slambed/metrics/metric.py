@@ -87,6 +87,11 @@ class Metric:
         return {"number": "float", "count": "int", "flag": "bool", "text": "str"}[self.type]
 
     @property
+    def largest_shown(self) -> float:
+        """The end of the scale: fractions of 0 to 1 are shown in percent."""
+        return 100.0 if self.shown == "%" and self.scale == 100 else float("inf")
+
+    @property
     def is_number(self) -> bool:
         """Flags count as the share of runs that have them."""
         return self.type != "text"

@@ -19,11 +19,13 @@ class Resources:
     cpu_percent_p95: float | None
     memory_mb_peak: float | None
     memory_mb_mean: float | None
+    memory_mb_per_min: float | None
+    """Slope of the straight line through the samples."""
     throttled_ms: float | None
     throttled_share: float | None
 
 
-NOTHING = Resources(None, None, None, None, None, None, None)
+NOTHING = Resources(None, None, None, None, None, None, None, None)
 
 
 def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resources:
@@ -40,6 +42,7 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
         cpu_percent_p95=float(np.quantile(percent, 0.95)) if len(percent) else None,
         memory_mb_peak=float(memory.max()) if len(memory) else None,
         memory_mb_mean=float(memory.mean()) if len(memory) else None,
+        memory_mb_per_min=own.slope_per_min("memory_mb"),
         throttled_ms=1e3 * throttled if throttled is not None else None,
         throttled_share=throttled / span if throttled is not None and span else None,
     )
@@ -65,6 +68,16 @@ class _Rows:
         values = self._samples[name].to_numpy(np.float64)[self._rows]
         measured: Floats = values[~np.isnan(values)]
         return measured
+
+    def slope_per_min(self, name: str) -> float | None:
+        """Of the least-squares line through what was measured."""
+        if name not in self._samples:
+            return None
+        values = self._samples[name].to_numpy(np.float64)[self._rows]
+        there = ~np.isnan(values)
+        if there.sum() < 2 or np.ptp(self._t_s[there]) == 0:
+            return None
+        return 60.0 * float(np.polyfit(self._t_s[there], values[there], 1)[0])
 
     def increase(self, name: str) -> float | None:
         """Of a counter from the first sample that has it to the last."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from slambed.metrics.catalog import metrics_of
+from slambed.metrics.declared import described_by
 from slambed.metrics.run_data import RunData
 from slambed.metrics.trust import reasons_for_distrust
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS
@@ -36,7 +37,7 @@ def summary_of(run: RunData) -> dict[str, Any]:
     """The summary of a run that is being read; what is wrong with its files becomes its problem."""
     summary: dict[str, Any] = {
         item.key: item.function(run) if item.function is not None else None
-        for item in metrics_of(run.spec.get("system"))
+        for item in metrics_of(described_by(run.spec))
     }
     if (summary["update_parts_error_ms_max"] or 0.0) > CLOSURE_LIMIT_MS:
         run.problems.append("update_applied: the parts of T_Total do not add up to it")

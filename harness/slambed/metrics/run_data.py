@@ -18,6 +18,7 @@ from slambed.metrics.device_share import device_cores
 from slambed.metrics.events import EventLog
 from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, rtt_proof
 from slambed.metrics.older import manifest_of_today
+from slambed.metrics.recovery import known_place_times_s
 from slambed.metrics.reference_path import ReferenceErrors, reference_errors, scored_part
 from slambed.metrics.resources import NOTHING, Resources, resources_of
 from slambed.metrics.tracking import Tracking, tracking_of
@@ -41,6 +42,8 @@ class Accuracy:
     ate_scale: float | None = None
     rpe_trans_m: float | None = None
     rpe_rot_deg: float | None = None
+    rpe_frame_trans_m: float | None = None
+    rpe_frame_rot_deg: float | None = None
     rpe_all_trans_m: float | None = None
     rpe_all_rot_deg: float | None = None
     ate_live_rmse_m: float | None = None
@@ -150,6 +153,12 @@ class RunData:
             return None
         return self.frames_tracked / self.frames_offered
 
+    @property
+    def coverage_processed(self) -> float | None:
+        """Share of the offered frames that tracking took, whatever came of them."""
+        taken = len(self.log.of("frame_tracked"))
+        return taken / self.frames_offered if self.measured and self.frames_offered else None
+
     @cached_property
     def host_steal_percent(self) -> float | None:
         """Of the CPU time of all the host's processors, over playback."""
@@ -184,8 +193,17 @@ class RunData:
 
     @cached_property
     def bytes_moved(self) -> dict[str, int | None]:
-        """Bytes `up` and `down`; None without an edge."""
-        return bytes_moved(self.log) if self.has_edge else {"up": None, "down": None}
+        """Bytes `up` and `down`; None without an edge. Of a system that tells no messages: what the
+        link carried, headers included."""
+        if not self.has_edge:
+            return {"up": None, "down": None}
+        told = bytes_moved(self.log)
+        link = self.manifest.get("link")
+        details = link.get("details") if isinstance(link, Mapping) else None
+        carried = details.get("carried_bytes") if isinstance(details, Mapping) else None
+        if told["up"] is None and isinstance(carried, Mapping):
+            return {way: int(carried[way]) for way in ("up", "down")}
+        return told
 
     @cached_property
     def rounds(self) -> list[UpdateRound]:
@@ -243,6 +261,9 @@ class RunData:
             drift = relative_error(estimate, truth, RPE_DELTA_S)
             found["rpe_trans_m"] = drift.translation_m.rmse
             found["rpe_rot_deg"] = drift.rotation_deg.rmse
+            step = relative_error(estimate, truth, delta_s=None)
+            found["rpe_frame_trans_m"] = step.translation_m.rmse
+            found["rpe_frame_rot_deg"] = step.rotation_deg.rmse
         except SlambedError as error_line:
             self.problems.append(f"trajectory.txt: {error_line}")
         try:
@@ -263,6 +284,15 @@ class RunData:
         except SlambedError as error_line:
             self.problems.append(f"{REFERENCE_FILE}: {error_line}")
             return ReferenceErrors()
+
+    @property
+    def known_place_s(self) -> float | None:
+        """Mean wait of a lost camera that is back where it was tracked; None: it never was."""
+        if self.truth_file is None or not self.tracking.track_losses:
+            return None
+        live = self._trajectory("trajectory_live.txt")
+        waits = known_place_times_s(self.log, live, read_tum(self.truth_file))
+        return sum(waits) / len(waits) if waits else None
 
     @cached_property
     def sensor(self) -> str | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about results: report, plots, compare, truth, paper, gate, view, evaluate.
+"""Commands about results: report, losses, plots, compare, truth, paper, gate, view, evaluate.
 
 The main command mounts them with `add_commands`.
 """
@@ -23,8 +23,9 @@ app = typer.Typer(help="Reports, comparisons and gates.", no_args_is_help=True)
 
 def add_commands(main: typer.Typer) -> None:
     """Adds the commands of this module to the main command."""
-    for command in (report, plots, compare, truth, paper, gate, view, evaluate):
+    for command in (report, losses, plots, compare, truth, paper, gate, view, evaluate):
         main.command()(command)
+    main.command("diff")(diff_command)
 
 
 def experiment_folder(results: Path, experiment: str) -> Path:
@@ -64,6 +65,43 @@ def report(
     found = load(folder)
     write_report(folder, figures=figures, loaded=found)
     terminal_summary(folder, console(), found)
+
+
+@app.command()
+def losses(
+    experiment: Annotated[str, typer.Argument(help="Experiment, or its results folder.")],
+    results: ResultsOption = RESULTS,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Every loss, one a row: .csv or .md.")
+    ] = None,
+) -> None:
+    """Sort the losses of an experiment by cause, with their times.
+
+    relocalisation failed: found again less than a second before; standstill: frames are missing
+    right before it; gap behind an update: an update took newer keyframes away at most half a
+    second before; view change: none of these.
+    """
+    from slambed.report.load import load
+    from slambed.report.losses import by_cause, every_loss, lost_runs
+
+    if output is not None and output.suffix not in (".csv", ".md"):
+        raise SlambedError(f"unknown table format {output}; known: .csv, .md")
+    found = load(experiment_folder(results, experiment))
+    runs = lost_runs(found)
+    if not runs:
+        raise SlambedError(f"no run of {experiment} counts; 'slambed status {experiment}' says why")
+    console().print(by_cause(runs).rich())
+    later = sum(max(0, len(run.losses) - 1) for run in runs)
+    typer.echo(
+        f"{later} later losses; 'slambed explain RUN --around loss' shows the first of a run"
+    )
+    for problem in found.problems:
+        typer.echo(f"note: {problem}")
+    if output is not None:
+        table = every_loss(runs)
+        with writing(output):
+            output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
+        typer.echo(f"every loss: {output}")
 
 
 @app.command()
@@ -113,6 +151,39 @@ def truth(
         with writing(output):
             output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
         typer.echo(f"table: {output}")
+
+
+@app.command("diff")
+def diff_command(
+    a: Annotated[Path, typer.Argument(help="Results folder, the one before.")],
+    b: Annotated[Path, typer.Argument(help="Results folder, the one after.")],
+    metrics: Annotated[
+        list[str] | None, typer.Option("--metric", help="Only this; else the experiment's.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Table to write: .csv or .md.")
+    ] = None,
+) -> None:
+    """Compare two results folders: other commits, engines, hosts or systems.
+
+    Ends with 1 where a change was shown.
+    """
+    from slambed.report.diff import diff, diff_table
+    from slambed.report.load import load
+
+    if output is not None and output.suffix not in (".csv", ".md"):
+        raise SlambedError(f"unknown table format {output}; known: .csv, .md")
+    found = diff(load(a), load(b), metrics)
+    table = diff_table(found, str(a), str(b))
+    console().print(table.rich())
+    if output is not None:
+        with writing(output):
+            output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
+        typer.echo(f"table: {output}")
+    shown = sum(change.shown for change in found)
+    typer.echo(f"{shown} of {len(found)} comparisons show a change")
+    if shown:
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD)
 
 
 @app.command()

@@ -88,12 +88,18 @@ def write_report(
 
 
 def write_summary_csv(results: Results) -> Path:
-    """One row per run, the keys of summary.json, then systems' own; replaced by one rename."""
+    """One row per run: the keys of summary.json, systems' own, label and parameters; replaced by
+    one rename."""
     path = results.folder / "summary.csv"
     partial = path.with_name(".summary.csv.partial")
-    results.runs[[*SUMMARY_KEYS, *results.own_metrics]].to_csv(partial, index=False)
+    results.runs[_columns(results)].to_csv(partial, index=False)
     partial.rename(path)
     return path
+
+
+def _columns(results: Results) -> list[str]:
+    params = sorted(str(name) for name in results.runs if str(name).startswith("params."))
+    return [*SUMMARY_KEYS, *results.own_metrics, "label", *params]
 
 
 def write_tables(tables: list[Table], folder: Path) -> None:

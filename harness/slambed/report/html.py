@@ -21,6 +21,8 @@ from slambed.spec.matrix import run_name
 
 MOST_RUNS = 300
 MOST_TIMELINES = 24
+SHORT_COMMIT = 7
+"""Letters, as git shortens it; the whole one is under "Manifest"."""
 MOST_SVG_BYTES = 150_000
 """A figure larger than this as SVG is inlined as PNG."""
 
@@ -110,7 +112,7 @@ def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
     commits = list(results.facts.get("commit", {}))
     if commits:
         dirty = "True" in results.facts.get("dirty", {})
-        text = commits[0][:10] if len(commits) == 1 else f"{len(commits)} commits"
+        text = commits[0][:SHORT_COMMIT] if len(commits) == 1 else f"{len(commits)} commits"
         tiles.append((text + ("+" if dirty else ""), "commit (+: changed files)", ""))
     return tiles
 

@@ -16,11 +16,12 @@ from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
 from slambed.metrics.collect import stored_log
+from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Metric
 from slambed.metrics.older import two_axes
 from slambed.metrics.trajectory import Trajectory, read_tum
-from slambed.report.standing import REMEDY, old_version, refused_runs
+from slambed.report.standing import REMEDY, described, old_version, refused_runs
 
 MOST_PROBLEMS_PER_KIND = 10
 STALL_MS = 100.0
@@ -35,7 +36,8 @@ MANIFEST_FACTS = (
 @dataclass
 class Results:
     """All runs of one experiment: `runs` has one row per run, columns are the summary keys plus
-    `label`, `params.<name>`, `plan.<paper>`, `started_utc` and `folder`."""
+    `label`, `params.<name>`, `plan.<paper>`, `started_utc`, `folder` and `described` (what finds
+    the system's description)."""
 
     folder: Path
     title: str
@@ -64,7 +66,7 @@ class Results:
     @cached_property
     def own_metrics(self) -> dict[str, Metric]:
         """What the systems of these runs measure besides the usual, by key."""
-        return own_of(self.runs["system"].dropna().unique())
+        return own_of(described(self.runs).dropna().unique())
 
     def metric(self, key: str) -> Metric:
         """The metric of a column."""
@@ -216,12 +218,13 @@ def _read_runs(
         manifest = object_or_empty(path / "manifest.json")
         if not manifest:
             tell("manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown")
-        known = metrics_of(summary.get("system"))
+        told = manifest.get("spec")
+        spec: dict[str, Any] = told if isinstance(told, dict) else {}
+        found_by = described_by(spec | {"system": summary.get("system")})
+        known = metrics_of(found_by)
         unknown = sorted(set(summary) - {item.key for item in known} - set(OLD_KEYS))
         if unknown:
             tell("keys", f"runs/{path.name}: unknown keys in summary.json: {', '.join(unknown)}")
-        told = manifest.get("spec")
-        spec: dict[str, Any] = told if isinstance(told, dict) else {}
         row, wrong = _typed(two_axes(summary), known)
         if wrong:
             tell("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
@@ -235,6 +238,7 @@ def _read_runs(
             "plain_label": label,
             "started_utc": manifest.get("started_utc"),
             "folder": path.name,
+            "described": found_by,
         }
         row |= _plans_of(manifest)
         for name, value in (spec.get("params") or {}).items():

@@ -12,6 +12,11 @@ from slambed.metrics.catalog import version_for
 REMEDY = "'slambed report {name} --again' computes them from the stored events"
 
 
+def described(runs: pd.DataFrame) -> "pd.Series[str]":
+    """What finds the description of each run's system; its name where nothing else is known."""
+    return runs["described"] if "described" in runs else runs["system"]
+
+
 def refused_runs(runs: pd.DataFrame, truths: dict[str, Path]) -> dict[str, str]:
     """Run key -> why its numbers must not be mixed with the others'.
 
@@ -22,7 +27,7 @@ def refused_runs(runs: pd.DataFrame, truths: dict[str, Path]) -> dict[str, str]:
         return {}
     refused: dict[str, str] = {}
     told = runs["metrics_version"].fillna("1").astype(str)
-    today = runs["system"].map(version_for)
+    today = described(runs).map(version_for)
     if told.ne(today).any() and not _one_version(told, runs["system"]):
         old = told != today
         for key, version, now in zip(runs["run_key"][old], told[old], today[old], strict=True):
@@ -44,7 +49,7 @@ def old_version(runs: pd.DataFrame) -> str | None:
     if not len(runs):
         return None
     told = runs["metrics_version"].fillna("1").astype(str)
-    return str(told.iloc[0]) if told.ne(runs["system"].map(version_for)).any() else None
+    return str(told.iloc[0]) if told.ne(described(runs).map(version_for)).any() else None
 
 
 def _one_version(told: pd.Series, systems: pd.Series) -> bool:

@@ -124,6 +124,25 @@ def paths_of(pid: int) -> CgroupPaths:
     return CgroupPaths(folders, unified)
 
 
+class GroupProcesses:
+    """The processes of a node's group, wherever its single threads were moved to."""
+
+    def __init__(self, paths: CgroupPaths) -> None:
+        # Threads have groups of their own below that of the cpu controller of v1; the other
+        # controllers keep the node together, and so does a threaded tree of v2.
+        folders = (paths.v1("memory"), paths.v1("cpuset"), paths.unified, paths.v1("cpu"))
+        self._file = next(f"{folder}/cgroup.procs" for folder in folders if folder is not None)
+
+    def pids(self) -> list[int]:
+        """In order of their numbers; none when the group is gone."""
+        try:
+            # Opened anew: v1 shows an open file the members of a second ago.
+            told = Path(self._file).read_text()
+        except OSError:
+            return []
+        return sorted(int(pid) for pid in told.split() if pid != "0")
+
+
 class CgroupReader:
     """Reads the counters and limits of one group."""
 

@@ -4,6 +4,7 @@
 import os
 from pathlib import Path
 
+from slambed.sampling.cgroup import GroupProcesses
 from slambed.sampling.kept_files import KeptFiles
 
 NS_PER_S = 1e9
@@ -16,6 +17,12 @@ def thread_ids(pid: int) -> list[int]:
         return sorted(map(int, os.listdir(f"/proc/{pid}/task")))  # noqa: PTH208
     except OSError:
         return []
+
+
+def threads_of(pid: int, group: GroupProcesses | None) -> list[tuple[int, int]]:
+    """(process, thread) of a process, or of all processes of its group."""
+    pids = [pid] if group is None else group.pids()
+    return [(each, tid) for each in pids for tid in thread_ids(each)]
 
 
 def thread_name(pid: int, tid: int) -> str | None:
@@ -33,8 +40,10 @@ class RunQueueDelay:
     last seen of it.
     """
 
-    def __init__(self, pid: int) -> None:
+    def __init__(self, pid: int, group: GroupProcesses | None = None) -> None:
+        """`group`: all processes of it count, not that one alone."""
         self._pid = pid
+        self._group = group
         self._files = KeptFiles()
         self._delay_ns: dict[int, int] = {}
 
@@ -44,8 +53,8 @@ class RunQueueDelay:
 
     def seconds(self) -> float | None:
         """Sum over all threads so far; None where the kernel does not count it."""
-        for tid in thread_ids(self._pid):
-            path = f"/proc/{self._pid}/task/{tid}/schedstat"
+        for pid, tid in threads_of(self._pid, self._group):
+            path = f"/proc/{pid}/task/{tid}/schedstat"
             try:
                 self._delay_ns[tid] = int(self._files.read(path).split()[1])
             except (OSError, IndexError):

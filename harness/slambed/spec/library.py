@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds experiments, devices and systems by name in the checkout."""
 
+import os
 from pathlib import Path
 from typing import TypeVar
 
@@ -11,11 +12,14 @@ from slambed.native import repository_root
 from slambed.spec.device import Device
 from slambed.spec.experiment import Experiment
 from slambed.spec.input_recipe import InputRecipe
+from slambed.spec.shared_params import with_shared_params
 from slambed.spec.sweep import changed, swept
 from slambed.spec.system import System
 from slambed.spec.yaml_source import YamlSource, load_yaml, parse, suggestion
 
 Model = TypeVar("Model", bound=BaseModel)
+SYSTEM_FILE = "system.yaml"
+SYSTEMS_VARIABLE = "SLAMBED_SYSTEMS"
 
 
 class Library:
@@ -35,6 +39,7 @@ class Library:
             path = self.root / "experiments" / f"{name}.yaml"
             self._must_exist(path, "experiment", name, self.experiments())
         source = swept(changed(load_yaml(path), settings or []))
+        _anchor_systems(source)
         experiment = parse(Experiment, source)
         if experiment.id != path.stem:
             raise source.complaint(
@@ -69,18 +74,36 @@ class Library:
         return _stems(self.root / "devices")
 
     def system(self, name: str) -> System:
-        """A system of systems/*/system.yaml."""
-        path = self.root / "systems" / name / "system.yaml"
-        self._must_exist(path, "system", name, self.systems())
-        return self._named(System, path)
+        """A system of systems/*/system.yaml, of a folder in $SLAMBED_SYSTEMS, or of a file."""
+        path = self.system_file(name)
+        system = self._named(System, path)
+        ours = path.is_relative_to(self.root / "systems")
+        if not ours and system.runtime is None:
+            raise SlambedError(f"{path}: a system that is not ours needs a section runtime")
+        if not ours and system.name in self.systems():
+            raise SlambedError(f"{path}: there is a system {system.name} already, name it anew")
+        return system
+
+    def system_file(self, name: str) -> Path:
+        """Where a system is described. Raises SlambedError where it is not."""
+        if name.endswith((".yaml", ".yml")):
+            path = Path(name).resolve()
+            self._must_exist(path, "system", name, self.systems())
+            return path
+        folders = [self.root / "systems", *_others()]
+        found = [folder / name / SYSTEM_FILE for folder in folders]
+        path = next((path for path in found if path.is_file()), found[0])
+        known = [p.parent.name for folder in folders for p in folder.glob(f"*/{SYSTEM_FILE}")]
+        self._must_exist(path, "system", name, sorted(known))
+        return path
 
     def experiments(self) -> list[str]:
         """Names of all experiments."""
         return _stems(self.root / "experiments")
 
     def systems(self) -> list[str]:
-        """Names of all systems."""
-        return sorted(p.parent.name for p in (self.root / "systems").glob("*/system.yaml"))
+        """Names of all systems of the checkout."""
+        return sorted(p.parent.name for p in (self.root / "systems").glob(f"*/{SYSTEM_FILE}"))
 
     @staticmethod
     def _must_exist(path: Path, kind: str, name: str, known: list[str]) -> None:
@@ -90,11 +113,28 @@ class Library:
     @staticmethod
     def _named(model: type[Model], path: Path) -> Model:
         source = load_yaml(path)
+        if model is System:
+            source = with_shared_params(source)
         item = parse(model, source)
-        wanted = path.parent.name if path.name == "system.yaml" else path.stem
+        wanted = path.parent.name if path.name == SYSTEM_FILE else path.stem
         if getattr(item, "name", None) != wanted:
             raise source.complaint(f"name is not '{wanted}', as the file's name says", ("name",))
         return item
+
+
+def _others() -> list[Path]:
+    """Folders of systems outside of the checkout."""
+    told = os.environ.get(SYSTEMS_VARIABLE, "").split(os.pathsep)
+    return [Path(part).resolve() for part in told if part]
+
+
+def _anchor_systems(source: YamlSource) -> None:
+    """`system: ./mine/system.yaml` means: seen from the experiment's file."""
+    entries = source.data.get("systems") if isinstance(source.data, dict) else None
+    for entry in entries if isinstance(entries, list) else []:
+        named = entry.get("system") if isinstance(entry, dict) else None
+        if isinstance(named, str) and named.endswith((".yaml", ".yml")):
+            entry["system"] = str((source.path.parent / named).resolve())
 
 
 def _stems(folder: Path) -> list[str]:

@@ -14,10 +14,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from slambed.errors import SlambedError
 from slambed.spec import inputs
-from slambed.spec.device import VIRTUAL, Device, DeviceChange
+from slambed.spec.chosen_device import chosen_device
+from slambed.spec.device import VIRTUAL, Device
 from slambed.spec.experiment import Experiment, Playback, SystemChoice, Tolerances
 from slambed.spec.faults import Fault, as_json, cuts, with_cuts
 from slambed.spec.library import Library
+from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role, Scalar, System
 from slambed.spec.yaml_source import Location, YamlSource, suggestion
 
@@ -55,6 +57,10 @@ class RunSpec(BaseModel):
     """Parameter that names an input file -> SHA-256 of the file."""
     edge_inputs: list[str] = Field(default_factory=list)
     """Those that only the edge is told of; in no key."""
+    runtime: Runtime | None = None
+    """How a system that is a program of its own is started; `software` stands for it in the key."""
+    system_folder: str = ""
+    """Where such a system lies; in no key."""
     reference: str = ""
     """Path that this run's is compared with: it judges the run and is in no key."""
     dataset: str
@@ -191,6 +197,7 @@ def expand(
         place = ("systems", index)
         try:
             system = library.system(choice.system)
+            must_be_playable(system, host.engine)
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
             named = {name: str(params[name]) for name in system.file_params if params[name]}
@@ -206,7 +213,7 @@ def expand(
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
         faults = _faults(experiment, choice, system, source, place, host)
         label = choice.label or _label(system, variant)
-        of_role = partial(_device, experiment, index, source, library, host.engine)
+        of_role = partial(chosen_device, experiment, index, source, library, host.engine)
         mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
         live = host.engine != VIRTUAL
         boards = live and any(d is not None and d.board for d in (mobile, edge))
@@ -237,6 +244,8 @@ def expand(
                             params=params | paths,
                             inputs=sums,
                             edge_inputs=[name for name in system.edge_files if name in sums],
+                            runtime=system.runtime,
+                            system_folder=folder_of(system, choice.system, library),
                             reference=host.references.get(dataset, ""),
                             dataset=found,
                             sequence_checksum=checksum,
@@ -261,36 +270,18 @@ def expand(
     return specs
 
 
-def _device(
-    experiment: Experiment,
-    index: int,
-    source: YamlSource,
-    library: Library,
-    engine: str,
-    role: Role,
-) -> Device:
-    """Of the system where it has its own for this role, else of the experiment."""
-    place: Location = ("systems", index, "devices", role)
-    asked: str | DeviceChange | None = getattr(experiment.systems[index].devices, role)
-    if asked is None:
-        place = ("devices", role)
-        asked = experiment.devices.mobile if role == "mobile" else experiment.devices.edge
-    try:
-        if not isinstance(asked, DeviceChange):
-            device = library.device(asked)
-        elif asked.name in library.devices():
-            raise SlambedError(f"there is a device {asked.name} already, name the changed one anew")
-        elif engine not in (VIRTUAL, ""):
-            raise SlambedError(f"a changed device needs engine virtual, not {engine}")
-        else:
-            device = asked.applied_to(library.device(asked.device))
-    except (SlambedError, ValueError) as error:
-        raise source.complaint(str(error), place) from None
-    if engine == VIRTUAL and device.model is None:
-        raise source.complaint(
-            f"device {device.name} has no cost model", place, "fit one: slambed calibrate --stages"
+def must_be_playable(system: System, engine: str) -> None:
+    """Raises SlambedError where this engine is none for a program of its own."""
+    if system.runtime is not None and engine == VIRTUAL:
+        raise SlambedError(
+            f"system {system.name} is a program of its own, whose time engine virtual cannot know; "
+            "use --engine local or docker"
         )
-    return device
+
+
+def folder_of(system: System, named: str, library: Library) -> str:
+    """Where a program of its own lies; empty for a system of ours."""
+    return "" if system.runtime is None else str(library.system_file(named).parent)
 
 
 def _label(system: System, variant: str) -> str:

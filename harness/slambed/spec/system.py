@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.errors import SlambedError
+from slambed.spec.runtime import Runtime
 from slambed.spec.yaml_source import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -119,14 +120,18 @@ class System(BaseModel):
     variants: dict[str, Variant] = Field(default_factory=dict)
     metrics: dict[str, OwnMetric] = Field(default_factory=dict)
     """By key of summary.json."""
+    runtime: Runtime | None = None
+    """How its programs are started; None: it is one of ours, built into slambed-node."""
     doc: str = ""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "System":
         if "mobile" not in self.roles or len(set(self.roles)) != len(self.roles):
             raise ValueError("roles must be [mobile] or [mobile, edge]")
-        if self.has_edge and "control" not in self.channels:
+        if self.has_edge and self.runtime is None and "control" not in self.channels:
             raise ValueError("a system with an edge needs the channel 'control'")
+        if self.runtime is not None and (self.runtime.edge is not None) != self.has_edge:
+            raise ValueError("runtime has an edge where roles have one, and only there")
         for name, variant in self.variants.items():
             try:
                 self.resolve(name, {})

@@ -27,6 +27,13 @@ struct Id {
 using KeyFrameId = Id<struct KeyFrameTag>;
 using MapPointId = Id<struct MapPointTag>;
 
+inline constexpr int kIdSpaceShift = 56;
+
+template <typename Tag>
+constexpr IdSpace space_of(Id<Tag> id) {
+  return static_cast<IdSpace>(id.value >> kIdSpaceShift);
+}
+
 /// Hands out ids 1, 2, 3 ... below the space's byte. Owned by one module, not thread-safe.
 template <typename IdType>
 class IdSource {

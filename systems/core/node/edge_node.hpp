@@ -6,6 +6,8 @@
 #include <optional>
 
 #include "node/event_log.hpp"
+#include "node/mask_source.hpp"
+#include "node/picture_features.hpp"
 #include "node/policy.hpp"
 #include "wire/hello.hpp"
 
@@ -52,6 +54,8 @@ struct EdgeParts {
   Network& network;
   EventLog& log;
   const PeerInfo& peer;
+  PictureFeatures* pictures = nullptr;  ///< null: no picture comes
+  MaskSource* masks = nullptr;          ///< null: nothing segments them
 };
 
 /// The edge node: nothing but the system's policy and a way to end.
@@ -73,6 +77,9 @@ class EdgeNode {
   Network& network() { return parts_.network; }
   EventLog& log() { return parts_.log; }
   const PeerInfo& peer() const { return parts_.peer; }
+  /// For systems that extract on the edge.
+  PictureFeatures& pictures() { return *parts_.pictures; }
+  MaskSource* masks() { return parts_.masks; }
   void end(const std::string& reason);
 
  private:

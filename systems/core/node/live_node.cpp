@@ -3,11 +3,9 @@
 
 #include <memory>
 #include <optional>
-#include <thread>
 
 #include "base/error.hpp"
 #include "node/edge_node.hpp"
-#include "node/json_reader.hpp"
 #include "node/map_keeping.hpp"
 #include "node/mobile_node.hpp"
 #include "node/node_files.hpp"
@@ -22,9 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr Duration kLookForStart = std::chrono::milliseconds(5);
-/// Whoever starts the run waits for the other node too; after so long nobody will.
-constexpr double kStartPatienceS = 120;
 constexpr Duration kLinger = std::chrono::seconds(2);
 
 /// What every node has, in the order in which it may be destroyed.
@@ -53,7 +48,10 @@ class LiveNode {
       open_sequence(options.verify);
     } else {
       open_network(std::nullopt);
-      edge_.emplace(EdgeParts{runtime_, *network_, log_, peer_}, system_, parameters_);
+      if (system_.extracts_on_edge && system_.extracts_on_edge(parameters_))
+        pictures_.emplace([this] { return peer_.sensor(); }, system_.orb(parameters_));
+      edge_.emplace(EdgeParts{runtime_, *network_, log_, peer_, pictures_ ? &*pictures_ : nullptr},
+                    system_, parameters_);
     }
     signals_.watch([this] { runtime_.stop(); });
     if (network_) {
@@ -61,7 +59,9 @@ class LiveNode {
       if (role_ == NodeRole::kMobile) await_peer();
     }
     write_by_rename(folder_ / "ready.json", {{"role", role_name(role_)}});
-    if (const auto t0 = await_start()) {
+    const auto t0 = await_start(config_.output, from_seconds(config_.connect_timeout_s),
+                                [this] { return runtime_.stopping(); });
+    if (t0) {
       log_.start(*t0, [&] { runtime_.set_origin(*t0); });
       live();
     }
@@ -83,6 +83,7 @@ class LiveNode {
                           .scale_factor = orb.scale_factor,
                           .played_fps = playlist_->played_fps()};
     features_.emplace(*sequence_, info.make_sensor(), orb);
+    if (system_.jpeg_quality) images_.emplace(*sequence_, system_.jpeg_quality(parameters_));
     if (config_.playback.mode == PlaybackMode::kRealtime) {
       feed_ = std::make_unique<RealtimeFeed>(runtime_, *playlist_, log_);
     } else {
@@ -103,7 +104,8 @@ class LiveNode {
                     .timestamps_ns = sequence_->timestamps_ns(),
                     .time_origin_ns = sequence_->time_origin_ns(),
                     .prior_map = maps_->prior(),
-                    .profile_rtt = config_.network ? config_.network->profile_rtt : std::nullopt},
+                    .profile_rtt = config_.network ? config_.network->profile_rtt : std::nullopt,
+                    .images = images_ ? &*images_ : nullptr},
         system_, parameters_);
   }
 
@@ -122,27 +124,6 @@ class LiveNode {
     throw Error(ExitCode::kPeer, "no edge node at " + config_.network->edge_address + " within " +
                                      std::to_string(static_cast<int>(config_.connect_timeout_s)) +
                                      " s; start it first or raise connect_timeout_s");
-  }
-
-  /// Run time zero on the monotonic clock; nothing when stopped before.
-  std::optional<Duration> await_start() {
-    const fs::path path = config_.output / "start.json";
-    const Duration patience = from_seconds(config_.connect_timeout_s + kStartPatienceS);
-    const RunTime deadline = monotonic_now() + patience;
-    while (!fs::exists(path)) {
-      if (runtime_.stopping()) return std::nullopt;
-      if (monotonic_now() >= deadline) {
-        throw Error(ExitCode::kPeer, path.string() + ": did not appear within " +
-                                         std::to_string(static_cast<int>(to_seconds(patience))) +
-                                         " s; whoever starts the run must write it");
-      }
-      std::this_thread::sleep_for(kLookForStart);
-    }
-    const nlohmann::json json = read_json(path);
-    JsonReader in(json, path.string() + ": ");
-    const Duration t0(in.integer("t0_ns", 0, INT64_MAX));
-    in.done();
-    return t0;
   }
 
   void live() {
@@ -193,6 +174,8 @@ class LiveNode {
   std::optional<PreparedSequence> sequence_;
   std::optional<Playlist> playlist_;
   std::optional<ExtractingSource> features_;
+  std::optional<EncodingSource> images_;
+  std::optional<DecodedPictures> pictures_;
   std::optional<TcpNetwork> network_;
   std::unique_ptr<FrameFeed> feed_;
   std::optional<MapKeeping> maps_;

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <memory>
 #include <optional>
 
 #include "node/event_log.hpp"
 #include "node/feature_source.hpp"
+#include "node/image_source.hpp"
 #include "node/policy.hpp"
 #include "node/rtt_table.hpp"
 
@@ -28,6 +30,7 @@ struct MobileParts {
   /// A map made before: tracking starts lost in it. Null: tracking makes the first keyframe.
   std::shared_ptr<Map> prior_map{};
   std::optional<RttTable> profile_rtt{};
+  ImageSource* images = nullptr;  ///< null: no picture goes to the edge
 };
 
 /// The mobile node: tracks what playback offers and lets the system's policy decide the rest. The
@@ -48,7 +51,8 @@ class MobileNode {
   Runtime& runtime() { return parts_.runtime; }
   Network& network() { return *parts_.network; }
   EventLog& log() { return parts_.log; }
-  Tracker& tracker() { return *tracker_; }
+  FrameTracking& tracking() { return *tracking_; }
+  Tracker& tracker() { return tracking_->tracker(); }
   /// Which keyframes look alike; tracking finds lost frames with it.
   std::shared_ptr<PlaceIndex> places() const { return places_; }
   /// The images that a frame's features come from; they last as long as the node. Nothing where
@@ -57,28 +61,36 @@ class MobileNode {
     if (parts_.sequence == nullptr) return std::nullopt;
     return parts_.sequence->frame(frame.played.index);
   }
+  /// The pictures that go to the edge; for systems that have a jpeg_quality.
+  ImageSource& images() { return *parts_.images; }
   double played_fps() const { return parts_.played_fps; }
   /// What the link's profile asks for; nothing where the run does not tell.
   const std::optional<RttTable>& profile_rtt() const { return parts_.profile_rtt; }
   std::shared_ptr<const Sensor> sensor() const { return parts_.features.sensor(); }
-  /// Makes a keyframe of the frame just tracked and records it.
+  /// See FrameTracking::create_keyframe.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
-                           bool becomes_reference);
+                           bool becomes_reference) {
+    return tracking_->create_keyframe(worker, frame, need, becomes_reference);
+  }
   /// Lets tracking go on with another map; see Tracker::replace_map.
   void replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> provisional = {});
-  PoseBook& poses() { return poses_; }
+  PoseBook& poses() { return tracking_->poses(); }
+  /// What came back of a frame that was tracked on the other node. From one worker, in the order of
+  /// frames.
+  void tracked_elsewhere(std::uint64_t frame, const TrackOutcome& outcome);
 
  private:
   void track(Worker& worker);
-  TrackedFrame track_frame(Worker& worker, const OfferedFrame& offered);
-  void record(const TrackedFrame& frame, TrackingState before, Duration spent);
+  bool lost_in(Worker& worker, const OfferedFrame& offered);
+  void log_pose(std::uint64_t frame, const TrackOutcome& outcome);
 
   MobileParts parts_;
   std::shared_ptr<PlaceIndex> places_;
-  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<FrameTracking> tracking_;
   std::unique_ptr<MobilePolicy> policy_;
   PoseLog pose_log_;
-  PoseBook poses_;
+  std::atomic<bool> lost_elsewhere_{false};
+  TrackingState elsewhere_ = TrackingState::kNotInitialised;
   bool finished_ = false;
 };
 

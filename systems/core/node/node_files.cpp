@@ -2,12 +2,23 @@
 #include "node/node_files.hpp"
 
 #include <fstream>
+#include <thread>
 
 #include "base/error.hpp"
+#include "node/json_reader.hpp"
+#include "runtime/live/live_runtime.hpp"
 
 namespace slambed {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+constexpr Duration kLookForStart = std::chrono::milliseconds(5);
+/// Whoever starts the run waits for the other node too; after so long nobody will.
+constexpr Duration kStartPatience = std::chrono::seconds(120);
+
+}  // namespace
 
 const char* version() { return SLAMBED_VERSION; }
 
@@ -70,13 +81,36 @@ void write_by_rename(const fs::path& path, const nlohmann::json& content) {
   fs::rename(partial, path);
 }
 
+std::optional<Duration> await_start(const fs::path& output, Duration peer_patience,
+                                    const std::function<bool()>& stopping) {
+  const fs::path path = output / "start.json";
+  const Duration patience = peer_patience + kStartPatience;
+  const RunTime deadline = monotonic_now() + patience;
+  while (!fs::exists(path)) {
+    if (stopping()) return std::nullopt;
+    if (monotonic_now() >= deadline) {
+      throw Error(ExitCode::kPeer, path.string() + ": did not appear within " +
+                                       std::to_string(static_cast<int>(to_seconds(patience))) +
+                                       " s; whoever starts the run must write it");
+    }
+    std::this_thread::sleep_for(kLookForStart);
+  }
+  const nlohmann::json json = read_json(path);
+  JsonReader in(json, path.string() + ": ");
+  const Duration t0(in.integer("t0_ns", 0, INT64_MAX));
+  in.done();
+  return t0;
+}
+
 void write_node_end(const fs::path& folder, const NodeEnd& end) {
   nlohmann::json node{{"role", role_name(end.role)}, {"version", version()}};
   if (end.frames_total) node["frames_total"] = *end.frames_total;
   node["stopped"] = end.reason.empty();
   node["exit_reason"] = end.reason.empty() ? "stopped" : end.reason;
-  node["keyframes"] = end.counts.keyframes;
-  node["map_points"] = end.counts.points;
+  if (end.counts) {
+    node["keyframes"] = end.counts->keyframes;
+    node["map_points"] = end.counts->points;
+  }
   write_by_rename(folder / "node.json", node);
 }
 

@@ -3,12 +3,14 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <string>
 
 #include "base/ids.hpp"
+#include "base/time.hpp"
 #include "node/policy.hpp"
 #include "node/prepared_sequence.hpp"
 #include "node/run_config.hpp"
@@ -37,12 +39,18 @@ std::filesystem::path prepare_node_folder(const std::filesystem::path& output, N
 /// Writes JSON whole or not at all: readers poll for these files. environment_error.
 void write_by_rename(const std::filesystem::path& path, const nlohmann::json& content);
 
+/// Waits for <output>/start.json. Run time zero on the monotonic clock; nothing when stopping() says
+/// so before. Error where nobody starts the run within peer_patience, for the other node, and two
+/// minutes more.
+std::optional<Duration> await_start(const std::filesystem::path& output, Duration peer_patience,
+                                    const std::function<bool()>& stopping);
+
 /// How a node ended; written as node.json, the last thing of its life.
 struct NodeEnd {
   NodeRole role = NodeRole::kMobile;
   std::string reason;                       ///< empty: stopped from outside
   std::optional<std::size_t> frames_total;  ///< offered by playback
-  MapCounts counts;
+  std::optional<MapCounts> counts;          ///< where the node has a map that we know
 };
 void write_node_end(const std::filesystem::path& folder, const NodeEnd& end);
 

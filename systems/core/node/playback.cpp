@@ -21,7 +21,7 @@ Playlist::Playlist(std::span<const std::int64_t> timestamps_ns, double recorded_
     const std::int64_t time = timestamps_ns[i];
     if (time < start || time >= end || position++ % keep_every != 0) continue;
     if (!zero) zero = time;
-    frames_.push_back({i, RunTime(time - *zero)});
+    frames_.push_back({i, RunTime(time - *zero), frames_.size()});
   }
   if (frames_.empty()) {
     throw bad_input(

@@ -9,45 +9,26 @@
 #include <vector>
 
 #include "node/counts.hpp"
+#include "node/frame_tracking.hpp"
 #include "node/parameters.hpp"
-#include "node/playback.hpp"
-#include "node/pose_log.hpp"
 #include "runtime/network.hpp"
-#include "slam/tracker.hpp"
 
 namespace slambed {
 
 class MobileNode;
 class EdgeNode;
 
-/// One frame after tracking.
-struct TrackedFrame {
-  OfferedFrame offered;
-  TrackOutcome outcome;
-  std::shared_ptr<const FeatureSet> features;
-  bool relocalised_now = false;
-};
-
 /// What a system decides on the mobile node. Calls come from the tracking worker unless said
 /// otherwise; the verbs to act with are MobileNode's.
-class MobilePolicy {
+class MobilePolicy : public TrackingPolicy {
  public:
-  virtual ~MobilePolicy() = default;
   /// Before the run: spawn workers.
   virtual void start() {}
   /// Between two frames: the place where an update may change the map.
   virtual void before_frame(Worker&, const OfferedFrame&) {}
-  /// Between extraction and tracking: the features that tracking is to see. A policy may look at
-  /// the picture (MobileNode::picture), leave some out (select) or let tracking see none.
-  virtual std::shared_ptr<const FeatureSet> before_tracking(
-      Worker&, const OfferedFrame&, std::shared_ptr<const FeatureSet> features) {
-    return features;
-  }
-  /// After each frame: whether to make a keyframe, and what becomes of it.
-  virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
-  /// Of a frame in which a lost camera was found: with whose help ("local", "edge", "map"); empty: the
-  /// system does not tell.
-  virtual std::string_view relocalised_by(const TrackedFrame&) { return {}; }
+  /// A frame that is tracked on the other node: sends it there and says true. False: it is tracked here,
+  /// and before_tracking and after_frame are called.
+  virtual bool offload(Worker&, const OfferedFrame&) { return false; }
   /// Playback is over: let work end, say goodbye.
   virtual void finish(Worker& worker) = 0;
   /// After all workers have ended: enters the keyframe poses it knows of.
@@ -81,6 +62,10 @@ struct System {
   std::function<std::string(const Parameters&)> prior_map;
   /// Whether the mobile node leaves its map behind as a file; not set: never.
   std::function<bool(const Parameters&)> save_map;
+  /// JPEG quality of the pictures that go to the edge; not set: none does.
+  std::function<int(const Parameters&)> jpeg_quality;
+  /// Whether features are extracted on the edge, from those pictures; not set: on the mobile.
+  std::function<bool(const Parameters&)> extracts_on_edge;
   std::function<std::unique_ptr<MobilePolicy>(MobileNode&, const Parameters&)> mobile;
   std::function<std::unique_ptr<EdgePolicy>(EdgeNode&, const Parameters&)> edge;
 };

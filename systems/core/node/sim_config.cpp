@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "node/sim_config.hpp"
 
+#include "base/error.hpp"
 #include "link/direction_config.hpp"
 #include "node/json_reader.hpp"
 
@@ -48,6 +49,23 @@ DeviceModel read_device(const nlohmann::json& json, const std::string& where) {
   return device;
 }
 
+SimConfig::Cache read_cache(const nlohmann::json& json, const std::string& where) {
+  JsonReader file(json, where);
+  SimConfig::Cache cache{file.text("path"), file.text("key")};
+  file.done();
+  return cache;
+}
+
+void read_masks(const nlohmann::json& json, const std::string& where, SimConfig& config) {
+  if (!json.is_array()) throw bad_input(where + " must be a list");
+  for (const auto& entry : json) {
+    JsonReader in(entry, where + ".");
+    const double threshold = in.number("n_m");
+    config.masks[threshold] = {in.text("path"), in.text("key")};
+    in.done();
+  }
+}
+
 }  // namespace
 
 LinkModel read_link(const nlohmann::json& json, const std::string& where) {
@@ -89,11 +107,11 @@ SimConfig read_sim_config(const std::filesystem::path& path) {
     }
     config.edge_frozen.push_back({from_seconds(span[0]), from_seconds(span[1])});
   }
-  if (const auto* cache = in.object_or_null("feature_cache")) {
-    JsonReader file(*cache, where + "feature_cache.");
-    config.features = SimConfig::Cache{file.text("path"), file.text("key")};
-    file.done();
-  }
+  if (const auto* cache = in.object_or_null("feature_cache"))
+    config.features = read_cache(*cache, where + "feature_cache.");
+  if (in.has("image_cache"))
+    config.images = read_cache(in.any("image_cache"), where + "image_cache.");
+  if (in.has("mask_caches")) read_masks(in.any("mask_caches"), where + "mask_caches", config);
   in.done();
   if (config.run.network.has_value() != config.edge.has_value()) {
     in.fail("devices", "edge must be given exactly where run.json has a network");

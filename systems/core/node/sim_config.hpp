@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -33,7 +34,8 @@ struct SimConfig {
     std::filesystem::path path;
     std::string key;
   };
-  std::optional<Cache> features;
+  std::optional<Cache> features, images;
+  std::map<double, Cache> masks;  ///< by the segmentation's threshold n_m
 };
 
 /// bad_input naming the key for anything missing, wrong or unknown.

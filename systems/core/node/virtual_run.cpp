@@ -8,6 +8,7 @@
 #include "node/edge_node.hpp"
 #include "node/feature_cache.hpp"
 #include "node/map_keeping.hpp"
+#include "node/mask_cache.hpp"
 #include "node/mobile_node.hpp"
 #include "node/node_files.hpp"
 #include "node/sim_config.hpp"
@@ -94,12 +95,7 @@ class VirtualRun {
                                 .scale_factor = orb.scale_factor,
                                 .played_fps = playlist_.played_fps()};
     const auto sensor = info.make_sensor();
-    if (config_.features) {
-      features_ = std::make_unique<FeatureCache>(config_.features->path, config_.features->key,
-                                                 sequence_, sensor, orb);
-    } else {
-      features_ = std::make_unique<ExtractingSource>(sequence_, sensor, orb);
-    }
+    make_pictures(sensor, orb);
     if (config_.run.playback.mode == PlaybackMode::kRealtime) {
       feed_ = std::make_unique<RealtimeFeed>(mobile_.runtime, playlist_, mobile_.log);
     } else {
@@ -108,7 +104,8 @@ class VirtualRun {
     // Both ends of every channel must be there before the first message.
     if (edge_) {
       peer_.set(info);
-      edge_node_.emplace(EdgeParts{edge_->runtime, link_.edge_side(edge_->log), edge_->log, peer_},
+      edge_node_.emplace(EdgeParts{edge_->runtime, link_.edge_side(edge_->log), edge_->log, peer_,
+                                   pictures_.get(), masks_ ? &*masks_ : nullptr},
                          system_, parameters_);
     }
     maps_.emplace(system_, parameters_, sequence_, playlist_, info);
@@ -126,8 +123,42 @@ class VirtualRun {
             .timestamps_ns = sequence_.timestamps_ns(),
             .time_origin_ns = sequence_.time_origin_ns(),
             .prior_map = maps_->prior(),
-            .profile_rtt = config_.run.network ? config_.run.network->profile_rtt : std::nullopt},
+            .profile_rtt = config_.run.network ? config_.run.network->profile_rtt : std::nullopt,
+            .images = images_.get()},
         system_, parameters_);
+  }
+
+  /// What the nodes see: features, and for systems that send pictures, those and their masks.
+  void make_pictures(const std::shared_ptr<const Sensor>& sensor, const OrbOptions& orb) {
+    if (system_.jpeg_quality) {
+      const int quality = system_.jpeg_quality(parameters_);
+      if (config_.images) {
+        images_ = std::make_unique<ImageCache>(config_.images->path, config_.images->key,
+                                               sequence_, quality);
+      } else {
+        images_ = std::make_unique<EncodingSource>(sequence_, quality);
+      }
+      if (!config_.masks.empty())
+        masks_.emplace(sequence_.camera().width, sequence_.camera().height);
+      for (const auto& [threshold, cache] : config_.masks)
+        masks_->add(threshold, cache.path, cache.key, sequence_.frames());
+    }
+    const bool on_edge = system_.extracts_on_edge && system_.extracts_on_edge(parameters_);
+    if (on_edge) {
+      features_ = std::make_unique<JpegFeatureSource>(*images_, sensor, orb);
+    } else {
+      features_ = std::make_unique<ExtractingSource>(sequence_, sensor, orb);
+    }
+    if (config_.features) {
+      features_ = std::make_unique<FeatureCache>(config_.features->path, config_.features->key,
+                                                 sequence_.frames(), *features_);
+    }
+    if (!on_edge) return;
+    if (config_.features) {
+      pictures_ = std::make_unique<KnownPictures>(*features_);
+    } else {
+      pictures_ = std::make_unique<DecodedPictures>([sensor] { return sensor; }, orb);
+    }
   }
 
   void finish() {
@@ -156,7 +187,10 @@ class VirtualRun {
   NodeWorld mobile_;
   std::optional<NodeWorld> edge_;
   PeerInfo peer_;
+  std::unique_ptr<ImageSource> images_;
+  std::optional<MaskCache> masks_;
   std::unique_ptr<FeatureSource> features_;
+  std::unique_ptr<PictureFeatures> pictures_;
   std::unique_ptr<FrameFeed> feed_;
   std::optional<MapKeeping> maps_;
   std::optional<EdgeNode> edge_node_;

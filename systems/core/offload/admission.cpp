@@ -16,6 +16,7 @@ constexpr double kHalfFrame = 0.5;
 std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& message,
                                                const AdmissionState& state) {
   if (!state.mapper.accepts) return "mapper stopped";
+  const double max_gap_s = state.max_frames > 0 ? state.max_frames / state.played_fps : kMaxGapS;
   const double time_s = message.delta.keyframes.front().timestamp_s;
   if (state.last_accepted_s >= 0 && time_s <= state.last_accepted_s) {
     return "older than the last accepted";
@@ -26,12 +27,12 @@ std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& mess
     return kNoMap;
   }
   if (message.after_relocalisation &&
-      static_cast<double>(state.keyframes) > state.played_fps * kMaxGapS) {
+      static_cast<double>(state.keyframes) > state.played_fps * max_gap_s) {
     return "just relocalised";
   }
   if (!message.urgent && !state.mapper.idle) {
     const double gap_s = time_s - state.last_accepted_s;
-    if (gap_s < kMaxGapS - kHalfFrame / state.played_fps) return "mapper busy";
+    if (gap_s < max_gap_s - kHalfFrame / state.played_fps) return "mapper busy";
   }
   if (!state.mapper.idle && state.mapper.queued >= state.queue_limit) return "queue full";
   return std::nullopt;

@@ -18,6 +18,7 @@ struct AdmissionState {
   double last_accepted_s = -1;  ///< sequence time; negative: none yet
   double played_fps = 30;
   int queue_limit = 3;  ///< keyframes that may wait for the mapper
+  int max_frames = 0;   ///< ORB-SLAM2's mMaxFrames; 0: a second at the played rate
 };
 
 /// The reason when a keyframe came before any that a map can start with.

@@ -14,7 +14,7 @@ EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHook
       options_(options),
       hooks_(std::move(hooks)),
       places_(std::make_shared<PlaceIndex>(default_vocabulary())),
-      mapping_(node.runtime(), node.log(), {}, map_, IdSpace::kEdgeMapper,
+      mapping_(node.runtime(), node.log(), options_.mapping, map_, IdSpace::kEdgeMapper,
                LocalMapping::Mode::kWorker, mapping_hooks()) {
   if (!options_.loop_closing) return;
   loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), map_, places_, mapping_,
@@ -47,7 +47,8 @@ std::optional<std::string_view> EdgeMapper::decline_reason(
                        .keyframes = count(*map_).keyframes,
                        .last_accepted_s = -1,
                        .played_fps = node_.peer().played_fps(),
-                       .queue_limit = options_.queue_limit};
+                       .queue_limit = options_.queue_limit,
+                       .max_frames = options_.max_frames};
   {
     std::lock_guard lock(mutex_);
     state.last_accepted_s = last_admitted_s_;
@@ -103,6 +104,7 @@ bool EdgeMapper::take(KeyFrameId keyframe) {
     return rebase_keyframe(view, std::move(delta));
   });
   map_->commit(jumps_.follow(*map_, std::move(delta), applied));
+  hooks_.taken();
   return true;
 }
 

@@ -17,10 +17,14 @@ namespace slambed {
 struct EdgeMapperOptions {
   int queue_limit = 3;       ///< keyframes that may wait for the mapper
   bool loop_closing = true;  ///< look for loops in the global map and close them
+  int max_frames = 0;        ///< ORB-SLAM2's mMaxFrames; 0: a second at the played rate
+  LocalMapperOptions mapping{};
 };
 
 /// What others do on the mapping worker of an edge.
 struct EdgeMapperHooks {
+  /// A keyframe is taken to be worked in.
+  std::function<void()> taken;
   /// After a keyframe was worked in, before loops are looked for; times: until mapped.
   std::function<void(Worker&, const wire::UpdateTimes&)> mapped;
   /// When no keyframe waits; returns when it wants to be called again.

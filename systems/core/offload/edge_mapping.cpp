@@ -6,11 +6,16 @@ namespace slambed {
 EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& keyframes,
                          Channel& map)
     : mapper_(node, options.mapper,
-              {.mapped =
+              {.taken = [this] { intake_.look(); },
+               .mapped =
                    [this](Worker& worker, const wire::UpdateTimes& times) {
                      updates_.mapped(worker, times);
                    },
-               .idle = [this](Worker& worker) { return updates_.send_if_due(worker); },
+               .idle =
+                   [this](Worker& worker) {
+                     intake_.look();
+                     return updates_.send_if_due(worker);
+                   },
                .cleared = [this] { updates_.clear(); }}),
       updates_(node, mapper_, options.updates, map),
       intake_(node, keyframes, options.updates.codec,
@@ -22,7 +27,10 @@ EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& ke
                .admit =
                    [this](Worker& worker, AdmittedKeyFrame keyframe) {
                      mapper_.admit(worker, std::move(keyframe));
-                   }}) {}
+                   }}) {
+  if (options.admission_when_idle)
+    intake_.wait_for_mapper([this] { return mapper_.status().idle; });
+}
 
 void EdgeMapping::start() {
   mapper_.start();

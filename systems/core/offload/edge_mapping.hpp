@@ -11,6 +11,7 @@ namespace slambed {
 struct EdgeMappingOptions {
   EdgeMapperOptions mapper;
   UpdateSenderOptions updates;
+  bool admission_when_idle = false;  ///< keyframes wait unread until the mapper looks for one
 };
 
 /// Edge-SLAM's edge: keyframe intake, mapper and update sender put together.

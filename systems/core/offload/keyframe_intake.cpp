@@ -19,13 +19,31 @@ void KeyFrameIntake::start() {
 }
 
 void KeyFrameIntake::receive(Worker& worker) {
-  while (const auto message = channel_.receive(worker, kNever)) {
+  while (const auto message = next(worker)) {
     if (message->type == static_cast<std::uint8_t>(wire::MessageType::kKeyFrame)) {
       take(worker, *message);
     }
     received_sequence_ = message->sequence;
     received_->notify();
   }
+}
+
+std::optional<Message> KeyFrameIntake::next(Worker& worker) {
+  if (!idle_) return channel_.receive(worker, kNever);
+  while (!worker.stopping()) {
+    const auto ticket = channel_.signal().ticket();
+    const bool looked = looks_.exchange(false);
+    if (looked || idle_())
+      if (auto message = channel_.try_receive()) return message;
+    worker.wait(channel_.signal(), ticket, kNever);
+  }
+  return std::nullopt;
+}
+
+void KeyFrameIntake::look() {
+  if (!idle_) return;
+  looks_ = true;
+  channel_.signal().notify();
 }
 
 void KeyFrameIntake::take(Worker& worker, const Message& raw) {

@@ -33,12 +33,18 @@ class KeyFrameIntake {
 
   /// Answers keyframes that no map can start with by KEYFRAME_WANTED. Before start().
   void ask_when_empty() { asks_ = true; }
+  /// Leaves keyframes unread, in the queue of the channel, until the mapper looks for one: while it is
+  /// idle, and whenever look() is called. Before start().
+  void wait_for_mapper(std::function<bool()> idle) { idle_ = std::move(idle); }
+  /// The mapper looks, from any worker: takes what waits now, if anything does.
+  void look();
   void start();
   /// Waits until the keyframe with this sequence has come, or until the deadline.
   void wait_for(Worker& worker, std::uint64_t sequence, RunTime deadline);
 
  private:
   void receive(Worker& worker);
+  std::optional<Message> next(Worker& worker);
   void take(Worker& worker, const Message& raw);
 
   EdgeNode& node_;
@@ -46,6 +52,8 @@ class KeyFrameIntake {
   MessageCodec codec_;
   IntakeHooks hooks_;
   bool asks_ = false;
+  std::function<bool()> idle_;  ///< not set: keyframes are read as they come
+  std::atomic<bool> looks_{false};
   std::unique_ptr<Signal> received_;
   std::atomic<std::uint64_t> received_sequence_{0};
 };

@@ -12,7 +12,9 @@ MapDownlink::MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions opt
       path_ = std::make_unique<SerialUpdates>(node, inbox_, exchange_);
       break;
     case MapUpdateMode::kParallel:
-      path_ = std::make_unique<ParallelUpdates>(node, inbox_, exchange_);
+    case MapUpdateMode::kParallelWaiting:
+      path_ = std::make_unique<ParallelUpdates>(node, inbox_, exchange_,
+                                                options.mode == MapUpdateMode::kParallelWaiting);
       break;
     case MapUpdateMode::kStaged:
       path_ = std::make_unique<StagedUpdates>(node, inbox_, exchange_, options.backup);

@@ -7,7 +7,7 @@
 
 namespace slambed {
 
-enum class MapUpdateMode { kSerial, kParallel, kStaged };
+enum class MapUpdateMode { kSerial, kParallel, kParallelWaiting, kStaged };
 
 struct DownlinkOptions {
   MapUpdateMode mode = MapUpdateMode::kSerial;

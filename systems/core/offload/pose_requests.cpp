@@ -26,10 +26,11 @@ std::string_view name_of(wire::RelocFailure reason) {
 }  // namespace
 
 PoseRequests::PoseRequests(MobileNode& node, Channel& frames, Channel& control,
-                           MapDownlink& downlink, MessageCodec codec)
+                           Channel& keyframes, MapDownlink& downlink, MessageCodec codec)
     : node_(node),
       frames_(frames),
       control_(control),
+      keyframes_(keyframes),
       downlink_(downlink),
       codec_(std::move(codec)),
       requests_(node.runtime(), 1),
@@ -148,6 +149,7 @@ void PoseRequests::record(Worker& worker, const Answer& answer, const wire::Relo
         .add_ms("up_ms", times.received - times.queued)
         .add_ms("edge_ms", answer.raw.queued - times.received)
         .add_ms("down_ms", answer.raw.received - answer.raw.queued)
+        .add_ms("transfer_ms", times.received - times.queued + answer.raw.received - answer.raw.queued)
         .add_ms("boundary_ms", worker.now() - answer.raw.received)
         .add_ms("total_ms", worker.now() - outstanding_->asked);
   }
@@ -177,6 +179,7 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (lost == lost_) return;
   lost_ = lost;
   downlink_.suspend(lost);
+  keyframes_.hold(lost);
   if (lost) {
     ++losses_;
     control_.send(type_of(wire::MessageType::kSuspend), encode(wire::SuspendMessage{losses_}));
@@ -189,6 +192,12 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
                         .add("loss", losses_)
                         .add("frame", frame.offered.played.index)
                         .add("seq_s", frame.offered.played.seq_s()));
+}
+
+void PoseRequests::finish() {
+  if (!lost_) return;
+  keyframes_.hold(false);
+  control_.send(type_of(wire::MessageType::kResume), encode(wire::ResumeMessage{losses_, {}}));
 }
 
 }  // namespace slambed

@@ -18,8 +18,8 @@ namespace slambed {
 /// edge sends no updates, and none is taken over.
 class PoseRequests {
  public:
-  PoseRequests(MobileNode& node, Channel& frames, Channel& control, MapDownlink& downlink,
-               MessageCodec codec);
+  PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
+               MapDownlink& downlink, MessageCodec codec);
 
   void start();
   // On the tracking worker.
@@ -30,6 +30,8 @@ class PoseRequests {
                        const std::shared_ptr<const FeatureSet>& features);
   /// Whether a loss begins or ends with this frame.
   void after_frame(Worker& worker, const TrackedFrame& frame);
+  /// Playback is over: a loss that has not ended holds nothing back any more.
+  void finish();
 
  private:
   /// A frame on its way to the edge.
@@ -61,6 +63,7 @@ class PoseRequests {
   MobileNode& node_;
   Channel& frames_;
   Channel& control_;
+  Channel& keyframes_;
   MapDownlink& downlink_;
   MessageCodec codec_;
   Mailbox<Request> requests_;  ///< to be serialised

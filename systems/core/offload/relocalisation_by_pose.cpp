@@ -29,11 +29,12 @@ KeyFrameId reference_of(const MapView& view, std::span<const MapPointId> points)
 
 }  // namespace
 
-RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, EdgeMapper& mapper,
-                                           UpdateSender& updates,
+RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps,
+                                           EdgeMapper& mapper, UpdateSender& updates,
                                            PoseRelocalisationOptions options)
     : node_(node),
       channel_(frames),
+      maps_(maps),
       mapper_(mapper),
       updates_(updates),
       options_(std::move(options)),
@@ -48,7 +49,9 @@ void RelocalisationByPose::listen(const Message& message) {
     if (message.type == type_of(wire::MessageType::kSuspend)) {
       wire::decode_suspend(message.payload);
       updates_.hold(message.queued);
+      maps_.hold(true);
     } else if (message.type == type_of(wire::MessageType::kResume)) {
+      maps_.hold(false);
       updates_.release(message.queued, wire::decode_resume(message.payload).reference);
     }
   } catch (const wire::DecodeError& error) {

@@ -20,8 +20,8 @@ struct PoseRelocalisationOptions {
 /// where they were taken, with the keyframe to go on from. The mobile has at most one request under way.
 class RelocalisationByPose {
  public:
-  RelocalisationByPose(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
-                       PoseRelocalisationOptions options);
+  RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
+                       UpdateSender& updates, PoseRelocalisationOptions options);
   void start();
   /// SUSPEND and RESUME, which come on another channel. On any worker.
   void listen(const Message& message);
@@ -35,6 +35,7 @@ class RelocalisationByPose {
 
   EdgeNode& node_;
   Channel& channel_;
+  Channel& maps_;
   EdgeMapper& mapper_;
   UpdateSender& updates_;
   PoseRelocalisationOptions options_;

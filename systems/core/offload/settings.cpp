@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "offload/original_behaviour.hpp"
+
 namespace slambed {
 namespace {
 
@@ -57,7 +59,12 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
     return options;
   };
   system.tracker = [](const Parameters& parameters) {
-    TrackerOptions options;
+    const OriginalBehaviour behaviour = original_behaviour(parameters);
+    TrackerOptions options = behaviour.tracker;
+    if (behaviour.max_frames > 0) {
+      options.max_frames_between_keyframes = behaviour.max_frames;
+      options.max_frames_is_a_second = false;
+    }
     options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
     // The local map is small by design: being lost in it is a case for relocalisation.
     options.reset_below_keyframes = 0;
@@ -101,10 +108,12 @@ DownlinkOptions downlink_options(const Parameters& parameters) {
   DownlinkOptions options{
       .rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
                 .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
+                .local_map_size = original_behaviour(parameters).local_map_size,
                 .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
       .codec = message_codec(parameters)};
   const std::string mode = parameters.text("map_update");
   if (mode == "parallel") options.mode = MapUpdateMode::kParallel;
+  if (mode == "parallel_waiting") options.mode = MapUpdateMode::kParallelWaiting;
   if (mode == "staged") {
     options.mode = MapUpdateMode::kStaged;
     const std::string backup = parameters.text("keyframe_backup");
@@ -116,15 +125,22 @@ DownlinkOptions downlink_options(const Parameters& parameters) {
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters) {
+  const OriginalBehaviour behaviour = original_behaviour(parameters);
   return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
-                     .loop_closing = parameters.boolean("loop_closing")},
+                     .loop_closing = parameters.boolean("loop_closing"),
+                     .max_frames = behaviour.max_frames,
+                     .mapping = {.ages_by_id = behaviour.culls_by_id}},
           .updates = {.keyframes = parameters.integer("n_kf"),
                       .neighbours = parameters.integer("update_neighbours"),
                       .period = from_seconds(parameters.real("sync_period_s")),
+                      .first = behaviour.first_update_s < 0
+                                   ? std::nullopt
+                                   : std::optional(from_seconds(behaviour.first_update_s)),
                       .poses = parameters.boolean("update_poses"),
                       .keep_recovery = relocalises_on_edge(parameters) &&
                                        parameters.boolean("keep_recovery_keyframe"),
-                      .codec = message_codec(parameters)}};
+                      .codec = message_codec(parameters)},
+          .admission_when_idle = behaviour.admission_when_idle};
 }
 
 bool relocalises_on_edge(const Parameters& parameters) {

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/sides.hpp"
 
+#include "offload/original_behaviour.hpp"
 #include "offload/rtt_monitor.hpp"
 
 namespace slambed {
 namespace {
 
-/// ORB-SLAM2's mMaxFrames: for a second after a relocalisation poses are not trusted with
-/// keyframes.
-constexpr double kAfterRelocalisationS = 1;
+/// ORB-SLAM2's mMaxFrames: so long after a relocalisation poses are not trusted with keyframes.
+double after_relocalisation_s(const Parameters& parameters, double played_fps) {
+  const int max_frames = original_behaviour(parameters).max_frames;
+  return max_frames > 0 ? max_frames / played_fps : 1.0;
+}
 
 }  // namespace
 
@@ -19,9 +22,12 @@ OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters)
       farewell_(node, channels_.control),
       uplink_(node, channels_.keyframe, message_codec(parameters)),
       relocalisation_(channels_.frame, relocalisation_period(parameters),
-                      message_codec(parameters)) {
+                      message_codec(parameters)),
+      after_relocalisation_s_(after_relocalisation_s(parameters, node.played_fps())),
+      looks_after_extraction_(original_behaviour(parameters).updates_after_extraction) {
   if (relocalises_on_edge(parameters))
-    poses_.emplace(node, channels_.frame, channels_.control, downlink_, message_codec(parameters));
+    poses_.emplace(node, channels_.frame, channels_.control, channels_.keyframe, downlink_,
+                   message_codec(parameters));
 }
 
 void OffloadMobile::start() {
@@ -33,11 +39,12 @@ void OffloadMobile::start() {
 
 void OffloadMobile::before_frame(Worker& worker) {
   if (poses_) poses_->before_frame(worker);
-  downlink_.before_frame(worker);
+  if (!looks_after_extraction_) downlink_.before_frame(worker);
 }
 
 void OffloadMobile::before_tracking(Worker& worker, const OfferedFrame& frame,
                                     const std::shared_ptr<const FeatureSet>& features) {
+  if (looks_after_extraction_) downlink_.before_frame(worker);
   if (poses_) poses_->before_tracking(worker, frame, features);
 }
 
@@ -47,6 +54,11 @@ void OffloadMobile::ask(Worker& worker, const TrackedFrame& frame) {
   } else {
     relocalisation_.after_frame(worker, frame);
   }
+}
+
+void OffloadMobile::say_goodbye(Worker& worker) {
+  if (poses_) poses_->finish();
+  farewell_.say(worker, uplink_.last_sequence());
 }
 
 std::string_view OffloadMobile::relocalised_by(const TrackedFrame& frame) {
@@ -86,7 +98,7 @@ void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta mad
                {.need = need,
                 .first = first,
                 .whole = whole,
-                .after_relocalisation = relocalised_s_ >= 0 && since_s < kAfterRelocalisationS,
+                .after_relocalisation = relocalised_s_ >= 0 && since_s < after_relocalisation_s_,
                 .applied_update = downlink_.applied_update(),
                 .newest_edge_point = downlink_.newest_edge_point()});
 }
@@ -103,7 +115,7 @@ OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
                    if (poses_) poses_->listen(message);
                  }}) {
   if (relocalises_on_edge(parameters))
-    poses_.emplace(node, channels_.frame, mapping_.mapper(), mapping_.updates(),
+    poses_.emplace(node, channels_.frame, channels_.map, mapping_.mapper(), mapping_.updates(),
                    pose_relocalisation_options(parameters));
 }
 

@@ -36,7 +36,7 @@ class OffloadMobile {
   /// first: the edge's map begins with it; whole: made has all points that the keyframe sees.
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need, bool first,
             bool whole);
-  void say_goodbye(Worker& worker) { farewell_.say(worker, uplink_.last_sequence()); }
+  void say_goodbye(Worker& worker);
 
   OffloadChannels& channels() { return channels_; }
   MapDownlink& downlink() { return downlink_; }
@@ -52,6 +52,8 @@ class OffloadMobile {
   KeyFrameUplink uplink_;
   RelocalisationRequests relocalisation_;
   std::optional<PoseRequests> poses_;  ///< in its place, with relocalisation on the edge
+  double after_relocalisation_s_;  ///< so long keyframes say that a relocalisation was before them
+  bool looks_after_extraction_;    ///< for an update, not before
   double relocalised_s_ = -1;  ///< sequence time of the last relocalisation; negative: none
 };
 

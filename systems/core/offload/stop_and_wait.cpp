@@ -46,6 +46,14 @@ std::uint64_t StopAndWaitChannel::send(std::uint8_t type, Bytes payload) {
   return sequence;
 }
 
+void StopAndWaitChannel::hold(bool held) {
+  {
+    std::lock_guard lock(mutex_);
+    held_ = held;
+  }
+  below_.signal().notify();  // wakes the worker
+}
+
 std::optional<Message> StopAndWaitChannel::try_receive() {
   std::lock_guard lock(mutex_);
   if (incoming_.empty()) return std::nullopt;
@@ -132,7 +140,7 @@ void StopAndWaitChannel::deliver(Message message) {
 void StopAndWaitChannel::begin_next() {
   {
     std::lock_guard lock(mutex_);
-    if (outgoing_.empty()) return;
+    if (held_ || outgoing_.empty()) return;
     current_ = std::move(outgoing_.front());
     outgoing_.pop_front();
   }

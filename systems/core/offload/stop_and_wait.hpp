@@ -28,6 +28,7 @@ class StopAndWaitChannel final : public Channel {
 
   const ChannelOptions& options() const override { return options_; }
   std::uint64_t send(std::uint8_t type, Bytes payload) override;
+  void hold(bool held) override;
   std::optional<Message> try_receive() override;
   Signal& signal() override { return *signal_; }
   PathStats path() const override;
@@ -50,8 +51,9 @@ class StopAndWaitChannel final : public Channel {
   ChannelOptions options_;
   std::unique_ptr<Signal> signal_;
 
-  mutable std::mutex mutex_;  ///< guards the two queues and the count
+  mutable std::mutex mutex_;  ///< guards what follows
   std::deque<Message> outgoing_, incoming_;
+  bool held_ = false;
   std::uint64_t next_sequence_ = 1;
 
   // The worker's.

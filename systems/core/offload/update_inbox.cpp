@@ -17,10 +17,7 @@ bool is_update(const Message& message) {
          message.type == static_cast<std::uint8_t>(wire::MessageType::kMapUpdate);
 }
 
-bool made_by_edge(MapPointId id) {
-  constexpr int kSpaceShift = 56;  // IdSpace is the top byte
-  return id.value >> kSpaceShift == static_cast<std::uint64_t>(IdSpace::kEdgeMapper);
-}
+bool made_by_edge(MapPointId id) { return space_of(id) == IdSpace::kEdgeMapper; }
 
 }  // namespace
 
@@ -71,7 +68,6 @@ UpdateState UpdateInbox::state_for(Worker& worker, const UpdateArrival& arrival)
           .epoch = arrival.update.map.epoch,
           .current_epoch = epoch_,
           .local_keyframes = local_map ? count(*local_map).keyframes : 0,
-          .keyframes_created = keyframes_created_,
           .new_keyframe = new_keyframe_,
           .since_keyframe = worker.now() - last_keyframe_,
           .keyframes_in_window = keyframes_since(worker.now() - kRateWindow)};
@@ -114,7 +110,6 @@ void UpdateInbox::keyframe_created(RunTime when) {
   std::lock_guard lock(mutex_);
   recent_keyframes_.push_back(when);
   while (recent_keyframes_.front() + kRateWindow < when) recent_keyframes_.pop_front();
-  ++keyframes_created_;
   new_keyframe_ = true;
   last_keyframe_ = when;
 }

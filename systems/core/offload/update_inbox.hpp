@@ -84,7 +84,6 @@ class UpdateInbox {
   KeyFrameId settled_{};
   KeyFrameId expected_{};  ///< older ones than this are behind
   std::uint64_t epoch_ = 0;
-  std::size_t keyframes_created_ = 0;
   bool new_keyframe_ = false;
   RunTime last_keyframe_{};
   std::deque<RunTime> recent_keyframes_;  ///< created within kRateWindow of the last one

@@ -39,10 +39,20 @@ void SerialUpdates::before_frame(Worker& worker) {
     inbox_.record_declined(*arrival, "from before the recovery");
     return inbox_.keep_poses(worker, *arrival);
   }
-  const int gap = gap_of(node_, *arrival);
-  worker.stage("apply_update", [&](StageUnits& units) {
-    build(*arrival, units);
-    node_.replace_map(arrival->map);  // disposes of the old one
+  worker.stage("insert_keyframes", [&](StageUnits& units) { build(*arrival, units); });
+  const double keyframes = static_cast<double>(arrival->update.map.keyframes.size());
+  const int gap = worker.stage("update_reference", [&](StageUnits& units) {
+    units.n1 = keyframes;
+    return gap_of(node_, *arrival);
+  });
+  auto old_map = node_.tracker().map();
+  worker.stage("update_last_frame", [&](StageUnits& units) {
+    units.n1 = keyframes;
+    node_.replace_map(arrival->map);
+  });
+  worker.stage("clean_map", [&](StageUnits& units) {
+    units.n1 = static_cast<double>(count(*old_map).keyframes);
+    old_map.reset();
   });
   exchange_.done(worker, *arrival, {.begin = begin, .gap = gap});
 }
@@ -53,10 +63,12 @@ bool SerialUpdates::is_elsewhere(const UpdateArrival& arrival) const {
   return !std::binary_search(kept.begin(), kept.end(), recovery_->reference);
 }
 
-ParallelUpdates::ParallelUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange)
+ParallelUpdates::ParallelUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
+                                 bool waits)
     : node_(node),
       inbox_(inbox),
       exchange_(exchange),
+      waits_(waits),
       ready_(node.runtime(), 1),
       replaced_(node.runtime()),
       disused_(node.runtime()) {}
@@ -75,9 +87,14 @@ void ParallelUpdates::work(Worker& worker) {
       worker.wait(inbox_.signal(), ticket, kNever);
       continue;
     }
+    working_ = true;
     auto arrival = inbox_.read(worker, std::move(*message));
-    if (!arrival) continue;
-    worker.stage("apply_update", [&](StageUnits& units) { build(*arrival, units); });
+    if (arrival) worker.stage("apply_update", [&](StageUnits& units) { build(*arrival, units); });
+    working_ = false;
+    if (!arrival) {
+      ready_.signal().notify();  // for who waits for it
+      continue;
+    }
     if (auto replaced = ready_.put(std::move(*arrival))) {
       inbox_.record_declined(*replaced, "a newer one came");
       replaced_.put(std::move(*replaced));
@@ -87,6 +104,11 @@ void ParallelUpdates::work(Worker& worker) {
 
 void ParallelUpdates::before_frame(Worker& worker) {
   const RunTime begin = worker.now();
+  while (waits_ && !worker.stopping()) {
+    const auto ticket = ready_.signal().ticket();
+    if (!working_) break;
+    worker.wait(ready_.signal(), ticket, kNever);
+  }
   while (const auto replaced = replaced_.try_take()) inbox_.keep_poses(worker, *replaced);
   const auto arrival = ready_.try_take();
   if (!arrival || declined(worker, inbox_, *arrival)) return;

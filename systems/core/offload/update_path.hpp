@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
+
 #include "base/ids.hpp"
 #include "offload/update_exchange.hpp"
 #include "runtime/mailbox.hpp"
@@ -51,7 +53,8 @@ class SerialUpdates final : public UpdatePath {
 /// A worker parses and builds; tracking judges and swaps; the worker disposes of the old map.
 class ParallelUpdates final : public UpdatePath {
  public:
-  ParallelUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange);
+  /// waits: between two frames tracking stands still while the worker is at an update.
+  ParallelUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange, bool waits);
   void start() override;
   void before_frame(Worker& worker) override;
 
@@ -61,6 +64,8 @@ class ParallelUpdates final : public UpdatePath {
   MobileNode& node_;
   UpdateInbox& inbox_;
   UpdateExchange& exchange_;
+  bool waits_;
+  std::atomic<bool> working_{false};       ///< the worker is at an update
   Mailbox<UpdateArrival> ready_;           ///< built by the worker
   Mailbox<UpdateArrival> replaced_;        ///< by a newer one, before tracking looked
   Mailbox<std::shared_ptr<Map>> disused_;  ///< to be disposed of by the worker

@@ -6,8 +6,7 @@
 namespace slambed {
 namespace {
 
-// Edge-SLAM: 300 ms / (keyframes / 6 + 1), and nothing below 50 ms.
-constexpr std::int64_t kKeyframesPerStep = 6;
+// Edge-SLAM: 300 ms / (local keyframes / 6 + 1), and nothing below 50 ms.
 constexpr Duration kShortest = std::chrono::milliseconds(50);
 
 }  // namespace
@@ -34,7 +33,7 @@ std::optional<std::string_view> decline_reason(const UpdateRules& rules, const U
   if (!state.new_keyframe) return "up to date";
   const Duration limit =
       rules.fast_motion /
-      (static_cast<std::int64_t>(state.keyframes_created) / kKeyframesPerStep + 1);
+      (static_cast<std::int64_t>(state.local_keyframes) / rules.local_map_size + 1);
   if (limit >= kShortest && state.since_keyframe < limit) return "fast motion";
   if (rules.keyframe_rate_hz > 0 &&
       state.keyframes_in_window > rules.keyframe_rate_hz * to_seconds(kRateWindow)) {

@@ -9,10 +9,14 @@
 
 namespace slambed {
 
+/// Edge-SLAM's LOCAL_MAP_SIZE.
+inline constexpr int kKeyframesPerStep = 6;
+
 /// When the mobile takes over a map update.
 struct UpdateRules {
   int min_local_keyframes = 6;  ///< declined while the local map has fewer
   Duration fast_motion{};       ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
+  int local_map_size = kKeyframesPerStep;  ///< each so many local keyframes make fast motion matter less
   /// DynNetSLAM's: declined while more keyframes per second are made; 0: never for that.
   double keyframe_rate_hz = 0;
 };
@@ -29,7 +33,6 @@ struct UpdateState {
   std::uint64_t update = 0, applied = 0;
   std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;
-  std::size_t keyframes_created = 0;  ///< since the run began
   bool new_keyframe = false;          ///< one was created since the last update was taken over
   Duration since_keyframe{};
   int keyframes_in_window = 0;  ///< created within kRateWindow

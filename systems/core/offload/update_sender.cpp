@@ -34,8 +34,9 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
   {
     std::lock_guard lock(mutex_);
     if (!news_ || held_ || stopped_) return kNever;
-    // The first update is due one period after the start.
-    const RunTime due = std::max(last_sent_, RunTime::zero()) + options_.period;
+    const bool first = last_sent_ == RunTime::min();
+    const RunTime due = first ? RunTime::zero() + options_.first.value_or(options_.period)
+                              : last_sent_ + options_.period;
     if (worker.now() < due) return due;
     times = newest_times_;
     if (recovery_) recovery = recovery_->reference;

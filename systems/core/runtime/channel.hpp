@@ -48,6 +48,8 @@ class Channel {
   virtual const ChannelOptions& options() const = 0;
   /// Returns the message's sequence.
   virtual std::uint64_t send(std::uint8_t type, Bytes payload) = 0;
+  /// While held, no transfer of a waiting message starts; what is under way goes on.
+  virtual void hold(bool held) = 0;
   virtual std::optional<Message> try_receive() = 0;
   /// Notified on arrival, connect and disconnect.
   virtual Signal& signal() = 0;

@@ -33,6 +33,11 @@ struct LocalMapper::Impl {
     int since = 0;  ///< number of the keyframe it came with
   };
 
+  int age_of(const Recent& recent, const MapPoint& point) const {
+    return options.ages_by_id ? static_cast<int>(current.value - point.first_keyframe.value)
+                              : keyframes - recent.since;
+  }
+
   LocalMapperOptions options;
   std::shared_ptr<Map> map;
   IdSource<MapPointId> point_ids;
@@ -85,7 +90,7 @@ MapDelta LocalMapper::cull_points() {
     std::erase_if(impl_->recent, [&](const Impl::Recent& recent) {
       const MapPoint* point = view.point(recent.id);
       if (!point) return true;
-      const int age = impl_->keyframes - recent.since;
+      const int age = impl_->age_of(recent, *point);
       const bool hardly_found = point->found < kLeastFoundShare * point->visible;
       const bool hardly_seen = age >= kProbation && point->weight <= impl_->least_weight;
       if (hardly_found || hardly_seen) {

@@ -5,7 +5,20 @@
 
 namespace slambed {
 
-MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference) {
+namespace {
+
+void apply(const MapChangeOptions& options, KeyFrameId old_reference, const Map& new_map,
+           MapChange& change) {
+  const std::vector<KeyFrameId> all =
+      new_map.read([](const MapView& view) { return view.keyframe_ids(); });
+  if (all.empty()) return;
+  if (options.only_from_newest && old_reference != all.back()) change.T_old_new = SE3();
+  if (!options.newest_is_reference) return;
+  change.reference = all.back();
+  change.T_rw = new_map.read([&](const MapView& view) { return view.keyframe(all.back())->T_cw; });
+}
+
+MapChange shared_keyframe(const Map& old_map, const Map& new_map, KeyFrameId old_reference) {
   struct Known {
     KeyFrameId id;
     SE3 T_cw;
@@ -38,6 +51,24 @@ MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_re
       change.T_rw = view.keyframe(change.reference)->T_cw;
     }
     return change;
+  });
+}
+
+}  // namespace
+
+MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference,
+                       const MapChangeOptions& options) {
+  MapChange change = shared_keyframe(old_map, new_map, old_reference);
+  if (options.newest_is_reference || options.only_from_newest)
+    apply(options, old_reference, new_map, change);
+  return change;
+}
+
+void keep_tracked_points(const Map& new_map, std::span<MapPointId> points) {
+  new_map.read([&](const MapView& view) {
+    for (MapPointId& id : points)
+      if (id && (space_of(id) != IdSpace::kTracker || !view.point(id))) id = {};
+    return 0;
   });
 }
 

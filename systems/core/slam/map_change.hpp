@@ -18,11 +18,24 @@ struct MapChange {
   bool shared = false;
 };
 
-MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference);
+/// Edge-SLAM's ways of going on in a new map.
+struct MapChangeOptions {
+  /// The reference is the newest keyframe of the new map, whatever the old one was.
+  bool newest_is_reference = false;
+  /// The last pose moves only where the old reference is the newest keyframe of the new map.
+  bool only_from_newest = false;
+};
+
+MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference,
+                       const MapChangeOptions& options = {});
 
 /// Renames points of the old map to those of the new one: the same id where it lives there, else
 /// what a keyframe of both maps now sees as the same feature (the point was fused over there), else
 /// none.
 void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId> points);
+
+/// As Edge-SLAM knows points again: those that tracking has made and that the new map has under the same
+/// id; points of the edge get a new name with every update there, so that none of them is.
+void keep_tracked_points(const Map& new_map, std::span<MapPointId> points);
 
 }  // namespace slambed

@@ -22,6 +22,7 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
   ++frame_number;
   evidence = {};
   searched = 0;
+  pose_search = {};
   first_delta = {};
   first_delta_waiting = false;
   TrackOutcome outcome;
@@ -55,6 +56,7 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
   }
   outcome.state = state;
   outcome.searched_points = searched;
+  outcome.search = pose_search;
   if (state == TrackingState::kOk) {
     outcome.T_cw = current.T_cw;
     outcome.reference = current.reference;
@@ -223,9 +225,13 @@ MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
 
 void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
                                 std::span<const KeyFrameId> still_provisional) {
-  const MapChange change =
-      compare_maps(*map, *fresh, current.reference ? current.reference : reference);
-  rename_points(*map, *fresh, current.points);
+  const MapChange change = compare_maps(*map, *fresh, current.reference ? current.reference : reference,
+                                        {.newest_is_reference = options.newest_is_reference,
+                                         .only_from_newest = !options.reanchor_last});
+  if (options.points_by_observation)
+    rename_points(*map, *fresh, current.points);
+  else
+    keep_tracked_points(*fresh, current.points);
   map = std::move(fresh);
   local.clear();
   provisional.assign(still_provisional.begin(), still_provisional.end());
@@ -295,5 +301,8 @@ void Tracker::replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> 
 }
 std::shared_ptr<Map> Tracker::map() const { return impl_->map; }
 TrackingState Tracker::state() const { return impl_->state; }
+bool Tracker::looks_everywhere() const {
+  return impl_->state == TrackingState::kLost && !impl_->found_elsewhere;
+}
 
 }  // namespace slambed

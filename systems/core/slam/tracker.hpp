@@ -21,7 +21,8 @@ enum class TrackingState { kNotInitialised, kOk, kLost };
 /// ORB-SLAM2's constants; frames counted at the played rate.
 struct TrackerOptions {
   int min_init_features = 500;
-  int max_frames_between_keyframes = 30;  ///< one second at the played rate
+  int max_frames_between_keyframes = 30;  ///< ORB-SLAM2's mMaxFrames ...
+  bool max_frames_is_a_second = true;     ///< ... a node sets it to a second at the played rate
   int min_frames_between_keyframes = 0;
   int min_local_map_inliers = 30;
   int min_inliers_after_relocalisation = 50;
@@ -37,10 +38,23 @@ struct TrackerOptions {
   /// every other hypothesis, at last all local points without a prediction. False: ORB-SLAM2's
   /// steps alone, which lose such frames.
   bool second_hypotheses = true;
+  // What Edge-SLAM's code does without; see edgeslam/system.yaml.
+  bool descriptor_fallback = true;    ///< too few matches by words: once more by descriptors alone
+  bool points_by_observation = true;  ///< fused points are found again in a map that is replaced
+  bool newest_is_reference = false;   ///< of a new map, not the old reference where it is known
+  bool reanchor_last = true;          ///< in a new map the last pose moves with its reference
 };
 
 /// What ORB-SLAM2 does differently with this sensor; the options are those for RGB-D.
 TrackerOptions suited(TrackerOptions options, SensorKind sensor);
+
+/// How a frame's pose was looked for. Matches of each way that was tried; nothing: it was not.
+struct PoseSearch {
+  std::optional<int> motion_matches;  ///< the last frame's points where the motion model expects them
+  std::optional<int> word_matches;    ///< the reference keyframe's points, by words of the vocabulary
+  /// The reference keyframe's points, also by descriptors alone where words found too few.
+  std::optional<int> reference_matches;
+};
 
 struct TrackOutcome {
   TrackingState state = TrackingState::kNotInitialised;
@@ -54,7 +68,10 @@ struct TrackOutcome {
   int local_points = 0;
   /// Points looked for over all hypotheses, as many as the work is worth: what the frame cost.
   int searched_points = 0;
+  /// Of a lost frame: keyframes whose matches gave a pose, right or not.
+  int candidates_posed = 0;
   bool by_motion_model = false;
+  PoseSearch search;
   bool resumed = false;  ///< lost until now, and tracked from a frame that was found elsewhere
 };
 
@@ -135,6 +152,8 @@ class Tracker {
   KeyFrameId reference() const;
   std::shared_ptr<Map> map() const;
   TrackingState state() const;
+  /// Whether the next frame will be looked for among all places, having no other to go on from.
+  bool looks_everywhere() const;
 
  private:
   struct Impl;

@@ -51,6 +51,7 @@ bool Tracker::Impl::track_motion() {
   if (matches < kLeastMotionMatches)
     matches =
         search.match_last_frame(last_points, last.T_cw, 2 * options.motion_window_px, current);
+  pose_search.motion_matches = matches;
   if (matches < kLeastMotionMatches) return false;
   const int inliers = search.optimise_pose(current);
   current.drop_outliers();
@@ -59,12 +60,15 @@ bool Tracker::Impl::track_motion() {
 
 bool Tracker::Impl::track_reference() {
   current.T_cw = last.T_cw;
-  if (relocaliser.match(*map, reference, kReferenceRatio, current) < kLeastReferenceMatches) {
+  int matches = relocaliser.match(*map, reference, kReferenceRatio, current);
+  pose_search.word_matches = matches;
+  if (matches < kLeastReferenceMatches && options.descriptor_fallback) {
     // Words can part what belongs together: once more without them.
     copy_seen_points(*map, reference, last_points);
-    if (search.match_by_descriptor(last_points, kReferenceRatio, current) < kLeastReferenceMatches)
-      return false;
+    matches = search.match_by_descriptor(last_points, kReferenceRatio, current);
   }
+  pose_search.reference_matches = matches;
+  if (matches < kLeastReferenceMatches) return false;
   const int inliers = search.optimise_pose(current);
   current.drop_outliers();
   return inliers >= kLeastPoseInliers;
@@ -126,7 +130,9 @@ bool Tracker::Impl::agrees(float radius_factor, TrackOutcome& outcome) {
 
 bool Tracker::Impl::find_again(TrackOutcome& outcome) {
   const KeyFrameId around = reference;
-  if (relocalise()) {
+  const bool located = relocalise();
+  outcome.candidates_posed = relocaliser.candidates_posed();
+  if (located) {
     note_relocalisation();
     if (track_local(kLocalFactorRelocalised, outcome)) return true;
   }

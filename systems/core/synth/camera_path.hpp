@@ -26,6 +26,8 @@ class CameraPath {
 ///   spline   seeded walk around the tables with a wandering gaze
 ///   office   87 s around the tables, fast turn to the wall and back from 22 to 25 s
 ///   two_laps the same round twice, 48 s each
+///   xyz      to and fro along the axes before the tables, as TUM's *_xyz
+///   halfsphere on a half sphere of half a metre, as TUM's *_halfsphere
 std::unique_ptr<CameraPath> make_path(const std::string& name, double duration_s,
                                       std::uint64_t seed);
 std::vector<std::string> path_names();

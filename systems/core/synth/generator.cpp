@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "synth/sequence_writer.hpp"
+#include "synth/sha256.hpp"
 #include "synth/street.hpp"
 
 namespace slambed::synth {
@@ -70,7 +71,7 @@ RoomOptions room_for(const GeneratorOptions& options, const std::vector<Vec3>& p
 }
 
 std::shared_ptr<const Scene> make_scene(const GeneratorOptions& options, const ChosenPath& chosen,
-                                        double seconds, int threads) {
+                                        std::span<const Figure> cast, double seconds, int threads) {
   if (chosen.drive)
     return make_street({.seed = options.seed,
                         .passing_cars = options.moving_objects,
@@ -80,7 +81,18 @@ std::shared_ptr<const Scene> make_scene(const GeneratorOptions& options, const C
                        chosen.drive);
   std::vector<Vec3> places;
   for (double t = 0; t <= seconds; t += 0.1) places.push_back(chosen.path->at(t).t);
-  return make_room(room_for(options, places, threads), places);
+  const RoomOptions room = room_for(options, places, threads);
+  for (const Vec3& foot : footprints(cast, seconds)) places.push_back(foot);
+  return make_room(room, places, cast);
+}
+
+void check_people(const GeneratorOptions& options, const ChosenPath& chosen) {
+  if (options.people == 0 && !options.labels) return;
+  if (chosen.drive) throw bad_input("people and labels are for rooms; a street has none");
+  const CameraFlaws& flaws = options.sensor_model.flaws;
+  if (options.labels && (flaws.distortion != 0 || flaws.readout_s != 0 || flaws.focal_error != 0))
+    throw bad_input(
+        "labels know neither distortion, focal error nor a rolling shutter; leave them out");
 }
 
 nlohmann::json describe(const GeneratorOptions& o) {
@@ -99,6 +111,7 @@ nlohmann::json describe(const GeneratorOptions& o) {
       {"depth_holes", s.depth_holes},
       {"blackout_start_s", s.blackout_start_s},
       {"blackout_end_s", s.blackout_end_s}};
+  if (o.people > 0) described.update({{"people", o.people}, {"activity", o.activity}});
   if (!is_route(o.trajectory)) return described;
   const CameraFlaws& f = s.flaws;
   described.update({{"open_stretches", o.open_stretches},
@@ -143,7 +156,10 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
   const int frames = std::max(1, static_cast<int>(std::floor(seconds * options.fps + 0.5)));
 
   if (chosen.drive && rgbd) throw bad_input("a street has no depth; choose stereo or mono");
-  const auto scene = make_scene(options, chosen, seconds, threads);
+  check_people(options, chosen);
+  const std::vector<Figure> cast =
+      make_cast({options.people, options.activity, options.seed, seconds}, *chosen.path);
+  const auto scene = make_scene(options, chosen, cast, seconds, threads);
   const Camera camera = generator_camera(options);
   SensorOptions sensor = options.sensor_model;
   sensor.seed = options.seed;
@@ -170,6 +186,7 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
     return static_cast<std::int64_t>(std::floor(i * 1e9 / options.fps + 0.5));
   };
   std::vector<FrameBlock> blocks(threads);
+  std::vector<std::string> labels(options.labels ? frames : 0);
   for (int first = 0; first < frames; first += threads) {
     const int count = std::min(threads, frames - first);
     const auto take = [&](int k) {
@@ -183,6 +200,8 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
       block.append(shot.right.data(), shot.right.size());
       block.append(shot.depth.data(), shot.depth.size() * 2);
       block.seal();
+      if (options.labels)
+        labels[first + k] = label_block(sensors[k].label(*chosen.path, cast, t), camera);
     };
     {
       std::vector<std::jthread> pool;
@@ -198,6 +217,11 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
   nlohmann::json source = nlohmann::json::parse(extra_source, nullptr, false);
   if (!source.is_object()) throw bad_input("--source must be a JSON object");
   source.update(describe(options));
+  if (options.labels) {
+    const std::string file = label_file(labels);
+    writer.add_file("labels.bin", file);
+    source["labels_sha256"] = sha256_hex(file);
+  }
   writer.finish(source);
   return true;
 }

@@ -25,8 +25,11 @@ struct GeneratorOptions {
   double fps = 30;
   std::uint64_t seed = 1;
   int width = 640, height = 480;
-  int moving_objects = 0;  ///< figures in a room, cars that come the other way in a street
-  int open_stretches = 0;  ///< of a street, with nothing near the road
+  int moving_objects = 0;  ///< box figures in a room, cars that come the other way in a street
+  int people = 0;          ///< in a room, with limbs that move
+  std::string activity = "walking";  ///< what they do (CastOptions)
+  bool labels = false;               ///< writes labels.bin: masks and key points of the people
+  int open_stretches = 0;            ///< of a street, with nothing near the road
   double texel_scale = 1;
   SensorOptions sensor_model;
 };

@@ -176,6 +176,49 @@ class Spline final : public Walk {
   Wander along_, reach_, height_, yaw_, pitch_;
 };
 
+/// Before the near side of the tables (y < 0), with the view over them.
+Gaze before_tables() {
+  Gaze g;
+  g.y = -2.55;
+  g.z = 1.4;
+  g.yaw_deg = 90;
+  g.pitch_deg = -13;
+  return g;
+}
+
+class Xyz final : public Walk {
+ public:
+  using Walk::Walk;
+
+ private:
+  Gaze gaze(double t) const override {
+    Gaze g = before_tables();
+    g.x += 0.36 * sincos_turns(t / 5.3).sin;
+    g.y += 0.17 * sincos_turns(t / 7.9 + 0.25).sin;
+    g.z += 0.17 * sincos_turns(t / 4.3).sin;
+    return g;
+  }
+};
+
+class Halfsphere final : public Walk {
+ public:
+  using Walk::Walk;
+
+ private:
+  Gaze gaze(double t) const override {
+    const double across = sincos_turns(t / 8.7).sin;
+    const SinCos azimuth = sincos_deg(75 * across);
+    const SinCos height = sincos_deg(32 + 28 * sincos_turns(t / 6.1 + 0.1).sin);
+    Gaze g = before_tables();
+    g.x += 0.5 * azimuth.sin * height.cos;
+    g.y += 0.35 - 0.5 * azimuth.cos * height.cos;
+    g.z += 0.5 * height.sin - 0.25;
+    g.yaw_deg += 13 * azimuth.sin;
+    g.pitch_deg -= 12 * height.sin - 5;
+    return g;
+  }
+};
+
 }  // namespace
 
 Eigen::Matrix3d look(double yaw_deg, double pitch_deg, double roll_deg) {
@@ -190,7 +233,9 @@ Eigen::Matrix3d look(double yaw_deg, double pitch_deg, double roll_deg) {
   return R;
 }
 
-std::vector<std::string> path_names() { return {"still", "spline", "office", "two_laps"}; }
+std::vector<std::string> path_names() {
+  return {"still", "spline", "office", "two_laps", "xyz", "halfsphere"};
+}
 
 std::unique_ptr<CameraPath> make_path(const std::string& name, double duration_s,
                                       std::uint64_t seed) {
@@ -199,8 +244,11 @@ std::unique_ptr<CameraPath> make_path(const std::string& name, double duration_s
   if (name == "spline") return std::make_unique<Spline>(length(20), seed);
   if (name == "office") return std::make_unique<Office>(length(87), seed);
   if (name == "two_laps") return std::make_unique<TwoLaps>(length(96), seed);
+  if (name == "xyz") return std::make_unique<Xyz>(length(30), seed);
+  if (name == "halfsphere") return std::make_unique<Halfsphere>(length(30), seed);
   throw bad_input("trajectory '" + name +
-                  "' is not known; choose still, spline, office, two_laps or a TUM-format file");
+                  "' is not known; choose still, spline, office, two_laps, xyz, halfsphere or a "
+                  "TUM-format file");
 }
 
 }  // namespace slambed::synth

@@ -67,6 +67,14 @@ void Renderer::render_depth(const SE3& T_wc, double time_s, std::vector<float>& 
     depth_m[i] = inverse_depth_[i] > 0 ? 1 / inverse_depth_[i] : 0;
 }
 
+Renderer::FigureView Renderer::render_figures(const SE3& T_wc, double time_s) {
+  FigureView view;
+  render_depth(T_wc, time_s, view.depth_m);
+  for (const std::uint16_t id : face_at_)
+    view.figure_at.push_back(id == 0 ? std::uint16_t{0} : planes_[id - 1].figure);
+  return view;
+}
+
 Picture Renderer::render(const SE3& T_wc, double time_s) {
   Picture picture{camera_.width, camera_.height, std::vector<float>(inverse_depth_.size()), {}};
   render_depth(T_wc, time_s, picture.depth_m);
@@ -85,7 +93,7 @@ void Renderer::rasterise(const SE3& T_wc, double time_s, double offset_x, double
     const SE3 T_cb = body.moving ? T_cw * body.pose(time_s) : T_cw;
     if (!in_sight(body, T_cb, time_s)) continue;
     for (int i = body.first_face; i < body.last_face; ++i)
-      draw_face(scene_->faces()[i], T_cb, offset_x, offset_y);
+      draw_face(scene_->faces()[i], body.figure, T_cb, offset_x, offset_y);
   }
 }
 
@@ -108,7 +116,8 @@ bool Renderer::in_sight(const Body& body, const SE3& T_cb, double time_s) const 
          !outside(p.y(), below);
 }
 
-void Renderer::draw_face(const Face& face, const SE3& T_cb, double offset_x, double offset_y) {
+void Renderer::draw_face(const Face& face, int figure, const SE3& T_cb, double offset_x,
+                         double offset_y) {
   const Vec3 o = T_cb * face.origin;
   const Vec3 a = T_cb.R * face.axis_s, b = T_cb.R * face.axis_t;
   const Vec3 normal = a.cross(b);
@@ -148,6 +157,7 @@ void Renderer::draw_face(const Face& face, const SE3& T_cb, double offset_x, dou
     coefficients[k][2] = static_cast<float>(scale[k] * dy);
   }
   plane.texture = face.texture;
+  plane.figure = static_cast<std::uint16_t>(figure);
   if (planes_.size() == std::numeric_limits<std::uint16_t>::max())
     throw bad_input("more than 65,535 faces in one picture; leave some things out");
   planes_.push_back(plane);

@@ -33,6 +33,12 @@ class Renderer {
                        int first_row, int last_row, std::vector<float>& grey);
   /// Depth through the pixel centres.
   void render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m);
+  /// Whose part every pixel centre shows (Body::figure), and its depth.
+  struct FigureView {
+    std::vector<std::uint16_t> figure_at;
+    std::vector<float> depth_m;
+  };
+  FigureView render_figures(const SE3& T_wc, double time_s);
   /// Grey (one sample per pixel) and depth.
   Picture render(const SE3& T_wc, double time_s);
 
@@ -43,10 +49,11 @@ class Renderer {
   struct Plane {
     float w[3], s[3], t[3];
     int texture = 0;
+    std::uint16_t figure = 0;
   };
 
   void rasterise(const SE3& T_wc, double time_s, double offset_x, double offset_y);
-  void draw_face(const Face& face, const SE3& T_cb, double offset_x, double offset_y);
+  void draw_face(const Face& face, int figure, const SE3& T_cb, double offset_x, double offset_y);
   bool in_sight(const Body& body, const SE3& T_cb, double time_s) const;
   void shade(std::vector<float>& grey) const;
   void shade_run(const Plane& plane, int y, int begin, int end, float* out) const;

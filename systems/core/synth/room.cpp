@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <functional>
 
+#include "synth/figure_body.hpp"
+
 namespace slambed::synth {
 namespace {
 
@@ -11,8 +13,8 @@ namespace {
 /// No two draws stand in one argument list: their order would be the compiler's choice.
 class Furnisher {
  public:
-  Furnisher(const RoomOptions& options, std::span<const Vec3> path)
-      : options_(options), path_(path), scene_(std::make_shared<Scene>()) {}
+  Furnisher(const RoomOptions& options, std::span<const Vec3> path, std::span<const Figure> cast)
+      : options_(options), path_(path), cast_(cast), scene_(std::make_shared<Scene>()) {}
 
   std::shared_ptr<const Scene> furnish() {
     add_shell();
@@ -22,6 +24,9 @@ class Furnisher {
     add_pictures();
     add_seats_and_crates();
     for (int i = 0; i < options_.moving_objects; ++i) add_walker(i);
+    for (std::size_t i = 0; i < cast_.size(); ++i)
+      add_figure(*scene_, cast_[i].actor, static_cast<int>(i) + 1, cast_[i].seed,
+                 options_.texel_scale);
     Light light;
     for (const double x : {-0.5, 0.5})
       for (const double y : {-0.5, 0.5})
@@ -240,15 +245,16 @@ class Furnisher {
 
   RoomOptions options_;
   std::span<const Vec3> path_;
+  std::span<const Figure> cast_;
   std::shared_ptr<Scene> scene_;
   std::uint64_t pieces_ = 0;
 };
 
 }  // namespace
 
-std::shared_ptr<const Scene> make_room(const RoomOptions& options,
-                                       std::span<const Vec3> camera_path) {
-  return Furnisher(options, camera_path).furnish();
+std::shared_ptr<const Scene> make_room(const RoomOptions& options, std::span<const Vec3> kept_clear,
+                                       std::span<const Figure> cast) {
+  return Furnisher(options, kept_clear, cast).furnish();
 }
 
 }  // namespace slambed::synth

@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "synth/scene.hpp"
+#include "synth/cast.hpp"
 
 namespace slambed::synth {
 
@@ -20,7 +20,8 @@ struct RoomOptions {
 };
 
 /// Tables with things on them in the middle, shelves, cabinets, pictures, boxes and seats around.
-std::shared_ptr<const Scene> make_room(const RoomOptions& options,
-                                       std::span<const Vec3> camera_path);
+/// Nothing stands where the camera passes or where the cast has its feet.
+std::shared_ptr<const Scene> make_room(const RoomOptions& options, std::span<const Vec3> kept_clear,
+                                       std::span<const Figure> cast = {});
 
 }  // namespace slambed::synth

@@ -37,6 +37,7 @@ class Motion {
 struct Body {
   int first_face = 0, last_face = 0;  ///< [first, last)
   bool moving = false;
+  int figure = 0;  ///< the person that it is a part of, from 1; 0: none that is labelled
   std::shared_ptr<const Motion> motion{};
   double from_s = -std::numeric_limits<double>::infinity();  ///< there from here ...
   double until_s = std::numeric_limits<double>::infinity();  ///< ... to here

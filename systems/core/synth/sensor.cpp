@@ -82,6 +82,12 @@ Shot SensorModel::capture_mono(const CameraPath& path, int frame, double time_s)
   return shot;
 }
 
+std::vector<PersonLabel> SensorModel::label(const CameraPath& path, std::span<const Figure> cast,
+                                            double time_s) {
+  if (covered(time_s)) return {};
+  return label_people(renderer_, cast, path.at(time_s), time_s);
+}
+
 bool SensorModel::covered(double time_s) const {
   return time_s >= options_.blackout_start_s && time_s < options_.blackout_end_s;
 }

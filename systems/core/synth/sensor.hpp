@@ -7,7 +7,7 @@
 #include "features/image.hpp"
 #include "synth/camera_flaws.hpp"
 #include "synth/camera_path.hpp"
-#include "synth/renderer.hpp"
+#include "synth/labels.hpp"
 
 namespace slambed::synth {
 
@@ -46,6 +46,9 @@ class SensorModel {
   Shot capture_stereo(const CameraPath& path, int frame, double time_s);
   /// Grey alone.
   Shot capture_mono(const CameraPath& path, int frame, double time_s);
+  /// The truth about the people in the picture; nobody while the lens is covered.
+  std::vector<PersonLabel> label(const CameraPath& path, std::span<const Figure> cast,
+                                 double time_s);
 
  private:
   std::vector<std::uint8_t> expose(const CameraPath& path, int frame, double time_s,

@@ -89,6 +89,10 @@ void SequenceWriter::add(std::int64_t timestamp_ns, const FrameBlock& block, con
   groundtruth_ += pose_line(header_.time_origin_s + static_cast<double>(timestamp_ns) * 1e-9, T_wc);
 }
 
+void SequenceWriter::add_file(const std::string& name, const std::string& content) {
+  write_file(partial_ / name, content);
+}
+
 void SequenceWriter::finish(const json& source) {
   frames_.close();
   if (!frames_) throw environment_error(partial_.string() + ": write failed; is the disk full?");

@@ -44,6 +44,8 @@ class SequenceWriter {
 
   /// Frames come in order; T_wc is the true pose.
   void add(std::int64_t timestamp_ns, const FrameBlock& block, const SE3& T_wc);
+  /// A further file of the folder; its SHA-256 is to be in `source`.
+  void add_file(const std::string& name, const std::string& content);
   /// source: what `source` in sequence.json shall say.
   void finish(const nlohmann::json& source);
 

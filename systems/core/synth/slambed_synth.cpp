@@ -50,7 +50,8 @@ int run(int argc, char** argv) {
   app.add_option("--title", options.title, "title of the sequence");
   app.add_option("--sensor", options.sensor, "rgbd, stereo or mono");
   app.add_option("--trajectory", options.trajectory,
-                 "still, spline, office, two_laps, or a TUM-format file (with . or / in its name); "
+                 "still, spline, office, two_laps, xyz, halfsphere, or a TUM-format file (with . "
+                 "or / in its name); "
                  "two laps by car: rectangle, circular, block");
   app.add_option("--seconds", options.seconds, "length; default: the whole path")
       ->check(CLI::NonNegativeNumber);
@@ -75,6 +76,11 @@ int run(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--blackout-end-s", sensor.blackout_end_s, "to here")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--people", options.people, "in a room, with limbs that move")
+      ->check(CLI::Range(0, 12));
+  app.add_option("--activity", options.activity,
+                 "of the people: walking, crossing, sitting, mixed");
+  app.add_flag("--labels", options.labels, "write labels.bin: masks and key points of the people");
   add_road_options(app, options);
   app.add_option("--source", extra_source, "JSON object added to 'source' of sequence.json");
   app.add_option("--threads", threads, "default: all cores; does not change the result")

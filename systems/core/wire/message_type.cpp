@@ -53,6 +53,10 @@ std::string_view message_name(std::uint8_t type) {
       return "POSE_UPDATE";
     case MessageType::kTripUpload:
       return "TRIP_UPLOAD";
+    case MessageType::kFrameImage:
+      return "FRAME_IMAGE";
+    case MessageType::kFrameResult:
+      return "FRAME_RESULT";
   }
   return "UNKNOWN";
 }

@@ -40,6 +40,9 @@ enum class MessageType : std::uint8_t {
   kInitialPose = 49,  ///< edge -> mobile: where it is
   kPoseUpdate = 50,   ///< edge -> mobile: where a later keyframe is
   kTripUpload = 51,   ///< mobile -> edge: a keyframe that stayed here during the trip
+  // Semantic edgeSLAM
+  kFrameImage = 64,   ///< mobile -> edge: a picture to be tracked there
+  kFrameResult = 65,  ///< edge -> mobile: its pose, what moves in it, and how long each part took
 };
 
 /// "KEYFRAME", "MAP_UPDATE" ...; "UNKNOWN" for numbers that name nothing.

@@ -2,6 +2,8 @@
 // A camera that is lost, and an edge that may find it, in virtual time on a synthetic world.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "multithread_rl/multithread_rl.hpp"
 #include "offload/tests/turning_pair.hpp"
 #include "wire/reloc_messages.hpp"
@@ -128,6 +130,29 @@ TEST_P(EdgeRelocalisation, HoldsUpdatesFromLossToRecovery) {
   EXPECT_EQ(result.of("track_lost").size(), 1u);
 }
 
+TEST_P(EdgeRelocalisation, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
+  // As text over this link a keyframe takes longer than making the next: some always wait.
+  const PairResult result =
+      run(params(GetParam(), "compatibility"), {.one_way_ms = {20}, .mbit_per_s = 4});
+  const auto suspended = result.of("suspended"), resumed = result.of("resumed");
+  ASSERT_EQ(suspended.size(), 1u);
+  ASSERT_EQ(resumed.size(), 1u);
+  double suspended_there = 0;
+  for (const auto& message : result.of("message"))
+    if (message["message"] == "SUSPEND") suspended_there = message["received_ns"];
+  // A transfer starts with the announcement of its length; what was announced is under way.
+  int waited = 0;
+  for (const auto& message : result.of("message")) {
+    const bool up = message["channel"] == "keyframe" && message["direction"] == "up";
+    const bool down = message["channel"] == "map" && message["direction"] == "down";
+    if ((!up && !down) || message["message"] != "ANNOUNCE") continue;
+    const double sent = message["sent_ns"], end = time_of(resumed[0]);
+    EXPECT_FALSE(sent > (up ? time_of(suspended[0]) : suspended_there) && sent < end) << message;
+    waited += up && sent == end;
+  }
+  EXPECT_GT(waited, 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(Updates, EdgeRelocalisation, ::testing::Values("serial", "staged"));
 
 /// What becomes of an answer, and who ends the loss.
@@ -230,6 +255,45 @@ INSTANTIATE_TEST_SUITE_P(
                            "its edge is gone"},
                       Case{"EdgeGarbage", false, with(garbage), nullptr, "refused"}),
     [](const auto& c) { return c.param.name; });
+
+/// A lap and a bit through a lens that hides some of the turning, darkness, and what was seen in the
+/// middle of the lap. The only update comes before the edge can know that it was a lap.
+PairResult lap(bool loop_closing) {
+  constexpr int kDarkAfterLap = 174, kBack = 80;
+  const auto look = [](SyntheticWorld& world, int frame) {
+    if (frame >= kDarkAfterLap && frame < kDarkAfterLap + kDarkFor) return world.nothing();
+    const int shown = frame < kDarkAfterLap ? frame : frame - kDarkAfterLap - kDarkFor + kBack;
+    return testing::through_a_wrong_lens(world, shown);
+  };
+  auto all = params("staged");
+  all.update({{"sync_period_s", 13.0}, {"loop_closing", loop_closing}});
+  return testing::run_pair(multithread_rl_system(), all, 195, 10, {.one_way_ms = {5}}, look);
+}
+
+/// Of the keyframes that the mobile's map has at the end, those made before the loss.
+std::ptrdiff_t kept_from_before(const PairResult& result) {
+  constexpr std::uint64_t kDarkAfterLap = 174;
+  const auto& keyframes = result.mobile_map.keyframes;
+  return std::count_if(keyframes.begin(), keyframes.end(), [](const NewKeyFrame& keyframe) {
+    return keyframe.frame_index < kDarkAfterLap;
+  });
+}
+
+TEST(EdgeRelocalisationAfterALoop, TheKeyframeTakesThePlaceOfTheOldWorld) {
+  const PairResult closed = lap(true), open = lap(false);
+  ASSERT_FALSE(closed.of("loop_closed").empty());
+  EXPECT_TRUE(open.of("loop_closed").empty());
+  for (const PairResult* result : {&closed, &open}) {
+    ASSERT_EQ(result->of("track_lost").size(), 1u);
+    ASSERT_EQ(result->of("relocalised").size(), 1u);
+    EXPECT_EQ(result->of("relocalised")[0]["by"], "edge");
+    EXPECT_EQ(result->of("frame_tracked").back()["state"], "ok");
+    EXPECT_EQ(result->of("update_applied").size(), 1u);
+  }
+  EXPECT_LT(closed.of("loop_closed")[0]["t_ns"], closed.of("track_lost")[0]["t_ns"]);
+  EXPECT_EQ(kept_from_before(closed), 1);
+  EXPECT_GT(kept_from_before(open), 1);
+}
 
 TEST(EdgeRelocalisationAsText, SendsFramesAndKeyframesWhole) {
   const PairResult result = run(params("serial", "compatibility"), {.one_way_ms = {5}});

@@ -20,7 +20,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
  protected:
   DynNetSlamProgram() : NodeProgramTest(kFrames) {
     drop_no_frame();
-    config["system"] = "dynnetslam";
+    use("dynnetslam");
     config["params"].update({{"hysteresis", true},
                              {"safe_zone", false},
                              {"l_ol_ms", 400.0},

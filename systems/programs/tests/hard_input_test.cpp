@@ -66,7 +66,7 @@ class HardInput : public ::testing::Test {
     const nlohmann::json cost{{"a_us", 3000}, {"b_us", 0}, {"c_us", 0}, {"jitter", 0}};
     nlohmann::json stages;
     for (const char* stage :
-         {"extract", "track", "create_keyframe", "insert", "cull_points", "triangulate", "fuse",
+         {"extract", "track", "relocalise", "create_keyframe", "insert", "cull_points", "triangulate", "fuse",
           "bundle", "cull_keyframes", "loop_detect", "loop_close", "global_bundle"})
       stages[stage] = cost;
     folder.write("run.json",

@@ -60,6 +60,7 @@ class NodeProgramTest : public ::testing::Test {
   explicit NodeProgramTest(int frames) {
     const auto ports = free_ports(4);
     auto params = enhanced();
+    params.update(ours());
     params.update({{"n_orb", 600},
                    {"n_kf", 2},
                    {"sync_period_s", 0.5},
@@ -84,6 +85,13 @@ class NodeProgramTest : public ::testing::Test {
                   {"keyframe", ports[1]},
                   {"map", ports[2]},
                   {"frame", ports[3]}}}}}};
+  }
+
+  /// Another system that maps on the edge: without the switches that Edge-SLAM alone has.
+  void use(const std::string& system) {
+    config["system"] = system;
+    const auto own = ours();
+    for (const auto& item : own.items()) config["params"].erase(item.key());
   }
 
   void use_orbslam2() {

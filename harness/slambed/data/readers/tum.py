@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""TUM RGB-D benchmark folders: rgb.txt, depth.txt, images, groundtruth.txt."""
+"""TUM RGB-D benchmark folders: rgb.txt, images, groundtruth.txt, and depth.txt but for mono."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from slambed.errors import SlambedError
 
 class Reader(FolderReader):
     """Colour and depth paired by time, closest first, one-to-one; the frame has the colour's time.
+    With `sensor: mono` every colour image, and no depth is asked for.
 
     reader_options: max_difference_s (0.02).
     """
@@ -25,7 +26,12 @@ class Reader(FolderReader):
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
-        self._lists = [require(path / f"{kind}.txt", "list of images") for kind in ("rgb", "depth")]
+        kinds = ("rgb",) if options.sensor == "mono" else ("rgb", "depth")
+        self._lists = [require(path / f"{kind}.txt", "list of images") for kind in kinds]
+        self._frames: list[tuple[int, Path, Path | None]]
+        if options.sensor == "mono":
+            self._frames = [(t, file, None) for t, file in read_file_list(self._lists[0])]
+            return
         colour, depth = (read_file_list(file) for file in self._lists)
         limit_s = float(options.extra.get("max_difference_s", MAX_DIFFERENCE_S))
         pairs = associate([t for t, _ in colour], [t for t, _ in depth], limit_s)
@@ -42,7 +48,8 @@ class Reader(FolderReader):
     def __getitem__(self, i: int) -> Frame:
         time_ns, colour, depth = self._frames[i]
         size = self.options.size
-        return Frame(time_ns, read_grey(colour, size), read_depth(depth, size))
+        second = None if depth is None else read_depth(depth, size)
+        return Frame(time_ns, read_grey(colour, size), second)
 
     def files(self) -> Iterable[Path]:
         yield from self._lists
@@ -50,7 +57,8 @@ class Reader(FolderReader):
             yield self.path / self.options.groundtruth
         for _, colour, depth in self._frames:
             yield colour
-            yield depth
+            if depth is not None:
+                yield depth
 
     def trajectory(self) -> Trajectory | None:
         if not self.options.groundtruth:

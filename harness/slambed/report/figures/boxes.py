@@ -41,21 +41,10 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
             runs = groups[cell.name]
             values = finite(runs[metric.key].to_numpy()) * metric.scale
             index = labels.index(cell.label)
-            axis.boxplot(
-                values, positions=[place], orientation="horizontal", widths=0.55, whis=(0, 100),
-                patch_artist=True, showfliers=False, manage_ticks=False,
-                boxprops={"facecolor": colour(index), "alpha": 0.25, "linewidth": 0.8},
-                medianprops={"color": colour(index), "linewidth": 1.8},
-                whiskerprops={"linewidth": 0.8}, capprops={"linewidth": 0.8},
-            )  # fmt: skip
-            points = (
-                values if len(values) <= MOST_POINTS else rng.choice(values, MOST_POINTS, False)
-            )
-            axis.plot(
-                points, place + rng.uniform(-0.16, 0.16, len(points)), marker(index),
-                color=colour(index), markersize=3.5, alpha=0.8 if len(values) <= 20 else 0.3,
-                zorder=1.5, linestyle="none",
-            )  # fmt: skip
+            if len(values) == 1:
+                _draw_one(axis, place, values[0], metric, index)
+            else:
+                _draw_box(axis, place, values, index, rng)
             drawn.append(values)
             rows.append(runs[["cell", "run_key", metric.key]])
         where = _finish_cells(axis, shown)
@@ -64,17 +53,55 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
         # A cost that looks half as long shall be half as large.
         from_zero = metric.better != "lower" or from_zero_if_it_shows(axis, everything)
         axis.margins(x=0.06)
+        if axis.get_xlim()[1] > metric.largest_shown:
+            axis.set_xlim(right=metric.largest_shown)
         axis.set_title(metric.title + where)
         left_out = len([c for c in cells if metric.key in c.values]) - len(shown)
         writer.save(
             made,
             file_name("box", metric.key),
             metric.title + where,
-            "Box: quartiles and median; whiskers: smallest and largest run; points: runs."
-            + ("" if from_zero else " The axis does not begin at 0.")
-            + (f" {left_out} more cells are in summary.csv." if left_out else ""),
+            _caption({len(values) for values in drawn}, from_zero, left_out),
             pd.concat(rows, ignore_index=True),
         )
+
+
+def _caption(counts: set[int], from_zero: bool, left_out: int) -> str:
+    """What the marks mean; `counts`: how many runs the cells have."""
+    parts = {
+        "Box: quartiles and median; whiskers: smallest and largest run; points: runs.": (
+            max(counts) > 1
+        ),
+        "A mark with its value: the only run of its cell.": 1 in counts,
+        "The axis does not begin at 0.": not from_zero,
+        f"{left_out} more cells are in summary.csv.": left_out > 0,
+    }
+    return " ".join(part for part, holds in parts.items() if holds)
+
+
+def _draw_box(axis: Axes, place: int, values: Floats, index: int, rng: np.random.Generator) -> None:
+    axis.boxplot(
+        values, positions=[place], orientation="horizontal", widths=0.55, whis=(0, 100),
+        patch_artist=True, showfliers=False, manage_ticks=False,
+        boxprops={"facecolor": colour(index), "alpha": 0.25, "linewidth": 0.8},
+        medianprops={"color": colour(index), "linewidth": 1.8},
+        whiskerprops={"linewidth": 0.8}, capprops={"linewidth": 0.8},
+    )  # fmt: skip
+    points = values if len(values) <= MOST_POINTS else rng.choice(values, MOST_POINTS, False)
+    axis.plot(
+        points, place + rng.uniform(-0.16, 0.16, len(points)), marker(index),
+        color=colour(index), markersize=3.5, alpha=0.8 if len(values) <= 20 else 0.3,
+        zorder=1.5, linestyle="none", clip_on=False,
+    )  # fmt: skip
+
+
+def _draw_one(axis: Axes, place: int, value: float, metric: Metric, index: int) -> None:
+    """One run has no quartiles: its number stands beside its mark, inside the axes."""
+    axis.plot(value, place, marker(index), color=colour(index), markersize=6, clip_on=False)
+    axis.annotate(
+        metric.show(value / metric.scale), (value, place), xytext=(0, 5),
+        textcoords="offset points", ha="center", va="bottom", fontsize=7,
+    )  # fmt: skip
 
 
 def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: FigureWriter) -> None:

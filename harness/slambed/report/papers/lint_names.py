@@ -38,14 +38,15 @@ def name_problems(paper: Paper, checkout: Checkout) -> Iterator[Problem]:
 def _system(where: str, system: PaperSystem, checkout: Checkout) -> Iterator[Problem]:
     names = _patterns(system.match.get("system", []))
     known = {name for name in checkout.systems if any(fits_any(p, {name}) for p in names)}
+    variants = {v for name in known for v in (checkout.systems[name].variants or ["default"])}
     if system.not_built:
-        if known:
+        wanted = _patterns(system.match.get("variant", ["*"]))
+        if any(fits_any(pattern, variants) for pattern in wanted):
             yield Problem(where, f"system {min(known)} is built: take not_built away")
         return
     if not known:
         yield Problem(where, f"no system {' or '.join(names) or 'is named'}")
         return
-    variants = {v for name in known for v in (checkout.systems[name].variants or ["default"])}
     for column, patterns in system.match.items():
         for pattern in _patterns(patterns):
             if column == "variant" and not fits_any(pattern, variants):

@@ -51,7 +51,7 @@ TEST_P(FeatureSourceTest, TheCacheGivesTheSameFeaturesAsExtraction) {
   const PreparedSequence sequence(make(GetParam()));
   const auto sensor = sensor_of(sequence);
   ExtractingSource fresh(sequence, sensor, orb());
-  FeatureCache cache(folder.path() / "x.features", "key", sequence, sensor, orb());
+  FeatureCache cache(folder.path() / "x.features", "key", sequence.frames(), fresh);
   ASSERT_EQ(sequence.frames(), 3u);
   for (std::uint64_t frame = 0; frame < sequence.frames(); ++frame) {
     const auto a = fresh.features(frame), b = cache.features(frame);

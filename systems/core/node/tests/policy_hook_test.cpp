@@ -92,7 +92,7 @@ TEST(PolicyHook, TrackingSeesWhatThePolicyLeaves) {
                                           {"output", folder.path()},
                                           {"connect_timeout_s", 1.0}}
                                .dump());
-  const nlohmann::json stages{{"extract", cost}, {"track", cost}};
+  const nlohmann::json stages{{"extract", cost}, {"track", cost}, {"relocalise", cost}};
   const nlohmann::json mobile{{"cores", 2}, {"speed", 1.0}, {"stages", stages}};
   folder.write("sim.json", nlohmann::json{{"format", "slambed-sim"},
                                           {"version", 1},

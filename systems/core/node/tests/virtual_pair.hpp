@@ -56,6 +56,7 @@ class TappedChannel final : public Channel {
     sent_(payload);
     return below_.send(type, std::move(payload));
   }
+  void hold(bool held) override { below_.hold(held); }
   std::optional<Message> try_receive() override { return take_(below_); }
   Signal& signal() override { return below_.signal(); }
   PathStats path() const override { return below_.path(); }

@@ -55,6 +55,14 @@ TEST_F(Admission, AnOrdinaryKeyframeNeedsAnIdleMapperOrASecond) {
   EXPECT_EQ(reason(), "welcome");
 }
 
+TEST_F(Admission, MoreFramesBetweenKeyframesMeanALongerWait) {
+  state.max_frames = 30;  // three seconds at ten per second
+  state.last_accepted_s = 8.0;
+  EXPECT_EQ(reason(), "mapper busy");
+  state.last_accepted_s = 7.0;
+  EXPECT_EQ(reason(), "welcome");
+}
+
 TEST_F(Admission, AnUrgentOneOnlyNeedsRoomInTheQueue) {
   message.urgent = true;
   EXPECT_EQ(reason(), "welcome");

@@ -28,6 +28,20 @@ inline nlohmann::json conventional() {
           {"second_hypotheses", false}};
 }
 
+/// Edge-SLAM's switches (original_behaviour.hpp) as our own systems behave.
+inline nlohmann::json ours() {
+  return {{"reference_fallback", "descriptors"},
+          {"point_identity", "observations"},
+          {"reference_after_update", "known"},
+          {"reanchor_last", true},
+          {"admission", "on_arrival"},
+          {"cull_age", "mapped"},
+          {"local_map_size", 6},
+          {"max_frames", 0},
+          {"first_update_s", -1.0},
+          {"update_poll", "before_extraction"}};
+}
+
 inline nlohmann::json enhanced() {
   auto params = conventional();
   params.update(

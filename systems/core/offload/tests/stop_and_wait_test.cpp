@@ -106,6 +106,23 @@ TEST(StopAndWait, TheOldestWaitingMessageIsDropped) {
                          {2, false}, {3, false}, {1, true}, {4, true}}));
 }
 
+TEST(StopAndWait, NoTransferStartsWhileTheChannelIsHeld) {
+  Pair pair({.name = "k"});
+  pair.mobile.spawn("sender", [&](Worker& worker) {
+    for (std::uint8_t i = 0; i < 3; ++i) pair.near.send(kKeyFrame, {i});
+    worker.sleep_until(15ms);  // the first one's length is on its way
+    pair.near.hold(true);
+    worker.sleep_until(500ms);
+    pair.near.hold(false);
+  });
+  std::vector<RunTime> received;
+  pair.edge.spawn("receiver", [&](Worker& worker) {
+    while (auto message = pair.far.receive(worker, kNever)) received.push_back(message->received);
+  });
+  pair.run_until(1s);
+  EXPECT_EQ(received, (std::vector<RunTime>{30ms, 530ms, 570ms}));
+}
+
 TEST(StopAndWait, BeginsAgainWithARestartedPeer) {
   auto deaf = std::make_unique<Node>(true, 0);  // takes the length and never answers
   const std::uint16_t port = deaf->port();

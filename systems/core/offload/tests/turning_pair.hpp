@@ -22,4 +22,22 @@ inline std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) 
   return world.look(pose_at(frame));
 }
 
+/// A lens that shows less turning than there is: after a lap 3.6 degrees are missing.
+inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticWorld& world,
+                                                              int frame) {
+  constexpr float kZoom = 0.99f;
+  const auto seen = turn(world, frame);
+  const auto& camera = world.sensor()->camera;
+  std::vector<KeyPoint> keypoints(seen->keypoints().begin(), seen->keypoints().end());
+  for (KeyPoint& p : keypoints) {
+    const float disparity = p.u - p.right_u;
+    p.u = static_cast<float>(camera.cx) + kZoom * (p.u - static_cast<float>(camera.cx));
+    p.v = static_cast<float>(camera.cy) + kZoom * (p.v - static_cast<float>(camera.cy));
+    p.right_u = p.u - disparity;
+  }
+  return std::make_shared<FeatureSet>(
+      world.sensor(), std::move(keypoints),
+      std::vector<Descriptor>(seen->descriptors().begin(), seen->descriptors().end()));
+}
+
 }  // namespace slambed::testing

@@ -14,8 +14,7 @@ using wire::keyframe_id;
 UpdateState usual() {
   return {.update = 5,
           .applied = 4,
-          .local_keyframes = 8,
-          .keyframes_created = 12,
+          .local_keyframes = 12,
           .new_keyframe = true,
           .since_keyframe = 1s};
 }
@@ -49,16 +48,33 @@ TEST(UpdateRules, FollowEdgeSlam) {
 
 TEST(UpdateRules, FastMotionMattersLessTheMoreKeyframesThereAre) {
   const UpdateRules rules{.min_local_keyframes = 1, .fast_motion = 300ms};
-  auto state = usual();  // 12 keyframes: 300 / 3 = 100 ms
+  auto state = usual();  // 12 local keyframes: 300 / 3 = 100 ms
   state.since_keyframe = 99ms;
   EXPECT_EQ(reason(rules, state), "fast motion");
   state.since_keyframe = 100ms;
   EXPECT_EQ(reason(rules, state), "welcome");
   state.since_keyframe = 0ms;
-  state.keyframes_created = 36;  // 300 / 7 < 50 ms
+  state.local_keyframes = 36;  // 300 / 7 < 50 ms
   EXPECT_EQ(reason(rules, state), "welcome");
-  state.keyframes_created = 0;
+  state.local_keyframes = 2;  // an update has made the local map small again
+  EXPECT_EQ(reason(rules, state), "fast motion");
+  state.since_keyframe = 299ms;
+  EXPECT_EQ(reason(rules, state), "fast motion");
+  state.local_keyframes = 1;
   EXPECT_EQ(reason({.min_local_keyframes = 1, .fast_motion = 0ms}, state), "welcome");
+}
+
+TEST(UpdateRules, OfALocalMapOfOneEachKeyframeIsAStep) {
+  const UpdateRules rules{.min_local_keyframes = 1, .fast_motion = 300ms, .local_map_size = 1};
+  auto state = usual();
+  state.local_keyframes = 2;  // 300 / 3
+  state.since_keyframe = 99ms;
+  EXPECT_EQ(reason(rules, state), "fast motion");
+  state.since_keyframe = 100ms;
+  EXPECT_EQ(reason(rules, state), "welcome");
+  state.since_keyframe = 0ms;
+  state.local_keyframes = 6;  // 300 / 7 < 50 ms
+  EXPECT_EQ(reason(rules, state), "welcome");
 }
 
 TEST(UpdateRules, ManyKeyframesPerSecondAreFastMotionToo) {

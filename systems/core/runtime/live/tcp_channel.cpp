@@ -36,6 +36,14 @@ std::uint64_t TcpChannel::send(std::uint8_t type, Bytes payload) {
   return sequence;
 }
 
+void TcpChannel::hold(bool held) {
+  {
+    std::lock_guard lock(mutex_);
+    held_ = held;
+  }
+  wake_io_();
+}
+
 std::optional<Message> TcpChannel::try_receive() {
   std::optional<Message> message;
   {
@@ -65,7 +73,7 @@ PathStats TcpChannel::path() const {
 
 std::optional<Message> TcpChannel::next_to_send() {
   std::lock_guard lock(mutex_);
-  if (outgoing_.empty()) return std::nullopt;
+  if (held_ || outgoing_.empty()) return std::nullopt;
   std::optional<Message> message(std::move(outgoing_.front()));
   outgoing_.pop_front();
   return message;
@@ -114,7 +122,7 @@ void TcpChannel::forget_peer_sequence() {
 
 bool TcpChannel::idle() const {
   std::lock_guard lock(mutex_);
-  return outgoing_.empty();
+  return held_ || outgoing_.empty();
 }
 
 void TcpChannel::record_link(std::string_view event, std::string_view detail) const {

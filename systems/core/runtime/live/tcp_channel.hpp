@@ -21,6 +21,7 @@ class TcpChannel final : public Channel {
 
   const ChannelOptions& options() const override { return options_; }
   std::uint64_t send(std::uint8_t type, Bytes payload) override;
+  void hold(bool held) override;
   std::optional<Message> try_receive() override;
   Signal& signal() override { return *signal_; }
   PathStats path() const override;
@@ -35,7 +36,7 @@ class TcpChannel final : public Channel {
   void set_connection(int fd);
   /// The peer counts its messages from 1 again when it was restarted.
   void forget_peer_sequence();
-  bool idle() const;  ///< nothing waits to be sent
+  bool idle() const;  ///< nothing is to be sent
 
   void record_link(std::string_view event, std::string_view detail) const;
 
@@ -52,6 +53,7 @@ class TcpChannel final : public Channel {
   std::deque<Message> outgoing_, incoming_;
   std::uint64_t next_sequence_ = 1;
   std::uint64_t last_received_ = 0;
+  bool held_ = false;
   int fd_ = -1;
   std::uint64_t connections_ = 0;
 };

@@ -67,6 +67,24 @@ TEST(TcpNetwork, FullSendQueueDropsTheOldestAndRecordsIt) {
   }
 }
 
+TEST(TcpNetwork, NoTransferStartsWhileTheChannelIsHeld) {
+  Node edge(true, 0);
+  Node mobile(false, edge.port());
+  ASSERT_TRUE(mobile.network->wait_connected(kLong));
+  mobile.channel->hold(true);
+  mobile.channel->send(1, {1});
+  edge.channel->send(2, {2});  // the other direction goes on
+  ASSERT_TRUE(await_message(mobile));
+  EXPECT_FALSE(edge.channel->try_receive());
+  EXPECT_GT(mobile.channel->path().unacknowledged_bytes, 0u);
+  const RunTime released = mobile.runtime.now();
+  mobile.channel->hold(false);
+  const auto message = await_message(edge);
+  ASSERT_TRUE(message);
+  EXPECT_LT(message->queued, released);
+  EXPECT_GE(message->sent, released);
+}
+
 TEST(TcpNetwork, FullReceiveQueueKeepsTheNewest) {
   Node edge(true, 0, {.name = "k", .receive_queue = 1});
   Node mobile(false, edge.port());

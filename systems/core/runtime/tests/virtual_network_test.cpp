@@ -295,6 +295,24 @@ TEST(VirtualNetwork, AFullSendQueueDropsTheOldest) {
   EXPECT_EQ(nodes.observer.dropped, 7);
 }
 
+TEST(VirtualNetwork, NoTransferStartsWhileTheChannelIsHeld) {
+  Nodes nodes(constant(10, 1), constant(10), {.name = "keyframe", .send_queue = 2});
+  std::vector<std::pair<std::uint64_t, RunTime>> sent;
+  nodes.mobile.spawn("sender", [&](Worker& w) {
+    nodes.near.send(1, Bytes(20'000));  // takes 160 ms
+    nodes.near.hold(true);
+    for (int i = 0; i < 3; ++i) nodes.near.send(1, Bytes(100));
+    w.sleep_until(1s);
+    nodes.near.hold(false);
+  });
+  nodes.edge.spawn("receiver", [&](Worker& w) {
+    while (auto m = nodes.far.receive(w, w.now() + 5s)) sent.emplace_back(m->sequence, m->sent);
+  });
+  nodes.simulator.run();
+  EXPECT_EQ(sent, (std::vector<std::pair<std::uint64_t, RunTime>>{{1, 0s}, {3, 1s}, {4, 1s}}));
+  EXPECT_EQ(nodes.observer.dropped, 1);  // the queue keeps its limit
+}
+
 TEST(VirtualNetwork, AGapHoldsWhatWouldArriveInIt) {
   DirectionOptions up = constant(10);
   up.gaps = {{.start_ns = 100 * kMs, .end_ns = 300 * kMs}};

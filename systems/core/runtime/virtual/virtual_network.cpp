@@ -56,6 +56,11 @@ class VirtualLink::VirtualChannel final : public Channel {
     return sequence;
   }
 
+  void hold(bool held) override {
+    held_ = held;
+    hand_over();
+  }
+
   std::optional<Message> try_receive() override {
     if (incoming_.empty()) return std::nullopt;
     Message message = std::move(incoming_.front());
@@ -91,7 +96,7 @@ class VirtualLink::VirtualChannel final : public Channel {
 
  private:
   void hand_over() {
-    while (!frozen_ && flow_ && !outgoing_.empty() && flow_->unsent() < kUnsentLimit) {
+    while (!frozen_ && !held_ && flow_ && !outgoing_.empty() && flow_->unsent() < kUnsentLimit) {
       Message message = std::move(outgoing_.front());
       outgoing_.pop_front();
       message.sent = simulator_.now();
@@ -157,6 +162,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   std::uint64_t expected_ = 0;
   std::uint64_t arrived_ = 0;  ///< bytes of the stream that the kernel has
   bool frozen_ = false;
+  bool held_ = false;
   std::uint64_t next_sequence_ = 1;
   StallWatch stall_;
   bool watching_ = false;

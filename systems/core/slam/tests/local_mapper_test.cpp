@@ -117,6 +117,21 @@ TEST_F(MapperTest, NoTriangulationFromTheSamePlace) {
   EXPECT_TRUE(mapper.triangulate().points.empty());
 }
 
+TEST_F(MapperTest, AgesByIdCountKeyframesThatNeverCame) {
+  LocalMapper by_id({.ages_by_id = true}, map, IdSpace::kEdgeMapper);
+  const auto insert = [&](KeyFrameId id) {
+    by_id.insert(id);
+    return id;
+  };
+  const auto even = [](int t) { return t % 2 == 0; };
+  insert(add(0, even));
+  keyframes_ += 2;  // were made, and dropped on their way
+  insert(add(60, [](int) { return false; }));
+  // One keyframe later: too young by keyframes mapped, old enough by their ids.
+  EXPECT_TRUE(mapper.cull_points().culled_points.empty());
+  EXPECT_FALSE(by_id.cull_points().culled_points.empty());
+}
+
 TEST_F(MapperTest, FusesPointsThatAreTheSameThing) {
   add(0, all, {.flipped_bits = 8});
   const auto first_points = point_of_;

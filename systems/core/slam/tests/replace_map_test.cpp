@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "slam/local_mapper.hpp"
@@ -73,10 +74,9 @@ TEST_F(ReplaceMap, TheReferenceIsMissingButANeighbourIsThere) {
   for (int i = 34; i < 44; ++i) expect_tracked(i, kMoved);
 }
 
-TEST_F(ReplaceMap, PointsFusedOverThereAreFoundThroughTheirFeatures) {
-  for (int i = 0; i < 40; ++i) show(i, i % 8 == 7);
-  // The other side knows all points under other numbers.
-  MapDelta renamed = tracker.map()->read([&](const MapView& view) {
+/// The map with all points under other numbers, those of the edge.
+std::shared_ptr<Map> renamed(const Map& map) {
+  MapDelta delta = map.read([&](const MapView& view) {
     MapDelta all;
     const auto other = [](MapPointId id) {
       return id ? MapPointId{id.value + (std::uint64_t{1} << 56)} : id;
@@ -95,9 +95,71 @@ TEST_F(ReplaceMap, PointsFusedOverThereAreFoundThroughTheirFeatures) {
     return all;
   });
   auto fresh = std::make_shared<Map>();
-  fresh->commit(renamed);
-  tracker.replace_map(fresh);
+  fresh->commit(delta);
+  return fresh;
+}
+
+TEST_F(ReplaceMap, PointsFusedOverThereAreFoundThroughTheirFeatures) {
+  for (int i = 0; i < 40; ++i) show(i, i % 8 == 7);
+  tracker.replace_map(renamed(*tracker.map()));
   for (int i = 40; i < 50; ++i) expect_tracked(i);
+}
+
+/// Edge-SLAM's ways, one at a time.
+class ReplaceMapAsEdgeSlam : public ReplaceMap {
+ protected:
+  void begin(const TrackerOptions& options) {
+    tracker_.emplace(options, std::make_shared<Map>(), IdSpace::kTracker);
+    for (int i = 0; i < 40; ++i) step(i, i % 8 == 7);
+  }
+  TrackOutcome step(int i, bool keyframe = false) {
+    const TrackOutcome outcome = tracker_->track(i, i / 30.0, world.look(walk(i)));
+    if (keyframe || outcome.initialised_now) tracker_->create_keyframe();
+    return outcome;
+  }
+  KeyFrameId newest() const {
+    return tracker_->map()->read([](const MapView& view) { return view.keyframe_ids().back(); });
+  }
+  std::optional<Tracker> tracker_;
+};
+
+TEST_F(ReplaceMapAsEdgeSlam, PointsOfTheEdgeAreNotKnownAgain) {
+  begin({.points_by_observation = false});
+  tracker_->replace_map(renamed(*tracker_->map()));
+  const TrackOutcome next = step(40);
+  EXPECT_EQ(next.search.motion_matches, 0) << "the last frame knows none of them";
+  EXPECT_FALSE(next.by_motion_model);
+  EXPECT_EQ(next.state, TrackingState::kOk) << "the reference keyframe helps";
+  // Tracking's own points keep their names.
+  begin({.points_by_observation = false});
+  tracker_->replace_map(excerpt(*tracker_->map(), 99));
+  EXPECT_TRUE(step(40).by_motion_model);
+}
+
+TEST_F(ReplaceMapAsEdgeSlam, TheNewestKeyframeBecomesTheReference) {
+  for (const bool newest_is_reference : {false, true}) {
+    begin({.newest_is_reference = newest_is_reference});
+    step(40);
+    tracker_->create_keyframe(false);  // the edge may yet decline it: no reference
+    ASSERT_NE(tracker_->reference(), newest());
+    tracker_->replace_map(excerpt(*tracker_->map(), 99, kMoved));
+    EXPECT_EQ(tracker_->reference() == newest(), newest_is_reference);
+    EXPECT_TRUE(step(41).by_motion_model) << "the last pose has moved with the map all the same";
+  }
+}
+
+TEST_F(ReplaceMapAsEdgeSlam, TheLastPoseStaysUnlessItsReferenceIsTheNewest) {
+  begin({.reanchor_last = false});
+  step(40, true);  // the reference, and the newest
+  ASSERT_EQ(tracker_->reference(), newest());
+  tracker_->replace_map(excerpt(*tracker_->map(), 99, kMoved));
+  EXPECT_TRUE(step(41).by_motion_model);
+
+  step(42);
+  tracker_->create_keyframe(false);
+  ASSERT_NE(tracker_->reference(), newest());
+  tracker_->replace_map(excerpt(*tracker_->map(), 99, kMoved));
+  EXPECT_FALSE(step(43).by_motion_model) << "where the map was before";
 }
 
 TEST_F(ReplaceMap, NothingInCommonMeansRelocalisation) {

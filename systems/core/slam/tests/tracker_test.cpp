@@ -193,6 +193,32 @@ TEST(Tracker, FallsBackToTheReferenceKeyFrameWhenMotionModelFails) {
   EXPECT_LT(centre_error(outcome.T_cw, kick * truth(20)), 1e-3);
 }
 
+TEST(Tracker, WordsHaveTheLastWordWithoutTheSecondLook) {
+  for (const bool again : {true, false}) {
+    SyntheticWorld world;
+    Tracker tracker({.reset_below_keyframes = 0, .second_hypotheses = false, .descriptor_fallback = again},
+                    std::make_shared<Map>(), IdSpace::kTracker);
+    for (int i = 0; i < 10; ++i) {
+      tracker.track(i, i / 30.0, world.look(walk(i)));
+      if (i == 0) tracker.create_keyframe();
+    }
+    // A kick, and few features, whose words are mostly others.
+    const SE3 kick(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()).toRotationMatrix(), {0, 0, 0});
+    const TrackOutcome outcome =
+        tracker.track(10, 10 / 30.0, world.look(kick * walk(10), {.flipped_bits = 40}, 60));
+    ASSERT_TRUE(outcome.search.motion_matches && outcome.search.word_matches);
+    EXPECT_LT(*outcome.search.motion_matches, 20);
+    EXPECT_LT(*outcome.search.word_matches, 15);
+    if (again) {
+      EXPECT_GE(*outcome.search.reference_matches, 15);
+    } else {
+      EXPECT_EQ(outcome.search.reference_matches, outcome.search.word_matches);
+      EXPECT_EQ(outcome.state, TrackingState::kLost);
+    }
+    EXPECT_FALSE(outcome.by_motion_model);
+  }
+}
+
 TEST(Tracker, ZeroDepthMidwayIsTrackedMonocularly) {
   SyntheticWorld world;
   Rig rig;

@@ -6,7 +6,9 @@
 #include "features/default_vocabulary.hpp"
 #include "wire/compatibility_codec.hpp"
 #include "wire/delta_codec.hpp"
+#include "wire/frame_messages.hpp"
 #include "wire/handover_messages.hpp"
+#include "wire/mask_codec.hpp"
 #include "wire/message_type.hpp"
 #include "wire/reloc_messages.hpp"
 #include "wire/tests/examples.hpp"
@@ -32,6 +34,39 @@ inline RelocOk example_found(std::mt19937& random, const SensorPtr& sensor, int 
   for (std::size_t i = 0; i < found.keyframe.points.size(); ++i)
     found.matches.emplace_back(static_cast<std::uint16_t>(i), found.keyframe.points[i].id);
   return found;
+}
+
+inline FrameImage example_frame_image() {
+  return {.frame_index = 300,
+          .timestamp_s = 10,
+          .captured = RunTime(5'000'000),
+          .taken = RunTime(6'000'000),
+          .jpeg = encode_jpeg(example_picture(40, 30).view(), 60)};
+}
+
+inline FrameResult example_frame_result() {
+  FrameResult result{.sequence = 9,
+                     .frame_index = 300,
+                     .state = FrameState::kOk,
+                     .reset = false,
+                     .T_cw = SE3::exp(Eigen::Matrix<double, 6, 1>::Constant(0.1)),
+                     .reference = keyframe_id(7),
+                     .T_cr = SE3(),
+                     .features = 900,
+                     .inliers = 200,
+                     .times = {},
+                     .masks = example_masks(40, 30)};
+  result.times.captured = RunTime(5'000'000);
+  result.times.nrcc = Duration(150'000'000);
+  return result;
+}
+
+/// A camera whose pictures are as small as those examples.
+inline SensorPtr example_frame_camera() {
+  SensorInfo info = example_camera();
+  info.camera.width = 40;
+  info.camera.height = 30;
+  return info.make_sensor();
 }
 
 /// The same messages as text, with few features: the grid alone makes them long.
@@ -109,6 +144,14 @@ inline std::vector<Target> targets() {
        [](auto b) { defect(decode_pose_answer(b)); }},
       {"filled", fill_up({1, 2, 3}, 20), [](auto b) { without_filler(b); }},
       {"hello", encode(hello), [](auto b) { decode_hello(b); }},
+      {"jpeg", encode_jpeg(example_picture(40, 30).view(), 60),
+       [](auto b) { decode_jpeg(b, 40, 30); }},
+      {"frame_image", encode(example_frame_image()), [](auto b) { decode_frame_image(b); }},
+      {"frame_result", encode(example_frame_result()),
+       [=](auto b) { decode_frame_result(b, example_frame_camera()); }},
+      {"masks", encode_masks(example_masks(40, 30)), [](auto b) { decode_masks(b, 40, 30); }},
+      {"segmentation", encode_segmentation(example_masks(40, 30)),
+       [](auto b) { decode_segmentation(2, b, 40, 30); }},
   };
   for (Target& target : text_targets(random, sensor)) all.push_back(std::move(target));
   return all;

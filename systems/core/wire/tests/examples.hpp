@@ -3,8 +3,10 @@
 
 #include <random>
 
+#include "features/instances.hpp"
 #include "map/appearance.hpp"
 #include "wire/hello.hpp"
+#include "wire/image_codec.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::wire {
@@ -123,6 +125,28 @@ inline MapDelta example_delta(std::mt19937& random, std::shared_ptr<const Sensor
   delta.culled_points = {point_id(1), point_id(2)};
   delta.culled_keyframes = {keyframe_id(4)};
   return delta;
+}
+
+/// Slopes, an edge and noise.
+inline GreyImage example_picture(int width, int height) {
+  std::mt19937 random(3);
+  GreyImage image{width, height, {}};
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      image.pixels.push_back(static_cast<std::uint8_t>((x + 2 * y) / 4 + (x > width / 3 ? 80 : 0) +
+                                                       random() % 16));
+  return image;
+}
+
+/// A person with key points, and a car that covers the first pixels.
+inline FrameMasks example_masks(int width, int height) {
+  const auto pixels = static_cast<std::uint32_t>(width * height);
+  Instance person{.object_class = 0, .moves = true, .score = 0.75f, .runs = {40, 7, pixels - 47}, .body = {}};
+  person.body.emplace();
+  for (int i = 0; i < kBodyPoints; ++i)
+    (*person.body)[i] = {float(i), 2.5f * float(i), BodyPoint::Visibility(i % 3)};
+  const Instance car{.object_class = 2, .moves = true, .score = 0.5f, .runs = {0, 3, pixels - 3}, .body = {}};
+  return {width, height, {person, car}};
 }
 
 }  // namespace slambed::wire

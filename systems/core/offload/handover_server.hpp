@@ -7,13 +7,13 @@
 #include "runtime/mailbox.hpp"
 #include "wire/handover_messages.hpp"
 
-namespace slambed::dynnetslam {
+namespace slambed {
 
-/// The edge's side of EdgeContact: answers STATE, lets mapping rest and go on, takes maps over. What
+/// The other side of HandoverClient: answers STATE, lets mapping rest and go on, takes maps over. What
 /// belongs to an older epoch than the last one heard of changes nothing.
-class HandoverService {
+class HandoverServer {
  public:
-  HandoverService(EdgeNode& node, EdgeMapping& mapping, Channel& channel)
+  HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& channel)
       : node_(node), mapping_(mapping), channel_(channel), arrived_(node.runtime()) {}
 
   void start();
@@ -40,4 +40,4 @@ class HandoverService {
   std::uint64_t applied_ = 0;  ///< the merging worker's: number of the last hand-over taken over
 };
 
-}  // namespace slambed::dynnetslam
+}  // namespace slambed

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynnetslam/handover_service.hpp"
+#include "offload/handover_server.hpp"
 
 #include "wire/message_type.hpp"
 
-namespace slambed::dynnetslam {
+namespace slambed {
 namespace {
 
 constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
 
 }  // namespace
 
-void HandoverService::start() {
+void HandoverServer::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { listen(worker); });
   node_.runtime().spawn("merge", [this](Worker& worker) { merge(worker); });
 }
 
-void HandoverService::listen(Worker& worker) {
+void HandoverServer::listen(Worker& worker) {
   while (auto message = channel_.receive(worker, kNever)) {
     const auto type = message->type;
     try {
@@ -26,7 +26,7 @@ void HandoverService::listen(Worker& worker) {
   }
 }
 
-void HandoverService::take(Message message) {
+void HandoverServer::take(Message message) {
   if (message.type == type_of(wire::MessageType::kState)) {
     const wire::StateMessage state = wire::decode_state(message.payload);
     channel_.send(type_of(wire::MessageType::kAck),
@@ -41,14 +41,14 @@ void HandoverService::take(Message message) {
   }
 }
 
-void HandoverService::stop(const wire::StopMessage& stop) {
+void HandoverServer::stop(const wire::StopMessage& stop) {
   std::lock_guard lock(mutex_);
   if (stop.epoch <= epoch_) return;
   epoch_ = stop.epoch;
   mapping_.stop();
 }
 
-void HandoverService::merge(Worker& worker) {
+void HandoverServer::merge(Worker& worker) {
   while (const auto message = arrived_.take(worker)) {
     try {
       if (message->type == type_of(wire::MessageType::kStart)) {
@@ -63,21 +63,21 @@ void HandoverService::merge(Worker& worker) {
   }
 }
 
-void HandoverService::begin(const wire::StartMessage& start) {
+void HandoverServer::begin(const wire::StartMessage& start) {
   if (is_stale(start.epoch, start.number)) return;
   const bool possible = count(*mapping_.mapper().map()).keyframes > 0;
   if (possible) resume(start.epoch);
   answer(start.epoch, start.number, possible);
 }
 
-void HandoverService::resume(std::uint64_t epoch) {
+void HandoverServer::resume(std::uint64_t epoch) {
   std::lock_guard lock(mutex_);
   if (epoch < epoch_) return;  // stopped again meanwhile
   epoch_ = epoch;
   mapping_.resume(epoch);
 }
 
-void HandoverService::take_over(Worker& worker, const Message& raw) {
+void HandoverServer::take_over(Worker& worker, const Message& raw) {
   wire::MapHandover handover;
   std::optional<std::string> damage;
   worker.stage("parse", [&](StageUnits& units) {
@@ -113,7 +113,7 @@ void HandoverService::take_over(Worker& worker, const Message& raw) {
   answer(handover.epoch, handover.number, true);
 }
 
-bool HandoverService::is_stale(std::uint64_t epoch, std::uint64_t number) {
+bool HandoverServer::is_stale(std::uint64_t epoch, std::uint64_t number) {
   {
     std::lock_guard lock(mutex_);
     if (epoch >= epoch_) return false;
@@ -125,9 +125,9 @@ bool HandoverService::is_stale(std::uint64_t epoch, std::uint64_t number) {
   return true;
 }
 
-void HandoverService::answer(std::uint64_t epoch, std::uint64_t number, bool accepted) {
+void HandoverServer::answer(std::uint64_t epoch, std::uint64_t number, bool accepted) {
   channel_.send(type_of(wire::MessageType::kHandoverAck),
                 encode(wire::HandoverAck{epoch, number, accepted}));
 }
 
-}  // namespace slambed::dynnetslam
+}  // namespace slambed

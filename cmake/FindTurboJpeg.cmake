@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+# TurboJpeg::TurboJpeg: libjpeg-turbo's own interface (Debian: libturbojpeg0-dev). Its package brings CMake files
+# that name libraries of other packages, so it is looked for by name.
+find_path(TurboJpeg_INCLUDE_DIR turbojpeg.h)
+find_library(TurboJpeg_LIBRARY turbojpeg)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(TurboJpeg REQUIRED_VARS TurboJpeg_LIBRARY TurboJpeg_INCLUDE_DIR
+  REASON_FAILURE_MESSAGE "install libturbojpeg0-dev (tools/setup.sh build)")
+if(TurboJpeg_FOUND AND NOT TARGET TurboJpeg::TurboJpeg)
+  add_library(TurboJpeg::TurboJpeg UNKNOWN IMPORTED)
+  set_target_properties(TurboJpeg::TurboJpeg PROPERTIES
+    IMPORTED_LOCATION "${TurboJpeg_LIBRARY}" INTERFACE_INCLUDE_DIRECTORIES "${TurboJpeg_INCLUDE_DIR}")
+endif()

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed check-system`: plays twenty generated frames to a system and says what of the contract
+holds. Needs no privilege: no namespaces, no limits, the edge on this host."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slambed.engines.base import NodePlan, last_line
+from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
+from slambed.errors import SlambedError
+from slambed.json_file import object_or_empty
+from slambed.metrics.accuracy import absolute_error
+from slambed.metrics.events import Event, read_jsonl
+from slambed.metrics.trajectory import Trajectory, read_tum
+from slambed.native import find_program
+from slambed.spec.device import Limits
+from slambed.spec.library import Library
+from slambed.spec.system import Role, System
+
+FRAMES, FPS = 20, 5.0
+STOPPED_AFTER_S = 1.0
+STOP_PATIENCE_S, END_PATIENCE_S = 15.0, 30.0
+INVERSE_IS_BETTER = 0.5
+"""A path whose inverse fits the truth in less than this share of its error was sent inverted."""
+
+
+@dataclass
+class Checked:
+    """What was found, line by line."""
+
+    lines: list[tuple[bool, str]] = field(default_factory=list)
+
+    def tell(self, good: bool, line: str) -> bool:
+        """Adds a line; returns whether it is a good one."""
+        self.lines.append((good, line))
+        return good
+
+    @property
+    def good(self) -> bool:
+        """True when the whole contract holds."""
+        return all(good for good, _ in self.lines)
+
+
+@dataclass
+class Trial:
+    """One start of a system on the generated frames."""
+
+    system: System
+    folder: Path
+    """Of the system."""
+    sequence: Path
+    run_dir: Path
+    nodes: dict[Role, subprocess.Popen[bytes]] = field(default_factory=dict)
+
+    @contextmanager
+    def started(self) -> Iterator[None]:
+        """All nodes, the edge first; none is left behind."""
+        self.run_dir.mkdir()
+        (self.run_dir / "run.json").write_text(json.dumps(self._config()))
+        with ExitStack() as cleanup:
+            for role in sorted(self.system.roles):
+                node = self._start(role)
+                cleanup.callback(_end, node)
+                self.nodes[role] = node
+            yield
+
+    def _config(self) -> dict[str, Any]:
+        variant = self.system.choose_variant(None)
+        network = None
+        if self.system.has_edge:
+            ports = {name: _free_port() for name in self.system.channels}
+            network = {"edge_address": "127.0.0.1", "ports": ports}
+        return {
+            "format": "slambed-run", "version": 1, "run_key": "check", "seed": 1,
+            "system": self.system.name, "variant": variant,
+            "params": self.system.resolve(variant, {}), "sequence": str(self.sequence),
+            "playback": {"mode": "every_frame", "fps": None, "start_s": 0.0, "end_s": None},
+            "network": network, "output": str(self.run_dir), "connect_timeout_s": 20.0,
+        }  # fmt: skip
+
+    def _start(self, role: Role) -> subprocess.Popen[bytes]:
+        plan = NodePlan(
+            role, "check", self.run_dir, self.sequence, Limits(), [], False,
+            self.system.runtime, self.folder,
+        )  # fmt: skip
+        (self.run_dir / role).mkdir()
+        arguments = player_arguments(plan, str(self.run_dir / "run.json"), str(self.folder))
+        with self._log(role).open("wb") as log:
+            return subprocess.Popen(
+                [str(find_program(PLAYER)), *arguments],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                env=environment(plan, str(clients_folder()), host_path()),
+                start_new_session=True,
+            )  # fmt: skip
+
+    def _log(self, role: str) -> Path:
+        return self.run_dir / role / "log.txt"
+
+    def wait(self, over: Callable[[], bool], patience_s: float) -> bool:
+        """Until `over`, or a node that ended by itself; whether `over` came."""
+        deadline = time.monotonic() + patience_s
+        while not over():
+            ended = any(node.poll() is not None for node in self.nodes.values())
+            if ended or time.monotonic() > deadline:
+                return over()
+            time.sleep(0.02)
+        return True
+
+    def ready(self) -> bool:
+        """Whether every node said so in time."""
+        assert self.system.runtime is not None
+        files = [self.run_dir / role / "ready.json" for role in self.nodes]
+        return self.wait(lambda: all(f.exists() for f in files), self.system.runtime.ready_s)
+
+    def start_clock(self) -> None:
+        """Run time 0 is now."""
+        partial = self.run_dir / "start.partial"
+        partial.write_text(json.dumps({"t0_ns": time.monotonic_ns() + 100_000_000}))
+        partial.rename(self.run_dir / "start.json")
+
+    def code(self, role: Role, patience_s: float) -> int | None:
+        """Exit code; None when it did not end in time."""
+        try:
+            return self.nodes[role].wait(patience_s)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def said(self, role: Role) -> str:
+        """The last line of a node."""
+        return last_line(self._log(role)).removeprefix("error: ")
+
+    def events(self, role: Role = "mobile") -> list[Event]:
+        """What a node recorded."""
+        path = self.run_dir / role / "events.jsonl"
+        return read_jsonl(path)[0] if path.exists() else []
+
+
+def check_system(named: str, library: Library) -> Checked:
+    """Raises SlambedError where there is no such system, or it is one of ours."""
+    system = library.system(named)
+    if system.runtime is None:
+        raise SlambedError(f"system {system.name} is built in; only programs of others are checked")
+    folder = library.system_file(named).parent
+    found = Checked()
+    found.tell(True, f"system.yaml: {system.name}, {' and '.join(system.roles)}")
+    with tempfile.TemporaryDirectory(prefix="slambed-check-") as place:
+        sequence = _generate(system.sensors[0], Path(place) / "sequence")
+        trial = Trial(system, folder, sequence, Path(place) / "run")
+        with trial.started():
+            if _begins(trial, found):
+                _plays(trial, found)
+        again = Trial(system, folder, sequence, Path(place) / "stopped")
+        if found.good:
+            with again.started():
+                _stops(again, found)
+    return found
+
+
+def _begins(trial: Trial, found: Checked) -> bool:
+    assert trial.system.runtime is not None
+    ready = trial.ready()
+    for role in sorted(trial.nodes):
+        said = (trial.run_dir / role / "ready.json").exists()
+        why = "" if said else f" within {trial.system.runtime.ready_s:g} s: {trial.said(role)}"
+        found.tell(said, f"{role}: starts and says that it is ready{why}")
+    return ready
+
+
+def _plays(trial: Trial, found: Checked) -> None:
+    trial.start_clock()
+    code = trial.code("mobile", FRAMES / FPS + END_PATIENCE_S)
+    ends = "mobile: plays to the end and then ends by itself, exit code 0"
+    if code != 0:
+        how = "it had to be killed" if code is None else f"exit code {code}"
+        found.tell(False, f"{ends}: {how}, {trial.said('mobile')}")
+    else:
+        found.tell(True, ends)
+    if trial.system.has_edge:
+        edge = trial.code("edge", END_PATIENCE_S)
+        found.tell(edge == 0, f"edge: ends with the run{'' if edge == 0 else ': ' + str(edge)}")
+    _answers(trial, found)
+    if code == 0:
+        _path(trial, found)
+    for key, item in trial.system.metrics.items():
+        role: Role = item.node or "mobile"
+        seen = any(event["type"] == item.event for event in trial.events(role))
+        how = "comes" if seen else "did not come in these frames"
+        found.tell(True, f"metric {key}: event '{item.event}' {how}")
+
+
+def _answers(trial: Trial, found: Checked) -> None:
+    assert trial.system.runtime is not None
+    if not trial.system.runtime.mobile.client:
+        return
+    frames = [e for e in trial.events() if e["type"] == "frame_tracked"]
+    found.tell(len(frames) == FRAMES, f"takes every frame: {len(frames)} of {FRAMES}")
+    answered = [e for e in frames if "track_ms" in e]
+    line = f"answers every frame with a pose or a state: {len(answered)} of {len(frames)}"
+    if found.tell(bool(answered) and len(answered) == len(frames), line):
+        median = float(np.median([e["track_ms"] for e in answered]))
+        found.tell(True, f"a frame takes {median:.1f} ms (median, without limits)")
+
+
+def _path(trial: Trial, found: Checked) -> None:
+    path = trial.run_dir / "mobile" / "trajectory.txt"
+    estimate = read_tum(path) if path.exists() else None
+    if not found.tell(
+        estimate is not None and len(estimate) >= 3,
+        f"tells where the camera was: {0 if estimate is None else len(estimate)} poses",
+    ):
+        return
+    assert estimate is not None
+    truth = read_tum(trial.sequence / "groundtruth.txt")
+    with_scale = trial.system.sensors[0] == "mono"
+    error = absolute_error(estimate, truth, with_scale=with_scale).rmse
+    inverse = absolute_error(_inverted(estimate), truth, with_scale=with_scale).rmse
+    turned = inverse < INVERSE_IS_BETTER * error
+    line = "poses are camera to world"
+    if turned:
+        line += f": no, inverted they fit ({100 * error:.1f} cm as sent, {100 * inverse:.1f} cm)"
+    found.tell(not turned, line)
+    found.tell(True, f"ATE over these frames {100 * error:.1f} cm")
+
+
+def _stops(trial: Trial, found: Checked) -> None:
+    if not trial.ready():
+        found.tell(False, "starts a second time")
+        return
+    trial.start_clock()
+    trial.wait(lambda: False, STOPPED_AFTER_S)
+    for node in trial.nodes.values():
+        node.send_signal(signal.SIGTERM)
+    codes = {role: trial.code(role, STOP_PATIENCE_S) for role in trial.nodes}
+    told = object_or_empty(trial.run_dir / "mobile" / "node.json").get("stopped")
+    good = set(codes.values()) == {0} and told is True
+    found.tell(good, f"stops when told{'' if good else f': {codes}'}")
+
+
+def _inverted(path: Trajectory) -> Trajectory:
+    """Each pose's inverse."""
+    inverse = path.rotations().inv()
+    return Trajectory(path.stamps_s, -inverse.apply(path.positions_m), inverse.as_quat())
+
+
+def _generate(sensor: str, path: Path) -> Path:
+    """A fixed piece of a walk through a room."""
+    command = [
+        *(str(find_program("slambed-synth")), "--out", str(path), "--id", "check", "--seed", "3"),
+        *("--sensor", sensor, "--fps", str(FPS), "--seconds", str(FRAMES / FPS)),
+    ]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return path
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+def _end(node: subprocess.Popen[bytes]) -> None:
+    if node.poll() is None:
+        os.killpg(node.pid, signal.SIGKILL)
+    node.wait()

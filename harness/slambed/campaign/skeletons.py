@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed new`: writes a copy of a skeleton (folder skeletons/) under a name of one's own."""
+
+import re
+from pathlib import Path
+
+from slambed.errors import SlambedError
+from slambed.native import repository_root
+
+KINDS = ("system", "dataset", "experiment")
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+PLACEHOLDER = "NAME"
+
+
+def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
+    """What was written, and what to do next, line by line. Nothing that is there is touched."""
+    if kind not in KINDS:
+        raise SlambedError(f"unknown kind '{kind}'; known: {', '.join(KINDS)}")
+    if not NAME.fullmatch(name):
+        raise SlambedError(f"'{name}' is no name: small letters, digits and _, a letter first")
+    source = repository_root() / "skeletons"
+    if kind != "system":
+        target = folder / f"{name}.yaml"
+        _write(source / f"{kind}.yaml", target, name)
+        follow = "slambed data list" if kind == "dataset" else f"slambed run {target} --check"
+        return [f"{target}", f"next: {follow}"]
+    place = folder / name
+    if place.exists():
+        raise SlambedError(f"{place} is there already; choose another name or --folder")
+    written = []
+    for path in sorted((source / kind).iterdir()):
+        target = place / path.name.replace(PLACEHOLDER, name)
+        _write(path, target, name)
+        written.append(f"{target}")
+    return [
+        *written,
+        f"next: slambed check-system {place / 'system.yaml'}",
+        f"      slambed run {place / f'{name}_beside_ours.yaml'} --engine local",
+    ]
+
+
+def _write(source: Path, target: Path, name: str) -> None:
+    if target.exists():
+        raise SlambedError(f"{target} is there already; choose another name or --folder")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(source.read_text().replace(PLACEHOLDER, name))
+    except OSError as error:
+        raise SlambedError(f"{target}: {error.strerror}; choose another --folder") from None

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A prepared sequence as a folder of pictures, in the layouts that other programs read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.data.model import Trajectory
+from slambed.data.prepared import PreparedSequence, move_into_place, partial_folder
+from slambed.data.trajectory_file import write_trajectory
+from slambed.errors import SlambedError, environment_error
+
+Progress = Callable[[int, int], None]
+SENSORS = {"tum": ("rgbd",), "euroc": ("stereo",), "kitti": ("stereo", "mono")}
+"""Format -> sensors whose sequences it can hold."""
+
+
+def export(
+    sequence: PreparedSequence, layout: str, path: Path, progress: Progress | None = None
+) -> Path:
+    """Writes `path` whole or not at all: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/),
+    kitti (image_0, image_1, times.txt, calib.txt, poses.txt).
+
+    Grey pictures, as they are played. Raises SlambedError for a layout that cannot hold the
+    sequence, and where something is there already.
+    """
+    if layout not in SENSORS:
+        raise SlambedError(f"unknown format '{layout}'; known: {', '.join(SENSORS)}")
+    if sequence.info.sensor not in SENSORS[layout]:
+        fitting = [name for name, sensors in SENSORS.items() if sequence.info.sensor in sensors]
+        raise SlambedError(
+            f"{sequence.info.id} is {sequence.info.sensor}, which {layout} does not hold; "
+            f"take {' or '.join(fitting)}"
+        )
+    if path.exists():
+        raise SlambedError(f"{path} is there already; choose another folder")
+    partial = partial_folder(path)
+    try:
+        partial.mkdir(parents=True)
+        {"tum": _tum, "euroc": _euroc, "kitti": _kitti}[layout](sequence, partial, progress)
+        move_into_place(partial, path)
+    except OSError as error:
+        raise environment_error(f"{path}: {error.strerror}; choose another folder") from None
+    return path
+
+
+def _tum(sequence: PreparedSequence, folder: Path, progress: Progress | None) -> None:
+    lists = {kind: ["# timestamp filename"] for kind in ("rgb", "depth")}
+    for kind in lists:
+        (folder / kind).mkdir()
+    for index, frame in enumerate(sequence):
+        stamp = _seconds(frame.timestamp_ns, 6)
+        assert frame.second is not None
+        for kind, image in (("rgb", frame.grey), ("depth", frame.second)):
+            _write(folder / kind / f"{stamp}.png", image)
+            lists[kind].append(f"{stamp} {kind}/{stamp}.png")
+        _tell(progress, index, sequence)
+    for kind, lines in lists.items():
+        (folder / f"{kind}.txt").write_text("\n".join(lines) + "\n")
+    if (truth := sequence.groundtruth()) is not None:
+        write_trajectory(folder / "groundtruth.txt", truth)
+    camera = sequence.info.camera
+    (folder / "camera.txt").write_text(
+        "# fx fy cx cy k1 k2 p1 p2 k3 bf, depth steps per metre\n"
+        + " ".join(map(repr, (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)))
+        + f" {camera.bf!r} {1 / sequence.info.depth_unit_m:g}\n"
+    )
+
+
+def _euroc(sequence: PreparedSequence, folder: Path, progress: Progress | None) -> None:
+    camera, info = sequence.info.camera, sequence.info
+    rows: list[str] = []
+    for side in (0, 1):
+        (folder / "mav0" / f"cam{side}" / "data").mkdir(parents=True)
+    for index, frame in enumerate(sequence):
+        assert frame.second is not None
+        name = f"{frame.timestamp_ns}.png"
+        for side, image in enumerate((frame.grey, frame.second)):
+            _write(folder / "mav0" / f"cam{side}" / "data" / name, image)
+        rows.append(f"{frame.timestamp_ns},{name}")
+        _tell(progress, index, sequence)
+    for side in (0, 1):
+        place = folder / "mav0" / f"cam{side}"
+        (place / "data.csv").write_text("\n".join(["#timestamp [ns],filename", *rows]) + "\n")
+        # The body is the left camera; the right one stands a baseline to its right.
+        x_m = side * camera.bf / camera.fx
+        (place / "sensor.yaml").write_text(
+            "sensor_type: camera\n"
+            "T_BS:\n  cols: 4\n  rows: 4\n"
+            f"  data: [1, 0, 0, {x_m!r}, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+            f"rate_hz: {info.fps:g}\nresolution: [{info.width}, {info.height}]\n"
+            "camera_model: pinhole\n"
+            f"intrinsics: [{camera.fx!r}, {camera.fy!r}, {camera.cx!r}, {camera.cy!r}]\n"
+            "distortion_model: radial-tangential\ndistortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n"
+        )
+    if (truth := sequence.groundtruth()) is not None:
+        place = folder / "mav0" / "state_groundtruth_estimate0"
+        place.mkdir()
+        lines = ["#timestamp,p_x,p_y,p_z,q_w,q_x,q_y,q_z"]
+        for t_s, x, y, z, qx, qy, qz, qw in truth.tolist():
+            lines.append(f"{round(t_s * 1e9)},{x!r},{y!r},{z!r},{qw!r},{qx!r},{qy!r},{qz!r}")
+        (place / "data.csv").write_text("\n".join(lines) + "\n")
+
+
+def _kitti(sequence: PreparedSequence, folder: Path, progress: Progress | None) -> None:
+    camera = sequence.info.camera
+    stereo = sequence.info.sensor == "stereo"
+    for side in (0, 1) if stereo else (0,):
+        (folder / f"image_{side}").mkdir()
+    times = []
+    for index, frame in enumerate(sequence):
+        _write(folder / "image_0" / f"{index:06d}.png", frame.grey)
+        if frame.second is not None:
+            _write(folder / "image_1" / f"{index:06d}.png", frame.second)
+        times.append(_seconds(int(sequence.index["timestamp_ns"][index]), 9))
+        _tell(progress, index, sequence)
+    (folder / "times.txt").write_text("\n".join(times) + "\n")
+    rows = [
+        f"P{side}: {camera.fx!r} 0 {camera.cx!r} {-side * camera.bf!r} "
+        f"0 {camera.fy!r} {camera.cy!r} 0 0 0 1 0"
+        for side in (0, 1)
+    ]
+    (folder / "calib.txt").write_text("\n".join(rows) + "\n")
+    if (truth := sequence.groundtruth()) is not None:
+        poses = _at_frames(sequence, truth)
+        np.savetxt(folder / "poses.txt", poses.reshape(-1, 12), fmt="%.9e")
+
+
+def _at_frames(sequence: PreparedSequence, truth: Trajectory) -> NDArray[np.float64]:
+    """(n, 3, 4): the true pose of every frame, between those that were measured."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    times_s = sequence.info.time_origin_s + sequence.times_s
+    inside = np.clip(times_s, truth[0, 0], truth[-1, 0])
+    poses = np.zeros((len(times_s), 3, 4))
+    poses[:, :, :3] = Slerp(truth[:, 0], Rotation.from_quat(truth[:, 4:]))(inside).as_matrix()
+    for axis in range(3):
+        poses[:, axis, 3] = np.interp(inside, truth[:, 0], truth[:, 1 + axis])
+    return poses
+
+
+def _write(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    good, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    assert good
+    path.write_bytes(encoded.tobytes())
+
+
+def _seconds(time_ns: int, digits: int) -> str:
+    """Exact, where floats of the time since 1970 would not be."""
+    unit = 10 ** (9 - digits)
+    whole, rest = divmod((time_ns + unit // 2) // unit, 10**digits)
+    return f"{whole}.{rest:0{digits}d}"
+
+
+def _tell(progress: Progress | None, index: int, sequence: PreparedSequence) -> None:
+    if progress is not None:
+        progress(index + 1, len(sequence))

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How an engine starts a system that is a program of its own: slambed-play in front of it."""
+
+import sys
+from pathlib import Path
+
+from slambed.engines.base import NodePlan
+from slambed.errors import environment_error
+from slambed.native import find_program, repository_root
+from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
+
+PLAYER = "slambed-play"
+PATH = "/usr/local/bin:/usr/bin:/bin"
+ELF_INTERPRETER = 3
+"""PT_INTERP of a program header: the program needs libraries of its host."""
+
+
+def clients_folder() -> Path:
+    """Where slambed_client.py and slambed_client.h lie."""
+    return repository_root() / "systems" / "play" / "client"
+
+
+def player_arguments(plan: NodePlan, config: str, folder: str) -> list[str]:
+    """What slambed-play gets; `folder` is the system's as the node sees it."""
+    assert plan.runtime is not None
+    part = plan.runtime.of(plan.role)
+    own = [word.replace("{folder}", folder) for word in part.command]
+    flags = [] if part.client else ["--no-client"]
+    return [
+        *("--role", plan.role, "--config", config, "--directory", folder),
+        *(*flags, "--", *own),
+    ]
+
+
+def environment(plan: NodePlan, clients: str, path: str | None) -> dict[str, str]:
+    """What the program finds in its environment besides what slambed-play tells it, whatever the
+    shell of who started the campaign holds. `path`: none where the image has its own."""
+    assert plan.runtime is not None
+    own = plan.runtime.of(plan.role).env
+    usual = {"LANG": "C.UTF-8", "HOME": "/tmp", "PYTHONDONTWRITEBYTECODE": "1"}
+    if path is not None:
+        usual["PATH"] = path
+    python = [clients, *filter(None, [own.get("PYTHONPATH")])]
+    return usual | own | {"PYTHONPATH": ":".join(python)}
+
+
+def host_path() -> str:
+    """Programs of slambed's own environment first: its python3 has numpy and OpenCV."""
+    return f"{Path(sys.executable).parent}:{PATH}"
+
+
+def player_volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
+    """What is bound into a container of somebody else's image."""
+    assert plan.system_folder is not None
+    player = find_program(PLAYER)
+    if not _is_static(player):
+        raise environment_error(
+            f"{player} needs libraries of this host, which no image of others has; "
+            "run 'make images'"
+        )
+    return {
+        str(player): {"bind": f"{PLAYER_IN_CONTAINER}/{PLAYER}", "mode": "ro"},
+        str(clients_folder()): {"bind": f"{PLAYER_IN_CONTAINER}/client", "mode": "ro"},
+        str(plan.system_folder): {"bind": SYSTEM_IN_CONTAINER, "mode": "ro"},
+    }
+
+
+def _is_static(program: Path) -> bool:
+    """Whether an ELF64 program asks for no interpreter."""
+    content = program.read_bytes()
+    begin = int.from_bytes(content[32:40], "little")
+    size = int.from_bytes(content[54:56], "little")
+    count = int.from_bytes(content[56:58], "little")
+    kinds = [int.from_bytes(content[begin + i * size :][:4], "little") for i in range(count)]
+    return content[:4] == b"\x7fELF" and ELF_INTERPRETER not in kinds

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What map updates and losses cost in frames and time (IJNC 15(2), 2025, Sec. 4): frames processed,
+frames dropped while an update held tracking up, and how long a camera that is back at a place seen
+before waits to be found there."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.metrics.association import DEFAULT_MAX_DIFFERENCE_S, match_nearest
+from slambed.metrics.events import Event, EventLog
+from slambed.metrics.tracking import mean_of
+from slambed.metrics.trajectory import Trajectory
+
+KNOWN_DISTANCE_M = 0.4
+KNOWN_ANGLE_DEG = 20.0
+"""A camera this near to where it was tracked before sees what the map has."""
+
+
+def pause_ms_mean(log: EventLog, relocalisation: bool) -> float | None:
+    """How long tracking stood still for a map sent for relocalisation, or for another update."""
+    updates = log.of("update_applied")
+    return mean_of([e for e in updates if bool(e.get("relocalisation")) == relocalisation],
+                   "pause_ms")  # fmt: skip
+
+
+def frames_lost_to_updates(log: EventLog) -> int | None:
+    """Frames dropped while a map update held tracking up; None where the program does not tell."""
+    held = [e for e in log.of("update_applied") if isinstance(e.get("pause_ms"), int | float)]
+    if not held and log.of("update_applied"):
+        return None
+    dropped = np.array([event["t_ns"] for event in log.of("frame_dropped")], dtype=np.float64)
+    lost = np.zeros(len(dropped), dtype=bool)
+    for event in held:
+        lost |= (dropped >= event["t_ns"] - event["pause_ms"] * 1e6) & (dropped <= event["t_ns"])
+    return int(lost.sum())
+
+
+def sequence_times_s(live: Trajectory, log: EventLog) -> NDArray[np.float64] | None:
+    """Sequence times of live poses: the last one is of the last frame that got one."""
+    tracked = [event for event in log.of("frame_tracked") if event.get("state") == "ok"]
+    if not tracked or not len(live):
+        return None
+    times_s: NDArray[np.float64] = live.stamps_s - live.stamps_s[-1] + float(tracked[-1]["seq_s"])
+    return times_s
+
+
+def known_place_times_s(log: EventLog, live: Trajectory, truth: Trajectory) -> list[float]:
+    """Per loss in which the camera came back: from the first lost frame whose true pose is near one
+    tracked before until the next pose, or the last frame.
+
+    The camera has to have been elsewhere in between: where it is lost it is near what it tracked
+    last. One that never leaves counts from its first lost frame.
+    """
+    times_s = sequence_times_s(live, log)
+    frames = log.of("frame_tracked")
+    if times_s is None or not len(truth):
+        return []
+    offset_s = float(live.stamps_s[-1] - times_s[-1])
+    stamps = np.array([float(frame["seq_s"]) for frame in frames]) + offset_s
+    own, other = match_nearest(stamps, truth.stamps_s, DEFAULT_MAX_DIFFERENCE_S)
+    true_pose = np.full(len(frames), -1)
+    true_pose[own] = other
+    return [
+        found
+        for begin, end in _losses(frames)
+        if (found := _known(frames, true_pose, truth, begin, end)) is not None
+    ]
+
+
+def _losses(frames: list[Event]) -> list[tuple[int, int]]:
+    """First lost frame, and the next with a pose (or the number of frames), of every loss."""
+    found: list[tuple[int, int]] = []
+    begin: int | None = None
+    for i, frame in enumerate(frames):
+        if frame.get("state") == "lost" and begin is None:
+            begin = i
+        elif frame.get("state") != "lost" and begin is not None:
+            found.append((begin, i))
+            begin = None
+    return found if begin is None else [*found, (begin, len(frames))]
+
+
+def _known(
+    frames: list[Event], true_pose: NDArray[np.intp], truth: Trajectory, begin: int, end: int
+) -> float | None:
+    seen = [i for i in range(begin) if frames[i].get("state") == "ok" and true_pose[i] >= 0]
+    lost = [i for i in range(begin, end) if true_pose[i] >= 0]
+    if not seen or not lost:
+        return None
+    near = [_near(truth, true_pose[i], true_pose[seen]) for i in lost]
+    away = next((k for k, is_near in enumerate(near) if not is_near), None)
+    back = 0 if away is None else next((k for k in range(away, len(near)) if near[k]), None)
+    if back is None:
+        return None
+    until = frames[min(end, len(frames) - 1)]
+    return float(until["seq_s"]) - float(frames[lost[back]]["seq_s"])
+
+
+def _near(truth: Trajectory, pose: int, others: NDArray[np.intp]) -> bool:
+    steps = np.linalg.norm(truth.positions_m[others] - truth.positions_m[pose], axis=1)
+    close = others[steps <= KNOWN_DISTANCE_M]
+    if not len(close):
+        return False
+    turns = truth.rotations()[close] * truth.rotations()[int(pose)].inv()
+    return bool(np.any(turns.magnitude() <= np.radians(KNOWN_ANGLE_DEG)))

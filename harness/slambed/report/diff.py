@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed diff A B`: two results folders, metric by metric, cell by cell, paired where seeds pair.
+
+Whatever differs between the two: the commit, the engine, the system, the host.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from slambed.errors import SlambedError
+from slambed.metrics.catalog import keys_for
+from slambed.metrics.comparison import (
+    USUAL_ALPHA,
+    fisher,
+    holm,
+    least_p,
+    mann_whitney,
+    mcnemar,
+    signed_rank,
+)
+from slambed.metrics.metric import Metric, Use
+from slambed.metrics.statistics import Interval, finite, interval
+from slambed.report.cells import metrics_asked, text
+from slambed.report.differences import paired_by_seed
+from slambed.report.load import Results
+from slambed.report.tables import Table, around
+
+Floats = NDArray[np.float64]
+WHERE = ("label", "dataset", "profile")
+RESAMPLES, SEED = 2000, 1
+Estimate = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One metric of one cell in both folders."""
+
+    cell: str
+    metric: Metric
+    a: float
+    b: float
+    change: Interval
+    """b - a: the median of the pairs' differences, or the difference of the medians (shares)."""
+    p_value: float
+    """Adjusted for all comparisons of the two folders (Holm)."""
+    paired: bool
+    possible: bool
+    """Whether this many runs could have shown any change among so many comparisons."""
+
+    @property
+    def shown(self) -> bool:
+        """True where chance does not explain it."""
+        return self.p_value <= USUAL_ALPHA
+
+    @property
+    def verdict(self) -> str:
+        """In words; equality is never claimed."""
+        if not self.shown:
+            return "no change shown" if self.possible else "too few runs to show any"
+        if self.metric.better == "neither" or self.change.value == 0:
+            return "changed"
+        return "better" if (self.change.value > 0) == (self.metric.better == "higher") else "worse"
+
+
+def diff(a: Results, b: Results, metrics: list[str] | None = None) -> list[Change]:
+    """Every metric that both were asked for (or those named) in every cell that both have.
+
+    Cells match by system's label, dataset and link; folders of one system each by the latter two.
+    Raises SlambedError where nothing matches.
+    """
+    by = _matching(a.trusted, b.trusted)
+    asked = metrics or [key for key in metrics_asked(a) if key in metrics_asked(b)]
+    items = [a.metric(key) for key in asked or keys_for(Use.TESTED)]
+    others = {_key(key): group for key, group in b.trusted.groupby(by, sort=False, dropna=False)}
+    found: list[Change] = []
+    for key, group in a.trusted.groupby(by, sort=False, dropna=False):
+        if (other := others.get(_key(key))) is None:
+            continue
+        cell = "/".join(word for word in _key(key) if word)
+        found += [c for item in items if (c := _change(cell, item, group, other)) is not None]
+    if not found:
+        raise SlambedError(
+            f"nothing to compare: {a.folder} and {b.folder} share no cell with two runs to be "
+            "trusted on either side; 'slambed status' says what is there"
+        )
+    adjusted = holm([item.p_value for item in found])
+    return [
+        Change(c.cell, c.metric, c.a, c.b, c.change, float(p), c.paired,
+               least_p(c.change.count, c.paired) * len(found) <= USUAL_ALPHA)
+        for c, p in zip(found, adjusted, strict=True)
+    ]  # fmt: skip
+
+
+def _matching(a: pd.DataFrame, b: pd.DataFrame) -> list[str]:
+    labels = [set(side["label"].dropna().astype(str)) for side in (a, b)]
+    one_each = all(len(names) == 1 for names in labels)
+    return list(WHERE[1:] if one_each else WHERE)
+
+
+def _key(key: object) -> tuple[str, ...]:
+    return tuple(text(word) for word in (key if isinstance(key, tuple) else (key,)))
+
+
+def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change | None:
+    if item.key not in a or item.key not in b:
+        return None
+    pairs = paired_by_seed(a, b)
+    if pairs is not None:
+        sides = [pd.to_numeric(s[item.key].astype(object), errors="coerce") for s in pairs]
+        x, y = (side.to_numpy(np.float64) for side in sides)
+        measured = ~(np.isnan(x) | np.isnan(y))
+        x, y = x[measured], y[measured]
+    else:
+        x, y = finite(a[item.key].to_numpy()), finite(b[item.key].to_numpy())
+    if min(len(x), len(y)) < 2:
+        return None
+    paired = pairs is not None
+    if item.kind == "share":
+        x, y = (x > 0).astype(np.float64), (y > 0).astype(np.float64)
+        p = mcnemar(x, y) if paired else fisher(int(x.sum()), len(x), int(y.sum()), len(y))
+        of: Estimate = _mean
+    else:
+        p = signed_rank(x, y) if paired else mann_whitney(x, y).p_value
+        of = _median
+    # A failed run is infinitely bad; its difference to another one is no number.
+    with np.errstate(invalid="ignore"):
+        told = y - x if paired else np.empty(0)
+    if paired and item.kind != "share" and np.isfinite(told).all():
+        change = interval(told)
+    else:
+        change = _resampled(x, y, of, paired)
+    p = 1.0 if np.isnan(p) else p
+    return Change(cell, item, float(of(x)), float(of(y)), change, p, paired, True)
+
+
+def _mean(values: Floats) -> Floats:
+    return np.asarray(values.mean(axis=-1))
+
+
+def _median(values: Floats) -> Floats:
+    return np.asarray(np.median(values, axis=-1))
+
+
+def _resampled(x: Floats, y: Floats, of: Estimate, paired: bool) -> Interval:
+    """Percentile bootstrap of of(y) - of(x), seeded; resamples with infinite ends tell them."""
+    rng = np.random.default_rng(SEED)
+    rows = rng.integers(len(x), size=(RESAMPLES, len(x)))
+    columns = rows if paired else rng.integers(len(y), size=(RESAMPLES, len(y)))
+    with np.errstate(invalid="ignore"):
+        drawn = of(y[columns]) - of(x[rows])
+        value = float(of(y) - of(x))
+    low, high = stats.mstats.mquantiles(drawn[~np.isnan(drawn)], [0.025, 0.975])
+    return Interval(value, float(low), float(high), min(len(x), len(y)))
+
+
+def diff_table(found: list[Change], a: str, b: str) -> Table:
+    """The shown changes first."""
+    rows = [
+        [
+            c.cell, c.metric.heading, c.metric.show(c.a), c.metric.show(c.b),
+            f"{c.metric.show(c.change.value)} {around(c.metric, c.change)}",
+            f"{c.change.count}{' pairs' if c.paired else ''}", f"{c.p_value:.2g}", c.verdict,
+        ]
+        for c in sorted(found, key=lambda c: c.p_value)
+    ]  # fmt: skip
+    headings = ["cell", "metric", "A", "B", "B - A [95 %]", "runs", "p (Holm)", "verdict"]
+    caption = (
+        f"A: {a}; B: {b}. Virtual runs of equal seed are pairs (Wilcoxon's signed-rank test, "
+        "shares McNemar's), others are not (Mann-Whitney's, shares Fisher's)"
+    )
+    return Table("diff", caption, headings, rows, words=2)

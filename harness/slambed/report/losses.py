@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All losses of an experiment by cause: `slambed losses`."""
+
+from dataclasses import dataclass
+
+from slambed.metrics.losses import BEHIND_UPDATE_S, EVENTS, Cause, Loss, losses_of, sentence
+from slambed.metrics.statistics import wilson
+from slambed.report.load import Results
+from slambed.report.tables import Table
+
+MOST_TIMES = 12
+
+
+@dataclass(frozen=True)
+class LostRun:
+    """The losses of one run."""
+
+    cell: str
+    run_key: str
+    repetition: int
+    losses: list[Loss]
+
+
+def lost_runs(results: Results) -> list[LostRun]:
+    """Every trusted run, also those that lost nothing, in the order of the summary."""
+    runs = []
+    for row in results.trusted.to_dict("records"):
+        log = results.events(str(row["run_key"]), EVENTS)
+        if log is not None:
+            found = losses_of(log)
+            key = str(row["run_key"])
+            runs.append(LostRun(str(row["cell"]), key, int(row["repetition"]), found))
+    return runs
+
+
+def by_cause(runs: list[LostRun]) -> Table:
+    """Per cell: runs that lost track, and what the first loss of each followed from."""
+    table = Table(
+        "losses",
+        "What the first loss of each run followed from, and when (sequence time in s).",
+        ["cell", "lost", "95 %", *(str(cause) for cause in Cause), "behind an update", "first at"],
+    )
+    for cell in dict.fromkeys(run.cell for run in runs):
+        own = [run for run in runs if run.cell == cell]
+        firsts = [run.losses[0] for run in own if run.losses]
+        share = wilson(len(firsts), len(own))
+        behind = sum(
+            loss.update_s is not None and loss.update_s <= BEHIND_UPDATE_S for loss in firsts
+        )
+        counts = [str(sum(loss.cause is cause for loss in firsts) or "") for cause in Cause]
+        table.rows.append(
+            [
+                cell,
+                f"{len(firsts)}/{len(own)}",
+                f"{share.low:.0%} to {share.high:.0%}",
+                *counts,
+                f"{behind}/{len(firsts)}" if firsts else "",
+                _times([loss.seq_s for loss in firsts]),
+            ]
+        )
+    return table
+
+
+def _times(times_s: list[float]) -> str:
+    shown = [f"{time_s:.1f}" for time_s in sorted(times_s)]
+    more = [f"and {len(shown) - MOST_TIMES} more"] if len(shown) > MOST_TIMES else []
+    return " ".join(shown[:MOST_TIMES] + more)
+
+
+def every_loss(runs: list[LostRun]) -> Table:
+    """One row per loss, first ones and later ones."""
+    table = Table(
+        "every_loss",
+        "Every loss with what preceded it.",
+        [
+            "cell",
+            "run",
+            "repetition",
+            "number",
+            "seq_s",
+            "cause",
+            "missing_frames",
+            "update_s",
+            "update_pause_ms",
+            "gap_keyframes",
+            "inliers",
+            "motion_matches",
+            "word_matches",
+            "reference_matches",
+            "why",
+        ],
+        words=2,
+    )
+    for run in runs:
+        for number, loss in enumerate(run.losses, 1):
+            known = (
+                loss.missing_frames, loss.update_s, loss.update_pause_ms, loss.gap_keyframes,
+                loss.inliers, loss.motion_matches, loss.word_matches, loss.reference_matches,
+            )  # fmt: skip
+            table.rows.append(
+                [
+                    run.cell,
+                    run.run_key,
+                    str(run.repetition),
+                    str(number),
+                    f"{loss.seq_s:.3f}",
+                    str(loss.cause),
+                    *("" if v is None else f"{v:g}" for v in known),
+                    sentence(loss),
+                ]
+            )
+    return table

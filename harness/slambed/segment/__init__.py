@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who and what moves in a picture: networks, their masks, and masks kept per sequence."""

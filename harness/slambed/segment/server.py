@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The segmenter of live runs: a process beside the edge node that answers on a Unix socket.
+
+    python -m slambed.segment.server SOCKET NETWORK
+
+A question is u32 bytes that follow, f32 n_m, JPEG; an answer u32 bytes that follow and a frame of a
+mask cache. A picture that cannot be segmented is answered with 0 bytes, and told on stderr. One
+question at a time: a network fills a core."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import sys
+from pathlib import Path
+
+from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.segment.mask_cache import encode_frame
+from slambed.segment.network import load_network
+from slambed.segment.segmenter import Segmenter
+
+_SIZE = struct.Struct("<I")
+_N_M = struct.Struct("<f")
+MOST_BYTES = 16 << 20
+"""Of a question; a picture of that size is none that a camera sent."""
+
+
+def serve(place: Path, segmenter: Segmenter) -> None:
+    """Answers one caller after the other until it is ended from outside."""
+    place.unlink(missing_ok=True)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as door:
+        try:
+            door.bind(str(place))
+        except OSError as refused:
+            raise environment_error(f"{place}: {refused.strerror or refused}") from refused
+        door.listen(1)
+        print("ready", flush=True)
+        while True:
+            caller, _ = door.accept()
+            with caller:
+                try:
+                    while (question := _read(caller)) is not None:
+                        answer = _answer(question, segmenter)
+                        caller.sendall(_SIZE.pack(len(answer)) + answer)
+                except OSError as broken:
+                    print(f"warning: caller lost: {broken}", file=sys.stderr)
+
+
+def _read(caller: socket.socket) -> bytes | None:
+    """The next question, None at the end or for one that no camera would ask."""
+    head = _exactly(caller, _SIZE.size)
+    if head is None:
+        return None
+    (size,) = _SIZE.unpack(head)
+    if not _N_M.size < size <= MOST_BYTES:
+        print(f"warning: a question of {size} bytes; the caller is left", file=sys.stderr)
+        return None
+    return _exactly(caller, size)
+
+
+def _answer(question: bytes, segmenter: Segmenter) -> bytes:
+    (n_m,) = _N_M.unpack_from(question)
+    try:
+        return encode_frame(segmenter.segment(question[_N_M.size :], round(n_m, 6)))
+    except SlambedError as wrong:
+        print(f"warning: {wrong}", file=sys.stderr, flush=True)
+        return b""
+
+
+def _exactly(caller: socket.socket, size: int) -> bytes | None:
+    read = bytearray()
+    while len(read) < size:
+        piece = caller.recv(size - len(read))
+        if not piece:
+            return None
+        read += piece
+    return bytes(read)
+
+
+def main() -> int:
+    """Entry point: every failure is one line."""
+    if len(sys.argv) != 3:
+        print("error: python -m slambed.segment.server SOCKET NETWORK", file=sys.stderr)
+        return ExitCode.BAD_INPUT
+    try:
+        serve(Path(sys.argv[1]), Segmenter(load_network(sys.argv[2])))
+    except SlambedError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.code
+    except KeyboardInterrupt:
+        pass
+    return ExitCode.OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which device a role of a system gets: its own, else the experiment's, as it is or changed."""
+
+from slambed.errors import SlambedError
+from slambed.spec.device import VIRTUAL, Device, DeviceChange
+from slambed.spec.experiment import Experiment
+from slambed.spec.library import Library
+from slambed.spec.system import Role
+from slambed.spec.yaml_source import Location, YamlSource
+
+
+def chosen_device(
+    experiment: Experiment,
+    index: int,
+    source: YamlSource,
+    library: Library,
+    engine: str,
+    role: Role,
+) -> Device:
+    """Of the system where it has its own for this role, else of the experiment. Raises a complaint
+    of its place in the file where there can be no such device on this engine."""
+    place: Location = ("systems", index, "devices", role)
+    asked: str | DeviceChange | None = getattr(experiment.systems[index].devices, role)
+    if asked is None:
+        place = ("devices", role)
+        asked = experiment.devices.mobile if role == "mobile" else experiment.devices.edge
+    try:
+        if not isinstance(asked, DeviceChange):
+            device = library.device(asked)
+        elif asked.name in library.devices():
+            raise SlambedError(f"there is a device {asked.name} already, name the changed one anew")
+        elif engine not in (VIRTUAL, ""):
+            raise SlambedError(f"a changed device needs engine virtual, not {engine}")
+        else:
+            device = asked.applied_to(library.device(asked.device))
+    except (SlambedError, ValueError) as error:
+        raise source.complaint(str(error), place) from None
+    if engine == VIRTUAL and device.model is None:
+        raise source.complaint(
+            f"device {device.name} has no cost model", place, "fit one: slambed calibrate --stages"
+        )
+    return device

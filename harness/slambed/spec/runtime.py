@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`runtime:` of system.yaml: how a system that is a program of its own is started.
+
+Its software is what the section says, the files of its folder, and, in a container, its image.
+"""
+
+import hashlib
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from slambed.errors import SlambedError
+
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+DIGEST_DIGITS = 12
+# None of these changes what a system does.
+LEFT_OUT_FOLDERS = {"__pycache__", ".git"}
+LEFT_OUT_SUFFIXES = {".md", ".yaml", ".yml", ".pyc"}
+SYSTEM_IN_CONTAINER, PLAYER_IN_CONTAINER = "/system", "/slambed"
+
+
+class RoleRuntime(BaseModel):
+    """One role of a system that is a program of its own."""
+
+    model_config = STRICT
+
+    command: list[str] = Field(min_length=1)
+    """Program and arguments; starts in the system's folder. `{folder}` is that folder."""
+    image: str = ""
+    """Of engine docker, instead of the one for all roles."""
+    env: dict[str, str] = Field(default_factory=dict)
+    tmpfs: dict[str, int] = Field(default_factory=dict)
+    """Engine docker: folder -> MB that can be written there."""
+    user: str = ""
+    """Engine docker: instead of a number that owns nothing."""
+    client: bool = True
+    """It speaks to slambed-play by one of its clients; an edge need not."""
+
+
+class Runtime(BaseModel):
+    """How both roles are started."""
+
+    model_config = STRICT
+
+    image: str = ""
+    """Name, or name@sha256:..., of an image that this host has; its id is part of run keys."""
+    files: list[str] = Field(default_factory=list)
+    """Files outside of the folder that belong to the software: a binary, a vocabulary."""
+    ready_s: float = Field(default=30.0, gt=0, le=3600)
+    """Longest time from its start until it says that it is ready."""
+    mobile: RoleRuntime
+    edge: RoleRuntime | None = None
+
+    @model_validator(mode="after")
+    def _is_offered_frames(self) -> "Runtime":
+        if not self.mobile.client:
+            raise ValueError("the mobile role takes its frames by a client; client: true")
+        return self
+
+    def of(self, role: str) -> RoleRuntime:
+        """The role's part."""
+        part = self.edge if role == "edge" else self.mobile
+        assert part is not None
+        return part
+
+    def image_of(self, role: str) -> str:
+        """Name of the role's image; empty without one."""
+        return self.of(role).image or self.image
+
+
+def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) -> str:
+    """SHA-256 (12 hex digits) of a system's software: its runtime section, the files of its folder,
+    those that it names, its programs, and the ids of its images. Raises SlambedError for files that
+    are not there."""
+    digest = hashlib.sha256(runtime.model_dump_json(exclude={"ready_s"}).encode())
+    named = [Path(name) if Path(name).is_absolute() else folder / name for name in runtime.files]
+    parts = [("folder", path.relative_to(folder).as_posix(), path) for path in _files(folder)]
+    parts += [("file", path.name, path) for path in named]
+    if not images:
+        # In a container the image has the programs.
+        parts += [("program", path.name, path) for path in _programs(runtime, folder)]
+    for kind, name, path in parts:
+        try:
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise SlambedError(
+                f"runtime of {folder / 'system.yaml'}: {path}: {error.strerror}; correct files"
+            ) from None
+        digest.update(f"{kind}\0{name}\0{content}\n".encode())
+    for name, identity in sorted(images.items()):
+        digest.update(f"image\0{name}\0{identity}\n".encode())
+    return digest.hexdigest()[:DIGEST_DIGITS]
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.rglob("*")):
+        inside = path.relative_to(folder).parts
+        hidden = any(part.startswith(".") for part in inside)
+        if hidden or LEFT_OUT_FOLDERS.intersection(inside) or path.suffix in LEFT_OUT_SUFFIXES:
+            continue
+        if path.is_file():
+            yield path
+
+
+def _programs(runtime: Runtime, folder: Path) -> Iterator[Path]:
+    for part in filter(None, (runtime.mobile, runtime.edge)):
+        name = part.command[0].replace("{folder}", str(folder))
+        inside = folder / name
+        if "/" in name and inside.is_file() and not inside.is_relative_to(folder):
+            yield inside
+        elif "/" not in name and (found := shutil.which(name)) is not None:
+            yield Path(found).resolve()

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`params_from:` of a system.yaml: parameters that several systems have are written once."""
+
+from typing import Any
+
+from slambed.spec.yaml_source import YamlSource, load_yaml
+
+KEY = "params_from"
+
+
+def with_shared_params(source: YamlSource) -> YamlSource:
+    """The same description with the parameters of the file that `params_from` names (a path seen
+    from this one), behind its own. What it says of one of them replaces those fields alone.
+
+    Raises SlambedError where that file is missing or holds no parameters.
+    """
+    data = source.data
+    if not isinstance(data, dict) or KEY not in data:
+        return source
+    if not isinstance(data[KEY], str):
+        raise source.complaint(f"'{KEY}': expected the path of a file", (KEY,))
+    shared = load_yaml(source.path.parent / data[KEY])
+    if not isinstance(shared.data, dict) or not all(
+        isinstance(p, dict) for p in shared.data.values()
+    ):
+        raise shared.complaint("expected parameters: a mapping of names to their fields")
+    own = data.get("params") or {}
+    if not isinstance(own, dict):
+        return source
+    params: dict[str, Any] = {name: own[name] for name in own if name not in shared.data}
+    for name, fields in shared.data.items():
+        change = own.get(name, {})
+        params[name] = {**fields, **change} if isinstance(change, dict) else change
+    found = {key: value for key, value in data.items() if key != KEY} | {"params": params}
+    return YamlSource(source.path, found, source.lines)

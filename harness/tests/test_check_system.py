@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed check-system`: green for the examples and the skeleton, red for planted defects."""
+
+from pathlib import Path
+
+import pytest
+from command_line import slambed
+
+from slambed.errors import SlambedError
+from slambed.native import find_program, repository_root
+
+EXAMPLES = repository_root() / "examples" / "visual_odometry"
+
+
+def programs_are_built() -> bool:
+    try:
+        return all(map(find_program, ("slambed-play", "slambed-synth")))
+    except SlambedError:
+        return False
+
+
+pytestmark = pytest.mark.skipif(
+    not programs_are_built(), reason="needs the programs ('make build')"
+)
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> Path:
+    """A fresh skeleton, which is good."""
+    assert slambed("new", "system", "fresh", "--folder", str(tmp_path))[0] == 0
+    return tmp_path / "fresh" / "system.yaml"
+
+
+def red_lines(system: Path) -> list[str]:
+    code, out, err = slambed("check-system", str(system))
+    assert err == "" and code in (0, 1)
+    red = [line for line in out.splitlines() if line.startswith("no ")]
+    assert bool(red) == bool(code), out
+    return red
+
+
+@pytest.mark.parametrize("name", ["system.yaml", "remote_odometry.yaml"])
+def test_the_examples_keep_the_contract(name: str) -> None:
+    assert red_lines(EXAMPLES / name) == []
+
+
+def test_the_skeleton_keeps_the_contract(system: Path) -> None:
+    assert red_lines(system) == []
+
+
+DEFECTS = {
+    "never ready": ("    client.ready()\n", "    import time; time.sleep(600)\n", "ready"),
+    "gives up": ("        pose = where", "        if frame.index == 4:\n            break\n"
+                 "        pose = where", "plays to the end"),
+    "says nothing": ("client.pose(frame, pose)", "pass", "answers every frame"),
+    "fails": ("        pose = where", "        1 / (10 - frame.index)\n        pose = where",
+              "ZeroDivisionError"),
+    "is no pose": ("return np.eye(4)", "return np.full((4, 4), np.nan)", "plays to the end"),
+    "never ends": ("    client.close()\n", "    client.close()\n    import time; time.sleep(600)\n",
+                   "ends by itself"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_a_planted_defect_is_red(system: Path, defect: str) -> None:
+    good, bad, told = DEFECTS[defect]
+    program = system.parent / "run.py"
+    assert good in program.read_text()
+    program.write_text(program.read_text().replace(good, bad))
+    system.write_text(system.read_text() + "  ready_s: 8\n")
+    red = red_lines(system)
+    assert red and told in red[0]
+
+
+def test_inverted_poses_are_red(tmp_path: Path) -> None:
+    """World to camera instead of camera to world: the mistake that everybody makes once."""
+    folder = tmp_path / "visual_odometry"
+    folder.mkdir()
+    for path in EXAMPLES.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    text = (folder / "vo.py").read_text()
+    assert "client.pose(frame, T_wc," in text
+    inverted = text.replace("client.pose(frame, T_wc,", "client.pose(frame, np.linalg.inv(T_wc),")
+    (folder / "vo.py").write_text(inverted)
+    assert [line.split(":")[0] for line in red_lines(folder / "system.yaml")] == [
+        "no  poses are camera to world"
+    ]
+
+
+def test_a_system_of_ours_is_not_checked() -> None:
+    code, _, err = slambed("check-system", "edgeslam")
+    assert code == 2 and "is built in" in err

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Systems that are programs of their own: what their description means, before anything starts."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+from command_line import slambed
+from harness_parts import write_library
+
+from slambed.engines.base import NodePlan
+from slambed.engines.foreign import environment, player_arguments
+from slambed.errors import SlambedError
+from slambed.metrics.declared import described_by
+from slambed.metrics.run import summary_of
+from slambed.metrics.run_data import RunData
+from slambed.native import repository_root
+from slambed.spec.device import Limits
+from slambed.spec.library import Library
+from slambed.spec.runtime import Runtime, foreign_digest
+from slambed.spec.software import foreign_software
+
+MINE = """
+name: mine
+title: Mine
+roles: [mobile]
+runtime:
+  image: mine:1
+  mobile: {command: [python3, run.py, "{folder}/map"], env: {PYTHONPATH: more, A: "1"}}
+"""
+
+
+def write_system(folder: Path, text: str = MINE) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "run.py").write_text("print(1)\n")
+    path = folder / "system.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Library:
+    write_library(tmp_path / "checkout")
+    return Library(tmp_path / "checkout")
+
+
+def runtime_of(library: Library, path: Path) -> Runtime:
+    found = library.system(str(path)).runtime
+    assert found is not None
+    return found
+
+
+def test_a_system_is_found_by_its_file_and_by_the_folders_of_systems(
+    library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_system(tmp_path / "others" / "mine")
+    assert library.system(str(path)).name == "mine"
+    with pytest.raises(SlambedError, match="unknown system 'mine'"):
+        library.system("mine")
+    monkeypatch.setenv("SLAMBED_SYSTEMS", f"/nowhere:{tmp_path / 'others'}")
+    assert library.system_file("mine") == path
+    assert library.systems() == ["pair", "solo"]
+
+
+def test_a_path_in_an_experiment_is_seen_from_its_file(library: Library, tmp_path: Path) -> None:
+    path = write_system(tmp_path / "mine")
+    experiment = tmp_path / "one.yaml"
+    experiment.write_text(
+        "id: one\ntitle: one\nsystems: [{system: ./mine/system.yaml}]\ndatasets: [room]\n"
+    )
+    found, _ = library.experiment(str(experiment))
+    assert found.systems[0].system == str(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"runtime": None}, "needs a section runtime"),
+        ({"name": "solo"}, "name"),
+        ({"roles": ["mobile", "edge"]}, "runtime has an edge where roles have one"),
+        ({"runtime": {"mobile": {"command": []}}}, "command"),
+        ({"runtime": {"mobile": {"command": ["x"], "client": False}}}, "by a client"),
+    ],
+)
+def test_what_cannot_be_started_is_refused(
+    library: Library, tmp_path: Path, change: dict[str, object], line: str
+) -> None:
+    content = yaml.safe_load(MINE) | change
+    path = write_system(tmp_path / "mine", yaml.safe_dump(content))
+    with pytest.raises(SlambedError, match=line):
+        library.system(str(path))
+
+
+def test_a_name_of_ours_is_refused(library: Library, tmp_path: Path) -> None:
+    path = write_system(tmp_path / "solo", MINE.replace("mine\n", "solo\n", 1))
+    with pytest.raises(SlambedError, match="there is a system solo already"):
+        library.system(str(path))
+
+
+def test_engine_virtual_is_refused_in_one_line(tmp_path: Path) -> None:
+    write_system(tmp_path / "mine")
+    experiment = tmp_path / "one.yaml"
+    experiment.write_text(
+        "id: one\ntitle: one\nsystems: [{system: ./mine/system.yaml}]\ndatasets: [synthetic_room]\n"
+    )
+    code, _, err = slambed("run", str(experiment), "--engine", "virtual")
+    assert code == 2 and err.count("\n") == 1
+    assert "a program of its own" in err and "--engine local or docker" in err
+
+
+def test_its_software_is_its_files_its_start_and_its_image(
+    library: Library, tmp_path: Path
+) -> None:
+    folder = tmp_path / "mine"
+    path = write_system(folder)
+    first = foreign_digest(runtime_of(library, path), folder, {"mobile": "sha256:1"})
+    assert foreign_digest(runtime_of(library, path), folder, {"mobile": "sha256:2"}) != first
+    (folder / "README.md").write_text("words")
+    path.write_text(MINE + "doc: words\n")
+    assert foreign_digest(runtime_of(library, path), folder, {"mobile": "sha256:1"}) == first
+    path.write_text(MINE.replace('A: "1"', 'A: "2"'))
+    assert foreign_digest(runtime_of(library, path), folder, {"mobile": "sha256:1"}) != first
+    path.write_text(MINE)
+    (folder / "run.py").write_text("print(2)\n")
+    assert foreign_digest(runtime_of(library, path), folder, {"mobile": "sha256:1"}) != first
+
+
+def test_a_file_that_belongs_to_the_software_must_be_there(
+    library: Library, tmp_path: Path
+) -> None:
+    path = write_system(tmp_path / "mine", MINE + "  files: [vocabulary.txt]\n")
+    with pytest.raises(SlambedError, match=r"vocabulary\.txt: No such file"):
+        foreign_software("other", runtime_of(library, path), tmp_path / "mine", {})
+
+
+def test_the_players_command_has_the_systems_folder_and_a_clean_environment(
+    library: Library, tmp_path: Path
+) -> None:
+    runtime = runtime_of(library, write_system(tmp_path / "mine"))
+    plan = NodePlan("mobile", "key", tmp_path, tmp_path, Limits(), [0], False, runtime, tmp_path)
+    assert player_arguments(plan, "/out/run.json", "/system") == [
+        *("--role", "mobile", "--config", "/out/run.json", "--directory", "/system"),
+        *("--", "python3", "run.py", "/system/map"),
+    ]
+    found = environment(plan, "/clients", "/bin")
+    assert found["PYTHONPATH"] == "/clients:more" and found["A"] == "1" and found["PATH"] == "/bin"
+    assert "SLAMBED_TEST_PLACE" not in found
+
+
+def test_bytes_of_a_system_that_tells_no_messages_are_the_links(tmp_path: Path) -> None:
+    (tmp_path / "edge").mkdir()
+    facts = {"link": {"details": {"carried_bytes": {"up": 700, "down": 50}}}}
+    run = RunData(
+        tmp_path, {"roles": ["mobile", "edge"], "device_edge": {"name": "x"}}, None, facts
+    )
+    assert run.bytes_moved == {"up": 700, "down": 50}
+    (tmp_path / "edge" / "events.jsonl").write_text(
+        json.dumps({"t_ns": 1, "type": "message", "direction": "up", "bytes": 9, "channel": "k"})
+        + "\n"
+    )
+    run = RunData(
+        tmp_path, {"roles": ["mobile", "edge"], "device_edge": {"name": "x"}}, None, facts
+    )
+    assert run.bytes_moved == {"up": 9, "down": 0}
+
+
+@pytest.mark.parametrize("kind", ["system", "dataset", "experiment"])
+def test_a_skeleton_is_written_once(kind: str, tmp_path: Path) -> None:
+    assert slambed("new", kind, "fresh", "--folder", str(tmp_path))[0] == 0
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert written and not any("NAME" in path.name + path.read_text() for path in written)
+    code, _, err = slambed("new", kind, "fresh", "--folder", str(tmp_path))
+    assert code == 2 and "is there already" in err
+    assert slambed("new", kind, "No-Name", "--folder", str(tmp_path))[0] == 2
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs a C compiler ('make build')")
+def test_the_header_is_c_and_below_200_lines(tmp_path: Path) -> None:
+    header = repository_root() / "systems" / "play" / "client" / "slambed_client.h"
+    assert len(header.read_text().splitlines()) < 200
+    program = tmp_path / "one.c"
+    program.write_text(f'#include "{header}"\nint main(void) {{ slambed_client c; return '
+                       "slambed_open(&c) == -1 ? 0 : 1; }\n")  # fmt: skip
+    command = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Werror", "-o"]
+    subprocess.run([*command, tmp_path / "one", program], check=True)
+    ended = subprocess.run([tmp_path / "one"], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0 and ended.stderr.startswith("error: SLAMBED_CLIENT is not set")
+
+
+def test_metrics_of_its_own_are_found_by_the_file_that_a_run_names(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    metric = "metrics: {looks: {doc: looks, event: seen, take: count, label: looks}}\n"
+    write_system(folder, MINE + metric)
+    (tmp_path / "mobile").mkdir()
+    (tmp_path / "mobile" / "events.jsonl").write_text('{"t_ns": 1, "type": "seen"}\n')
+    spec = {"system": "mine", "system_folder": str(folder), "roles": ["mobile"]}
+    assert summary_of(RunData(tmp_path, spec, None, {}))["looks"] == 1
+    # A folder with several systems has files called as they are.
+    (folder / "system.yaml").rename(folder / "mine.yaml")
+    assert described_by(spec) == str(folder / "mine.yaml")
+    assert described_by({"system": "mine", "system_folder": str(tmp_path)}) == "mine"

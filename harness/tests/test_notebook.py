@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`import slambed`: what a notebook does with results."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from results_factory import quickstart_like
+
+import slambed
+from slambed.errors import SlambedError
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> "slambed.Results":
+    return slambed.Results(quickstart_like(tmp_path_factory.mktemp("results"), 2, 6.0))
+
+
+def test_runs_and_cells_are_tables(results: "slambed.Results") -> None:
+    assert len(results.runs) == 8 and {"label", "ate_rmse_m", "params.n_orb"} <= set(results.runs)
+    assert list(results.cells["runs"]) == [2, 2, 2, 2]
+    cell = results.cells.index[0]
+    own = results.trusted[results.trusted["cell"] == cell]["ate_rmse_m"].astype(float)
+    assert results.cells.loc[cell, "ate_rmse_m"] == pytest.approx(own.median())
+
+
+def test_events_of_all_runs_are_one_table(results: "slambed.Results") -> None:
+    frames = results.events("frame_tracked")
+    assert set(frames["type"]) == {"frame_tracked"} and frames["run_key"].nunique() == 8
+    per_cell = frames.groupby("cell")["track_ms"].median()
+    assert per_cell.between(20, 60).all() and "bytes" not in frames
+    assert len(results.events()) > len(frames)
+
+
+def test_samples_link_and_paths(results: "slambed.Results") -> None:
+    assert {"mobile", "edge"} == set(results.samples()["node"])
+    assert "probe_rtt_ms" in set(results.link()["series"])
+    key = results.runs["run_key"].iloc[0]
+    path = results.trajectory(key)
+    assert list(path.columns) == ["t_s", "x", "y", "z", "qx", "qy", "qz", "qw"] and len(path) > 40
+    assert len(results.groundtruth("room_walk")) > len(path)
+    assert not results.trajectory(key, "live").equals(path)
+
+
+def test_what_is_not_there_is_told(results: "slambed.Results", tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match="is not a folder"):
+        slambed.Results(tmp_path / "nowhere")
+    with pytest.raises(SlambedError, match="no trajectory 'best'"):
+        results.trajectory(results.runs["run_key"].iloc[0], "best")
+    with pytest.raises(SlambedError, match="has no trajectory"):
+        results.trajectory("no_such_run")
+
+
+def test_the_import_alone_loads_nothing() -> None:
+    code = "import slambed, sys; sys.exit('pandas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_an_experiment_from_python_is_checked_as_a_file_is(tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match="unknown system 'edgslam'"):
+        slambed.run(
+            {
+                "id": "mine", "title": "mine", "systems": [{"system": "edgslam"}],
+                "datasets": ["synthetic_room"],
+            },
+            engine="virtual", results=tmp_path,
+        )  # fmt: skip

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which runs an experiment asks for, on which sequences, in which order."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from data_samples import write_prepared
+from harness_parts import (
+    specs,
+    write_library,
+)
+
+from slambed.campaign import plan as planning
+from slambed.campaign.datasets import prepare_sequence
+from slambed.campaign.order import interleaved
+from slambed.campaign.plan import Plan, make_plan, repetitions
+from slambed.data import places
+from slambed.data.recipe import Playback as DatasetPlayback
+from slambed.errors import SlambedError
+from slambed.spec.experiment import Playback
+from slambed.spec.library import Library
+
+
+def test_order_interleaves_and_repeats_itself() -> None:
+    wanted = specs(cells=5, runs=3)
+    first = interleaved(wanted, seed=1)
+    assert [s.repetition for s in first] == [0] * 5 + [1] * 5 + [2] * 5
+    assert interleaved(list(reversed(wanted)), seed=1) != first[::-1]
+    assert interleaved(wanted, seed=1) == first
+    assert interleaved(wanted, seed=2) != first
+    assert [s.cell for s in first[:5]] != [s.cell for s in first[5:10]]
+
+
+def test_order_of_the_first_repetitions_does_not_depend_on_later_ones() -> None:
+    wanted = specs(cells=5, runs=3)
+    fewer = [spec for spec in wanted if spec.repetition < 2]
+    assert interleaved(wanted, 1)[:10] == interleaved(fewer, 1)
+
+
+def plan_with(datasets: list[str], root: Path, **changes: Any) -> Plan:
+    text = json.dumps(
+        {"id": "tiny", "title": "Tiny", "systems": [{"system": "solo"}], "datasets": datasets,
+         "devices": {"mobile": "small"}, **changes}
+    )  # fmt: skip
+    write_library(root, text)
+    library = Library(root)
+    experiment, source = library.experiment("tiny")
+    return make_plan(experiment, source, library, [], "local", "test", 2)
+
+
+def test_a_dataset_that_is_not_here_ends_the_experiment_or_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(places, "search_path", lambda: [tmp_path / "nothing"])
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    here = str(write_prepared(tmp_path / "here").path)
+    with pytest.raises(SlambedError, match=r"'kitti_07_left' not found.*line"):
+        plan_with(["kitti_07_left", here], tmp_path)
+    plan = plan_with(["kitti_07_left", here], tmp_path, missing_datasets="skip")
+    assert {spec.dataset for spec in plan.specs} == {"tiny"}
+    assert len(plan.specs) == 2
+    assert len(plan.left_out) == 1 and "SLAMBED_DATA" in plan.left_out[0]
+    with pytest.raises(SlambedError, match="no dataset of"):
+        plan_with(["kitti_07_left"], tmp_path, missing_datasets="skip")
+    # A name that nobody knows is a mistake, not missing data.
+    with pytest.raises(SlambedError, match="not known"):
+        plan_with(["kiti_07", here], tmp_path, missing_datasets="skip")
+
+
+def test_a_dataset_has_playback_for_what_an_experiment_leaves_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    sequence = prepare_sequence(str(write_prepared(tmp_path / "here").path))
+    own = replace(sequence, defaults=DatasetPlayback(fps=5.0, start_s=0.1))
+    assert sequence.playback(Playback(fps=10.0)) == Playback(fps=10.0)
+    assert own.playback(Playback(end_s=0.3)) == Playback(fps=5.0, start_s=0.1, end_s=0.3)
+    assert own.playback(Playback(fps=10.0)).fps == 10.0
+    assert own.played_s(Playback()) == pytest.approx(sequence.played_s(Playback()) - 0.1)
+    with pytest.raises(SlambedError, match="does not go with the experiment's"):
+        own.playback(Playback(end_s=0.05))
+    # What a run means has what its dataset said.
+    monkeypatch.setattr(planning, "prepare_sequence", lambda name: own)
+    assert {s.playback.fps for s in plan_with(["here"], tmp_path).specs} == {5.0}
+
+
+def test_a_fault_after_the_end_of_a_sequence_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    here = str(write_prepared(tmp_path / "here").path)
+    helped: dict[str, Any] = {
+        "systems": [{"system": "pair"}],
+        "devices": {"mobile": "small", "edge": "big"},
+        "link": {"backend": "relay", "profiles": [0]},
+    }
+    plan = plan_with([here], tmp_path, **helped, faults=[{"at_s": 0.2, "edge": "kill"}])
+    assert plan.specs[0].faults
+    with pytest.raises(SlambedError, match=r"kill at 0.3 s: playback is over at 0.3 s"):
+        plan_with([here], tmp_path, **helped, faults=[{"at_s": 0.3, "edge": "kill"}])
+
+
+@pytest.mark.parametrize(("asked", "count"), [(None, 2), ("default", 2), ("paper", 100), ("5", 5)])
+def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
+    write_library(tmp_path)
+    experiment, _ = Library(tmp_path).experiment("tiny")
+    assert repetitions(experiment, asked) == count
+    for bad in ("0", "-1", "many"):
+        with pytest.raises(SlambedError, match="--runs"):
+            repetitions(experiment, bad)

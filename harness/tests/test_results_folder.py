@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lies in a results folder: runs whole or missing, attempts, views and the ledger."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command_line import refused, slambed
+from harness_parts import (
+    run_spec,
+    specs,
+)
+
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.further import further_repetitions
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.status import status_of
+from slambed.errors import ExitCode, SlambedError
+from slambed.spec.matrix import RunSpec
+
+
+def finished(folder: ResultFolder, spec: RunSpec, trusted: bool = True) -> None:
+    raw = folder.new_raw(spec.run_key)
+    (raw / "manifest.json").write_text(json.dumps({"spec": spec.model_dump(mode="json")}))
+    (raw / "summary.json").write_text(json.dumps({"trusted": trusted, "distrust": "why"}))
+    folder.commit(spec.run_key, raw)
+
+
+def test_ledger_survives_a_torn_line(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.jsonl")
+    assert ledger.read() == []
+    ledger.append("run_started", run_key="a")
+    with ledger.path.open("a") as out:
+        out.write('{"event": "run_fini')
+    ledger.append("run_started", run_key="a")
+    assert [entry["event"] for entry in ledger.read()] == ["run_started"] * 2
+    assert ledger.attempts("a") == 2
+
+
+def test_a_run_folder_is_whole_or_missing(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    spec = run_spec()
+    key = spec.run_key
+    assert folder.state(key) == "missing"
+    raw = folder.new_raw(key)
+    (raw / "manifest.json").write_text("{}")
+    (raw / "summary.json").write_text('{"trusted": true}')
+    (raw / "mobile").mkdir()
+    (raw / "mobile" / "trajectory.txt").write_text("0 0 0 0 0 0 0 1\n")
+    (raw / "mobile" / "log.txt").write_text("hello\n")
+    (raw / "events.parquet").write_bytes(b"x")
+    assert folder.state(key) == "missing"
+    folder.commit(key, raw)
+    assert folder.state(key) == "trusted"
+    place = folder.runs / key
+    found = sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
+    assert found == [
+        "events.parquet",
+        "manifest.json",
+        "nodes/mobile/log.txt",
+        "summary.json",
+        "trajectory.txt",
+    ]
+    folder.close()
+    assert list((tmp_path / ".work").iterdir()) == [tmp_path / ".work" / ".lock"]
+    (place / "summary.json").write_text('{"trusted": tr')
+    assert folder.state(key) == "missing"
+
+
+def test_a_new_attempt_replaces_an_untrusted_one_which_is_kept(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    spec = run_spec()
+    for number in (1, 2):
+        finished(folder, spec, trusted=False)
+        assert folder.state(spec.run_key) == "untrusted"
+        assert folder.store.attempts_of(spec.run_key) == number
+    finished(folder, spec, trusted=True)
+    assert folder.state(spec.run_key) == "trusted"
+    assert folder.store.attempts_of(spec.run_key) == 3
+    kept = tmp_path / "attempts" / spec.run_key
+    assert sorted(path.name for path in kept.iterdir()) == ["1", "2"]
+    inode = (folder.store.runs / spec.run_key).stat().st_ino
+    finished(folder, spec, trusted=False)  # a campaign beside that one was slower
+    assert (folder.store.runs / spec.run_key).stat().st_ino == inode
+    assert folder.run_keys() == [spec.run_key]
+
+
+def test_a_view_is_left_and_entered_without_moving_a_run(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    wanted, other_sources = specs(cells=1, runs=2), run_spec(cell="c0", software="older")
+    for spec in (*wanted, other_sources):
+        finished(folder, spec)
+    inodes = {key: (folder.store.runs / key).stat().st_ino for key in folder.run_keys()}
+    folder.show([other_sources.run_key])
+    assert folder.run_keys() == [other_sources.run_key]
+    folder.show(spec.run_key for spec in wanted)
+    assert folder.run_keys() == sorted(spec.run_key for spec in wanted)
+    assert {key: (folder.store.runs / key).stat().st_ino for key in inodes} == inodes
+
+
+def test_further_repetitions_of_the_same_cell_are_found_by_their_keys(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    made = specs(cells=2, runs=4)
+    for spec in made[:4]:  # all of c0
+        finished(folder, spec)
+    finished(folder, run_spec(cell="c1", params={"x": 1}, repetition=3, seed=3))
+    planned = [spec for spec in made if spec.repetition < 2]
+    assert further_repetitions(folder.store, planned) == made[2:4]
+
+
+def test_runs_of_the_older_layout_get_their_place_in_the_store(tmp_path: Path) -> None:
+    for place, key in (("runs", "a" * 16), ("stale", "b" * 16)):
+        run = tmp_path / "tiny" / place / key
+        run.mkdir(parents=True)
+        for name in ("manifest.json", "summary.json"):
+            (run / name).write_text('{"trusted": true}')
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    assert folder.store.keys() == ["a" * 16, "b" * 16]
+    assert folder.run_keys() == ["a" * 16]
+
+
+def test_a_campaign_leaves_the_work_of_a_living_one_and_removes_that_of_a_dead_one(
+    tmp_path: Path,
+) -> None:
+    alive, later = ResultFolder(tmp_path / "one"), ResultFolder(tmp_path / "two")
+    alive.create()
+    raw = alive.new_raw("0" * 16)
+    dead = tmp_path / ".work" / "4711-dead"
+    dead.mkdir()
+    (dead / ".lock").touch()
+    later.create()
+    assert raw.is_dir() and not dead.exists()
+    for folder in (alive, later):
+        folder.close()
+
+
+def test_status_tells_missing_and_untrusted_runs(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    wanted = specs(cells=1, runs=3)
+    finished(folder, wanted[0])
+    finished(folder, wanted[1], trusted=False)
+    (folder.runs / "foreign").mkdir()
+    runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in wanted]
+    folder.write_json("experiment.json", {"runs": runs, "software": "test", "file": {}})
+    found = status_of(tmp_path, "tiny", None, {"test"})
+    cell = found.cells[0]
+    assert (cell.trusted, len(cell.untrusted), cell.missing) == (1, 1, 1)
+    assert "why" in cell.untrusted[0]
+    assert not found.complete
+    assert any("foreign: not a run of this experiment" in line for line in found.notes)
+    newer = status_of(tmp_path, "tiny", None, {"newer"})
+    assert any("sources have changed" in line for line in newer.notes)
+
+
+def test_what_no_plan_names_can_be_freed(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    wanted, left = specs(cells=1, runs=2), run_spec(cell="c0", software="older")
+    for spec in (*wanted, left):
+        finished(folder, spec)
+    runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in wanted]
+    folder.write_json("experiment.json", {"runs": runs})
+    folder.close()
+    place = ("--results", str(tmp_path))
+    code, out, _ = slambed("results", "size", *place)
+    assert code == ExitCode.OK and "tiny: 2 runs" in out and "in no plan: 1 runs" in out
+    code, out, _ = slambed("results", "prune", *place)
+    assert code == ExitCode.OK and "would remove 1 runs" in out and len(folder.store.keys()) == 3
+    code, out, _ = slambed("results", "prune", "--yes", *place)
+    assert code == ExitCode.OK and folder.store.keys() == sorted(s.run_key for s in wanted)
+    (folder.path / "experiment.json").write_text("{")
+    assert "is not whole" in refused(ExitCode.BAD_INPUT, "results", "prune", "--yes", *place)
+
+
+def test_status_of_nothing_says_how_to_begin(tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match="slambed run tiny"):
+        status_of(tmp_path, "tiny", None, set())

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "node/onboard_mapping.hpp"
+
+#include <utility>
+
+namespace slambed {
+
+OnboardMapping::OnboardMapping(Runtime& runtime, EventLog& log, std::shared_ptr<Map> map,
+                               std::shared_ptr<PlaceIndex> places, OnboardMappingOptions options)
+    : mode_(options.mode),
+      map_(map),
+      mapping_(runtime, log, {}, map, options.ids, mode_,
+               options.loop_closing ? loop_hooks() : MappingHooks()) {
+  if (!options.loop_closing) return;
+  loops_.emplace(runtime, log, LoopCloserOptions(), map_, std::move(places), mapping_, mode_);
+}
+
+MappingHooks OnboardMapping::loop_hooks() {
+  return {.take = {},
+          .done =
+              [this](Worker& worker, KeyFrameId id) {
+                const RunTime begin = worker.now();
+                loops_->mapped(worker, id);
+                if (mode_ == LocalMapping::Mode::kSequential) loops_spent_ += worker.now() - begin;
+              },
+          .idle =
+              [this](Worker& worker) {
+                loops_->idle(worker);
+                return kNever;
+              },
+          .changed = [this] { loops_->map_changed(); }};
+}
+
+void OnboardMapping::start() {
+  mapping_.start();
+  if (loops_) loops_->start();
+}
+
+OnboardMapping::Spent OnboardMapping::after_frame(Worker& worker, FrameTracking& tracking,
+                                                  const TrackedFrame& frame) {
+  if (frame.outcome.reset_now) {
+    mapping_.reset(map_).wait(worker);
+    map_->clear();  // of what the mapper committed before it heard of the reset
+  }
+  Tracker& tracker = tracking.tracker();
+  if (frame.outcome.state != TrackingState::kOk || !tracker.wants_keyframe(mapping_.status()))
+    return {};
+  loops_spent_ = {};
+  const RunTime begin = worker.now();
+  const MapDelta made = tracking.create_keyframe(worker, frame, tracker.keyframe_need(), true);
+  for (const NewKeyFrame& keyframe : made.keyframes) mapping_.submit(worker, keyframe.id);
+  if (mode_ == LocalMapping::Mode::kWorker) return {};
+  return {worker.now() - begin - loops_spent_, loops_spent_};
+}
+
+void OnboardMapping::drain(Worker& worker) {
+  mapping_.drained().wait(worker);
+  if (loops_) loops_->drain(worker);
+}
+
+void OnboardMapping::place(PoseBook& book) const {
+  for (const KeyFrameId id : book.keyframes()) {
+    const auto pose = map_->read([&](const MapView& view) { return view.pose_of(id); });
+    if (pose) book.placed(id, *pose);
+  }
+}
+
+}  // namespace slambed

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/handover_client.hpp"
+
+#include "map/map_snapshot.hpp"
+#include "offload/map_sync.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
+
+}  // namespace
+
+void HandoverClient::begin(std::uint64_t epoch, std::shared_ptr<Map> map, bool edge_is_empty) {
+  {
+    std::lock_guard lock(mutex_);
+    if (edge_is_empty) known_ = {};
+    map_ = std::move(map);
+    handover_ = {};
+    handover_.epoch = epoch;
+    handover_.asked = node_.runtime().now();
+    under_way_ = true;
+  }
+  channel_.signal().notify();
+}
+
+void HandoverClient::stop(std::uint64_t epoch) {
+  std::lock_guard lock(mutex_);
+  map_.reset();
+  handover_ = {};
+  under_way_ = false;
+  channel_.send(type_of(wire::MessageType::kStop), encode(wire::StopMessage{epoch}));
+}
+
+void HandoverClient::received(std::shared_ptr<const Map> map) {
+  auto content = std::make_shared<const MapDelta>(map->read(snapshot));
+  const std::uint64_t edge = node_.network().peer().incarnation;
+  std::lock_guard lock(mutex_);
+  known_ = {std::move(map), std::move(content), edge};
+  handover_.superseded = true;
+}
+
+void HandoverClient::send_if_due(Worker& worker) {
+  const PathStats path = channel_.path();
+  if (!path.connected) return;  // the channel's signal tells when it is
+  const std::uint64_t edge = node_.network().peer().incarnation;
+  Handover handover;
+  Known known;
+  {
+    std::lock_guard lock(mutex_);
+    if (!map_) return;
+    if (handover_.sent && handover_.known.edge == edge) {
+      if (handover_.connection != path.connections) send(handover_);
+      return;
+    }
+    handover_.number = ++handovers_;
+    handover_.sent = true;
+    handover_.known = {map_, nullptr, edge};
+    handover = handover_;
+    known = known_.edge == edge ? known_ : Known();
+  }
+  prepare(worker, std::move(handover), std::move(known));
+}
+
+void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
+  wire::MapHandover message{.epoch = handover.epoch,
+                            .number = handover.number,
+                            .whole = known.map != handover.known.map,
+                            .changes = {}};
+  worker.stage("prepare_update", [&](StageUnits& units) {
+    handover.known.map->read([&](const MapView& view) {
+      handover.known.content = std::make_shared<const MapDelta>(snapshot(view));
+      const MapDelta& now = *handover.known.content;
+      message.changes = message.whole ? now : changes_since(*known.content, now, view);
+    });
+    message.changes.epoch = handover.epoch;
+    units.n1 = static_cast<double>(message.changes.keyframes.size());
+    units.n2 = static_cast<double>(message.changes.points.size());
+    return 0;
+  });
+  const bool start = !message.whole && message.changes.empty();
+  handover.type = type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover);
+  handover.payload = worker.stage("serialise", [&](StageUnits& units) {
+    Bytes bytes = start ? encode(wire::StartMessage{handover.epoch, handover.number})
+                        : encode(message);
+    units.n1 = static_cast<double>(bytes.size()) / 1000;
+    return bytes;
+  });
+  {
+    std::lock_guard lock(mutex_);
+    if (handover_.number != handover.number) return;  // stopped meanwhile
+    handover.superseded = handover_.superseded;
+    handover_ = handover;
+    send(handover_);
+  }
+  node_.log().write(JsonLine("handover_sent")
+                        .add("epoch", handover.epoch)
+                        .add("number", handover.number)
+                        .add("whole", message.whole)
+                        .add("keyframes", message.changes.keyframes.size())
+                        .add("points", message.changes.points.size())
+                        .add("bytes", handover.payload.size()));
+}
+
+void HandoverClient::send(Handover& handover) {
+  handover.connection = channel_.path().connections;
+  channel_.send(handover.type, handover.payload);
+}
+
+void HandoverClient::acknowledged(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {
+  JsonLine event("handover_acknowledged");
+  event.add("epoch", ack.epoch).add("number", ack.number).add("accepted", ack.accepted);
+  {
+    std::lock_guard lock(mutex_);
+    const bool current = handover_.sent && ack.number == handover_.number;
+    if (!map_ || ack.epoch != handover_.epoch || edge != handover_.known.edge) {
+      event.add("stale", true);
+    } else if (ack.accepted) {
+      event.add_ms("handover_ms", now - handover_.asked);
+      if (!handover_.superseded) known_ = current ? std::move(handover_.known) : Known();
+      handover_ = {};
+      map_.reset();
+      under_way_ = false;
+    } else if (current) {
+      known_ = {};  // the edge has lost its map: all of it, at once
+      handover_.sent = false;
+    }
+  }
+  node_.log().write(event);
+}
+
+}  // namespace slambed

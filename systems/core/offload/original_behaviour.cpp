@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/original_behaviour.hpp"
+
+namespace slambed {
+
+std::vector<ParameterSpec> original_parameters() {
+  return {
+      ParameterSpec::choice("reference_fallback", {"descriptors", "words"}),
+      ParameterSpec::choice("point_identity", {"observations", "tracker_ids"}),
+      ParameterSpec::choice("reference_after_update", {"known", "newest"}),
+      ParameterSpec::boolean("reanchor_last"),
+      ParameterSpec::choice("admission", {"on_arrival", "when_idle"}),
+      ParameterSpec::choice("cull_age", {"mapped", "keyframe_ids"}),
+      ParameterSpec::integer("local_map_size", 1, 100),
+      ParameterSpec::integer("max_frames", 0, 1000),
+      ParameterSpec::real("first_update_s", -1, 600),
+      ParameterSpec::choice("update_poll", {"before_extraction", "after_extraction"}),
+  };
+}
+
+OriginalBehaviour original_behaviour(const Parameters& parameters) {
+  OriginalBehaviour behaviour;
+  if (!parameters.has("reference_fallback")) return behaviour;
+  behaviour.local_map_size = parameters.integer("local_map_size");
+  behaviour.max_frames = parameters.integer("max_frames");
+  behaviour.admission_when_idle = parameters.text("admission") == "when_idle";
+  behaviour.culls_by_id = parameters.text("cull_age") == "keyframe_ids";
+  behaviour.updates_after_extraction = parameters.text("update_poll") == "after_extraction";
+  behaviour.first_update_s = parameters.real("first_update_s");
+  behaviour.tracker.descriptor_fallback = parameters.text("reference_fallback") == "descriptors";
+  behaviour.tracker.points_by_observation = parameters.text("point_identity") == "observations";
+  behaviour.tracker.newest_is_reference = parameters.text("reference_after_update") == "newest";
+  behaviour.tracker.reanchor_last = parameters.boolean("reanchor_last");
+  return behaviour;
+}
+
+}  // namespace slambed

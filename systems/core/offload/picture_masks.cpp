@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/picture_masks.hpp"
+
+#include "base/error.hpp"
+
+namespace slambed {
+
+PictureMasks::PictureMasks(EdgeNode& node, PictureMasksOptions options)
+    : node_(node), options_(options), asked_(node.runtime()), answers_(node.runtime()) {
+  if (node_.masks() == nullptr)
+    throw bad_input(
+        "params: nrcc is on and nothing segments the pictures; give masks, or turn it off");
+}
+
+void PictureMasks::start() {
+  node_.runtime().spawn("nrcc", [this](Worker& worker) { work(worker); });
+}
+
+void PictureMasks::ask(std::uint64_t frame, wire::Bytes jpeg, RunTime since) {
+  asked_.put({frame, std::move(jpeg), since});
+}
+
+void PictureMasks::work(Worker& worker) {
+  while (const auto picture = asked_.take(worker)) {
+    Answer answer;
+    answer.masks = worker.stage("segment", [&](StageUnits& units) {
+      units.n1 = static_cast<double>(picture->jpeg.size()) / 1000;
+      return node_.masks()->masks(picture->frame, picture->jpeg, options_.threshold);
+    });
+    answer.took = worker.now() - picture->since;
+    answers_.put(std::move(answer));
+  }
+}
+
+PictureMasks::Answer PictureMasks::wait(Worker& worker) {
+  auto answer = answers_.take(worker);
+  return answer ? std::move(*answer) : Answer{};  // none: the run stops
+}
+
+std::shared_ptr<const FeatureSet> PictureMasks::cull(Worker& worker,
+                                                     std::shared_ptr<const FeatureSet> features,
+                                                     const FrameMasks& masks) const {
+  if (masks.instances.empty()) return features;
+  return worker.stage("cull_features", [&](StageUnits& units) {
+    units.n1 = features->size();
+    return select(*features, features_off_masks(*features, masks, options_.border_px));
+  });
+}
+
+}  // namespace slambed

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "node/edge_node.hpp"
+#include "runtime/mailbox.hpp"
+
+namespace slambed {
+
+struct PictureMasksOptions {
+  double threshold = 0.8;  ///< n_m
+  int border_px = 3;       ///< features so near to a mask lie on it
+};
+
+/// NRCC ("non-rigid context culling") on a worker of its own, so that a picture is segmented (stage
+/// `segment`) while it is extracted; then leaves out the features on what moves (stage `cull_features`).
+class PictureMasks {
+ public:
+  struct Answer {
+    FrameMasks masks;
+    Duration took{};  ///< from the time that ask was told
+  };
+
+  /// bad_input where nothing segments pictures.
+  PictureMasks(EdgeNode& node, PictureMasksOptions options);
+
+  void start();
+  /// Asks for the masks of a picture. since: when work on the picture began.
+  void ask(std::uint64_t frame, wire::Bytes jpeg, RunTime since);
+  /// Of the picture asked for last.
+  Answer wait(Worker& worker);
+  std::shared_ptr<const FeatureSet> cull(Worker& worker,
+                                         std::shared_ptr<const FeatureSet> features,
+                                         const FrameMasks& masks) const;
+
+ private:
+  struct Picture {
+    std::uint64_t frame = 0;
+    wire::Bytes jpeg;
+    RunTime since{};
+  };
+
+  void work(Worker& worker);
+
+  EdgeNode& node_;
+  PictureMasksOptions options_;
+  Mailbox<Picture> asked_;
+  Mailbox<Answer> answers_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/remote_tracking.hpp"
+
+#include <algorithm>
+
+#include "wire/message_type.hpp"
+
+namespace slambed {
+namespace {
+
+/// An edge that was restarted answers nothing of what it was sent before.
+constexpr Duration kPatience = std::chrono::seconds(5);
+
+TrackOutcome outcome_of(const wire::FrameResult& result) {
+  constexpr auto state = [](wire::FrameState s) {
+    return s == wire::FrameState::kOk     ? TrackingState::kOk
+           : s == wire::FrameState::kLost ? TrackingState::kLost
+                                          : TrackingState::kNotInitialised;
+  };
+  TrackOutcome outcome;
+  outcome.state = state(result.state);
+  outcome.reset_now = result.reset;
+  outcome.T_cw = result.T_cw;
+  outcome.reference = result.reference;
+  outcome.T_cr = result.T_cr;
+  outcome.inliers = static_cast<int>(result.inliers);
+  return outcome;
+}
+
+}  // namespace
+
+RemoteTracking::RemoteTracking(MobileNode& node, Channel& frames, int window)
+    : node_(node),
+      channel_(frames),
+      window_(static_cast<std::uint64_t>(window)),
+      answer_(node.runtime().make_signal()) {}
+
+void RemoteTracking::start() {
+  node_.runtime().spawn("results", [this](Worker& worker) { receive(worker); });
+}
+
+void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
+  const std::uint64_t index = frame.played.index;
+  wire::FrameImage message{.frame_index = index,
+                           .timestamp_s = frame.played.seq_s(),
+                           .captured = frame.offered,
+                           .taken = frame.taken,
+                           .jpeg = {}};
+  message.jpeg = worker.stage("encode_image", [&](StageUnits& units) {
+    auto jpeg = node_.images().jpeg(index);
+    units.n1 = static_cast<double>(jpeg.size()) / 1000;
+    return jpeg;
+  });
+  node_.log().write(JsonLine("frame_sent")
+                        .add("frame", index)
+                        .add("seq_s", message.timestamp_s)
+                        .add("jpeg_bytes", message.jpeg.size()));
+  sent_ = channel_.send(static_cast<std::uint8_t>(wire::MessageType::kFrameImage),
+                        encode(message));
+  if (window_ > 0) wait_for(worker, window_ - 1);
+}
+
+void RemoteTracking::wait_for(Worker& worker, std::uint64_t most_under_way) {
+  std::uint64_t heard = answered_;
+  RunTime deadline = worker.now() + kPatience;
+  while (!worker.stopping()) {
+    const auto ticket = answer_->ticket();
+    const std::uint64_t answered = answered_;
+    if (sent_ <= answered + most_under_way) return;
+    if (answered != heard) deadline = worker.now() + kPatience;
+    heard = answered;
+    if (worker.now() >= deadline) {
+      node_.log().write(JsonLine("frames_unanswered").add("frames", sent_ - answered));
+      answered_ = sent_;
+      return;
+    }
+    worker.wait(*answer_, ticket, deadline);
+  }
+}
+
+void RemoteTracking::drain(Worker& worker) { wait_for(worker, 0); }
+
+void RemoteTracking::receive(Worker& worker) {
+  while (const auto message = channel_.receive(worker, kNever)) {
+    if (message->type != static_cast<std::uint8_t>(wire::MessageType::kFrameResult)) continue;
+    take(*message);
+    answer_->notify();
+  }
+}
+
+void RemoteTracking::take(const Message& message) {
+  try {
+    const auto result = wire::decode_frame_result(message.payload, node_.sensor());
+    answered_ = std::max<std::uint64_t>(answered_, result.sequence);
+    if (result.state == wire::FrameState::kOk)
+      node_.poses().placed(result.reference, result.T_cr.inverse() * result.T_cw);
+    node_.tracked_elsewhere(result.frame_index, outcome_of(result));
+    record(result, message.received, message.payload.size());
+  } catch (const wire::DecodeError& error) {
+    node_.log().warning(std::string("FRAME_RESULT refused: ") + error.what());
+  }
+}
+
+void RemoteTracking::record(const wire::FrameResult& result, RunTime arrived, std::size_t bytes) {
+  const wire::FrameTimes& t = result.times;
+  const Duration upload = t.begun - t.captured, download = arrived - t.done;
+  const Duration inference = std::max(t.nrcc, t.extract) + t.track;
+  const Duration parts = upload + inference + t.local_mapping + t.loop_closing + download;
+  const Duration whole = arrived - t.captured;
+  node_.log().write(JsonLine("frame_answered")
+                        .add("frame", result.frame_index)
+                        .add("ok", result.state == wire::FrameState::kOk)
+                        .add("instances", result.masks.instances.size())
+                        .add("bytes", bytes)
+                        .add_ms("wait_ms", t.taken - t.captured)
+                        .add_ms("encode_ms", t.queued - t.taken)
+                        .add_ms("transport_ms", t.received - t.queued)
+                        .add_ms("edge_wait_ms", t.begun - t.received)
+                        .add_ms("upload_ms", upload)
+                        .add_ms("nrcc_ms", t.nrcc)
+                        .add_ms("extract_ms", t.extract)
+                        .add_ms("track_ms", t.track)
+                        .add_ms("inference_ms", inference)
+                        .add_ms("local_mapping_ms", t.local_mapping)
+                        .add_ms("loop_closing_ms", t.loop_closing)
+                        .add_ms("download_ms", download)
+                        .add_ms("transfer_ms", upload + download)
+                        .add_ms("latency_ms", whole)
+                        .add_ms("parts_error_ms", whole > parts ? whole - parts : parts - whole));
+}
+
+}  // namespace slambed

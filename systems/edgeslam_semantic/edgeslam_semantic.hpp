@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "node/policy.hpp"
+
+namespace slambed {
+
+/// Semantic edgeSLAM (INFOCOM 2020): so far the two systems that it is compared with, ORB-SLAM and
+/// Mask-SLAM with everything on the edge.
+System edgeslam_semantic_system();
+
+}  // namespace slambed

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/full_offload.hpp"
+
+#include "offload/rtt_monitor.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+TrackingServiceOptions service_options(const Parameters& parameters,
+                                       const TrackerOptions& tracker) {
+  TrackingServiceOptions options{.tracker = tracker,
+                                 .loop_closing = parameters.boolean("loop_closing"),
+                                 .masks = {}};
+  if (parameters.boolean("nrcc")) {
+    options.masks = {.threshold = parameters.real("n_m"),
+                     .border_px = parameters.integer("mask_border_px")};
+  }
+  return options;
+}
+
+}  // namespace
+
+OffloadedMobile::OffloadedMobile(MobileNode& node, const Parameters& parameters)
+    : node_(node),
+      control_(node.network().open({.name = "control", .heartbeat = true})),
+      frames_(node.network().open({.name = "frame"})),
+      tracking_(node, frames_, parameters.integer("offload_window")),
+      farewell_(node, control_) {}
+
+void OffloadedMobile::start() {
+  tracking_.start();
+  spawn_rtt_monitor(node_.runtime(), node_.log(), frames_);
+}
+
+bool OffloadedMobile::offload(Worker& worker, const OfferedFrame& frame) {
+  tracking_.send(worker, frame);
+  return true;
+}
+
+void OffloadedMobile::finish(Worker& worker) {
+  tracking_.drain(worker);
+  farewell_.say(worker, tracking_.last_sequence());
+}
+
+void OffloadedMobile::place_keyframes(PoseBook& book) {
+  for (const KeyFramePose& pose : farewell_.poses()) book.placed(pose.id, pose.T_cw);
+}
+
+OffloadedEdge::OffloadedEdge(EdgeNode& node, const Parameters& parameters,
+                             const TrackerOptions& tracker)
+    : control_(node.network().open({.name = "control", .heartbeat = true})),
+      frames_(node.network().open({.name = "frame"})),
+      service_(node, frames_, service_options(parameters, tracker)),
+      farewell_(node, control_, service_, {}) {}
+
+void OffloadedEdge::start() {
+  service_.start();
+  farewell_.start();
+}
+
+}  // namespace slambed::edgeslam_semantic

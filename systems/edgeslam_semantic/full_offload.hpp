@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "offload/remote_tracking.hpp"
+#include "offload/tracking_service.hpp"
+
+namespace slambed::edgeslam_semantic {
+
+/// The mobile of ORB-SLAM and Mask-SLAM fully offloaded: a camera that waits for poses.
+class OffloadedMobile final : public MobilePolicy {
+ public:
+  OffloadedMobile(MobileNode& node, const Parameters& parameters);
+
+  void start() override;
+  bool offload(Worker& worker, const OfferedFrame& frame) override;
+  void after_frame(Worker&, const TrackedFrame&) override {}
+  void finish(Worker& worker) override;
+  void place_keyframes(PoseBook& book) override;
+  MapCounts counts() const override { return farewell_.counts(); }
+
+ private:
+  MobileNode& node_;
+  Channel &control_, &frames_;
+  RemoteTracking tracking_;
+  MobileFarewell farewell_;
+};
+
+class OffloadedEdge final : public EdgePolicy {
+ public:
+  OffloadedEdge(EdgeNode& node, const Parameters& parameters, const TrackerOptions& tracker);
+
+  void start() override;
+  std::shared_ptr<const Map> map() const override { return service_.map(); }
+
+ private:
+  Channel &control_, &frames_;
+  TrackingService service_;
+  EdgeFarewell farewell_;
+};
+
+}  // namespace slambed::edgeslam_semantic

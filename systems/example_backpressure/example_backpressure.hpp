@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "node/policy.hpp"
+
+namespace slambed {
+
+/// The smallest system worth writing: Edge-SLAM that makes no keyframe while the link is still busy
+/// with earlier ones. docs/systems.md walks through it.
+System example_backpressure_system();
+
+}  // namespace slambed

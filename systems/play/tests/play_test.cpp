@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "base/error.hpp"
+#include "play/command.hpp"
+#include "play/conversation.hpp"
+#include "play/frame_record.hpp"
+
+namespace slambed {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string text_of(const fs::path& path) {
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+class RecordTest : public testing::Test {
+ protected:
+  RecordTest()
+      : folder_(fs::path(testing::TempDir()) / ("play" + std::to_string(getpid()))),
+        log_((fs::create_directories(folder_), folder_ / "events.jsonl"), NodeRole::kMobile) {
+    log_.set_clock([this] { return now_; });
+    log_.start({}, [] {});
+  }
+  ~RecordTest() override { fs::remove_all(folder_); }
+
+  void take(std::uint64_t index) {
+    const PlayedFrame played{index, RunTime(static_cast<std::int64_t>(index) * 100'000'000)};
+    record_.taken({played, played.due, played.due + Duration(1'000'000)},
+                  1'000'000'000 + played.due.count());
+  }
+  void pose(std::uint64_t index, std::uint32_t state = SLAMBED_OK, double x = 0) {
+    now_ = RunTime(static_cast<std::int64_t>(index) * 100'000'000 + 5'000'000);
+    record_.tracked(packet(index, state, x), now_);
+  }
+  static slambed_pose packet(std::uint64_t index, std::uint32_t state, double x) {
+    slambed_pose pose{};
+    pose.index = index;
+    pose.state = state;
+    pose.t_wc[0] = x;
+    pose.q_wc[3] = 1;
+    pose.features = pose.inliers = -1;
+    return pose;
+  }
+  std::string events() {
+    log_.flush();
+    return text_of(folder_ / "events.jsonl");
+  }
+  static int count(const std::string& text, const std::string& part) {
+    int found = 0;
+    for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++found;
+    return found;
+  }
+
+  fs::path folder_;
+  RunTime now_{};
+  EventLog log_;
+  FrameRecord record_{log_};
+};
+
+TEST_F(RecordTest, PosesBecomeTheEventsThatEverySystemLeaves) {
+  for (const std::uint64_t index : {0, 1, 2, 3}) take(index);
+  pose(0, SLAMBED_NOT_INITIALISED);
+  pose(1);
+  pose(2, SLAMBED_LOST);
+  pose(3);
+  const std::string text = events();
+  EXPECT_EQ(count(text, "\"type\":\"frame_tracked\""), 4);
+  EXPECT_EQ(count(text, "\"type\":\"initialised\""), 1);
+  EXPECT_EQ(count(text, "\"type\":\"track_lost\""), 1);
+  EXPECT_EQ(count(text, "\"type\":\"relocalised\""), 1);
+  EXPECT_EQ(count(text, "\"track_ms\":4.000,"), 4);
+  EXPECT_EQ(count(text, "\"wait_ms\":1"), 4);
+}
+
+TEST_F(RecordTest, AFrameThatWasPassedOverHasNoPose) {
+  for (const std::uint64_t index : {0, 1, 2, 3}) take(index);
+  pose(1);
+  pose(3);
+  record_.over(now_);
+  const std::string text = events();
+  EXPECT_EQ(count(text, "\"state\":\"not_initialised\""), 1);
+  EXPECT_EQ(count(text, "\"state\":\"lost\""), 1);
+  EXPECT_EQ(count(text, "\"state\":\"ok\""), 2);
+}
+
+TEST_F(RecordTest, FinalPosesMakeTheTrajectoryAndLeaveTheLiveOne) {
+  take(0);
+  pose(0, SLAMBED_OK, 1.0);
+  record_.write_trajectories(folder_);
+  EXPECT_EQ(text_of(folder_ / "trajectory.txt"), text_of(folder_ / "trajectory_live.txt"));
+  record_.placed(packet(0, SLAMBED_OK, 2.0));
+  record_.write_trajectories(folder_);
+  EXPECT_NE(text_of(folder_ / "trajectory_live.txt").find("\n1.000000000 1.000000000 "),
+            std::string::npos);
+  EXPECT_NE(text_of(folder_ / "trajectory.txt").find("\n1.000000000 2.000000000 "),
+            std::string::npos);
+}
+
+TEST_F(RecordTest, WhatIsNoPoseIsRefused) {
+  take(0);
+  EXPECT_THROW(pose(1), Error);                     // never given
+  EXPECT_THROW(pose(0, 3), Error);                  // no state
+  EXPECT_THROW(pose(0, SLAMBED_OK, NAN), Error);
+  auto long_quaternion = packet(0, SLAMBED_OK, 0);
+  long_quaternion.q_wc[3] = 2;
+  EXPECT_THROW(record_.tracked(long_quaternion, now_), Error);
+  EXPECT_THROW(record_.placed(packet(0, SLAMBED_OK, 0)), Error);  // never tracked
+  pose(0);
+  EXPECT_THROW(pose(0), Error);  // twice
+}
+
+TEST(Conversation, WhatIsNoPacketIsRefused) {
+  Conversation conversation;
+  const std::uint32_t next = SLAMBED_NEXT, unknown = 77, pose = SLAMBED_POSE;
+  ASSERT_EQ(write(conversation.client_fd(), &next, sizeof next), 4);
+  EXPECT_EQ(conversation.next()->type, SLAMBED_NEXT);
+  ASSERT_EQ(write(conversation.client_fd(), &unknown, sizeof unknown), 4);
+  EXPECT_THROW(conversation.next(), Error);
+  ASSERT_EQ(write(conversation.client_fd(), &pose, sizeof pose), 4);  // too short
+  EXPECT_THROW(conversation.next(), Error);
+  conversation.forget_client();
+  EXPECT_FALSE(conversation.next());
+}
+
+CommandOptions shell(const std::string& script) {
+  return {.arguments = {"/bin/sh", "-c", script},
+          .directory = "/",
+          .environment = {{"TOLD", "7"}},
+          .inherited = {}};
+}
+
+TEST(Command, TellsHowItsProgramEnded) {
+  EXPECT_EQ(Command(shell("exit $TOLD")).wait(std::chrono::seconds(60)), 7);
+  EXPECT_EQ(Command(shell("kill -SEGV $$")).wait(std::chrono::seconds(60)), 128 + 11);
+  Command sleeper(shell("sleep 600"));
+  EXPECT_FALSE(sleeper.wait(Duration::zero()));
+  EXPECT_EQ(sleeper.end(), 128 + 15);
+}
+
+TEST(Command, AProgramThatIsNotThereIsToldAtOnce) {
+  EXPECT_THROW(Command({.arguments = {"/no/such/program"}, .directory = {}, .environment = {}, .inherited = {}}),
+               Error);
+}
+
+}  // namespace
+}  // namespace slambed

@@ -1,0 +1,245 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
+"""Trains networks/slambed_people.onnx with Debian's python3-torch (1.13) on one core.
+
+    tools/train_people.py SCENES OUT.onnx [--seed N] [--minutes M]
+
+SCENES is what tools/people_scenes.py wrote. The network takes a grey picture of 320x256 (0 to 1)
+and gives `mask` (1, 128, 160: a person is here) and `maps` (22, 64, 80): heat of the middles of
+persons; how far the middle is from here, right and down (in 64 px); logarithms of width and height
+over 64 px; heat of COCO's 17 key points. What becomes of these is in slambed.segment.people.
+
+Learning ends by time; the rate falls with the share of time that is over: first on windows of
+160x128, for the last part on whole pictures. The weights hang on the seed and on how many steps
+the machine made, which is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F  # noqa: N812
+
+WIDTH, HEIGHT = 320, 256
+REACH_PX = 64.0
+WHOLE_FROM = 0.7
+"""Share of the time from which on whole pictures are shown."""
+TOP_RATE = 3e-3
+WINDOW_BATCH, WHOLE_BATCH = 8, 4
+
+
+def block(inputs: int, outputs: int, stride: int = 1, dilation: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, 3, stride, dilation, dilation, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class Residual(nn.Module):
+    def __init__(self, channels: int, dilation: int = 1) -> None:
+        super().__init__()
+        self.first = block(channels, channels, dilation=dilation)
+        self.second = block(channels, channels)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return x + self.second(self.first(x))
+
+
+class People(nn.Module):
+    """Encoder to a sixteenth of the resolution, decoder with skips, three kinds of heads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stem = block(1, 16, 2)
+        self.quarter = nn.Sequential(block(16, 24, 2), Residual(24))
+        self.eighth = nn.Sequential(block(24, 56, 2), Residual(56))
+        self.deep = nn.Sequential(block(56, 96, 2), Residual(96, 2), Residual(96, 2))
+        self.up_eighth = block(96 + 56, 56)
+        self.up_quarter = nn.Sequential(block(56 + 24, 32), block(32, 32))
+        self.maps = nn.Conv2d(32, 22, 1)
+        self.narrow = nn.Conv2d(32, 12, 1)
+        self.mask = nn.Sequential(block(12 + 16, 12), nn.Conv2d(12, 1, 1))
+        # Almost nothing is a middle or a key point: start from that.
+        nn.init.constant_(self.maps.bias, 0.0)
+        with torch.no_grad():
+            self.maps.bias[0] = self.maps.bias[5:] = -4.0
+
+    def forward(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        half = self.stem(x - 0.45)
+        quarter = self.quarter(half)
+        eighth = self.eighth(quarter)
+        y = F.interpolate(self.deep(eighth), scale_factor=2.0, mode="nearest")
+        y = self.up_eighth(torch.cat([y, eighth], 1))
+        y = F.interpolate(y, scale_factor=2.0, mode="nearest")
+        y = self.up_quarter(torch.cat([y, quarter], 1))
+        maps = self.maps(y)
+        y = F.interpolate(self.narrow(y), scale_factor=2.0, mode="nearest")
+        return self.mask(torch.cat([y, half], 1)), maps
+
+
+class ForUse(nn.Module):
+    """What is exported: probabilities instead of logits."""
+
+    def __init__(self, people: People) -> None:
+        super().__init__()
+        self.people = people
+
+    def forward(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        mask, maps = self.people(x)
+        heat = torch.sigmoid(maps)
+        return torch.sigmoid(mask), torch.cat([heat[:, :1], maps[:, 1:5], heat[:, 5:]], 1)
+
+
+def bell(height: int, width: int, u: float, v: float, sigma: float) -> np.ndarray:
+    y, x = np.ogrid[:height, :width]
+    return np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * sigma**2)).astype(np.float32)
+
+
+def targets(ids: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(22 + 1, h/2, w/2) at a quarter of the resolution; the last: where votes and sizes count.
+
+    ids: people at half resolution; points: key points in full resolution."""
+    small = ids[::2, ::2]
+    height, width = small.shape
+    maps = np.zeros((23, height, width), np.float32)
+    y, x = np.mgrid[:height, :width]
+    for number in np.unique(small[small > 0]):
+        here = small == number
+        rows, columns = np.nonzero(here)
+        u, v = columns.mean(), rows.mean()
+        wide, tall = np.ptp(columns) + 1, np.ptp(rows) + 1
+        sigma = float(np.clip(0.06 * np.sqrt(wide * tall), 1.0, 5.0))
+        maps[0] = np.maximum(maps[0], bell(height, width, u, v, sigma))
+        maps[1][here], maps[2][here] = (u - x[here]) * 4 / REACH_PX, (v - y[here]) * 4 / REACH_PX
+        maps[3][here], maps[4][here] = np.log(wide * 4 / REACH_PX), np.log(tall * 4 / REACH_PX)
+        maps[22][here] = 1
+        for k, (pu, pv, seen) in enumerate(points[number - 1]):
+            if seen > 0:
+                heat = bell(height, width, (pu - 1.5) / 4, (pv - 1.5) / 4, min(sigma, 2.0))
+                maps[5 + k] = np.maximum(maps[5 + k], heat * (1.0 if seen == 2 else 0.7))
+    return maps
+
+
+class Album:
+    """Pictures in random order, mirrored, shifted and cut as asked for."""
+
+    SIDES = np.array([0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15])
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self.grey = np.load(folder / "grey.npy", mmap_mode="r")
+        self.people = np.load(folder / "people.npy", mmap_mode="r")
+        self.points = np.load(folder / "keypoints.npy")
+        self.random = np.random.default_rng(seed)
+
+    def batch(self, size: int, whole: bool) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        pictures, masks, maps = [], [], []
+        for i in self.random.integers(0, len(self.grey), size):
+            grey, ids, points = np.array(self.grey[i]), np.array(self.people[i]), self.points[i]
+            points = points.copy()
+            if self.random.random() < 0.5:
+                grey, ids = grey[:, ::-1], ids[:, ::-1]
+                points = points[:, self.SIDES]
+                points[..., 0] = WIDTH - 1 - points[..., 0]
+            if not whole:
+                u, v = self._corner(ids)
+                grey, ids = grey[v : v + 128, u : u + 160], ids[v // 2 :, u // 2 :][:64, :80]
+                points[..., :2] -= (u, v)
+            noise = self.random.normal(0, self.random.uniform(0, 4), grey.shape)
+            gain, lift = self.random.uniform(0.75, 1.25), self.random.uniform(-20, 20)
+            seen = np.clip((grey.astype(np.float32) - 128) * gain + 128 + lift + noise, 0, 255)
+            pictures.append(seen.astype(np.float32)[None] / 255)
+            masks.append((ids > 0).astype(np.float32)[None])
+            maps.append(targets(ids, points))
+        return tuple(torch.from_numpy(np.stack(each)) for each in (pictures, masks, maps))
+
+    def _corner(self, ids: np.ndarray) -> tuple[int, int]:
+        """Of a window; three in four look at somebody."""
+        rows, columns = np.nonzero(ids)
+        u, v = self.random.integers(0, 161), self.random.integers(0, 129)
+        if len(rows) and self.random.random() < 0.75:
+            at = self.random.integers(0, len(rows))
+            u = 2 * columns[at] - self.random.integers(20, 140)
+            v = 2 * rows[at] - self.random.integers(16, 112)
+        return int(np.clip(u, 0, 160)) // 4 * 4, int(np.clip(v, 0, 128)) // 4 * 4
+
+
+def heat_loss(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Focal loss for heat maps (CornerNet, Law and Deng 2018), by the number of peaks."""
+    p = torch.sigmoid(logits).clamp(1e-4, 1 - 1e-4)
+    peak = wanted > 0.6
+    hit = -torch.log(p) * (wanted - p).abs() ** 2 * peak
+    miss = -torch.log(1 - p) * p**2 * (1 - wanted) ** 4 * ~peak
+    return (hit.sum() + miss.sum()) / (peak.sum() + 10)
+
+
+def loss(outputs: tuple, mask: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    seen, maps = outputs
+    p = torch.sigmoid(seen)
+    overlap = (2 * (p * mask).sum() + 50) / ((p + mask).sum() + 50)
+    where = wanted[:, 22:]
+    far = (F.smooth_l1_loss(maps[:, 1:5], wanted[:, 1:5], reduction="none", beta=0.2) * where).sum()
+    return (
+        2 * F.binary_cross_entropy_with_logits(seen, mask)
+        + (1 - overlap)
+        + 0.5 * heat_loss(maps[:, :1], wanted[:, :1])
+        + 0.5 * heat_loss(maps[:, 5:], wanted[:, 5:22])
+        + 0.5 * far / (where.sum() + 100)
+    )
+
+
+def train(folder: Path, out: Path, seed: int, minutes: float) -> None:
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    album, people = Album(folder, seed), People()
+    print(f"{sum(p.numel() for p in people.parameters())} parameters, {len(album.grey)} pictures")
+    optimiser = torch.optim.AdamW(people.parameters(), lr=TOP_RATE, weight_decay=1e-3)
+    begin, steps, shown, sums = time.monotonic(), 0, 0, []
+    while (share := (time.monotonic() - begin) / (60 * minutes)) < 1:
+        whole = share > WHOLE_FROM
+        rate = TOP_RATE * min(1, (steps + 1) / 100) * (0.5 + 0.5 * np.cos(np.pi * share))
+        optimiser.param_groups[0]["lr"] = max(rate, 2e-5)
+        size = WHOLE_BATCH if whole else WINDOW_BATCH
+        pictures, mask, wanted = album.batch(size, whole)
+        cost = loss(people(pictures), mask, wanted)
+        optimiser.zero_grad()
+        cost.backward()
+        nn.utils.clip_grad_norm_(people.parameters(), 5.0)
+        optimiser.step()
+        steps, shown = steps + 1, shown + size
+        sums.append(float(cost))
+        if steps % 25 == 0:
+            taken = time.monotonic() - begin
+            print(
+                f"{taken:.0f} s, {steps} steps, {shown} pictures: {np.mean(sums):.4f}", flush=True
+            )
+            sums.clear()
+        if steps % 100 == 0:
+            export(people, out)
+            people.train()
+    export(people, out)
+    cpu = time.process_time()
+    print(f"{steps} steps, {shown} pictures, {cpu:.0f} s of CPU, seed {seed}: {out}")
+
+
+def export(people: People, out: Path) -> None:
+    people.eval()
+    torch.onnx.export(
+        ForUse(people), torch.zeros(1, 1, HEIGHT, WIDTH), str(out), opset_version=12,
+        input_names=["picture"], output_names=["mask", "maps"],
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=35)
+    asked = parser.parse_args()
+    train(asked.scenes, asked.out, asked.seed, asked.minutes)
