@@ -228,6 +228,16 @@ def test_what_is_due_happens_in_its_order(tmp_path: Path) -> None:
     assert cut["t_ns"] == 5_000_000_000  # the link keeps its own time
 
 
+def test_a_fault_that_came_late_is_not_the_one_that_was_asked_for(tmp_path: Path) -> None:
+    for behind_s, complaints in ((0.3, []), (1.2, ["freeze came at 5.2 s, not at 4.0 s"])):
+        driver, _ = driver_at(4 + behind_s, [FREEZE], tmp_path)
+        driver.act()
+        driver.finish()  # the run is over before the freeze is: that is no fault of the host
+        assert len(driver.problems) == len(complaints)
+        for told_line, expected in zip(driver.problems, complaints, strict=True):
+            assert told_line.endswith(expected)
+
+
 @dataclass
 class Stubborn:
     """A node that signals do not reach."""

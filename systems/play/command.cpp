@@ -21,6 +21,7 @@ constexpr Duration kGrace = std::chrono::seconds(2);
 
 [[noreturn]] void become(const CommandOptions& options, char** argv, int told_fd) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
+  setpgid(0, 0);
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -62,7 +63,7 @@ Command::Command(const CommandOptions& options) {
 
 Command::~Command() {
   if (pid_ > 0 && !code_) {
-    kill(pid_, SIGKILL);
+    kill(-pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
   }
 }
@@ -73,6 +74,8 @@ std::optional<int> Command::wait(Duration patience) {
   const int ms = static_cast<int>(to_ms(patience));
   if (poll(&ended, 1, ms) <= 0) return std::nullopt;
   int status = 0;
+  // What it started and left behind goes with it, before its number can be given to another.
+  kill(-pid_, SIGKILL);
   waitpid(pid_, &status, 0);
   code_ = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
   return code_;
@@ -80,9 +83,9 @@ std::optional<int> Command::wait(Duration patience) {
 
 int Command::end() {
   if (wait(Duration::zero())) return *code_;
-  kill(pid_, SIGTERM);
+  kill(-pid_, SIGTERM);
   if (wait(kGrace)) return *code_;
-  kill(pid_, SIGKILL);
+  kill(-pid_, SIGKILL);
   while (!wait(kGrace)) {
   }
   return *code_;

@@ -20,7 +20,8 @@ struct CommandOptions {
   std::vector<int> inherited;                                    ///< descriptors that it gets
 };
 
-/// The system's own program, a child of the player: it ends with the player, however that dies.
+/// The system's own program, a child of the player: it ends with the player, however that dies,
+/// and what it started ends with it.
 class Command {
  public:
   /// bad_input when it cannot be started. Call it on the main thread: the kernel ends the child
@@ -32,7 +33,7 @@ class Command {
 
   /// Waits up to that long; the exit code as shells tell it (128 + number of a signal).
   std::optional<int> wait(Duration patience);
-  /// SIGTERM, and SIGKILL to what is left after two seconds. Returns the exit code.
+  /// SIGTERM to all of it, and SIGKILL to what is left after two seconds. Returns the exit code.
   int end();
 
  private:

@@ -9,6 +9,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, Literal
 
 from slambed.errors import environment_error
@@ -54,7 +55,7 @@ class RunStore:
                 for folder in everybody.iterdir():
                     if folder.is_dir() and not _is_locked(folder / LOCK):
                         shutil.rmtree(folder, ignore_errors=True)
-                self.work = everybody / f"{os.getpid()}-{id(self):x}"
+                self.work = everybody / f"{os.getpid()}-{token_hex(4)}"
                 self.work.mkdir()
                 self._lock = os.open(self.work / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
                 fcntl.flock(self._lock, fcntl.LOCK_EX)

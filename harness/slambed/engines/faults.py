@@ -22,6 +22,8 @@ from slambed.spec.system import Role
 
 NS_PER_S = 1e9
 SIGNAL_TIMEOUT_S = 2.0
+LATE_S = 0.5
+"""A fault that comes later than this is not the one that was asked for."""
 
 
 class Edge(Protocol):
@@ -123,6 +125,8 @@ class FaultDriver:
         self._t0_ns = 0
         self.edge_is_dead = False
         """Killed here, and not started again since."""
+        self.problems: list[str] = []
+        """Why the run did not fail as it was to, a line each."""
 
     def start(self, t0_ns: int) -> None:
         """Run time 0 on CLOCK_MONOTONIC."""
@@ -143,7 +147,7 @@ class FaultDriver:
         """Nothing more will fail; an edge that stands still goes on, so that it can end."""
         self._left = []
         if self._frozen is not None:
-            self._do(Step(0.0, "freeze", "edge", begins=False))
+            self._do(Step(self._now_s(), "freeze", "edge", begins=False))
 
     def write(self) -> None:
         """Leaves the log in the run folder."""
@@ -167,6 +171,16 @@ class FaultDriver:
         if step.fault == "cut":
             at_ns = self._t0_ns + round(step.at_s * NS_PER_S)
         self._done.append(event(step, at_ns - self._t0_ns))
+        self._judge(step, (at_ns - self._t0_ns) / NS_PER_S)
+
+    def _judge(self, step: Step, at_s: float) -> None:
+        """How long a program needs until it has started again is its own matter."""
+        if at_s - step.at_s > LATE_S and (step.begins or step.fault == "freeze"):
+            what = f"{step.target}'s {step.fault}"
+            self.problems.append(
+                f"{'the' if step.begins else 'the end of the'} {what} came at {at_s:.1f} s, "
+                f"not at {step.at_s:.1f} s"
+            )
 
 
 def _write(run_dir: Path, events: Iterator[dict[str, Any]]) -> None:

@@ -133,6 +133,7 @@ class LiveRun:
             faults.start(self._start_clock(attendant))
             outcome, reason = self._watch(faults)
             faults.write()
+            self._problems += faults.problems
             attended = attendant.stop()
             link = self._close_link()
             for role, threads in attended.threads.items():

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -143,6 +145,32 @@ TEST(Command, TellsHowItsProgramEnded) {
   Command sleeper(shell("sleep 600"));
   EXPECT_FALSE(sleeper.wait(Duration::zero()));
   EXPECT_EQ(sleeper.end(), 128 + 15);
+}
+
+// A pipe is at its end when nobody holds it any more.
+bool ends(int fd) {
+  pollfd closed{.fd = fd, .events = POLLIN, .revents = 0};
+  char byte;
+  return poll(&closed, 1, 60'000) == 1 && read(fd, &byte, 1) == 0;
+}
+
+TEST(Command, WhatItsProgramStartedEndsWithIt) {
+  for (const std::string script : {"sleep 600 & exit 3", "sleep 600 & sleep 600; exit 3"}) {
+    int held[2];
+    ASSERT_EQ(pipe2(held, O_CLOEXEC), 0);
+    const FileDescriptor reads(held[0]);
+    FileDescriptor writes(held[1]);
+    CommandOptions options = shell(script);
+    options.inherited = {writes.get()};
+    Command command(options);
+    writes.reset();
+    if (script.find("; exit") == std::string::npos) {
+      EXPECT_EQ(command.wait(std::chrono::seconds(60)), 3);
+    } else {
+      EXPECT_EQ(command.end(), 128 + 15);
+    }
+    EXPECT_TRUE(ends(reads.get()));
+  }
 }
 
 TEST(Command, AProgramThatIsNotThereIsToldAtOnce) {
