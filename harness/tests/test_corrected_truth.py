@@ -93,3 +93,35 @@ def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
     # Neither does the campaign take it for another one, nor are the numbers of two truths.
     assert "2 runs, 2 there already" in command("run", "corrected.yaml", "--no-figures")
     assert "changed: none" in command("report", "corrected", "--again", "--no-figures")
+
+
+def test_of_a_dataset_that_was_given_by_path(tmp_path: Path) -> None:
+    """It is in no catalogue and no cache: only the experiment says where it lies."""
+    made = Catalog.load().prepare("synthetic_room", tmp_path / "elsewhere")
+    folder = made.path.rename(tmp_path / "my_room")
+    experiment = EXPERIMENT.replace("synthetic_room", "./my_room").replace(
+        "default: 2", "default: 1"
+    )
+    (tmp_path / "corrected.yaml").write_text(experiment)
+
+    def command(*words: str) -> str:
+        where = ("--results", str(tmp_path / "results"))
+        cache = str(tmp_path / "cache")
+        code, out, err = slambed(*words, *where, cwd=tmp_path, SLAMBED_CACHE=cache)
+        assert code == ExitCode.OK, out + err
+        return out
+
+    command("run", "corrected.yaml", "--no-figures")
+    (run,) = (tmp_path / "results" / "corrected" / "runs").iterdir()
+    before = read(run, "summary.json")
+    bend(folder / "groundtruth.txt")
+    out = command("report", "corrected", "--again", "--no-figures")
+    assert "the ground truth of synthetic_room has changed" in out and "ate_rmse_m (1)" in out
+    after = read(run, "summary.json")
+    assert after["ate_rmse_m"] > 2 * before["ate_rmse_m"]
+
+    # Gone, or called from another folder: told, because the kept path may be an old one.
+    folder.rename(tmp_path / "moved")
+    out = command("report", "corrected", "--again", "--no-figures")
+    assert "note: ./my_room is not there; ground truth is what was kept beside the runs" in out
+    assert read(run, "summary.json") == after

@@ -38,6 +38,9 @@ def test_a_window_plays_a_part_of_the_same_files(tmp_path: Path) -> None:
     whole = found.prepare("whole", tmp_path / "cache")
     part = found.prepare("part", tmp_path / "cache")
     assert part.path == whole.path
+    kept = found.prepared("part", tmp_path / "cache")
+    assert kept is not None and kept.path == whole.path
+    assert found.prepared("part", tmp_path / "nothing_yet") is None
     sequence = Sequence(
         "part", part.checksum, "stereo", part.path, part.times_s,
         defaults=found.get("part").playback,

@@ -149,6 +149,14 @@ class Catalog:
             return PreparedSequence.open(source)
         return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress)
 
+    def prepared(self, name: str, cache_dir: Path | None = None) -> PreparedSequence | None:
+        """What `prepare` would open without making anything; None where it would make it first."""
+        dataset = self.whole(self.resolve(name, cache_dir))
+        source = self.locate(dataset)
+        if source is None or not (source / SEQUENCE_FILE).is_file():
+            source = SequenceCache(places.prepared_folder(cache_dir)).find(dataset)
+        return None if source is None else PreparedSequence.open(source)
+
     def must_be_here(self, name: str, cache_dir: Path | None = None) -> None:
         """Raises what `prepare` would where a dataset is missing, without preparing it."""
         dataset = self.whole(self.resolve(name, cache_dir))

@@ -4,14 +4,13 @@
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slambed.data import places
-from slambed.data.cache import SequenceCache
 from slambed.data.catalog import Catalog
-from slambed.data.prepared import PreparedSequence
+from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.errors import SlambedError
 from slambed.json_file import read_object
 from slambed.metrics.again import recompute_run
@@ -33,6 +32,8 @@ class Again:
     """Key -> runs in which its value became another."""
     truths: list[str] = field(default_factory=list)
     """Datasets whose true path is another than the one kept beside the runs."""
+    absent: list[str] = field(default_factory=list)
+    """Datasets that the experiment gave by path, and that are not there (any more)."""
     problems: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
@@ -44,6 +45,10 @@ class Again:
             f"numbers of {self.runs} runs computed again; changed: {told or 'none'}"
             + (f" and {more} more" if more > 0 else "")
         )
+        lines += [
+            f"note: {path} is not there; ground truth is what was kept beside the runs"
+            for path in self.absent
+        ]
         return [*lines, *self.problems]
 
 
@@ -53,8 +58,14 @@ def recompute(folder: Path, truth_of: TruthOf | None = None, only_refused: bool 
     told."""
     done = Again()
     results = load(folder)
+    given = _given_by_path(results)
+    if truth_of is None:
+        done.absent = [path for path in given if not (Path(path) / SEQUENCE_FILE).is_file()]
     for dataset in dict.fromkeys(map(text, results.runs["dataset"])):
-        current = (truth_of or prepared_truth)(dataset, _checksums(results, dataset))
+        checksums = _checksums(results, dataset)
+        current = (
+            truth_of(dataset, checksums) if truth_of else prepared_truth(dataset, checksums, given)
+        )
         if current is not None and _keep(current, results.groundtruth_file(dataset)):
             done.truths.append(dataset)
     if done.truths:
@@ -79,16 +90,26 @@ def recompute_refused(folder: Path) -> Again | None:
     return recompute(folder, lambda *_: None, only_refused=True) if refused else None
 
 
-def prepared_truth(dataset: str, checksums: set[str]) -> Path | None:
-    """That of the newest prepared sequence with the frames that were played, where one is here."""
-    try:
-        found = SequenceCache(places.prepared_folder()).find(Catalog.load().resolve(dataset))
-        sequence = PreparedSequence.open(found) if found is not None else None
-    except SlambedError:
-        return None
-    if sequence is None or sequence.checksum not in checksums:
-        return None
-    return sequence.groundtruth_file
+def prepared_truth(dataset: str, checksums: set[str], given: Sequence[str] = ()) -> Path | None:
+    """That of the prepared sequence with the frames that were played, where it is here: one of the
+    folders that the experiment gave by path, else the newest of the dataset with this id."""
+    for path in given:
+        with suppress(SlambedError):
+            played = PreparedSequence.open(path)
+            if played.info.id == dataset and played.checksum in checksums:
+                return played.groundtruth_file
+    with suppress(SlambedError):
+        known = Catalog.load().prepared(dataset)
+        if known is not None and known.checksum in checksums:
+            return known.groundtruth_file
+    return None
+
+
+def _given_by_path(results: Results) -> list[str]:
+    """Datasets of the experiment that are no name of a catalogue but a prepared folder."""
+    names = results.spec.get("datasets")
+    given = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    return [name for name in given if "/" in name or (Path(name) / SEQUENCE_FILE).is_file()]
 
 
 def _checksums(results: Results, dataset: str) -> set[str]:
