@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slambed.data.model import Camera, Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
 WIDTH, HEIGHT = 64, 48
@@ -30,9 +31,10 @@ def depth(i: int, metres: float = 2.0, unit_m: float = 0.0002) -> NDArray[np.uin
     return plane
 
 
-def trajectory(times_s: list[float]) -> NDArray[np.float64]:
+def trajectory(times_s: list[float]) -> Trajectory:
     """A straight walk without turning."""
-    return np.array([[t, 0.1 * t, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] for t in times_s])
+    rows = [[t, 0.1 * t, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] for t in times_s]
+    return Trajectory.of_rows(np.array(rows))
 
 
 def write_prepared(path: Path, frames: int = 4) -> PreparedSequence:

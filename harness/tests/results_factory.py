@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from path_files import write_path
 from scipy.spatial.transform import Rotation
 
+from slambed.data.trajectory import Trajectory
 from slambed.engines.faults import write_planned
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.collect import keep_groundtruth
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run import summarise_run
 from slambed.metrics.run_data import RunData
-from slambed.metrics.trajectory import Trajectory, write_tum
 from slambed.spec.faults import Fault
 
 ORIGIN_S = 1000.0  # recorded time of frame 0
@@ -74,7 +75,7 @@ def write_raw(folder: Path, run: RawRun) -> Path:
     """Writes the raw folder; returns it."""
     rng = np.random.default_rng(run.seed)
     (folder / "mobile").mkdir(parents=True)
-    write_tum(folder / "groundtruth.txt", room_walk(run.duration_s))
+    write_path(folder / "groundtruth.txt", room_walk(run.duration_s))
     frames = room_walk(run.duration_s, FPS)
     mobile: list[dict[str, Any]] = []
     edge: list[dict[str, Any]] = []
@@ -166,9 +167,9 @@ def write_raw(folder: Path, run: RawRun) -> Path:
             keyframe += 1
     write_jsonl(folder / "mobile" / "events.jsonl", sorted(mobile, key=lambda e: e["t_ns"]))
     estimate = noisy(frames.take(np.array(tracked, dtype=np.intp)), run.noise_m, rng)
-    write_tum(folder / "mobile" / "trajectory.txt", estimate)
+    write_path(folder / "mobile" / "trajectory.txt", estimate)
     live = noisy(frames.take(np.array(tracked, dtype=np.intp)), 1.5 * run.noise_m, rng)
-    write_tum(folder / "mobile" / "trajectory_live.txt", live)
+    write_path(folder / "mobile" / "trajectory_live.txt", live)
     nodes = ["mobile"]
     if run.edge:
         nodes.append("edge")

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import slambed
+from path_files import write_path
 from virtual_parts import needs_programs
 
 from slambed.data.catalog import Catalog
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import ExitCode
 from slambed.metrics.digest import digest
-from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
 
 pytestmark = needs_programs
 
@@ -51,7 +52,7 @@ def bend(path: Path) -> None:
     """Moves the true path by up to ten centimetres, as a better calibration might."""
     old = read_tum(path)
     moved = old.positions_m + np.outer(np.sin(3 * old.stamps_s), [0.1, 0.0, 0.0])
-    write_tum(path, Trajectory(old.stamps_s, moved, old.quaternions_xyzw))
+    write_path(path, Trajectory(old.stamps_s, moved, old.quaternions_xyzw))
 
 
 def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:

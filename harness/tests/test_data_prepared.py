@@ -12,7 +12,7 @@ from data_samples import CAMERA, HEIGHT, WIDTH, depth, grey, one_line, trajector
 
 from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter, move_into_place
-from slambed.data.trajectory_file import read_trajectory, trajectory_from_matrices
+from slambed.data.trajectory import Trajectory, read_groundtruth
 from slambed.errors import SlambedError
 
 
@@ -32,7 +32,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert sequence.times_s == pytest.approx([0, 0.1, 0.2, 0.3])
     assert sequence.info.camera == CAMERA
     assert list(sequence.index["flags"]) == [0, 0, 1, 0]
-    assert np.allclose(sequence.groundtruth(), trajectory([1000.0, 1000.1, 1000.2]))
+    assert np.allclose(sequence.groundtruth().rows(), trajectory([1000.0, 1000.1, 1000.2]).rows())
     assert list(tmp_path.iterdir()) == [tmp_path / "s"]
 
 
@@ -140,11 +140,11 @@ def test_trajectory_errors_name_the_line(tmp_path: Path) -> None:
     file = tmp_path / "t.txt"
     file.write_text("# comment\n1 0 0 0 0 0 0 1\n2 0 0 nan 0 0 0 1\n")
     with pytest.raises(SlambedError) as error:
-        read_trajectory(file)
+        read_groundtruth(file)
     assert f"{file}:3" in one_line(error)
 
 
 def test_matrices_become_quaternions() -> None:
     turn = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]])  # 90 degrees about z
-    row = trajectory_from_matrices(np.array([7.0]), turn[None])[0]
+    row = Trajectory.of_matrices(np.array([7.0]), turn[None]).rows()[0]
     assert row == pytest.approx([7, 1, 2, 3, 0, 0, 0.5**0.5, 0.5**0.5])

@@ -13,7 +13,7 @@ from data_samples import one_line, write_tum
 
 from slambed.campaign import plan
 from slambed.data import Catalog
-from slambed.data.trajectory_file import read_trajectory
+from slambed.data.trajectory import read_groundtruth
 from slambed.errors import ExitCode, MissingDataError
 from slambed.native import repository_root
 from slambed.spec.library import Library
@@ -52,8 +52,8 @@ def test_every_experiment_has_something_to_play(name: str, tmp_path: Path) -> No
 def test_a_camera_path_comes_with_the_checkout(tmp_path: Path) -> None:
     catalog = nothing_here(tmp_path)
     assert catalog.resolve("paper_office", tmp_path).id == "synthetic_fr3_path"
-    poses = read_trajectory(PATH)
-    assert 85 < poses[-1, 0] - poses[0, 0] < 90
+    poses = read_groundtruth(PATH)
+    assert 85 < poses.stamps_s[-1] - poses.stamps_s[0] < 90
     text = PATH.read_text()
     assert "CC BY 4.0" in text and "Sturm" in text and "thinned" in text
     assert "CC BY 4.0" in catalog.get("synthetic_fr3_path").licence

@@ -37,7 +37,7 @@ def test_python_accepts_what_the_generator_writes(tmp_path: Path) -> None:
         assert list(sequence.times_s) == pytest.approx([0, 0.1, 0.2, 0.3])
         truth = sequence.groundtruth()
         assert truth is not None
-        assert truth[:, 0] == pytest.approx(sequence.times_s + sequence.info.time_origin_s)
+        assert truth.stamps_s == pytest.approx(sequence.times_s + sequence.info.time_origin_s)
 
 
 def test_threads_do_not_change_the_bytes(tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_depth_and_poses_fit_each_other(tmp_path: Path) -> None:
     assert first is not None and last is not None
     z = first[v, u] * unit
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z, z**0])
-    moved = np.linalg.inv(matrix(truth[3])) @ matrix(truth[0]) @ points
+    moved = np.linalg.inv(matrix(truth.rows()[3])) @ matrix(truth.rows()[0]) @ points
     u2 = np.rint(camera.fx * moved[0] / moved[2] + camera.cx).astype(int)
     v2 = np.rint(camera.fy * moved[1] / moved[2] + camera.cy).astype(int)
     inside = (u2 >= 0) & (u2 < 160) & (v2 >= 0) & (v2 < 120)
@@ -81,7 +81,7 @@ def test_depth_and_poses_fit_each_other(tmp_path: Path) -> None:
     assert np.median(error) < 0.003
     assert (error < 0.03).mean() > 0.9  # the rest is hidden or at an edge
     # Counter-check: with the pose of another frame the same test fails.
-    assert np.linalg.norm(truth[3, 1:4] - truth[0, 1:4]) > 0.02
+    assert np.linalg.norm(truth.positions_m[3] - truth.positions_m[0]) > 0.02
 
 
 def test_camera_path_from_a_file(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_camera_path_from_a_file(tmp_path: Path) -> None:
     sequence = synth(tmp_path / "s", trajectory=str(tmp_path / "walk.txt"))
     truth = sequence.groundtruth()
     assert truth is not None and sequence.info.time_origin_s == 50
-    assert truth[3, 1] - truth[0, 1] == pytest.approx(0.09, abs=0.01)
+    assert truth.positions_m[3, 0] - truth.positions_m[0, 0] == pytest.approx(0.09, abs=0.01)
     assert sequence.info.source["trajectory"] == "walk.txt"
 
 

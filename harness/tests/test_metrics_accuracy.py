@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from path_files import write_path
 from results_factory import noisy, room_walk
 from scipy.spatial.transform import Rotation
 
+from slambed.data.association import match_nearest, match_tum
+from slambed.data.trajectory import Trajectory, read_groundtruth, read_tum, write_tum
 from slambed.errors import SlambedError
 from slambed.metrics.accuracy import (
     absolute_error,
@@ -17,14 +20,6 @@ from slambed.metrics.accuracy import (
     pairs_by_time,
     product,
     relative_error,
-)
-from slambed.metrics.association import associate, match_nearest, match_tum
-from slambed.metrics.trajectory import (
-    Trajectory,
-    read_kitti,
-    read_tum,
-    write_kitti,
-    write_tum,
 )
 
 
@@ -67,8 +62,8 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     estimate = estimate.take(keep)
     stamps = estimate.stamps_s + rng.uniform(-0.004, 0.004, len(keep))
     estimate = Trajectory(stamps, estimate.positions_m, estimate.quaternions_xyzw)
-    write_tum(tmp_path / "truth.txt", truth)
-    write_tum(tmp_path / "estimate.txt", estimate)
+    write_path(tmp_path / "truth.txt", truth)
+    write_path(tmp_path / "estimate.txt", estimate)
     return tmp_path / "truth.txt", tmp_path / "estimate.txt"
 
 
@@ -205,14 +200,30 @@ def test_too_few_poses_are_refused() -> None:
 
 def test_files_round_trip(tmp_path: Path) -> None:
     walk = room_walk(2.0)
-    write_tum(tmp_path / "t.txt", walk)
+    write_path(tmp_path / "t.txt", walk)
     again = read_tum(tmp_path / "t.txt")
     np.testing.assert_allclose(again.positions_m, walk.positions_m, atol=1e-8)
-    write_kitti(tmp_path / "k.txt", walk)
-    (tmp_path / "times.txt").write_text("\n".join(str(t) for t in walk.stamps_s))
-    kitti = read_kitti(tmp_path / "k.txt", tmp_path / "times.txt")
-    assert absolute_error(kitti, walk).rmse < 1e-7
-    assert len(associate(kitti, walk)[0]) == len(walk)
+    write_tum(tmp_path / "ours.txt", walk)
+    ours = read_tum(tmp_path / "ours.txt")
+    np.testing.assert_allclose(ours.positions_m, walk.positions_m, atol=5e-7)
+    assert np.abs((ours.rotations() * walk.rotations().inv()).magnitude()).max() < 5e-9
+    matrices = np.tile(np.eye(4), (len(walk), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = walk.rotations().as_matrix(), walk.positions_m
+    again = Trajectory.of_matrices(walk.stamps_s, matrices)
+    assert absolute_error(again, walk).rmse < 1e-12
+    assert np.abs((again.rotations() * walk.rotations().inv()).magnitude()).max() < 1e-12
+
+
+def test_ground_truth_strictly_increases_and_has_unit_quaternions(tmp_path: Path) -> None:
+    """TUM's own files repeat a time now and then; an estimate keeps what it repeats."""
+    (tmp_path / "t.txt").write_text("2 5 0 0 0 0 0 2\n1 0 0 0 0 0 0 1\n2 9 0 0 0 0 0 1\n")
+    assert read_tum(tmp_path / "t.txt").stamps_s.tolist() == [1, 2, 2]
+    truth = read_groundtruth(tmp_path / "t.txt")
+    assert truth.rows().tolist() == [[1, 0, 0, 0, 0, 0, 0, 1], [2, 5, 0, 0, 0, 0, 0, 1]]
+    (tmp_path / "t.txt").write_text("# nothing\n")
+    assert len(read_tum(tmp_path / "t.txt")) == 0
+    with pytest.raises(SlambedError, match="no pose in it"):
+        read_groundtruth(tmp_path / "t.txt")
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 from results_factory import RawRun, spec_of, write_raw
 from scipy.spatial.transform import Rotation
 
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.metrics.accuracy import (
     RANDOM_PAIRS,
@@ -22,7 +23,6 @@ from slambed.metrics.device_share import device_cores
 from slambed.metrics.loss_times import in_window, loss_times_of, loss_times_text
 from slambed.metrics.reference_path import error_to_reference, reference_of
 from slambed.metrics.run import summarise_run
-from slambed.metrics.trajectory import Trajectory, read_tum
 
 EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
 CORES = 4

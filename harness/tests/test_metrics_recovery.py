@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from slambed.data.trajectory import Trajectory
 from slambed.metrics.events import EventLog
 from slambed.metrics.recovery import frames_lost_to_updates, known_place_times_s, pause_ms_mean
 from slambed.metrics.resources import resources_of
-from slambed.metrics.trajectory import Trajectory
 from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
 
 FPS = 10

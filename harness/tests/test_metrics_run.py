@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_raw
 
+from slambed.data.trajectory import read_tum
 from slambed.metrics import document
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.catalog import SUMMARY_KEYS, metrics_of
@@ -21,7 +23,6 @@ from slambed.metrics.run import summarise_run, summarise_with_problems
 from slambed.metrics.run_data import RunData
 from slambed.metrics.stages import delays, stage_times
 from slambed.metrics.tracking import tracking_of
-from slambed.metrics.trajectory import read_tum, write_tum
 from slambed.spec.library import Library
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -104,7 +105,7 @@ def test_one_camera_is_judged_up_to_its_scale_and_marked(
     assert (metric["ate_alignment"], metric["ate_scale"]) == ("se3", 1.0)
     for name in ("trajectory.txt", "trajectory_live.txt"):
         path = raw / "mobile" / name
-        write_tum(path, read_tum(path).scaled(0.25))
+        write_path(path, read_tum(path).scaled(0.25))
     sequence = tmp_path / "sequence"
     sequence.mkdir()
     (sequence / "sequence.json").write_text(json.dumps({"sensor": sensor}))

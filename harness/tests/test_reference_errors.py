@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from path_files import write_path
 from results_factory import RawRun, spec_of, write_raw
 
+from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.metrics.events import EventLog
 from slambed.metrics.reference_path import reference_errors, scored_part
 from slambed.metrics.run import summarise_run
 from slambed.metrics.run_data import REFERENCE_FILE
-from slambed.metrics.trajectory import EMPTY, Trajectory, read_tum, write_tum
 
 QUATERNION = np.array([[0, 0, 0, 1.0]])
 
@@ -78,7 +79,7 @@ def test_a_summary_has_the_error_where_the_run_has_a_reference(tmp_path: Path) -
     shifted = Trajectory(
         live.stamps_s, live.positions_m + np.array([0, 0, 2]), live.quaternions_xyzw
     )
-    write_tum(raw / REFERENCE_FILE, shifted)
+    write_path(raw / REFERENCE_FILE, shifted)
     summary = summarise_run(raw, spec)
     assert summary["reference_rmse_m"] == pytest.approx(2.0, abs=1e-5)
     assert summary["reference_rmse_aligned_m"] == pytest.approx(0.0, abs=1e-5)

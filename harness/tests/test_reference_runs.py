@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from path_files import write_path
 from results_factory import quickstart_like
 
-from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.report.load import Results, load
 from slambed.report.lookup import pool_of
 from slambed.report.measured import measure
@@ -33,7 +34,7 @@ def split(stored: Results) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def rewrite(stored: Results, key: str, path: Trajectory) -> None:
-    write_tum(stored.folder / "runs" / key / "trajectory_live.txt", path)
+    write_path(stored.folder / "runs" / key / "trajectory_live.txt", path)
 
 
 def test_drift_stays_and_a_reference_gone_astray_is_not_taken(stored: Results) -> None:

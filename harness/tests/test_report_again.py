@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from data_samples import write_prepared
 from kept_summary import COMMAND, KEPT, summary_today
+from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
 from typer.testing import CliRunner
 
 from slambed.data import places
 from slambed.data.catalog import Catalog
+from slambed.data.trajectory import Trajectory
 from slambed.metrics import catalog, run_data
 from slambed.metrics.catalog import METRICS_VERSION
 from slambed.metrics.digest import digest
-from slambed.metrics.trajectory import Trajectory, write_tum
 from slambed.report import again, cli
 from slambed.report.again import prepared_truth, recompute, recompute_refused
 from slambed.report.load import load
@@ -102,7 +103,7 @@ def test_a_corrected_ground_truth_changes_the_error(stored: Path, tmp_path: Path
     walk = room_walk(12.0)
     bent = walk.positions_m + np.outer(np.sin(walk.stamps_s), [0.1, 0.0, 0.0])
     corrected = tmp_path / "corrected.txt"
-    write_tum(corrected, Trajectory(walk.stamps_s, bent, walk.quaternions_xyzw))
+    write_path(corrected, Trajectory(walk.stamps_s, bent, walk.quaternions_xyzw))
     done = recompute(stored, lambda *_: corrected)
     assert done.truths == ["room_walk"]
     assert done.lines()[0] == "the ground truth of room_walk has changed"

@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
 
-from slambed.metrics.trajectory import Trajectory, read_tum, write_tum
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.report.compute_times import compute_times
 from slambed.report.conditions import conditions_of
 from slambed.report.differences import difference_table, differences
@@ -75,11 +76,11 @@ def one_camera(tmp_path: Path) -> Path:
                                               RawRun(duration_s=4.0, edge=False))])  # fmt: skip
     (run,) = (experiment / "runs").iterdir()
     path = run / "trajectory.txt"
-    write_tum(path, read_tum(path).scaled(0.25))
+    write_path(path, read_tum(path).scaled(0.25))
     summary = json.loads((run / "summary.json").read_text())
     (run / "summary.json").write_text(json.dumps(summary | {"ate_alignment": "sim3"}))
     truth = experiment / "groundtruth" / "room_walk.txt"
-    write_tum(truth, room_walk(12.0))
+    write_path(truth, room_walk(12.0))
     manifest = json.loads((run / "summary.json").read_text()) | {"groundtruth": None}
     (run / "summary.json").write_text(json.dumps(manifest))
     return experiment

@@ -8,6 +8,7 @@ import numpy as np
 
 from slambed.data.model import Camera, Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter
+from slambed.data.trajectory import Trajectory
 
 CAMERA = Camera(fx=300.0, fy=310.0, cx=160.0, cy=120.0, bf=20.0)
 WIDTH, HEIGHT = 320, 240
@@ -39,5 +40,5 @@ def write_walk(
             writer.add(Frame(k * 100_000_000, grey, depth if sensor == "rgbd" else None))
             poses.append([k / FPS, k * STEP_M, 0, 0, 0, 0, 0, 1])
         if truth:
-            writer.set_groundtruth(np.array(poses, np.float64))
+            writer.set_groundtruth(Trajectory.of_rows(np.array(poses, np.float64)))
     return PreparedSequence.open(path)

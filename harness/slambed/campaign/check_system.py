@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.engines.base import NodePlan, last_line
 from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.events import Event, read_jsonl
-from slambed.metrics.trajectory import Trajectory, read_tum
 from slambed.native import find_program
 from slambed.spec.device import Limits
 from slambed.spec.library import Library

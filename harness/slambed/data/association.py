@@ -1,34 +1,66 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pairs of time stamps from two sensors."""
-
-from __future__ import annotations
-
-from collections.abc import Sequence
+"""Which time stamps of two belong together: the nearest one, or the TUM script's rule."""
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-#: TUM RGB-D's own tool pairs colour and depth at most this far apart.
 MAX_DIFFERENCE_S = 0.02
+"""The TUM benchmark's own default, for pictures and for poses."""
+
+Indices = NDArray[np.intp]
 
 
-def associate(
-    first_ns: Sequence[int], second_ns: Sequence[int], max_difference_s: float = MAX_DIFFERENCE_S
+def match_nearest(
+    queries_s: NDArray[np.float64], stamps_s: NDArray[np.float64], max_difference_s: float
+) -> tuple[Indices, Indices]:
+    """For each query the nearest of the sorted stamps, when not farther than the maximum.
+
+    One stamp may serve several queries. The earlier stamp wins a tie.
+    """
+    if len(queries_s) == 0 or len(stamps_s) == 0:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
+    after = np.searchsorted(stamps_s, queries_s, side="right")
+    before = np.clip(after - 1, 0, len(stamps_s) - 1)
+    after = np.clip(after, 0, len(stamps_s) - 1)
+    take_after = np.abs(stamps_s[after] - queries_s) < np.abs(queries_s - stamps_s[before])
+    nearest = np.where(take_after, after, before)
+    close = np.flatnonzero(np.abs(stamps_s[nearest] - queries_s) <= max_difference_s)
+    return close, nearest[close]
+
+
+def match_tum(
+    first: ArrayLike, second: ArrayLike, max_difference: float
+) -> tuple[Indices, Indices]:
+    """One-to-one pairs less than the maximum apart, the closest first (the rule of the TUM
+    benchmark's associate script), in the order of `first`.
+
+    Sorted stamps in one unit, that of the maximum: seconds, or whole nanoseconds.
+    """
+    a, b = np.asarray(first), np.asarray(second)
+    low = np.searchsorted(b, a - max_difference, side="left")
+    high = np.searchsorted(b, a + max_difference, side="right")
+    counts = np.maximum(high - low, 0)
+    i = np.repeat(np.arange(len(a)), counts)
+    starts = np.repeat(np.cumsum(counts) - counts, counts)
+    j = np.arange(int(counts.sum())) - starts + np.repeat(low, counts)
+    difference = np.abs(a[i] - b[j])
+    keep = difference < max_difference
+    i, j, difference = i[keep], j[keep], difference[keep]
+    a_taken, b_taken = np.zeros(len(a), bool), np.zeros(len(b), bool)
+    pairs: list[tuple[int, int]] = []
+    for k in np.lexsort((j, i, difference)):
+        one, other = int(i[k]), int(j[k])
+        if not (a_taken[one] or b_taken[other]):
+            a_taken[one] = b_taken[other] = True
+            pairs.append((one, other))
+    found = np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2)
+    return found[:, 0], found[:, 1]
+
+
+def pairs_of_sensors(
+    first_ns: list[int], second_ns: list[int], max_difference_s: float = MAX_DIFFERENCE_S
 ) -> list[tuple[int, int]]:
-    """Index pairs, one-to-one, closest pairs first, sorted by the first sensor's time."""
-    a, b = np.asarray(first_ns, dtype=np.int64), np.asarray(second_ns, dtype=np.int64)
+    """match_tum of the sorted stamps of two sensors: pairs of indices."""
     limit_ns = round(max_difference_s * 1e9)
-    order = np.argsort(b, kind="stable")
-    begin = np.searchsorted(b[order], a - limit_ns, side="left")
-    end = np.searchsorted(b[order], a + limit_ns, side="right")
-    candidates = [
-        (abs(int(a[i] - b[j])), i, int(j)) for i in range(len(a)) for j in order[begin[i] : end[i]]
-    ]
-    used_a: set[int] = set()
-    used_b: set[int] = set()
-    pairs = []
-    for _, i, j in sorted(candidates):
-        if i not in used_a and j not in used_b:
-            used_a.add(i)
-            used_b.add(j)
-            pairs.append((i, j))
-    return sorted(pairs, key=lambda pair: int(a[pair[0]]))
+    i, j = match_tum(np.array(first_ns, np.int64), np.array(second_ns, np.int64), limit_ns)
+    return list(zip(i.tolist(), j.tolist(), strict=True))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Slerp
 
 from slambed.data.model import Camera
 from slambed.data.prepared import PreparedSequence
@@ -36,17 +36,17 @@ class CameraMotion:
                 "choose a sequence that has"
             )
         times_s = sequence.info.time_origin_s + sequence.times_s
-        stamps_s = truth[:, 0]
+        stamps_s = truth.stamps_s
         after = np.clip(np.searchsorted(stamps_s, times_s), 1, len(stamps_s) - 1)
         before = after - 1
         known = (times_s >= stamps_s[0]) & (times_s <= stamps_s[-1])
         known &= stamps_s[after] - stamps_s[before] <= LONGEST_GAP_S
         poses = np.full((len(times_s), 4, 4), np.nan)
         poses[known] = np.eye(4)
-        turns = Slerp(stamps_s, Rotation.from_quat(truth[:, 4:8]))
+        turns = Slerp(stamps_s, truth.rotations())
         poses[known, :3, :3] = turns(times_s[known]).as_matrix()
         for axis in range(3):
-            poses[known, axis, 3] = np.interp(times_s[known], stamps_s, truth[:, 1 + axis])
+            poses[known, axis, 3] = np.interp(times_s[known], stamps_s, truth.positions_m[:, axis])
         return cls(poses)
 
     def knows(self, frame: int) -> bool:

@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.model import Trajectory
 from slambed.data.prepared import PreparedSequence, move_into_place, partial_folder
-from slambed.data.trajectory_file import write_trajectory
+from slambed.data.trajectory import Trajectory, write_tum
 from slambed.errors import SlambedError, environment_error
 
 Progress = Callable[[int, int], None]
@@ -63,7 +62,7 @@ def _tum(sequence: PreparedSequence, folder: Path, progress: Progress | None) ->
     for kind, lines in lists.items():
         (folder / f"{kind}.txt").write_text("\n".join(lines) + "\n")
     if (truth := sequence.groundtruth()) is not None:
-        write_trajectory(folder / "groundtruth.txt", truth)
+        write_tum(folder / "groundtruth.txt", truth)
     camera = sequence.info.camera
     (folder / "camera.txt").write_text(
         "# fx fy cx cy k1 k2 p1 p2 k3 bf, depth steps per metre\n"
@@ -102,7 +101,7 @@ def _euroc(sequence: PreparedSequence, folder: Path, progress: Progress | None) 
         place = folder / "mav0" / "state_groundtruth_estimate0"
         place.mkdir()
         lines = ["#timestamp,p_x,p_y,p_z,q_w,q_x,q_y,q_z"]
-        for t_s, x, y, z, qx, qy, qz, qw in truth.tolist():
+        for t_s, x, y, z, qx, qy, qz, qw in truth.rows().tolist():
             lines.append(f"{round(t_s * 1e9)},{x!r},{y!r},{z!r},{qw!r},{qx!r},{qy!r},{qz!r}")
         (place / "data.csv").write_text("\n".join(lines) + "\n")
 
@@ -133,14 +132,14 @@ def _kitti(sequence: PreparedSequence, folder: Path, progress: Progress | None) 
 
 def _at_frames(sequence: PreparedSequence, truth: Trajectory) -> NDArray[np.float64]:
     """(n, 3, 4): the true pose of every frame, between those that were measured."""
-    from scipy.spatial.transform import Rotation, Slerp
+    from scipy.spatial.transform import Slerp
 
     times_s = sequence.info.time_origin_s + sequence.times_s
-    inside = np.clip(times_s, truth[0, 0], truth[-1, 0])
+    inside = np.clip(times_s, truth.stamps_s[0], truth.stamps_s[-1])
     poses = np.zeros((len(times_s), 3, 4))
-    poses[:, :, :3] = Slerp(truth[:, 0], Rotation.from_quat(truth[:, 4:]))(inside).as_matrix()
+    poses[:, :, :3] = Slerp(truth.stamps_s, truth.rotations())(inside).as_matrix()
     for axis in range(3):
-        poses[:, axis, 3] = np.interp(inside, truth[:, 0], truth[:, 1 + axis])
+        poses[:, axis, 3] = np.interp(inside, truth.stamps_s, truth.positions_m[:, axis])
     return poses
 
 

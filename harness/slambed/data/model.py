@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sequence is made of: camera, frame, trajectory."""
+"""What a sequence is made of: camera and frame."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ Sensor = Literal["rgbd", "stereo", "mono"]
 GreyImage = NDArray[np.uint8]
 #: Right grey image (stereo) or raw depth (rgbd), as the sensor says.
 SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
-#: Rows of recorded time in seconds, tx ty tz, qx qy qz qw: camera to world.
-Trajectory = NDArray[np.float64]
 
 
 class Camera(BaseModel):

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from slambed.data.model import Camera, Frame, GreyImage, SecondImage, Sensor, Trajectory
-from slambed.data.trajectory_file import read_trajectory, write_trajectory
+from slambed.data.model import Camera, Frame, GreyImage, SecondImage, Sensor
+from slambed.data.trajectory import Trajectory, read_groundtruth, write_tum
 from slambed.errors import SlambedError
 
 SEQUENCE_FILE = "sequence.json"
@@ -122,7 +122,7 @@ class PreparedSequence:
     def verify(self, full: bool = True) -> None:
         """Raises when the content is damaged; full: checks the CRC of every frame too."""
         if self.groundtruth_file is not None:
-            read_trajectory(self.groundtruth_file)
+            read_groundtruth(self.groundtruth_file)
         if not full:
             return
         size = block_bytes(self.info.sensor, self.info.width, self.info.height)
@@ -152,9 +152,9 @@ class PreparedSequence:
         return float(self.times_s[-1] - self.times_s[0])
 
     def groundtruth(self) -> Trajectory | None:
-        """Ground truth as an (n, 8) array, or None."""
+        """Ground truth, where there is one."""
         file = self.groundtruth_file
-        return None if file is None else read_trajectory(file)
+        return None if file is None else read_groundtruth(file)
 
     def __len__(self) -> int:
         return self.info.frames
@@ -303,7 +303,7 @@ class PreparedWriter:
         text = json.dumps(self._header, indent=2, ensure_ascii=False) + "\n"
         (self._partial / SEQUENCE_FILE).write_text(text, encoding="utf-8")
         if self._groundtruth is not None:
-            write_trajectory(self._partial / GROUNDTRUTH_FILE, self._groundtruth)
+            write_tum(self._partial / GROUNDTRUTH_FILE, self._groundtruth)
         move_into_place(self._partial, self.path)
 
 

@@ -7,14 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slambed.data.association import MAX_DIFFERENCE_S, match_nearest
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
-from slambed.metrics.association import (
-    DEFAULT_MAX_DIFFERENCE_S,
-    Method,
-    associate,
-    match_nearest,
-)
-from slambed.metrics.trajectory import Trajectory
+from slambed.metrics.association import Method, associate
 
 Floats = NDArray[np.float64]
 
@@ -110,7 +106,7 @@ def statistics_of(errors: Floats, alignment: str = "SE3", scale: float = 1.0) ->
 def absolute_error(
     estimate: Trajectory,
     truth: Trajectory,
-    max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S,
+    max_difference_s: float = MAX_DIFFERENCE_S,
     method: Method = "nearest",
     with_scale: bool = False,
 ) -> ErrorStatistics:
@@ -128,7 +124,7 @@ def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[n
 
 
 def pairs_by_time(
-    stamps_s: Floats, delta_s: float, tolerance_s: float = DEFAULT_MAX_DIFFERENCE_S
+    stamps_s: Floats, delta_s: float, tolerance_s: float = MAX_DIFFERENCE_S
 ) -> NDArray[np.intp]:
     """For every pose the pose nearest to `delta_s` later, when that exists within the tolerance."""
     starts, ends = match_nearest(stamps_s + delta_s, stamps_s, tolerance_s)
@@ -139,7 +135,7 @@ def pairs_by_time(
 def _half_a_frame(stamps_s: Floats) -> float:
     """Tolerance that leaves a partner even where the interval is no multiple of the frame time."""
     usual_s = float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else 0.0
-    return max(DEFAULT_MAX_DIFFERENCE_S, usual_s / 2)
+    return max(MAX_DIFFERENCE_S, usual_s / 2)
 
 
 def relative_error(
@@ -147,7 +143,7 @@ def relative_error(
     truth: Trajectory,
     delta_s: float | None = 1.0,
     delta_frames: int = 1,
-    max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S,
+    max_difference_s: float = MAX_DIFFERENCE_S,
     method: Method = "nearest",
     all_pairs: bool = True,
 ) -> RelativeError:
@@ -173,7 +169,7 @@ def relative_error(
 def relative_error_over_all(
     estimate: Trajectory,
     truth: Trajectory,
-    max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S,
+    max_difference_s: float = MAX_DIFFERENCE_S,
     method: Method = "nearest",
 ) -> RelativeError:
     """RPE over pairs of any distance, as TUM's evaluate_rpe.py without `--fixed_delta`.

@@ -6,10 +6,10 @@ before waits to be found there."""
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.metrics.association import DEFAULT_MAX_DIFFERENCE_S, match_nearest
+from slambed.data.association import MAX_DIFFERENCE_S, match_nearest
+from slambed.data.trajectory import Trajectory
 from slambed.metrics.events import Event, EventLog
 from slambed.metrics.tracking import mean_of
-from slambed.metrics.trajectory import Trajectory
 
 KNOWN_DISTANCE_M = 0.4
 KNOWN_ANGLE_DEG = 20.0
@@ -57,7 +57,7 @@ def known_place_times_s(log: EventLog, live: Trajectory, truth: Trajectory) -> l
         return []
     offset_s = float(live.stamps_s[-1] - times_s[-1])
     stamps = np.array([float(frame["seq_s"]) for frame in frames]) + offset_s
-    own, other = match_nearest(stamps, truth.stamps_s, DEFAULT_MAX_DIFFERENCE_S)
+    own, other = match_nearest(stamps, truth.stamps_s, MAX_DIFFERENCE_S)
     true_pose = np.full(len(frames), -1)
     true_pose[own] = other
     return [

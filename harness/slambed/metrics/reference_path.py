@@ -11,15 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slambed.data.association import MAX_DIFFERENCE_S
+from slambed.data.trajectory import EMPTY, Trajectory
 from slambed.errors import SlambedError
 from slambed.metrics.accuracy import ErrorStatistics, absolute_error, statistics_of
-from slambed.metrics.association import DEFAULT_MAX_DIFFERENCE_S, associate
+from slambed.metrics.association import associate
 from slambed.metrics.events import EventLog
-from slambed.metrics.trajectory import EMPTY, Trajectory
 
 
 def error_to_reference(
-    live: Trajectory, reference: Trajectory, max_difference_s: float = DEFAULT_MAX_DIFFERENCE_S
+    live: Trajectory, reference: Trajectory, max_difference_s: float = MAX_DIFFERENCE_S
 ) -> ErrorStatistics:
     """Euclidean distance of poses of the same frame, in metres.
 

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from slambed.data.prepared import SEQUENCE_FILE
+from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.accuracy import absolute_error, relative_error, relative_error_over_all
@@ -22,7 +23,6 @@ from slambed.metrics.recovery import known_place_times_s
 from slambed.metrics.reference_path import ReferenceErrors, reference_errors, scored_part
 from slambed.metrics.resources import NOTHING, Resources, resources_of
 from slambed.metrics.tracking import Tracking, tracking_of
-from slambed.metrics.trajectory import EMPTY, Trajectory, read_tum
 from slambed.metrics.update_round import UpdateRound, update_rounds
 from slambed.spec.device import VIRTUAL
 

@@ -3,9 +3,9 @@
 
 import numpy as np
 
+from slambed.data.trajectory import Trajectory
 from slambed.metrics.accuracy import Alignment, align_umeyama
 from slambed.metrics.association import associate
-from slambed.metrics.trajectory import Trajectory
 
 WORDS = {"se3": "rotation and translation, no scale", "sim3": "with its scale, Sim(3)"}
 

@@ -315,8 +315,8 @@ def evaluate(
     with_scale: Annotated[bool, typer.Option("--with-scale", help="Sim(3); is marked.")] = False,
 ) -> None:
     """ATE and RPE of two trajectory files."""
+    from slambed.data.trajectory import read_tum
     from slambed.metrics.accuracy import absolute_error, relative_error
-    from slambed.metrics.trajectory import read_tum
 
     if association not in ("nearest", "tum"):
         raise SlambedError(f"unknown association '{association}'; known: nearest, tum")

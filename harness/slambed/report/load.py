@@ -12,6 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
@@ -20,7 +21,6 @@ from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Metric
 from slambed.metrics.older import two_axes
-from slambed.metrics.trajectory import Trajectory, read_tum
 from slambed.report.standing import REMEDY, described, old_version, refused_runs
 
 MOST_PROBLEMS_PER_KIND = 10

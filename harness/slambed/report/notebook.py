@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
-from slambed.metrics.trajectory import Trajectory
 from slambed.report.load import load
 
 OF_A_RUN = ("run_key", "cell", "label", "repetition", "seed")

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.metrics.reference_path import error_to_reference, reference_of
-from slambed.metrics.trajectory import Trajectory, read_tum
 from slambed.report.load import Results
 
 MOST_REFERENCES = 10

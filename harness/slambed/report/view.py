@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from slambed.data.trajectory import Floats, Trajectory
 from slambed.errors import SlambedError, environment_error
 from slambed.metrics.accuracy import Alignment
 from slambed.metrics.network import series
-from slambed.metrics.trajectory import Floats, Trajectory
 from slambed.report.alignment import alignment_of, played
 from slambed.report.figures.paths import broken_line, widest_axes
 from slambed.report.load import Results, load

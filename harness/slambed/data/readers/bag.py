@@ -17,11 +17,12 @@ from rosbags.rosbag1 import ReaderError as ReaderError1
 from rosbags.rosbag2 import ReaderError as ReaderError2
 from rosbags.typesys import Stores, get_typestore
 
-from slambed.data.association import MAX_DIFFERENCE_S, associate
+from slambed.data.association import MAX_DIFFERENCE_S, pairs_of_sensors
 from slambed.data.images import decode
-from slambed.data.model import Frame, Trajectory
+from slambed.data.model import Frame
 from slambed.data.readers.base import ReaderOptions, SequenceReader
 from slambed.data.suggestion import did_you_mean
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
 #: compressed_depth_image_transport puts this many bytes before the PNG.
@@ -58,7 +59,7 @@ class Reader(SequenceReader):
         else:
             second = sorted(set(times[self._second]))
             limit_s = float(self.options.extra.get("max_difference_s", MAX_DIFFERENCE_S))
-            pairs = [(first[i], second[j]) for i, j in associate(first, second, limit_s)]
+            pairs = [(first[i], second[j]) for i, j in pairs_of_sensors(first, second, limit_s)]
         if not pairs:
             raise SlambedError(
                 f"{self.path}: no pair of images on {', '.join(times)}; check the topics"
@@ -97,7 +98,8 @@ class Reader(SequenceReader):
             return None
         with self._open() as bag:
             rows = {_stamp_ns(m): _pose(m) for _, m in self._messages(bag, [str(topic)])}
-        return np.array([[stamp * 1e-9, *rows[stamp]] for stamp in sorted(rows)])
+        table = np.array([[stamp * 1e-9, *rows[stamp]] for stamp in sorted(rows)])
+        return Trajectory.of_rows(table.reshape(-1, 8))
 
     def _frame(self, stamp: int, messages: list[Any]) -> Frame:
         grey = _grey(messages[0], f"{self.path} {self._first}")

@@ -10,8 +10,9 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from slambed.data.model import Camera, Frame, Sensor, Trajectory
+from slambed.data.model import Camera, Frame, Sensor
 from slambed.data.suggestion import did_you_mean
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
 

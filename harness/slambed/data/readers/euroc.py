@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 import yaml
 
-from slambed.data.association import associate
+from slambed.data.association import pairs_of_sensors
 from slambed.data.images import read_grey
-from slambed.data.model import Camera, Frame, GreyImage, Trajectory
+from slambed.data.model import Camera, Frame, GreyImage
 from slambed.data.readers.base import FolderReader, ReaderOptions, require
-from slambed.data.trajectory_file import trajectory_from_matrices
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.yaml_text import read_yaml
 
@@ -33,7 +33,7 @@ class Reader(FolderReader):
         super().__init__(path, options)
         self._mav = path / "mav0" if (path / "mav0").is_dir() else path
         lists = [_image_list(self._mav / name) for name in ("cam0", "cam1")]
-        pairs = associate([t for t, _ in lists[0]], [t for t, _ in lists[1]], 1e-3)
+        pairs = pairs_of_sensors([t for t, _ in lists[0]], [t for t, _ in lists[1]], 1e-3)
         self._frames = [(lists[0][i][0], lists[0][i][1], lists[1][j][1]) for i, j in pairs]
         if not self._frames:
             raise SlambedError(f"{self._mav}: cam0 and cam1 have no time in common")
@@ -86,7 +86,7 @@ class Reader(FolderReader):
         raw_rectified = np.eye(4)
         raw_rectified[:3, :3] = self._rotations[0].T
         body_camera = self._sensors[0]["T_BS"] @ raw_rectified
-        return trajectory_from_matrices(rows[:, 0] * 1e-9, world_body @ body_camera)
+        return Trajectory.of_matrices(rows[:, 0] * 1e-9, world_body @ body_camera)
 
     def _rectify(self) -> None:
         a, b = self._sensors

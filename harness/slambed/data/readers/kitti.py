@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from slambed.data.images import read_grey
-from slambed.data.model import Camera, Frame, Trajectory
+from slambed.data.model import Camera, Frame
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, seconds_to_ns
-from slambed.data.trajectory_file import trajectory_from_matrices
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
 
@@ -79,7 +79,7 @@ class Reader(FolderReader):
         if matrices.shape != (len(self), 12):
             raise SlambedError(f"{file}: {len(self)} lines with 12 numbers are needed")
         times_s = np.array(self._times_ns[: len(self)]) * 1e-9
-        return trajectory_from_matrices(times_s, matrices.reshape(-1, 3, 4))
+        return Trajectory.of_matrices(times_s, matrices.reshape(-1, 3, 4))
 
     def _poses_file(self) -> Path | None:
         if not self.options.groundtruth:

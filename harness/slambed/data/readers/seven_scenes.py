@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from slambed.data.images import read_depth, read_grey
-from slambed.data.model import Frame, Trajectory
+from slambed.data.model import Frame
 from slambed.data.readers.base import FolderReader, ReaderOptions
-from slambed.data.trajectory_file import trajectory_from_matrices
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
 #: What 7-Scenes writes for "no measurement".
@@ -57,7 +57,7 @@ class Reader(FolderReader):
             except (OSError, ValueError) as broken:
                 raise SlambedError(f"{file}: not a 4x4 pose; fetch the file again") from broken
         times_s = np.round(np.arange(len(self)) * 1e9 / self.options.fps) * 1e-9
-        return trajectory_from_matrices(times_s, np.array(matrices))
+        return Trajectory.of_matrices(times_s, np.array(matrices))
 
     def _sibling(self, i: int, suffix: str) -> Path:
         colour = self._colour[i]

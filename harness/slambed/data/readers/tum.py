@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from decimal import InvalidOperation
 from pathlib import Path
 
-from slambed.data.association import MAX_DIFFERENCE_S, associate
+from slambed.data.association import MAX_DIFFERENCE_S, pairs_of_sensors
 from slambed.data.images import read_depth, read_grey
-from slambed.data.model import Frame, Trajectory
+from slambed.data.model import Frame
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, seconds_to_ns
-from slambed.data.trajectory_file import read_trajectory
+from slambed.data.trajectory import Trajectory, read_groundtruth
 from slambed.errors import SlambedError
 
 
@@ -34,7 +34,7 @@ class Reader(FolderReader):
             return
         colour, depth = (read_file_list(file) for file in self._lists)
         limit_s = float(options.extra.get("max_difference_s", MAX_DIFFERENCE_S))
-        pairs = associate([t for t, _ in colour], [t for t, _ in depth], limit_s)
+        pairs = pairs_of_sensors([t for t, _ in colour], [t for t, _ in depth], limit_s)
         if not pairs:
             raise SlambedError(
                 f"{path}: no colour image has a depth image within {limit_s} s; "
@@ -63,7 +63,7 @@ class Reader(FolderReader):
     def trajectory(self) -> Trajectory | None:
         if not self.options.groundtruth:
             return None
-        return read_trajectory(require(self.path / self.options.groundtruth, "ground truth"))
+        return read_groundtruth(require(self.path / self.options.groundtruth, "ground truth"))
 
 
 def read_file_list(path: Path) -> list[tuple[int, Path]]:

@@ -5,9 +5,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import metric
-from slambed.metrics.trajectory import Trajectory
 from slambed.report.alignment import WORDS, alignment_of, played
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A time-stamped camera path, and TUM's text format, in which the field exchanges them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.errors import SlambedError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+Floats = NDArray[np.float64]
+
+COLUMNS = 8
+EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Camera-to-world poses: stamps [N] s, positions [N,3] m, quaternions [N,4] as x y z w."""
+
+    stamps_s: Floats
+    positions_m: Floats
+    quaternions_xyzw: Floats
+
+    @classmethod
+    def of_rows(cls, rows: Floats) -> Trajectory:
+        """Of the numbers of TUM's lines [N,8]."""
+        return cls(rows[:, 0].copy(), rows[:, 1:4].copy(), rows[:, 4:8].copy())
+
+    @classmethod
+    def of_matrices(cls, stamps_s: Floats, matrices: Floats) -> Trajectory:
+        """Of camera-to-world matrices [N,3,4] or [N,4,4]."""
+        quaternions = np.array([_quaternion(matrix[:3, :3]) for matrix in matrices])
+        return cls(stamps_s, matrices[:, :3, 3], quaternions)
+
+    def __len__(self) -> int:
+        return len(self.stamps_s)
+
+    def rows(self) -> Floats:
+        """The numbers of TUM's lines [N,8]."""
+        return np.column_stack([self.stamps_s, self.positions_m, self.quaternions_xyzw])
+
+    def take(self, indices: NDArray[np.intp]) -> Trajectory:
+        """The poses at these indices, in this order."""
+        return Trajectory(
+            self.stamps_s[indices], self.positions_m[indices], self.quaternions_xyzw[indices]
+        )
+
+    def scaled(self, factor: float) -> Trajectory:
+        """The same path in another unit of length."""
+        return Trajectory(self.stamps_s, factor * self.positions_m, self.quaternions_xyzw)
+
+    def rotations(self) -> Rotation:
+        """All orientations; quaternions are normalised by scipy."""
+        from scipy.spatial.transform import Rotation  # takes long to load, reading needs none
+
+        return Rotation.from_quat(self.quaternions_xyzw)
+
+    def length_m(self) -> float:
+        """Length of the path."""
+        return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())
+
+
+EMPTY = Trajectory(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
+
+
+def read_tum(path: Path) -> Trajectory:
+    """Reads `time tx ty tz qx qy qz qw` lines; '#' starts a comment; sorted by time, whatever
+    repeats is kept, quaternions are as they are written.
+
+    Raises SlambedError when a line is not eight finite numbers or a quaternion is zero.
+    """
+    rows = _read_rows(path)
+    if len(rows) == 0:
+        return EMPTY
+    if np.any(np.linalg.norm(rows[:, 4:], axis=1) < 1e-6):
+        raise SlambedError(f"{path}: not a pose, a quaternion is zero; {EXPECTED}")
+    return Trajectory.of_rows(rows[np.argsort(rows[:, 0], kind="stable")])
+
+
+def read_groundtruth(path: Path) -> Trajectory:
+    """Like read_tum, for what others are measured by: times strictly increase (of lines with the
+    same time, of which TUM's have a few, the first), quaternions of length 1, not empty."""
+    found = read_tum(path)
+    if not len(found):
+        raise SlambedError(f"{path}: no pose in it; {EXPECTED}")
+    once = found.take(np.flatnonzero(np.diff(found.stamps_s, prepend=-np.inf) > 0))
+    lengths = np.linalg.norm(once.quaternions_xyzw, axis=1, keepdims=True)
+    return Trajectory(once.stamps_s, once.positions_m, once.quaternions_xyzw / lengths)
+
+
+def write_tum(path: Path, trajectory: Trajectory) -> None:
+    """Writes TUM's format: microseconds, micrometres, 1e-9 of a quaternion."""
+    lines = ["# timestamp tx ty tz qx qy qz qw (camera to world)"]
+    for row in trajectory.rows():
+        position = " ".join(f"{value:.6f}" for value in row[1:4])
+        rotation = " ".join(f"{value:.9f}" for value in row[4:8])
+        lines.append(f"{row[0]:.6f} {position} {rotation}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _read_rows(path: Path) -> Floats:
+    """The numbers of the file; says file and line when one is not."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SlambedError(f"{path}: cannot be read as a trajectory ({error})") from error
+    if (plain := _plain_rows(lines)) is not None:
+        return plain
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        text = line.split("#", 1)[0].replace(",", " ").split()
+        if not text:
+            continue
+        try:
+            values = [float(item) for item in text]
+        except ValueError:
+            values = []
+        if len(values) != COLUMNS or not np.all(np.isfinite(values)):
+            raise SlambedError(f"{path}:{number}: not a pose; {EXPECTED}")
+        rows.append(values)
+    return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
+
+
+def _plain_rows(lines: list[str]) -> Floats | None:
+    """Of a file as programs write it, at once; None of one that has to be looked at line by line:
+    with commas, wrong numbers, or nothing in it."""
+    if not any(line and line[0] != "#" for line in lines):
+        return None
+    try:
+        rows = np.loadtxt(lines, dtype=np.float64, comments="#", ndmin=2)
+    except ValueError:
+        return None
+    return rows if rows.size and rows.shape[1] == COLUMNS and np.isfinite(rows).all() else None
+
+
+def _quaternion(rotation: Floats) -> Floats:
+    """Unit quaternion (x, y, z, w) of a rotation matrix: eigenvector form (Bar-Itzhack 2000)."""
+    r = rotation
+    k = np.array(
+        [
+            [r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
+            [r[0, 1] + r[1, 0], r[1, 1] - r[0, 0] - r[2, 2], r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
+            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], r[2, 2] - r[0, 0] - r[1, 1], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], r[0, 0] + r[1, 1] + r[2, 2]],
+        ]
+    )
+    quaternion: Floats = np.linalg.eigh(k)[1][:, -1]
+    return quaternion if quaternion[3] >= 0 else -quaternion
