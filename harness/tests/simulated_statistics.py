@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from slambed.metrics.catalog import metric
+from slambed.metrics.changes import paired_share_change, share_change, shift
 from slambed.metrics.comparison import holm, signed_rank
-from slambed.metrics.statistics import interval
+from slambed.metrics.statistics import Interval, interval
 from slambed.report.gate import ALPHA, is_relevant
 from slambed.report.nights import paired_p, worsening_p
 from slambed.report.verdicts.means import Effect, decide, effects, margin_bound
@@ -97,6 +98,47 @@ def reproduced_off_by_margin(skew: float, runs: int, paper_runs: int, log: bool)
     return max(found)
 
 
+Change = Callable[[Floats, Floats], Interval]
+
+
+def resampled_shift(a: Floats, b: Floats) -> Interval:
+    """The percentile bootstrap of the difference of the medians."""
+    rng = np.random.default_rng(3)
+    rows, columns = (rng.integers(len(x), size=(500, len(x))) for x in (a, b))
+    drawn = np.median(b[columns], axis=1) - np.median(a[rows], axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Interval(float(np.median(b) - np.median(a)), float(low), float(high), len(a))
+
+
+def resampled_share(a: Floats, b: Floats) -> Interval:
+    """The percentile bootstrap of the difference of two shares."""
+    rng = np.random.default_rng(3)
+    rows, columns = (rng.integers(len(x), size=(500, len(x))) for x in (a, b))
+    low, high = np.quantile(b[columns].mean(1) - a[rows].mean(1), [0.025, 0.975])
+    return Interval(float(b.mean() - a.mean()), float(low), float(high), len(a))
+
+
+def coverage_of_shift(method: Change, runs: int, shifted: float = 0.5) -> float:
+    """Share of pairs of folders whose interval holds the true shift; log-normal runs."""
+    rng = np.random.default_rng(8)
+    drawn = rng.lognormal(0, SKEW, (SAMPLES, 2, runs))
+    found = [method(a, b + shifted) for a, b in drawn]
+    return float(np.mean([change.low <= shifted <= change.high for change in found]))
+
+
+def coverage_of_share(
+    method: Change, runs: int, a_share: float, b_share: float, alike: float = 0.0
+) -> float:
+    """The same of two shares; `alike` of the runs hang on their seed in both folders."""
+    rng = np.random.default_rng(9)
+    shape = (SAMPLES, runs)
+    seeds, others = rng.random(shape), rng.random(shape)
+    a = (seeds < a_share).astype(np.float64)
+    b = (np.where(rng.random(shape) < alike, seeds, others) < b_share).astype(np.float64)
+    found = [method(x, y) for x, y in zip(a, b, strict=True)]
+    return float(np.mean([c.low <= b_share - a_share <= c.high for c in found]))
+
+
 def quiet_nights_with_alarm(copies_count: bool) -> float:
     """Share of quiet nights with an alarm: 30 earlier nights made the same runs, and tonight's
     program draws each of them once more. `copies_count`: each earlier night is new evidence."""
@@ -181,6 +223,23 @@ def table() -> str:
         f"5 %) | {quiet_nights_with_alarm(True):.1%} | {quiet_nights_with_alarm(False):.1%} |",
         "| gate: virtual nights of 6 runs in which one of 6 cells tracks 15 % slower, told | - | "
         f"{nights_with_alarm(1.15):.1%} |",
+        *(
+            f"| diff: 95 % interval of a shift, {runs} against {runs} skewed runs, holds the true "
+            f"one{' (range)' if runs < 4 else ''} | {coverage_of_shift(resampled_shift, runs):.1%} "
+            f"| {coverage_of_shift(shift, runs):.1%} |"
+            for runs in (3, 4, 6, 10, 30)
+        ),
+        *(
+            f"| diff: the same of two shares, {a:.0%} and {b:.0%} of {runs} runs | "
+            f"{coverage_of_share(resampled_share, runs, a, b):.1%} | "
+            f"{coverage_of_share(share_change, runs, a, b):.1%} |"
+            for runs, a, b in ((6, 0.3, 0.1), (10, 0.3, 0.1), (30, 0.1, 0.1), (30, 0.8, 0.5))
+        ),
+        *(
+            f"| diff: the same, {a:.0%} and {b:.0%} of {runs} pairs of which 80% are alike | - | "
+            f"{coverage_of_share(paired_share_change, runs, a, b, 0.8):.1%} |"
+            for runs, a, b in ((10, 0.3, 0.1), (30, 0.8, 0.5))
+        ),
         "| differences: experiments of 12 comparisons that show one where there is none (at most "
         f"5 %) | {experiments_with_difference(False, 1.0):.1%} | "
         f"{experiments_with_difference(True, 1.0):.1%} |",

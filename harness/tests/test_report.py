@@ -307,7 +307,7 @@ def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_pat
         find_run(reported.parent, "ffff")
 
 
-def test_commands(reported: Path, tmp_path: Path) -> None:
+def test_commands(reported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(reported, tmp_path / "results" / "invented")
     runner = CliRunner()
     options = ["--results", str(tmp_path / "results")]
@@ -319,6 +319,9 @@ def test_commands(reported: Path, tmp_path: Path) -> None:
     assert (tmp_path / "results" / "papers" / "dynnetslam" / "index.html").exists()
     seen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(tmp_path), *options])
     assert seen.exit_code == 0, seen.output
+    monkeypatch.chdir(tmp_path)
+    seen = runner.invoke(cli.app, ["view", "0000000000000003", *options])
+    assert seen.output.startswith("pictures/"), seen.output
     taken = tmp_path / "taken"
     taken.write_text("")
     unseen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(taken), *options])

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slambed.metrics.changes import newcombe
 from slambed.metrics.comparison import holm
 from slambed.report.verdicts import contrasts, rates, shares, statements
 from slambed.report.verdicts.contrasts import Step, judge_blocks, judge_contrast, power_of
 from slambed.report.verdicts.means import Effect, judge_mean
 from slambed.report.verdicts.model import Mean, Share
 from slambed.report.verdicts.prediction import score, share_position
-from slambed.report.verdicts.shares import chance_to_reproduce, judge_share, newcombe
+from slambed.report.verdicts.shares import chance_to_reproduce, judge_share
 from slambed.report.verdicts.statements import (
     Pair,
     judge_about,

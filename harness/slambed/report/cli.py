@@ -12,7 +12,7 @@ import typer
 
 from slambed.campaign.runner import Verdict
 from slambed.errors import ExitCode, SlambedError
-from slambed.outputs import make_folder, writing
+from slambed.outputs import PICTURES, make_folder, writing
 from slambed.terminal import console
 
 ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
@@ -292,7 +292,7 @@ def gate(
 def view(
     run: Annotated[str, typer.Argument(help="Run key (or its beginning), or a run folder.")],
     results: ResultsOption = RESULTS,
-    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path(),
+    out: Annotated[Path, typer.Option(help="Folder for the files.")] = PICTURES,
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording too.")] = False,
     sequence: Annotated[Path | None, typer.Option(help="Prepared sequence, for images.")] = None,
 ) -> None:

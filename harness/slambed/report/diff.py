@@ -4,16 +4,14 @@
 Whatever differs between the two: the commit, the engine, the system, the host.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy import stats
 
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import keys_for
+from slambed.metrics.changes import paired_share_change, paired_shift, share_change, shift
 from slambed.metrics.comparison import (
     USUAL_ALPHA,
     fisher,
@@ -24,16 +22,13 @@ from slambed.metrics.comparison import (
     signed_rank,
 )
 from slambed.metrics.metric import Metric, Use
-from slambed.metrics.statistics import Interval, finite, interval
+from slambed.metrics.statistics import Interval, finite
 from slambed.report.cells import metrics_asked, text
 from slambed.report.differences import paired_by_seed
 from slambed.report.load import Results
 from slambed.report.tables import Table, around
 
-Floats = NDArray[np.float64]
 WHERE = ("label", "dataset", "profile")
-RESAMPLES, SEED = 2000, 1
-Estimate = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -45,7 +40,7 @@ class Change:
     a: float
     b: float
     change: Interval
-    """b - a: the median of the pairs' differences, or the difference of the medians (shares)."""
+    """b - a: the median difference of two runs (of pairs, where there are), or of the shares."""
     p_value: float
     """Adjusted for all comparisons of the two folders (Holm)."""
     paired: bool
@@ -123,39 +118,14 @@ def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change
     if item.kind == "share":
         x, y = (x > 0).astype(np.float64), (y > 0).astype(np.float64)
         p = mcnemar(x, y) if paired else fisher(int(x.sum()), len(x), int(y.sum()), len(y))
-        of: Estimate = _mean
+        change = paired_share_change(x, y) if paired else share_change(x, y)
+        at = float(x.mean()), float(y.mean())
     else:
         p = signed_rank(x, y) if paired else mann_whitney(x, y).p_value
-        of = _median
-    # A failed run is infinitely bad; its difference to another one is no number.
-    with np.errstate(invalid="ignore"):
-        told = y - x if paired else np.empty(0)
-    if paired and item.kind != "share" and np.isfinite(told).all():
-        change = interval(told)
-    else:
-        change = _resampled(x, y, of, paired)
+        change = paired_shift(x, y) if paired else shift(x, y)
+        at = float(np.median(x)), float(np.median(y))
     p = 1.0 if np.isnan(p) else p
-    return Change(cell, item, float(of(x)), float(of(y)), change, p, paired, True)
-
-
-def _mean(values: Floats) -> Floats:
-    return np.asarray(values.mean(axis=-1))
-
-
-def _median(values: Floats) -> Floats:
-    return np.asarray(np.median(values, axis=-1))
-
-
-def _resampled(x: Floats, y: Floats, of: Estimate, paired: bool) -> Interval:
-    """Percentile bootstrap of of(y) - of(x), seeded; resamples with infinite ends tell them."""
-    rng = np.random.default_rng(SEED)
-    rows = rng.integers(len(x), size=(RESAMPLES, len(x)))
-    columns = rows if paired else rng.integers(len(y), size=(RESAMPLES, len(y)))
-    with np.errstate(invalid="ignore"):
-        drawn = of(y[columns]) - of(x[rows])
-        value = float(of(y) - of(x))
-    low, high = stats.mstats.mquantiles(drawn[~np.isnan(drawn)], [0.025, 0.975])
-    return Interval(value, float(low), float(high), min(len(x), len(y)))
+    return Change(cell, item, *at, change, p, paired, True)
 
 
 def diff_table(found: list[Change], a: str, b: str) -> Table:

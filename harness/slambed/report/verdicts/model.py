@@ -6,7 +6,6 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 Floats = NDArray[np.float64]
 
@@ -109,11 +108,6 @@ def too_few(runs: int, scale: Scale, needed: int | None) -> Verdict:
         scale=scale,
         runs_needed=needed,
     )
-
-
-def normal_quantile(level: float) -> float:
-    """z with this much probability below it."""
-    return float(stats.norm.ppf(level))
 
 
 RUN_COUNTS = (5, 10, 15, 20, 30, 40, 50, 75, 100, 150, 200, 300, 500, 750, 1000, 2000)

@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from slambed.metrics.changes import newcombe
 from slambed.report.verdicts.model import (
     FEWEST_RUNS,
     LEVEL,
     MOST_RUNS,
     RUN_COUNTS,
-    Floats,
     Share,
     Verdict,
-    normal_quantile,
     not_run,
     too_few,
 )
@@ -32,32 +31,6 @@ def margin_of(paper: Share) -> float:
     """15 points; 10 where the paper prints at most 5 or at least 95 %."""
     near = min(paper.value, 1 - paper.value) <= NEAR_THE_END
     return MARGIN_AT_THE_ENDS if near else MARGIN
-
-
-def wilson_limits(bad: ArrayLike, runs: ArrayLike, z: float) -> tuple[Floats, Floats]:
-    """Wilson's score interval (1927) of arrays of counts, for a two-sided normal quantile z."""
-    k, n = np.asarray(bad, dtype=np.float64), np.asarray(runs, dtype=np.float64)
-    p = k / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return np.where(k == 0, 0.0, centre - half), np.where(k == n, 1.0, centre + half)
-
-
-def newcombe(
-    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike,
-    confidence: float,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Interval of (share of ours - share of the paper), for arrays that broadcast."""
-    z = normal_quantile(0.5 + confidence / 2)
-    p1 = np.asarray(ours_bad, dtype=np.float64) / np.asarray(ours_runs)
-    p2 = np.asarray(paper_bad, dtype=np.float64) / np.asarray(paper_runs)
-    (l1, u1), (l2, u2) = (
-        wilson_limits(ours_bad, ours_runs, z),
-        wilson_limits(paper_bad, paper_runs, z),
-    )
-    low = p1 - p2 - np.sqrt((p1 - l1) ** 2 + (u2 - p2) ** 2)
-    high = p1 - p2 + np.sqrt((u1 - p1) ** 2 + (p2 - l2) ** 2)
-    return np.asarray(low), np.asarray(high)
 
 
 def decide(

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
+from slambed.metrics.changes import wilson_limits
 from slambed.metrics.comparison import holm
 from slambed.report.verdicts.means import Effect, effect_of, judge_effect, judge_mean
 from slambed.report.verdicts.model import (
@@ -21,7 +22,6 @@ from slambed.report.verdicts.model import (
     not_run,
     too_few,
 )
-from slambed.report.verdicts.shares import wilson_limits
 
 REDUCTION_MARGIN = 1 / 3
 """Of what is left: 94.2 % less is reproduced by 92.3 to 95.7 % less."""

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""By how much B is more than A, with a 95 % interval: the twins of the tests in `comparison`."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+from slambed.metrics.statistics import CONFIDENCE, Interval, finite, interval
+
+Floats = NDArray[np.float64]
+EXACT_RUNS = 30
+"""Up to here the distribution of Mann-Whitney's U is counted, above it is normal."""
+
+
+def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
+    """Median difference of a run of B and a run of A (Hodges and Lehmann 1963), whose interval
+    holds what Mann-Whitney's test does not refuse (Moses; Hollander and Wolfe, sec. 4.3).
+
+    Two failed runs (infinite) do not differ. Too few runs for an interval give the range.
+    """
+    first, second = finite(a), finite(b)
+    differences = np.sort(_minus(second[:, None], first[None, :]).ravel())
+    outside = _outside(len(first), len(second), confidence)
+    ends = max(outside - 1, 0)
+    return Interval(
+        float(np.median(differences)),
+        float(differences[ends]),
+        float(differences[-1 - ends]),
+        min(len(first), len(second)),
+        is_range=outside == 0,
+    )
+
+
+def paired_shift(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
+    """Median of the differences of pairs, between order statistics. Two failed runs do not
+    differ."""
+    return interval(_minus(b, a), confidence)
+
+
+def share_change(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
+    """Of two shares, each from runs that are 0 or 1 (Newcombe 1998, method 10)."""
+    low, high = newcombe(b.sum(), len(b), a.sum(), len(a), confidence)
+    value = float(b.mean() - a.mean())
+    return Interval(value, float(low), float(high), min(len(a), len(b)))
+
+
+def paired_share_change(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
+    """Of two shares of the same seeds (Newcombe 1998, paired, method 10: the score intervals of
+    both, joined by the correlation of the pairs)."""
+    count = len(a)
+    both, neither = float((a * b).sum()), float(((1 - a) * (1 - b)).sum())
+    only_a, only_b = float(a.sum()) - both, float(b.sum()) - both
+    product = both * neither - only_a * only_b
+    if product > 0:
+        product = max(product - count / 2, 0.0)
+    margins = a.sum() * b.sum() * (count - a.sum()) * (count - b.sum())
+    phi = product / np.sqrt(margins) if margins > 0 else 0.0
+    z = normal_quantile(0.5 + confidence / 2)
+    p, q = float(b.mean()), float(a.mean())
+    (p_low, p_high), (q_low, q_high) = (wilson_limits(s.sum(), count, z) for s in (b, a))
+    value = p - q
+    low = value - _joined(p - p_low, q_high - q, phi)
+    return Interval(value, low, value + _joined(p_high - p, q - q_low, phi), count)
+
+
+def newcombe(
+    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike,
+    confidence: float,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Interval of (share of ours - share of the paper), for arrays that broadcast."""
+    z = normal_quantile(0.5 + confidence / 2)
+    p1 = np.asarray(ours_bad, dtype=np.float64) / np.asarray(ours_runs)
+    p2 = np.asarray(paper_bad, dtype=np.float64) / np.asarray(paper_runs)
+    (l1, u1), (l2, u2) = (
+        wilson_limits(ours_bad, ours_runs, z),
+        wilson_limits(paper_bad, paper_runs, z),
+    )
+    low = p1 - p2 - np.sqrt((p1 - l1) ** 2 + (u2 - p2) ** 2)
+    high = p1 - p2 + np.sqrt((u1 - p1) ** 2 + (p2 - l2) ** 2)
+    return np.asarray(low), np.asarray(high)
+
+
+def wilson_limits(bad: ArrayLike, runs: ArrayLike, z: float) -> tuple[Floats, Floats]:
+    """Wilson's score interval (1927) of arrays of counts, for a two-sided normal quantile z:
+    `statistics.wilson`, which asks scipy, for the thousands of shares of a simulation at once."""
+    k, n = np.asarray(bad, dtype=np.float64), np.asarray(runs, dtype=np.float64)
+    p = k / n
+    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return np.where(k == 0, 0.0, centre - half), np.where(k == n, 1.0, centre + half)
+
+
+@lru_cache
+def normal_quantile(probability: float) -> float:
+    """Of the standard normal distribution."""
+    return float(stats.norm.ppf(probability))
+
+
+def _minus(b: Floats, a: Floats) -> Floats:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.nan_to_num(b - a, nan=0.0, posinf=np.inf, neginf=-np.inf))
+
+
+def _joined(one: float | Floats, other: float | Floats, phi: float) -> float:
+    return float(np.sqrt(max(one**2 - 2 * phi * one * other + other**2, 0.0)))
+
+
+@lru_cache
+def _outside(a: int, b: int, confidence: float) -> int:
+    """How many of the sorted differences lie outside of the interval on either side, the end
+    itself counted; 0 where no two of them promise that much."""
+    tail = (1 - confidence) / 2
+    if max(a, b) > EXACT_RUNS:
+        spread = np.sqrt(a * b * (a + b + 1) / 12)
+        return max(int(a * b / 2 - normal_quantile(1 - tail) * spread), 0)
+    return int(np.searchsorted(np.cumsum(_u_distribution(a, b)), tail, side="right"))
+
+
+@lru_cache
+def _u_distribution(a: int, b: int) -> Floats:
+    """Probability of every value 0..a*b of U: the largest of all runs is one of A or one of B."""
+    if a == 0 or b == 0:
+        return np.ones(1)
+    found = np.zeros(a * b + 1)
+    found[b:] = _u_distribution(a - 1, b) * (a / (a + b))
+    found[: a * (b - 1) + 1] += _u_distribution(a, b - 1) * (b / (a + b))
+    return found

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a command ends that executed runs: by the worst of what its campaigns came to."""
+
+import pytest
+
+from slambed.campaign.runner import Verdict
+from slambed.errors import ExitCode, SlambedError
+from slambed.report.run import raise_unless_good
+
+GOOD = Verdict(done=3, trusted=3)
+
+
+def test_campaigns_that_ended_well_are_no_error() -> None:
+    raise_unless_good([GOOD, Verdict()], "quickstart")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "line"),
+    [
+        (
+            Verdict(done=2, trusted=2, given_up={"a1": "the disk is full"}),
+            "1 runs have no result: the disk is full",
+        ),
+        (Verdict(done=4, trusted=3), "1 of 7 runs are not to be trusted; 'slambed status x' says"),
+        (Verdict(done=4, trusted=4, not_completed=2), "2 of 7 runs did not complete"),
+        (
+            Verdict(done=4, trusted=2, not_completed=1, given_up={"a1": "no room"}),
+            "1 runs have no result: no room",
+        ),
+    ],
+)
+def test_one_that_did_not_is_told_after_all_have_run(verdict: Verdict, line: str) -> None:
+    """Of a paper's experiments too: one bad one among good ones ends the command with 1."""
+    with pytest.raises(SlambedError, match=line) as ended:
+        raise_unless_good([GOOD, verdict], "x")
+    assert ended.value.code == ExitCode.NOT_ALL_GOOD
