@@ -19,7 +19,7 @@ from slambed.engines.virtual import sim_json
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.profile import parse_profile
 from slambed.metrics.events import read_events
-from slambed.metrics.faults import spans, told
+from slambed.metrics.faults import faults_in_words, spans
 from slambed.spec.faults import Fault, check_faults, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, LinkSpec, RunSpec, expand, read_profiles
@@ -287,8 +287,8 @@ def test_the_summary_names_what_happened(tmp_path: Path) -> None:
         ("freeze", 4.0, 5.5),
         ("cut", 5.0, None),
     ]
-    assert told(read_events(tmp_path).events) == "kill 1.0-, freeze 4.0-5.5, cut 5.0-"
-    assert told([]) is None
+    assert faults_in_words(read_events(tmp_path).events) == "kill 1.0-, freeze 4.0-5.5, cut 5.0-"
+    assert faults_in_words([]) is None
 
 
 def test_the_simulation_is_told_when_the_edge_stands_still() -> None:

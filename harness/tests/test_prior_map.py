@@ -104,9 +104,9 @@ def test_a_file_comes_into_the_run_folder_unchanged_or_not_at_all(tmp_path: Path
     spec = run_spec(params={"prior_map": str(path)}, inputs={"prior_map": digest})
     run_dir = tmp_path / "run"
     run_dir.mkdir()
-    inputs.bring(run_dir, {"prior_map": str(path)}, spec.inputs)
+    inputs.copy_inputs(run_dir, {"prior_map": str(path)}, spec.inputs)
     inside = run_json(spec, "/sequence", str(run_dir), 1.0)["params"]["prior_map"]
     assert Path(inside).read_bytes() == b"one map"
     path.write_bytes(b"another map")
     with pytest.raises(SlambedError, match="has changed since the campaign began"):
-        inputs.bring(run_dir, {"prior_map": str(path)}, spec.inputs)
+        inputs.copy_inputs(run_dir, {"prior_map": str(path)}, spec.inputs)

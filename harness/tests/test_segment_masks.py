@@ -162,7 +162,7 @@ def test_scores_of_the_truth_itself_are_perfect() -> None:
     truth = Segmented(40, 30, (picture().instances[0],))
     scores.add(truth, truth)
     scores.add(Segmented(40, 30), Segmented(40, 30))
-    told = scores.told()
+    told = scores.as_dict()
     assert (told["iou_mean"], told["recall"], told["precision"]) == (1, 1, 1)
     assert told["marked_without_people"] == 0
 
@@ -175,7 +175,7 @@ def test_scores_of_a_shifted_mask_are_the_counted_ones() -> None:
     scores.add(
         Segmented(10, 10, (Instance(0, 1.0, found),)), Segmented(10, 10, (Instance(0, 1.0, true),))
     )
-    told = scores.told()
+    told = scores.as_dict()
     assert told["iou_mean"] == pytest.approx(20 / 50)
     assert (told["recall"], told["precision"]) == (0.5, pytest.approx(2 / 3, abs=1e-4))
 

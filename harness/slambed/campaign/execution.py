@@ -35,7 +35,7 @@ def execute_run(
 
     `engine` is what the engine says about itself. Returns the summary.
     """
-    inputs.bring(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
+    inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
     if spec.reference:
         shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
     started, load = utc_now(), os.getloadavg()[0]

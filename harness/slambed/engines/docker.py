@@ -20,7 +20,7 @@ from slambed.engines.base import (
     netns,
 )
 from slambed.engines.cgroups import V1_LARGEST_SHARES
-from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, told
+from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker_error
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.foreign import PLAYER, environment, player_arguments, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
@@ -204,7 +204,7 @@ class DockerEngine:
                 for container in reversed(made):
                     _remove(container)
             if isinstance(error, DAEMON_ERRORS):
-                raise told(error, f"start the {plan.role} node") from None
+                raise docker_error(error, f"start the {plan.role} node") from None
             raise
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:

@@ -21,10 +21,10 @@ def daemon_failures(doing: str) -> Iterator[None]:
     try:
         yield
     except DAEMON_ERRORS as error:
-        raise told(error, doing) from None
+        raise docker_error(error, doing) from None
 
 
-def told(error: Exception, doing: str) -> SlambedError:
+def docker_error(error: Exception, doing: str) -> SlambedError:
     """A request that the daemon understood and refused fails the next time too; that it did not
     answer, or failed itself, may pass."""
     if isinstance(error, APIError):

@@ -23,7 +23,7 @@ from slambed.engines.base import (
     thread_problems,
 )
 from slambed.engines.faults import FaultDriver, RunEdge
-from slambed.engines.node_ends import at_gate, from_outside, how_it_died, told_by
+from slambed.engines.node_ends import at_gate, from_outside, how_it_died, node_report
 from slambed.engines.result import (
     InterruptedRunError,
     Outcome,
@@ -279,7 +279,7 @@ class LiveRun:
         """An edge that ends well has heard BYE: then the mobile node is about to end too."""
         if (code := edge.exit_code()) is None:
             return False
-        told = told_by(edge, self._run_dir)
+        told = node_report(edge, self._run_dir)
         return code != 0 or bool(told.get("stopped", True))
 
     def _await_edge(self, edge: Node) -> tuple[Outcome, str] | None:

@@ -13,7 +13,7 @@ from slambed.json_file import object_or_empty
 from slambed.spec.system import Role
 
 
-def told_by(node: Node, run_dir: Path) -> dict[str, Any]:
+def node_report(node: Node, run_dir: Path) -> dict[str, Any]:
     """What a node wrote about its end; empty when it could not."""
     return object_or_empty(run_dir / node.role / "node.json")
 
@@ -26,7 +26,7 @@ def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
     """
     if ended_from_outside(code) and not node.out_of_memory():
         return f"was killed from outside ({ending(code)})"
-    if code == 0 and told_by(node, run_dir).get("stopped"):
+    if code == 0 and node_report(node, run_dir).get("stopped"):
         return "was told to stop from outside"
     return None
 

@@ -52,12 +52,12 @@ def open_link(
     from slambed.link.netem import NetemShaper, PlainShaper
     from slambed.link.relay import RelayShaper
 
-    makers: dict[str, ShaperFactory] = {
+    shapers: dict[str, ShaperFactory] = {
         "relay": RelayShaper,
         "netem": NetemShaper,
         "none": PlainShaper,
     }
     name = choose_backend(backend, profile)
     return LinkSession(
-        makers[name], mobile_ns, edge_ns, profile, seed, log_dir, LinkOptions(**options)
+        shapers[name], mobile_ns, edge_ns, profile, seed, log_dir, LinkOptions(**options)
     )

@@ -96,7 +96,7 @@ class LinkSession:
 
     def __init__(
         self,
-        make: Callable[[Path, Path, Profile, int, Path, LinkOptions], Shaper],
+        shaper: Callable[[Path, Path, Profile, int, Path, LinkOptions], Shaper],
         mobile_ns: str | Path,
         edge_ns: str | Path,
         profile: Profile,
@@ -113,7 +113,7 @@ class LinkSession:
         self._t0_ns: int | None = None
         self._record: LinkRecord | None = None
         self._probe: Probe | None = None
-        self._shaper: Shaper | None = make(
+        self._shaper: Shaper | None = shaper(
             self._mobile, namespace_path(edge_ns), profile, seed, log_dir, options
         )
         self.backend = self._shaper.name

@@ -11,7 +11,7 @@ import numpy as np
 from slambed.errors import SlambedError
 from slambed.metrics.declared import described_by, own_digest, own_metrics
 from slambed.metrics.device_share import share_of_device
-from slambed.metrics.faults import told
+from slambed.metrics.faults import faults_in_words
 from slambed.metrics.loss_times import loss_times_text
 from slambed.metrics.metric import Metric, Use, Value
 from slambed.metrics.recovery import frames_lost_to_updates, pause_ms_mean
@@ -164,7 +164,7 @@ METRICS: tuple[Metric, ...] = (
     Count("attempts", "how often the run was executed, this one included; the others were not to "
           "be trusted", lambda run: run.manifest.get("attempt")),
     Text("faults", 'what went wrong on purpose, in s of run time: "kill 10.0-12.4, cut 20.0-25.0"; '
-         "null when nothing", lambda run: told(run.log.of("fault_began", "fault_ended"))),
+         "null when nothing", lambda run: faults_in_words(run.log.of("fault_began", "fault_ended"))),
     Count("frames_total", "frames that playback offers by its plan and clock",
           lambda run: run.frames_offered),
     Count("frames_tracked", "with a pose (state ok; of a system without frame events: in its "

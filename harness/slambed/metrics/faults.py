@@ -39,6 +39,6 @@ def spans(events: Iterable[Event]) -> list[Span]:
     return found
 
 
-def told(events: Iterable[Event]) -> str | None:
+def faults_in_words(events: Iterable[Event]) -> str | None:
     """In a word for the summary: `kill 10.0-12.4, cut 20.0-25.0`; None when nothing was done."""
     return ", ".join(map(str, spans(events))) or None

@@ -84,7 +84,7 @@ def score(
     scores = Scores()
     for i in range(len(masks)):
         scores.add(masks.frame(i), truth.frame(i))
-    typer.echo(json.dumps(scores.told()))
+    typer.echo(json.dumps(scores.as_dict()))
 
 
 def _masks(

@@ -12,7 +12,7 @@ from slambed.segment.instances import Instance, Segmented
 
 LEAST_SHARE = 0.005
 """Pictures with less of a person do not count for the overlap."""
-#: Edges of the sizes of figures that recall is told for, as shares of the picture.
+#: Edges of the sizes of figures that recall is given for, as shares of the picture.
 SIZES = (0.0, 0.005, 0.02, 0.1, 1.0)
 #: Deviations of COCO's key points (cocodataset.org, key point evaluation), per sqrt(area).
 _SIGMAS = 2 * np.array(
@@ -53,23 +53,23 @@ class Scores:
             if share >= LEAST_SHARE and person.keypoints is not None:
                 self.similarities += _similarity(found, person)
 
-    def told(self) -> dict[str, float | dict[str, float]]:
+    def as_dict(self) -> dict[str, float | dict[str, float]]:
         """Means and ratios; what was never there is left out."""
-        told: dict[str, float | dict[str, float]] = {}
+        found: dict[str, float | dict[str, float]] = {}
         if self.overlaps:
-            told["iou_mean"] = _mean(self.overlaps)
+            found["iou_mean"] = _mean(self.overlaps)
         if self.true_px:
-            told["recall"] = round(self.hit_px / self.true_px, 4)
+            found["recall"] = round(self.hit_px / self.true_px, 4)
         if self.marked_px:
-            told["precision"] = round(self.hit_px / self.marked_px, 4)
+            found["precision"] = round(self.hit_px / self.marked_px, 4)
         if self.similarities:
-            told["oks_mean"] = _mean(self.similarities)
+            found["oks_mean"] = _mean(self.similarities)
         if self.false_shares:
-            told["marked_without_people"] = _mean(self.false_shares)
-        told["recall_by_share"] = {
+            found["marked_without_people"] = _mean(self.false_shares)
+        found["recall_by_share"] = {
             f"from_{edge:g}": _mean(self.by_size[edge]) for edge in sorted(self.by_size)
         }
-        return told
+        return found
 
 
 def keypoint_similarity(

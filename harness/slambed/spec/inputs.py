@@ -45,7 +45,7 @@ def inside(output: str, parameter: str) -> str:
     return f"{output}/{FOLDER}/{parameter}"
 
 
-def bring(run_dir: Path, files: Mapping[str, str], wanted: Mapping[str, str]) -> None:
+def copy_inputs(run_dir: Path, files: Mapping[str, str], wanted: Mapping[str, str]) -> None:
     """Copies the files (parameter -> path) into a run's folder; each must still be the one that
     the run was planned with (parameter -> digest)."""
     for parameter, path in files.items():
