@@ -164,7 +164,8 @@ METRICS: tuple[Metric, ...] = (
     Count("attempts", "how often the run was executed, this one included; the others were not to "
           "be trusted", lambda run: run.manifest.get("attempt")),
     Text("faults", 'what went wrong on purpose, in s of run time: "kill 10.0-12.4, cut 20.0-25.0"; '
-         "null when nothing", lambda run: faults_in_words(run.log.of("fault_began", "fault_ended"))),
+         "null when nothing",
+         lambda run: faults_in_words(run.log.of("fault_began", "fault_ended"))),
     Count("frames_total", "frames that playback offers by its plan and clock",
           lambda run: run.frames_offered),
     Count("frames_tracked", "with a pose (state ok; of a system without frame events: in its "
