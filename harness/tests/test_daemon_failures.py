@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import docker
 import pytest
-from harness_parts import IdleLink, needs_root, run_spec
+from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
 from virtual_parts import Quiet
 
 from slambed.campaign.executors import LiveExecutor
@@ -20,6 +20,8 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.runner import Runner
 from slambed.engines.docker import DockerEngine
+from slambed.engines.docker_image import find_image
+from slambed.engines.reaper import reap
 from slambed.errors import ExitCode, PassingError, SlambedError
 
 pytestmark = needs_root
@@ -34,10 +36,10 @@ def silent() -> Iterator[int]:
 
 @contextmanager
 def away() -> Iterator[int]:
-    """Nobody listens."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-    yield port
+    """Nobody listens, and nobody else gets the port meanwhile."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        yield taken.getsockname()[1]
 
 
 @contextmanager
@@ -62,6 +64,65 @@ def answers(code: int) -> Iterator[int]:
         yield server.server_port
         server.shutdown()
         thread.join()
+
+
+@contextmanager
+def with_a_leftover(told: int | None) -> Iterator[int]:
+    """Has one container, and answers whoever wants to remove it so; None: goes away instead of
+    telling what it has."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            answer: object = {"ApiVersion": "1.41", "Id": "1", "Name": "/slambed-left"}
+            if "/containers/json" in self.path:
+                if told is None:
+                    return
+                answer = [{"Id": "1"}]
+            self._say(200, answer)
+
+        def do_DELETE(self) -> None:
+            assert told is not None
+            self._say(told, {"message": f"said {told}"})
+
+        def _say(self, code: int, answer: object) -> None:
+            self.send_response(code)
+            self.send_header("Content-Type", "application/json")
+            self.end_headers()
+            self.wfile.write(json.dumps(answer).encode())
+
+        def log_message(self, format: str, *args: object) -> None: ...
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server.server_port
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize("told", [None, 404, 409], ids=["goes-away", "gone", "being-removed"])
+def test_what_goes_by_itself_is_no_obstacle_to_a_campaign(
+    told: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A helper container whose harness was killed is on its way out when the next one begins."""
+    with with_a_leftover(told) as port, nodes_of_tests():
+        monkeypatch.setenv("DOCKER_HOST", f"tcp://127.0.0.1:{port}")
+        assert reap().containers == []
+
+
+def test_a_container_that_cannot_be_removed_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    with with_a_leftover(500) as port, nodes_of_tests():
+        monkeypatch.setenv("DOCKER_HOST", f"tcp://127.0.0.1:{port}")
+        with pytest.raises(PassingError, match="remove container slambed-left: said 500"):
+            reap()
+
+
+@pytest.mark.parametrize("daemon", [away(), silent()], ids=["away", "silent"])
+def test_a_daemon_that_goes_before_its_image_is_found_is_one_line(daemon: ExitStack) -> None:
+    with daemon as port, pytest.raises(SlambedError) as raised:
+        find_image(docker.DockerClient(f"tcp://127.0.0.1:{port}", version="1.41", timeout=0.3))
+    assert "look for the node image" in str(raised.value)
+    assert raised.value.code == ExitCode.ENVIRONMENT
 
 
 def executor(folder: Path, port: int) -> LiveExecutor:

@@ -172,13 +172,14 @@ class DockerEngine:
                     f"system {system} names no image for engine docker; write runtime.image, or "
                     "use --engine local"
                 )
-            try:
-                found[role] = self._ids[name] = str(self._client.images.get(name).id)
-            except NotFound:
-                raise environment_error(
-                    f"system {system}: there is no image {name} on this host; build it as the "
-                    "system's README says"
-                ) from None
+            with daemon_failures(f"look for image {name}"):
+                try:
+                    found[role] = self._ids[name] = str(self._client.images.get(name).id)
+                except NotFound:
+                    raise environment_error(
+                        f"system {system}: there is no image {name} on this host; build it as the "
+                        "system's README says"
+                    ) from None
         return found
 
     def start(self, plan: NodePlan) -> Node:

@@ -5,8 +5,9 @@ import subprocess
 from typing import Any
 
 import docker
-from docker.errors import DockerException, ImageNotFound
+from docker.errors import ImageNotFound
 
+from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures
 from slambed.errors import SlambedError, environment_error
 from slambed.native import repository_root
 from slambed.spec.software import source_hash
@@ -24,7 +25,7 @@ def connect() -> docker.DockerClient:
     try:
         client = docker.from_env(timeout=60)
         client.ping()
-    except DockerException as error:
+    except DAEMON_ERRORS as error:
         raise environment_error(f"no Docker: {_reason(error)}; {advice(error)}") from None
     return client
 
@@ -47,10 +48,11 @@ def _reason(error: Exception) -> str:
 
 def find_image(client: docker.DockerClient) -> Any | None:
     """The image of these sources, or None when it is not built."""
-    try:
-        return client.images.get(image_tag())
-    except ImageNotFound:
-        return None
+    with daemon_failures("look for the node image"):
+        try:
+            return client.images.get(image_tag())
+        except ImageNotFound:
+            return None
 
 
 def build_image() -> None:

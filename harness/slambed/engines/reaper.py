@@ -11,10 +11,11 @@ from pathlib import Path
 
 import docker
 import psutil
-from docker.errors import DockerException, NotFound
+from docker.errors import APIError
 
 from slambed.engines.base import LABEL
 from slambed.engines.cgroups import CgroupMaker, remove
+from slambed.engines.docker_errors import CONFLICT, DAEMON_ERRORS, GONE, docker_error
 from slambed.engines.helper import is_root
 
 OWNER_VARIABLE = "SLAMBED_HARNESS"
@@ -77,12 +78,17 @@ def _reap_containers(reaped: Reaped) -> None:
     try:
         client = docker.from_env(timeout=20)
         containers = client.containers.list(all=True, filters={"label": LABEL})
-    except DockerException:
+    except DAEMON_ERRORS:
         return  # No daemon, no containers.
     for container in containers:
-        with contextlib.suppress(NotFound):
+        try:
             container.remove(force=True, v=True)
             reaped.containers.append(str(container.name))
+        except DAEMON_ERRORS as error:
+            # What a helper's own end, or somebody else, is removing goes without us.
+            code = getattr(error.response, "status_code", 0) if isinstance(error, APIError) else 0
+            if code not in (GONE, CONFLICT):
+                raise docker_error(error, f"remove container {container.name}") from None
     client.close()
 
 
