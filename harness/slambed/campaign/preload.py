@@ -18,7 +18,11 @@ from slambed.metrics.catalog import metrics_of
 from slambed.spec.host_speed import cpu_model
 from slambed.spec.library import Library
 
-MODULES = ("slambed.campaign.processes", "pyarrow.dataset", "pyarrow.pandas_compat")
+MODULES = (
+    *("slambed.campaign.processes", "pyarrow.dataset", "pyarrow.pandas_compat"),
+    # The program that the user called is imported by the process of every run.
+    "slambed.cli",
+)
 """What executes a run, and what it would import late."""
 
 
