@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Campaigns of short runs that meet faults, until so many have struck: see docs/testing.md.
 
-    tools/chaos.py virtual|dask|live --faults N [--seed N] [--jobs 2,8,32] [--log FILE]
+    tools/chaos.py virtual|dask|live|docker --faults N [--seed N] [--jobs 2,8,32] [--clock]
+        [--user root|other|both] [--log FILE]
     tools/chaos.py table FILE ...
 
 Every campaign is one line in the log, with its seed and what came of it; `table` counts them. Exit
@@ -22,8 +23,8 @@ sys.path.insert(0, str(ROOT / "harness" / "tests"))
 from chaos_campaign import Outcome, Torment  # noqa: E402
 from chaos_place import Place  # noqa: E402
 
-FAULTS_EACH = {"virtual": 50, "dask": 10, "live": 4}
-EVERY_S = {"virtual": 0.2, "dask": 1.5, "live": 4.0}
+FAULTS_EACH = {"virtual": 50, "dask": 10, "live": 10, "docker": 14}
+EVERY_S = {"virtual": 0.2, "dask": 1.5, "live": 2.0, "docker": 2.0}
 DRAW_EVERY = 8
 """Only so many campaigns have figures drawn: that takes longer than their runs."""
 
@@ -38,6 +39,13 @@ def main() -> int:
         one.add_argument("--jobs", default="2,8,32", help="one after the other")
         one.add_argument("--runs", type=int, default=0, help="of a cell of each campaign")
         one.add_argument("--only", default="", help="faults as they are told, a comma list")
+        one.add_argument("--clock", action="store_true", help="the host's clock may jump as well")
+        one.add_argument(
+            "--user",
+            choices=("root", "other", "both"),
+            default="both",
+            help="who calls the command on engine docker",
+        )
         one.add_argument("--log", type=Path)
     commands.add_parser("table").add_argument("files", type=Path, nargs="+")
     asked = parser.parse_args()
@@ -49,14 +57,32 @@ def main() -> int:
 
 def torment_all(asked: argparse.Namespace, folder: Path) -> int:
     place = Place(folder, asked.kind, asked.runs)
+    try:
+        return _torment_all(asked, place)
+    finally:
+        place.close()
+
+
+def _torment_all(asked: argparse.Namespace, place: Place) -> int:
     jobs = [int(number) for number in asked.jobs.split(",")]
     struck = bad = 0
     seed = asked.seed
     only = tuple(filter(None, asked.only.split(",")))
     each, every_s = FAULTS_EACH[asked.kind], EVERY_S[asked.kind]
     while struck < asked.faults:
+        other = asked.kind == "docker" and (
+            asked.user == "other" or (asked.user == "both" and seed % 2)
+        )
         torment = Torment(
-            asked.kind, seed, jobs[seed % len(jobs)], each, every_s, seed % DRAW_EVERY == 0, only
+            asked.kind,
+            seed,
+            jobs[seed % len(jobs)],
+            each,
+            every_s,
+            seed % DRAW_EVERY == 0,
+            only,
+            asked.clock,
+            bool(other),
         )
         outcome = place.play(torment)
         struck += len(outcome.struck)

@@ -2,6 +2,7 @@
 """One campaign of short runs that meets faults at seeded random instants, is called again until it
 is done, and is then looked at."""
 
+import contextlib
 import json
 import os
 import random
@@ -9,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,11 @@ from typing import Any
 import chaos_faults as faults
 import psutil
 from chaos_checks import problems_of_bytes, problems_of_host, problems_of_results
+from chaos_clock import Clock
 from chaos_cluster import Cluster
-from chaos_faults import KILL, ON_DISK, STOP, TERMINATE, Disk, Fault
+from chaos_daemon import DAEMON_ERRORS, Daemon
+from chaos_faults import CLOCK, IN_DOCKER, KILL, ON_DISK, STOP, TERMINATE, Disk, Fault
+from chaos_user import User
 
 from slambed.campaign.folder import ResultFolder
 from slambed.engines.host_lock import default_lock_path
@@ -29,6 +34,9 @@ MOST_HELD_S = 1.5
 MOST_WORKERS = 3
 EARLY = 0.15
 """Share of calls that may meet a fault before they execute runs."""
+LEAST_JUMP_S, MOST_JUMP_S = 60.0, 120.0
+CLOCK_ERROR_MS = 50.0
+"""What a clock that was set and set back may be beside the right time: a busy host is late."""
 HANGS_S = 1200.0
 LOOK_EVERY_S = 0.01
 EXPECTED = {ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT, 130, -signal.SIGKILL, -signal.SIGTERM}
@@ -38,6 +46,11 @@ ALWAYS: list[tuple[Fault, int]] = [
     (Fault(TERMINATE, "harness"), 1),
     (Fault(STOP, "harness"), 1),
     *((Fault(act), 1) for act in ON_DISK),
+]
+BESIDE_NODES: list[tuple[Fault, int]] = [
+    *((Fault(KILL, role), 3) for role in ("mobile node", "edge node", "relay", "sampler")),
+    *((Fault(STOP, role), 1) for role in ("mobile node", "edge node", "relay", "sampler")),
+    *((Fault(TERMINATE, role), 1) for role in ("mobile node", "edge node")),
 ]
 OF_KIND: dict[str, list[tuple[Fault, int]]] = {
     "virtual": [
@@ -55,10 +68,19 @@ OF_KIND: dict[str, list[tuple[Fault, int]]] = {
         (Fault(STOP, "Dask worker"), 2),
         (Fault(STOP, "node"), 1),
     ],
-    "live": [
-        *((Fault(KILL, role), 3) for role in ("mobile node", "edge node", "relay", "sampler")),
-        *((Fault(STOP, role), 1) for role in ("mobile node", "edge node", "relay", "sampler")),
-        *((Fault(TERMINATE, role), 1) for role in ("mobile node", "edge node")),
+    "live": BESIDE_NODES,
+    "docker": [
+        *BESIDE_NODES,
+        (Fault(KILL, "helper container"), 3),
+        (Fault(STOP, "helper container"), 1),
+        (Fault(KILL, "docker client"), 1),
+        *((Fault("docker kill", role), 1) for role in ("mobile", "edge", "link_helper", "attend")),
+        *((Fault("docker pause", role), 1) for role in ("mobile", "edge", "link_helper")),
+        *((Fault("docker rm", role), 1) for role in ("mobile", "edge", "attend")),
+        (Fault(TERMINATE, "dockerd"), 2),
+        (Fault(KILL, "dockerd"), 2),
+        (Fault(STOP, "dockerd"), 2),
+        (Fault(KILL, "containerd"), 1),
     ],
 }
 
@@ -77,6 +99,10 @@ class Torment:
     """Whether reports draw any: most of what a campaign of short runs computes."""
     only: tuple[str, ...] = ()
     """These faults; else all of the kind."""
+    clock: bool = False
+    """Whether the host's time of day may jump, too."""
+    unprivileged: bool = False
+    """Called by somebody who is not root."""
 
 
 @dataclass
@@ -106,6 +132,10 @@ class Campaign:
     reference: dict[str, str] | None = None
     more: list[str] = field(default_factory=list)
     """Further arguments of the command."""
+    daemon: Daemon | None = None
+    """Of the containers."""
+    user: User | None = None
+    """Who calls the command; None: whoever calls this."""
 
     def __post_init__(self) -> None:
         t = self.torment
@@ -116,8 +146,9 @@ class Campaign:
         self.disk = Disk(self.folder / "results", self.own_disk)
         self.rng = random.Random(f"chaos/{t.kind}/{t.seed}/{t.jobs}")
         self.out = Outcome(t)
-        self._held: list[tuple[float, psutil.Process | None]] = []
-        """When to let go of what was stopped; None: the disk."""
+        self._held: list[tuple[float, str, Callable[[], None]]] = []
+        """When to let go of what was done to disk, clock or a process, and how."""
+        self._clock = Clock()
         self._log = self.folder / "log.txt"
         self._pids: list[int] = []
         self._cluster: Cluster | None = None
@@ -128,10 +159,17 @@ class Campaign:
             environment = self.environment() | {"TMPDIR": str(own)}
             self._cluster = Cluster(self.folder, environment, min(t.jobs, MOST_WORKERS))
             self.more = [*self.more, "--scheduler", self._cluster.address]
+        if self.user is not None:
+            for path in (self.folder, self.folder / "tmp", self.disk.folder):
+                self.user.own(path)
 
     def environment(self) -> dict[str, str]:
         """Of everything that this campaign starts."""
         own = {faults.TOKEN: self.token, "TMPDIR": str(self.folder / "tmp"), "SLAMBED_DEBUG": "1"}
+        if self.daemon is not None:
+            own |= self.daemon.environment
+        if self.user is not None:
+            own |= {"HOME": str(self.folder), "SLAMBED_CACHE": str(self.place / "cache-user")}
         return {**os.environ, **own}
 
     def play(self) -> Outcome:
@@ -156,13 +194,21 @@ class Campaign:
             if self._cluster is not None:
                 self._cluster.close()
             self._let_go(everything=True)
-            for process in faults.processes(self.token):
+            for process in self._alive():
                 process.kill()
             self.disk.remove()
         self.out.took_s = round(time.monotonic() - began_s, 1)
         return self.out
 
+    def _alive(self) -> list[psutil.Process]:
+        group = self.daemon.cgroup if self.daemon is not None else ""
+        return faults.processes(self.token, group)
+
     def _look(self) -> None:
+        if self.daemon is not None:
+            self.daemon.ready()
+        if self.torment.clock and abs(error_ms := self._clock.error_ms()) > CLOCK_ERROR_MS:
+            self.out.problems.append(f"the clock is {error_ms:.0f} ms off")
         results = ResultFolder(self.disk.folder / self.experiment.stem)
         if not results.path.is_dir():
             self.out.problems.append("no results")
@@ -173,10 +219,14 @@ class Campaign:
             self.out.problems += problems_of_bytes(results, self.reference)
         locks = [results.path / ".lock", default_lock_path()]
         empty = self.folder / "tmp"
-        self.out.problems += problems_of_host(self.token, locks, self._pids, keys, empty)
+        self.out.problems += problems_of_host(
+            self.token, locks, self._pids, keys, empty, self.daemon
+        )
 
     def _call(self) -> int:
-        command = [sys.executable, "-c", COMMAND, "run", str(self.experiment), *self.more]
+        user = self.user
+        python = sys.executable if user is None else user.python
+        command = [python, "-c", COMMAND, "run", str(self.experiment), *self.more]
         command += ["--results", str(self.disk.folder)]
         command += ["--figures" if self.torment.figures else "--no-figures"]
         self._log.unlink(missing_ok=True)
@@ -188,6 +238,9 @@ class Campaign:
                 stderr=subprocess.STDOUT,
                 cwd=self.folder,
                 start_new_session=True,
+                user=user.uid if user else None,
+                group=user.gid if user else None,
+                extra_groups=[] if user else None,
             )
         self._pids.append(process.pid)
         # Now and then while it starts; mostly once it executes runs, however slow the host is.
@@ -235,35 +288,79 @@ class Campaign:
         return ([line for line in lines if line.startswith("error: ")] or lines)[-1][:300]
 
     def _strike(self, harness: int) -> bool:
+        """One of the faults of this kind; False when there is nothing that it could hit now."""
         choices = ALWAYS + OF_KIND[self.torment.kind]
+        if self.torment.clock:
+            choices += [(Fault(act), 3) for act in CLOCK]
         if self.torment.only:
             choices = [c for c in choices if str(c[0]) in self.torment.only]
         (fault,) = self.rng.choices([c[0] for c in choices], [c[1] for c in choices])
         until_s = time.monotonic() + self.rng.uniform(0.1, MOST_HELD_S)
-        if fault.act in ON_DISK:
-            if any(held is None for _, held in self._held):
+        how = self._strike_process
+        if fault.act in ON_DISK or fault.act in CLOCK:
+            if any(kind == fault.act for _, kind, _ in self._held):
                 return False
-            if not self.disk.strike(fault.act, self.rng):
-                self.disk.heal()
-                return False
-            self._held.append((until_s, None))
-        else:
-            victim = faults.strike(fault, self.token, harness, self.rng)
-            if victim is None:
-                return False
-            if fault.act == STOP:
-                self._held.append((until_s, victim))
+            how = self._strike_disk if fault.act in ON_DISK else self._strike_clock
+        elif fault.act in IN_DOCKER:
+            how = self._strike_container
+        if not how(fault, harness, until_s):
+            return False
         self.out.struck.append(str(fault))
         return True
+
+    def _strike_disk(self, fault: Fault, harness: int, until_s: float) -> bool:
+        if any(kind in ON_DISK for _, kind, _ in self._held):
+            return False
+        if not self.disk.strike(fault.act, self.rng):
+            self.disk.heal()
+            return False
+        self._held.append((until_s, fault.act, self.disk.heal))
+        return True
+
+    def _strike_clock(self, fault: Fault, harness: int, until_s: float) -> bool:
+        seconds = self.rng.uniform(LEAST_JUMP_S, MOST_JUMP_S)
+        if not self._clock.jump(seconds if fault.act == "clock forward" else -seconds):
+            return False
+        self._held.append((until_s, fault.act, self._clock.restore))
+        return True
+
+    def _strike_container(self, fault: Fault, harness: int, until_s: float) -> bool:
+        assert self.daemon is not None
+        container = self.daemon.container(fault.target)
+        if container is None:
+            return False
+        try:
+            if fault.act == "docker kill":
+                container.kill()
+            elif fault.act == "docker rm":
+                container.remove(force=True)
+            else:
+                container.pause()
+                self._held.append((until_s, fault.act, lambda: _unpause(container)))
+        except DAEMON_ERRORS:
+            return False
+        return True
+
+    def _strike_process(self, fault: Fault, harness: int, until_s: float) -> bool:
+        victim = self.daemon.processes().get(fault.target) if self.daemon is not None else None
+        if victim is None:
+            victim = faults.strike(fault, self._alive(), harness, self.rng)
+        elif not faults.signal_to(victim, fault.act):
+            return False
+        if victim is not None and fault.act == STOP:
+            self._held.append((until_s, fault.act, lambda: faults.wake(victim)))
+        return victim is not None
 
     def _let_go(self, everything: bool = False) -> None:
         """Of what was held long enough."""
         now_s = time.monotonic()
         for item in list(self._held):
-            until_s, victim = item
+            until_s, _, release = item
             if everything or until_s <= now_s:
-                if victim is None:
-                    self.disk.heal()
-                else:
-                    faults.wake(victim)
+                release()
                 self._held.remove(item)
+
+
+def _unpause(container: Any) -> None:
+    with contextlib.suppress(*DAEMON_ERRORS):
+        container.unpause()

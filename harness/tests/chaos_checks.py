@@ -10,8 +10,8 @@ from pathlib import Path
 import docker
 import pandas as pd
 import psutil
+from chaos_daemon import DAEMON_ERRORS, Daemon
 from chaos_faults import processes
-from docker.errors import DockerException
 from virtual_parts import fingerprints
 
 from slambed.campaign.folder import ResultFolder
@@ -82,11 +82,17 @@ def problems_of_bytes(folder: ResultFolder, reference: dict[str, str]) -> list[s
 
 
 def problems_of_host(
-    token: str, locks: list[Path], pids: list[int], keys: list[str], empty: Path
+    token: str,
+    locks: list[Path],
+    pids: list[int],
+    keys: list[str],
+    empty: Path,
+    daemon: Daemon | None = None,
 ) -> list[str]:
     """Processes, locks, control groups, containers and temporary files that are left."""
     deadline = time.monotonic() + ENDS_WITHIN_S
-    while (left := processes(token)) and time.monotonic() < deadline:
+    group = daemon.cgroup if daemon is not None else ""
+    while (left := processes(token, group)) and time.monotonic() < deadline:
         time.sleep(0.05)
     found = []
     for process in left:
@@ -97,7 +103,7 @@ def problems_of_host(
         path.name for path in CgroupMaker().leftovers() if path.name[:-5].startswith(tuple(keys))
     ]
     found += [f"control group left: {name}" for name in groups if keys]
-    found += [f"container left: {name}" for name in _containers(keys)]
+    found += [f"container left: {name}" for name in _containers(keys, daemon)]
     found += [f"temporary file left: {path.name}" for path in sorted(empty.iterdir())]
     return found
 
@@ -114,12 +120,11 @@ def _is_held(path: Path, pids: list[int]) -> bool:
     return False
 
 
-def _containers(keys: list[str]) -> list[str]:
+def _containers(keys: list[str], daemon: Daemon | None) -> list[str]:
+    """Of these runs, and on a daemon of our own any."""
     try:
-        client = docker.from_env(timeout=20)
+        client = daemon.client if daemon is not None else docker.from_env(timeout=20)
         found = client.containers.list(all=True, filters={"label": LABEL})
-    except DockerException:
+    except DAEMON_ERRORS:
         return []
-    names = [str(c.name) for c in found if c.labels.get(LABEL) in keys]
-    client.close()
-    return names
+    return [str(c.name) for c in found if daemon is not None or c.labels.get(LABEL) in keys]

@@ -22,19 +22,28 @@ KILL, TERMINATE, STOP = "kill -9", "SIGTERM", "SIGSTOP"
 SIGNALS = {KILL: signal.SIGKILL, TERMINATE: signal.SIGTERM, STOP: signal.SIGSTOP}
 FULL, NO_INODES, READ_ONLY = "disk full", "no inodes", "folder read-only"
 ON_DISK = (FULL, NO_INODES, READ_ONLY)
+IN_DOCKER = ("docker kill", "docker pause", "docker rm")
+CLOCK = ("clock forward", "clock back")
 LEAST_FILL = 4096
 
 
-def processes(token: str) -> list[psutil.Process]:
-    """Everything alive that was started for this campaign."""
+def processes(token: str, group: str = "") -> list[psutil.Process]:
+    """Everything alive that was started for this campaign, be it in containers: their processes
+    carry no token, but are in control groups below the one of this name."""
     found = []
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error):
             if process.status() == psutil.STATUS_ZOMBIE or process.pid == os.getpid():
                 continue
-            if process.environ().get(TOKEN) == token:
+            if process.environ().get(TOKEN) == token or (group and _is_in(process, group)):
                 found.append(process)
     return found
+
+
+def _is_in(process: psutil.Process, group: str) -> bool:
+    with contextlib.suppress(OSError):
+        return f"/{group}/" in Path(f"/proc/{process.pid}/cgroup").read_text()
+    return False
 
 
 MARKS = {
@@ -55,6 +64,8 @@ def role_of(process: psutil.Process, harness: int) -> str:
     if process.pid == harness:
         return "harness"
     command = " ".join(process.cmdline())
+    if process.name() == "docker":
+        return "docker client"
     if "slambed-node" in command and "--role" in command:
         return f"{command.rpartition('--role ')[2].split()[0]} node"
     if "multiprocessing.forkserver" in command:
@@ -71,7 +82,7 @@ class Fault:
 
     act: str
     target: str = ""
-    """A role; empty for the disk."""
+    """A role; empty for disk and clock."""
 
     def __str__(self) -> str:
         return f"{self.act} {self.target}".strip()
@@ -158,21 +169,28 @@ def _mount(*arguments: str) -> None:
     subprocess.run(["mount", *arguments], check=True)
 
 
-def strike(fault: Fault, token: str, harness: int, rng: random.Random) -> psutil.Process | None:
+def strike(
+    fault: Fault, alive: list[psutil.Process], harness: int, rng: random.Random
+) -> psutil.Process | None:
     """Does it to one of the processes that have this role now; None when there is none."""
     found = []
-    for process in processes(token):
+    for process in alive:
         with contextlib.suppress(psutil.Error):
             if role_of(process, harness) == fault.target:
                 found.append(process)
     if not found:
         return None
     victim = rng.choice(sorted(found, key=lambda process: process.pid))
+    return victim if signal_to(victim, fault.act) else None
+
+
+def signal_to(victim: psutil.Process, act: str) -> bool:
+    """False when it has gone meanwhile."""
     try:
-        victim.send_signal(SIGNALS[fault.act])
+        victim.send_signal(SIGNALS[act])
     except psutil.Error:
-        return None
-    return victim
+        return False
+    return True
 
 
 def wake(process: psutil.Process) -> None:

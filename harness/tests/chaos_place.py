@@ -8,12 +8,16 @@ import sys
 from pathlib import Path
 
 from chaos_campaign import COMMAND, Campaign, Outcome, Torment
+from chaos_daemon import Daemon
+from chaos_user import User, python_of_everybody
 from virtual_parts import fingerprints, make_sequence, write_experiment
 
 from slambed.campaign.folder import ResultFolder
+from slambed.engines.docker_image import image_tag
 
 SECONDS = 2
-RUNS = {"virtual": 12, "dask": 6, "live": 2}
+RUNS = {"virtual": 12, "dask": 6, "live": 2, "docker": 2}
+ENGINES = {"live": "local", "docker": "docker"}
 LIVE = """\
 id: walk
 title: A short walk with an edge
@@ -36,12 +40,31 @@ class Place:
         os.environ["SLAMBED_CACHE"] = str(folder / "cache")
         os.environ["SLAMBED_DATA_BESIDE"] = "no"
         sequence = make_sequence(folder / "sequence", SECONDS)
-        more = (LIVE,) if kind == "live" else ()
+        self.daemon: Daemon | None = None
+        self.user: User | None = None
+        more = (LIVE,) if kind in ENGINES else ()
         self.experiment = write_experiment(folder, sequence, runs or RUNS[kind], *more)
         self.own_disk = os.geteuid() == 0
         self.reference: dict[str, str] | None = None
-        if kind != "live":
+        if kind not in ENGINES:
             self.reference = self._undisturbed()
+        if kind == "docker":
+            self._containers()
+
+    def _containers(self) -> None:
+        """A daemon with the node image, and who may use it without being root."""
+        self.user = User(python_of_everybody(self.folder / "python"))
+        self.folder.chmod(0o755)
+        cache = self.folder / "cache-user"
+        cache.mkdir()
+        self.user.own(cache)
+        self.daemon = Daemon(self.folder / "docker", self.user.gid)
+        self.daemon.copy(image_tag())
+
+    def close(self) -> None:
+        """Ends what campaigns had in common."""
+        if self.daemon is not None:
+            self.daemon.close()
 
     def _undisturbed(self) -> dict[str, str]:
         calm = self.folder / "calm"
@@ -53,9 +76,17 @@ class Place:
     def play(self, torment: Torment) -> Outcome:
         """One campaign from its beginning to its end."""
         options = ["--jobs", str(torment.jobs)]
-        if torment.kind == "live":
-            options = ["--engine", "local", "--wait", "--retries", "5"]
+        if torment.kind in ENGINES:
+            options = ["--engine", ENGINES[torment.kind], "--wait", "--retries", "5"]
+        user = self.user if torment.unprivileged else None
         campaign = Campaign(
-            self.folder, self.experiment, torment, self.own_disk, self.reference, options
+            self.folder,
+            self.experiment,
+            torment,
+            self.own_disk,
+            self.reference,
+            options,
+            self.daemon,
+            user,
         )
         return campaign.play()

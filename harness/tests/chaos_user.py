@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Somebody who is not root but may speak to a Docker daemon, and a Python that he may execute."""
+
+import shutil
+import subprocess
+import sys
+import sysconfig
+from dataclasses import dataclass
+from pathlib import Path
+
+NOBODY = 65534
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+@dataclass(frozen=True)
+class User:
+    """Whose campaigns need helper containers."""
+
+    python: str
+    uid: int = NOBODY
+    gid: int = NOBODY
+
+    def own(self, path: Path) -> None:
+        """Gives it to him."""
+        shutil.chown(path, self.uid, self.gid)
+
+
+def python_of_everybody(folder: Path) -> str:
+    """This Python where others may execute it, else one of the same packages in `folder`."""
+    if all(path.stat().st_mode & 0o001 for path in Path(sys.executable).resolve().parents):
+        return sys.executable
+    subprocess.run([SYSTEM_PYTHON, "-m", "venv", "--without-pip", str(folder)], check=True)
+    packages = next(folder.glob("lib/python3*/site-packages"))
+    packages.rmdir()
+    subprocess.run(["cp", "-al", sysconfig.get_path("purelib"), str(packages)], check=True)
+    return str(folder / "bin" / "python3")
