@@ -3,21 +3,52 @@
 tools/many_jobs.py calls."""
 
 import argparse
+import contextlib
+import os
 import random
 import shutil
 import tempfile
 import threading
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from test_processes import Killer, SlowFolder, children, runs
+import psutil
+from chaos_faults import role_of
+from test_processes import SlowFolder, children, runs
 from virtual_parts import Quiet
 
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor
-from slambed.campaign.runner import Runner
+from slambed.campaign.runner import MOST_DEATHS, Runner
 
 PROGRAM = Path(__file__).parent / "stand_in_sim.sh"
+
+
+@dataclass
+class Killer:
+    """Kills the process of a run so often, waiting for the next one where there is none, and stops
+    before one run could bear no more."""
+
+    every_s: float
+    over: threading.Event = field(default_factory=threading.Event)
+    killed: int = 0
+
+    def run(self) -> None:
+        """Until it is told to end."""
+        while self.killed < MOST_DEATHS - 1 and not self.over.wait(self.every_s):
+            while not self.over.wait(0.005) and not self._kill():
+                pass
+
+    def _kill(self) -> bool:
+        found = psutil.Process().children(recursive=True)
+        for process in random.sample(found, len(found)):
+            with contextlib.suppress(psutil.Error):
+                if role_of(process, os.getpid()) == "worker":
+                    process.kill()
+                    self.killed += 1
+                    return True
+        return False
 
 
 def main() -> int:
@@ -47,7 +78,7 @@ def campaign(place: Path, asked: argparse.Namespace, number: int) -> bool:
     ledger = Ledger(folder.path / "ledger.jsonl")
     played = {"room": (place / "sequence", 0.5)}
     runner = Runner(folder, ledger, ProcessExecutor(played, program, None, asked.jobs))
-    killer = Killer(place, every_s=asked.kill_every or 0.0)
+    killer = Killer(asked.kill_every or 0.0)
     thread = threading.Thread(target=killer.run)
     todo = runs(asked.runs)
     began_s = time.monotonic()
