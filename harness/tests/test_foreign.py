@@ -11,6 +11,7 @@ import yaml
 from command_line import slambed
 from harness_parts import write_library
 
+from slambed.campaign.foreign import foreign_software
 from slambed.engines.base import NodePlan
 from slambed.engines.foreign import environment, player_arguments
 from slambed.errors import SlambedError
@@ -21,7 +22,6 @@ from slambed.native import repository_root
 from slambed.spec.device import Limits
 from slambed.spec.library import Library
 from slambed.spec.runtime import Runtime, foreign_digest
-from slambed.spec.software import foreign_software
 
 MINE = """
 name: mine

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/setup.sh with an apt that another one holds up."""
+"""A machine that is being set up: an apt that another one holds up, a Python without packages."""
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from slambed.native import repository_root
+from slambed.spec.software import source_hash
 
 APT = """#!/bin/sh
 # An apt whose lock is held until it has been called {busy} times.
@@ -58,3 +60,15 @@ def test_what_waiting_does_not_help_ends_with_code_3(
 ) -> None:
     code, told, _ = install(tmp_path, 99, refusal, wait_s)
     assert code == 3 and part in told
+
+
+def test_a_build_needs_nothing_but_python_to_name_its_sources() -> None:
+    """tools/build.sh and test.sh ask the host's own Python, which may have no package at all."""
+    done = subprocess.run(
+        [sys.executable, "-S", "-m", "slambed.spec.software"],
+        env={"PYTHONPATH": str(repository_root() / "harness")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout.strip(), done.stderr) == (source_hash(), "")

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Systems that are programs of their own: what their runs' software is called."""
 
+from collections.abc import Mapping
+from pathlib import Path
+
 from slambed.engines.base import Engine
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
-from slambed.spec.software import foreign_software
+from slambed.spec.runtime import Runtime, foreign_digest
+from slambed.spec.software import software_of_systems
+
+PLAYER_FLOOR = "play"
+"""The floor of the C++ sources that slambed-play is made of."""
 
 
 def software_of_foreign(
@@ -23,3 +30,17 @@ def software_of_foreign(
                 software, system.runtime, folder, images, library.root
             )
     return found
+
+
+def foreign_software(
+    software: str,
+    runtime: Runtime,
+    folder: Path,
+    images: Mapping[str, str],
+    root: Path | None = None,
+) -> str:
+    """Tag of a system that is a program of its own: that of the player, and its own digest.
+
+    `images`: role -> id of its image, where containers are made of them."""
+    player = software_of_systems(software, [PLAYER_FLOOR], root).get(PLAYER_FLOOR, software)
+    return f"{player}.{foreign_digest(runtime, folder, images)}"

@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which C++ sources a node is made of: part of a run's key and of the image's tag."""
+"""Which C++ sources a node is made of: part of a run's key and of the image's tag.
+
+What builds the programs calls this before there are any packages: the standard library must do.
+"""
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from slambed import __version__
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
 from slambed.spec.linked import linked_hash
-from slambed.spec.runtime import Runtime, foreign_digest
 
 ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", "docker")
 # None of these changes what a node does.
 LEFT_OUT_FOLDERS = {"tests", "bench", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 STAMP = "sources.sha256"
-PLAYER = "play"
-"""The floor that slambed-play is made of."""
 
 
 def source_hash(root: Path | None = None) -> str:
@@ -71,20 +71,6 @@ def software_of_systems(
         return {}
     linked = {system: linked_hash(system, root) for system in systems}
     return {name: f"{__version__}+{tag}" for name, tag in linked.items() if tag is not None}
-
-
-def foreign_software(
-    software: str,
-    runtime: Runtime,
-    folder: Path,
-    images: Mapping[str, str],
-    root: Path | None = None,
-) -> str:
-    """Tag of a system that is a program of its own: that of the player, and its own digest.
-
-    `images`: role -> id of its image, where containers are made of them."""
-    player = software_of_systems(software, [PLAYER], root).get(PLAYER, software)
-    return f"{player}.{foreign_digest(runtime, folder, images)}"
 
 
 if __name__ == "__main__":
