@@ -3,7 +3,42 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    JsonValue,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
+
+
+class Record(BaseModel):
+    """An object of a file, or a part of one: what has keys of its own is a model of this kind.
+
+    What older and newer versions wrote besides is not read. Keys that were never set are not
+    written: null says that something was asked for and not found.
+    """
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    @classmethod
+    def read(cls, path: Path) -> Self | None:
+        """From a file; None when it is not there, not whole, or no record of this kind."""
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except (OSError, ValueError):
+            return None
+
+    @model_serializer(mode="wrap")
+    def _only_what_was_set(self, serialise: SerializerFunctionWrapHandler) -> dict[str, JsonValue]:
+        found: dict[str, JsonValue] = serialise(self)
+        return {key: value for key, value in found.items() if key in self.model_fields_set}
+
+    def as_json(self) -> dict[str, JsonValue]:
+        """As it is written."""
+        return self.model_dump(mode="json")
 
 
 def read_object(path: Path) -> dict[str, Any] | None:

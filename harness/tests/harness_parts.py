@@ -15,6 +15,7 @@ import pytest
 
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import reap
+from slambed.link.record import LinkFacts
 from slambed.spec.device import VIRTUAL, CostModel, Device, Limits
 from slambed.spec.experiment import Playback, Tolerances
 from slambed.spec.matrix import LinkSpec, RunSpec
@@ -184,6 +185,6 @@ class IdleLink:
             return True
         return time.monotonic() - self.started_s[0] < self.dies_after_s
 
-    def stop(self) -> dict[str, Any]:
+    def stop(self) -> LinkFacts:
         self.stopped += 1
-        return {"backend": "idle", "distrust": None}
+        return LinkFacts(backend="idle", distrust=None)

@@ -125,9 +125,9 @@ def docker_spec(**changes: Any) -> RunSpec:
 def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None:
     result = bench.run(docker_spec())
     assert (result.outcome, result.reason) == ("completed", None)
-    granted = result.limits["mobile"]["granted"]
-    assert (granted["quota_cores"], granted["period_ms"]) == (0.5, 10.0)
-    assert granted["memory_mb"] == 256
+    granted = result.limits["mobile"].granted
+    assert (granted.quota_cores, granted.period_ms) == (0.5, 10.0)
+    assert granted.memory_mb == 256
     mobile = bench.raw / "mobile"
     assert "uid=10001 gid=10001" in (mobile / "id.txt").read_text()
     assert "CapEff:\t0000000000000000" in (mobile / "status.txt").read_text()
@@ -238,10 +238,10 @@ def test_without_root_helpers_make_the_link_and_the_limits(bench: Bench) -> None
             hosts.append(found.attrs["HostConfig"])
 
     result = unprivileged_run(bench, look)
-    assert (result.outcome, result.limits["mobile"]["shortfall"]) == ("completed", None)
-    assert {thread["cores"] for thread in result.limits["mobile"]["threads"]} == {0.3}
-    assert result.link is not None and result.link["backend"] == "relay"
-    assert result.link["died"] is None and result.link["base_rtt_ms"] > 0
+    assert (result.outcome, result.limits["mobile"].shortfall) == ("completed", None)
+    assert {thread.cores for thread in result.limits["mobile"].threads or []} == {0.3}
+    assert result.link is not None and result.link.backend == "relay"
+    assert result.link.died is None and (result.link.base_rtt_ms or 0) > 0
     log = pd.read_parquet(bench.raw / "link" / "link.parquet")
     # The kernel of the node sees the latency. (How exactly is the link's own test.)
     assert log[log["series"] == "probe_rtt_ms"]["value"].median() > 28
@@ -263,7 +263,7 @@ def test_a_helper_that_is_killed_is_a_link_that_died(bench: Bench) -> None:
     # What the nodes make of a link that is gone is their result; nobody trusts it.
     assert result.outcome == "completed"
     assert "the link ended in the middle of the run" in result.distrust
-    assert result.link is not None and "the link ended" in result.link["died"]
+    assert result.link is not None and "the link ended" in str(result.link.died)
 
 
 class Between:

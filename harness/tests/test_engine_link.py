@@ -55,13 +55,13 @@ def test_a_run_records_what_its_link_delivered(tmp_path: Path) -> None:
     with nodes_of_tests():
         result = live.execute()
     assert result.outcome == "completed"
-    assert result.link is not None and result.link["backend"] == "relay"
+    assert result.link is not None and result.link.backend == "relay"
     log = pd.read_parquet(raw / "link" / "link.parquet")
     probes = log[(log["series"] == "probe_rtt_ms") & (log["t_s"].between(0, 2))]
     assert len(probes) > 20
     # The kernel of the nodes sees the latency: it rises. (How exactly is the link's own test.)
     assert probes["value"].median() > 12
-    assert result.link["proof"]["asked_ms_mean"] == pytest.approx(20, abs=2)
+    assert result.link.proof.asked_ms_mean == pytest.approx(20, abs=2)
 
 
 def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_path: Path) -> None:
@@ -113,7 +113,8 @@ touch {flag}
 {before}
 kill -9 $$
 """
-AT_SET_UP = {"at once": "", "after it was ready": "echo '{\"ready\": {}}'; sleep 0.1"}
+READY = '{"ready": true, "pid": 1, "real_time": false}'
+AT_SET_UP = {"at once": "", "after it was ready": f"echo '{READY}'; sleep 0.1"}
 
 
 @pytest.mark.parametrize("before", AT_SET_UP.values(), ids=AT_SET_UP)

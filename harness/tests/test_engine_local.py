@@ -83,8 +83,8 @@ def test_a_run_with_two_nodes_completes(bench: Bench) -> None:
     }
     samples = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
     assert {row["node"] for row in samples} == {"mobile", "edge"}
-    granted = result.limits["mobile"]["granted"]
-    assert granted["quota_cores"] == 0.5 and granted["memory_mb"] == 256
+    granted = result.limits["mobile"].granted
+    assert granted.quota_cores == 0.5 and granted.memory_mb == 256
 
 
 CAPPED = {"cores": 1, "quota_cores": 0.8, "thread_cores": 0.3, "period_ms": 10.0}
@@ -128,10 +128,10 @@ def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
     for tid, members, quota, period in seen:
         assert members == tid
         assert (quota, period) == ("3000", "10000")
-    threads = result.limits["mobile"]["threads"]
-    assert [thread["cores"] for thread in threads] == [0.3] * 3
-    assert result.limits["mobile"]["granted"]["quota_cores"] == 0.8
-    assert result.beside is not None and result.beside["samples"] >= 4
+    threads = result.limits["mobile"].threads
+    assert [thread.cores for thread in threads] == [0.3] * 3
+    assert result.limits["mobile"].granted.quota_cores == 0.8
+    assert result.beside is not None and result.beside.samples >= 4
 
 
 def test_a_board_becomes_limits_on_this_host(bench: Bench) -> None:
@@ -145,10 +145,10 @@ def test_a_board_becomes_limits_on_this_host(bench: Bench) -> None:
     result = bench.run(run_spec(device_mobile=pi))
     mobile = result.limits["mobile"]
     assert result.distrust == []
-    assert (mobile["asked"]["quota_cores"], mobile["asked"]["thread_cores"]) == (0.4, 0.1)
-    assert mobile["granted"]["quota_cores"] == 0.4
-    assert mobile["host_speed"]["speed"] == 2.0 and mobile["shortfall"] is None
-    assert {thread["cores"] for thread in mobile["threads"]} == {0.1}
+    assert (mobile.asked.quota_cores, mobile.asked.thread_cores) == (0.4, 0.1)
+    assert mobile.granted.quota_cores == 0.4
+    assert mobile.host_speed.speed == 2.0 and mobile.shortfall is None
+    assert {thread.cores for thread in mobile.threads} == {0.1}
 
 
 def test_a_system_without_an_edge_has_no_network(bench: Bench) -> None:
@@ -161,7 +161,7 @@ def test_a_system_without_an_edge_has_no_network(bench: Bench) -> None:
 def test_the_quota_holds_and_throttling_is_told(bench: Bench) -> None:
     spec = run_spec(params={"mobile_act": "burn"}, device_mobile=device(cores=1, quota_cores=0.2))
     result = bench.run(spec)
-    assert result.throttling["mobile"]["throttled_periods"] > 0
+    assert result.throttling["mobile"].throttled_periods > 0
 
 
 CAPABILITY_SETS = ("CapInh:", "CapPrm:", "CapEff:", "CapBnd:", "CapAmb:")
@@ -334,8 +334,8 @@ def test_a_killed_edge_starts_again_where_it_was(bench: Bench) -> None:
     assert first[0] != second[0]
     assert first[1:] == second[1:]  # the same namespace and groups
     assert bench.read("edge/node.json")["stopped"] is False
-    threads = result.limits["edge"]["threads"]
-    assert len(threads) >= 2 and {thread["cores"] for thread in threads} == {0.3}
+    threads = result.limits["edge"].threads
+    assert len(threads) >= 2 and {thread.cores for thread in threads} == {0.3}
     samples = [json.loads(x) for x in (bench.folder / "raw/samples.jsonl").read_text().splitlines()]
     cpu_s = [row["cpu_s"] for row in samples if row["node"] == "edge"]
     assert cpu_s == sorted(cpu_s)

@@ -70,7 +70,7 @@ def test_a_constant_profile_is_delivered_and_proved(
     assert set(record.frame["series"]) <= set(SERIES)
     applied = record.frame[record.frame["series"] == "applied_up_ms"]["value"]
     assert applied.median() == pytest.approx(rtt_ms / 2, abs=1.0)
-    assert record.details["tcp"]["mobile"]["net/ipv4/tcp_congestion_control"] == "cubic"
+    assert record.details.tcp["mobile"]["net/ipv4/tcp_congestion_control"] == "cubic"
 
 
 @again_when_late
@@ -319,7 +319,7 @@ def test_options_reach_the_link(ends: Ends, tmp_path: Path) -> None:
         assert link._options == LinkOptions(probe_hz=0, mtu=1400, real_time=False)
         mtu = inside(ends[0], lambda: Path(f"/proc/sys/net/ipv4/conf/{DEVICE}").exists())
         assert mtu
-        assert link.stop().details["real_time"] is False
+        assert link.stop().details.real_time is False
 
 
 def test_a_flood_does_not_deafen_the_relay(ends: Ends, tmp_path: Path) -> None:
@@ -348,4 +348,4 @@ def test_a_flood_does_not_deafen_the_relay(ends: Ends, tmp_path: Path) -> None:
             for thread in threads:
                 thread.join()
             sender.close()
-    assert record.details["relay"]["up"]["packets"] > 1000
+    assert record.details.relay.up.packets > 1000

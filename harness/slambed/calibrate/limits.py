@@ -131,7 +131,7 @@ def measure_limits(
         speed=sum(thread["units_per_s"] for thread in told) / mean([before, after]),
         longest_freeze_ms=max(thread["longest_freeze_ms"] for thread in told),
         freezes_over_10_ms=sum(thread["freezes_over_10_ms"] for thread in told),
-        metronome=attended.own["metronome_cpu_percent"] or None,
+        metronome=attended.own.metronome_cpu_percent or None,
         problems=problems,
     )
 

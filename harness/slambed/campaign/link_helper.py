@@ -1,63 +1,65 @@
 # SPDX-License-Identifier: Apache-2.0
 """The link of a run in a helper container: for a harness that is not root.
 
-Run as `python -m slambed.campaign.link_helper`. It reads lines of JSON: what to open, then
-`{"start": t0_ns}`, `{"alive": true}` and `{"stop": true}`, and answers each with a line. It ends,
-and the link with it, at the end of its input.
+Run as `python -m slambed.campaign.link_helper`. It answers the messages of `link_messages`, a line
+each. It ends, and the link with it, at the end of its input.
 """
 
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
+from slambed.campaign.link_messages import (
+    Alive,
+    AskAlive,
+    LinkStarted,
+    LinkStopped,
+    Opened,
+    OpenLink,
+    Request,
+    StartLink,
+    StopLink,
+)
 from slambed.campaign.links import RunLink, open_for_run
 from slambed.engines.cpu_group import leave_cpu_group
 from slambed.errors import ExitCode, SlambedError
-from slambed.line_process import error_answer
-from slambed.spec.matrix import RunSpec
+from slambed.line_protocol import Failure, LineReader, adapter, message_in, tell
 
 
 def main() -> None:
     """One request a line, one answer a line; the first opens the link."""
     leave_cpu_group()
     link: RunLink | None = None
+    requests = LineReader(sys.stdin.fileno())
     try:
-        for line in sys.stdin:
-            request = json.loads(line)
-            if "open" in request:
-                link = _open(request["open"])
-                _tell({"opened": True})
-            elif link is not None and "start" in request:
-                link.start(int(request["start"]))
-                _tell({"started": True})
-            elif link is not None and "alive" in request:
-                _tell({"alive": link.alive()})
-            elif link is not None and "stop" in request:
-                _tell({"stopped": link.stop()})
+        while (line := requests.next(None)) is not None:
+            request = message_in(line, adapter(Request), "harness")
+            if isinstance(request, OpenLink):
+                link = _open(request)
+                tell(sys.stdout, Opened())
+            elif link is not None and isinstance(request, StartLink):
+                link.start(request.t0_ns)
+                tell(sys.stdout, LinkStarted())
+            elif link is not None and isinstance(request, AskAlive):
+                tell(sys.stdout, Alive(alive=link.alive()))
+            elif link is not None and isinstance(request, StopLink):
+                tell(sys.stdout, LinkStopped(link=link.stop()))
                 return
+    except EOFError:
+        return
     except SlambedError as error:
-        _tell(error_answer(error))
+        tell(sys.stdout, Failure.of(error))
     except Exception as error:  # Told where a person sees it: by the campaign.
-        line = f"a bug of slambed: {type(error).__name__}: {error}"
-        _tell({"error": line, "code": int(ExitCode.INTERNAL)})
+        told = f"a bug of slambed: {type(error).__name__}: {error}"
+        tell(sys.stdout, Failure(error=told, code=int(ExitCode.INTERNAL)))
     finally:
         if link is not None:
             link.close()
 
 
-def _open(asked: dict[str, Any]) -> RunLink:
+def _open(asked: OpenLink) -> RunLink:
     return open_for_run(
-        RunSpec.model_validate(asked["spec"]),
-        Path(asked["mobile"]),
-        Path(asked["edge"]),
-        Path(asked["log_dir"]),
-        float(asked["longest_s"]),
+        asked.spec, Path(asked.mobile), Path(asked.edge), Path(asked.log_dir), asked.longest_s
     )
-
-
-def _tell(answer: dict[str, Any]) -> None:
-    print(json.dumps(answer), flush=True)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from typing import Any
 from slambed.link.backend import choose_backend, open_link
 from slambed.link.profile import parse_profile
 from slambed.link.proof import LinkTolerance
+from slambed.link.record import LinkFacts
 from slambed.link.session import LinkSession
 from slambed.spec.faults import Fault, with_cuts
 from slambed.spec.matrix import Profile, RunSpec
@@ -47,19 +48,11 @@ class RunLink:
         """False once the link went away by itself."""
         return self._session.alive()
 
-    def stop(self) -> dict[str, Any]:
+    def stop(self) -> LinkFacts:
         """Takes the link down; what it says goes into the manifest."""
         record = self._session.stop()
         record.frame.to_parquet(self._log_dir / "link.parquet")
-        return {
-            "backend": record.backend,
-            "base_rtt_ms": self._session.base_ms,
-            "drops": record.drops,
-            "died": record.died,
-            "proof": record.proof.as_dict(),
-            "distrust": None if record.proof.valid else record.proof.reason,
-            "details": _plain(record.details),
-        }
+        return record.facts
 
     def close(self) -> None:
         """Takes the link down without a record; harmless after `stop`."""
@@ -85,16 +78,3 @@ def open_for_run(
         tolerance=tolerance,
     )
     return RunLink(session, log_dir)
-
-
-def _plain(value: Any) -> Any:
-    """As JSON has it: numpy numbers become numbers, anything unknown its text."""
-    if isinstance(value, dict) or hasattr(value, "items"):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "item"):
-        value = value.item()
-    if isinstance(value, float) and value != value:
-        return None
-    return value if value is None or isinstance(value, bool | int | float | str) else str(value)

@@ -4,11 +4,21 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from slambed.campaign.link_messages import (
+    Alive,
+    AskAlive,
+    LinkStarted,
+    LinkStopped,
+    Opened,
+    OpenLink,
+    StartLink,
+    StopLink,
+)
 from slambed.engines.base import Engine
 from slambed.errors import SlambedError
-from slambed.line_process import LineProcess
+from slambed.line_protocol import LineProcess
+from slambed.link.record import LinkFacts
 from slambed.spec.matrix import RunSpec
 
 MODULE = "slambed.campaign.link_helper"
@@ -25,46 +35,32 @@ class RemoteLink:
         self._process = process
         self._looked_s = 0.0
         self._alive = True
-        self._record: dict[str, Any] | None = None
+        self._facts: LinkFacts | None = None
 
     def start(self, t0_ns: int) -> None:
         """Run time 0 on CLOCK_MONOTONIC."""
-        self._process.ask({"start": t0_ns}, ANSWER_TIMEOUT_S)
+        self._process.ask(StartLink(t0_ns=t0_ns), LinkStarted, ANSWER_TIMEOUT_S)
 
     def alive(self) -> bool:
         """False once the link, or the helper that keeps it, went away."""
         if self._alive and time.monotonic() - self._looked_s > ALIVE_EVERY_S:
             self._looked_s = time.monotonic()
             try:
-                self._alive = bool(self._process.ask({"alive": True}, ANSWER_TIMEOUT_S)["alive"])
+                self._alive = self._process.ask(AskAlive(), Alive, ANSWER_TIMEOUT_S).alive
             except SlambedError:
                 self._alive = False
         return self._alive
 
-    def stop(self) -> dict[str, Any]:
+    def stop(self) -> LinkFacts:
         """Takes the link down; what it says goes into the manifest."""
-        if self._record is None:
+        if self._facts is None:
             try:
-                self._record = self._process.ask({"stop": True}, STOP_TIMEOUT_S)["stopped"]
+                self._facts = self._process.ask(StopLink(), LinkStopped, STOP_TIMEOUT_S).link
             except SlambedError as error:
-                self._record = _nothing(str(error))
+                self._facts = LinkFacts.gone(str(error))
             finally:
                 self._process.close()
-        assert self._record is not None
-        return self._record
-
-
-def _nothing(why: str) -> dict[str, Any]:
-    """The record of a link whose helper took all it knew with it."""
-    return {
-        "backend": None,
-        "base_rtt_ms": None,
-        "drops": None,
-        "died": why,
-        "proof": None,
-        "distrust": f"the link went away: {why}",
-        "details": {},
-    }
+        return self._facts
 
 
 @dataclass(frozen=True)
@@ -82,15 +78,15 @@ class HelperLinks:
         log_dir = log_dir.resolve()
         command = self.engine.beside(MODULE, [log_dir])
         process = LineProcess(command, "link", log_dir / "helper_errors.txt")
-        asked = {
-            "spec": spec.model_dump(mode="json"),
-            "mobile": str(mobile_ns),
-            "edge": str(edge_ns),
-            "log_dir": str(log_dir),
-            "longest_s": longest_s,
-        }
+        asked = OpenLink(
+            spec=spec,
+            mobile=str(mobile_ns),
+            edge=str(edge_ns),
+            log_dir=str(log_dir),
+            longest_s=longest_s,
+        )
         try:
-            process.ask({"open": asked}, OPEN_TIMEOUT_S)
+            process.ask(asked, Opened, OPEN_TIMEOUT_S)
         except BaseException:
             process.close()
             raise

@@ -3,14 +3,22 @@
 
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from slambed.engines.attend_messages import (
+    Attend,
+    AttendedNode,
+    Attending,
+    Follow,
+    Following,
+    Start,
+    Started,
+    Stop,
+    Stopped,
+)
 from slambed.engines.base import Engine, Node
-from slambed.line_process import LineProcess
+from slambed.line_protocol import LineProcess
 from slambed.native import find_program
-from slambed.sampling.cgroup import Usage
 from slambed.spec.device import Limits
 from slambed.spec.system import Role
 
@@ -19,18 +27,6 @@ START_TIMEOUT_S = 20.0
 ANSWER_TIMEOUT_S = 10.0
 FINE_TICK_S = 1.5e-3
 """A kernel that looks this often at quotas needs no metronome."""
-
-
-@dataclass(frozen=True)
-class Attended:
-    """What the process saw, after the end of a run."""
-
-    usage: dict[str, Usage]
-    """Last counters of each node."""
-    threads: dict[str, list[dict[str, Any]]]
-    """Granted caps of each thread, for nodes that have them."""
-    own: dict[str, Any]
-    """What sampling and metronome took themselves."""
 
 
 class Attendant:
@@ -51,53 +47,51 @@ class Attendant:
         samples.touch()
         samples.chmod(0o666)
         ticked = metronome_cpus(limits, cpus)
-        config = {
-            "nodes": {
-                role: {
-                    "pid": node.pid,
-                    "thread_cores": limits[role].thread_cores,
-                    "period_ms": limits[role].period_ms,
+        asked = Attend(
+            nodes={
+                role: AttendedNode(
+                    pid=node.pid,
+                    thread_cores=limits[role].thread_cores,
+                    period_ms=limits[role].period_ms,
                     # The edge sees the same connections from its end.
-                    "namespace": str(node.namespace) if role == "mobile" else None,
-                }
+                    namespace=str(node.namespace) if role == "mobile" else None,
+                )
                 for role, node in nodes.items()
             },
-            "samples": str(samples),
-            "cpus": free_cpus(cpus, sorted(os.sched_getaffinity(0))),
-            "pace": str(find_program("slambed-pace")) if ticked else None,
-            "metronome_cpus": ticked,
-            "helper": engine.unprivileged,
-            "whole_groups": whole_groups,
-        }
+            samples=str(samples),
+            cpus=free_cpus(cpus, sorted(os.sched_getaffinity(0))),
+            pace=str(find_program("slambed-pace")) if ticked else None,
+            metronome_cpus=ticked,
+            helper=engine.unprivileged,
+            whole_groups=whole_groups,
+        )
         command = engine.beside(MODULE, [samples])
         self._process = LineProcess(command, "sampler", run_dir / "sampler_errors.txt")
-        self._done: Attended | None = None
+        self._seen: Stopped | None = None
         try:
-            self._process.ask(config, START_TIMEOUT_S)
+            self._process.ask(asked, Attending, START_TIMEOUT_S)
         except BaseException:
             self._process.close()
             raise
 
-    def start(self, t0_ns: int) -> dict[str, Any]:
-        """Begins to sample; run time = CLOCK_MONOTONIC - t0_ns. Returns the threads capped."""
-        threads: dict[str, Any] = self._process.ask({"start": t0_ns}, ANSWER_TIMEOUT_S)["threads"]
-        return threads
+    def start(self, t0_ns: int) -> None:
+        """Begins to sample; run time = CLOCK_MONOTONIC - t0_ns."""
+        self._process.ask(Start(t0_ns=t0_ns), Started, ANSWER_TIMEOUT_S)
 
     def follow(self, role: Role, node: Node) -> None:
         """The node's program was started again."""
-        self._process.ask({"follow": role, "pid": node.pid}, ANSWER_TIMEOUT_S)
+        self._process.ask(Follow(node=role, pid=node.pid), Following, ANSWER_TIMEOUT_S)
 
-    def stop(self) -> Attended:
-        """Ends after one last sample; calling it again returns the same."""
-        if self._done is None:
+    def stop(self) -> Stopped:
+        """What was seen; ends after one last sample. Calling it again returns the same."""
+        if self._seen is None:
             try:
-                told = self._process.ask({"stop": True}, ANSWER_TIMEOUT_S)
+                seen = self._process.ask(Stop(), Stopped, ANSWER_TIMEOUT_S)
             finally:
                 self._process.close()
-            usage = {name: Usage(**last) for name, last in told["usage"].items()}
-            own = told["own"] | {"kernel_tick_ms": kernel_tick_s() * 1e3}
-            self._done = Attended(usage, told["threads"], own)
-        return self._done
+            own = seen.own.model_copy(update={"kernel_tick_ms": kernel_tick_s() * 1e3})
+            self._seen = seen.model_copy(update={"own": own})
+        return self._seen
 
     def close(self) -> None:
         """Ends the process without a report; harmless after `stop`."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from slambed.sampling.cgroup import CgroupReader, Granted
+from slambed.sampling.record import ThreadCap
 from slambed.spec.device import Limits
 from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
@@ -163,15 +164,15 @@ def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
     return found
 
 
-def thread_problems(role: str, threads: list[dict[str, Any]], limits: Limits) -> list[str]:
+def thread_problems(role: str, threads: list[ThreadCap], limits: Limits) -> list[str]:
     """What is wrong with the caps of a node's threads, as the kernel granted them."""
     if not threads:
         return [f"{role}: no thread was capped"]
     slack = 2e-3 / limits.period_ms
     wrong = [
-        thread["name"]
+        thread.name
         for thread in threads
-        if thread["cores"] is None or abs(thread["cores"] - (limits.thread_cores or 0)) > slack
+        if thread.cores is None or abs(thread.cores - (limits.thread_cores or 0)) > slack
     ]
     return [f"{role}: cap of thread {name} is not as asked" for name in wrong]
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 from slambed.engines.attendant import Attendant
 from slambed.engines.base import (
@@ -32,6 +32,14 @@ from slambed.engines.result import (
     without_edge_files,
 )
 from slambed.errors import ExitCode, KilledError, PassingError
+from slambed.link.record import LinkFacts
+from slambed.sampling.record import (
+    AskedLimits,
+    GrantedLimits,
+    MeasuredSpeed,
+    NodeLimits,
+    Throttling,
+)
 from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
 from slambed.spec.matrix import RunSpec
@@ -54,7 +62,7 @@ class OpenLink(Protocol):
 
     def start(self, t0_ns: int) -> None: ...
     def alive(self) -> bool: ...
-    def stop(self) -> dict[str, Any]: ...
+    def stop(self) -> LinkFacts: ...
 
 
 LinkOpener = Callable[[RunSpec, Path, Path, Path, float], OpenLink]
@@ -137,10 +145,10 @@ class LiveRun:
             attended = attendant.stop()
             link = self._close_link()
             for role, threads in attended.threads.items():
-                limits[role]["threads"] = threads
+                limits[role] = limits[role].model_copy(update={"threads": threads})
                 self._problems += thread_problems(role, threads, self._limits[cast(Role, role)])
-            if link is not None and link.get("distrust"):
-                self._problems.append(f"link: {link['distrust']}")
+            if link is not None and link.distrust:
+                self._problems.append(f"link: {link.distrust}")
         if self._stop.is_set():
             raise InterruptedRunError
         return RunResult(
@@ -149,18 +157,18 @@ class LiveRun:
             distrust=self._problems,
             limits=limits,
             throttling={
-                node: {
-                    "throttled_s": usage.throttled_s,
-                    "throttled_periods": usage.throttled_periods,
-                    "periods": usage.periods,
-                }
+                node: Throttling(
+                    throttled_s=usage.throttled_s,
+                    throttled_periods=usage.throttled_periods,
+                    periods=usage.periods,
+                )
                 for node, usage in attended.usage.items()
             },
             link=link,
             beside=attended.own,
         )
 
-    def _start_nodes(self, cleanup: ExitStack) -> dict[str, Any]:
+    def _start_nodes(self, cleanup: ExitStack) -> dict[str, NodeLimits]:
         devices: dict[Role, Device] = {"mobile": self._spec.device_mobile}
         if self._spec.device_edge is not None:
             devices["edge"] = self._spec.device_edge
@@ -170,7 +178,7 @@ class LiveRun:
             for role, device in devices.items()
         }
         self._cpus = cpus = allot_cpus(self._limits["mobile"], self._limits.get("edge"), host_cpus)
-        limits: dict[str, Any] = {}
+        limits: dict[str, NodeLimits] = {}
         # The edge first: it is ready to listen by the time the mobile connects.
         for role in sorted(cpus):
             asked = self._limits[role]
@@ -183,12 +191,13 @@ class LiveRun:
             node = self._engine.start(plan)
             cleanup.callback(node.remove)
             self._nodes[role], self._plans[role] = node, plan
-            limits[role] = {
-                "asked": asked.model_dump(mode="json") | {"cpus": cpus[role]},
-                "granted": asdict(node.granted),
-                "shortfall": devices[role].shortfall(asked, self._host.speed),
-                "host_speed": asdict(self._host) if devices[role].board else None,
-            }
+            measured = MeasuredSpeed(**asdict(self._host)) if devices[role].board else None
+            limits[role] = NodeLimits(
+                asked=AskedLimits(**asked.model_dump(), cpus=cpus[role]),
+                granted=GrantedLimits(**asdict(node.granted)),
+                shortfall=devices[role].shortfall(asked, self._host.speed),
+                host_speed=measured,
+            )
             granted = differences(asked, node.granted, cpus[role])
             self._problems += [f"{role}: {text}" for text in granted]
         return limits
@@ -314,7 +323,7 @@ class LiveRun:
                 time.sleep(WATCH_PERIOD_S)
             node.kill()
 
-    def _close_link(self) -> dict[str, Any] | None:
+    def _close_link(self) -> LinkFacts | None:
         if self._link is None:
             return None
         link, self._link = self._link, None

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from slambed.link.profile import parse_profile
+from slambed.link.record import LinkFacts
+from slambed.sampling.record import Beside, NodeLimits, Throttling
 from slambed.spec import inputs
 from slambed.spec.matrix import LinkSpec, RunSpec
 
@@ -32,10 +34,11 @@ class RunResult:
     """Why it did not complete."""
     distrust: list[str] = field(default_factory=list)
     """Why the circumstances were not as asked."""
-    limits: dict[str, Any] = field(default_factory=dict)
-    throttling: dict[str, Any] = field(default_factory=dict)
-    link: dict[str, Any] | None = None
-    beside: dict[str, Any] | None = None
+    limits: dict[str, NodeLimits] = field(default_factory=dict)
+    """By role, as `throttling`."""
+    throttling: dict[str, Throttling] = field(default_factory=dict)
+    link: LinkFacts | None = None
+    beside: Beside | None = None
     """What sampler and metronome took themselves."""
 
 

@@ -28,8 +28,9 @@ from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
 from slambed.link.modelled import link_json, write_link_log
 from slambed.link.profile import parse_profile
+from slambed.link.record import LinkFacts
 from slambed.native import SIMULATION
-from slambed.spec.device import VIRTUAL, Device
+from slambed.spec.device import Device
 from slambed.spec.matrix import RunSpec, canonical_json
 
 DRAIN_S = 30.0
@@ -139,11 +140,10 @@ class VirtualRun:
         if code == ExitCode.ENVIRONMENT:
             told = last_line(self.run_dir / "log.txt").removeprefix("error: ")
             raise SlambedError(f"{SIMULATION}: {told}", ExitCode(code))
-        link = {"backend": VIRTUAL, "base_rtt_ms": 0.0, "drops": None, "died": None}
         return RunResult(
             outcome=_outcome(code),
             reason=None if code == 0 else self._reason(code),
-            link=link | {"proof": None, "details": {}} if self.spec.link else None,
+            link=LinkFacts.virtual() if self.spec.link else None,
         )
 
     def _write_files(self) -> None:

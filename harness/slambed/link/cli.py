@@ -148,7 +148,7 @@ def measure(
 
     run = measure_link(_load(name, values or []), backend, seconds, seed, with_tcp=tcp)
     table = Table("", "", box=None, show_header=False)
-    for key, value in run.record.proof.as_dict().items():
+    for key, value in vars(run.record.proof).items():
         shown = f"{value:.3f}" if isinstance(value, float) else str(value)
         table.add_row(key, shown or "-")
     table.add_row("backend", run.record.backend)

@@ -23,6 +23,7 @@ from slambed.link.netlink import (
 )
 from slambed.link.profile import CHECK_FOREVER_S, Profile
 from slambed.link.proof import Waits
+from slambed.link.record import LinkDetails
 from slambed.link.schedule import queue_bytes
 from slambed.link.session import (
     DEVICE,
@@ -139,7 +140,7 @@ class PlainShaper:
     def stop(self, t0_ns: int) -> Outcome:
         """Removes the pair."""
         self.abort()
-        return Outcome({}, {"up": 0, "down": 0}, lambda e: Waits.none(len(e)), None, {})
+        return Outcome({}, {"up": 0, "down": 0}, lambda e: Waits.none(len(e)), None, LinkDetails())
 
     def abort(self) -> None:
         """Removes the pair."""
@@ -232,9 +233,10 @@ class NetemShaper:
             "drops_down": (times[-1:], np.array([float(drops["down"])])),
         }
         steps = np.diff(times[times >= 0]) * 1e3
-        details: dict[str, Any] = {"updates": len(self._applied)}
+        details = LinkDetails(updates=len(self._applied))
         if len(steps):
-            details["longest_step_ms"] = round(float(steps.max()), 2)
+            longest_ms = round(float(steps.max()), 2)
+            details = details.model_copy(update={"longest_step_ms": longest_ms})
         return Outcome(series, drops, lambda e: Waits.none(len(e)), None, details)
 
     def abort(self) -> None:

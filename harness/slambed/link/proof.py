@@ -7,16 +7,24 @@ link, before the run, while the link adds nothing. The error is measured - asked
 whose way touches a hand-over gap and lost ones are left out of the error and counted apart.
 """
 
-from dataclasses import asdict, dataclass
-from typing import Any
+import math
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BeforeValidator, PlainSerializer
 
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
 
 Values = NDArray[np.float64]
+Measured = Annotated[
+    float,
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    PlainSerializer(lambda value: value if math.isfinite(value) else None),
+]
+"""A number that could not be measured is NaN here, and null in a file."""
 
 
 @dataclass(frozen=True)
@@ -40,25 +48,18 @@ class LinkProof:
     echoes: int
     answered_share: float
     base_ms: float
-    asked_ms_mean: float
-    measured_ms_mean: float
+    asked_ms_mean: Measured
+    measured_ms_mean: Measured
     """Base included."""
-    error_ms_median: float
+    error_ms_median: Measured
     """Of |measured - asked - base|."""
-    error_ms_p99: float
-    error_ms_max: float
-    bias_ms: float
+    error_ms_p99: Measured
+    error_ms_max: Measured
+    bias_ms: Measured
     """Median of measured - asked - base, with its sign."""
     late_ms_median: float | None = None
     """Applied against asked, all packets: time beyond due. None without a packet log."""
     late_ms_p99: float | None = None
-
-    def as_dict(self) -> dict[str, Any]:
-        """For summary and manifest: NaN becomes null."""
-        return {
-            key: None if isinstance(value, float) and not np.isfinite(value) else value
-            for key, value in asdict(self).items()
-        }
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slambed.json_file import Record
 from slambed.link.proof import LinkProof
+from slambed.spec.device import VIRTUAL
 
 SERIES = [
     "asked_rtt_ms", "applied_up_ms", "applied_down_ms", "probe_rtt_ms", "probe_error_ms",
@@ -17,6 +18,110 @@ SERIES = [
 ]  # fmt: skip
 """Series of link.parquet (docs/formats.md, "Link log")."""
 ASKED_STEP_S = 0.1
+
+
+class RelayCounters(Record):
+    """What slambed-relay counted in one direction, in packets where nothing else is said."""
+
+    bytes: int
+    delivered: int
+    held_bytes_max: int
+    in_gap: int
+    """Dropped because they were under way during a gap."""
+    late_us_max: float
+    """Written so long after it was due, at most."""
+    lost: int
+    """Dropped as the profile's loss asks."""
+    overflow: int
+    """Dropped because the relay held too many."""
+    packets: int
+    queue_full: int
+    """Dropped before the rate."""
+    write_errors: int
+
+
+class KernelDrops(Record):
+    """Packets that the kernel dropped at the relay's devices."""
+
+    edge_rx: int
+    edge_tx: int
+    mobile_rx: int
+    mobile_tx: int
+
+
+class RelaySummary(Record):
+    """What slambed-relay leaves as `relay_summary.json`; empty where it could not."""
+
+    down: RelayCounters | None = None
+    kernel_drops: KernelDrops | None = None
+    real_time: bool | None = None
+    seed: int | None = None
+    up: RelayCounters | None = None
+
+
+class LinkDetails(Record):
+    """Of a backend, in its own terms."""
+
+    real_time: bool | None = None
+    """Relay: whether it got real-time priority."""
+    kernel_drops: int | None = None
+    """Relay: of all devices."""
+    relay: RelaySummary | None = None
+    """Relay: its own counters, from its start on."""
+    carried_bytes: dict[str, int] | None = None
+    """Relay: the nodes' own packets that arrived `up` and `down`, IP headers and acknowledgements
+    included."""
+    updates: int | None = None
+    """Netem: how often the delay was set."""
+    longest_step_ms: float | None = None
+    """Netem: between two of them."""
+    tcp: dict[str, dict[str, str]] | None = None
+    """TCP settings of each node's kernel, by their names in /proc/sys."""
+    base_ms: float | None = None
+    """RTT of the path before anything was added to it."""
+
+
+class LinkFacts(Record):
+    """The manifest's `link`."""
+
+    backend: str | None = None
+    """Null where nobody could tell any more."""
+    base_rtt_ms: float | None = None
+    """RTT of the path before anything was added to it."""
+    drops: dict[str, int] | None = None
+    """Packets dropped `up` and `down`, on purpose or not; null in a virtual run."""
+    died: str | None = None
+    """Why the link went away before it was stopped; null when it did not."""
+    proof: LinkProof | None = None
+    """Asked against measured RTT; null in a virtual run."""
+    distrust: str | None = None
+    """Why this is not the link that was asked for."""
+    details: LinkDetails = LinkDetails()
+
+    @staticmethod
+    def virtual() -> "LinkFacts":
+        """Of a modelled link: it is what was asked for, and nothing is proved."""
+        return LinkFacts(
+            backend=VIRTUAL,
+            base_rtt_ms=0.0,
+            drops=None,
+            died=None,
+            proof=None,
+            details=LinkDetails(),
+        )
+
+    @staticmethod
+    def gone(why: str) -> "LinkFacts":
+        """Of a link whose keeper took all it knew with it."""
+        return LinkFacts(
+            backend=None,
+            base_rtt_ms=None,
+            drops=None,
+            died=why,
+            proof=None,
+            distrust=f"the link went away: {why}",
+            details=LinkDetails(),
+        )
 
 
 @dataclass(frozen=True)
@@ -32,8 +137,21 @@ class LinkRecord:
     """Asked against applied against measured, with a verdict."""
     died: str | None = None
     """Why the link went away before it was stopped; None when it did not."""
-    details: Mapping[str, Any] = field(default_factory=dict)
-    """For the manifest: TCP settings, priority granted, counters of the backend."""
+    details: LinkDetails = field(default_factory=LinkDetails)
+    """TCP settings, priority granted, counters of the backend."""
+
+    @property
+    def facts(self) -> LinkFacts:
+        """What of it goes into the manifest."""
+        return LinkFacts(
+            backend=self.backend,
+            base_rtt_ms=self.details.base_ms,
+            drops=self.drops,
+            died=self.died,
+            proof=self.proof,
+            distrust=None if self.proof.valid else self.proof.reason,
+            details=self.details,
+        )
 
 
 def series_frame(

@@ -4,23 +4,23 @@
 import contextlib
 import json
 import os
-import select
 import signal
 import subprocess
-import time
 from pathlib import Path
-from typing import IO, Any
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from slambed.endings import ended_from_outside, ending
-from slambed.errors import ExitCode, KilledError, PassingError, SlambedError, environment_error
+from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
+from slambed.line_protocol import LineReader, Message, adapter, message_in
 from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
 from slambed.link.proof import Waits
+from slambed.link.record import LinkDetails, RelaySummary
 from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
 from slambed.link.session import (
     DEVICE,
@@ -40,6 +40,31 @@ FIFO_PRIORITY = 20
 BIN_S = 0.05
 MATCH_NS = 2_000_000_000
 """A record and an echo with one sequence number belong together only when this near in time."""
+
+
+class RelayReady(Message):
+    """slambed-relay has made its devices; they add nothing yet."""
+
+    ready: Literal[True]
+    pid: int
+    real_time: bool
+    """Whether it got real-time priority."""
+
+
+class RelayApplied(Message):
+    """Its answer to `apply`: the profile's value at time 0 is in force."""
+
+    applied: Literal[True]
+
+
+class RelayStarted(Message):
+    """Its answer to `start N`: run time 0 is N on CLOCK_MONOTONIC."""
+
+    started: Literal[True]
+    t0_ns: int
+
+
+A = TypeVar("A", bound=Message)
 
 
 def relay_config(
@@ -94,7 +119,9 @@ class RelayShaper:
                 stderr=errors,
             )
         try:
-            self._ready = self._answer("ready")
+            assert self._process.stdout is not None
+            self._answers = LineReader(self._process.stdout.fileno())
+            self._ready = self._answer(RelayReady, "ready")
         except BaseException:
             self.abort()
             raise
@@ -102,12 +129,12 @@ class RelayShaper:
     def apply(self) -> None:
         """From adding nothing to the profile's value at time 0."""
         self._say("apply")
-        self._answer("applied")
+        self._answer(RelayApplied, "applied")
 
     def start(self, t0_ns: int) -> None:
         """Run time 0 is `t0_ns` on CLOCK_MONOTONIC."""
         self._say(f"start {t0_ns}")
-        self._answer("started")
+        self._answer(RelayStarted, "started")
 
     def died(self) -> str | None:
         """The program's last words; None while it works."""
@@ -121,21 +148,20 @@ class RelayShaper:
         if worked and self._process.returncode == ExitCode.ENVIRONMENT:
             raise self._failure()
         packets = read_packets(self._log_dir / PACKET_LOG)
-        summary_file = self._log_dir / "relay_summary.json"
-        summary = json.loads(summary_file.read_text("utf-8")) if summary_file.exists() else {}
-        kernel = sum(summary.get("kernel_drops", {}).values())
+        summary = RelaySummary.read(self._log_dir / "relay_summary.json") or RelaySummary()
+        kernel = summary.kernel_drops
         during = packets[packets["in_ns"] >= t0_ns]
         return Outcome(
             series=_series(during, t0_ns),
             drops={side: _dropped(during, number) for number, side in enumerate(SIDES)},
             waits_of=lambda echoes: waits_of(packets, echoes),
             late_ms=lateness_ms(during),
-            details={
-                "real_time": bool(self._ready.get("real_time")),
-                "kernel_drops": kernel,
-                "relay": summary,
-                "carried_bytes": {side: _carried(during, n) for n, side in enumerate(SIDES)},
-            },
+            details=LinkDetails(
+                real_time=self._ready.real_time,
+                kernel_drops=0 if kernel is None else sum(vars(kernel).values()),
+                relay=summary,
+                carried_bytes={side: _carried(during, n) for n, side in enumerate(SIDES)},
+            ),
         )
 
     def abort(self) -> None:
@@ -165,23 +191,16 @@ class RelayShaper:
         except OSError:
             raise self._failure() from None
 
-    def _answer(self, key: str) -> dict[str, Any]:
-        stream: IO[bytes] | None = self._process.stdout
-        assert stream is not None
-        deadline = time.monotonic() + READY_TIMEOUT_S
-        line = b""
-        while not line.endswith(b"\n"):
-            left = deadline - time.monotonic()
-            if left <= 0 or not select.select([stream], [], [], left)[0]:
-                raise PassingError(
-                    f"slambed-relay did not answer '{key}' within {READY_TIMEOUT_S:.0f} s"
-                )
-            if not (byte := os.read(stream.fileno(), 1)):
-                raise self._failure()
-            line += byte
-        answer: dict[str, Any] = json.loads(line)
-        if key not in answer:
-            raise environment_error(f"slambed-relay answered {line!r} instead of '{key}'")
+    def _answer(self, kind: type[A], what: str) -> A:
+        try:
+            line = self._answers.next(READY_TIMEOUT_S)
+        except EOFError:
+            raise self._failure() from None
+        if line is None:
+            raise PassingError(
+                f"slambed-relay did not answer '{what}' within {READY_TIMEOUT_S:.0f} s"
+            )
+        answer: A = message_in(line, adapter(kind), "relay")
         return answer
 
     def _failure(self) -> SlambedError:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from slambed.link.namespaces import check_privilege, different, tune_tcp
 from slambed.link.probe import Echoes, Probe, measure_base_ms
 from slambed.link.profile import Profile
 from slambed.link.proof import LinkTolerance, Waits, compare, judge
-from slambed.link.record import ASKED_STEP_S, LinkRecord, series_frame
+from slambed.link.record import ASKED_STEP_S, LinkDetails, LinkRecord, series_frame
 from slambed.link.route import acknowledge_at_once
 from slambed.namespaces import namespace_path
 
@@ -58,7 +58,7 @@ class Outcome:
     waits_of: Callable[[Echoes], Waits]
     """What the echoes waited in queues, where the backend knows it."""
     late_ms: NDArray[np.float64] | None
-    details: dict[str, Any]
+    details: LinkDetails
 
 
 class Shaper(Protocol):
@@ -197,7 +197,7 @@ class LinkSession:
             drops=outcome.drops,
             proof=proof,
             died=died,
-            details={**outcome.details, "tcp": self._tcp, "base_ms": self.base_ms},
+            details=outcome.details.model_copy(update={"tcp": self._tcp, "base_ms": self.base_ms}),
         )
 
     def _last_echoes(self, wait: bool) -> Echoes:

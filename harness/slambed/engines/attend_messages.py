@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What harness and process beside the nodes (`slambed.engines.attend`) say to each other."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter
+
+from slambed.line_protocol import Message
+from slambed.sampling.cgroup import Usage
+from slambed.sampling.record import Beside, ThreadCap
+
+
+class AttendedNode(Message):
+    """A node as the process beside it has to know it."""
+
+    pid: int
+    thread_cores: float | None
+    """Cap of each of its threads, in cores; null: none."""
+    period_ms: float
+    namespace: str | None
+    """File of its network namespace, where its connections are watched."""
+
+
+class Attend(Message):
+    """The first request: what to attend to. Caps threads and keeps the metronome from then on."""
+
+    ask: Literal["attend"] = "attend"
+    nodes: dict[str, AttendedNode]
+    """By role."""
+    samples: str
+    """File that samples are written to."""
+    cpus: list[int]
+    """Where the process shall run; none: anywhere."""
+    pace: str | None
+    """The program of the metronome; null: none is needed."""
+    metronome_cpus: list[int]
+    helper: bool
+    """Whether this is a helper container, whose CPU group is not the host's."""
+    whole_groups: bool
+    """Whether a node may be several processes, all of its control group."""
+
+
+class Attending(Message):
+    """The answer: from now on threads are capped."""
+
+    say: Literal["attending"] = "attending"
+    real_time_metronome: bool | None
+
+
+class Start(Message):
+    """Run time 0, on CLOCK_MONOTONIC: samples from now on."""
+
+    ask: Literal["start"] = "start"
+    t0_ns: int
+
+
+class Started(Message):
+    """The answer."""
+
+    say: Literal["started"] = "started"
+
+
+class Follow(Message):
+    """A node's program was started again."""
+
+    ask: Literal["follow"] = "follow"
+    node: str
+    """Its role."""
+    pid: int
+
+
+class Following(Message):
+    """The answer."""
+
+    say: Literal["following"] = "following"
+
+
+class Stop(Message):
+    """One last sample; then the process ends."""
+
+    ask: Literal["stop"] = "stop"
+
+
+class Stopped(Message):
+    """The answer: what was seen."""
+
+    say: Literal["stopped"] = "stopped"
+    usage: dict[str, Usage]
+    """Last counters of each node."""
+    threads: dict[str, list[ThreadCap]]
+    """Of nodes with caps: what each thread was granted, in the order in which they began."""
+    own: Beside
+    """What sampling and metronome took themselves."""
+
+
+Request = Annotated[Start | Follow | Stop, Field(discriminator="ask")]
+FIRST: TypeAdapter[Attend] = TypeAdapter(Attend)
+REQUESTS: TypeAdapter[Start | Follow | Stop] = TypeAdapter(Request)
+
+
+class Ticking(Message):
+    """What `slambed-pace tick` says when it has begun."""
+
+    ready: Literal[True]
+    real_time: bool
+
+
+TICKING: TypeAdapter[Ticking] = TypeAdapter(Ticking)

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes of a run talk in lines: whole messages of known kinds, or one clear error."""
+
+import io
+import os
+import sys
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from slambed.engines.attend_messages import REQUESTS, Follow, Start, Stop
+from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.line_protocol import (
+    Failure,
+    LineProcess,
+    LineReader,
+    Message,
+    adapter,
+    line_of,
+    message_in,
+    tell,
+)
+
+PEER = """
+import sys
+from slambed.errors import PassingError, SlambedError
+from slambed.line_protocol import Failure, LineReader, tell
+requests = LineReader(0)
+while (line := requests.next(None)) is not None:
+    if b"twice" in line:
+        sys.stdout.write(line.decode().replace("ask", "say") + "\\n")
+        sys.stdout.flush()
+    elif b"passing" in line:
+        tell(sys.stdout, Failure.of(PassingError("the daemon restarts")))
+    elif b"wrong" in line:
+        tell(sys.stdout, Failure.of(SlambedError("no such file, x")))
+    elif b"garbage" in line:
+        print("half a li", flush=True)
+    elif b"leave" in line:
+        sys.exit("error: no more memory, peer")
+"""
+
+
+class Ask(Message):
+    ask: str
+
+
+class Said(Message):
+    say: Literal["twice"]
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> LineProcess:
+    return LineProcess([sys.executable, "-c", PEER], "peer", tmp_path / "errors.txt")
+
+
+@pytest.mark.parametrize("message", [Start(t0_ns=5), Follow(node="edge", pid=7), Stop()])
+def test_a_message_is_one_line_and_comes_back_as_what_it_was(message: Message) -> None:
+    line = line_of(message)
+    assert line.count(b"\n") == 1 and line.endswith(b"\n")
+    assert message_in(line, REQUESTS, "harness") == message
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"",
+        b'{"ask": "sta',
+        b"[1]",
+        b'{"ask": "dance"}',
+        b'{"ask": "start"}',
+        b'{"ask": "start", "t0_ns": "soon"}',
+        b'{"ask": "stop", "now": true}',
+        b"\xff\xfe",
+    ],
+)
+def test_what_is_no_message_is_one_line_of_error(line: bytes) -> None:
+    with pytest.raises(SlambedError, match="the harness said") as told:
+        message_in(line, REQUESTS, "harness")
+    assert told.value.code == ExitCode.INTERNAL and "\n" not in str(told.value)
+
+
+def test_lines_are_whole_however_they_are_cut() -> None:
+    inside, outside = os.pipe()
+    reader = LineReader(inside)
+    os.write(outside, b'{"a": 1}\n{"b"')
+    assert reader.next(5.0) == b'{"a": 1}'
+    assert reader.next(0.01) is None
+    os.write(outside, b": 2}\n\n")
+    assert (reader.next(None), reader.next(0.0)) == (b'{"b": 2}', b"")
+    os.write(outside, b"torn")
+    os.close(outside)
+    with pytest.raises(EOFError):
+        reader.next(5.0)
+    os.close(inside)
+
+
+def test_an_answer_is_of_the_kind_that_was_asked_for(peer: LineProcess) -> None:
+    assert peer.ask(Ask(ask="twice"), Said, 20.0) == Said(say="twice")
+    with pytest.raises(SlambedError, match="the peer said 'half a li'") as told:
+        peer.ask(Ask(ask="garbage"), Said, 20.0)
+    assert told.value.code == ExitCode.INTERNAL
+    peer.close()
+    assert not peer.alive()
+
+
+def test_a_failure_stays_what_it_was_on_the_other_side(peer: LineProcess) -> None:
+    with pytest.raises(PassingError, match=r"^the daemon restarts$") as passing:
+        peer.ask(Ask(ask="passing"), Said, 20.0)
+    assert passing.value.code == ExitCode.ENVIRONMENT
+    with pytest.raises(SlambedError, match=r"^no such file, x$") as wrong:
+        peer.ask(Ask(ask="wrong"), Said, 20.0)
+    assert wrong.value.code == ExitCode.BAD_INPUT and type(wrong.value) is SlambedError
+    peer.close()
+
+
+def test_a_peer_that_is_silent_or_gone_is_worth_another_try(peer: LineProcess) -> None:
+    with pytest.raises(PassingError, match="the peer did not answer within 0 s"):
+        peer.ask(Ask(ask="nothing"), Said, 0.01)
+    with pytest.raises(PassingError, match="the peer ended: no more memory, peer"):
+        peer.ask(Ask(ask="leave"), Said, 20.0)
+    peer.close()
+
+
+def test_saying_it_writes_at_once() -> None:
+    class Stream(io.StringIO):
+        flushed = 0
+
+        def flush(self) -> None:
+            self.flushed += 1
+
+    stream = Stream()
+    tell(stream, Failure(error="x", code=3))
+    assert stream.flushed == 1
+    assert message_in(stream.getvalue().encode(), adapter(Failure), "x").code == 3
