@@ -15,7 +15,7 @@ from slambed.metrics.events import EventLog
 from slambed.native import repository_root
 from slambed.spec.device import StageCost
 from slambed.spec.library import Library
-from slambed.spec.yaml_source import load_yaml, parse
+from slambed.yaml_source import load_yaml, parse
 
 FITS = repository_root() / "devices" / "fits"
 

@@ -54,15 +54,15 @@ def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("extra", "told"),
     [
-        ({"dpeth_unit_m": "1"}, "unknown key 'dpeth_unit_m', did you mean 'depth_unit_m'?"),
-        ({"camera": "{ widht: 3 }"}, "camera.widht', did you mean 'width'?"),
-        ({"camera": "{ f_x: 50, width: 1 }"}, "unknown key 'camera.f_x', did you mean 'fx'?"),
+        ({"dpeth_unit_m": "1"}, "did you mean 'depth_unit_m'?"),
+        ({"camera": "{ widht: 3 }"}, "did you mean 'width'?"),
+        ({"camera": "{ f_x: 50, width: 1 }"}, "did you mean 'fx'?"),
         ({"depth_unit_m": "-1"}, "depth_unit_m"),
         ({"depth_unit_m": "0"}, "depth_unit_m is needed"),
         ({"synthetic": "{ seed: 1 }"}, "exactly one of"),
         ({"download": "{ url: x, sha256: abc }"}, "sha256"),
-        ({"playback": "{ fsp: 3 }"}, "unknown key 'playback.fsp', did you mean 'fps'?"),
-        ({"title": "[1"}, "not valid YAML"),
+        ({"playback": "{ fsp: 3 }"}, "did you mean 'fps'?"),
+        ({"title": "[1"}, "tiny_tum.yaml line"),
         ({"id": "other"}, "name the file other.yaml"),
     ],
 )
@@ -77,7 +77,7 @@ def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], told: str) -> 
 def test_unknown_key_has_its_line(tmp_path: Path) -> None:
     file = tum_recipe(tmp_path)
     file.write_text(file.read_text() + "playback:\n  fps: 10\n  strat_s: 1\n")
-    with pytest.raises(SlambedError, match=r"tiny_tum\.yaml:11: .*did you mean 'start_s'"):
+    with pytest.raises(SlambedError, match=r"tiny_tum\.yaml line 11; did you mean 'start_s'"):
         load_recipe(file)
 
 
@@ -202,7 +202,11 @@ def test_what_is_no_pattern_is_told_with_its_line(tmp_path: Path, pattern: str) 
     file = tum_recipe(tmp_path, paths=f"[{pattern}]")
     with pytest.raises(SlambedError) as error:
         load_recipe(file)
-    assert f"{file}:4: paths" in one_line(error) and "is no pattern of a path" in one_line(error)
+    assert (
+        f"{file} line 4" in one_line(error)
+        and "'paths'" in one_line(error)
+        and "is no pattern of a path" in one_line(error)
+    )
 
 
 def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

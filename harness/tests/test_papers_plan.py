@@ -127,7 +127,7 @@ def test_a_torn_plan_is_one_line(tmp_path: Path) -> None:
     assert read_plan("dynnetslam", tmp_path) is None
     path = tmp_path / "dynnetslam.plan.yaml"
     path.write_text("paper: dynnetslam\n")
-    with pytest.raises(SlambedError, match=r"dynnetslam\.plan\.yaml: written_utc"):
+    with pytest.raises(SlambedError, match=r"'written_utc' is missing, .*dynnetslam\.plan\.yaml"):
         read_plan("dynnetslam", tmp_path)
     text = (papers_folder() / "dynnetslam.plan.yaml").read_text()
     path.write_text(text.replace("paper: dynnetslam", "paper: other", 1))

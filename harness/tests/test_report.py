@@ -15,6 +15,7 @@ from results_factory import quickstart_like
 from rich.console import Console
 from typer.testing import CliRunner
 
+from slambed.campaign.find_run import find_run
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import SUMMARY_KEYS, keys_for
 from slambed.metrics.metric import Use
@@ -27,7 +28,7 @@ from slambed.report.load import load
 from slambed.report.run import show_report
 from slambed.report.tables import Table, cell_tables
 from slambed.report.timeline import timeline_svg
-from slambed.report.view import find_run, write_png, write_rerun
+from slambed.report.view import view_of, write_png, write_rerun
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +286,7 @@ def test_timeline_shows_the_loss(reported: Path) -> None:
 
 
 def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_path: Path) -> None:
-    view = find_run(reported.parent, "0000000000000002")
+    view = view_of(find_run("0000000000000002", reported.parent))
     assert view.alignment is not None
     png = write_png(view, tmp_path)
     assert png.stat().st_size > 10_000
@@ -301,10 +302,10 @@ def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_pat
             write_rerun(view, tmp_path / "x.rrd")
     else:
         assert write_rerun(view, tmp_path / "x.rrd").stat().st_size > 10_000
-    with pytest.raises(SlambedError, match="12 runs"):
-        find_run(reported.parent, "0")
+    with pytest.raises(SlambedError, match="is not clear"):
+        find_run("0000", reported.parent)
     with pytest.raises(SlambedError, match="no run"):
-        find_run(reported.parent, "ffff")
+        find_run("ffff", reported.parent)
 
 
 def test_commands(reported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

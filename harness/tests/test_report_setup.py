@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
 
+from slambed.campaign.find_run import find_run
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.report.compute_times import compute_times
 from slambed.report.conditions import conditions_of
@@ -22,7 +23,7 @@ from slambed.report.settings import settings_table
 from slambed.report.setup import setup_lines
 from slambed.report.style import FigureWriter, figure, from_zero_if_it_shows, legend_beneath
 from slambed.report.truth import truth_table
-from slambed.report.view import find_run, write_png
+from slambed.report.view import view_of, write_png
 
 PI = {"name": "raspberry_pi_4"}
 
@@ -103,7 +104,7 @@ def test_one_camera_is_drawn_with_the_alignment_of_its_number(
 
 
 def test_a_view_shows_the_truth_that_was_played(one_camera: Path, tmp_path: Path) -> None:
-    view = find_run(one_camera.parent, "0000")
+    view = view_of(find_run("0000", one_camera.parent))
     assert view.truth is not None and isinstance(view.truth, Trajectory)
     assert np.ptp(view.truth.stamps_s) == pytest.approx(3.9, abs=0.2)
     assert view.alignment is not None and view.alignment.scale == pytest.approx(4, rel=0.02)

@@ -15,7 +15,7 @@ from slambed.report.asked import check_asked
 from slambed.spec.library import Library
 from slambed.spec.matrix import (
     Circumstances,
-    Profile,
+    NamedProfile,
     RunSpec,
     canonical_json,
     expand,
@@ -31,8 +31,8 @@ HOST = Circumstances(
 )
 
 
-def named(item: str | float | dict[str, Any], where: str) -> Profile:
-    return Profile(str(item), {"name": str(item)})
+def named(item: str | float | dict[str, Any], where: str) -> NamedProfile:
+    return NamedProfile(str(item), {"name": str(item)})
 
 
 def matrix(

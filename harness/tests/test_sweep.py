@@ -11,7 +11,7 @@ from slambed.campaign.preview import chosen, preview
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.spec.library import Library
-from slambed.spec.matrix import Circumstances, Profile, RunSpec, expand, read_profiles
+from slambed.spec.matrix import Circumstances, NamedProfile, RunSpec, expand, read_profiles
 
 HEAD: dict[str, Any] = {
     "title": "A sweep", "datasets": ["room"], "devices": {"mobile": "raspberry_pi_4"},
@@ -29,9 +29,9 @@ def runs_of(name: str, settings: list[str] | None = None) -> list[RunSpec]:
     library = Library()
     experiment, source = library.experiment(name, settings)
 
-    def reader(item: Any, _: str) -> Profile:
+    def reader(item: Any, _: str) -> NamedProfile:
         rtt = {"rtt_ms": {"constant_ms": item}} if not isinstance(item, str) else {}
-        return Profile(f"rtt_{item:g}" if rtt else str(item), rtt)
+        return NamedProfile(f"rtt_{item:g}" if rtt else str(item), rtt)
 
     profiles = read_profiles(experiment, source, reader)
     backends = {profile.name: "virtual" for profile in profiles}

@@ -21,8 +21,8 @@ from slambed.spec.device import CostModel
 from slambed.spec.host_speed import load_host_speed, save_host_speed
 from slambed.spec.library import Library
 from slambed.spec.software import host_software
-from slambed.spec.yaml_source import load_yaml, parse
 from slambed.terminal import console
+from slambed.yaml_source import load_yaml, parse
 
 
 def calibrate(

@@ -14,7 +14,7 @@ import docker
 from rich.table import Table
 
 from slambed.calibrate.host import PROGRAM, host_cpus, run_pace
-from slambed.engines.attendant import Attendant
+from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_problems
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import find_image, image_tag
@@ -108,7 +108,7 @@ def measure_limits(
         plan = NodePlan("mobile", "limits", run_dir, run_dir, limits, cpus["mobile"])
         node = engine.start(plan)
         stack.callback(node.remove)
-        attendant = Attendant(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
+        attendant = AttendantClient(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
         stack.callback(attendant.close)
         node.release()
         deadline = time.monotonic() + SETTLE_S + seconds + GRACE_S

@@ -30,7 +30,7 @@ from slambed.spec.experiment import DeviceChoice, Experiment
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, RunSpec, expand, read_profiles
 from slambed.spec.system import Role
-from slambed.spec.yaml_source import YamlSource
+from slambed.yaml_source import YamlSource
 
 Values = NDArray[np.float64]
 

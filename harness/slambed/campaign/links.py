@@ -10,7 +10,7 @@ from slambed.link.proof import LinkTolerance
 from slambed.link.record import LinkFacts
 from slambed.link.session import LinkSession
 from slambed.spec.faults import Fault, with_cuts
-from slambed.spec.matrix import Profile, RunSpec
+from slambed.spec.matrix import NamedProfile, RunSpec
 
 ANY_CUT = Fault(at_s=0.0, link="cut", for_s=1.0)
 
@@ -18,14 +18,14 @@ ANY_CUT = Fault(at_s=0.0, link="cut", for_s=1.0)
 WORDS = ("description", "source")
 
 
-def read_profile(item: str | float | dict[str, Any], where: str) -> Profile:
+def read_profile(item: str | float | dict[str, Any], where: str) -> NamedProfile:
     """A profile by name, as a number or written in place, checked."""
     profile = parse_profile(item, where)
     content = {key: value for key, value in profile.content.items() if key not in WORDS}
-    return Profile(profile.name, content)
+    return NamedProfile(profile.name, content)
 
 
-def backend_for(asked: str, profile: Profile, cut: bool = False) -> str:
+def backend_for(asked: str, profile: NamedProfile, cut: bool = False) -> str:
     """The backend that a profile gets on this host; cut: some runs drop everything for a while."""
     content = profile.content
     if cut:

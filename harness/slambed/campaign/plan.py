@@ -26,7 +26,7 @@ from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
 from slambed.spec.matrix import (
     Circumstances,
-    Profile,
+    NamedProfile,
     RunSpec,
     expand,
     has_cuts,
@@ -34,7 +34,7 @@ from slambed.spec.matrix import (
     read_profiles,
 )
 from slambed.spec.software import software_of_systems
-from slambed.spec.yaml_source import YamlSource
+from slambed.yaml_source import YamlSource
 
 Provider = Callable[[str], Path]
 """Name of a prepared input -> its file, made now where it is missing."""
@@ -67,7 +67,7 @@ def repetitions(experiment: Experiment, asked: int | str | None) -> int:
 
 def check(
     experiment: Experiment, source: YamlSource, library: Library, engine: str = ""
-) -> list[Profile]:
+) -> list[NamedProfile]:
     """Finds what is wrong with an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
     _expand_unprepared(experiment, source, library, profiles, engine)
@@ -99,7 +99,7 @@ def _expand_unprepared(
     experiment: Experiment,
     source: YamlSource,
     library: Library,
-    profiles: list[Profile],
+    profiles: list[NamedProfile],
     engine: str,
 ) -> list[RunSpec]:
     """The first run of every cell, before anything is known of datasets and host."""
@@ -141,7 +141,7 @@ def make_plan(
     experiment: Experiment,
     source: YamlSource,
     library: Library,
-    profiles: list[Profile],
+    profiles: list[NamedProfile],
     engine: str,
     software: str,
     count: int,

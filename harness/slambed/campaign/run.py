@@ -43,9 +43,9 @@ from slambed.outputs import make_folder
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
-from slambed.spec.matrix import Profile, RunSpec
+from slambed.spec.matrix import NamedProfile, RunSpec
 from slambed.spec.software import host_software
-from slambed.spec.yaml_source import YamlSource
+from slambed.yaml_source import YamlSource
 
 # Containers, link and start signal, before and after the played time.
 OVERHEAD_S = 3.0
@@ -151,7 +151,7 @@ def check_privilege(engine: str) -> None:
 
 
 def _run_virtually(
-    files: tuple[Experiment, YamlSource, Library, list[Profile]],
+    files: tuple[Experiment, YamlSource, Library, list[NamedProfile]],
     options: Options,
     count: int,
     console: Console,

@@ -2,7 +2,6 @@
 """What of an experiment is there, what is missing or stale, and why."""
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.plan import planned_runs
 from slambed.errors import SlambedError
+from slambed.json_file import read_object
 from slambed.spec.library import Library
 from slambed.spec.matrix import RunSpec
 
@@ -57,10 +57,10 @@ def not_run_yet(name: str) -> str:
 def status_of(results: Path, name: str, yaml_path: Path | None, software: set[str]) -> Status:
     """Compares experiment.json with the run folders. `software`: tags of what would run now."""
     folder = ResultFolder(results / name)
+    content = read_object(folder.path / "experiment.json") or {}
     try:
-        content = json.loads((folder.path / "experiment.json").read_text())
         specs = [RunSpec.model_validate(_without_key(run)) for run in content["runs"]]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         raise SlambedError(
             f"{folder.path / 'experiment.json'} is missing or not whole; "
             f"'slambed run {name}' writes it anew"

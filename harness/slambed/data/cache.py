@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from slambed.data.preparation import Job, Progress
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
 from slambed.errors import SlambedError, environment_error
+from slambed.json_file import read_object
 
 _KEY_DIGITS = 12
 
@@ -44,11 +44,8 @@ class SequenceCache:
         found = []
         for folder in self._entries(f"{dataset.id}-"):
             header = folder / SEQUENCE_FILE
-            try:
-                source = json.loads(header.read_text(encoding="utf-8")).get("source", {})
-            except (OSError, ValueError):
-                continue
-            if source.get("recipe") == dataset.content_key():
+            source = (read_object(header) or {}).get("source")
+            if isinstance(source, dict) and source.get("recipe") == dataset.content_key():
                 found.append((header.stat().st_mtime, folder))
         return max(found)[1] if found else None
 

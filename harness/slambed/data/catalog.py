@@ -13,9 +13,9 @@ from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
 from slambed.data.recipe_file import load_recipe
-from slambed.data.suggestion import did_you_mean
 from slambed.errors import MissingDataError, SlambedError
 from slambed.native import repository_root
+from slambed.suggestion import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,9 @@ FINE_TICK_S = 1.5e-3
 """A kernel that looks this often at quotas needs no metronome."""
 
 
-class Attendant:
-    """Thread caps and metronome from its making on, samples from `start` to `stop`."""
+class AttendantClient:
+    """The harness's hold on the process beside a run (`engines.attend`): thread caps and metronome
+    from its making on, samples from `start` to `stop`."""
 
     def __init__(
         self,

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import psutil
 
-from slambed.engines.attendant import Attendant
+from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import Engine, Node, NodePlan
 from slambed.errors import PassingError
 from slambed.spec.faults import FAULT_FILE, Fault
@@ -41,7 +41,7 @@ class RunEdge:
     engine: Engine
     plan: NodePlan | None
     nodes: dict[Role, Node]
-    attendant: Attendant
+    attendant: AttendantClient
     cleanup: ExitStack
 
     def kill(self) -> None:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from slambed.errors import environment_error
+from slambed.json_file import read_object
 
 # Known to every user and checkout of the host.
 LOCK_FOLDER = Path("/run/lock")
@@ -78,8 +79,7 @@ def _taken(fd: int) -> bool:
 
 
 def _holder(path: Path) -> str:
-    try:
-        content = json.loads(path.read_text())
-        return f"{content['purpose']} (process {content['pid']})"
-    except (OSError, ValueError, KeyError):
+    content = read_object(path) or {}
+    if not {"purpose", "pid"} <= content.keys():
         return "unknown"
+    return f"{content['purpose']} (process {content['pid']})"

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol, cast
 
-from slambed.engines.attendant import Attendant
+from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import (
     EDGE_CONFIG,
     Engine,
@@ -115,7 +115,7 @@ class LiveRun:
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)
             with at_gate(self._nodes):
-                attendant = Attendant(
+                attendant = AttendantClient(
                     self._engine, self._nodes, self._limits, self._cpus, self._run_dir,
                     whole_groups=self._spec.runtime is not None,
                 )  # fmt: skip
@@ -234,7 +234,7 @@ class LiveRun:
             raise PassingError(line, ExitCode(code))
         return ("refused" if code == ExitCode.BAD_INPUT else "died"), line
 
-    def _start_clock(self, attendant: Attendant) -> int:
+    def _start_clock(self, attendant: AttendantClient) -> int:
         """Run time 0 on CLOCK_MONOTONIC."""
         t0_ns = time.monotonic_ns() + int(START_AHEAD_S * 1e9)
         if self._link is not None:

@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
+from slambed.campaign.find_run import find_run
 from slambed.errors import SlambedError
 from slambed.explain.loss_pictures import draw_loss, losses_in
 from slambed.explain.picture import Window, draw
-from slambed.explain.run_log import RunLog, find_run, read_run
+from slambed.explain.run_log import RunLog, read_run
 from slambed.explain.story import story
 from slambed.metrics.losses import sentence
 from slambed.outputs import picture

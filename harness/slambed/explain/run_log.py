@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds a run and reads what its time line needs."""
+"""Reads what the time line of a run needs."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,6 @@ from slambed.spec.device import VIRTUAL
 from slambed.spec.matrix import run_name
 
 NS_PER_S = 1e9
-LEAST_DIGITS = 4
 
 
 @dataclass(frozen=True)
@@ -89,24 +88,6 @@ class RunLog:
     def frame_times_s(self) -> list[float]:
         """Run times at which each tracked frame was done."""
         return [float(t) for t in self.of("frame_tracked")["t_s"]]
-
-
-def find_run(run: str, results: Path) -> Path:
-    """A run folder by its path, or by its key or the beginning of it."""
-    if (folder := Path(run)).is_dir():
-        return folder
-    if len(run) >= LEAST_DIGITS:
-        places = [*results.glob(f"*/runs/{run}*"), *results.glob(f"runs/{run}*")]
-        # A run that several experiments share is one.
-        found = sorted({path.resolve() for path in places if path.is_dir()})
-        if len(found) == 1:
-            return found[0]
-        if found:
-            names = ", ".join(path.name for path in found[:5])
-            raise SlambedError(f"run '{run}' is not clear, {results}: {names}; give more digits")
-    raise SlambedError(
-        f"no run '{run}' in {results}; give a run folder or at least 4 digits of a key"
-    )
 
 
 def read_run(folder: Path) -> RunLog:

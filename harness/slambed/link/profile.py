@@ -19,7 +19,8 @@ from slambed.link.impairments import Gap, Jitter, Loss, Rate, Side
 from slambed.link.profile_reader import ProfileReader, substitute
 from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
 from slambed.native import repository_root
-from slambed.spec.yaml_source import in_words, load_yaml, suggestion
+from slambed.suggestion import suggestion
+from slambed.yaml_source import in_words, load_yaml
 
 LONGEST_MS = 60_000.0
 """One way; a longer delay is a mistake of unit."""

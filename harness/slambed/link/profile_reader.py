@@ -12,7 +12,8 @@ from slambed.errors import SlambedError
 from slambed.link import curves
 from slambed.link.curves import Curve
 from slambed.link.traces import TraceFile, find_trace, read_rtt_trace, sha256_of
-from slambed.spec.yaml_source import in_words, mistake, suggestion
+from slambed.suggestion import suggestion
+from slambed.yaml_source import in_words, mistake
 
 Model = TypeVar("Model", bound=BaseModel)
 

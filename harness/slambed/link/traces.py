@@ -15,7 +15,7 @@ from slambed.data.places import search_path
 from slambed.errors import SlambedError
 from slambed.link.curves import Trace
 from slambed.native import repository_root
-from slambed.spec.yaml_source import suggestion
+from slambed.suggestion import suggestion
 
 MAHIMAHI_PACKET_BITS = 1500 * 8
 _PING_TIME = re.compile(r"icmp_seq=(\d+).*time=([0-9.]+) ms")

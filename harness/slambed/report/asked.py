@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from slambed.metrics.catalog import METRICS, own_of
 from slambed.report.papers import read_papers
 from slambed.spec.experiment import Experiment
-from slambed.spec.yaml_source import Location, YamlSource, suggestion
+from slambed.suggestion import suggestion
+from slambed.yaml_source import Location, YamlSource
 
 FIGURES = (
     "losses", "trajectory", "rtt", "cpu", "memory", "stages", "losses_by_profile", "tradeoff",

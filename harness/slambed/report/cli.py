@@ -297,9 +297,10 @@ def view(
     sequence: Annotated[Path | None, typer.Option(help="Prepared sequence, for images.")] = None,
 ) -> None:
     """Look inside a run: its path over the true one as PNG, a Rerun recording where installed."""
-    from slambed.report.view import find_run, write_png, write_rerun
+    from slambed.campaign.find_run import find_run
+    from slambed.report.view import view_of, write_png, write_rerun
 
-    found = find_run(results, run)
+    found = view_of(find_run(run, results))
     make_folder(out, "--out")
     typer.echo(f"{write_png(found, out)}")
     if rerun:

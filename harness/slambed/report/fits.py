@@ -6,11 +6,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pandas as pd
-import yaml
 
-from slambed.errors import SlambedError
 from slambed.native import repository_root
-from slambed.yaml_text import read_yaml
+from slambed.yaml_source import load_yaml
 
 
 @dataclass(frozen=True)
@@ -30,10 +28,7 @@ def read_fits(folder: Path | None = None) -> list[Fit]:
     """All fits that name published numbers (`fits:`). Raises SlambedError on a torn file."""
     found = []
     for path in sorted((folder or repository_root() / "devices" / "fits").glob("*.yaml")):
-        try:
-            content = read_yaml(path.read_text(encoding="utf-8"))
-        except (OSError, yaml.YAMLError) as error:
-            raise SlambedError(f"cannot read a fit, {path}, {error}") from error
+        content = load_yaml(path).data
         if not isinstance(content, dict) or not content.get("fits"):
             continue
         devices = frozenset(str(d["device"]) for d in content.get("devices", {}).values())

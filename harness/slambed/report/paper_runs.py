@@ -3,12 +3,10 @@
 
 from pathlib import Path
 
-import yaml
-
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.report.papers import Paper
-from slambed.yaml_text import read_yaml
+from slambed.yaml_source import load_yaml
 
 
 def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]:
@@ -17,10 +15,7 @@ def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]
     folder = folder or repository_root() / "experiments"
     found: list[str] = []
     for path in sorted(folder.glob("*.yaml")):
-        try:
-            content = read_yaml(path.read_text(encoding="utf-8"))
-        except (OSError, yaml.YAMLError) as error:
-            raise SlambedError(f"cannot read an experiment, {path}, {error}") from error
+        content = load_yaml(path).data
         wanted = set(content.get("reproduces") or []) if isinstance(content, dict) else set()
         if any(wanted & paper.names() or path.stem in paper.setups for paper in papers):
             found.append(path.stem)

@@ -33,21 +33,9 @@ class RunView:
     """Moves the estimate's frame into the truth's, where both are known."""
 
 
-def find_run(results_dir: Path, name: str) -> RunView:
-    """By run key (or its unique beginning), or by path of the run folder."""
-    path = Path(name)
-    if path.is_dir() and (path / "summary.json").exists():
-        # Not resolved: the experiment is where the link to the run is.
-        return _view(load(path.absolute().parents[1]), path.absolute().name)
-    # A run that several experiments share is one.
-    found = list({path.name: path for path in sorted(results_dir.glob(f"*/runs/{name}*"))}.values())
-    if len(found) != 1:
-        what = "no run" if not found else f"{len(found)} runs"
-        raise SlambedError(f"{what} '{name}' in {results_dir}, give a longer key or a run folder")
-    return _view(load(found[0].parents[1]), found[0].name)
-
-
-def _view(results: Results, run_key: str) -> RunView:
+def view_of(folder: Path) -> RunView:
+    """The run of a folder as its experiment has it."""
+    results, run_key = load(folder.parents[1]), folder.name
     rows = results.runs[results.runs["run_key"] == run_key]
     if not len(rows):
         raise SlambedError(

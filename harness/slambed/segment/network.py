@@ -12,14 +12,13 @@ import zipfile
 from pathlib import Path
 from typing import Any, Literal, Self
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.places import cache_folder, no_cache
-from slambed.data.suggestion import did_you_mean
 from slambed.errors import SlambedError, environment_error
 from slambed.native import repository_root
-from slambed.yaml_text import read_yaml
+from slambed.suggestion import did_you_mean
+from slambed.yaml_source import load_yaml, parse
 
 _SHA256 = r"^[0-9a-f]{64}$"
 
@@ -86,22 +85,17 @@ def network_names() -> list[str]:
 def load_network(name: str) -> Network:
     """The network of this name, or of a YAML file."""
     path = Path(name) if name.endswith(".yaml") else networks_folder() / f"{name}.yaml"
-    try:
-        network = Network.model_validate(read_yaml(path.read_text(encoding="utf-8")))
-    except FileNotFoundError as missing:
+    if not path.is_file():
         known = network_names()
         raise SlambedError(
             f"network '{name}' is not known{did_you_mean(name, known)}; known: {', '.join(known)}"
-        ) from missing
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as broken:
-        raise SlambedError(f"{path}: cannot be read ({broken})") from broken
-    except ValidationError as invalid:
-        first = invalid.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        raise SlambedError(f"{path}: {where + ': ' if where else ''}{message}") from invalid
+        )
+    source = load_yaml(path)
+    network = parse(Network, source)
     if network.id != path.stem:
-        raise SlambedError(f"{path}: id is '{network.id}'; name the file {network.id}.yaml")
+        raise source.complaint(
+            f"the id is '{network.id}'", ("id",), f"name the file {network.id}.yaml"
+        )
     return network
 
 

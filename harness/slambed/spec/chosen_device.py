@@ -6,7 +6,7 @@ from slambed.spec.device import VIRTUAL, Device, DeviceChange
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
 from slambed.spec.system import Role
-from slambed.spec.yaml_source import Location, YamlSource
+from slambed.yaml_source import Location, YamlSource
 
 
 def chosen_device(

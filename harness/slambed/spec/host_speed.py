@@ -10,6 +10,7 @@ from pathlib import Path
 
 from slambed.data.places import cache_folder
 from slambed.errors import environment_error
+from slambed.json_file import read_object
 
 FORMAT = "slambed-host-speed"
 FILE = "host_speed.json"
@@ -51,12 +52,12 @@ def cpu_model() -> str:
 def load_host_speed(folder: Path | None = None) -> HostSpeed:
     """What was measured on this host; UNKNOWN when nothing was, or on another host."""
     path = (folder or cache_folder()) / FILE
+    content = read_object(path) or {}
+    if content.get("format") != FORMAT or content.get("host") != host_identity():
+        return UNKNOWN
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format"] != FORMAT or content["host"] != host_identity():
-            return UNKNOWN
         speed = HostSpeed(**content["measured"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (KeyError, TypeError):
         return UNKNOWN
     return speed if speed.speed > 0 else UNKNOWN
 

@@ -15,7 +15,8 @@ from slambed.spec.input_recipe import InputRecipe
 from slambed.spec.shared_params import with_shared_params
 from slambed.spec.sweep import changed, swept
 from slambed.spec.system import System
-from slambed.spec.yaml_source import YamlSource, load_yaml, parse, suggestion
+from slambed.suggestion import suggestion
+from slambed.yaml_source import YamlSource, load_yaml, parse
 
 Model = TypeVar("Model", bound=BaseModel)
 SYSTEM_FILE = "system.yaml"

@@ -21,7 +21,8 @@ from slambed.spec.faults import Fault, as_json, cuts, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role, Scalar, System
-from slambed.spec.yaml_source import Location, YamlSource, suggestion
+from slambed.suggestion import suggestion
+from slambed.yaml_source import Location, YamlSource
 
 KEY_DIGITS = 16
 END_SLACK_S = 1.0
@@ -126,7 +127,7 @@ def canonical_json(value: object) -> str:
 
 
 @dataclass(frozen=True)
-class Profile:
+class NamedProfile:
     """A link profile as an experiment refers to it: its name and its checked content."""
 
     name: str
@@ -157,17 +158,17 @@ class Circumstances:
     """As `slambed calibrate --host` measured it when the campaign began."""
 
 
-ProfileReader = Callable[[str | float | dict[str, Any], str], Profile]
+ProfileReader = Callable[[str | float | dict[str, Any], str], NamedProfile]
 """(profile as written, where it is written) -> checked profile."""
 
 
 def read_profiles(
     experiment: Experiment, source: YamlSource, reader: ProfileReader
-) -> list[Profile]:
+) -> list[NamedProfile]:
     """All profiles of the experiment, checked."""
     if experiment.link is None:
         return []
-    profiles: list[Profile] = []
+    profiles: list[NamedProfile] = []
     for index, item in enumerate(experiment.link.profiles):
         place = ("link", "profiles", index)
         profile = reader(item, f"{source.path} line {source.line_of(place)}")
@@ -186,7 +187,7 @@ def expand(
     experiment: Experiment,
     source: YamlSource,
     library: Library,
-    profiles: list[Profile],
+    profiles: list[NamedProfile],
     host: Circumstances,
     runs: int,
 ) -> list[RunSpec]:
@@ -289,8 +290,8 @@ def _label(system: System, variant: str) -> str:
 
 
 def _profiles_of(
-    choice: SystemChoice, profiles: list[Profile], source: YamlSource, index: int
-) -> list[Profile] | list[None]:
+    choice: SystemChoice, profiles: list[NamedProfile], source: YamlSource, index: int
+) -> list[NamedProfile] | list[None]:
     if not profiles:
         return [None]
     if choice.profiles is None:
@@ -308,7 +309,7 @@ def _profiles_of(
 
 def _link(
     system: System,
-    profile: Profile | None,
+    profile: NamedProfile | None,
     backends: Mapping[str, str],
     faults: list[Fault],
     source: YamlSource,

@@ -3,7 +3,7 @@
 
 from typing import Any
 
-from slambed.spec.yaml_source import YamlSource, load_yaml
+from slambed.yaml_source import YamlSource, load_yaml
 
 KEY = "params_from"
 

@@ -12,7 +12,8 @@ from typing import Any
 import yaml
 
 from slambed.errors import SlambedError
-from slambed.spec.yaml_source import Location, YamlSource
+from slambed.yaml_source import Location, YamlSource
+from slambed.yaml_text import read_yaml
 
 GRID = "grid"
 PARAMS = "params."
@@ -58,7 +59,7 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
         if not equals or not key or key == "id":
             raise SlambedError(f"--set {setting}: write KEY=VALUE, as in params.n_orb=750")
         try:
-            value = yaml.safe_load(text)
+            value = read_yaml(text)
         except yaml.YAMLError:
             raise SlambedError(f"--set {setting}: {text} is no value of YAML") from None
         entries = data.get("systems")

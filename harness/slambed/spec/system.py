@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.errors import SlambedError
 from slambed.spec.runtime import Runtime
-from slambed.spec.yaml_source import suggestion
+from slambed.suggestion import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 Scalar = bool | int | float | str

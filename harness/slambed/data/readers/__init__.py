@@ -10,8 +10,8 @@ import importlib
 import pkgutil
 
 from slambed.data.readers.base import ReaderOptions, SequenceReader
-from slambed.data.suggestion import did_you_mean
 from slambed.errors import SlambedError
+from slambed.suggestion import did_you_mean
 
 __all__ = ["ReaderOptions", "SequenceReader", "load_reader", "reader_names"]
 

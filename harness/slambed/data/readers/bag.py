@@ -21,9 +21,9 @@ from slambed.data.association import MAX_DIFFERENCE_S, pairs_of_sensors
 from slambed.data.images import decode
 from slambed.data.model import Frame
 from slambed.data.readers.base import ReaderOptions, SequenceReader
-from slambed.data.suggestion import did_you_mean
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.suggestion import did_you_mean
 
 #: compressed_depth_image_transport puts this many bytes before the PNG.
 _COMPRESSED_DEPTH_HEADER_BYTES = 12

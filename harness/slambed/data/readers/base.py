@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from slambed.data.model import Camera, Frame, Sensor
-from slambed.data.suggestion import did_you_mean
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.suggestion import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from slambed.errors import SlambedError
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.tracking import Tracking
 from slambed.metrics.update_round import PART_FIELDS
 from slambed.report.fits import read_fits
 from slambed.spec.library import Library
 from slambed.spec.system import System
-from slambed.yaml_text import read_yaml
+from slambed.yaml_source import load_yaml
 
 SPECIAL_KEYS = ("rmse_vs_reference_live_m",)
 """Computed when runs are compared, because they need a second run."""
@@ -111,8 +108,5 @@ def fits_any(pattern: str, names: set[str]) -> bool:
 
 
 def _yaml(path: Path) -> dict[str, Any]:
-    try:
-        content = read_yaml(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
-        raise SlambedError(f"cannot read {path}, {error}") from error
+    content = load_yaml(path).data
     return content if isinstance(content, dict) else {}

@@ -11,8 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-from pydantic import AwareDatetime, BaseModel, Field, ValidationError, model_validator
+from pydantic import AwareDatetime, BaseModel, Field, model_validator
 
 from slambed.errors import SlambedError
 from slambed.report.papers.base import STRICT
@@ -21,7 +20,7 @@ from slambed.report.papers.paper import Paper
 from slambed.report.papers.reading import PLAN_SUFFIX, paper_files, papers_folder, read_paper
 from slambed.spec.matrix import canonical_json
 from slambed.spec.system import Role
-from slambed.yaml_text import read_yaml
+from slambed.yaml_source import read_model
 
 WORDS = {"label", "note", "read_as", "not_built"}
 """Texts of the mapping that may be bettered without another plan. That a system is built now is no
@@ -133,14 +132,7 @@ def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
     path = (folder or papers_folder()) / f"{paper}{PLAN_SUFFIX}"
     if not path.exists():
         return None
-    try:
-        plan = PaperPlan.model_validate(read_yaml(path.read_text(encoding="utf-8")))
-    except (OSError, yaml.YAMLError) as error:
-        raise SlambedError(f"cannot read a plan, {path}, {error}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise SlambedError(f"{first['msg'].lower()}, {path.name}: {where}") from error
+    plan = read_model(PaperPlan, path)
     if plan.paper != paper:
         raise SlambedError(f"plan of '{plan.paper}', {path.name}, write paper: {paper}")
     return plan

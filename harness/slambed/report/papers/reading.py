@@ -3,13 +3,10 @@
 
 from pathlib import Path
 
-import yaml
-from pydantic import ValidationError
-
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.report.papers.paper import Paper
-from slambed.yaml_text import read_yaml
+from slambed.yaml_source import read_model
 
 PLAN_SUFFIX = ".plan.yaml"
 """Plans lie beside the papers that they are about."""
@@ -21,15 +18,8 @@ def papers_folder() -> Path:
 
 
 def read_paper(path: Path) -> Paper:
-    """Raises SlambedError with file, key and reason when the file is not as described."""
-    try:
-        return Paper.model_validate(read_yaml(path.read_text(encoding="utf-8")))
-    except (OSError, yaml.YAMLError) as error:
-        raise SlambedError(f"cannot read published numbers, {path}, {error}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise SlambedError(f"{first['msg'].lower()}, {path.name}: {where}") from error
+    """Raises SlambedError with file, line, key and reason when the file is not as described."""
+    return read_model(Paper, path)
 
 
 def paper_files() -> dict[str, Path]:

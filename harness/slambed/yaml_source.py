@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML that remembers the line of every key, so that a complaint can name it."""
 
-import difflib
 import types
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
@@ -12,9 +10,10 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from slambed.errors import SlambedError
+from slambed.suggestion import suggestion
 from slambed.yaml_text import with_parser
 
-Location = tuple[str | int, ...]
+Location = tuple[str | int | float, ...]
 KINDS = {
     "bool_type": "true or false",
     "int_type": "an integer",
@@ -86,11 +85,11 @@ def _construct(
     lines.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
         loader.flatten_mapping(node)
-        mapping: dict[str, Any] = {}
+        mapping: dict[str | int | float, Any] = {}
         for key_node, value_node in node.value:
             key = loader.construct_object(key_node)
             line = key_node.start_mark.line + 1
-            if not isinstance(key, str):
+            if not isinstance(key, str | int | float) or isinstance(key, bool):
                 # YAML 1.1 reads a bare `on` or `no` as true/false: a trap worth naming.
                 raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
             if key in mapping:
@@ -114,6 +113,11 @@ def parse(model: type[Model], source: YamlSource) -> Model:
         return model.model_validate(source.data)
     except ValidationError as error:
         raise _explain(model, source, error.errors()) from None
+
+
+def read_model(model: type[Model], path: Path) -> Model:
+    """A YAML file that is one `model`."""
+    return parse(model, load_yaml(path))
 
 
 def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
@@ -174,14 +178,6 @@ def in_words(value: object) -> str:
     if isinstance(value, dict):
         return "a mapping"
     return "a list" if isinstance(value, list) else repr(value)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """`did you mean ...?` for a near miss, else the list of what would be right."""
-    names = sorted(set(known))
-    if close := difflib.get_close_matches(word, names, n=1, cutoff=0.6):
-        return f"did you mean '{close[0]}'?"
-    return f"known: {', '.join(names)}" if names else ""
 
 
 def _fields_at(model: type[BaseModel], location: Location) -> list[str]:

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Did you mean ...?"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """`did you mean 'x'?` for a near miss, else the list of what would be right."""
+    names = sorted(set(known))
+    return _near(word, names) or (f"known: {', '.join(names)}" if names else "")
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`, did you mean 'x'?` for a near miss, or nothing: what is known is told elsewhere."""
+    near = _near(word, list(known))
+    return f", {near}" if near else ""
+
+
+def _near(word: str, names: list[str]) -> str:
+    close = get_close_matches(word, names, n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else ""
