@@ -187,35 +187,6 @@ def status(
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
 
 
-@app.command("check-system")
-def check_system(
-    system: Annotated[str, typer.Argument(help="Name of a system, or path of its system.yaml.")],
-) -> None:
-    """Play twenty frames to a system of your own and say what of the contract holds."""
-    from slambed.campaign.check_system import check_system as checked
-    from slambed.spec.library import Library
-
-    found = checked(system, Library())
-    for good, line in found.lines:
-        mark = Text("ok " if good else "no ", "green" if good else "red")
-        console().print(mark, line, soft_wrap=True)
-    if not found.good:
-        raise typer.Exit(ExitCode.NOT_ALL_GOOD)
-
-
-@app.command()
-def new(
-    kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
-    name: Annotated[str, typer.Argument(help="What it shall be called.")],
-    folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
-) -> None:
-    """Write a skeleton that works, to be changed: a system, a dataset or an experiment."""
-    from slambed.campaign.skeletons import write_skeleton
-
-    for line in write_skeleton(kind, name, folder):
-        typer.echo(line)
-
-
 @app.command()
 def doctor() -> None:
     """Say what this machine can do, and what each missing thing costs."""
@@ -281,6 +252,14 @@ def _add_explain() -> None:
 
 
 @cache
+def _add_own() -> None:
+    from slambed.campaign.own_cli import check_system, new
+
+    app.command("check-system")(check_system)
+    app.command()(new)
+
+
+@cache
 def _add_data() -> None:
     from slambed.data.cli import app as data_app
 
@@ -324,7 +303,7 @@ def _add_papers() -> None:
     app.add_typer(papers_app, name="papers")
 
 
-HERE = ("run", "status", "check-system", "new", "doctor", "images", "clean", "--version")
+HERE = ("run", "status", "doctor", "images", "clean", "--version")
 ELSEWHERE = {
     **dict.fromkeys(
         (
@@ -341,6 +320,7 @@ ELSEWHERE = {
         ),
         _add_reports,
     ),
+    **dict.fromkeys(("check-system", "new"), _add_own),
     "calibrate": _add_calibrate,
     "explain": _add_explain,
     "data": _add_data,

@@ -7,15 +7,19 @@ import struct
 import zlib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from data_samples import write_prepared
 
+from slambed.data.picture_sheet import TILE_WIDTH_PX
 from slambed.errors import SlambedError
 from slambed.segment.frame_file import MASKS, encode_frames
 from slambed.segment.instances import Instance, Segmented, mask_of, runs_of
 from slambed.segment.mask_cache import MaskCache, decode_frame, encode_frame
 from slambed.segment.people import Middle, find_middles, persons, suppress
 from slambed.segment.scores import Scores, keypoint_similarity
+from slambed.segment.sheet import write_mask_sheet
 
 ROWS, COLUMNS = 64, 80
 
@@ -61,6 +65,24 @@ def test_a_file_gives_back_what_was_put_into_it(tmp_path: Path) -> None:
         if put.keypoints is not None:
             assert np.array_equal(found.keypoints, put.keypoints)
     assert np.array_equal(masks.frame(0).moving(), picture().instances[0].mask)
+
+
+def test_a_sheet_shows_what_was_found_and_only_that(tmp_path: Path) -> None:
+    sequence = write_prepared(tmp_path / "s", frames=5)
+    width, height = sequence.info.width, sequence.info.height
+    half = np.zeros((height, width), np.bool_)
+    half[height // 2 :] = True
+    found = Segmented(width, height, (Instance(0, 0.9, half),))
+    blocks = [encode_frame(found if i == 0 else Segmented(width, height)) for i in range(5)]
+    (tmp_path / "a.masks").write_bytes(encode_frames(MASKS, "a", blocks))
+    write_mask_sheet(sequence, MaskCache.open(tmp_path / "a.masks"), tmp_path / "sheet.png", 5)
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    tall = round(height * TILE_WIDTH_PX / width)
+    assert sheet.shape == (2 * tall, 4 * TILE_WIDTH_PX, 3)  # five frames, four a row
+    coloured = np.ptp(sheet.astype(int), axis=2) > 0
+    below = slice(tall // 2 + 8, tall - 8)
+    assert coloured[below, :TILE_WIDTH_PX].all()
+    assert not coloured[:, TILE_WIDTH_PX:].any() and not coloured[tall:].any()
 
 
 def test_a_file_for_something_else_or_torn_is_one_line(tmp_path: Path) -> None:

@@ -19,8 +19,7 @@ from slambed.json_file import read_object
 from slambed.metrics.collect import stored_log
 from slambed.metrics.events import read_events
 from slambed.metrics.losses import EVENTS, Loss, losses_of
-from slambed.outputs import writing
-from slambed.report.style import RC
+from slambed.report.style import save_picture
 
 RIGHT, WRONG, UNKNOWN = "#009E73", "#D55E00", "#E69F00"
 SIZE_IN = (13.0, 5.6)
@@ -40,13 +39,7 @@ def draw_loss(run: RunLog, loss: Loss, path: Path) -> str:
     sequence = SequenceCache(places.prepared_folder()).of_checksum(str(checksum))
     if sequence is None:
         return "no pictures: the sequence is not prepared here; 'slambed data prepare ID' makes it"
-    with plt.rc_context(RC):
-        figure = figure_of_loss(sequence, loss)
-        try:
-            with writing(path):
-                figure.savefig(path, dpi=110)
-        finally:
-            plt.close(figure)
+    save_picture(lambda: figure_of_loss(sequence, loss), path)
     return f"pictures on both sides of the loss: {path}"
 
 

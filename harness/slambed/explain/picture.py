@@ -17,8 +17,7 @@ from matplotlib.patches import Patch
 
 from slambed.explain.run_log import NS_PER_S, RunLog
 from slambed.metrics.network import series
-from slambed.outputs import writing
-from slambed.report.style import FAULT_SHADE, RC, fault_colour
+from slambed.report.style import FAULT_SHADE, fault_colour, save_picture
 
 WIDTH_IN, LANE_IN = 13.0, 0.30
 LEAST_WIDTH = 0.4
@@ -56,13 +55,7 @@ class Window:
 
 def draw(run: RunLog, window: Window, path: Path) -> None:
     """Writes the picture; its format is the suffix (png, svg or pdf)."""
-    with plt.rc_context(RC):
-        figure = figure_of(run, window)
-        try:
-            with writing(path):
-                figure.savefig(path, dpi=110)
-        finally:
-            plt.close(figure)
+    save_picture(lambda: figure_of(run, window), path)
 
 
 def figure_of(run: RunLog, window: Window) -> Figure:

@@ -3,7 +3,7 @@
 
 import json
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,6 +18,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+
+from slambed.outputs import writing
 
 # Okabe and Ito's palette (2008), told apart by all common kinds of colour vision. Yellow is left
 # out: it is too pale on white. Markers and dashes repeat the distinction for grey prints.
@@ -35,6 +37,8 @@ MOST_LEGEND_COLUMNS = 3
 SQUEEZED_SHARE = 0.6
 """Where the smallest value is above this share of the largest, an axis from 0 shows only that."""
 PNG_DPI = 150
+PICTURE_DPI = 110
+"""Of pictures as wide as a screen."""
 
 RC: Any = {
     "figure.constrained_layout.use": True,
@@ -168,6 +172,17 @@ class FigureWriter:
         self.folder.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps([asdict(item) for item in self.saved], indent=1) + "\n")
         return path
+
+
+def save_picture(drawn: Callable[[], Figure], path: Path) -> None:
+    """One figure at the place that somebody named; its format is the suffix (png, svg or pdf)."""
+    with plt.rc_context(RC):
+        made = drawn()
+        try:
+            with writing(path):
+                made.savefig(path, dpi=PICTURE_DPI)
+        finally:
+            plt.close(made)
 
 
 def _titles_of(made: Figure) -> set[str]:

@@ -18,8 +18,10 @@ from slambed.segment.mask_cache import MaskCache
 from slambed.segment.masks import TRUTH, mask_cache
 from slambed.segment.network import load_network, network_names
 from slambed.segment.scores import Scores
-from slambed.segment.sheet import write_sheet
+from slambed.segment.sheet import write_mask_sheet
 from slambed.terminal import console
+
+NETWORK, QUALITY, N_M = "slambed_people", 90, 0.8
 
 app = typer.Typer(help="Networks, and what they find in sequences.", no_args_is_help=True)
 Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
@@ -41,9 +43,9 @@ def list_networks() -> None:
 @app.command("prepare")
 def prepare_masks(
     dataset: Id,
-    network: NetworkName = "slambed_people",
-    quality: Quality = 90,
-    n_m: NMax = 0.8,
+    network: NetworkName = NETWORK,
+    quality: Quality = QUALITY,
+    n_m: NMax = N_M,
 ) -> None:
     """Segment every picture of a sequence once."""
     _, masks, path = _masks(dataset, network, quality, n_m)
@@ -53,25 +55,25 @@ def prepare_masks(
 @app.command()
 def show(
     dataset: Id,
-    network: NetworkName = "slambed_people",
-    quality: Quality = 90,
-    n_m: NMax = 0.8,
+    network: NetworkName = NETWORK,
+    quality: Quality = QUALITY,
+    n_m: NMax = N_M,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 16,
     output: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
 ) -> None:
     """Write a contact sheet of masks."""
     sequence, masks, _ = _masks(dataset, network, quality, n_m)
     file = output or picture(f"{sequence.info.id}_{network}.png")
-    write_sheet(sequence, masks, file, frames)
+    write_mask_sheet(sequence, masks, file, frames)
     typer.echo(str(file))
 
 
 @app.command()
 def score(
     dataset: Id,
-    network: NetworkName = "slambed_people",
-    quality: Quality = 90,
-    n_m: NMax = 0.8,
+    network: NetworkName = NETWORK,
+    quality: Quality = QUALITY,
+    n_m: NMax = N_M,
 ) -> None:
     """Compare masks with the truth of a generated sequence; without one, tell the marked share."""
     sequence, masks, _ = _masks(dataset, network, quality, n_m)

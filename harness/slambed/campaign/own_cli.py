@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed check-system` and `slambed new`: systems, datasets and experiments of one's own."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from slambed.errors import ExitCode
+from slambed.terminal import console
+
+
+def check_system(
+    system: Annotated[str, typer.Argument(help="Name of a system, or path of its system.yaml.")],
+) -> None:
+    """Play twenty frames to a system of your own and say what of the contract holds."""
+    from slambed.campaign.check_system import check_system as checked
+    from slambed.spec import library
+
+    found = checked(system, library.Library())
+    for good, line in found.lines:
+        mark = Text("ok " if good else "no ", "green" if good else "red")
+        console().print(mark, line, soft_wrap=True)
+    if not found.good:
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD)
+
+
+def new(
+    kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
+    name: Annotated[str, typer.Argument(help="What it shall be called.")],
+    folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
+) -> None:
+    """Write a skeleton that works, to be changed: a system, a dataset or an experiment."""
+    from slambed.campaign.skeletons import write_skeleton
+
+    for line in write_skeleton(kind, name, folder):
+        typer.echo(line)
