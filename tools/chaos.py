@@ -38,6 +38,9 @@ def main() -> int:
         one.add_argument("--seed", type=int, default=1, help="of the first campaign")
         one.add_argument("--jobs", default="2,8,32", help="one after the other")
         one.add_argument("--runs", type=int, default=0, help="of a cell of each campaign")
+        one.add_argument(
+            "--each", type=int, default=FAULTS_EACH[kind], help="of a campaign at most"
+        )
         one.add_argument("--only", default="", help="faults as they are told, a comma list")
         one.add_argument("--clock", action="store_true", help="the host's clock may jump as well")
         one.add_argument(
@@ -68,7 +71,6 @@ def _torment_all(asked: argparse.Namespace, place: Place) -> int:
     struck = bad = 0
     seed = asked.seed
     only = tuple(filter(None, asked.only.split(",")))
-    each, every_s = FAULTS_EACH[asked.kind], EVERY_S[asked.kind]
     while struck < asked.faults:
         other = asked.kind == "docker" and (
             asked.user == "other" or (asked.user == "both" and seed % 2)
@@ -77,8 +79,8 @@ def _torment_all(asked: argparse.Namespace, place: Place) -> int:
             asked.kind,
             seed,
             jobs[seed % len(jobs)],
-            each,
-            every_s,
+            asked.each,
+            EVERY_S[asked.kind],
             seed % DRAW_EVERY == 0,
             only,
             asked.clock,
