@@ -16,6 +16,7 @@ from slambed.engines.base import thread_problems
 from slambed.engines.cgroups import CgroupMaker, below, entry_files, remove
 from slambed.engines.thread_caps import ThreadCaps
 from slambed.sampling.cgroup import CgroupPaths, version
+from slambed.sampling.record import ThreadCap
 from slambed.spec.device import Limits
 
 LIMITS = Limits(quota_cores=0.8, thread_cores=0.25, period_ms=10)
@@ -154,12 +155,16 @@ def test_groups_of_ended_threads_go_and_their_throttling_stays(
     assert top is not None and below(top) == []
 
 
+def cap(name: str, cores: float | None) -> ThreadCap:
+    return ThreadCap(name=name, cores=cores, period_ms=10, throttled_s=0, throttled_periods=0)
+
+
 def test_a_cap_that_was_not_granted_is_a_problem() -> None:
-    good = {"name": "tracking", "cores": 0.25}
+    good = cap("tracking", 0.25)
     assert thread_problems("mobile", [good, good], LIMITS) == []
     assert thread_problems("mobile", [], LIMITS) == ["mobile: no thread was capped"]
     for cores in (None, 0.5):
-        (line,) = thread_problems("mobile", [good, {"name": "mapping", "cores": cores}], LIMITS)
+        (line,) = thread_problems("mobile", [good, cap("mapping", cores)], LIMITS)
         assert line == "mobile: cap of thread mapping is not as asked"
 
 
