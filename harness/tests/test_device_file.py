@@ -7,8 +7,11 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from slambed.calibrate.device_file import stages_in, write_model
-from slambed.spec.device import Accelerator, CostModel, StageCost
+from slambed.calibrate.device_file import write_model
+from slambed.errors import SlambedError
+from slambed.native import repository_root
+from slambed.spec.device import Accelerator, CostModel, Device, StageCost
+from slambed.yaml_source import read_model
 
 DEVICE = """\
 # SPDX-License-Identifier: Apache-2.0
@@ -25,13 +28,38 @@ model:
 """
 
 
+NOTED = """\
+# SPDX-License-Identifier: Apache-2.0
+name: board
+title: 'A board'  # in the lab
+notes: >-
+  Two
+  lines.
+limits: {}
+# Fitted long ago.
+model:
+  cores: 4
+  speed: 1
+  stages:
+    loop_close: {a_us: 5, b_us: 20}  # guessed
+    track:      {a_us: 100}  # old
+# what follows
+hardware: none
+"""
+
+
+def stages_in(path: Path) -> dict[str, StageCost]:
+    model = yaml.safe_load(path.read_text(encoding="utf-8"))["model"]
+    return dict(CostModel.model_validate(model).stages)
+
+
 def test_stages_that_were_not_measured_keep_their_cost(tmp_path: Path) -> None:
     path = tmp_path / "board.yaml"
     path.write_text(DEVICE, encoding="utf-8")
     model = CostModel(cores=2, stages={"track": StageCost(a_us=70), "fuse": StageCost(c_us=2)})
     write_model(path, model, {"": "Fitted now."}, "title")
     text = path.read_text(encoding="utf-8")
-    assert stages_in(text) == {
+    assert stages_in(path) == {
         "fuse": StageCost(c_us=2),
         "loop_close": StageCost(a_us=5, b_us=20),
         "track": StageCost(a_us=70),
@@ -40,15 +68,72 @@ def test_stages_that_were_not_measured_keep_their_cost(tmp_path: Path) -> None:
     assert "Fitted now." in text and "Fitted long ago." not in text
 
 
-def test_a_file_without_a_model_has_no_stages() -> None:
-    assert stages_in("name: board\n") == {}
-    assert stages_in("") == {}
+def test_what_somebody_wrote_beside_it_stays(tmp_path: Path) -> None:
+    """Comments, quotes, folded text, and what was noted at a stage that was not measured now."""
+    path = tmp_path / "board.yaml"
+    path.write_text(NOTED)
+    write_model(path, CostModel(cores=2, stages={"track": StageCost(a_us=70.25)}), {
+        "": "Fitted now,\nfrom a run.", "track": "12 of them",
+    }, "title")  # fmt: skip
+    assert (
+        path.read_text()
+        == """\
+# SPDX-License-Identifier: Apache-2.0
+name: board
+title: 'A board'  # in the lab
+notes: >-
+  Two
+  lines.
+limits: {}
+# Fitted now,
+# from a run.
+model:
+  cores: 2
+  speed: 1
+  stages:
+    loop_close: {a_us: 5, b_us: 20}  # guessed
+    track: {a_us: 70.25} # 12 of them
+# what follows
+hardware: none
+"""
+    )
+    write_model(path, CostModel(cores=2, stages={"track": StageCost(a_us=1)}), {}, "title")
+    assert "    track: {a_us: 1}\n# what follows\nhardware: none\n" in path.read_text()
+    assert "Fitted now" not in path.read_text()
+
+
+@pytest.mark.parametrize(
+    "name", sorted(p.stem for p in (repository_root() / "devices").glob("*.yaml"))
+)
+def test_a_device_of_ours_with_its_own_model_written_again_is_the_same(
+    name: str, tmp_path: Path
+) -> None:
+    ours = repository_root() / "devices" / f"{name}.yaml"
+    path = tmp_path / ours.name
+    path.write_text(ours.read_text())
+    before = read_model(Device, path)
+    if before.model is None:
+        return
+    write_model(path, before.model, {"": "The same."}, "another title")
+    assert read_model(Device, path) == before
+    write_model(path, before.model, {"": "And again."}, "another title")
+    assert path.read_text().count("# And again.") == 1 and "The same." not in path.read_text()
+
+
+@pytest.mark.parametrize("text", ["- a list\n", "name: [\n", ""])
+def test_what_is_no_device_is_one_line(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "board.yaml"
+    path.write_text(text)
+    with pytest.raises(SlambedError, match=r"board\.yaml") as told:
+        write_model(path, CostModel(cores=1, stages={}), {}, "title")
+    assert "\n" not in str(told.value) and path.read_text() == text
 
 
 def test_a_new_file_holds_the_model_alone(tmp_path: Path) -> None:
     path = tmp_path / "fresh.yaml"
     write_model(path, CostModel(cores=1, stages={"track": StageCost(a_us=1)}), {}, "Fresh")
-    assert stages_in(path.read_text(encoding="utf-8")) == {"track": StageCost(a_us=1)}
+    assert stages_in(path) == {"track": StageCost(a_us=1)}
+    assert "title: Fresh" in path.read_text() and "name: fresh" in path.read_text()
 
 
 def test_accelerators_come_back_from_the_file_and_change_no_key_of_other_devices(

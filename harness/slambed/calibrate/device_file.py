@@ -1,77 +1,106 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes a cost model into a device file and leaves everything else in it as it is."""
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from slambed.errors import environment_error
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.error import YAMLError
+
+from slambed.errors import SlambedError, environment_error
 from slambed.spec.device import CostModel, StageCost
-from slambed.yaml_text import read_yaml
 
-MODEL = "model:"
-
-
-def model_lines(model: CostModel, comments: Mapping[str, str]) -> list[str]:
-    """The `model` block; a stage's comment follows its line, that of '' heads the block."""
-    lines = [f"# {line}" for line in comments.get("", "").splitlines()]
-    lines += [MODEL, f"  cores: {model.cores}", f"  speed: {model.speed:g}"]
-    if model.accelerators:
-        lines.append("  accelerators:")
-        for name, found in sorted(model.accelerators.items()):
-            lines.append(f"    {name}: {{lanes: {found.lanes}, speed: {found.speed:g}}}")
-    lines.append("  stages:")
-    width = max((len(name) for name in model.stages), default=0)
-    for name, cost in sorted(model.stages.items()):
-        comment = f"  # {comments[name]}" if name in comments else ""
-        lines.append(f"    {name + ':':{width + 1}} {_flow(cost)}{comment}")
-    return lines
-
-
-def _flow(cost: StageCost) -> str:
-    inside = ", ".join(
-        f"{key}: {value}" if isinstance(value, str) else f"{key}: {value:g}"
-        for key, value in cost.model_dump().items()
-        if value or key == "a_us"
-    )
-    return f"{{{inside}}}"
+MODEL = "model"
+WIDTH = 100_000
+"""Of lines that are broken by nobody but whoever wrote them."""
 
 
 def write_model(path: Path, model: CostModel, comments: Mapping[str, str], title: str) -> None:
     """Replaces the model of a device file, or makes a new file with this model.
 
-    Stages that the new model does not name (closing a loop is rare) keep the cost they had.
+    A stage's comment follows its line, that of '' heads the model. Stages that the new model does
+    not name (closing a loop is rare) keep the cost they had, and whatever somebody noted there.
     """
-    if path.is_file():
-        text = path.read_text(encoding="utf-8")
-        kept = without_model(text.splitlines())
-        model = model.model_copy(update={"stages": stages_in(text) | model.stages})
-    else:
-        head = ["# SPDX-License-Identifier: Apache-2.0", f"name: {path.stem}"]
-        kept = [*head, f"title: {title}", "limits: {}"]
+    fresh = f"# SPDX-License-Identifier: Apache-2.0\nname: {path.stem}\nlimits: {{}}\n"
+    yaml = _round_trip()
     try:
-        path.write_text("\n".join([*kept, *model_lines(model, comments)]) + "\n", encoding="utf-8")
+        device = yaml.load(_without_head(path.read_text("utf-8")) if path.is_file() else fresh)
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise SlambedError(f"cannot read {path}: {' '.join(str(error).split())}") from None
+    if not isinstance(device, CommentedMap):
+        raise SlambedError(f"{path} is no device; choose another --output")
+    if "title" not in device:
+        device.insert(1, "title", title)
+    block = device.setdefault(MODEL, CommentedMap())
+    block["cores"], block["speed"] = model.cores, _number(model.speed)
+    if model.accelerators:
+        accelerators = block.setdefault("accelerators", CommentedMap())
+        for name, found in sorted(model.accelerators.items()):
+            accelerators[name] = _in_line({"lanes": found.lanes, "speed": _number(found.speed)})
+    stages = block.setdefault("stages", CommentedMap())
+    for name, cost in sorted(model.stages.items()):
+        if name not in stages:
+            stages.insert(sum(other < name for other in stages), name, None)
+        stages[name] = _in_line(_cost(cost))
+        _note(stages, name, comments.get(name, ""))
+    if comments.get(""):
+        device.yaml_set_comment_before_after_key(MODEL, before=comments[""])
+    written = io.StringIO()
+    yaml.dump(device, written)
+    try:
+        path.write_text(written.getvalue(), encoding="utf-8")
     except OSError as error:
         raise environment_error(f"cannot write {path}: {error.strerror}") from None
 
 
-def stages_in(text: str) -> dict[str, StageCost]:
-    """Costs of the stages in a device file; none when it has no model."""
-    device = read_yaml(text)
-    model = device.get("model") if isinstance(device, dict) else None
-    return dict(CostModel.model_validate(model).stages) if model else {}
+def _round_trip() -> YAML:
+    yaml = YAML()
+    yaml.width = WIDTH
+    yaml.preserve_quotes = True
+    return yaml
 
 
-def without_model(lines: list[str]) -> list[str]:
-    """The lines outside the `model` block and the comment lines directly before it."""
+def _cost(cost: StageCost) -> dict[str, Any]:
+    """What is not left at its default, and a_us always."""
+    return {
+        key: value if isinstance(value, str) else _number(value)
+        for key, value in cost.model_dump().items()
+        if value or key == "a_us"
+    }
+
+
+def _number(value: float) -> int | float:
+    """Six digits, as fits are no better; whole numbers without a point."""
+    short = float(f"{value:g}")
+    return int(short) if short.is_integer() else short
+
+
+def _in_line(content: dict[str, Any]) -> CommentedMap:
+    found = CommentedMap(content)
+    found.fa.set_flow_style()
+    return found
+
+
+def _note(stages: CommentedMap, name: str, comment: str) -> None:
+    """Replaces what is noted in the line of a stage; the lines below it, which belong to the same
+    comment in the tree, stay."""
+    old = stages.ca.items.pop(name, None)
+    below = old[2].value.partition("\n")[2] if old and old[2] else ""
+    if comment or below:
+        stages.yaml_add_eol_comment(comment or "-", name, column=0)
+        stages.ca.items[name][2].value = (f"# {comment}" if comment else "") + f"\n{below}"
+
+
+def _without_head(text: str) -> str:
+    """Without the comment directly before the model, which says where the old one came from; to a
+    YAML tree it belongs to whatever stands before it."""
     kept: list[str] = []
-    inside = False
-    for line in lines:
-        if line.startswith(MODEL):
-            inside = True
+    for line in text.splitlines():
+        if line.startswith(f"{MODEL}:"):
             while kept and kept[-1].startswith("#") and "SPDX" not in kept[-1]:
                 kept.pop()
-        elif inside and line[:1].strip() and not line.startswith("#"):
-            inside = False
-        if not inside:
-            kept.append(line)
-    return kept
+        kept.append(line)
+    return "".join(f"{line}\n" for line in kept)
