@@ -10,6 +10,7 @@ from pydantic import (
     ConfigDict,
     JsonValue,
     SerializerFunctionWrapHandler,
+    ValidationError,
     model_serializer,
 )
 
@@ -30,6 +31,22 @@ class Record(BaseModel):
             return cls.model_validate_json(path.read_bytes())
         except (OSError, ValueError):
             return None
+
+    @classmethod
+    def read_or_complain(cls, path: Path, problems: list[str]) -> Self:
+        """From a file; one without anything where it is not there, or where it cannot be read: that
+        becomes a line in `problems`."""
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except FileNotFoundError:
+            pass
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            what = ": ".join([*filter(None, [".".join(map(str, first["loc"]))]), first["msg"]])
+            problems.append(f"{path.name}: unreadable ({what})")
+        except OSError as error:
+            problems.append(f"{path.name}: unreadable ({error})")
+        return cls()
 
     @model_serializer(mode="wrap")
     def _only_what_was_set(self, serialise: SerializerFunctionWrapHandler) -> dict[str, JsonValue]:

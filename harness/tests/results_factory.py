@@ -17,6 +17,7 @@ from slambed.metrics.collect import keep_groundtruth
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run import summarise_run
 from slambed.metrics.run_data import RunData
+from slambed.records.kept_spec import KeptSpec
 from slambed.spec.faults import Fault
 
 ORIGIN_S = 1000.0  # recorded time of frame 0
@@ -286,7 +287,7 @@ def write_experiment(root: Path, runs: list[tuple[dict[str, Any], RawRun]]) -> P
         raw = write_raw(raw_root / key, run)
         target = experiment / "runs" / key
         target.mkdir()
-        to_parquet(RunData(raw, spec), target)
+        to_parquet(RunData(raw, KeptSpec.of(spec)), target)
         summary = summarise_run(raw, spec) | {"run_key": key}
         (target / "summary.json").write_text(json.dumps(summary))
         manifest = json.loads((raw / "manifest.json").read_text()) | {"spec": spec, "run_key": key}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Campaigns of live nodes: committed one by one, on a full disk, interrupted in the middle."""
 
+import json
 import os
 import signal
 import subprocess
@@ -84,14 +85,15 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
     )
     assert "5/5 frames tracked" in reporter.verdicts[0]
     assert "died: mobile node: signal 11" in reporter.verdicts[1]
-    manifest = campaign.folder.read(good.run_key, "manifest.json")
+    manifest = campaign.folder.manifest(good.run_key)
     assert manifest is not None
     for key in (
         "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores",
         "seed", "started_utc", "limits", "throttling", "versions", "spec", "command",
     ):  # fmt: skip
-        assert key in manifest, key
-    assert RunSpec.model_validate(manifest["spec"]) == good
+        assert key in manifest.model_fields_set, key
+    written = json.loads((campaign.folder.runs / good.run_key / "manifest.json").read_text())
+    assert RunSpec.model_validate(written["spec"]) == good
     events = [entry["event"] for entry in campaign.ledger.read()]
     assert events == ["run_started", "run_finished"] * 2
 
@@ -103,7 +105,7 @@ def test_a_node_that_refuses_its_input_is_a_result(tmp_path: Path) -> None:
     with nodes_of_tests():
         verdict = campaign.run([refused, run_spec()], Quiet())
     assert (verdict.done, verdict.trusted, verdict.not_completed) == (2, 2, 1)
-    summary = campaign.folder.read(refused.run_key, "summary.json") or {}
+    summary = campaign.folder.summary(refused.run_key) or {}
     assert (summary["outcome"], summary["coverage"], summary["lost"]) == ("refused", 0.0, None)
     assert "bad parameter" in summary["outcome_reason"]
 

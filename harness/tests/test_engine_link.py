@@ -95,13 +95,13 @@ def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_pa
         runner = Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor, retries=0)
         verdict = runner.run(todo, Quiet())
     assert (verdict.done, verdict.interrupted) == (2, False)
-    first, second = (folder.read(spec.run_key, "summary.json") for spec in todo)
-    manifest = folder.read(todo[0].run_key, "manifest.json")
+    first, second = (folder.summary(spec.run_key) for spec in todo)
+    manifest = folder.manifest(todo[0].run_key)
     assert first is not None and second is not None and manifest is not None
     assert first["trusted"] is False
     assert "the link ended in the middle of the run" in first["distrust"]
-    assert "the link ended in the middle of the run" in manifest["distrust"]
-    assert "signal 9" in manifest["link"]["died"]
+    assert "the link ended in the middle of the run" in manifest.distrust
+    assert "signal 9" in manifest.link.died
     # What the mobile node made of it is there: it played to its end.
     assert first["frames_total"] == second["frames_total"] == 20
     assert second["outcome"] == "completed"
@@ -146,5 +146,5 @@ def test_a_relay_killed_at_set_up_costs_an_attempt(
     assert (verdict.done, verdict.given_up) == (1, {})
     (failed,) = (entry for entry in ledger.read() if entry["event"] == "run_failed")
     assert "slambed-relay ended" in failed["error"] and "signal 9" in failed["error"]
-    summary = folder.read(spec.run_key, "summary.json")
+    summary = folder.summary(spec.run_key)
     assert summary is not None and summary["outcome"] == "completed"

@@ -16,6 +16,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.preview import chosen, preview
 from slambed.campaign.runner import Runner
 from slambed.errors import SlambedError
+from slambed.metrics.summary import Summary
 from slambed.spec.matrix import RunSpec
 
 
@@ -27,15 +28,13 @@ class Scripted:
     jobs: int = 1
     executed: int = 0
 
-    def execute(
-        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
-    ) -> dict[str, Any]:
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         steps = self.script.get(spec.seed, [])
         step = steps.pop(0) if steps else True
         if isinstance(step, SlambedError):
             raise step
         self.executed += 1
-        summary = {"trusted": step, "outcome": "completed", "number": self.executed}
+        summary = Summary(trusted=step, outcome="completed", number=self.executed)
         for name in ("manifest.json", "summary.json"):
             (raw / name).write_text(json.dumps(summary))
         return summary
@@ -50,7 +49,7 @@ def campaign(tmp_path: Path, executor: Scripted, **options: Any) -> Runner:
 
 
 def number(runner: Runner, spec: RunSpec) -> object:
-    return (runner.folder.read(spec.run_key, "summary.json") or {}).get("number")
+    return (runner.folder.summary(spec.run_key) or {}).get("number")
 
 
 def test_a_forced_run_takes_the_place_of_a_trusted_one_which_is_kept(tmp_path: Path) -> None:

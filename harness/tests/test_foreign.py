@@ -15,10 +15,13 @@ from slambed.campaign.foreign import foreign_software
 from slambed.engines.base import NodePlan
 from slambed.engines.foreign import environment, player_arguments
 from slambed.errors import SlambedError
+from slambed.link.record import LinkDetails, LinkFacts
 from slambed.metrics.declared import described_by
 from slambed.metrics.run import summary_of
 from slambed.metrics.run_data import RunData
 from slambed.native import repository_root
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
 from slambed.spec.device import Limits
 from slambed.spec.library import Library
 from slambed.spec.runtime import Runtime, foreign_digest
@@ -152,18 +155,15 @@ def test_the_players_command_has_the_systems_folder_and_a_clean_environment(
 
 def test_bytes_of_a_system_that_tells_no_messages_are_the_links(tmp_path: Path) -> None:
     (tmp_path / "edge").mkdir()
-    facts = {"link": {"details": {"carried_bytes": {"up": 700, "down": 50}}}}
-    run = RunData(
-        tmp_path, {"roles": ["mobile", "edge"], "device_edge": {"name": "x"}}, None, facts
-    )
+    facts = Manifest(link=LinkFacts(details=LinkDetails(carried_bytes={"up": 700, "down": 50})))
+    spec = KeptSpec.of({"roles": ["mobile", "edge"], "device_edge": {"name": "x"}})
+    run = RunData(tmp_path, spec, None, facts)
     assert run.bytes_moved == {"up": 700, "down": 50}
     (tmp_path / "edge" / "events.jsonl").write_text(
         json.dumps({"t_ns": 1, "type": "message", "direction": "up", "bytes": 9, "channel": "k"})
         + "\n"
     )
-    run = RunData(
-        tmp_path, {"roles": ["mobile", "edge"], "device_edge": {"name": "x"}}, None, facts
-    )
+    run = RunData(tmp_path, spec, None, facts)
     assert run.bytes_moved == {"up": 9, "down": 0}
 
 
@@ -196,9 +196,9 @@ def test_metrics_of_its_own_are_found_by_the_file_that_a_run_names(tmp_path: Pat
     write_system(folder, MINE + metric)
     (tmp_path / "mobile").mkdir()
     (tmp_path / "mobile" / "events.jsonl").write_text('{"t_ns": 1, "type": "seen"}\n')
-    spec = {"system": "mine", "system_folder": str(folder), "roles": ["mobile"]}
-    assert summary_of(RunData(tmp_path, spec, None, {}))["looks"] == 1
+    spec = KeptSpec(system="mine", system_folder=str(folder))
+    assert summary_of(RunData(tmp_path, spec, None, Manifest()))["looks"] == 1
     # A folder with several systems has files called as they are.
     (folder / "system.yaml").rename(folder / "mine.yaml")
-    assert described_by(spec) == str(folder / "mine.yaml")
-    assert described_by({"system": "mine", "system_folder": str(tmp_path)}) == "mine"
+    assert described_by("mine", str(folder)) == str(folder / "mine.yaml")
+    assert described_by("mine", str(tmp_path)) == "mine"

@@ -14,6 +14,7 @@ from slambed.metrics.declared import own_digest, own_metrics, value_of
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Use
 from slambed.metrics.run_data import RunData
+from slambed.records.kept_spec import KeptSpec
 from slambed.spec.library import Library
 from slambed.spec.system import OwnMetric
 
@@ -36,7 +37,7 @@ LOG = [
 
 
 def run_of(events: list[dict[str, Any]]) -> RunData:
-    run = RunData(Path("nowhere"), {})
+    run = RunData(Path("nowhere"), KeptSpec())
     run.log = EventLog(events)
     return run
 

@@ -23,6 +23,9 @@ from slambed.metrics.device_share import device_cores
 from slambed.metrics.loss_times import in_window, loss_times_of, loss_times_text
 from slambed.metrics.reference_path import error_to_reference, reference_of
 from slambed.metrics.run import summarise_run
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
+from slambed.sampling.record import GrantedLimits, NodeLimits
 
 EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
 CORES = 4
@@ -45,13 +48,16 @@ def test_cpu_is_told_as_share_of_the_whole_device(tmp_path: Path) -> None:
 
 
 def test_the_cores_are_the_models_or_the_quota_granted() -> None:
-    manifest = {"limits": {"mobile": {"granted": {"quota_cores": 1.5}}}}
-    virtual = {"engine": "virtual", "device_mobile": {"name": "pi", "model": {"cores": CORES}}}
+    def granted(cores: float | None) -> Manifest:
+        return Manifest(limits={"mobile": NodeLimits(granted=GrantedLimits(quota_cores=cores))})
+
+    manifest, live = granted(1.5), KeptSpec(engine="docker", device_mobile="pi")
+    model = {"name": "pi", "model": {"cores": CORES}}
+    virtual = KeptSpec.of({"engine": "virtual", "device_mobile": model})
     assert device_cores(virtual, manifest, "mobile") == CORES
-    assert device_cores({"engine": "docker", "device_mobile": "pi"}, manifest, "mobile") == 1.5
-    assert device_cores({"engine": "docker", "device_mobile": "pi"}, {}, "mobile") is None
-    unlimited = {"limits": {"mobile": {"granted": {"quota_cores": None}}}}
-    assert device_cores({"engine": "local"}, unlimited, "mobile") is None
+    assert device_cores(live, manifest, "mobile") == 1.5
+    assert device_cores(live, Manifest(), "mobile") is None
+    assert device_cores(KeptSpec(engine="local"), granted(None), "mobile") is None
 
 
 def test_both_directions_of_the_link_count(tmp_path: Path) -> None:

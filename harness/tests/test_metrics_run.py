@@ -23,6 +23,7 @@ from slambed.metrics.run import summarise_run, summarise_with_problems
 from slambed.metrics.run_data import RunData
 from slambed.metrics.stages import delays, stage_times
 from slambed.metrics.tracking import tracking_of
+from slambed.records.kept_spec import KeptSpec
 from slambed.spec.library import Library
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -228,7 +229,8 @@ def test_a_link_without_proof_is_not_trusted(raw: Path) -> None:
 
 def test_the_links_own_proof_is_taken(tmp_path: Path) -> None:
     proof = {"asked_ms_mean": 40.0, "measured_ms_mean": 40.4, "error_ms_median": 0.05,
-             "error_ms_p99": 0.7, "echoes": 200, "valid": True}  # fmt: skip
+             "error_ms_p99": 0.7, "echoes": 200, "valid": True, "reason": "", "base_ms": 0.2,
+             "answered_share": 1.0, "error_ms_max": None, "bias_ms": None}  # fmt: skip
     link = {"base_rtt_ms": 0.2, "proof": proof}
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
     found = summarise_run(raw, EDGE_SPEC)
@@ -255,7 +257,7 @@ def test_a_torn_last_line_costs_only_itself(raw: Path, tmp_path: Path) -> None:
     assert torn.problems == ["mobile/events.jsonl: last line is torn, dropped"]
     path.write_text("garbage\n[1]\n" + text)
     assert read_events(raw).problems == ["mobile/events.jsonl: 2 unreadable lines, dropped"]
-    result = to_parquet(RunData(raw, EDGE_SPEC), tmp_path / "out")
+    result = to_parquet(RunData(raw, KeptSpec.of(EDGE_SPEC)), tmp_path / "out")
     assert result.problems == read_events(raw).problems
 
 
@@ -272,7 +274,7 @@ def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
     (raw / "edge" / "events.jsonl").open("a").write(
         json.dumps({"t_ns": 1, "type": "thing", "frame": "seven", "odd_key": 3}) + "\n"
     )
-    result = to_parquet(RunData(raw, EDGE_SPEC), tmp_path / "out")
+    result = to_parquet(RunData(raw, KeptSpec.of(EDGE_SPEC)), tmp_path / "out")
     assert {p.name for p in result.written} == {
         "events.parquet", "samples.parquet", "link.parquet",
     }  # fmt: skip
@@ -290,7 +292,7 @@ def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
 
 
 def test_results_can_be_summarised_from_their_parquet_files(raw: Path, tmp_path: Path) -> None:
-    to_parquet(RunData(raw, EDGE_SPEC), tmp_path / "out")
+    to_parquet(RunData(raw, KeptSpec.of(EDGE_SPEC)), tmp_path / "out")
     samples = pd.read_parquet(tmp_path / "out" / "samples.parquet")
     link = pd.read_parquet(tmp_path / "out" / "link.parquet")
     found = summarise_run(raw, EDGE_SPEC)

@@ -31,6 +31,7 @@ from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import MOST_DEATHS, Runner
 from slambed.engines.virtual import NICE
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
+from slambed.metrics.summary import Summary
 from slambed.spec.matrix import RunSpec
 
 
@@ -90,10 +91,10 @@ def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path
     assert campaign.folder.state(first.run_key) == "trusted"  # so a campaign executes the other
     campaign.run([second], Quiet())
     for spec, plans in ((first, old), (second, new)):
-        manifest = campaign.folder.read(spec.run_key, "manifest.json")
+        manifest = campaign.folder.manifest(spec.run_key)
         assert manifest is not None
-        assert manifest["plans"] == plans
-        assert manifest["started_utc"]
+        assert {name: told.as_json() for name, told in (manifest.plans or {}).items()} == plans
+        assert manifest.started_utc
 
 
 def fork_server(tmp_path: Path) -> psutil.Process | None:
@@ -269,7 +270,7 @@ class Failing:
             raise self.error
         for name in ("manifest.json", "summary.json"):
             (raw / name).write_text('{"trusted": true}')
-        return {"trusted": True, "outcome": "completed"}
+        return Summary(trusted=True, outcome="completed")
 
     def close(self) -> None: ...
 

@@ -7,9 +7,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
-from slambed.json_file import read_object
 from slambed.metrics.events import read_events
-from slambed.spec.device import VIRTUAL
+from slambed.records.manifest import Manifest
 
 COLUMNS = ["node", "name", "n1", "n2", "cpu_ms", "wall_ms"]
 
@@ -22,8 +21,8 @@ def stages_of(paths: list[Path]) -> pd.DataFrame:
         if not runs:
             raise SlambedError(f"no run with events in {path}; give a run or a result folder")
         for run in runs:
-            manifest = read_object(run / "manifest.json") or {}
-            if (manifest.get("spec") or {}).get("engine") == VIRTUAL:
+            manifest = Manifest.read(run / "manifest.json")
+            if manifest is not None and manifest.kept.is_virtual:
                 raise SlambedError(
                     f"{run} is a virtual run, its times come from a cost model; give live runs"
                 )

@@ -26,6 +26,7 @@ from slambed.data.places import cache_folder
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.json_file import read_object
+from slambed.metrics.summary import Summary
 from slambed.native import SIMULATION, find_program
 from slambed.spec.matrix import RunSpec
 from slambed.spec.software import host_software, software_of_systems
@@ -46,9 +47,7 @@ class ClusterExecutor:
     client: Any
     jobs: int
 
-    def execute(
-        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
-    ) -> dict[str, Any]:
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Hands the run to the cluster and waits for it."""
         from distributed import KilledWorker
 
@@ -71,10 +70,10 @@ class ClusterExecutor:
         unpack(files, raw)
         return summary
 
-    def _wait(self, future: Any, stop: threading.Event) -> tuple[dict[str, Any], bytes]:
+    def _wait(self, future: Any, stop: threading.Event) -> tuple[Summary, bytes]:
         while True:
             try:
-                told: tuple[dict[str, Any], bytes] = future.result(timeout=LOOK_EVERY_S)
+                told: tuple[Summary, bytes] = future.result(timeout=LOOK_EVERY_S)
                 return told
             except TimeoutError:
                 if stop.is_set():
@@ -151,7 +150,7 @@ class AwayRun:
     attempt: int
 
 
-def execute_away(away: AwayRun) -> tuple[dict[str, Any], bytes]:
+def execute_away(away: AwayRun) -> tuple[Summary, bytes]:
     """On a worker: executes the run; its summary and its packed folder."""
     from distributed import get_worker
 

@@ -4,9 +4,8 @@
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,8 @@ from slambed.metrics.digest import digest
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run import summary_of
 from slambed.metrics.run_data import REFERENCE_FILE, RunData
+from slambed.metrics.summary import Summary
+from slambed.records.manifest import EngineFacts
 from slambed.spec import inputs
 from slambed.spec.matrix import RunSpec
 
@@ -27,28 +28,30 @@ def execute_run(
     spec: RunSpec,
     raw: Path,
     sequence: Path,
-    engine: dict[str, Any],
+    engine: EngineFacts,
+    command: list[str],
     execute: Callable[[], RunResult],
     attempt: int = 1,
-) -> dict[str, Any]:
+) -> Summary:
     """Executes a run whose raw files land in `raw`, and adds what makes them a result.
 
-    `engine` is what the engine says about itself. Returns the summary.
+    `engine` is what the engine says about itself, `command` what the user called. Returns the
+    summary.
     """
     inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
     if spec.reference:
         shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
     started, load = utc_now(), os.getloadavg()[0]
     result = execute()
-    facts = manifest(spec, engine, result, started, load)
-    facts["attempt"] = attempt
-    facts["frames_offered"] = frames_offered(spec, sequence)
+    offered = frames_offered(spec, sequence)
+    facts = manifest(spec, engine, command, result, started, load, attempt, offered)
     truth = sequence / "groundtruth.txt"
-    run = RunData(raw, facts["spec"], truth if truth.is_file() else None, facts)
+    run = RunData(raw, facts.kept, truth if truth.is_file() else None, facts)
     summary = summary_of(run)
     problems = to_parquet(run, raw).problems
     _write(raw / "summary.json", summary)
-    _write(raw / "manifest.json", facts | {"warnings": problems, "results_sha256": digest(raw)})
+    whole = facts.model_copy(update={"warnings": problems, "results_sha256": digest(raw)})
+    _write(raw / "manifest.json", whole.as_json())
     return summary
 
 
@@ -62,5 +65,5 @@ def frames_offered(spec: RunSpec, sequence: Path) -> int | None:
     return len(offered_frames(times_ns, prepared.info.fps, play.fps, play.start_s, play.end_s))
 
 
-def _write(path: Path, content: dict[str, Any]) -> None:
+def _write(path: Path, content: Mapping[str, object]) -> None:
     path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")

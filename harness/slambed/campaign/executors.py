@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What executes the runs of a campaign, and the one that executes live runs on this host."""
 
+import sys
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from slambed.campaign.execution import execute_run
 from slambed.engines.base import Engine
 from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.live_run import LinkOpener, LiveRun
 from slambed.errors import SlambedError
+from slambed.metrics.summary import Summary
 from slambed.spec.host_speed import load_host_speed
 from slambed.spec.matrix import RunSpec
 
@@ -24,9 +26,7 @@ class Executor(Protocol):
     jobs: int
     """How many runs it executes at once; `execute` is called from as many threads."""
 
-    def execute(
-        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
-    ) -> dict[str, Any]:
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Fills the folder; returns the summary. InterruptedRunError soon after `stop` is set;
         PassingError when another attempt may do."""
 
@@ -43,9 +43,7 @@ class LiveExecutor:
     played: Played
     jobs: int = 1
 
-    def execute(
-        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
-    ) -> dict[str, Any]:
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """In the calling thread. PassingError when the daemon or a process beside the run fails."""
         sequence, played_s = self.played[spec.dataset]
         host = load_host_speed()
@@ -53,7 +51,8 @@ class LiveExecutor:
             raise SlambedError("the host was calibrated since the campaign began; start it again")
         run = LiveRun(spec, self.engine, sequence, played_s, raw, self.open_link, stop, host)
         with daemon_failures("keep the nodes of a run"):
-            return execute_run(spec, raw, sequence, self.engine.describe(), run.execute, attempt)
+            engine = self.engine.describe()
+            return execute_run(spec, raw, sequence, engine, sys.argv, run.execute, attempt)
 
     def close(self) -> None:
         """Nothing outlives a live run."""

@@ -10,10 +10,11 @@ import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from slambed.campaign.store import STORE, RunStore, State
 from slambed.errors import environment_error
+from slambed.metrics.summary import Summary
+from slambed.records.manifest import Manifest
 
 
 class ResultFolder:
@@ -54,9 +55,13 @@ class ResultFolder:
         """What is there of a run, whoever executed it."""
         return self.store.state(run_key)
 
-    def read(self, run_key: str, name: str) -> dict[str, Any] | None:
-        """A JSON file of a run, None when it is not there or not whole."""
-        return self.store.read(run_key, name)
+    def summary(self, run_key: str) -> Summary | None:
+        """Of a run; None when it is not there or not whole."""
+        return self.store.summary(run_key)
+
+    def manifest(self, run_key: str) -> Manifest | None:
+        """Of a run; None when it is not there or not whole."""
+        return self.store.manifest(run_key)
 
     def run_keys(self) -> list[str]:
         """Runs in this view."""

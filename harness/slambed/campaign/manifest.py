@@ -5,16 +5,15 @@ import json
 import os
 import platform
 import subprocess
-import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 from slambed import __version__
 from slambed.engines.result import RunResult
 from slambed.json_file import read_object
 from slambed.native import repository_root
+from slambed.records.manifest import EngineFacts, Manifest
 from slambed.spec.host_speed import cpu_model
 from slambed.spec.matrix import RunSpec
 
@@ -23,37 +22,46 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "pyroute2", "docker")
 
 
 def manifest(
-    spec: RunSpec, engine: dict[str, Any], result: RunResult, started_utc: str, load_1min: float
-) -> dict[str, Any]:
-    """All facts about one run that are not measurements."""
+    spec: RunSpec,
+    engine: EngineFacts,
+    command: list[str],
+    result: RunResult,
+    started_utc: str,
+    load_1min: float,
+    attempt: int,
+    frames_offered: int | None,
+) -> Manifest:
+    """All facts about one run that are known before its files are read. `command`: what the user
+    called."""
     commit, dirty = git_state()
-    return {
-        "run_key": spec.run_key,
-        "experiment": spec.experiment,
-        "cell": spec.cell,
-        "repetition": spec.repetition,
-        "spec": spec.model_dump(mode="json"),
-        "outcome": result.outcome,
-        "outcome_reason": result.reason,
-        "distrust": result.distrust,
-        "limits": {role: limits.as_json() for role, limits in result.limits.items()},
-        "throttling": {role: counts.as_json() for role, counts in result.throttling.items()},
-        "link": None if result.link is None else result.link.as_json(),
-        "beside": None if result.beside is None else result.beside.as_json(),
-        "commit": commit,
-        "dirty": dirty,
-        "image_id": None,
-        "command": sys.argv,
-        **engine,
-        "sequence_checksum": spec.sequence_checksum,
-        "seed": spec.seed,
-        "kernel": platform.release(),
-        "cpu_model": cpu_model(),
-        "cores": os.cpu_count(),
-        "load_1min": load_1min,
-        "started_utc": started_utc,
-        "versions": versions(),
-    }
+    return Manifest(
+        run_key=spec.run_key,
+        experiment=spec.experiment,
+        cell=spec.cell,
+        repetition=spec.repetition,
+        spec=spec,
+        outcome=result.outcome,
+        outcome_reason=result.reason,
+        distrust=result.distrust,
+        limits=result.limits,
+        throttling=result.throttling,
+        link=result.link,
+        beside=result.beside,
+        commit=commit,
+        dirty=dirty,
+        command=command,
+        **dict(engine),
+        sequence_checksum=spec.sequence_checksum,
+        seed=spec.seed,
+        kernel=platform.release(),
+        cpu_model=cpu_model(),
+        cores=os.cpu_count(),
+        load_1min=load_1min,
+        started_utc=started_utc,
+        versions=versions(),
+        attempt=attempt,
+        frames_offered=frames_offered,
+    )
 
 
 def add_plans(raw: Path, plans: dict[str, dict[str, str]]) -> None:

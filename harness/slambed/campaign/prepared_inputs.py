@@ -19,6 +19,7 @@ from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.collect import read_log
+from slambed.metrics.summary import Summary
 from slambed.native import SIMULATION, find_program
 from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL
@@ -137,7 +138,7 @@ def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
             find_program(SIMULATION), cache_folder() / "features", sys.argv,
         )  # fmt: skip
         summary = task.execute()
-        if summary["outcome"] != "completed":
+        if not summary.completed:
             raise SlambedError(f"input {recipe.id}: {summary['outcome_reason']}")
         found = _facts(raw, summary)
         if broken := recipe.must.broken_by(found):
@@ -166,12 +167,12 @@ def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
         shutil.rmtree(raw, ignore_errors=True)
 
 
-def _facts(raw: Path, summary: dict[str, Any]) -> dict[str, float]:
+def _facts(raw: Path, summary: Summary) -> dict[str, float]:
     """What conditions may ask for."""
     bundles = [e for e in read_log(raw).of("stage") if e.get("name") == "global_bundle"]
     return {
-        "coverage": float(summary["coverage"] or 0.0),
-        "loops_closed": float(summary["loops_closed"] or 0),
+        "coverage": summary.number("coverage") or 0.0,
+        "loops_closed": summary.number("loops_closed") or 0.0,
         "global_bundles": float(len(bundles)),
     }
 

@@ -26,6 +26,7 @@ from slambed.campaign.virtual_task import VirtualTask
 from slambed.engines.result import InterruptedRunError
 from slambed.engines.virtual import NICE
 from slambed.errors import KilledError
+from slambed.metrics.summary import Summary
 from slambed.spec.matrix import RunSpec
 
 LOOK_EVERY_S = 0.1
@@ -33,7 +34,7 @@ CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
 
 
-def _execute(task: VirtualTask) -> dict[str, Any]:
+def _execute(task: VirtualTask) -> Summary:
     threading.Thread(target=_end_with_harness, daemon=True).start()
     os.nice(NICE)
     return task.execute()
@@ -73,9 +74,7 @@ class ProcessExecutor:
         server_folder.sweep()
         server_folder.choose()
 
-    def execute(
-        self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1
-    ) -> dict[str, Any]:
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Waits for a process of its own."""
         sequence, played_s = self.played[spec.dataset]
         task = VirtualTask(
@@ -96,7 +95,7 @@ class ProcessExecutor:
         try:
             while True:
                 try:
-                    summary: dict[str, Any] = future.result(LOOK_EVERY_S)
+                    summary: Summary = future.result(LOOK_EVERY_S)
                     return summary
                 except FutureTimeoutError:
                     if stop.is_set():

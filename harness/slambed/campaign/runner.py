@@ -19,6 +19,7 @@ from slambed.campaign.manifest import add_plans
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
+from slambed.metrics.summary import Summary
 from slambed.spec.matrix import RunSpec
 
 PAUSES_S = (1.0, 10.0, 60.0)
@@ -121,7 +122,7 @@ class Runner:
             attempt = self.folder.store.attempts_of(spec.run_key) + 1
             summary = self.executor.execute(spec, raw, stop, attempt)
             add_plans(raw, self.plans)
-            replace = spec.run_key in self.forced and summary.get("trusted") is True
+            replace = spec.run_key in self.forced and summary.trusted
             self.folder.commit(spec.run_key, raw, replace)
         except InterruptedRunError:
             with self._books:
@@ -144,15 +145,14 @@ class Runner:
                 distrust=summary.get("distrust"),
             )
             self._given_up_in_a_row = 0
-            if summary.get("trusted") is not True and item.retries < self.retries:
+            if not summary.trusted and item.retries < self.retries:
                 item.retries += 1
                 line = f"{verdict_of(summary)}; it is executed again"
                 reporter.run_failed(spec, line, last=False)
                 return 0.0
             self._verdict.done += 1
-            trusted = summary.get("trusted") is True
-            self._verdict.trusted += trusted
-            self._verdict.not_completed += trusted and summary.get("outcome") != "completed"
+            self._verdict.trusted += summary.trusted
+            self._verdict.not_completed += summary.trusted and not summary.completed
             reporter.run_ended(spec, verdict_of(summary))
         return None
 
@@ -179,14 +179,14 @@ class Runner:
         self.ledger.append(event, run_key=spec.run_key, cell=spec.cell, **fields)
 
 
-def verdict_of(summary: dict[str, Any]) -> str:
+def verdict_of(summary: Summary) -> str:
     """One phrase about a finished run."""
-    phrase = str(summary.get("outcome")).replace("_", " ")
+    phrase = summary.outcome.replace("_", " ")
     if summary.get("outcome_reason"):
         phrase += f": {summary['outcome_reason']}"
     if summary.get("frames_total"):
         phrase += f", {summary.get('frames_tracked')}/{summary['frames_total']} frames tracked"
-    if summary.get("trusted") is not True:
+    if not summary.trusted:
         phrase += f"; not to be trusted: {summary.get('distrust')}"
     return phrase
 

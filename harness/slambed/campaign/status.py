@@ -10,6 +10,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.plan import planned_runs
 from slambed.errors import SlambedError
 from slambed.json_file import read_object
+from slambed.metrics.summary import Summary
 from slambed.spec.library import Library
 from slambed.spec.matrix import RunSpec
 
@@ -72,7 +73,7 @@ def status_of(results: Path, name: str, yaml_path: Path | None, software: set[st
             case "trusted":
                 cell.trusted += 1
             case "untrusted":
-                summary = folder.read(spec.run_key, "summary.json") or {}
+                summary = folder.summary(spec.run_key) or Summary()
                 cell.untrusted.append(f"{spec.run_key}: {summary.get('distrust')}")
             case _:
                 cell.missing += 1

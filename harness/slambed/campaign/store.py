@@ -10,12 +10,14 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, Literal
+from typing import Literal
 
 from slambed.errors import environment_error
 from slambed.json_file import read_object
 from slambed.metrics.digest import MOBILE_FILES
 from slambed.metrics.run_data import REFERENCE_FILE
+from slambed.metrics.summary import Summary
+from slambed.records.manifest import Manifest
 
 State = Literal["trusted", "untrusted", "missing"]
 
@@ -75,14 +77,19 @@ class RunStore:
 
     def state(self, run_key: str) -> State:
         """What is there of a run. A torn or foreign folder counts as missing."""
-        summary = self.read(run_key, "summary.json")
-        if summary is None or self.read(run_key, "manifest.json") is None:
+        summary = self.summary(run_key)
+        # Its manifest may be of any version: to be missing is to be executed again.
+        if summary is None or read_object(self.runs / run_key / "manifest.json") is None:
             return "missing"
-        return "trusted" if summary.get("trusted") is True else "untrusted"
+        return "trusted" if summary.trusted else "untrusted"
 
-    def read(self, run_key: str, name: str) -> dict[str, Any] | None:
-        """A JSON file of a run, None when it is not there or not whole."""
-        return read_object(self.runs / run_key / name)
+    def summary(self, run_key: str) -> Summary | None:
+        """Of a run; None when it is not there or not whole."""
+        return Summary.read(self.runs / run_key / "summary.json")
+
+    def manifest(self, run_key: str) -> Manifest | None:
+        """Of a run; None when it is not there or not whole."""
+        return Manifest.read(self.runs / run_key / "manifest.json")
 
     def keys(self) -> list[str]:
         """Of all runs."""

@@ -4,10 +4,11 @@
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from slambed.campaign.execution import execute_run
 from slambed.engines.virtual import VirtualRun
+from slambed.metrics.summary import Summary
+from slambed.records.manifest import EngineFacts
 from slambed.spec.matrix import RunSpec
 
 
@@ -25,13 +26,19 @@ class VirtualTask:
     """What the user called: the process may be another's worker."""
     attempt: int = 1
 
-    def execute(self) -> dict[str, Any]:
+    def execute(self) -> Summary:
         """Simulates in the calling thread, then summarises; returns the summary."""
         run = VirtualRun(
             self.spec, self.sequence, self.played_s, self.raw, self.program, self.features
         )
-        engine = {"image_id": None, "command": self.command}
+        engine = EngineFacts(image_id=None)
         never = threading.Event()  # who wants this to stop ends the process
         return execute_run(
-            self.spec, self.raw, self.sequence, engine, lambda: run.execute(never), self.attempt
+            self.spec,
+            self.raw,
+            self.sequence,
+            engine,
+            self.command,
+            lambda: run.execute(never),
+            self.attempt,
         )

@@ -6,8 +6,9 @@ import select
 import signal
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
+from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupReader, Granted
 from slambed.sampling.record import ThreadCap
 from slambed.spec.device import Limits
@@ -94,7 +95,7 @@ class Engine(Protocol):
     def output_path(self, run_dir: Path) -> str:
         """Where a node finds its output folder."""
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> EngineFacts:
         """For the manifest: image id and the like."""
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:

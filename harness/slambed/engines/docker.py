@@ -25,6 +25,7 @@ from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.foreign import PLAYER, environment, player_arguments, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
 from slambed.errors import KilledError, SlambedError, environment_error
+from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupReader, paths_of
 from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER, Runtime
 from slambed.spec.system import Role
@@ -158,10 +159,10 @@ class DockerEngine:
         """Where the run folder is mounted."""
         return OUTPUT
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> EngineFacts:
         """The image, by tag and id."""
         assert self._image is not None
-        return {"image": next(iter(self._image.tags), None), "image_id": self._image.id}
+        return EngineFacts(image=next(iter(self._image.tags), None), image_id=self._image.id)
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
         """As the daemon knows them now: a name may be given to another image tomorrow."""

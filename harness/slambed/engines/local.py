@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 from slambed.endings import ended_from_outside, ending
 from slambed.engines import launcher
@@ -31,6 +30,7 @@ from slambed.engines.foreign import (
 from slambed.engines.helper import direct_command
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
 from slambed.native import find_program
+from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader
 from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
@@ -142,9 +142,9 @@ class LocalEngine:
         """The node sees the host's files."""
         return str(run_dir.resolve())
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> EngineFacts:
         """No image."""
-        return {"image_id": None}
+        return EngineFacts(image_id=None)
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
         """None: programs of this host."""

@@ -3,18 +3,18 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
-from slambed.json_file import read_object
 from slambed.metrics.collect import read_link, read_samples
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.faults import Span, spans
 from slambed.metrics.older import two_axes
 from slambed.metrics.stages import longest_stall
+from slambed.metrics.summary import Summary
+from slambed.records.manifest import Manifest
 from slambed.spec.device import VIRTUAL
 from slambed.spec.matrix import run_name
 
@@ -106,23 +106,22 @@ def read_run(folder: Path) -> RunLog:
 
 def _standing(folder: Path) -> Standing:
     """Of a result; a raw folder has no summary yet."""
-    summary = two_axes(read_object(folder / "summary.json") or {})
+    summary = two_axes(Summary.read(folder / "summary.json") or Summary())
     known = Standing()
     return Standing(
         outcome=str(summary.get("outcome") or known.outcome),
-        outcome_reason=summary.get("outcome_reason"),
+        outcome_reason=summary.text("outcome_reason"),
         trusted=summary.get("trusted") is not False,
-        distrust=summary.get("distrust"),
-        attempts=int(summary.get("attempts") or known.attempts),
-        steal_percent=summary.get("host_steal_percent"),
+        distrust=summary.text("distrust"),
+        attempts=int(summary.number("attempts") or known.attempts),
+        steal_percent=summary.number("host_steal_percent"),
         virtual=summary.get("engine") == VIRTUAL,
     )
 
 
 def _title(folder: Path) -> str:
-    manifest: dict[str, Any] = read_object(folder / "manifest.json") or {}
-    spec = manifest.get("spec") or {}
-    if not spec:
+    manifest = Manifest.read(folder / "manifest.json")
+    if manifest is None or manifest.spec is None:
         return folder.name
-    parts = [run_name(manifest.get("cell"), manifest.get("repetition"))]
-    return ", ".join([*parts, f"engine {spec.get('engine')}", str(manifest.get("run_key"))])
+    parts = [run_name(manifest.cell, manifest.repetition)]
+    return ", ".join([*parts, f"engine {manifest.spec.engine}", str(manifest.run_key)])

@@ -97,6 +97,8 @@ class LinkFacts(Record):
     distrust: str | None = None
     """Why this is not the link that was asked for."""
     details: LinkDetails = LinkDetails()
+    invalid_reason: str | None = None
+    """Of runs made before `distrust`; no longer written."""
 
     @staticmethod
     def virtual() -> "LinkFacts":

@@ -13,11 +13,12 @@ from slambed.metrics.declared import described_by, own_digest, own_metrics
 from slambed.metrics.device_share import share_of_device
 from slambed.metrics.faults import faults_in_words
 from slambed.metrics.loss_times import loss_times_text
-from slambed.metrics.metric import Metric, Use, Value
+from slambed.metrics.metric import Metric, Use
 from slambed.metrics.recovery import frames_lost_to_updates, pause_ms_mean
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
 from slambed.metrics.run_data import RunData
 from slambed.metrics.stages import host_stall_ms_max, mapping_ms_per_keyframe, total_ms
+from slambed.metrics.summary import Value
 from slambed.metrics.tracking import Tracking, mean_of, quantile_of
 from slambed.metrics.update_round import (
     closure_error_ms_max,
@@ -27,6 +28,7 @@ from slambed.metrics.update_round import (
     received,
 )
 from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
+from slambed.records.kept_spec import KeptSpec
 
 METRICS_VERSION = 5
 """Counted up with every change of a value's computation: old summaries are known by it, and
@@ -42,21 +44,9 @@ Flag = partial(Metric, type="flag", shown="%", scale=100, digits=0, kind="share"
 Cost = partial(Metric, better="lower")
 
 
-def _spec(key: str) -> Callable[[RunData], Value]:
-    """A name of the RunSpec; that of a device where it is spelled out."""
-
-    def value(run: RunData) -> Value:
-        found = run.spec.get(key)
-        found = found.get("name") if isinstance(found, Mapping) else found
-        return found if isinstance(found, str | int) else None
-
-    return value
-
-
-def _backend(run: RunData) -> Value:
-    link = run.spec.get("link")
-    found = link.get("backend") if isinstance(link, Mapping) else None
-    return found if isinstance(found, str) else None
+def _spec(of: Callable[[KeptSpec], Value]) -> Callable[[RunData], Value]:
+    """From the RunSpec."""
+    return lambda run: of(run.spec)
 
 
 def _tracking(of: Callable[[Tracking], Value]) -> Callable[[RunData], Value]:
@@ -131,30 +121,36 @@ def _truth_digest(run: RunData) -> Value:
     return hashlib.sha256(run.truth_file.read_bytes()).hexdigest()[:16]
 
 
+def _version(run: RunData) -> Value:
+    return version_for(described_by(run.spec.system, run.spec.system_folder))
+
+
 def _run_key(run: RunData) -> Value:
-    return run.manifest.get("run_key", run.spec.get("run_key"))
+    return run.manifest.run_key or run.spec.run_key
 
 
 METRICS: tuple[Metric, ...] = (
     Text("run_key", "what names the run", _run_key),
     Text("metrics_version", "version of this list, with a digest of the system's own metrics where "
-         "it has some", lambda run: version_for(described_by(run.spec))),
-    Text("experiment", "its id", _spec("experiment")),
-    Text("cell", "system x dataset x link profile", _spec("cell")),
-    Count("repetition", "counted from 0", _spec("repetition")),
-    Text("system", "condition", _spec("system")),
-    Text("variant", "condition", _spec("variant")),
-    Text("dataset", "condition", _spec("dataset")),
-    Text("profile", "condition; null without a link", _spec("profile")),
-    Text("device_mobile", "condition", _spec("device_mobile")),
-    Text("device_edge", "condition; null without an edge", _spec("device_edge")),
-    Text("engine", "condition", _spec("engine")),
-    Text("link_backend", "condition; null without a link", _backend),
-    Count("seed", "of everything drawn in the run", _spec("seed")),
+         "it has some", _version),
+    Text("experiment", "its id", _spec(lambda spec: spec.experiment)),
+    Text("cell", "system x dataset x link profile", _spec(lambda spec: spec.cell)),
+    Count("repetition", "counted from 0", _spec(lambda spec: spec.repetition)),
+    Text("system", "condition", _spec(lambda spec: spec.system)),
+    Text("variant", "condition", _spec(lambda spec: spec.variant)),
+    Text("dataset", "condition", _spec(lambda spec: spec.dataset)),
+    Text("profile", "condition; null without a link", _spec(lambda spec: spec.profile)),
+    Text("device_mobile", "condition", _spec(lambda spec: spec.device_name("mobile"))),
+    Text("device_edge", "condition; null without an edge", 
+         _spec(lambda spec: spec.device_name("edge"))),
+    Text("engine", "condition", _spec(lambda spec: spec.engine)),
+    Text("link_backend", "condition; null without a link",
+         _spec(lambda spec: None if spec.link is None else spec.link.backend)),
+    Count("seed", "of everything drawn in the run", _spec(lambda spec: spec.seed)),
     Text("outcome", "how the system ended: `completed`, `died`, `timed_out`, `refused` (its input)",
          lambda run: run.outcome),
     Text("outcome_reason", "in which words it died, timed out or refused",
-         lambda run: run.manifest.get("outcome_reason")),
+         lambda run: run.manifest.outcome_reason),
     Flag("not_completed", "whether the outcome is another than `completed`",
          lambda run: run.outcome != "completed", "runs that did not complete", better="lower",
          use=SHOWN),
@@ -162,7 +158,7 @@ METRICS: tuple[Metric, ...] = (
            type="flag"),
     Text("distrust", "why not"),
     Count("attempts", "how often the run was executed, this one included; the others were not to "
-          "be trusted", lambda run: run.manifest.get("attempt")),
+          "be trusted", lambda run: run.manifest.attempt),
     Text("faults", 'what went wrong on purpose, in s of run time: "kill 10.0-12.4, cut 20.0-25.0"; '
          "null when nothing",
          lambda run: faults_in_words(run.log.of("fault_began", "fault_ended"))),

@@ -2,17 +2,17 @@
 """A system's own metrics: what its system.yaml says is to be taken from its events."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from slambed.errors import SlambedError
 from slambed.metrics.events import Event
-from slambed.metrics.metric import Metric, Use, Value
+from slambed.metrics.metric import Metric, Use
 from slambed.metrics.run_data import RunData
+from slambed.metrics.summary import Value
 from slambed.metrics.tracking import values_of
 from slambed.spec.library import Library
 from slambed.spec.matrix import canonical_json
@@ -29,11 +29,11 @@ REDUCED: dict[str, Callable[[np.ndarray[tuple[int], np.dtype[np.float64]]], floa
 }
 
 
-def described_by(spec: Mapping[str, Any]) -> str:
+def described_by(system: str | None, folder: str | None) -> str:
     """What finds the description of a run's system: its name, or the file of a program of its own
     where that is still there."""
-    name, folder = str(spec.get("system")), spec.get("system_folder")
-    if not isinstance(folder, str) or not folder:
+    name = str(system)
+    if not folder:
         return name
     files = (Path(folder) / f"{name}.yaml", Path(folder) / "system.yaml")
     return str(next((file for file in files if file.is_file()), name))

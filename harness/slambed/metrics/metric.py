@@ -7,11 +7,11 @@ from enum import Flag, auto
 from typing import Literal
 
 from slambed.metrics.run_data import RunData
+from slambed.metrics.summary import Value
 
 Better = Literal["lower", "higher", "neither"]
 Kind = Literal["median", "share"]
 ValueType = Literal["number", "count", "flag", "text"]
-Value = float | int | bool | str | None
 Function = Callable[[RunData], Value]
 
 PYTHON_TYPES: dict[ValueType, tuple[type, ...]] = {

@@ -3,43 +3,48 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from slambed.metrics.catalog import metrics_of
 from slambed.metrics.declared import described_by
 from slambed.metrics.run_data import RunData
+from slambed.metrics.summary import Summary
 from slambed.metrics.trust import reasons_for_distrust
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS
+from slambed.records.kept_spec import KeptSpec
 
 
 def summarise_run(
-    folder: Path, spec: Mapping[str, Any], groundtruth: Path | None = None
-) -> dict[str, Any]:
+    folder: Path, spec: KeptSpec | Mapping[str, object], groundtruth: Path | None = None
+) -> Summary:
     """The summary of a raw folder or of a stored result; what could not be measured is None.
 
-    `spec` is the RunSpec as JSON; `manifest.json` of the folder says how the run ended. The true
-    path is `groundtruth`, else `groundtruth.txt` of the folder, else that of the sequence in
-    `run.json`.
+    `spec` is the RunSpec, as kept or as JSON; `manifest.json` of the folder says how the run ended.
+    The true path is `groundtruth`, else `groundtruth.txt` of the folder, else that of the sequence
+    in `run.json`.
     """
     summary, _ = summarise_with_problems(folder, spec, groundtruth)
     return summary
 
 
 def summarise_with_problems(
-    folder: Path, spec: Mapping[str, Any], groundtruth: Path | None = None
-) -> tuple[dict[str, Any], list[str]]:
+    folder: Path, spec: KeptSpec | Mapping[str, object], groundtruth: Path | None = None
+) -> tuple[Summary, list[str]]:
     """As `summarise_run`, with what was wrong with the files (one line each)."""
-    run = RunData(folder, spec, groundtruth)
+    run = RunData(folder, KeptSpec.of(spec), groundtruth)
     return summary_of(run), run.problems
 
 
-def summary_of(run: RunData) -> dict[str, Any]:
+def summary_of(run: RunData) -> Summary:
     """The summary of a run that is being read; what is wrong with its files becomes its problem."""
-    summary: dict[str, Any] = {
-        item.key: item.function(run) if item.function is not None else None
-        for item in metrics_of(described_by(run.spec))
-    }
-    if (summary["update_parts_error_ms_max"] or 0.0) > CLOSURE_LIMIT_MS:
+    summary = Summary(
+        {
+            item.key: item.function(run) if item.function is not None else None
+            for item in metrics_of(described_by(run.spec.system, run.spec.system_folder))
+        }
+    )
+    if (summary.number("update_parts_error_ms_max") or 0.0) > CLOSURE_LIMIT_MS:
         run.problems.append("update_applied: the parts of T_Total do not add up to it")
     distrust = reasons_for_distrust(run.spec, run.manifest, summary)
-    return summary | {"trusted": not distrust, "distrust": "; ".join(distrust) or None}
+    summary["trusted"] = not distrust
+    summary["distrust"] = "; ".join(distrust) or None
+    return summary

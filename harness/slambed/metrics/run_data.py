@@ -1,30 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run as its metrics see it, from its raw folder or its stored result; read when asked."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from slambed.data.prepared import SEQUENCE_FILE
 from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
+from slambed.link.proof import LinkProof
+from slambed.link.record import LinkFacts
 from slambed.metrics.accuracy import absolute_error, relative_error, relative_error_over_all
 from slambed.metrics.collect import read_link, read_log, read_samples
 from slambed.metrics.device_share import device_cores
 from slambed.metrics.events import EventLog
 from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, rtt_proof
-from slambed.metrics.older import manifest_of_today
 from slambed.metrics.recovery import known_place_times_s
 from slambed.metrics.reference_path import ReferenceErrors, reference_errors, scored_part
 from slambed.metrics.resources import NOTHING, Resources, resources_of
+from slambed.metrics.summary import Summary
 from slambed.metrics.tracking import Tracking, tracking_of
 from slambed.metrics.update_round import UpdateRound, update_rounds
-from slambed.spec.device import VIRTUAL
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
 
 RPE_DELTA_S = 1.0
 REFERENCE_FILE = "reference.txt"
@@ -58,18 +61,18 @@ class RunData:
     """
 
     folder: Path
-    spec: Mapping[str, Any]
+    spec: KeptSpec
     groundtruth: Path | None = None
-    facts: Mapping[str, Any] | None = None
+    facts: Manifest | None = None
     """The manifest, where it is not written yet."""
     problems: list[str] = field(default_factory=list)
 
     @cached_property
-    def manifest(self) -> dict[str, Any]:
+    def manifest(self) -> Manifest:
         """How the run ended and under which circumstances."""
         if self.facts is not None:
-            return dict(self.facts)
-        return manifest_of_today(object_or_empty(self.folder / "manifest.json", self.problems))
+            return self.facts
+        return Manifest.read_or_complain(self.folder / "manifest.json", self.problems)
 
     @cached_property
     def log(self) -> EventLog:
@@ -100,12 +103,12 @@ class RunData:
     @property
     def has_edge(self) -> bool:
         """Whether the run had a second node."""
-        return self.spec.get("device_edge") is not None
+        return self.spec.device_edge is not None
 
     @property
     def is_virtual(self) -> bool:
         """True in virtual time: the link does what was asked by construction."""
-        return self.spec.get("engine") == VIRTUAL
+        return self.spec.is_virtual
 
     @cached_property
     def end_s(self) -> float | None:
@@ -116,7 +119,7 @@ class RunData:
     @property
     def outcome(self) -> str:
         """How the system ended."""
-        return str(self.manifest.get("outcome") or "completed")
+        return self.manifest.outcome or "completed"
 
     @cached_property
     def tracking(self) -> Tracking:
@@ -126,10 +129,9 @@ class RunData:
     @cached_property
     def frames_offered(self) -> int | None:
         """By the plan of playback, which knows frames that the node never told of."""
-        planned = self.manifest.get("frames_offered")
-        playback = self.spec.get("playback")
-        stops = isinstance(playback, Mapping) and playback.get("stop_at_first_loss")
-        if not isinstance(planned, int) or (stops and self.tracking.track_losses):
+        planned, playback = self.manifest.frames_offered, self.spec.playback
+        stops = playback is not None and playback.stop_at_first_loss
+        if planned is None or (stops and self.tracking.track_losses):
             return self.tracking.frames_total if self.measured else None
         return planned
 
@@ -162,8 +164,8 @@ class RunData:
     @cached_property
     def host_steal_percent(self) -> float | None:
         """Of the CPU time of all the host's processors, over playback."""
-        cores = self.manifest.get("cores")
-        if self.is_virtual or not isinstance(cores, int) or "host_steal_s" not in self.samples:
+        cores = self.manifest.cores
+        if self.is_virtual or cores is None or "host_steal_s" not in self.samples:
             return None
         rows = self.samples[self.samples["t_s"] >= 0] if len(self.samples) else self.samples
         if self.end_s is not None and len(rows):
@@ -198,11 +200,10 @@ class RunData:
         if not self.has_edge:
             return {"up": None, "down": None}
         told = bytes_moved(self.log)
-        link = self.manifest.get("link")
-        details = link.get("details") if isinstance(link, Mapping) else None
-        carried = details.get("carried_bytes") if isinstance(details, Mapping) else None
-        if told["up"] is None and isinstance(carried, Mapping):
-            return {way: int(carried[way]) for way in ("up", "down")}
+        link = self.manifest.link
+        carried = None if link is None else link.details.carried_bytes
+        if told["up"] is None and carried is not None:
+            return {way: carried[way] for way in ("up", "down")}
         return told
 
     @cached_property
@@ -213,13 +214,10 @@ class RunData:
     @cached_property
     def proof(self) -> RttProof:
         """Measured against asked RTT: the link's own comparison, else that of the logged series."""
-        link = self.manifest.get("link")
-        record: Mapping[str, Any] = link if isinstance(link, Mapping) else {}
-        told = _told_proof(record.get("proof"))
+        link = self.manifest.link or LinkFacts()
+        told = _told_proof(link.proof)
         if told is None and self.link is not None:
-            base = record.get("base_rtt_ms")
-            base_ms = float(base) if isinstance(base, int | float) else 0.0
-            told = rtt_proof(self.link, base_ms, self.end_s)
+            told = rtt_proof(self.link, link.base_rtt_ms or 0.0, self.end_s)
         return told or NO_PROOF
 
     @cached_property
@@ -304,9 +302,9 @@ class RunData:
         return told if isinstance(told, str) else None
 
     @cached_property
-    def _stored(self) -> dict[str, Any]:
+    def _stored(self) -> Summary:
         """The summary of a result, as it was made before."""
-        return object_or_empty(self.folder / "summary.json")
+        return Summary.read(self.folder / "summary.json") or Summary()
 
     @cached_property
     def _sequence(self) -> Path | None:
@@ -329,13 +327,14 @@ class RunData:
         return EMPTY
 
 
-def _told_proof(proof: object) -> RttProof | None:
+def _told_proof(proof: LinkProof | None) -> RttProof | None:
     """The link's own comparison: it knows the profile exactly, with its gaps and queues."""
-    if not isinstance(proof, Mapping):
+    if proof is None:
         return None
-    names = ("asked_ms_mean", "measured_ms_mean", "error_ms_median", "error_ms_p99")
-    numbers = [proof.get(name) for name in names]
-    if not all(isinstance(value, int | float) for value in numbers):
-        return None
-    asked, measured, median, p99 = (float(str(value)) for value in numbers)
-    return RttProof(asked, measured, median, p99, int(proof.get("echoes") or 0))
+    numbers = (
+        proof.asked_ms_mean,
+        proof.measured_ms_mean,
+        proof.error_ms_median,
+        proof.error_ms_p99,
+    )
+    return RttProof(*numbers, proof.echoes) if np.isfinite(numbers).all() else None

@@ -3,38 +3,37 @@
 another matter: a crash under the right circumstances is a result, a fine run under wrong ones none.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
-from slambed.spec.device import VIRTUAL
+from slambed.metrics.summary import Summary
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
 
 NOTABLE_STEAL_PERCENT = 1.0
 """Of the host's CPU time; below it, other reasons for a stall are likelier."""
 
 
-def reasons_for_distrust(
-    spec: Mapping[str, Any], manifest: Mapping[str, Any], summary: Mapping[str, Any]
-) -> list[str]:
+def reasons_for_distrust(spec: KeptSpec, manifest: Manifest, summary: Summary) -> list[str]:
     """Why host, link or limits were not as asked, a line each; none for a run to be trusted."""
-    reasons = [str(line) for line in manifest.get("distrust") or []]
-    tolerances = spec.get("tolerances") or {}
-    stall, bearable = summary["host_stall_ms_max"], tolerances.get("host_stall_ms_max")
+    reasons = list(manifest.distrust or [])
+    tolerances = spec.tolerances
+    stall, bearable = summary.number("host_stall_ms_max"), tolerances.host_stall_ms_max
     by_steal = _steal(summary)
     if stall is not None and bearable is not None and stall > bearable:
         reasons.append(
             f"the host stalled the mobile node for {stall:.0f} ms, above {bearable:g} ms{by_steal}"
         )
-    if not spec.get("link") or spec.get("engine") == VIRTUAL:
+    if spec.link is None or spec.is_virtual:
         return reasons
     errors = []
-    for key, name in (("rtt_error_ms_median", "median"), ("rtt_error_ms_p99", "p99")):
-        allowed = tolerances.get(key)
+    for key, name, allowed in (
+        ("rtt_error_ms_median", "median", tolerances.rtt_error_ms_median),
+        ("rtt_error_ms_p99", "p99", tolerances.rtt_error_ms_p99),
+    ):
         if allowed is None:
             continue
-        error = summary[key]
+        error = summary.number(key)
         if error is None:
             # A system that died at once left no time to measure; that it died is the result.
-            if summary["outcome"] == "completed":
+            if summary.completed:
                 errors.append("the RTT of the link was not measured")
                 break
         elif error > allowed:
@@ -45,9 +44,9 @@ def reasons_for_distrust(
     return reasons + errors
 
 
-def _steal(summary: Mapping[str, Any]) -> str:
+def _steal(summary: Summary) -> str:
     """What the hypervisor took, where it may be the cause."""
-    steal = summary.get("host_steal_percent")
+    steal = summary.number("host_steal_percent")
     if steal is None or steal < NOTABLE_STEAL_PERCENT:
         return ""
     return f" (steal: neighbours took {steal:.1f} % of this host's CPU time)"

@@ -14,6 +14,7 @@ from slambed.metrics.catalog import keys_for, metric, own_of
 from slambed.metrics.comparison import fisher, holm
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.older import two_axes
+from slambed.metrics.summary import Summary
 from slambed.report.load import load
 from slambed.report.nights import Test, comparable, values_of_nights
 from slambed.report.tables import Table
@@ -189,8 +190,8 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
     if folder.is_file():
         table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
         if "trusted" not in table:  # nights of older versions
-            rows = [two_axes({str(k): v for k, v in r.items()}) for r in table.to_dict("records")]
-            table = pd.DataFrame(rows)
+            rows = ({str(k): v for k, v in r.items()} for r in table.to_dict("records"))
+            table = pd.DataFrame([two_axes(Summary(row)) for row in rows])
         if experiment is not None and "experiment" in table:
             table = table[table["experiment"] == experiment]
         if "passed" in table:

@@ -21,6 +21,8 @@ from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Metric
 from slambed.metrics.older import two_axes
+from slambed.metrics.summary import Summary
+from slambed.records.manifest import Manifest
 from slambed.report.standing import REMEDY, described, old_version, refused_runs
 
 MOST_PROBLEMS_PER_KIND = 10
@@ -31,6 +33,10 @@ MANIFEST_FACTS = (
     "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores", "command",
 )  # fmt: skip
 """What should be equal in all runs of an experiment; the report tells when it is not."""
+
+
+Row = dict[str, object]
+"""What becomes a row of a table."""
 
 
 @dataclass
@@ -191,10 +197,10 @@ def _refuse_mixtures(results: Results) -> None:
 
 def _read_runs(
     folder: Path, planned: list[dict[str, Any]], problems: list[str]
-) -> tuple[list[dict[str, Any]], dict[str, Counter[str]], list[dict[str, Any]]]:
+) -> tuple[list[Row], dict[str, Counter[str]], list[Row]]:
     facts: dict[str, Counter[str]] = {name: Counter() for name in MANIFEST_FACTS}
-    rows: list[dict[str, Any]] = []
-    limits: list[dict[str, Any]] = []
+    rows: list[Row] = []
+    limits: list[Row] = []
     kinds: Counter[str] = Counter()
     wanted = {str(run.get("run_key")): run for run in planned}
 
@@ -209,18 +215,17 @@ def _read_runs(
         if not path.is_dir():
             tell("foreign", f"runs/{path.name}: not a run folder, ignored")
             continue
-        summary = object_or_empty(path / "summary.json")
+        summary = Summary.read(path / "summary.json")
         if not summary or not isinstance(summary.get("cell"), str):
             there = (path / "summary.json").exists()
             what = "summary.json is torn or foreign" if there else "no summary.json"
             tell("torn", f"runs/{path.name}: {what}, run ignored")
             continue
-        manifest = object_or_empty(path / "manifest.json")
-        if not manifest:
+        manifest = Manifest.read(path / "manifest.json") or Manifest()
+        if not manifest.model_fields_set:
             tell("manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown")
-        told = manifest.get("spec")
-        spec: dict[str, Any] = told if isinstance(told, dict) else {}
-        found_by = described_by(spec | {"system": summary.get("system")})
+        spec = manifest.kept
+        found_by = described_by(summary.text("system"), spec.system_folder)
         known = metrics_of(found_by)
         unknown = sorted(set(summary) - {item.key for item in known} - set(OLD_KEYS))
         if unknown:
@@ -232,24 +237,24 @@ def _read_runs(
         # Another experiment may have had it executed, under other names.
         called = wanted.get(path.name, {})
         row |= {key: called[key] for key in ("experiment", "cell") if called.get(key)}
-        label = called.get("label") or spec.get("label") or _label_of(row)
+        label = called.get("label") or spec.label or _label_of(row)
         row |= {
             "label": label,
             "plain_label": label,
-            "started_utc": manifest.get("started_utc"),
+            "started_utc": manifest.started_utc,
             "folder": path.name,
             "described": found_by,
         }
         row |= _plans_of(manifest)
-        for name, value in (spec.get("params") or {}).items():
+        for name, value in (spec.params or {}).items():
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:
             tell("old", f"runs/{path.name}: not part of the experiment as last run, shown too")
-        for warning in manifest.get("warnings") or []:
+        for warning in manifest.warnings or []:
             tell("warnings", f"runs/{path.name}: {warning}")
         for name in MANIFEST_FACTS:
-            if manifest.get(name) is not None:
-                facts[name][_fact(manifest[name])] += 1
+            if (value := getattr(manifest, name)) is not None:
+                facts[name][_fact(value)] += 1
         limits += _limits_of(row, manifest)
         rows.append(row)
     for kind, count in kinds.items():
@@ -258,40 +263,35 @@ def _read_runs(
     return rows, facts, limits
 
 
-def _plans_of(manifest: dict[str, Any]) -> dict[str, Any]:
+def _plans_of(manifest: Manifest) -> dict[str, str | None]:
     """`plan.<paper>` and `plan_frozen.<paper>`: what was registered when the run was executed."""
-    plans = manifest.get("plans")
-    found: dict[str, Any] = {}
-    for paper, told in plans.items() if isinstance(plans, dict) else ():
-        if isinstance(told, dict):
-            found[f"plan.{paper}"] = told.get("plan")
-            found[f"plan_frozen.{paper}"] = told.get("frozen")
+    found: dict[str, str | None] = {}
+    for paper, digests in (manifest.plans or {}).items():
+        found[f"plan.{paper}"] = digests.plan
+        found[f"plan_frozen.{paper}"] = digests.frozen
     return found
 
 
-def _limits_of(row: dict[str, Any], manifest: dict[str, Any]) -> list[dict[str, Any]]:
+def _limits_of(row: Row, manifest: Manifest) -> list[Row]:
     """Asked and granted limits of each node, with its throttling."""
-    found: list[dict[str, Any]] = []
-    throttling = manifest.get("throttling")
-    for node, limit in (manifest.get("limits") or {}).items():
-        if not isinstance(limit, dict):
-            continue
-        throttle = throttling.get(node) if isinstance(throttling, dict) else None
+    found: list[Row] = []
+    for node, limits in (manifest.limits or {}).items():
+        throttling = (manifest.throttling or {}).get(node)
         found.append(
             {
                 "run_key": row["run_key"],
                 "cell": row["cell"],
                 "node": node,
                 "device": row["device_mobile"] if node == "mobile" else row["device_edge"],
-                "asked": _fact(limit.get("asked")),
-                "granted": _fact(limit.get("granted")),
-                "throttled_s": (throttle or {}).get("throttled_s"),
+                "asked": _fact(limits.asked and limits.asked.as_json()),
+                "granted": _fact(limits.granted and limits.granted.as_json()),
+                "throttled_s": None if throttling is None else throttling.throttled_s,
             }
         )
     return found
 
 
-def _label_of(row: dict[str, Any]) -> str:
+def _label_of(row: Row) -> str:
     variant = row.get("variant")
     return f"{row['system']}:{variant}" if variant not in (None, "default") else str(row["system"])
 
@@ -304,7 +304,7 @@ def _fact(value: object) -> str:
     return str(value)
 
 
-def _typed(summary: dict[str, Any], known: tuple[Metric, ...]) -> tuple[dict[str, Any], list[str]]:
+def _typed(summary: Summary, known: tuple[Metric, ...]) -> tuple[Row, list[str]]:
     """The known keys; a value of another type is foreign and counts as not measured."""
     wrong = [item.key for item in known if not item.accepts(summary.get(item.key))]
     return {i.key: None if i.key in wrong else summary.get(i.key) for i in known}, wrong

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The RunSpec of a run that was made, perhaps long ago: what is read of it afterwards."""
+
+from typing import Any
+
+from pydantic import JsonValue
+
+from slambed.json_file import Record
+from slambed.spec.device import VIRTUAL
+from slambed.spec.system import Role
+
+
+class KeptModel(Record):
+    """Of a cost model."""
+
+    cores: int | None = None
+
+
+class KeptDevice(Record):
+    """Of a device."""
+
+    name: str | None = None
+    model: KeptModel | None = None
+
+
+class KeptLink(Record):
+    """Of a link."""
+
+    backend: str | None = None
+
+
+class KeptPlayback(Record):
+    """Of the playback."""
+
+    stop_at_first_loss: bool = False
+
+
+class KeptTolerances(Record):
+    """What a run is judged by; null: by nothing."""
+
+    rtt_error_ms_median: float | None = None
+    rtt_error_ms_p99: float | None = None
+    host_stall_ms_max: float | None = None
+
+
+class KeptSpec(Record):
+    """What metrics and reports read of a RunSpec. Versions of slambed add and drop fields; a run
+    stays readable without them."""
+
+    run_key: str | None = None
+    experiment: str | None = None
+    cell: str | None = None
+    repetition: int | None = None
+    label: str | None = None
+    system: str | None = None
+    variant: str | None = None
+    params: dict[str, JsonValue] | None = None
+    system_folder: str | None = None
+    dataset: str | None = None
+    playback: KeptPlayback | None = None
+    device_mobile: KeptDevice | str | None = None
+    device_edge: KeptDevice | str | None = None
+    profile: str | None = None
+    link: KeptLink | None = None
+    engine: str | None = None
+    seed: int | None = None
+    tolerances: KeptTolerances = KeptTolerances()
+
+    @staticmethod
+    def of(spec: Any) -> "KeptSpec":
+        """Of a RunSpec, or of one as JSON."""
+        return KeptSpec.model_validate(spec, from_attributes=True)
+
+    @property
+    def is_virtual(self) -> bool:
+        """True in virtual time."""
+        return self.engine == VIRTUAL
+
+    def device_name(self, role: Role) -> str | None:
+        """The name of a node's device; None without the node."""
+        device = self.device_mobile if role == "mobile" else self.device_edge
+        return device.name if isinstance(device, KeptDevice) else device
+
+    def model_cores(self, role: Role) -> int | None:
+        """Cores of a device's cost model."""
+        device = self.device_mobile if role == "mobile" else self.device_edge
+        model = device.model if isinstance(device, KeptDevice) else None
+        return None if model is None else model.cores

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""manifest.json: under which circumstances a run was made, and how it ended."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from slambed.json_file import Record
+from slambed.link.record import LinkFacts
+from slambed.records.kept_spec import KeptSpec
+from slambed.sampling.record import Beside, NodeLimits, Throttling
+from slambed.spec.matrix import RunSpec
+
+FILE = "manifest.json"
+OLD_OUTCOMES = {"mobile_died": "died", "edge_died": "died", "timeout": "timed_out"}
+"""What was the system's doing; any other word was the harness's or the link's."""
+
+
+class PlanDigests(Record):
+    """A paper's plan as the campaign began."""
+
+    plan: str | None = None
+    """SHA-256 of the registered plan."""
+    frozen: str | None = None
+    """SHA-256 of what its file said."""
+
+
+class EngineFacts(Record):
+    """What an engine says about itself."""
+
+    image: str | None = None
+    image_id: str | None = None
+
+
+class Manifest(Record):
+    """All facts about one run that are not measurements, in the order of the file."""
+
+    run_key: str | None = None
+    """What names the run."""
+    experiment: str | None = None
+    """That had it executed first."""
+    cell: str | None = None
+    repetition: int | None = None
+    """Counted from 0."""
+    # What is read is never refused for what it lacks; what is written is whole.
+    spec: Annotated[KeptSpec | RunSpec | None, Field(union_mode="left_to_right")] = None
+    """The whole RunSpec."""
+    outcome: str | None = None
+    """`completed`, `died`, `timed_out` (a live run by wall clock, a virtual one by CPU time),
+    `refused` (its input)."""
+    outcome_reason: str | None = None
+    """Why it did not complete."""
+    distrust: list[str] | None = None
+    """Why the circumstances were not as asked."""
+    limits: dict[str, NodeLimits] | None = None
+    """Of each node of a live run."""
+    throttling: dict[str, Throttling] | None = None
+    """Of each node of a live run."""
+    link: LinkFacts | None = None
+    """Null without a link."""
+    beside: Beside | None = None
+    """Null in a virtual run."""
+    commit: str | None = None
+    """Of the checkout; null outside of git."""
+    dirty: bool | None = None
+    """Whether tracked files differed from it."""
+    image_id: str | None = None
+    """Null without Docker."""
+    command: list[str] | str | None = None
+    """As the user gave it."""
+    image: str | None = None
+    """Only with Docker: its tag."""
+    sequence_checksum: str | None = None
+    seed: int | None = None
+    kernel: str | None = None
+    cpu_model: str | None = None
+    cores: int | None = None
+    """Of the host."""
+    load_1min: float | None = None
+    """Of the host, as the run began."""
+    started_utc: str | None = None
+    versions: dict[str, str | None] | None = None
+    """slambed, Python and the packages that compute figures."""
+    attempt: int | None = None
+    """Counted from 1."""
+    frames_offered: int | None = None
+    """By the plan of playback; null for what is no prepared sequence."""
+    warnings: list[str] | None = None
+    """What was wrong with the raw files."""
+    results_sha256: str | None = None
+    """Over what was measured: summary, tables, trajectories; equal for equal virtual runs."""
+    plans: dict[str, PlanDigests] | None = None
+    """Paper -> its plan as the campaign began; empty without plans."""
+    invalid_reason: str | None = None
+    """Of runs made before `distrust` was told apart from `outcome`; no longer written."""
+
+    @property
+    def kept(self) -> KeptSpec:
+        """The spec, as far as it is read afterwards."""
+        return self.spec if isinstance(self.spec, KeptSpec) else KeptSpec.of(self.spec or {})
+
+    @model_validator(mode="after")
+    def _in_words_of_today(self) -> "Manifest":
+        """A manifest from before outcome and trust were two things calls a run invalid: now it says
+        how the system ended, or why not to trust it."""
+        if self.distrust is not None or self.outcome is None or "distrust" in self.model_fields_set:
+            return self
+        outcome = OLD_OUTCOMES.get(self.outcome, "completed")
+        told = [self.invalid_reason, self.link.invalid_reason if self.link else None]
+        reasons = list(dict.fromkeys(line for line in told if line))
+        failed = outcome != "completed"
+        return self.model_copy(
+            update={
+                "outcome": outcome,
+                "outcome_reason": reasons[0] if failed and reasons else None,
+                "distrust": [] if failed else reasons,
+            }
+        )

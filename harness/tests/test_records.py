@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files about a run are models: their bytes stay what they were, and what is torn, foreign or of
+another version is read as far as it goes."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from slambed.link.proof import LinkProof
+from slambed.link.record import LinkDetails, LinkFacts, RelaySummary
+from slambed.metrics.summary import Summary
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
+from slambed.spec.matrix import RunSpec
+
+KEPT = Path(__file__).with_name("kept_manifest.json")
+"""Of a live run with an edge over the relay, written when manifests were dictionaries."""
+
+
+def written(record: Manifest) -> str:
+    return json.dumps(record.as_json(), indent=1, allow_nan=False) + "\n"
+
+
+def test_a_manifest_has_the_bytes_that_it_had_as_a_dictionary() -> None:
+    text = KEPT.read_text()
+    kept = Manifest.read(KEPT)
+    assert kept is not None
+    spec = RunSpec.model_validate(json.loads(text)["spec"])
+    assert written(kept.model_copy(update={"spec": spec})) == text
+
+
+def test_what_is_read_of_a_spec_is_the_same_of_a_file_and_of_a_run_to_be_made() -> None:
+    kept = Manifest.read(KEPT)
+    assert kept is not None
+    spec = RunSpec.model_validate(json.loads(KEPT.read_text())["spec"])
+    assert KeptSpec.of(spec).model_copy(update={"run_key": None}) == kept.kept
+    assert Manifest(spec=spec).kept.device_name("edge") == "edge_i7_6700t"
+    assert (kept.kept.is_virtual, kept.kept.tolerances.rtt_error_ms_median) == (False, 1.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", "null", '{"limits": 5}', '{"distrust": "late"}', '{"attempt": "first"}'],
+)
+def test_a_torn_or_foreign_manifest_is_none(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "manifest.json"
+    path.write_text(text)
+    problems: list[str] = []
+    assert Manifest.read(path) is None
+    assert Manifest.read_or_complain(path, problems) == Manifest()
+    assert len(problems) == 1 and problems[0].startswith("manifest.json: unreadable (")
+    path.unlink()
+    assert Manifest.read(path) is None
+    assert Manifest.read_or_complain(path, problems) == Manifest() and len(problems) == 1
+
+
+def test_a_manifest_of_another_version_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.json"
+    path.write_text('{"spec": {"engine": "virtual", "colour": 3}, "mood": "fine", "cores": 2}')
+    found = Manifest.read(path)
+    assert found is not None and found.kept.is_virtual and found.cores == 2
+    assert found.as_json() == {"spec": {"engine": "virtual"}, "cores": 2}
+
+
+@pytest.mark.parametrize(
+    ("old", "outcome", "reason", "distrust"),
+    [
+        ({"outcome": "mobile_died", "invalid_reason": "signal 11"}, "died", "signal 11", []),
+        ({"outcome": "timeout"}, "timed_out", None, []),
+        ({"outcome": "completed"}, "completed", None, []),
+        (
+            {"outcome": "invalid", "invalid_reason": "late", "link": {"invalid_reason": "RTT"}},
+            "completed", None, ["late", "RTT"],
+        ),
+    ],
+)  # fmt: skip
+def test_a_manifest_from_before_trust_says_it_in_words_of_today(
+    old: dict[str, object], outcome: str, reason: str | None, distrust: list[str]
+) -> None:
+    found = Manifest.model_validate_json(json.dumps(old))
+    assert (found.outcome, found.outcome_reason, found.distrust) == (outcome, reason, distrust)
+
+
+def test_what_a_link_could_not_measure_is_null_in_the_file_and_nan_here() -> None:
+    nan = math.nan
+    proof = LinkProof(False, "no RTT was measured", 0, 0.0, 0.2, nan, nan, nan, nan, nan, nan)
+    text = json.dumps(LinkFacts(proof=proof).as_json(), allow_nan=False)
+    assert '"error_ms_median": null' in text and '"late_ms_p99": null' in text
+    back = LinkFacts.model_validate_json(text).proof
+    assert back is not None and math.isnan(back.bias_ms) and back.base_ms == 0.2
+
+
+def test_a_torn_summary_of_the_relay_says_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "relay_summary.json"
+    path.write_text('{"up": {"packets"')
+    assert RelaySummary.read(path) is None
+    assert LinkDetails(relay=RelaySummary()).as_json() == {"relay": {}}
+
+
+def test_a_summary_tells_only_true_for_trust(tmp_path: Path) -> None:
+    path = tmp_path / "summary.json"
+    path.write_text('{"trusted": 1, "outcome": "completed", "coverage": 0.5, "variant": "x"}')
+    found = Summary.read(path)
+    assert found is not None and not found.trusted and found.completed
+    assert (found.number("coverage"), found.number("variant"), found.text("variant")) == (
+        0.5, None, "x",
+    )  # fmt: skip
+    path.write_text("[1]")
+    assert Summary.read(path) is None
