@@ -7,12 +7,15 @@ import math
 from pathlib import Path
 
 import pytest
+from harness_parts import run_spec
 
+from slambed.campaign.manifest import manifest
+from slambed.engines.result import RunResult
 from slambed.link.proof import LinkProof
 from slambed.link.record import LinkDetails, LinkFacts, RelaySummary
 from slambed.metrics.summary import Summary
 from slambed.records.kept_spec import KeptSpec
-from slambed.records.manifest import Manifest
+from slambed.records.manifest import EngineFacts, Manifest
 from slambed.spec.matrix import RunSpec
 
 KEPT = Path(__file__).with_name("kept_manifest.json")
@@ -38,6 +41,19 @@ def test_what_is_read_of_a_spec_is_the_same_of_a_file_and_of_a_run_to_be_made() 
     assert KeptSpec.of(spec).model_copy(update={"run_key": None}) == kept.kept
     assert Manifest(spec=spec).kept.device_name("edge") == "edge_i7_6700t"
     assert (kept.kept.is_virtual, kept.kept.tolerances.rtt_error_ms_median) == (False, 1.0)
+
+
+def test_a_manifest_is_written_in_its_order_without_what_an_engine_does_not_say() -> None:
+    result = RunResult("completed", None, link=LinkFacts.virtual())
+    made = manifest(run_spec(), EngineFacts(image_id=None), ["slambed"], result, "now", 0.5, 1, 9)
+    keys = [*made.model_copy(update={"warnings": [], "results_sha256": "x"}).as_json()]
+    assert keys == [name for name in Manifest.model_fields if name in keys]
+    assert not {"image", "plans", "invalid_reason"} & {*keys}
+    assert {"image_id", "beside", "frames_offered"} <= {*keys}
+    tagged = manifest(
+        run_spec(), EngineFacts(image="a", image_id="b"), [], result, "now", 0.5, 1, 9
+    )
+    assert (tagged.as_json()["image"], tagged.as_json()["image_id"]) == ("a", "b")
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,9 @@ def manifest(
         commit=commit,
         dirty=dirty,
         command=command,
-        **dict(engine),
+        image_id=engine.image_id,
+        # What an engine says nothing of stays out of the file.
+        **engine.model_dump(exclude={"image_id"}),
         sequence_checksum=spec.sequence_checksum,
         seed=spec.seed,
         kernel=platform.release(),
