@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `slambed` command. Errors are one line; exit codes are in docs/formats.md."""
 
-import errno
 import os
 import select
 import sys
-import traceback
 from functools import cache
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
-from rich.text import Text
 
 from slambed import __version__
 from slambed.caller import give_caches_to_caller
-from slambed.errors import ExitCode, SlambedError, no_space
+from slambed.errors import ExitCode, SlambedError
+from slambed.failures import INTERRUPTED, line_and_code
 from slambed.terminal import console
 
-INTERRUPTED = 130
-"""128 + SIGINT, as shells have it."""
 YAML = (".yaml", ".yml")
 
 
@@ -187,49 +183,6 @@ def status(
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
 
 
-@app.command()
-def doctor() -> None:
-    """Say what this machine can do, and what each missing thing costs."""
-    from slambed import doctor as examination
-
-    findings = examination.examine()
-    marks = {
-        "good": Text("ok", "green"), "missing": Text("--", "yellow"), "fatal": Text("no", "red")
-    }  # fmt: skip
-    table = Table("", "", "found", "without it", box=None)
-    for item in findings:
-        table.add_row(marks[item.level], item.topic, item.found, item.cost)
-    console().print(table)
-    if not examination.can_run(findings):
-        raise typer.Exit(ExitCode.ENVIRONMENT)
-
-
-@app.command()
-def images(
-    force: Annotated[bool, typer.Option("--force", help="Build even if it is there.")] = False,
-) -> None:
-    """Build the node image that belongs to the sources of this checkout."""
-    from slambed.engines.docker_image import build_image, connect, find_image, image_tag
-
-    client = connect()
-    there = find_image(client) is not None
-    client.close()
-    if there and not force:
-        typer.echo(f"{image_tag()} is there")
-        return
-    build_image()
-
-
-@app.command()
-def clean() -> None:
-    """Remove what killed campaigns left on this host: containers, processes, control groups."""
-    from slambed.engines.host_lock import host_lock
-    from slambed.engines.reaper import reap
-
-    with host_lock("slambed clean"):
-        typer.echo(f"removed: {reap() or 'nothing'}")
-
-
 @cache
 def _add_reports() -> None:
     from slambed.report.cli import add_commands
@@ -249,6 +202,14 @@ def _add_explain() -> None:
     from slambed.explain.cli import explain
 
     app.command()(explain)
+
+
+@cache
+def _add_host() -> None:
+    from slambed.host_cli import clean, doctor, images
+
+    for command in (doctor, images, clean):
+        app.command()(command)
 
 
 @cache
@@ -303,7 +264,7 @@ def _add_papers() -> None:
     app.add_typer(papers_app, name="papers")
 
 
-HERE = ("run", "status", "doctor", "images", "clean", "--version")
+HERE = ("run", "status", "--version")
 ELSEWHERE = {
     **dict.fromkeys(
         (
@@ -321,6 +282,7 @@ ELSEWHERE = {
         _add_reports,
     ),
     **dict.fromkeys(("check-system", "new"), _add_own),
+    **dict.fromkeys(("doctor", "images", "clean"), _add_host),
     "calibrate": _add_calibrate,
     "explain": _add_explain,
     "data": _add_data,
@@ -352,45 +314,17 @@ def run_command(arguments: list[str]) -> int:
         _add_commands(arguments[0] if arguments else "")
         result = app(args=arguments, prog_name="slambed", standalone_mode=False)
         return result if isinstance(result, int) else ExitCode.OK
-    except SlambedError as error:
-        return _fail(str(error), error.code)
-    except typer.TyperException as error:
-        told = error.format_message()
-        stop = "" if told.endswith((".", "?")) else "."
-        return _fail(f"{told}{stop} See 'slambed --help'", ExitCode.BAD_INPUT)
-    except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted", INTERRUPTED)
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, BrokenPipeError) and _reader_has_gone():
             # Of our output (`| head`): not an error. Nothing more can be flushed.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return ExitCode.OK
-        if (full := _full_disk(error)) is not None:
-            refused = no_space(full.filename or "the results")
-            return _fail(str(refused), refused.code)
-        if isinstance(error, PermissionError):
-            # Whoever owns it: a file that we may not touch is no bug of ours.
-            line = f"{error.filename}: {error.strerror}; change its rights, or be who may"
-            return _fail(line, ExitCode.ENVIRONMENT)
-        if os.environ.get("SLAMBED_DEBUG"):
-            traceback.print_exc()
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        place = f"{Path(where.filename).name}:{where.lineno}"
-        line = f"a bug of slambed, {place}: {type(error).__name__}: {error}"
-        return _fail(f"{line}; set SLAMBED_DEBUG=1 for details", ExitCode.INTERNAL)
+        line, code = line_and_code(error)
+        typer.echo(f"error: {' '.join(line.split())}", err=True)
+        return code
     finally:
         if arguments and not set(arguments) <= {"--version", "--help"}:
             give_caches_to_caller()
-
-
-def _full_disk(error: BaseException | None) -> OSError | None:
-    """The refusal of a full disk behind an error; a library that closes its half-written file may
-    fail once more over it, in another way."""
-    while error is not None:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return error
-        error = error.__cause__ or error.__context__
-    return None
 
 
 def _reader_has_gone() -> bool:
@@ -398,8 +332,3 @@ def _reader_has_gone() -> bool:
     output = select.poll()
     output.register(sys.stdout.fileno(), 0)
     return bool(output.poll(0))
-
-
-def _fail(line: str, code: int) -> int:
-    typer.echo(f"error: {' '.join(line.split())}", err=True)
-    return int(code)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Before a campaign: what it can decide about a paper, and what it costs."""
 
-import json
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
+from slambed.campaign.ledger import Ledger
 from slambed.metrics.comparison import holm
 from slambed.report.judged import Judge, is_number
 from slambed.report.lookup import pool_of
@@ -152,13 +152,9 @@ def costs(
 def seconds_per_run(ledger: Path) -> float | None:
     """Wall time between two finished runs of a campaign, all processes together: a
     trimmed mean over its ledger; None without five of them."""
-    try:
-        lines = [json.loads(line) for line in ledger.read_text(encoding="utf-8").splitlines()]
-    except (OSError, ValueError):
-        return None
     times = [
         datetime.fromisoformat(str(entry["time_utc"])).timestamp()
-        for entry in lines
+        for entry in Ledger(ledger).read()
         if entry.get("event") == "run_finished" and "time_utc" in entry
     ]
     if len(times) < 5:
