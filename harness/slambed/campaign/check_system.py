@@ -85,7 +85,8 @@ class Trial:
         return {
             "format": "slambed-run", "version": 1, "run_key": "check", "seed": 1,
             "system": self.system.name, "variant": variant,
-            "params": self.system.resolve(variant, {}), "sequence": str(self.sequence),
+            "params": self.system.for_nodes(self.system.resolve(variant, {})),
+            "sequence": str(self.sequence),
             "playback": {"mode": "every_frame", "fps": None, "start_s": 0.0, "end_s": None},
             "network": network, "output": str(self.run_dir), "connect_timeout_s": 20.0,
         }  # fmt: skip

@@ -18,12 +18,14 @@ from slambed.campaign.datasets import (
 from slambed.campaign.further import of_other_engines
 from slambed.campaign.ledger import utc_now
 from slambed.campaign.links import backend_for, read_profile
+from slambed.campaign.masks import Say, make_masks
 from slambed.errors import MissingDataError, SlambedError
 from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment, Playback, assumed
 from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
+from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.matrix import (
     Circumstances,
     NamedProfile,
@@ -148,11 +150,13 @@ def make_plan(
     provide: Provider | None = None,
     judged: bool = True,
     foreign: Mapping[str, str] | None = None,
+    say: Say = lambda line: None,
 ) -> Plan:
-    """Prepares the datasets, and what their files name for their runs, and expands the matrix.
+    """Prepares the datasets, what their files name for their runs, and the masks of virtual runs;
+    expands the matrix.
 
     `judged`: with the reference that runs are compared with. Without `provide` no input is made.
-    `foreign`: tags of the systems that are programs of their own.
+    `foreign`: tags of the systems that are programs of their own. `say`: hears of long work.
     """
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
@@ -192,6 +196,10 @@ def make_plan(
             prior[by_id[sequence.id]] = (str(made), inputs.sha256_of(made))
         if judged and sequence.reference:
             references[by_id[sequence.id]] = str(provide(sequence.reference))
+    masks: dict[tuple[str, MasksAsked], Masks] = {}
+    if engine == VIRTUAL:
+        by_name = {by_id[sequence.id]: sequence for sequence in sequences.values()}
+        masks = make_masks(_masks_asked(experiment, library), by_name, say)
     linked = software_of_systems(software, {choice.system for choice in experiment.systems})
     circumstances = Circumstances(
         engine,
@@ -201,12 +209,25 @@ def make_plan(
         played_s,
         playbacks,
         prior,
+        masks,
         references,
         software_of=linked | dict(foreign or {}),
         host_speed=load_host_speed().speed,
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)
     return Plan(experiment, specs, sequences, circumstances, left_out)
+
+
+def _masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
+    """What the systems of an experiment want segmented, each once."""
+    found: dict[MasksAsked, None] = {}
+    for choice in experiment.systems:
+        system = library.system(choice.system)
+        params = system.resolve(system.choose_variant(choice.variant), choice.params)
+        asked = MasksAsked.of(system, params, choice.label or choice.variant or "")
+        if asked is not None:
+            found[asked] = None
+    return list(found)
 
 
 def experiment_json(

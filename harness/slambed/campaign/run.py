@@ -161,7 +161,10 @@ def _run_virtually(
     features = cache_folder() / "features"
     make_folder(options.results, "--results")
     provide = _provider(files[2], console)
-    plan = make_plan(*files, VIRTUAL, host_software(program=SIMULATION), count, provide)
+    software = host_software(program=SIMULATION)
+    plan = make_plan(
+        *files, VIRTUAL, software, count, provide, say=lambda line: _say(console, line)
+    )
     prune_features(features)
 
     def executor_of(played: Played) -> Executor:

@@ -70,6 +70,7 @@ def sim_json(spec: RunSpec, horizon_s: float, features: Path | None) -> dict[str
             {"path": str(features), "key": feature_key(spec)} if features is not None else None
         ),
         **_image_cache(spec, features),
+        **_mask_caches(spec),
     }
 
 
@@ -85,6 +86,14 @@ def _image_cache(spec: RunSpec, features: Path | None) -> dict[str, Any]:
         }
     )
     return {"image_cache": {"path": str(_named(features.parent, key, ".images")), "key": key}}
+
+
+def _mask_caches(spec: RunSpec) -> dict[str, Any]:
+    """What the segmentation says, for systems that have one."""
+    if spec.masks is None:
+        return {}
+    file = {"n_m": spec.masks.n_m, "path": spec.masks.path, "key": spec.masks.key}
+    return {"mask_caches": [file]}
 
 
 def _device(device: Device) -> dict[str, Any]:

@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who and what moves in a picture: networks, their masks, and masks kept per sequence."""
+
+TRUTH = "truth"
+"""Name of the masks that the generator knows: an upper bound, never a network."""

@@ -14,8 +14,9 @@ from rich.table import Table
 from slambed.data.catalog import prepare
 from slambed.data.prepared import PreparedSequence
 from slambed.outputs import picture
+from slambed.segment import TRUTH
 from slambed.segment.mask_cache import MaskCache
-from slambed.segment.masks import TRUTH, mask_cache
+from slambed.segment.masks import mask_cache
 from slambed.segment.network import load_network, network_names
 from slambed.segment.scores import Scores
 from slambed.segment.sheet import write_mask_sheet

@@ -18,13 +18,11 @@ from slambed.data.places import cache_folder, no_cache
 from slambed.data.preparation import Progress
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
+from slambed.segment import TRUTH
 from slambed.segment.frame_file import MASKS, encode_frames
 from slambed.segment.mask_cache import LABELS_FILE, LABELS_KEY, MaskCache, encode_frame
 from slambed.segment.network import Network, load_network
 from slambed.segment.segmenter import SEGMENT_VERSION, Segmenter
-
-TRUTH = "truth"
-"""Name of the masks that the generator knows: an upper bound, never a network."""
 
 
 def mask_key(sequence: PreparedSequence, network: str, quality: int, n_m: float) -> str:
@@ -48,6 +46,11 @@ def mask_file(key: str) -> Path:
     """Where masks with this key are kept."""
     digest = hashlib.sha256(key.encode()).hexdigest()
     return cache_folder() / "masks" / f"{digest[:20]}.masks"
+
+
+def is_made(key: str) -> bool:
+    """Whether the cache has masks with this key."""
+    return mask_file(key).is_file()
 
 
 def mask_cache(

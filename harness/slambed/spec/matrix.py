@@ -19,6 +19,7 @@ from slambed.spec.device import VIRTUAL, Device
 from slambed.spec.experiment import Experiment, Playback, SystemChoice, Tolerances
 from slambed.spec.faults import Fault, as_json, cuts, with_cuts
 from slambed.spec.library import Library
+from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role, Scalar, System
 from slambed.suggestion import suggestion
@@ -56,6 +57,8 @@ class RunSpec(BaseModel):
     params: dict[str, Scalar]
     inputs: dict[str, str] = Field(default_factory=dict)
     """Parameter that names an input file -> SHA-256 of the file."""
+    masks: Masks | None = None
+    """What is segmented, and for virtual runs the file of the masks."""
     edge_inputs: list[str] = Field(default_factory=list)
     """Those that only the edge is told of; in no key."""
     runtime: Runtime | None = None
@@ -86,6 +89,8 @@ class RunSpec(BaseModel):
         wrong: dict[str, Any] = {"faults": as_json(self.faults)} if self.faults else {}
         if self.host_speed is not None:
             wrong["host_speed"] = self.host_speed
+        if self.masks is not None:
+            wrong["masks"] = self.masks.meaning()
         return wrong | {
             "system": self.system,
             "variant": self.variant,
@@ -150,6 +155,8 @@ class Circumstances:
     """Name of a dataset -> how it is played, where its file adds something to the experiment's."""
     prior_maps: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """Name of a dataset -> (path, SHA-256) of the prior map that its file names."""
+    masks: Mapping[tuple[str, MasksAsked], Masks] = field(default_factory=dict)
+    """(name of a dataset, what is asked for) -> the masks made of it."""
     references: Mapping[str, str] = field(default_factory=dict)
     """Name of a dataset -> path of the run that others on it are compared with."""
     software_of: Mapping[str, str] = field(default_factory=dict)
@@ -201,6 +208,9 @@ def expand(
             must_be_playable(system, host.engine)
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
+            label = choice.label or _label(system, variant)
+            asked = MasksAsked.of(system, params, label)
+            params = system.for_nodes(params)
             named = {name: str(params[name]) for name in system.file_params if params[name]}
             files = {
                 n: inputs.find_input(p, source.path.parent)
@@ -213,7 +223,6 @@ def expand(
         if system.has_edge and experiment.link is None:
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
         faults = _faults(experiment, choice, system, source, place, host)
-        label = choice.label or _label(system, variant)
         of_role = partial(chosen_device, experiment, index, source, library, host.engine)
         mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
         live = host.engine != VIRTUAL
@@ -222,6 +231,10 @@ def expand(
             if dataset not in host.datasets:
                 continue  # left out, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
+            masks = None
+            if asked is not None:
+                unmade = Masks(network=asked.network, n_m=asked.n_m)
+                masks = host.masks.get((dataset, asked), unmade)
             paths: dict[str, Scalar] = {name: str(path) for name, path in files.items()}
             sums = dict(digests)
             for name in named.keys() - files.keys():
@@ -244,6 +257,7 @@ def expand(
                             channels=system.channels,
                             params=params | paths,
                             inputs=sums,
+                            masks=masks,
                             edge_inputs=[name for name in system.edge_files if name in sums],
                             runtime=system.runtime,
                             system_folder=folder_of(system, choice.system, library),

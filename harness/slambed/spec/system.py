@@ -13,7 +13,9 @@ from slambed.suggestion import suggestion
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 Scalar = bool | int | float | str
 Role = Literal["mobile", "edge"]
-KINDS: dict[str, type] = {"int": int, "float": float, "bool": bool, "str": str, "path": str}
+KINDS: dict[str, type] = {
+    "int": int, "float": float, "bool": bool, "str": str, "path": str, "network": str,
+}  # fmt: skip
 
 
 class Parameter(BaseModel):
@@ -21,9 +23,10 @@ class Parameter(BaseModel):
 
     model_config = STRICT
 
-    type: Literal["int", "float", "bool", "str", "path"]
+    type: Literal["int", "float", "bool", "str", "path", "network"]
     """`path`: of an input file, empty for none; its content is what matters to a run. `dataset`
-    stands for the prior map that the dataset's file names."""
+    stands for the prior map that the dataset's file names. `network`: of networks/, empty for
+    none; the harness has it segment the pictures (docs/masks.md), and no node is told of it."""
     role: Role | None = None
     """Of a path: the only node that is told of the file; both if not given."""
     default: Scalar
@@ -132,6 +135,9 @@ class System(BaseModel):
             raise ValueError("a system with an edge needs the channel 'control'")
         if self.runtime is not None and (self.runtime.edge is not None) != self.has_edge:
             raise ValueError("runtime has an edge where roles have one, and only there")
+        networks = [name for name, p in self.params.items() if p.type == "network"]
+        if len(networks) > 1 or (networks and not {"jpeg_quality", "n_m"} <= self.params.keys()):
+            raise ValueError("a network is one parameter, beside jpeg_quality and n_m")
         for name, variant in self.variants.items():
             try:
                 self.resolve(name, {})
@@ -148,6 +154,15 @@ class System(BaseModel):
     def edge_files(self) -> list[str]:
         """Those of them that only the edge is told of."""
         return [name for name in self.file_params if self.params[name].role == "edge"]
+
+    @property
+    def network_param(self) -> str | None:
+        """Name of the parameter that names a network."""
+        return next((name for name, p in self.params.items() if p.type == "network"), None)
+
+    def for_nodes(self, params: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """What of these parameters nodes are told."""
+        return {name: v for name, v in params.items() if name != self.network_param}
 
     @property
     def has_edge(self) -> bool:

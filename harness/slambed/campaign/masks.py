@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The masks that the virtual runs of a plan need: made once per sequence, then reused."""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+
+from slambed.campaign.datasets import Sequence
+from slambed.data.prepared import PreparedSequence
+from slambed.segment.masks import is_made, mask_cache, mask_key
+from slambed.spec import inputs
+from slambed.spec.masks import Masks, MasksAsked
+
+Say = Callable[[str], None]
+TOLD_EVERY = 500
+"""Pictures between two lines: about a quarter of a minute on a core."""
+
+
+def make_masks(
+    asked: Iterable[MasksAsked], sequences: dict[str, Sequence], say: Say
+) -> dict[tuple[str, MasksAsked], Masks]:
+    """(name, what is asked for) -> masks, of every sequence by its name in the experiment.
+
+    Raises SlambedError for a network that is not known, has no file or another checksum, and for
+    the truth of a sequence that has none."""
+    made: dict[tuple[str, MasksAsked], Masks] = {}
+    for want in asked:
+        for name, sequence in sequences.items():
+            prepared = PreparedSequence.open(sequence.path)
+            parts = (prepared, want.network, want.quality, want.n_m)
+            title = f"masks of {sequence.id} by {want.network}"
+            if not is_made(mask_key(*parts)):
+                say(f"{title}: {len(prepared)} pictures")
+            path = mask_cache(*parts, partial(_tell, say, title))
+            made[name, want] = Masks(
+                network=want.network,
+                n_m=want.n_m,
+                path=str(path),
+                key=mask_key(*parts),
+                sha256=inputs.sha256_of(path),
+            )
+    return made
+
+
+def _tell(say: Say, title: str, done: int, pictures: int) -> None:
+    if done % TOLD_EVERY == 0 and done < pictures:
+        say(f"{title}: {done} of {pictures}")
