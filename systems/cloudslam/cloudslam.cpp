@@ -5,6 +5,7 @@
 #include <array>
 
 #include "cloudslam/policies.hpp"
+#include "node/tracking_options.hpp"
 
 namespace slambed {
 namespace cloudslam {
@@ -77,17 +78,8 @@ System cloudslam_system() {
       ParameterSpec::boolean("upload"),
       ParameterSpec::boolean("second_hypotheses"),
   };
-  system.orb = [](const Parameters& parameters) {
-    OrbOptions options;
-    options.features = parameters.integer("n_orb");
-    return options;
-  };
-  system.tracker = [](const Parameters& parameters) {
-    TrackerOptions options;
-    options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
-    options.second_hypotheses = parameters.boolean("second_hypotheses");
-    return options;
-  };
+  system.orb = orb_options;
+  system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };
   system.sequential = [](const Parameters&) { return false; };
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<cloudslam::Vehicle>(node, parameters);

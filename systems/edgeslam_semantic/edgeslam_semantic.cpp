@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam_semantic/edgeslam_semantic.hpp"
 
-#include <algorithm>
-
 #include "edgeslam_semantic/full_offload.hpp"
+#include "node/tracking_options.hpp"
 
 namespace slambed {
 
@@ -18,17 +17,8 @@ System edgeslam_semantic_system() {
       ParameterSpec::real("n_m", 0, 1),             ParameterSpec::integer("mask_border_px", 0, 100),
       ParameterSpec::boolean("loop_closing"),       ParameterSpec::boolean("second_hypotheses"),
   };
-  system.orb = [](const Parameters& parameters) {
-    OrbOptions options;
-    options.features = parameters.integer("n_orb");
-    return options;
-  };
-  system.tracker = [](const Parameters& parameters) {
-    TrackerOptions options;
-    options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
-    options.second_hypotheses = parameters.boolean("second_hypotheses");
-    return options;
-  };
+  system.orb = orb_options;
+  system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };
   system.sequential = [](const Parameters&) { return false; };
   system.jpeg_quality = [](const Parameters& parameters) {
     return parameters.integer("jpeg_quality");
@@ -37,9 +27,9 @@ System edgeslam_semantic_system() {
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<edgeslam_semantic::OffloadedMobile>(node, parameters);
   };
-  system.edge = [tracker = system.tracker](EdgeNode& node, const Parameters& parameters) {
+  system.edge = [](EdgeNode& node, const Parameters& parameters) {
     return std::make_unique<edgeslam_semantic::OffloadedEdge>(node, parameters,
-                                                              tracker(parameters));
+                                                              tracker_options(parameters));
   };
   return system;
 }

@@ -3,6 +3,7 @@
 
 #include "node/mobile_node.hpp"
 #include "node/onboard_mapping.hpp"
+#include "node/tracking_options.hpp"
 
 namespace slambed {
 namespace {
@@ -40,17 +41,8 @@ System orbslam2_system() {
                        ParameterSpec::boolean("second_hypotheses"),
                        ParameterSpec::boolean("sequential"), ParameterSpec::path("prior_map"),
                        ParameterSpec::boolean("save_map")};
-  system.orb = [](const Parameters& parameters) {
-    OrbOptions options;
-    options.features = parameters.integer("n_orb");
-    return options;
-  };
-  system.tracker = [](const Parameters& parameters) {
-    TrackerOptions options;
-    options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
-    options.second_hypotheses = parameters.boolean("second_hypotheses");
-    return options;
-  };
+  system.orb = orb_options;
+  system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };
   system.sequential = [](const Parameters& parameters) { return parameters.boolean("sequential"); };
   system.prior_map = [](const Parameters& parameters) { return parameters.text("prior_map"); };
   system.save_map = [](const Parameters& parameters) { return parameters.boolean("save_map"); };

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/settings.hpp"
 
-#include <algorithm>
-
+#include "node/tracking_options.hpp"
 #include "offload/original_behaviour.hpp"
 
 namespace slambed {
@@ -53,22 +52,16 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
   system.name = std::move(name);
   system.channels = {"control", "keyframe", "map", "frame"};
   system.parameters = std::move(specs);
-  system.orb = [](const Parameters& parameters) {
-    OrbOptions options;
-    options.features = parameters.integer("n_orb");
-    return options;
-  };
+  system.orb = orb_options;
   system.tracker = [](const Parameters& parameters) {
     const OriginalBehaviour behaviour = original_behaviour(parameters);
-    TrackerOptions options = behaviour.tracker;
+    TrackerOptions options = tracker_options(parameters, behaviour.tracker);
     if (behaviour.max_frames > 0) {
       options.max_frames_between_keyframes = behaviour.max_frames;
       options.max_frames_is_a_second = false;
     }
-    options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
     // The local map is small by design: being lost in it is a case for relocalisation.
     options.reset_below_keyframes = 0;
-    options.second_hypotheses = parameters.boolean("second_hypotheses");
     return options;
   };
   system.sequential = [](const Parameters&) { return false; };
@@ -129,7 +122,7 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
   return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
                      .loop_closing = parameters.boolean("loop_closing"),
                      .max_frames = behaviour.max_frames,
-                     .mapping = {.ages_by_id = behaviour.culls_by_id}},
+                     .mapping = {.ages_by_id = behaviour.culls_by_id, .bundle = {}}},
           .updates = {.keyframes = parameters.integer("n_kf"),
                       .neighbours = parameters.integer("update_neighbours"),
                       .period = from_seconds(parameters.real("sync_period_s")),
