@@ -2,59 +2,30 @@
 #include "synth/generator.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <fstream>
-#include <nlohmann/json.hpp>
-#include <sstream>
-
-#include "base/error.hpp"
 #include "synth/sha256.hpp"
+#include "synth/tests/sequence_folder.hpp"
 
 namespace slambed::synth {
 namespace {
 
-namespace fs = std::filesystem;
-
-std::string slurp(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
-class Generator : public testing::Test {
+class Generator : public SequenceFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) / ("synth_" + std::to_string(getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  static GeneratorOptions small() {
-    GeneratorOptions options;
-    options.width = 160;
-    options.height = 120;
-    options.texel_scale = 10;
-    options.seconds = 0.5;
-    options.fps = 10;
+  static GeneratorOptions lively() {
+    GeneratorOptions options = small();
     options.moving_objects = 1;
     options.sensor_model = {
         .motion_blur_s = 0.01, .noise = 2, .depth_noise = 1, .depth_holes = 0.05};
     return options;
   }
 
-  /// The checksum written into sequence.json.
-  std::string make(const GeneratorOptions& options, const std::string& name, int threads) {
-    EXPECT_TRUE(generate(options, folder_ / name, threads, [](int, int) { return true; }));
-    return nlohmann::json::parse(slurp(folder_ / name / "sequence.json")).at("checksum");
+  std::string checksum(const GeneratorOptions& options, const std::string& name, int threads) {
+    return make(options, name, threads).at("checksum");
   }
-
-  fs::path folder_;
 };
 
 TEST_F(Generator, BytesDoNotDependOnThreads) {
-  const std::string one = make(small(), "one", 1), three = make(small(), "three", 3);
+  const std::string one = checksum(lively(), "one", 1), three = checksum(lively(), "three", 3);
   EXPECT_EQ(one, three);
   for (const char* file : {"frames.bin", "index.bin", "groundtruth.txt", "sequence.json"})
     EXPECT_EQ(slurp(folder_ / "one" / file), slurp(folder_ / "three" / file)) << file;
@@ -62,34 +33,34 @@ TEST_F(Generator, BytesDoNotDependOnThreads) {
 }
 
 TEST_F(Generator, SeedAndOptionsChangeTheBytes) {
-  const std::string base = make(small(), "base", 2);
-  GeneratorOptions other = small();
+  const std::string base = checksum(lively(), "base", 2);
+  GeneratorOptions other = lively();
   other.seed = 2;
-  EXPECT_NE(make(other, "seed", 2), base);
-  other = small();
+  EXPECT_NE(checksum(other, "seed", 2), base);
+  other = lively();
   other.sensor_model.noise = 3;
-  EXPECT_NE(make(other, "noise", 2), base);
+  EXPECT_NE(checksum(other, "noise", 2), base);
 }
 
 // The same bytes on every machine. When a change of the generator is meant, raise
 // kGeneratorVersion and put the new checksums here.
 TEST_F(Generator, BytesAreTheKnownOnes) {
   EXPECT_STREQ(kGeneratorVersion, "2");
-  EXPECT_EQ(make(small(), "rgbd", 2),
+  EXPECT_EQ(checksum(lively(), "rgbd", 2),
             "33b89c2a7c36a20bb34c66a23a7cd080f007b1d5a1e3848d3a0bcb7d73ca6ece");
-  GeneratorOptions stereo = small();
+  GeneratorOptions stereo = lively();
   stereo.sensor = "stereo";
   stereo.trajectory = "two_laps";
-  EXPECT_EQ(make(stereo, "stereo", 2),
+  EXPECT_EQ(checksum(stereo, "stereo", 2),
             "d7132e4d4b10b6be7526dd4b483fb076bde4455bddb0100d469fb6956b056095");
 }
 
 TEST_F(Generator, MonoIsTheLeftPictureOfStereo) {
-  GeneratorOptions options = small();
+  GeneratorOptions options = lively();
   options.sensor = "stereo";
   make(options, "stereo", 2);
   options.sensor = "mono";
-  make(options, "mono", 2);
+  const auto header = make(options, "mono", 2);
   constexpr std::size_t kPixels = 160 * 120, kStereoStride = 40960, kMonoStride = 20480;
   const std::string stereo = slurp(folder_ / "stereo" / "frames.bin");
   const std::string mono = slurp(folder_ / "mono" / "frames.bin");
@@ -97,34 +68,25 @@ TEST_F(Generator, MonoIsTheLeftPictureOfStereo) {
   for (int i = 0; i < 5; ++i)
     EXPECT_EQ(mono.substr(i * kMonoStride, kPixels), stereo.substr(i * kStereoStride, kPixels))
         << i;
-  const auto header = nlohmann::json::parse(slurp(folder_ / "mono" / "sequence.json"));
   EXPECT_EQ(header["sensor"], "mono");
   EXPECT_EQ(header["camera"]["bf"], 0);
 }
 
 TEST_F(Generator, StoppingLeavesNothing) {
-  EXPECT_FALSE(generate(small(), folder_ / "stopped", 2, [](int done, int) { return done < 3; }));
+  EXPECT_FALSE(generate(lively(), folder_ / "stopped", 2, [](int done, int) { return done < 3; }));
   EXPECT_TRUE(fs::is_empty(folder_));
 }
 
 TEST_F(Generator, BadOptionsAreOneLine) {
-  const auto rejects = [&](const GeneratorOptions& options) {
-    try {
-      generate(options, folder_ / "bad", 1, [](int, int) { return true; });
-      return std::string("accepted");
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
-  };
-  GeneratorOptions options = small();
+  GeneratorOptions options = lively();
   options.trajectory = "spiral";
-  EXPECT_NE(rejects(options).find("'spiral'"), std::string::npos);
-  options = small();
+  EXPECT_NE(rejected(options).find("'spiral'"), std::string::npos);
+  options = lively();
   options.sensor = "lidar";
-  EXPECT_NE(rejects(options).find("'lidar'"), std::string::npos);
-  options = small();
+  EXPECT_NE(rejected(options).find("'lidar'"), std::string::npos);
+  options = lively();
   options.trajectory = (folder_ / "none.txt").string();
-  EXPECT_NE(rejects(options).find("none.txt"), std::string::npos);
+  EXPECT_NE(rejected(options).find("none.txt"), std::string::npos);
   EXPECT_TRUE(fs::is_empty(folder_));
 }
 

@@ -1,31 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <nlohmann/json.hpp>
-#include <sstream>
 
-#include "base/error.hpp"
 #include "synth/cast.hpp"
 #include "synth/figure_body.hpp"
-#include "synth/generator.hpp"
 #include "synth/labels.hpp"
 #include "synth/sha256.hpp"
+#include "synth/tests/sequence_folder.hpp"
 
 namespace slambed::synth {
 namespace {
-
-namespace fs = std::filesystem;
-
-std::string slurp(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
 
 std::vector<Figure> cast(const std::string& activity, int people, std::uint64_t seed) {
   return make_cast({people, activity, seed, 20}, *make_path("xyz", 20, seed));
@@ -126,39 +112,21 @@ TEST(Labels, WhoIsOutOfThePictureHasNone) {
   EXPECT_TRUE(label_people(renderer, std::span(&portrait.figure, 1), away, 0).empty());
 }
 
-class PeopleSequence : public testing::Test {
+class PeopleSequence : public SequenceFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) / ("people_" + std::to_string(getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  static GeneratorOptions small() {
-    GeneratorOptions options;
-    options.width = 160;
-    options.height = 120;
-    options.texel_scale = 10;
-    options.seconds = 0.5;
-    options.fps = 10;
+  static GeneratorOptions two_sitting() {
+    GeneratorOptions options = small();
     options.trajectory = "xyz";
     options.people = 2;
     options.activity = "sitting";
     options.labels = true;
     return options;
   }
-
-  nlohmann::json make(const GeneratorOptions& options, const std::string& name, int threads) {
-    EXPECT_TRUE(generate(options, folder_ / name, threads, [](int, int) { return true; }));
-    return nlohmann::json::parse(slurp(folder_ / name / "sequence.json"));
-  }
-
-  fs::path folder_;
 };
 
 // When a change of the generator is meant, raise kGeneratorVersion and put the new checksums here.
 TEST_F(PeopleSequence, BytesAreTheKnownOnesAndDoNotDependOnThreads) {
-  const auto one = make(small(), "one", 1), three = make(small(), "three", 3);
+  const auto one = make(two_sitting(), "one", 1), three = make(two_sitting(), "three", 3);
   EXPECT_EQ(one, three);
   EXPECT_EQ(slurp(folder_ / "one" / "labels.bin"), slurp(folder_ / "three" / "labels.bin"));
   EXPECT_EQ(one["checksum"], "0dc585c9883ae2d9c5ec190dd5605257bae8ff00f804ee5996a697aa123e937d");
@@ -168,7 +136,7 @@ TEST_F(PeopleSequence, BytesAreTheKnownOnesAndDoNotDependOnThreads) {
 }
 
 TEST_F(PeopleSequence, LabelsAreBesideThePicturesNotInThem) {
-  GeneratorOptions options = small();
+  GeneratorOptions options = two_sitting();
   const auto with = make(options, "with", 2);
   options.labels = false;
   const auto without = make(options, "without", 2);
@@ -178,24 +146,16 @@ TEST_F(PeopleSequence, LabelsAreBesideThePicturesNotInThem) {
 }
 
 TEST_F(PeopleSequence, BadOptionsAreOneLine) {
-  const auto rejects = [&](const GeneratorOptions& options) {
-    try {
-      generate(options, folder_ / "bad", 1, [](int, int) { return true; });
-      return std::string("accepted");
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
-  };
-  GeneratorOptions options = small();
+  GeneratorOptions options = two_sitting();
   options.activity = "dancing";
-  EXPECT_NE(rejects(options).find("'dancing'"), std::string::npos);
-  options = small();
+  EXPECT_NE(rejected(options).find("'dancing'"), std::string::npos);
+  options = two_sitting();
   options.trajectory = "block";
   options.sensor = "mono";
-  EXPECT_NE(rejects(options).find("rooms"), std::string::npos);
-  options = small();
+  EXPECT_NE(rejected(options).find("rooms"), std::string::npos);
+  options = two_sitting();
   options.sensor_model.flaws.distortion = 0.01;
-  EXPECT_NE(rejects(options).find("distortion"), std::string::npos);
+  EXPECT_NE(rejected(options).find("distortion"), std::string::npos);
 }
 
 }  // namespace
