@@ -33,9 +33,9 @@ struct LocalMapper::Impl {
     int since = 0;  ///< number of the keyframe it came with
   };
 
-  int age_of(const Recent& recent, const MapPoint& point) const {
+  int age_of(const Recent& one, const MapPoint& point) const {
     return options.ages_by_id ? static_cast<int>(current.value - point.first_keyframe.value)
-                              : keyframes - recent.since;
+                              : keyframes - one.since;
   }
 
   LocalMapperOptions options;

@@ -118,7 +118,7 @@ TEST_F(MapperTest, NoTriangulationFromTheSamePlace) {
 }
 
 TEST_F(MapperTest, AgesByIdCountKeyframesThatNeverCame) {
-  LocalMapper by_id({.ages_by_id = true}, map, IdSpace::kEdgeMapper);
+  LocalMapper by_id({.ages_by_id = true, .bundle = {}}, map, IdSpace::kEdgeMapper);
   const auto insert = [&](KeyFrameId id) {
     by_id.insert(id);
     return id;
