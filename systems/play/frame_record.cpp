@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
 
@@ -12,6 +13,8 @@ namespace {
 constexpr const char* kStates[] = {"ok", "lost", "not_initialised"};
 /// A unit quaternion in single precision is this near to length 1.
 constexpr double kUnitTolerance = 1e-3;
+/// Further from its world's origin nothing drives; and such a number can be turned without overflow.
+constexpr double kFarthest_m = 1e9;
 
 JsonLine frame_event(std::string_view type, const OfferedFrame& frame) {
   return JsonLine(type).add("frame", frame.played.index).add("seq_s", frame.played.seq_s());
@@ -20,9 +23,10 @@ JsonLine frame_event(std::string_view type, const OfferedFrame& frame) {
 SE3 camera_pose(const slambed_pose& pose) {
   const Eigen::Map<const Eigen::Vector3d> t(pose.t_wc);
   const Eigen::Quaterniond q(pose.q_wc[3], pose.q_wc[0], pose.q_wc[1], pose.q_wc[2]);
-  if (!t.allFinite() || !(std::abs(q.norm() - 1) < kUnitTolerance)) {
+  if (!(t.cwiseAbs().maxCoeff() < kFarthest_m) || !t.allFinite() ||
+      !(std::abs(q.norm() - 1) < kUnitTolerance)) {
     throw bad_input("the pose of frame " + std::to_string(pose.index) +
-                    " is no pose: send finite metres and a unit quaternion x y z w");
+                    " is no pose: send metres (less than 1e9) and a unit quaternion x y z w");
   }
   return SE3(q, t).inverse();
 }
@@ -35,6 +39,23 @@ void write(const std::filesystem::path& path, const std::map<std::uint64_t, SE3>
 }
 
 }  // namespace
+
+JsonLine system_event(std::string_view text) {
+  const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object() || !json.contains("type") || !json["type"].is_string()) {
+    throw bad_input("an event of the system is no JSON object with a type: " +
+                    std::string(text.substr(0, 80)));
+  }
+  JsonLine line(json["type"].get<std::string>());
+  for (const auto& [key, value] : json.items()) {
+    if (key == "type" || key == "t_ns") continue;
+    if (value.is_boolean()) line.add(key, value.get<bool>());
+    else if (value.is_number_integer()) line.add(key, value.get<std::int64_t>());
+    else if (value.is_number()) line.add(key, value.get<double>());
+    else line.add(key, value.is_string() ? value.get<std::string>() : value.dump());
+  }
+  return line;
+}
 
 void FrameRecord::taken(const OfferedFrame& frame, std::int64_t recorded_ns) {
   waiting_[frame.played.index] = {frame, recorded_ns};

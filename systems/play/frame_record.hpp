@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <string_view>
 
 #include "node/event_log.hpp"
 #include "node/playback.hpp"
@@ -11,6 +12,10 @@
 #include "play/client/slambed_client.h"
 
 namespace slambed {
+
+/// An event of the system's own, as it sent it: a JSON object with a type, whose values are taken one
+/// by one. bad_input for anything else.
+JsonLine system_event(std::string_view text);
 
 /// What a system said of its frames becomes the events and trajectories that every system leaves.
 /// A frame that was taken and of which nothing was said until a later one was is one without a

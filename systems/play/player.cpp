@@ -125,7 +125,7 @@ class Player {
     while (const auto packet = conversation_.next()) {
       if (packet->type == SLAMBED_READY) return true;
       if (packet->type == SLAMBED_HELLO) greet();
-      if (packet->type == SLAMBED_EVENT) note(packet->text);
+      if (packet->type == SLAMBED_EVENT) log_.write(system_event(packet->text));
       if (packet->type != SLAMBED_HELLO && packet->type != SLAMBED_EVENT) {
         throw bad_input("the system asked for frames before it said that it is ready");
       }
@@ -139,24 +139,6 @@ class Player {
     info.type = SLAMBED_INFO;
     info.protocol = SLAMBED_PROTOCOL;
     conversation_.send_info(info);
-  }
-
-  /// An event of the system's own.
-  void note(std::string_view text) {
-    const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
-    if (!json.is_object() || !json.contains("type") || !json["type"].is_string()) {
-      throw bad_input("an event of the system is no JSON object with a type: " +
-                      std::string(text.substr(0, 80)));
-    }
-    JsonLine line(json["type"].get<std::string>());
-    for (const auto& [key, value] : json.items()) {
-      if (key == "type" || key == "t_ns") continue;
-      if (value.is_boolean()) line.add(key, value.get<bool>());
-      else if (value.is_number_integer()) line.add(key, value.get<std::int64_t>());
-      else if (value.is_number()) line.add(key, value.get<double>());
-      else line.add(key, value.is_string() ? value.get<std::string>() : value.dump());
-    }
-    log_.write(line);
   }
 
   void live() {
@@ -193,7 +175,7 @@ class Player {
           record_.placed(packet->pose);
           break;
         case SLAMBED_EVENT:
-          note(packet->text);
+          log_.write(system_event(packet->text));
           break;
         default:
           break;

@@ -4,10 +4,8 @@
 #include <poll.h>
 #include <unistd.h>
 
-#include <fstream>
-#include <sstream>
-
 #include "base/error.hpp"
+#include "node/tests/temporary_folder.hpp"
 #include "play/command.hpp"
 #include "play/conversation.hpp"
 #include "play/frame_record.hpp"
@@ -15,23 +13,14 @@
 namespace slambed {
 namespace {
 
-namespace fs = std::filesystem;
+using testing::read_text;
 
-std::string text_of(const fs::path& path) {
-  std::ostringstream text;
-  text << std::ifstream(path).rdbuf();
-  return text.str();
-}
-
-class RecordTest : public testing::Test {
+class RecordTest : public ::testing::Test {
  protected:
-  RecordTest()
-      : folder_(fs::path(testing::TempDir()) / ("play" + std::to_string(getpid()))),
-        log_((fs::create_directories(folder_), folder_ / "events.jsonl"), NodeRole::kMobile) {
+  RecordTest() {
     log_.set_clock([this] { return now_; });
     log_.start({}, [] {});
   }
-  ~RecordTest() override { fs::remove_all(folder_); }
 
   void take(std::uint64_t index) {
     const PlayedFrame played{index, RunTime(static_cast<std::int64_t>(index) * 100'000'000)};
@@ -53,7 +42,7 @@ class RecordTest : public testing::Test {
   }
   std::string events() {
     log_.flush();
-    return text_of(folder_ / "events.jsonl");
+    return read_text(folder_ / "events.jsonl");
   }
   static int count(const std::string& text, const std::string& part) {
     int found = 0;
@@ -61,9 +50,10 @@ class RecordTest : public testing::Test {
     return found;
   }
 
-  fs::path folder_;
+  testing::TemporaryFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
   RunTime now_{};
-  EventLog log_;
+  EventLog log_{folder_ / "events.jsonl", NodeRole::kMobile};
   FrameRecord record_{log_};
 };
 
@@ -97,12 +87,12 @@ TEST_F(RecordTest, FinalPosesMakeTheTrajectoryAndLeaveTheLiveOne) {
   take(0);
   pose(0, SLAMBED_OK, 1.0);
   record_.write_trajectories(folder_);
-  EXPECT_EQ(text_of(folder_ / "trajectory.txt"), text_of(folder_ / "trajectory_live.txt"));
+  EXPECT_EQ(read_text(folder_ / "trajectory.txt"), read_text(folder_ / "trajectory_live.txt"));
   record_.placed(packet(0, SLAMBED_OK, 2.0));
   record_.write_trajectories(folder_);
-  EXPECT_NE(text_of(folder_ / "trajectory_live.txt").find("\n1.000000000 1.000000000 "),
+  EXPECT_NE(read_text(folder_ / "trajectory_live.txt").find("\n1.000000000 1.000000000 "),
             std::string::npos);
-  EXPECT_NE(text_of(folder_ / "trajectory.txt").find("\n1.000000000 2.000000000 "),
+  EXPECT_NE(read_text(folder_ / "trajectory.txt").find("\n1.000000000 2.000000000 "),
             std::string::npos);
 }
 
@@ -111,12 +101,23 @@ TEST_F(RecordTest, WhatIsNoPoseIsRefused) {
   EXPECT_THROW(pose(1), Error);                     // never given
   EXPECT_THROW(pose(0, 3), Error);                  // no state
   EXPECT_THROW(pose(0, SLAMBED_OK, NAN), Error);
+  EXPECT_THROW(pose(0, SLAMBED_OK, -1e308), Error);  // finite, until it is turned
   auto long_quaternion = packet(0, SLAMBED_OK, 0);
   long_quaternion.q_wc[3] = 2;
   EXPECT_THROW(record_.tracked(long_quaternion, now_), Error);
   EXPECT_THROW(record_.placed(packet(0, SLAMBED_OK, 0)), Error);  // never tracked
   pose(0);
   EXPECT_THROW(pose(0), Error);  // twice
+}
+
+TEST(SystemEvent, IsAnObjectWithATypeAndKeepsItsValues) {
+  EXPECT_EQ(system_event(R"({"b": [1, "\u00e9"], "type": "map", "n": 3, "x": 0.5, "on": true, "t_ns": 7})")
+                .fields(),
+            R"("type":"map","b":"[1,\"é\"]","n":3,"on":true,"x":0.5)");
+  for (const char* bad : {"", "[]", "{}", R"({"type": 1})", R"({"type": "a")", "{\"type\": \"\xff\"}",
+                          R"({"type": "a", "x": 1e999})"}) {
+    EXPECT_THROW(system_event(bad), Error) << bad;
+  }
 }
 
 TEST(Conversation, WhatIsNoPacketIsRefused) {
