@@ -143,6 +143,8 @@ inline std::vector<Target> targets() {
       {"pose_answer", encode(PoseAnswer{.keyframe = keyframe_id(3), .matches = 300, .T_cw = SE3()}),
        [](auto b) { defect(decode_pose_answer(b)); }},
       {"filled", fill_up({1, 2, 3}, 20), [](auto b) { without_filler(b); }},
+      {"trip_keyframe", fill_up(encode(keyframe), 0),
+       [=](auto b) { decode_keyframe(without_filler(b), sensor); }},
       {"hello", encode(hello), [](auto b) { decode_hello(b); }},
       {"jpeg", encode_jpeg(example_picture(40, 30).view(), 60),
        [](auto b) { decode_jpeg(b, 40, 30); }},
