@@ -7,9 +7,9 @@
 namespace slambed {
 
 System edgeslam_system() {
-  auto parameters = offload_parameters({"serial", "parallel", "parallel_waiting"});
-  for (ParameterSpec& one : original_parameters()) parameters.push_back(std::move(one));
-  System system = offload_system("edgeslam", std::move(parameters));
+  auto specs = offload_parameters({"serial", "parallel", "parallel_waiting"});
+  for (ParameterSpec& one : original_parameters()) specs.push_back(std::move(one));
+  System system = offload_system("edgeslam", std::move(specs));
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<EdgeSlamMobile>(node, parameters);
