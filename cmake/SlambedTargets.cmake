@@ -15,6 +15,9 @@ add_library(slambed_flags INTERFACE)
 # No contraction into FMA and no -march: the same source gives the same bytes on every machine.
 # Hot integer kernels choose their instruction set at run time (target_clones) instead.
 target_compile_options(slambed_flags INTERFACE -Wall -Wextra -Wshadow -ffp-contract=off)
+if(SLAMBED_WERROR)
+  target_compile_options(slambed_flags INTERFACE -Werror)
+endif()
 target_include_directories(slambed_flags INTERFACE ${PROJECT_SOURCE_DIR}/systems/core)
 foreach(sanitizer IN LISTS SLAMBED_SANITIZE)
   target_compile_options(slambed_flags INTERFACE -fsanitize=${sanitizer} -fno-omit-frame-pointer -g1)

@@ -12,7 +12,7 @@ jobs=$(nproc)
 source tools/steps.sh
 
 compile() {
-  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON >/dev/null \
+  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_WERROR=ON >/dev/null \
     && rm -f "$build/bin/sources.sha256" \
     && ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-} \
     && PYTHONPATH=harness python3 -m slambed.spec.software >"$build/bin/sources.sha256"
