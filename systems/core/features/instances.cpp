@@ -43,17 +43,6 @@ std::vector<std::uint8_t> moving_pixels(const FrameMasks& masks) {
   return pixels;
 }
 
-/// The lens's own pixel of an ideal one.
-Eigen::Vector2d raw_pixel(const Camera& camera, float u, float v) {
-  if (!camera.distorted()) return {u, v};
-  const auto& [k1, k2, p1, p2, k3] = camera.distortion;
-  const double x = (u - camera.cx) / camera.fx, y = (v - camera.cy) / camera.fy;
-  const double r2 = x * x + y * y;
-  const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
-  return {camera.fx * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + camera.cx,
-          camera.fy * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + camera.cy};
-}
-
 }  // namespace
 
 std::string defect(const FrameMasks& masks) {
@@ -81,7 +70,7 @@ std::vector<std::uint8_t> features_off_masks(const FeatureSet& features, const F
   const auto moving = moving_pixels(masks);
   for (int i = 0; i < features.size(); ++i) {
     const KeyPoint& seen = features.keypoint(i);
-    const Eigen::Vector2d at = raw_pixel(camera, seen.u, seen.v);
+    const Eigen::Vector2d at = camera.distort(seen.u, seen.v);
     const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
     const int left = std::max(0, x - border_px), right = std::min(masks.width - 1, x + border_px);
     const int low = std::min(masks.height - 1, y + border_px);

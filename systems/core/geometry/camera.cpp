@@ -32,6 +32,16 @@ Eigen::Vector2d Camera::undistort(double u_raw, double v_raw) const {
   return {fx * x + cx, fy * y + cy};
 }
 
+Eigen::Vector2d Camera::distort(double u, double v) const {
+  if (!distorted()) return {u, v};
+  const auto& [k1, k2, p1, p2, k3] = distortion;
+  const double x = (u - cx) / fx, y = (v - cy) / fy;
+  const double r2 = x * x + y * y;
+  const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+  return {fx * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + cx,
+          fy * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + cy};
+}
+
 ImageBounds undistorted_bounds(const Camera& camera) {
   ImageBounds bounds{0, 0, double(camera.width), double(camera.height)};
   if (!camera.distorted()) return bounds;

@@ -24,6 +24,8 @@ struct Camera {
   }
   /// Maps a raw pixel to the ideal pinhole pixel with the same K (fixed-point iteration).
   Eigen::Vector2d undistort(double u_raw, double v_raw) const;
+  /// Its inverse: the raw pixel in which the lens shows an ideal one.
+  Eigen::Vector2d distort(double u, double v) const;
 };
 
 /// Axis-aligned pixel bounds of the undistorted image.

@@ -13,7 +13,7 @@ Camera strong_lens() {
 }
 
 /// The lens model forwards, written from OpenCV's documented formula.
-Eigen::Vector2d distort(const Camera& c, const Eigen::Vector2d& pixel) {
+Eigen::Vector2d by_formula(const Camera& c, const Eigen::Vector2d& pixel) {
   const double x = (pixel.x() - c.cx) / c.fx, y = (pixel.y() - c.cy) / c.fy, r2 = x * x + y * y;
   const auto& [k1, k2, p1, p2, k3] = c.distortion;
   const double radial = 1 + k1 * r2 + k2 * r2 * r2 + k3 * r2 * r2 * r2;
@@ -27,7 +27,20 @@ TEST(CameraTest, UndistortInvertsTheLensOverTheWholeImage) {
   for (int v = 0; v <= camera.height; v += 20) {
     for (int u = 0; u <= camera.width; u += 20) {
       const Eigen::Vector2d ideal = camera.undistort(u, v);
-      EXPECT_LT((distort(camera, ideal) - Eigen::Vector2d(u, v)).norm(), 1e-6) << u << " " << v;
+      EXPECT_LT((by_formula(camera, ideal) - Eigen::Vector2d(u, v)).norm(), 1e-6) << u << " " << v;
+    }
+  }
+}
+
+TEST(CameraTest, DistortIsTheLensAndUndistortsInverse) {
+  const Camera camera = strong_lens();
+  for (int v = 0; v <= camera.height; v += 20) {
+    for (int u = 0; u <= camera.width; u += 20) {
+      const Eigen::Vector2d raw = camera.distort(u, v);
+      EXPECT_LT((raw - by_formula(camera, {u, v})).norm(), 1e-9) << u << " " << v;
+      const Eigen::Vector2d ideal = camera.undistort(u, v);
+      EXPECT_LT((camera.distort(ideal.x(), ideal.y()) - Eigen::Vector2d(u, v)).norm(), 1e-6)
+          << u << " " << v;
     }
   }
 }
@@ -36,6 +49,7 @@ TEST(CameraTest, WithoutDistortionAPixelStaysWhereItIs) {
   Camera camera = strong_lens();
   camera.distortion = {};
   EXPECT_EQ(camera.undistort(12.25, 400.5), Eigen::Vector2d(12.25, 400.5));
+  EXPECT_EQ(camera.distort(12.25, 400.5), Eigen::Vector2d(12.25, 400.5));
   const ImageBounds bounds = undistorted_bounds(camera);
   EXPECT_EQ(bounds.min_x, 0);
   EXPECT_EQ(bounds.max_x, 640);
