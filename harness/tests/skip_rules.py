@@ -29,6 +29,7 @@ RULES: list[tuple[str, Callable[[], bool]]] = [
     (r"needs Docker|needs the node image", _no_docker),
     (r"this kernel has no netem", lambda: not netem_available()),
     (r"this kernel has netem", netem_available),
+    (r"no autogroups", lambda: not Path("/proc/self/autogroup").exists()),
     (r"those of cgroup v1", lambda: version() != "v1"),
     (r"/dev/net/tun|TUN", lambda: _not_root() or not Path("/dev/net/tun").exists()),
     (r"no recording .* in the folders given", lambda: True),

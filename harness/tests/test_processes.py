@@ -2,6 +2,7 @@
 """Many virtual runs at once complete, also where commits are slow and processes are killed."""
 
 import contextlib
+import ctypes
 import os
 import random
 import shutil
@@ -19,7 +20,7 @@ from typing import Any
 
 import psutil
 import pytest
-from harness_parts import stand_in_sim, virtual_spec
+from harness_parts import needs_root, stand_in_sim, virtual_spec
 from pebble.common import ProcessFuture, Result, ResultStatus
 from pebble.concurrent.process import _worker_handler
 from virtual_parts import Quiet
@@ -29,10 +30,13 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import MOST_DEATHS, Runner
-from slambed.engines.virtual import NICE
+from slambed.engines.virtual import NICE, go_behind
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.metrics.summary import Summary
 from slambed.spec.matrix import RunSpec
+
+AUTOGROUP = Path("/proc/self/autogroup")
+PR_SET_DUMPABLE = 4
 
 
 class SlowFolder(ResultFolder):
@@ -193,6 +197,23 @@ def test_virtual_runs_go_behind_what_is_live(tmp_path: Path) -> None:
     least = max(NICE, os.getpriority(os.PRIO_PROCESS, 0))
     assert seen and all(min(process, parent) >= least for process, parent, _ in seen)
     assert {shared for *_, shared in seen} == {str(NICE)}
+
+
+@needs_root
+@pytest.mark.skipif(not AUTOGROUP.exists(), reason="this kernel has no autogroups")
+def test_those_of_somebody_who_is_not_root_do_as_well() -> None:
+    """The kernel lets others than root change a group of processes once in 0.1 s."""
+    started = []
+    for _ in range(3):
+        pid = os.fork()
+        if pid == 0:
+            os.setsid()
+            os.setuid(65534)
+            ctypes.CDLL(None).prctl(PR_SET_DUMPABLE, 1, 0, 0, 0)  # or its own files are root's
+            go_behind()
+            os._exit(0 if AUTOGROUP.read_text().split()[-1] == str(NICE) else 1)
+        started.append(pid)
+    assert [os.waitpid(pid, 0)[1] for pid in started] == [0, 0, 0]
 
 
 KILLED_HARNESS = """

@@ -14,7 +14,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ CACHE_BYTES = 4 << 30
 CACHES = (".features", ".images")
 NICE = 10
 """A tenth of an ordinary process's share: with less, thirty jobs on a busy core would stall."""
+AUTOGROUP_TRIES, AUTOGROUP_PAUSE_S = 8, 0.06
 PR_SET_PDEATHSIG = 1
 QUALITY = "jpeg_quality"
 """Parameter of systems that send pictures; what the edge extracts from depends on it."""
@@ -222,9 +223,17 @@ def as_child() -> None:
 def go_behind() -> None:
     """For a process: what is live on this host goes first; a virtual run has time of its own."""
     os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), NICE))
-    with suppress(OSError):
-        # Kernels with autogroups share CPUs out among sessions first, and this is a new one.
-        Path("/proc/self/autogroup").write_text(str(NICE))
+    # Kernels with autogroups share CPUs out among sessions first, and this is a new one.
+    for _ in range(AUTOGROUP_TRIES):
+        try:
+            Path("/proc/self/autogroup").write_text(str(NICE))
+        except BlockingIOError:
+            # Who is not root may do that once in 0.1 s on the whole host.
+            time.sleep(AUTOGROUP_PAUSE_S)
+            continue
+        except OSError:
+            pass
+        break
 
 
 @contextmanager
