@@ -15,7 +15,7 @@ from test_spec import HOST, complaint, complaint_of, matrix, named
 
 from slambed.campaign.links import backend_for, read_profile
 from slambed.engines.faults import FaultDriver, RunEdge, steps, write_planned
-from slambed.engines.virtual import sim_json
+from slambed.engines.virtual import sim_config
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.profile import parse_profile
 from slambed.metrics.events import read_events
@@ -295,6 +295,6 @@ def test_the_simulation_is_told_when_the_edge_stands_still() -> None:
     host = Library().device("host")
     link = LinkSpec(backend="virtual", profile="none", content={"name": "none", "rtt_ms": 0})
     changes: dict[str, Any] = {"device_mobile": host, "device_edge": host, "link": link}
-    world = sim_json(run_spec(edge=True, faults=[FREEZE, CUT], **changes), 10, None)
+    world = sim_config(run_spec(edge=True, faults=[FREEZE, CUT], **changes), 10, None).as_json()
     assert world["edge_frozen_s"] == [[4.0, 5.5]]
-    assert sim_json(run_spec(edge=True, **changes), 10, None)["edge_frozen_s"] == []
+    assert sim_config(run_spec(edge=True, **changes), 10, None).edge_frozen_s == []

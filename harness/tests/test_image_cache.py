@@ -7,13 +7,13 @@ from typing import Any
 
 from harness_parts import run_spec
 
-from slambed.engines.virtual import feature_file, feature_key, prune_features, sim_json
+from slambed.engines.virtual import feature_file, feature_key, prune_features, sim_config
 from slambed.spec.library import Library
 
 
 def world(tmp_path: Path, **params: Any) -> dict[str, Any]:
     spec = run_spec(device_mobile=Library().device("host"), params=params)
-    return sim_json(spec, 10, feature_file(tmp_path, spec))
+    return sim_config(spec, 10, feature_file(tmp_path, spec)).as_json()
 
 
 def test_a_system_that_sends_pictures_gets_a_cache_of_them_per_quality(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_what_the_edge_extracts_hangs_on_the_quality(tmp_path: Path) -> None:
 def test_other_systems_and_runs_without_caches_get_none(tmp_path: Path) -> None:
     assert "image_cache" not in world(tmp_path, n_orb=500)
     spec = run_spec(device_mobile=Library().device("host"), params={"jpeg_quality": 90})
-    assert "image_cache" not in sim_json(spec, 10, None)
+    assert "image_cache" not in sim_config(spec, 10, None).as_json()
 
 
 def test_the_longest_unused_caches_of_either_kind_go(tmp_path: Path) -> None:

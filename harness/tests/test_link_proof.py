@@ -125,14 +125,14 @@ def test_the_relay_is_told_every_impairment() -> None:
         },
         "here",
     )
-    config = direction_config(profile, profile.up, [5.0], 30)
+    config = direction_config(profile, profile.up, [5.0], 30).as_json()
     assert config["delay_us"] == [5000.0]
     assert config["rate"] == {"bits_per_s": 40e6, "queue_bytes": 1_000_000}
     assert config["loss"] == {"to_bad": 0.01, "to_good": 0.2, "loss_good": 0.0, "loss_bad": 1.0}
     bursts = parse_profile(
         {"rtt_ms": 10, "loss": {"gilbert_elliott": {"good_s": 4, "bad_s": 1}}}, "here"
     )
-    assert direction_config(bursts, bursts.up, [5.0], 30)["loss"] == {
+    assert direction_config(bursts, bursts.up, [5.0], 30).as_json()["loss"] == {
         "good_s": 4.0,
         "bad_s": 1.0,
         "loss_good": 0.0,
@@ -140,7 +140,7 @@ def test_the_relay_is_told_every_impairment() -> None:
     }
     assert bursts.up.loss is not None and bursts.up.loss.mean() == 0.2
     assert config["jitter"]["scale_us"] == 2000
-    assert config["gaps_s"] == [(1, 1.5), (11, 11.5), (21, 21.5)]
+    assert config["gaps_s"] == [[1.0, 1.5], [11.0, 11.5], [21.0, 21.5]]
 
 
 def test_the_packet_log_says_what_an_echo_waited(tmp_path: Path) -> None:

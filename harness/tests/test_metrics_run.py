@@ -10,8 +10,8 @@ import pytest
 from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_raw
 
+from slambed import document
 from slambed.data.trajectory import read_tum
-from slambed.metrics import document
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.catalog import SUMMARY_KEYS, metrics_of
 from slambed.metrics.collect import keep_groundtruth

@@ -10,7 +10,7 @@ from command_line import refused, slambed
 from harness_parts import run_spec
 from virtual_parts import make_sequence, needs_programs
 
-from slambed.engines.result import run_json
+from slambed.engines.result import run_config
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec import inputs
 
@@ -105,7 +105,7 @@ def test_a_file_comes_into_the_run_folder_unchanged_or_not_at_all(tmp_path: Path
     run_dir = tmp_path / "run"
     run_dir.mkdir()
     inputs.copy_inputs(run_dir, {"prior_map": str(path)}, spec.inputs)
-    inside = run_json(spec, "/sequence", str(run_dir), 1.0)["params"]["prior_map"]
+    inside = run_config(spec, "/sequence", str(run_dir), 1.0).params["prior_map"]
     assert Path(inside).read_bytes() == b"one map"
     path.write_bytes(b"another map")
     with pytest.raises(SlambedError, match="has changed since the campaign began"):

@@ -10,7 +10,7 @@ from virtual_parts import needs_programs
 from slambed.campaign.datasets import Sequence
 from slambed.data.catalog import Catalog
 from slambed.data.recipe import Playback as DatasetPlayback
-from slambed.engines.result import run_json, without_edge_files
+from slambed.engines.result import run_config
 from slambed.errors import SlambedError
 from slambed.spec.experiment import Playback
 from slambed.spec.system import Parameter
@@ -84,9 +84,9 @@ def test_the_mobile_node_is_told_of_no_file_that_is_for_the_edge() -> None:
         params={"prior_map": "/somewhere/a.slm", "vocabulary": "/somewhere/b.slv"},
         inputs={"prior_map": "0" * 64, "vocabulary": "1" * 64},
     ).model_copy(update={"edge_inputs": ["prior_map"]})
-    config = run_json(spec, "/sequence", "/out", 1.0)
-    assert config["params"]["prior_map"] == "/out/inputs/prior_map"
-    mobile = without_edge_files(config, spec)["params"]
+    config = run_config(spec, "/sequence", "/out", 1.0)
+    assert config.params["prior_map"] == "/out/inputs/prior_map"
+    mobile = config.without(spec.edge_inputs).params
     assert mobile["prior_map"] == ""
     assert mobile["vocabulary"] == "/out/inputs/vocabulary"
     with pytest.raises(ValueError, match="role belongs to parameters of type path"):

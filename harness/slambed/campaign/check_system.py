@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,9 @@ from slambed.json_file import object_or_empty
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.events import Event, read_jsonl
 from slambed.native import find_program
+from slambed.records.run_config import Network, RunConfig
 from slambed.spec.device import Limits
+from slambed.spec.experiment import Playback
 from slambed.spec.library import Library
 from slambed.spec.system import Role, System
 
@@ -68,7 +69,7 @@ class Trial:
     def started(self) -> Iterator[None]:
         """All nodes, the edge first; none is left behind."""
         self.run_dir.mkdir()
-        (self.run_dir / "run.json").write_text(json.dumps(self._config()))
+        (self.run_dir / "run.json").write_text(json.dumps(self._config().as_json()))
         with ExitStack() as cleanup:
             for role in sorted(self.system.roles):
                 node = self._start(role)
@@ -76,20 +77,26 @@ class Trial:
                 self.nodes[role] = node
             yield
 
-    def _config(self) -> dict[str, Any]:
+    def _config(self) -> RunConfig:
         variant = self.system.choose_variant(None)
         network = None
         if self.system.has_edge:
             ports = {name: _free_port() for name in self.system.channels}
-            network = {"edge_address": "127.0.0.1", "ports": ports}
-        return {
-            "format": "slambed-run", "version": 1, "run_key": "check", "seed": 1,
-            "system": self.system.name, "variant": variant,
-            "params": self.system.for_nodes(self.system.resolve(variant, {})),
-            "sequence": str(self.sequence),
-            "playback": {"mode": "every_frame", "fps": None, "start_s": 0.0, "end_s": None},
-            "network": network, "output": str(self.run_dir), "connect_timeout_s": 20.0,
-        }  # fmt: skip
+            network = Network(edge_address="127.0.0.1", ports=ports)
+        return RunConfig(
+            format="slambed-run",
+            version=1,
+            run_key="check",
+            seed=1,
+            system=self.system.name,
+            variant=variant,
+            params=self.system.for_nodes(self.system.resolve(variant, {})),
+            sequence=str(self.sequence),
+            playback=Playback(mode="every_frame"),
+            network=network,
+            output=str(self.run_dir),
+            connect_timeout_s=20.0,
+        )
 
     def _start(self, role: Role) -> subprocess.Popen[bytes]:
         plan = NodePlan(

@@ -16,10 +16,13 @@ class OpenLink(Message):
 
     ask: Literal["open"] = "open"
     spec: RunSpec
+    """The whole run."""
     mobile: str
     """File of the mobile node's network namespace."""
     edge: str
+    """The same of the edge."""
     log_dir: str
+    """Folder for the link's own files."""
     longest_s: float
     """How long the run may last."""
 
@@ -35,6 +38,7 @@ class StartLink(Message):
 
     ask: Literal["start"] = "start"
     t0_ns: int
+    """On CLOCK_MONOTONIC."""
 
 
 class LinkStarted(Message):
@@ -54,6 +58,7 @@ class Alive(Message):
 
     say: Literal["alive"] = "alive"
     alive: bool
+    """False once it went away by itself."""
 
 
 class StopLink(Message):

@@ -14,9 +14,11 @@ class AttendedNode(Message):
     """A node as the process beside it has to know it."""
 
     pid: int
+    """Of its first process, on the host."""
     thread_cores: float | None
     """Cap of each of its threads, in cores; null: none."""
     period_ms: float
+    """Length of a quota period."""
     namespace: str | None
     """File of its network namespace, where its connections are watched."""
 
@@ -34,6 +36,7 @@ class Attend(Message):
     pace: str | None
     """The program of the metronome; null: none is needed."""
     metronome_cpus: list[int]
+    """Those that it ticks on."""
     helper: bool
     """Whether this is a helper container, whose CPU group is not the host's."""
     whole_groups: bool
@@ -45,6 +48,7 @@ class Attending(Message):
 
     say: Literal["attending"] = "attending"
     real_time_metronome: bool | None
+    """Whether the metronome got real-time priority; null without one."""
 
 
 class Start(Message):
@@ -52,6 +56,7 @@ class Start(Message):
 
     ask: Literal["start"] = "start"
     t0_ns: int
+    """On CLOCK_MONOTONIC."""
 
 
 class Started(Message):
@@ -67,6 +72,7 @@ class Follow(Message):
     node: str
     """Its role."""
     pid: int
+    """Of the new process."""
 
 
 class Following(Message):
@@ -102,7 +108,9 @@ class Ticking(Message):
     """What `slambed-pace tick` says when it has begun."""
 
     ready: Literal[True]
+    """Always true."""
     real_time: bool
+    """Whether it got real-time priority."""
 
 
 TICKING: TypeAdapter[Ticking] = TypeAdapter(Ticking)

@@ -28,8 +28,7 @@ from slambed.engines.result import (
     InterruptedRunError,
     Outcome,
     RunResult,
-    run_json,
-    without_edge_files,
+    run_config,
 )
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.record import LinkFacts
@@ -102,16 +101,16 @@ class LiveRun:
     def execute(self) -> RunResult:
         """Runs to the end. A node that dies or refuses its input is an outcome; what keeps it from
         starting is an error."""
-        config = run_json(
+        config = run_config(
             self._spec,
             self._engine.sequence_path(self._sequence),
             self._engine.output_path(self._run_dir),
             self._time_limit_s(),
         )
         if self._spec.edge_inputs:
-            (self._run_dir / EDGE_CONFIG).write_text(json.dumps(config, indent=1))
-            config = without_edge_files(config, self._spec)
-        (self._run_dir / "run.json").write_text(json.dumps(config, indent=1))
+            (self._run_dir / EDGE_CONFIG).write_text(json.dumps(config.as_json(), indent=1))
+            config = config.without(self._spec.edge_inputs)
+        (self._run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)
             with at_gate(self._nodes):

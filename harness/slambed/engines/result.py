@@ -3,10 +3,11 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 from slambed.link.profile import parse_profile
 from slambed.link.record import LinkFacts
+from slambed.records.run_config import Network, ProfileRtt, RunConfig
 from slambed.sampling.record import Beside, NodeLimits, Throttling
 from slambed.spec import inputs
 from slambed.spec.matrix import LinkSpec, RunSpec
@@ -42,40 +43,36 @@ class RunResult:
     """What sampler and metronome took themselves."""
 
 
-def profile_rtt(link: LinkSpec, horizon_s: float) -> dict[str, Any]:
+def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:
     """The RTT that the profile asks for, for a node that shall not measure it."""
     profile = parse_profile(link.content, f"profile {link.profile}")
     end_s = horizon_s if profile.duration is None else min(profile.duration, horizon_s)
     steps = range(math.ceil(end_s / RTT_STEP_S) + 1)
     rtt_ms = [round(profile.rtt_ms(step * RTT_STEP_S), 4) for step in steps]
-    return {"step_s": RTT_STEP_S, "rtt_ms": rtt_ms}
+    return ProfileRtt(step_s=RTT_STEP_S, rtt_ms=rtt_ms)
 
 
-def without_edge_files(config: dict[str, Any], spec: RunSpec) -> dict[str, Any]:
-    """The same for the mobile node, which is told of no file that is for the edge alone."""
-    return config | {"params": config["params"] | dict.fromkeys(spec.edge_inputs, "")}
-
-
-def run_json(spec: RunSpec, sequence: str, output: str, horizon_s: float) -> dict[str, Any]:
+def run_config(spec: RunSpec, sequence: str, output: str, horizon_s: float) -> RunConfig:
     """The run configuration (docs/formats.md); both paths as the nodes see them. The run is over
     before the horizon."""
-    network: dict[str, Any] | None = None
+    network: Network | None = None
     if spec.link is not None:
         ports = {name: FIRST_PORT + index for index, name in enumerate(spec.channels)}
-        network = {"edge_address": NETWORK_EDGE_ADDRESS, "ports": ports}
+        network = Network(edge_address=NETWORK_EDGE_ADDRESS, ports=ports)
         if spec.params.get("rtt_source") == "profile":
-            network["profile_rtt"] = profile_rtt(spec.link, horizon_s)
-    return {
-        "format": "slambed-run",
-        "version": 1,
-        "run_key": spec.run_key,
-        "seed": spec.seed,
-        "system": spec.system,
-        "variant": spec.variant,
-        "params": spec.params | {name: inputs.inside(output, name) for name in spec.inputs},
-        "sequence": sequence,
-        "playback": spec.playback.model_dump(mode="json"),
-        "network": network,
-        "output": output,
-        "connect_timeout_s": CONNECT_TIMEOUT_S,
-    }
+            asked = profile_rtt(spec.link, horizon_s)
+            network = network.model_copy(update={"profile_rtt": asked})
+    return RunConfig(
+        format="slambed-run",
+        version=1,
+        run_key=spec.run_key,
+        seed=spec.seed,
+        system=spec.system,
+        variant=spec.variant,
+        params=spec.params | {name: inputs.inside(output, name) for name in spec.inputs},
+        sequence=sequence,
+        playback=spec.playback,
+        network=network,
+        output=output,
+        connect_timeout_s=CONNECT_TIMEOUT_S,
+    )

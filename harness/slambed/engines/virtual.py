@@ -17,20 +17,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from slambed.endings import ended_from_outside, ending
 from slambed.engines.base import last_line
 from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
-from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_json
+from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
-from slambed.link.modelled import link_json, write_link_log
+from slambed.link.direction import ModelledLink
+from slambed.link.modelled import modelled_link, write_link_log
 from slambed.link.profile import parse_profile
 from slambed.link.record import LinkFacts
 from slambed.native import SIMULATION
-from slambed.spec.device import Device
+from slambed.records.sim_config import CacheFile, MaskFile, SimConfig, SimDevices
+from slambed.spec.device import CostModel, Device
 from slambed.spec.matrix import RunSpec, canonical_json
 
 DRAIN_S = 30.0
@@ -50,35 +51,30 @@ QUALITY = "jpeg_quality"
 """Parameter of systems that send pictures; what the edge extracts from depends on it."""
 
 
-def sim_json(spec: RunSpec, horizon_s: float, features: Path | None) -> dict[str, Any]:
+def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
     """The world around the nodes (docs/formats.md, "Virtual run")."""
-    link: dict[str, Any] | None = None
+    link: ModelledLink | None = None
     if spec.link is not None:
-        link = link_json(
-            parse_profile(spec.link.content, f"profile {spec.link.profile}"), horizon_s
-        )
-    return {
-        "format": "slambed-sim",
-        "version": 1,
-        "run": "run.json",
-        "devices": {
-            "mobile": _device(spec.device_mobile),
-            "edge": _device(spec.device_edge) if spec.device_edge else None,
-        },
-        "link": link,
-        "edge_frozen_s": [[f.at_s, f.end_s] for f in spec.faults if f.edge == "freeze"],
-        "feature_cache": (
-            {"path": str(features), "key": feature_key(spec)} if features is not None else None
+        profile = parse_profile(spec.link.content, f"profile {spec.link.profile}")
+        link = modelled_link(profile, horizon_s)
+    config = SimConfig(
+        format="slambed-sim",
+        version=1,
+        run="run.json",
+        devices=SimDevices(
+            mobile=_model(spec.device_mobile),
+            edge=_model(spec.device_edge) if spec.device_edge else None,
         ),
-        **_image_cache(spec, features),
-        **_mask_caches(spec),
-    }
-
-
-def _image_cache(spec: RunSpec, features: Path | None) -> dict[str, Any]:
-    """Where the pictures are that a system sends, beside the features."""
+        link=link,
+        edge_frozen_s=[(f.at_s, f.end_s) for f in spec.faults if f.edge == "freeze"],
+        feature_cache=CacheFile(path=str(features), key=feature_key(spec)) if features else None,
+    )
+    if spec.masks is not None:
+        masks = MaskFile(n_m=spec.masks.n_m, path=spec.masks.path, key=spec.masks.key)
+        config = config.model_copy(update={"mask_caches": [masks]})
     if features is None or QUALITY not in spec.params:
-        return {}
+        return config
+    # Where the pictures are that a system sends, beside the features.
     key = canonical_json(
         {
             "sequence": spec.sequence_checksum,
@@ -86,23 +82,16 @@ def _image_cache(spec: RunSpec, features: Path | None) -> dict[str, Any]:
             QUALITY: spec.params[QUALITY],
         }
     )
-    return {"image_cache": {"path": str(_named(features.parent, key, ".images")), "key": key}}
+    images = CacheFile(path=str(_named(features.parent, key, ".images")), key=key)
+    return config.model_copy(update={"image_cache": images})
 
 
-def _mask_caches(spec: RunSpec) -> dict[str, Any]:
-    """What the segmentation says, for systems that have one."""
-    if spec.masks is None:
-        return {}
-    file = {"n_m": spec.masks.n_m, "path": spec.masks.path, "key": spec.masks.key}
-    return {"mask_caches": [file]}
-
-
-def _device(device: Device) -> dict[str, Any]:
+def _model(device: Device) -> CostModel:
     if device.model is None:
         raise SlambedError(
             f"device {device.name} has no cost model; fit one: slambed calibrate --stages"
         )
-    return device.model.model_dump(mode="json")
+    return device.model
 
 
 def feature_key(spec: RunSpec) -> str:
@@ -158,11 +147,11 @@ class VirtualRun:
 
     def _write_files(self) -> None:
         # The output path is relative: equal runs in different folders leave equal files.
-        config = run_json(self.spec, str(self.sequence.resolve()), ".", self.played_s + DRAIN_S)
-        (self.run_dir / "run.json").write_text(json.dumps(config, indent=1))
+        config = run_config(self.spec, str(self.sequence.resolve()), ".", self.played_s + DRAIN_S)
+        (self.run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         features = feature_file(self.features, self.spec).resolve() if self.features else None
-        world = sim_json(self.spec, self.played_s + DRAIN_S, features)
-        (self.run_dir / "sim.json").write_text(json.dumps(world))
+        world = sim_config(self.spec, self.played_s + DRAIN_S, features)
+        (self.run_dir / "sim.json").write_text(json.dumps(world.as_json()))
         if self.spec.link is not None:
             profile = parse_profile(self.spec.link.content, f"profile {self.spec.link.profile}")
             write_link_log(profile, self.played_s, self.run_dir / "link")

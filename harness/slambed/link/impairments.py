@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What besides delay a profile can ask of a direction: jitter, loss, rate, silence."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from slambed.link.direction import JitterConfig, LossConfig
 
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -35,18 +37,18 @@ class Jitter(BaseModel):
             raise ValueError("give correlation or correlation_s, not both")
         return self
 
-    def relay_config(self) -> dict[str, Any]:
+    def relay_config(self) -> JitterConfig:
         """As slambed-relay reads it."""
         scale_ms = self.sd_ms if self.shape == "normal" else self.mean_ms
         assert scale_ms is not None
-        return {
-            "shape": self.shape,
-            "scale_us": scale_ms * 1e3,
-            "pareto_shape": self.tail,
-            "max_us": (self.max_ms or 0.0) * 1e3,
-            "correlation": self.correlation,
-            "correlation_time_s": self.correlation_s or 0.0,
-        }
+        return JitterConfig(
+            shape=self.shape,
+            scale_us=scale_ms * 1e3,
+            pareto_shape=self.tail,
+            max_us=(self.max_ms or 0.0) * 1e3,
+            correlation=self.correlation,
+            correlation_time_s=self.correlation_s or 0.0,
+        )
 
 
 class GilbertElliott(BaseModel):
@@ -103,11 +105,11 @@ class Loss(BaseModel):
             raise ValueError("give one of random, gilbert_elliott")
         return self
 
-    def relay_config(self) -> dict[str, float]:
+    def relay_config(self) -> LossConfig:
         """As slambed-relay reads it: independent loss is the chain that stays in its good state."""
         if self.gilbert_elliott is not None:
-            return self.gilbert_elliott.model_dump(exclude_none=True)
-        return {"to_bad": 0.0, "to_good": 1.0, "loss_good": self.random or 0.0, "loss_bad": 1.0}
+            return LossConfig(**self.gilbert_elliott.model_dump(exclude_none=True))
+        return LossConfig(to_bad=0.0, to_good=1.0, loss_good=self.random or 0.0, loss_bad=1.0)
 
     def mean(self) -> float:
         """Expected share of lost packets."""

@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slambed.link.backend import open_link
-from slambed.link.modelled import link_json
+from slambed.link.modelled import modelled_link
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import EDGE_ADDRESS
@@ -80,7 +80,7 @@ def virtual_ms(profile: Profile, trace: Trace, seed: int = 1) -> NDArray[np.floa
         "format": "slambed-messages",
         "version": 1,
         "seed": seed,
-        "link": link_json(profile, trace.end_s),
+        "link": modelled_link(profile, trace.end_s).as_json(),
         "messages": [
             {"sent_s": float(t), "bytes": int(max(0, size - HEADER_BYTES))}
             for t, size in zip(trace.sent_s, trace.sizes, strict=True)

@@ -2,24 +2,24 @@
 """A profile as slambed-sim reads it: what the relay reads, because it is the same model."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from slambed.link.direction import ModelledLink
 from slambed.link.profile import Profile
 from slambed.link.record import ASKED_STEP_S, series_frame
 from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
 
 
-def link_json(profile: Profile, horizon_s: float) -> dict[str, Any]:
+def modelled_link(profile: Profile, horizon_s: float) -> ModelledLink:
     """Both directions (docs/formats.md, "Virtual run")."""
     up_ms, down_ms = delay_table_ms(profile, horizon_s)
-    return {
-        "step_ms": STEP_MS,
-        "interpolation": "linear",
-        "up": direction_config(profile, profile.up, up_ms, horizon_s),
-        "down": direction_config(profile, profile.down, down_ms, horizon_s),
-    }
+    return ModelledLink(
+        step_ms=STEP_MS,
+        interpolation="linear",
+        up=direction_config(profile, profile.up, up_ms, horizon_s),
+        down=direction_config(profile, profile.down, down_ms, horizon_s),
+    )
 
 
 def write_link_log(profile: Profile, played_s: float, folder: Path) -> None:

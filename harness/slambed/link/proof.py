@@ -43,23 +43,31 @@ class LinkProof:
     """How well the link did what was asked."""
 
     valid: bool
+    """Whether it is within the tolerances."""
     reason: str
     """Why not valid, in one line; empty when it is."""
     echoes: int
+    """That count: sent during the run, early enough to come back."""
     answered_share: float
+    """Of those due by the probe's rate."""
     base_ms: float
+    """RTT of the path before anything was added to it."""
     asked_ms_mean: Measured
+    """Of the profile, where it was measured."""
     measured_ms_mean: Measured
     """Base included."""
     error_ms_median: Measured
     """Of |measured - asked - base|."""
     error_ms_p99: Measured
+    """Its 99th percentile."""
     error_ms_max: Measured
+    """The largest one."""
     bias_ms: Measured
     """Median of measured - asked - base, with its sign."""
     late_ms_median: float | None = None
-    """Applied against asked, all packets: time beyond due. None without a packet log."""
+    """Applied against asked, all packets: time beyond due; null without a packet log."""
     late_ms_p99: float | None = None
+    """Its 99th percentile."""
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,11 @@ class RelayCounters(Record):
     """What slambed-relay counted in one direction, in packets where nothing else is said."""
 
     bytes: int
+    """That came in."""
     delivered: int
+    """To the other side."""
     held_bytes_max: int
+    """Waiting at once, at most."""
     in_gap: int
     """Dropped because they were under way during a gap."""
     late_us_max: float
@@ -35,28 +38,39 @@ class RelayCounters(Record):
     overflow: int
     """Dropped because the relay held too many."""
     packets: int
+    """That came in."""
     queue_full: int
     """Dropped before the rate."""
     write_errors: int
+    """That the other side's device refused."""
 
 
 class KernelDrops(Record):
     """Packets that the kernel dropped at the relay's devices."""
 
     edge_rx: int
+    """Received, at the edge."""
     edge_tx: int
+    """Sent, at the edge."""
     mobile_rx: int
+    """Received, at the mobile node."""
     mobile_tx: int
+    """Sent, at the mobile node."""
 
 
 class RelaySummary(Record):
     """What slambed-relay leaves as `relay_summary.json`; empty where it could not."""
 
     down: RelayCounters | None = None
+    """Edge to mobile."""
     kernel_drops: KernelDrops | None = None
+    """At its devices."""
     real_time: bool | None = None
+    """Whether it got real-time priority."""
     seed: int | None = None
+    """Of losses and jitter."""
     up: RelayCounters | None = None
+    """Mobile to edge."""
 
 
 class LinkDetails(Record):
@@ -97,6 +111,7 @@ class LinkFacts(Record):
     distrust: str | None = None
     """Why this is not the link that was asked for."""
     details: LinkDetails = LinkDetails()
+    """Of the backend, in its own terms."""
     invalid_reason: str | None = None
     """Of runs made before `distrust`; no longer written."""
 

@@ -46,7 +46,9 @@ class RelayReady(Message):
     """slambed-relay has made its devices; they add nothing yet."""
 
     ready: Literal[True]
+    """Always true."""
     pid: int
+    """Its own."""
     real_time: bool
     """Whether it got real-time priority."""
 
@@ -55,13 +57,16 @@ class RelayApplied(Message):
     """Its answer to `apply`: the profile's value at time 0 is in force."""
 
     applied: Literal[True]
+    """Always true."""
 
 
 class RelayStarted(Message):
     """Its answer to `start N`: run time 0 is N on CLOCK_MONOTONIC."""
 
     started: Literal[True]
+    """Always true."""
     t0_ns: int
+    """As it was told."""
 
 
 A = TypeVar("A", bound=Message)
@@ -83,8 +88,8 @@ def relay_config(
         "seed": seed,
         "step_ms": STEP_MS,
         "interpolation": "linear",
-        "up": direction_config(profile, profile.up, up_ms, options.horizon_s),
-        "down": direction_config(profile, profile.down, down_ms, options.horizon_s),
+        "up": direction_config(profile, profile.up, up_ms, options.horizon_s).as_json(),
+        "down": direction_config(profile, profile.down, down_ms, options.horizon_s).as_json(),
         "spin_us": options.spin_us,
         "fifo_priority": FIFO_PRIORITY if options.real_time else 0,
         "parent_pid": os.getpid(),

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A profile compiled to what the relay reads: tables of one-way delay every 10 ms."""
 
-from typing import Any
-
 import numpy as np
 
+from slambed.link.direction import DirectionConfig, RateConfig
 from slambed.link.impairments import Rate, Side
 from slambed.link.profile import Profile
 from slambed.link.traces import mean_rate_mbps
@@ -41,21 +40,25 @@ def queue_bytes(rate: Rate, profile: Profile) -> int:
 
 def direction_config(
     profile: Profile, side: Side, table_ms: list[float], horizon_s: float
-) -> dict[str, Any]:
+) -> DirectionConfig:
     """One direction as slambed-relay reads it."""
-    config: dict[str, Any] = {"delay_us": [round(value * 1e3, 3) for value in table_ms]}
+    asked: dict[str, object] = {}
     if side.jitter is not None:
-        config["jitter"] = side.jitter.relay_config()
+        asked["jitter"] = side.jitter.relay_config()
     if side.loss is not None:
-        config["loss"] = side.loss.relay_config()
+        asked["loss"] = side.loss.relay_config()
     if side.rate is not None:
-        config["rate"] = {"queue_bytes": queue_bytes(side.rate, profile)}
-        if side.rate.trace is not None:
-            config["rate"]["opportunities_ms"] = profile.rate_traces[side.rate.trace]
-        else:
-            assert side.rate.mbps is not None
-            config["rate"]["bits_per_s"] = side.rate.mbps * 1e6
+        asked["rate"] = _rate_config(side.rate, profile)
     if profile.gaps:
-        config["gaps_s"] = [pair for gap in profile.gaps for pair in gap.within(horizon_s)]
-        config["gap_drops"] = int(profile.gap_mode == "drop")
-    return config
+        asked["gaps_s"] = [pair for gap in profile.gaps for pair in gap.within(horizon_s)]
+        asked["gap_drops"] = int(profile.gap_mode == "drop")
+    table_us = [round(value * 1e3, 3) for value in table_ms]
+    return DirectionConfig.model_validate({"delay_us": table_us, **asked})
+
+
+def _rate_config(rate: Rate, profile: Profile) -> RateConfig:
+    waiting = queue_bytes(rate, profile)
+    if rate.trace is not None:
+        return RateConfig(queue_bytes=waiting, opportunities_ms=profile.rate_traces[rate.trace])
+    assert rate.mbps is not None
+    return RateConfig(queue_bytes=waiting, bits_per_s=rate.mbps * 1e6)

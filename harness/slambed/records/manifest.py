@@ -29,7 +29,9 @@ class EngineFacts(Record):
     """What an engine says about itself."""
 
     image: str | None = None
+    """Tag of the image."""
     image_id: str | None = None
+    """Null without an image."""
 
 
 class Manifest(Record):
@@ -40,6 +42,7 @@ class Manifest(Record):
     experiment: str | None = None
     """That had it executed first."""
     cell: str | None = None
+    """System x dataset x link profile."""
     repetition: int | None = None
     """Counted from 0."""
     # What is read is never refused for what it lacks; what is written is whole.
@@ -71,14 +74,19 @@ class Manifest(Record):
     image: str | None = None
     """Only with Docker: its tag."""
     sequence_checksum: str | None = None
+    """Of the prepared sequence."""
     seed: int | None = None
+    """Of everything drawn in the run."""
     kernel: str | None = None
+    """Its release."""
     cpu_model: str | None = None
+    """As the kernel names it."""
     cores: int | None = None
     """Of the host."""
     load_1min: float | None = None
     """Of the host, as the run began."""
     started_utc: str | None = None
+    """ISO 8601."""
     versions: dict[str, str | None] | None = None
     """slambed, Python and the packages that compute figures."""
     attempt: int | None = None

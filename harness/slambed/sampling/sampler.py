@@ -11,6 +11,7 @@ from typing import TextIO
 import psutil
 
 from slambed.sampling.cgroup import CgroupReader, Usage, paths_of
+from slambed.sampling.record import Sample
 from slambed.sampling.tasks import Pressure, RunQueueDelay
 from slambed.sampling.tcp_info import TcpWatch
 
@@ -102,18 +103,18 @@ class Sampler:
             percent = 100 * (usage.cpu_s - before[1].cpu_s) / ((now_ns - before[0]) / NS_PER_S)
         self._last[node.name] = (now_ns, usage)
         tcp = node.tcp.read() if node.tcp is not None else None
-        row = {
-            "t_s": (now_ns - t0_ns) / NS_PER_S,
-            "node": node.name,
-            "cpu_s": usage.cpu_s,
-            "cpu_percent": percent,
-            "memory_mb": usage.memory_bytes / 2**20,
-            "throttled_s": usage.throttled_s,
-            "throttled_periods": usage.throttled_periods,
-            "run_delay_s": node.run_queue.seconds(),
-            "cpu_pressure_s": node.pressure.seconds(),
-            "host_steal_s": steal_s,
-            "tcp_rtt_ms": tcp.rtt_ms if tcp is not None else None,
-            "tcp_retransmits": tcp.retransmits if tcp is not None else None,
-        }
-        self._out.write(json.dumps(row) + "\n")
+        row = Sample(
+            t_s=(now_ns - t0_ns) / NS_PER_S,
+            node=node.name,
+            cpu_s=usage.cpu_s,
+            cpu_percent=percent,
+            memory_mb=usage.memory_bytes / 2**20,
+            throttled_s=usage.throttled_s,
+            throttled_periods=usage.throttled_periods,
+            run_delay_s=node.run_queue.seconds(),
+            cpu_pressure_s=node.pressure.seconds(),
+            host_steal_s=steal_s,
+            tcp_rtt_ms=tcp.rtt_ms if tcp is not None else None,
+            tcp_retransmits=tcp.retransmits if tcp is not None else None,
+        )
+        self._out.write(json.dumps(vars(row)) + "\n")

@@ -26,9 +26,16 @@ class Playback(BaseModel):
     model_config = STRICT
 
     mode: Literal["realtime", "every_frame"] = "realtime"
+    """`realtime`: a frame is offered at its sequence time; one that arrives while tracking is busy
+    waits, and a newer one replaces it. `every_frame`: the next one is offered when tracking is
+    done, but not before its time."""
     fps: float | None = Field(default=None, gt=0)
+    """Below the recorded rate every k-th frame is kept (k = recorded / asked, rounded); null plays
+    as recorded."""
     start_s: float = Field(default=0.0, ge=0)
+    """Of the sequence."""
     end_s: float | None = Field(default=None, gt=0)
+    """Of the sequence; null plays to its end."""
     stop_at_first_loss: bool = False
     """Playback ends with the first track loss: for experiments that only ask whether and when."""
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of docs/ that follow from the list of metrics.
+"""Writes the tables of docs/ that follow from the list of metrics and from records.
 
-    python -m slambed.metrics.document
+    python -m slambed.document
 
-Each stands between two comments; a test fails when they are not what the list says.
+Each stands between two comments; a test fails when they are not what the code says.
 """
 
 from pathlib import Path
@@ -11,15 +11,21 @@ from pathlib import Path
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
+from slambed.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
 
-COMMAND = "python -m slambed.metrics.document"
-TABLES = {"formats.md": ("summary", "own"), "metrics.md": ("gate",)}
+COMMAND = "python -m slambed.document"
+TABLES = {
+    "formats.md": ("run", "sim", "lines", "samples", "summary", "own", "manifest"),
+    "metrics.md": ("gate",),
+}
 """Page of docs/ and the tables in it."""
 
 
 def table(name: str) -> str:
     """One table as Markdown."""
+    if name == "lines" or name in RECORDS:
+        return _lines(*record_table(name))
     return {"summary": _summary, "own": _own, "gate": _gate}[name]()
 
 
