@@ -64,6 +64,8 @@ def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
         ({"playback": "{ fsp: 3 }"}, "did you mean 'fps'?"),
         ({"title": "[1"}, "tiny_tum.yaml line"),
         ({"id": "other"}, "name the file other.yaml"),
+        ({"12": "3"}, "'12': keys should be strings"),
+        ({"on": "3"}, "key True is not text (quote it)"),
     ],
 )
 def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], told: str) -> None:
