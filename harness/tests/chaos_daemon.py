@@ -146,9 +146,12 @@ class Daemon:
         for mount in sorted(_mounts_below(self._folder), reverse=True):
             subprocess.run(["umount", "--lazy", mount], check=False)
         shutil.rmtree(self._folder, ignore_errors=True)
-        for group in sorted(Path("/sys/fs/cgroup").glob(f"**/{self.cgroup}"), reverse=True):
-            with contextlib.suppress(OSError):
-                group.rmdir()
+        # Those of containers lie below, where the daemon's end left them.
+        for group in Path("/sys/fs/cgroup").glob(f"**/{self.cgroup}"):
+            below = [path for path in group.rglob("*") if path.is_dir()]
+            for path in [*sorted(below, reverse=True), group]:
+                with contextlib.suppress(OSError):
+                    path.rmdir()
 
     def _ours(self) -> Iterator[psutil.Process]:
         for process in psutil.process_iter():
