@@ -16,7 +16,7 @@ from slambed.spec.library import Library
 
 COMMAND = "python -m slambed.document"
 TABLES = {
-    "formats.md": ("run", "sim", "lines", "samples", "summary", "own", "manifest"),
+    "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
 }
 """Page of docs/ and the tables in it."""

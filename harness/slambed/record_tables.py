@@ -10,7 +10,7 @@ from slambed.campaign.link_messages import (
     OpenLink,
     StartLink,
     StopLink,
-)  # fmt: skip
+)
 from slambed.engines.attend_messages import (
     Attend,
     Attending,
@@ -21,9 +21,10 @@ from slambed.engines.attend_messages import (
     Stop,
     Stopped,
     Ticking,
-)  # fmt: skip
+)
 from slambed.field_table import field_rows, in_a_row
 from slambed.line_protocol import Failure
+from slambed.link.direction import DirectionConfig, RelayConfig
 from slambed.link.record import LinkFacts
 from slambed.link.relay import RelayApplied, RelayReady, RelayStarted
 from slambed.records.kept_spec import KeptSpec
@@ -40,6 +41,7 @@ HEADINGS = ["key", "type", "unit", "meaning"]
 RECORDS: dict[str, tuple[type, tuple[type, ...]]] = {
     "run": (RunConfig, ()),
     "sim": (SimConfig, (CostModel,)),
+    "relay": (RelayConfig, (DirectionConfig,)),
     "samples": (Sample, ()),
     "manifest": (Manifest, (RunSpec, KeptSpec)),
 }

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import psutil
 
@@ -99,10 +99,20 @@ def steps(faults: list[Fault]) -> list[Step]:
     return sorted(found, key=lambda step: step.at_s)
 
 
-def event(step: Step, t_ns: int) -> dict[str, Any]:
+@dataclass(frozen=True)
+class FaultEvent:
+    """A line of the log (docs/formats.md, "Events")."""
+
+    t_ns: int
+    type: str
+    target: str
+    fault: str
+
+
+def event(step: Step, t_ns: int) -> FaultEvent:
     """As it stands in the log."""
     kind = "fault_began" if step.begins else "fault_ended"
-    return {"t_ns": t_ns, "type": kind, "target": step.target, "fault": step.fault}
+    return FaultEvent(t_ns, kind, step.target, step.fault)
 
 
 def write_planned(faults: list[Fault], end_s: float, run_dir: Path) -> None:
@@ -120,7 +130,7 @@ class FaultDriver:
         self._left = steps(faults)
         self._edge = edge
         self._run_dir = run_dir
-        self._done: list[dict[str, Any]] = []
+        self._done: list[FaultEvent] = []
         self._frozen: Step | None = None
         self._t0_ns = 0
         self.edge_is_dead = False
@@ -183,6 +193,6 @@ class FaultDriver:
             )
 
 
-def _write(run_dir: Path, events: Iterator[dict[str, Any]]) -> None:
-    lines = [json.dumps(line) + "\n" for line in events]
+def _write(run_dir: Path, events: Iterator[FaultEvent]) -> None:
+    lines = [json.dumps(vars(line)) + "\n" for line in events]
     (run_dir / FAULT_FILE).write_text("".join(lines), encoding="utf-8")

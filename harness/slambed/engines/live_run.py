@@ -287,8 +287,8 @@ class LiveRun:
         """An edge that ends well has heard BYE: then the mobile node is about to end too."""
         if (code := edge.exit_code()) is None:
             return False
-        told = node_report(edge, self._run_dir)
-        return code != 0 or bool(told.get("stopped", True))
+        # One that could not say so was stopped.
+        return code != 0 or node_report(edge, self._run_dir).stopped is not False
 
     def _await_edge(self, edge: Node) -> tuple[Outcome, str] | None:
         deadline = time.monotonic() + EDGE_GRACE_S

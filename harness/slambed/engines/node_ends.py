@@ -4,18 +4,17 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from slambed.endings import ended_from_outside, ending
 from slambed.engines.base import Node, last_line
 from slambed.errors import KilledError, SlambedError
-from slambed.json_file import object_or_empty
+from slambed.records.node_report import NodeReport
 from slambed.spec.system import Role
 
 
-def node_report(node: Node, run_dir: Path) -> dict[str, Any]:
+def node_report(node: Node, run_dir: Path) -> NodeReport:
     """What a node wrote about its end; empty when it could not."""
-    return object_or_empty(run_dir / node.role / "node.json")
+    return NodeReport.read(run_dir / node.role / "node.json") or NodeReport()
 
 
 def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
@@ -26,7 +25,7 @@ def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
     """
     if ended_from_outside(code) and not node.out_of_memory():
         return f"was killed from outside ({ending(code)})"
-    if code == 0 and node_report(node, run_dir).get("stopped"):
+    if code == 0 and node_report(node, run_dir).stopped:
         return "was told to stop from outside"
     return None
 

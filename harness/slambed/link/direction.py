@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A link as slambed-relay and slambed-sim read it: they have the same model."""
 
+from typing import Literal
+
 from slambed.json_file import Record
 
 
@@ -78,3 +80,53 @@ class ModelledLink(Record):
     """Mobile to edge."""
     down: DirectionConfig
     """Edge to mobile."""
+
+
+class RelayEnd(Record):
+    """One of the two devices that slambed-relay makes."""
+
+    namespace: str
+    """File of the network namespace."""
+    device: str
+    """Its name there."""
+    address: str
+    """IPv4."""
+
+
+class RelayConfig(Record):
+    """relay.json: what slambed-relay is to do. It refuses keys that it does not know."""
+
+    format: Literal["slambed-link"]
+    """Of the file."""
+    version: Literal[1]
+    """Of the format."""
+    mobile: RelayEnd
+    """Of the mobile node."""
+    edge: RelayEnd
+    """Of the edge."""
+    prefix_length: int
+    """Of both addresses."""
+    mtu: int
+    """Largest packet in bytes, IP header included."""
+    tx_queue_packets: int
+    """That the kernel keeps for a device at most."""
+    seed: int
+    """Of losses and jitter."""
+    step_ms: float
+    """Between two values of the delays."""
+    interpolation: str
+    """`linear`: between two of them."""
+    up: DirectionConfig
+    """Mobile to edge; as `link.up` in `sim.json`."""
+    down: DirectionConfig
+    """Edge to mobile."""
+    spin_us: float
+    """How long before a packet is due the relay wakes and polls."""
+    fifo_priority: int
+    """Of SCHED_FIFO, where that is permitted; 0: not asked for."""
+    parent_pid: int
+    """The process with which it ends."""
+    packet_log: str
+    """File: a record per packet."""
+    summary: str
+    """File: its counters, written at its end."""

@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from slambed.endings import ended_from_outside, ending
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.line_protocol import LineReader, Message, adapter, message_in
+from slambed.link.direction import RelayConfig, RelayEnd
 from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
@@ -74,28 +75,28 @@ A = TypeVar("A", bound=Message)
 
 def relay_config(
     mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, options: LinkOptions
-) -> dict[str, Any]:
+) -> RelayConfig:
     """The configuration file of slambed-relay."""
     up_ms, down_ms = delay_table_ms(profile, options.horizon_s)
-    return {
-        "format": "slambed-link",
-        "version": 1,
-        "mobile": {"namespace": str(mobile), "device": DEVICE, "address": MOBILE_ADDRESS},
-        "edge": {"namespace": str(edge), "device": DEVICE, "address": EDGE_ADDRESS},
-        "prefix_length": PREFIX_LENGTH,
-        "mtu": options.mtu,
-        "tx_queue_packets": options.tx_queue_packets,
-        "seed": seed,
-        "step_ms": STEP_MS,
-        "interpolation": "linear",
-        "up": direction_config(profile, profile.up, up_ms, options.horizon_s).as_json(),
-        "down": direction_config(profile, profile.down, down_ms, options.horizon_s).as_json(),
-        "spin_us": options.spin_us,
-        "fifo_priority": FIFO_PRIORITY if options.real_time else 0,
-        "parent_pid": os.getpid(),
-        "packet_log": str(log_dir / PACKET_LOG),
-        "summary": str(log_dir / "relay_summary.json"),
-    }
+    return RelayConfig(
+        format="slambed-link",
+        version=1,
+        mobile=RelayEnd(namespace=str(mobile), device=DEVICE, address=MOBILE_ADDRESS),
+        edge=RelayEnd(namespace=str(edge), device=DEVICE, address=EDGE_ADDRESS),
+        prefix_length=PREFIX_LENGTH,
+        mtu=options.mtu,
+        tx_queue_packets=options.tx_queue_packets,
+        seed=seed,
+        step_ms=STEP_MS,
+        interpolation="linear",
+        up=direction_config(profile, profile.up, up_ms, options.horizon_s),
+        down=direction_config(profile, profile.down, down_ms, options.horizon_s),
+        spin_us=options.spin_us,
+        fifo_priority=FIFO_PRIORITY if options.real_time else 0,
+        parent_pid=os.getpid(),
+        packet_log=str(log_dir / PACKET_LOG),
+        summary=str(log_dir / "relay_summary.json"),
+    )
 
 
 class RelayShaper:
@@ -112,7 +113,7 @@ class RelayShaper:
         self._log_dir.mkdir(parents=True, exist_ok=True)
         config = self._log_dir / "relay.json"
         config.write_text(
-            json.dumps(relay_config(mobile, edge, profile, seed, self._log_dir, o)),
+            json.dumps(relay_config(mobile, edge, profile, seed, self._log_dir, o).as_json()),
             encoding="utf-8",
         )
         self._errors = self._log_dir / "relay_errors.txt"
