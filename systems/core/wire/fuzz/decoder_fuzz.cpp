@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One decoder, named by SLAMBED_DECODER: whatever bytes come, it returns a message or throws
+// One decoder, named by decoder_name.cpp: whatever bytes come, it returns a message or throws
 // DecodeError. The first byte says whether the rest edits a valid message or is the message.
 #include <cstdlib>
 #include <cstring>
@@ -7,12 +7,15 @@
 #include "wire/tests/decoders.hpp"
 
 namespace slambed::wire {
+
+extern const char* const kFuzzedDecoder;
+
 namespace {
 
 const Target& chosen() {
   static const std::vector<Target> all = targets();
   for (const Target& target : all) {
-    if (std::strcmp(target.name, SLAMBED_DECODER) == 0) return target;
+    if (std::strcmp(target.name, kFuzzedDecoder) == 0) return target;
   }
   std::abort();  // the name is not in decoders.hpp
 }

@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: Apache-2.0
+// All that the fuzz programs of this floor do not share: the name of their decoder in decoders.hpp.
+namespace slambed::wire {
+
+extern const char* const kFuzzedDecoder;
+const char* const kFuzzedDecoder = SLAMBED_DECODER;
+
+}  // namespace slambed::wire
