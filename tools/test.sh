@@ -11,8 +11,12 @@ jobs=$(nproc)
 # shellcheck source=tools/steps.sh
 source tools/steps.sh
 
+# A compiler that we do not test with may warn of more: its warnings stop nobody.
+werror=OFF
+if [ "$(c++ -dumpversion 2>/dev/null)" = 12 ]; then werror=ON; fi
+
 compile() {
-  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_WERROR=ON >/dev/null \
+  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_WERROR=$werror >/dev/null \
     && rm -f "$build/bin/sources.sha256" \
     && ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-} \
     && PYTHONPATH=harness python3 -m slambed.spec.software >"$build/bin/sources.sha256"

@@ -6,9 +6,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,10 @@ from command_line import refused, slambed_process
 from distributed import Client
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 
-from slambed.campaign.cluster import pack, unpack
+from slambed.campaign.cluster import ClusterExecutor, pack, unpack
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.engines.result import InterruptedRunError
 from slambed.errors import ExitCode
 from slambed.native import find_program
 
@@ -135,6 +138,32 @@ def in_hand(cluster: Cluster, name: str) -> bool:
 
 
 @needs_programs
+class Stumbling:
+    """A future of distributed whose wait is cancelled as it ends; its task may be, too."""
+
+    def __init__(self, cancelled: bool) -> None:
+        self._cancelled, self._asked = cancelled, 0
+
+    def result(self, timeout: float) -> tuple[dict[str, str], bytes]:
+        self._asked += 1
+        if self._cancelled or self._asked < 3:
+            raise UnboundLocalError("result")
+        return {"run_key": "a1"}, b"files"
+
+    def cancelled(self) -> bool:
+        return self._cancelled
+
+
+def test_a_wait_that_stumbles_is_taken_up_again() -> None:
+    executor, stop = ClusterExecutor({}, None, 1), threading.Event()
+    assert executor._wait(Stumbling(cancelled=False), stop) == ({"run_key": "a1"}, b"files")
+    with pytest.raises(CancelledError):
+        executor._wait(Stumbling(cancelled=True), stop)
+    stop.set()
+    with pytest.raises(InterruptedRunError):
+        executor._wait(Stumbling(cancelled=False), stop)
+
+
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path, cluster: Cluster) -> None:
     cluster.add_worker("a")
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)

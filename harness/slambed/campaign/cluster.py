@@ -73,9 +73,13 @@ class ClusterExecutor:
     def _wait(self, future: Any, stop: threading.Event) -> tuple[Summary, bytes]:
         while True:
             try:
-                told: tuple[Summary, bytes] = future.result(timeout=LOOK_EVERY_S)
-                return told
-            except TimeoutError:
+                found: tuple[Summary, bytes] = future.result(timeout=LOOK_EVERY_S)
+                return found
+            # distributed's sync() has no result to return where its wait was cancelled in the
+            # moment in which it ended, and stumbles over that.
+            except (TimeoutError, UnboundLocalError):
+                if future.cancelled():
+                    raise CancelledError from None
                 if stop.is_set():
                     raise InterruptedRunError from None
 
