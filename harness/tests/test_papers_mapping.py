@@ -6,6 +6,8 @@ from fnmatch import fnmatchcase
 import pytest
 
 from slambed.metrics.device_share import device_cores, share_of_device
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
 from slambed.report.papers import Cell, Paper, cells_of, read_papers, table_cells
 from slambed.spec.library import Library
 
@@ -43,8 +45,8 @@ def test_cpu_is_percent_of_four_cores(papers: dict[str, Paper], name: str) -> No
     """54 % of one core is 13.5 % of the board that prints 34.3 %, not more than it."""
     assert papers[name].metrics["cpu_mobile_mean"].key == "mobile_cpu_device_percent"
     device = Library().device("raspberry_pi_4").model_dump()
-    spec = {"engine": "virtual", "device_mobile": device}
-    assert share_of_device(54.0, device_cores(spec, {}, "mobile")) == 13.5
+    spec = KeptSpec.model_validate({"engine": "virtual", "device_mobile": device})
+    assert share_of_device(54.0, device_cores(spec, Manifest(), "mobile")) == 13.5
 
 
 def test_an_interruption_is_time_that_tracking_stood_still(papers: dict[str, Paper]) -> None:
