@@ -16,6 +16,7 @@ from typing import Any
 import docker
 import psutil
 from docker.errors import DockerException
+from pyroute2 import IPRoute
 from requests.exceptions import RequestException
 
 from slambed.engines.base import LABEL
@@ -39,13 +40,16 @@ class Daemon:
         self.socket = folder / "docker.sock"
         self.cgroup = f"slambed-chaos-{os.getpid()}"
         self._config = folder / "daemon.json"
+        self._bridge = f"slambed{os.getpid()}"
+        _add_bridge(self._bridge)
         settings = {
             "data-root": str(folder / "data"),
             "exec-root": str(folder / "exec"),
             "pidfile": str(folder / "docker.pid"),
             "hosts": [f"unix://{self.socket}"],
             "group": str(group),
-            "bridge": "none",
+            # Not "none": a daemon without a bridge removes docker0, which is the host's daemon's.
+            "bridge": self._bridge,
             "iptables": False,
             "ip-masq": False,
             "cgroup-parent": f"/{self.cgroup}",
@@ -146,6 +150,7 @@ class Daemon:
         for mount in sorted(_mounts_below(self._folder), reverse=True):
             subprocess.run(["umount", "--lazy", mount], check=False)
         shutil.rmtree(self._folder, ignore_errors=True)
+        _remove_bridge(self._bridge)
         # Those of containers lie below, where the daemon's end left them.
         for group in Path("/sys/fs/cgroup").glob(f"**/{self.cgroup}"):
             below = [path for path in group.rglob("*") if path.is_dir()]
@@ -158,6 +163,21 @@ class Daemon:
             with contextlib.suppress(psutil.Error):
                 if str(self._folder) in " ".join(process.cmdline()):
                     yield process
+
+
+def _add_bridge(name: str) -> None:
+    """With an address, which dockerd asks for, and no way out: containers have no network."""
+    with IPRoute() as route:
+        route.link("add", ifname=name, kind="bridge")
+        index = route.link_lookup(ifname=name)[0]
+        route.addr("add", index=index, address="198.18.77.1", prefixlen=24)
+        route.link("set", index=index, state="up")
+
+
+def _remove_bridge(name: str) -> None:
+    with IPRoute() as route:
+        for index in route.link_lookup(ifname=name):
+            route.link("del", index=index)
 
 
 def _mounts_below(folder: Path) -> list[str]:
