@@ -185,7 +185,8 @@ def test_a_stop_request_ends_containers_quickly(bench: Bench) -> None:
     began = time.monotonic()
     with pytest.raises(InterruptedRunError):
         bench.run(docker_spec(variant="long"))
-    assert time.monotonic() - began < 20
+    # On a busy host containers take their time; but the node alone would have slept for so long.
+    assert time.monotonic() - began < 60
 
 
 def test_containers_of_a_dead_harness_are_removed(bench: Bench) -> None:
