@@ -34,7 +34,7 @@ from slambed.records.sim_config import SimConfig
 from slambed.sampling.cgroup import Usage
 from slambed.sampling.record import Beside, Sample
 from slambed.spec.device import CostModel
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 Rows = list[list[str]]
 HEADINGS = ["key", "type", "unit", "meaning"]

@@ -18,7 +18,7 @@ from slambed.engines.reaper import reap
 from slambed.link.record import LinkFacts
 from slambed.spec.device import VIRTUAL, CostModel, Device, Limits
 from slambed.spec.experiment import Playback, Tolerances
-from slambed.spec.matrix import LinkSpec, RunSpec
+from slambed.spec.run_spec import LinkSpec, RunSpec
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for namespaces and cgroups")
 

@@ -23,7 +23,7 @@ from slambed.campaign.runner import Runner, stop_on_signal
 from slambed.engines.host_lock import host_lock
 from slambed.engines.local import LocalEngine
 from slambed.errors import ExitCode, SlambedError
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 class Quiet:

@@ -33,7 +33,7 @@ from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.spec.experiment import Playback
-from slambed.spec.matrix import LinkSpec, RunSpec
+from slambed.spec.run_spec import LinkSpec, RunSpec
 
 BASE = "debian:bookworm-slim"
 TAG = "slambed-test:stand-in"

@@ -22,7 +22,7 @@ from slambed.errors import SlambedError
 from slambed.link.relay import RelayShaper
 from slambed.native import find_program
 from slambed.spec.experiment import Playback
-from slambed.spec.matrix import LinkSpec
+from slambed.spec.run_spec import LinkSpec
 
 RAMP = {"name": "up", "rtt_ms": {"ramp": {"from_ms": 10, "to_ms": 30, "rise_s": 2}}}
 

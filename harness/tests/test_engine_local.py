@@ -26,7 +26,7 @@ from slambed.sampling.cgroup import Granted, mounted
 from slambed.spec.device import Board, Device, Limits
 from slambed.spec.faults import Fault
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 pytestmark = needs_root
 

@@ -22,7 +22,8 @@ from slambed.metrics.events import read_events
 from slambed.metrics.faults import faults_in_words, spans
 from slambed.spec.faults import Fault, check_faults, with_cuts
 from slambed.spec.library import Library
-from slambed.spec.matrix import Circumstances, LinkSpec, RunSpec, expand, read_profiles
+from slambed.spec.matrix import Circumstances, expand, read_profiles
+from slambed.spec.run_spec import LinkSpec, RunSpec
 
 KILL = Fault(at_s=1, edge="kill")
 RESTART = Fault(at_s=2, edge="restart")

@@ -17,7 +17,7 @@ from slambed.campaign.preview import chosen, preview
 from slambed.campaign.runner import Runner
 from slambed.errors import SlambedError
 from slambed.metrics.summary import Summary
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 @dataclass

@@ -17,7 +17,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.runner import Runner
 from slambed.engines.attendant import MODULE
 from slambed.engines.local import LocalEngine
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 pytestmark = needs_root
 

@@ -33,7 +33,7 @@ from slambed.campaign.runner import MOST_DEATHS, Runner
 from slambed.engines.virtual import NICE, go_behind
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.metrics.summary import Summary
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 AUTOGROUP = Path("/proc/self/autogroup")
 PR_SET_DUMPABLE = 4

@@ -19,7 +19,7 @@ from slambed.link.record import LinkDetails, LinkFacts, RelaySummary
 from slambed.metrics.summary import Summary
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import EngineFacts, Manifest
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 KEPT = Path(__file__).with_name("kept_manifest.json")
 """Of a live run with an edge over the relay, written when manifests were dictionaries."""

@@ -16,7 +16,7 @@ from slambed.campaign.further import further_repetitions
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.status import status_of
 from slambed.errors import ExitCode, SlambedError
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 def finished(folder: ResultFolder, spec: RunSpec, trusted: bool = True) -> None:

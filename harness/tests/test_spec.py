@@ -13,14 +13,8 @@ from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.report.asked import check_asked
 from slambed.spec.library import Library
-from slambed.spec.matrix import (
-    Circumstances,
-    NamedProfile,
-    RunSpec,
-    canonical_json,
-    expand,
-    read_profiles,
-)
+from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profiles
+from slambed.spec.run_spec import RunSpec, canonical_json
 from slambed.spec.software import source_hash
 
 HOST = Circumstances(

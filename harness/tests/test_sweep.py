@@ -11,7 +11,8 @@ from slambed.campaign.preview import chosen, preview
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.spec.library import Library
-from slambed.spec.matrix import Circumstances, NamedProfile, RunSpec, expand, read_profiles
+from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profiles
+from slambed.spec.run_spec import RunSpec
 
 HEAD: dict[str, Any] = {
     "title": "A sweep", "datasets": ["room"], "devices": {"mobile": "raspberry_pi_4"},

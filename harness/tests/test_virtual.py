@@ -22,7 +22,7 @@ from slambed.campaign.plan import Plan
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import Runner
 from slambed.native import find_program
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 pytestmark = needs_programs
 

@@ -14,7 +14,7 @@ from slambed.errors import SlambedError
 from slambed.native import find_program
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import host_software
 
 EXPERIMENT = """\

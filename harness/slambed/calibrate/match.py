@@ -28,7 +28,8 @@ from slambed.metrics.stages import delays
 from slambed.spec.device import VIRTUAL, CostModel, Device, StageCost
 from slambed.spec.experiment import DeviceChoice, Experiment
 from slambed.spec.library import Library
-from slambed.spec.matrix import Circumstances, RunSpec, expand, read_profiles
+from slambed.spec.matrix import Circumstances, expand, read_profiles
+from slambed.spec.run_spec import RunSpec
 from slambed.spec.system import Role
 from slambed.yaml_source import YamlSource
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 LOOK_EVERY_S = 0.1
 

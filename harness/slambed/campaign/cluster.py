@@ -28,7 +28,7 @@ from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.json_file import read_object
 from slambed.metrics.summary import Summary
 from slambed.native import SIMULATION, find_program
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import host_software, software_of_systems
 
 LOOK_EVERY_S = 0.1

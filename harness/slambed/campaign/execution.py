@@ -21,7 +21,7 @@ from slambed.metrics.run_data import REFERENCE_FILE, RunData
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import EngineFacts
 from slambed.spec import inputs
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 def execute_run(

@@ -14,7 +14,7 @@ from slambed.engines.live_run import LinkOpener, LiveRun
 from slambed.errors import SlambedError
 from slambed.metrics.summary import Summary
 from slambed.spec.host_speed import load_host_speed
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 Played = dict[str, tuple[Path, float]]
 """Sequence id -> (prepared folder, played seconds)."""

@@ -4,7 +4,7 @@
 from typing import Any
 
 from slambed.campaign.store import RunStore
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 def further_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec]:

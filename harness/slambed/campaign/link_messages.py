@@ -8,7 +8,7 @@ from pydantic import Field
 
 from slambed.line_protocol import Message
 from slambed.link.record import LinkFacts
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 class OpenLink(Message):

@@ -10,7 +10,8 @@ from slambed.link.proof import LinkTolerance
 from slambed.link.record import LinkFacts
 from slambed.link.session import LinkSession
 from slambed.spec.faults import Fault, with_cuts
-from slambed.spec.matrix import NamedProfile, RunSpec
+from slambed.spec.matrix import NamedProfile
+from slambed.spec.run_spec import RunSpec
 
 ANY_CUT = Fault(at_s=0.0, link="cut", for_s=1.0)
 

@@ -15,7 +15,7 @@ from slambed.json_file import read_object
 from slambed.native import repository_root
 from slambed.records.manifest import EngineFacts, Manifest
 from slambed.spec.host_speed import cpu_model
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 # Packages whose version can change a figure in a result.
 PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "pyroute2", "docker")

@@ -3,7 +3,7 @@
 
 import random
 
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 def interleaved(specs: list[RunSpec], seed: int) -> list[RunSpec]:

@@ -29,12 +29,12 @@ from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.matrix import (
     Circumstances,
     NamedProfile,
-    RunSpec,
     expand,
     has_cuts,
     needs_link,
     read_profiles,
 )
+from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import software_of_systems
 from slambed.yaml_source import YamlSource
 

@@ -26,7 +26,7 @@ from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DeviceChoice, Experiment, Runs, SystemChoice
 from slambed.spec.input_recipe import YIELDED, InputRecipe
 from slambed.spec.library import Library
-from slambed.spec.matrix import KEY_DIGITS, canonical_json
+from slambed.spec.run_spec import KEY_DIGITS, canonical_json
 from slambed.spec.software import host_software
 
 RECORD = "input.json"

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from slambed.campaign.progress import duration
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") -> list[RunSpec]:

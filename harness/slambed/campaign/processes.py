@@ -27,7 +27,7 @@ from slambed.engines.result import InterruptedRunError
 from slambed.engines.virtual import NICE
 from slambed.errors import KilledError
 from slambed.metrics.summary import Summary
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 LOOK_EVERY_S = 0.1
 CONTEXT = multiprocessing.get_context("forkserver")

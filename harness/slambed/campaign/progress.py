@@ -8,7 +8,7 @@ from typing import Protocol, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 class Reporter(Protocol):

@@ -19,7 +19,7 @@ from slambed.engines.base import Engine
 from slambed.errors import SlambedError
 from slambed.line_protocol import LineProcess
 from slambed.link.record import LinkFacts
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 MODULE = "slambed.campaign.link_helper"
 OPEN_TIMEOUT_S = 60.0

@@ -43,7 +43,8 @@ from slambed.outputs import make_folder
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
-from slambed.spec.matrix import NamedProfile, RunSpec
+from slambed.spec.matrix import NamedProfile
+from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import host_software
 from slambed.yaml_source import YamlSource
 

@@ -20,7 +20,7 @@ from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
 from slambed.metrics.summary import Summary
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 PAUSES_S = (1.0, 10.0, 60.0)
 """Before each further attempt of a run whose environment failed it."""

@@ -12,7 +12,7 @@ from slambed.errors import SlambedError
 from slambed.json_file import read_object
 from slambed.metrics.summary import Summary
 from slambed.spec.library import Library
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 @dataclass

@@ -9,7 +9,7 @@ from slambed.campaign.execution import execute_run
 from slambed.engines.virtual import VirtualRun
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import EngineFacts
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 
 @dataclass(frozen=True)

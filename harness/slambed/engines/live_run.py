@@ -41,7 +41,7 @@ from slambed.sampling.record import (
 )
 from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 from slambed.spec.system import Role
 
 READY_TIMEOUT_S = 30.0

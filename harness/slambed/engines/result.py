@@ -10,7 +10,7 @@ from slambed.link.record import LinkFacts
 from slambed.records.run_config import Network, ProfileRtt, RunConfig
 from slambed.sampling.record import Beside, NodeLimits, Throttling
 from slambed.spec import inputs
-from slambed.spec.matrix import LinkSpec, RunSpec
+from slambed.spec.run_spec import LinkSpec, RunSpec
 
 Outcome = Literal["completed", "died", "timed_out", "refused"]
 """How the system under test fared, whatever its circumstances."""

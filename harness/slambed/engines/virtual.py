@@ -32,7 +32,7 @@ from slambed.link.record import LinkFacts
 from slambed.native import SIMULATION
 from slambed.records.sim_config import CacheFile, MaskFile, SimConfig, SimDevices
 from slambed.spec.device import CostModel, Device
-from slambed.spec.matrix import RunSpec, canonical_json
+from slambed.spec.run_spec import RunSpec, canonical_json
 
 DRAIN_S = 30.0
 """Virtual time after the last frame that the link's tables still cover."""

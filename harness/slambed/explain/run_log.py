@@ -16,7 +16,7 @@ from slambed.metrics.stages import longest_stall
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 from slambed.spec.device import VIRTUAL
-from slambed.spec.matrix import run_name
+from slambed.spec.run_spec import run_name
 
 NS_PER_S = 1e9
 

@@ -15,7 +15,7 @@ from slambed.metrics.run_data import RunData
 from slambed.metrics.summary import Value
 from slambed.metrics.tracking import values_of
 from slambed.spec.library import Library
-from slambed.spec.matrix import canonical_json
+from slambed.spec.run_spec import canonical_json
 from slambed.spec.system import OwnMetric, System
 
 REDUCED: dict[str, Callable[[np.ndarray[tuple[int], np.dtype[np.float64]]], float]] = {

@@ -9,7 +9,7 @@ from slambed.json_file import Record
 from slambed.link.record import LinkFacts
 from slambed.records.kept_spec import KeptSpec
 from slambed.sampling.record import Beside, NodeLimits, Throttling
-from slambed.spec.matrix import RunSpec
+from slambed.spec.run_spec import RunSpec
 
 FILE = "manifest.json"
 OLD_OUTCOMES = {"mobile_died": "died", "edge_died": "died", "timeout": "timed_out"}

@@ -17,7 +17,7 @@ from slambed.report.setup import NO_LIMITS, is_virtual
 from slambed.report.style import SavedFigure
 from slambed.report.tables import Table
 from slambed.report.timeline import timeline_svg
-from slambed.spec.matrix import run_name
+from slambed.spec.run_spec import run_name
 
 MOST_RUNS = 300
 MOST_TIMELINES = 24

@@ -17,7 +17,7 @@ from slambed.report.alignment import alignment_of, played
 from slambed.report.figures.paths import broken_line, widest_axes
 from slambed.report.load import Results, load
 from slambed.report.style import COLOURS, GROUND_TRUTH, FigureWriter, figure, legend_beneath
-from slambed.spec.matrix import run_name
+from slambed.spec.run_spec import run_name
 
 
 @dataclass(frozen=True)

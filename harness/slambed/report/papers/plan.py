@@ -18,7 +18,7 @@ from slambed.report.papers.base import STRICT
 from slambed.report.papers.cells import cells_of
 from slambed.report.papers.paper import Paper
 from slambed.report.papers.reading import PLAN_SUFFIX, paper_files, papers_folder, read_paper
-from slambed.spec.matrix import canonical_json
+from slambed.spec.run_spec import canonical_json
 from slambed.spec.system import Role
 from slambed.yaml_source import read_model
 
