@@ -1,8 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # test.sh BUILD_FOLDER: everything that must be green, with the time of every step. The C++ is compiled once, on this
-# host: the node image is made out of the same programs. Then two lanes run side by side: live tests, one at a time, which
-# mostly wait; and, behind them in every queue for a CPU, all that computes. Ends with the summaries of ctest and pytest.
+# host: the node image is made out of the same programs. Then two lanes run side by side: pytest's live tests, one at a
+# time, which mostly wait; and, behind them in every queue for a CPU, all that computes. The live programs of ctest come
+# when the computing is done. Ends with the summaries of ctest and pytest.
 set -uo pipefail
 
 cd "$(dirname "$0")/.."
@@ -63,15 +64,13 @@ recordings() {
 ctest_of() {
   local name=$1
   shift
-  # Two of them would write the same logs.
-  logged "$name" flock "$logs/ctest.lock" ctest --test-dir "$build" --output-on-failure --no-tests=error "$@"
+  logged "$name" ctest --test-dir "$build" --output-on-failure --no-tests=error "$@"
 }
 
-# Whatever looks at the clock or starts nodes.
+# Whatever of pytest looks at the clock or starts nodes.
 live_lane() {
   step netem netem
   step "pytest, live" pytest_live
-  step "ctest, live" ctest_of ctest_live -L '^live$'
 }
 
 # Nodes and live tests go before this, by their priority and control groups.
@@ -97,12 +96,13 @@ if $as_docker docker info >/dev/null 2>&1; then
   step image $as_docker tools/build.sh docker
 fi
 # A session of its own: kernels share CPUs out among sessions before they look at priorities.
-export -f live_lane step netem ctest_of pytest_live logged
-export build jobs sudo logs
+export -f live_lane step netem pytest_live logged
+export sudo logs
 setsid bash -c live_lane >"$logs/live" 2>&1 &
 live=$!
 trap 'kill -TERM -- "-$live" 2>/dev/null; rm -rf "$logs"' EXIT
 (computing_lane)
+step "ctest, live" ctest_of ctest_live -L '^live$'
 wait "$live"
 cat "$logs/live"
 tail -q -n 12 "$logs/ctest" "$logs/ctest_live" >"$logs/ctest_end"
