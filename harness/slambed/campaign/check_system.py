@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slambed.atomic import replacing
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.engines.base import NodePlan, last_line
 from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
@@ -134,9 +135,8 @@ class Trial:
 
     def start_clock(self) -> None:
         """Run time 0 is now."""
-        partial = self.run_dir / "start.partial"
-        partial.write_text(json.dumps({"t0_ns": time.monotonic_ns() + 100_000_000}))
-        partial.rename(self.run_dir / "start.json")
+        with replacing(self.run_dir / "start.json") as start:
+            start.write_text(json.dumps({"t0_ns": time.monotonic_ns() + 100_000_000}))
 
     def code(self, role: Role, patience_s: float) -> int | None:
         """Exit code; None when it did not end in time."""

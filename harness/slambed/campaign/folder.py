@@ -6,11 +6,11 @@ nothing of the store; to leave a plan or to come back to it costs no run anythin
 """
 
 import json
-import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
+from slambed.atomic import replacing
 from slambed.campaign.store import STORE, RunStore, State
 from slambed.errors import environment_error
 from slambed.metrics.summary import Summary
@@ -99,9 +99,5 @@ class ResultFolder:
 
     def write_json(self, name: str, content: object) -> None:
         """A file of the experiment, replaced by one rename."""
-        partial = self.path / f".{name}.partial"
-        with partial.open("w") as out:
-            out.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
-            out.flush()
-            os.fsync(out.fileno())
-        partial.rename(self.path / name)
+        with replacing(self.path / name, durable=True) as out:
+            out.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")

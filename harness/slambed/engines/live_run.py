@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol, cast
 
+from slambed.atomic import replacing
 from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import (
     EDGE_CONFIG,
@@ -239,10 +240,9 @@ class LiveRun:
         if self._link is not None:
             self._link.start(t0_ns)
         attendant.start(t0_ns)
-        partial = self._run_dir / "start.json.partial"
-        partial.write_text(json.dumps({"t0_ns": t0_ns}))
-        partial.chmod(0o644)
-        partial.rename(self._run_dir / "start.json")
+        with replacing(self._run_dir / "start.json") as start:
+            start.write_text(json.dumps({"t0_ns": t0_ns}))
+            start.chmod(0o644)
         return t0_ns
 
     def _time_limit_s(self) -> float:

@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from slambed.atomic import replacing
 from slambed.errors import SlambedError
 from slambed.json_file import read_object
 from slambed.metrics.digest import digest
@@ -41,6 +42,5 @@ def recompute_run(folder: Path, groundtruth: Path | None) -> list[str]:
 
 def _replace(path: Path, content: Mapping[str, object]) -> None:
     """By one rename: a kill leaves the old file or the new one."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")
-    partial.rename(path)
+    with replacing(path) as out:
+        out.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")

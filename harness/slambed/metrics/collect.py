@@ -2,7 +2,6 @@
 """Events, samples and link log of a run, from its raw files or from those of its result."""
 
 import json
-import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from slambed.atomic import replacing
 from slambed.metrics.events import Event, EventLog, read_events, read_jsonl
 from slambed.metrics.tables import (
     EXTRA_COLUMN,
@@ -94,9 +94,8 @@ def keep_groundtruth(experiment_dir: Path, dataset: str, groundtruth: Path) -> P
     ):
         return target
     target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_suffix(f".{os.getpid()}.partial")
-    shutil.copyfile(groundtruth, partial)
-    partial.rename(target)
+    with replacing(target, rivals=True) as copy:
+        shutil.copyfile(groundtruth, copy)
     return target
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
+from slambed.atomic import replacing
 from slambed.errors import SlambedError
 from slambed.metrics.run_data import RunData
 from slambed.metrics.tables import (
@@ -43,9 +44,8 @@ def to_parquet(run: RunData, out_dir: Path) -> Collected:
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         for name, table in tables.items():
-            partial = out_dir / f".{name}.partial"
-            pq.write_table(table, partial, compression="zstd")
-            partial.rename(out_dir / name)
+            with replacing(out_dir / name) as out:
+                pq.write_table(table, out, compression="zstd")
             result.written.append(out_dir / name)
     except OSError as error:
         raise SlambedError(

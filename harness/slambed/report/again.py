@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed report --again`: every number of an experiment from its stored events."""
 
-import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -9,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from slambed.atomic import replacing
 from slambed.data.catalog import Catalog
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.errors import SlambedError
@@ -123,7 +123,6 @@ def _keep(current: Path, kept: Path) -> bool:
     """Whether the kept true path was another one; it is replaced by one rename."""
     if not kept.is_file() or kept.read_bytes() == current.read_bytes():
         return False
-    partial = kept.with_suffix(f".{os.getpid()}.partial")
-    shutil.copyfile(current, partial)
-    partial.rename(kept)
+    with replacing(kept, rivals=True) as copy:
+        shutil.copyfile(current, copy)
     return True

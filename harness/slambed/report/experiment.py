@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
+from slambed.atomic import replacing
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.comparison import power_hint
 from slambed.report import current
@@ -91,9 +92,8 @@ def write_summary_csv(results: Results) -> Path:
     """One row per run: the keys of summary.json, systems' own, label and parameters; replaced by
     one rename."""
     path = results.folder / "summary.csv"
-    partial = path.with_name(".summary.csv.partial")
-    results.runs[_columns(results)].to_csv(partial, index=False)
-    partial.rename(path)
+    with replacing(path) as out:
+        results.runs[_columns(results)].to_csv(out, index=False)
     return path
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slambed.atomic import replacing
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import keys_for, metric, own_of
 from slambed.metrics.comparison import fisher, holm
@@ -223,9 +224,8 @@ def append_history(history: Path, runs: pd.DataFrame, night_utc: str, passed: bo
         old = old[~same]
         new = pd.concat([old.astype(object), new.astype(object)], ignore_index=True)
     history.parent.mkdir(parents=True, exist_ok=True)
-    partial = history.with_suffix(".partial")
-    _plain(new).to_parquet(partial, index=False)
-    partial.rename(history)
+    with replacing(history) as out:
+        _plain(new).to_parquet(out, index=False)
     return len(new)
 
 

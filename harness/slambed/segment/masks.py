@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from slambed.atomic import replacing
 from slambed.data.model import GreyImage
 from slambed.data.places import cache_folder, no_cache
 from slambed.data.preparation import Progress
@@ -71,12 +71,10 @@ def mask_cache(
             content = _truth(sequence, key)
         else:
             content = _segmented(sequence, load_network(network), quality, n_m, key, progress)
-        partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
         try:
-            partial.write_bytes(content)
-            partial.rename(path)
+            with replacing(path) as out:
+                out.write_bytes(content)
         except OSError as refused:
-            partial.unlink(missing_ok=True)
             raise no_cache(path.parent, refused) from refused
     return path
 

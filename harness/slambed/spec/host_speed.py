@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
+from slambed.atomic import replacing
 from slambed.data.places import cache_folder
 from slambed.errors import environment_error
 from slambed.json_file import read_object
@@ -65,12 +66,11 @@ def load_host_speed(folder: Path | None = None) -> HostSpeed:
 def save_host_speed(speed: HostSpeed, folder: Path | None = None) -> Path:
     """Keeps it for the engines, by one rename."""
     path = (folder or cache_folder()) / FILE
-    partial = path.with_suffix(".partial")
     content = {"format": FORMAT, "host": host_identity(), "measured": asdict(speed)}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        partial.rename(path)
+        with replacing(path) as out:
+            out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise environment_error(f"cannot write {path}: {error.strerror}") from None
     return path
