@@ -226,7 +226,7 @@ def _masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
         params = system.resolve(system.choose_variant(choice.variant), choice.params)
         asked = MasksAsked.of(system, params, choice.label or choice.variant or "")
         if asked is not None:
-            found[asked] = None
+            found |= dict.fromkeys(asked.with_table(params))
     return list(found)
 
 

@@ -49,6 +49,8 @@ AUTOGROUP_TRIES, AUTOGROUP_PAUSE_S = 8, 0.06
 PR_SET_PDEATHSIG = 1
 QUALITY = "jpeg_quality"
 """Parameter of systems that send pictures; what the edge extracts from depends on it."""
+SEEN_FROM = (QUALITY, "full_offload")
+"""Parameters that say whether features come from the pictures or from their JPEGs."""
 
 
 def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
@@ -70,8 +72,11 @@ def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimCon
         feature_cache=CacheFile(path=str(features), key=feature_key(spec)) if features else None,
     )
     if spec.masks is not None:
-        masks = MaskFile(n_m=spec.masks.n_m, path=spec.masks.path, key=spec.masks.key)
-        config = config.model_copy(update={"mask_caches": [masks]})
+        masks = [
+            MaskFile(n_m=made.n_m, path=made.path, key=made.key)
+            for made in (spec.masks, *spec.further_masks)
+        ]
+        config = config.model_copy(update={"mask_caches": masks})
     if features is None or QUALITY not in spec.params:
         return config
     # Where the pictures are that a system sends, beside the features.
@@ -96,7 +101,7 @@ def _model(device: Device) -> CostModel:
 
 def feature_key(spec: RunSpec) -> str:
     """Everything that the features of a sequence depend on."""
-    orb = {n: v for n, v in spec.params.items() if n.startswith("n_orb") or n == QUALITY}
+    orb = {n: v for n, v in spec.params.items() if n.startswith("n_orb") or n in SEEN_FROM}
     return canonical_json({"sequence": spec.sequence_checksum, "software": spec.software, **orb})
 
 

@@ -26,6 +26,7 @@ REDUCED: dict[str, Callable[[np.ndarray[tuple[int], np.dtype[np.float64]]], floa
     "min": lambda v: float(v.min()),
     "max": lambda v: float(v.max()),
     "last": lambda v: float(v[-1]),
+    "rate": lambda v: float(1000 / v.mean()) if v.mean() > 0 else float("inf"),
 }
 
 

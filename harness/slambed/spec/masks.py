@@ -2,7 +2,7 @@
 """The masks that a virtual run has in place of a segmentation (docs/masks.md)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
@@ -38,6 +38,12 @@ class MasksAsked:
                 f"'{TRUTH}'"
             )
         return cls(network, int(params["jpeg_quality"]), float(params["n_m"]))
+
+    def with_table(self, params: Mapping[str, Scalar]) -> list[Self]:
+        """This, and the same with each other threshold that a system which adapts may ask for."""
+        table = str(params.get("table_n_m", "")) if params.get("adapt") else ""
+        asked = dict.fromkeys([self.n_m, *map(float, table.split())])
+        return [replace(self, n_m=n_m) for n_m in asked]
 
 
 class Masks(BaseModel):

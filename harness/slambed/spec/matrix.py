@@ -103,7 +103,8 @@ def expand(
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
             label = choice.label or _label(system, variant)
-            asked = MasksAsked.of(system, params, label)
+            wanted = MasksAsked.of(system, params, label)
+            asked = wanted.with_table(params) if wanted else []
             params = system.for_nodes(params)
             named = {name: str(params[name]) for name in system.file_params if params[name]}
             files = {
@@ -125,10 +126,10 @@ def expand(
             if dataset not in host.datasets:
                 continue  # left out, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
-            masks = None
-            if asked is not None:
-                unmade = Masks(network=asked.network, n_m=asked.n_m)
-                masks = host.masks.get((dataset, asked), unmade)
+            masks = [
+                host.masks.get((dataset, want), Masks(network=want.network, n_m=want.n_m))
+                for want in asked
+            ]
             paths: dict[str, Scalar] = {name: str(path) for name, path in files.items()}
             sums = dict(digests)
             for name in named.keys() - files.keys():
@@ -151,7 +152,8 @@ def expand(
                             channels=system.channels,
                             params=params | paths,
                             inputs=sums,
-                            masks=masks,
+                            masks=masks[0] if masks else None,
+                            further_masks=masks[1:],
                             edge_inputs=[name for name in system.edge_files if name in sums],
                             runtime=system.runtime,
                             system_folder=folder_of(system, choice.system, library),

@@ -47,6 +47,8 @@ class RunSpec(BaseModel):
     """Parameter that names an input file -> SHA-256 of the file."""
     masks: Masks | None = None
     """What is segmented, and for virtual runs the file of the masks."""
+    further_masks: list[Masks] = Field(default_factory=list)
+    """The same with other thresholds, of a system that changes its threshold."""
     edge_inputs: list[str] = Field(default_factory=list)
     """Those that only the edge is told of; in no key."""
     runtime: Runtime | None = None
@@ -79,6 +81,8 @@ class RunSpec(BaseModel):
             further["host_speed"] = self.host_speed
         if self.masks is not None:
             further["masks"] = self.masks.meaning()
+        if self.further_masks:
+            further["further_masks"] = [masks.meaning() for masks in self.further_masks]
         return further | {
             "system": self.system,
             "variant": self.variant,

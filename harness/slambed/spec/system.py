@@ -72,8 +72,9 @@ class OwnMetric(BaseModel):
     doc: str
     event: str
     """Type of the events it is taken from."""
-    take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last"]
-    """`seconds`: playback from each such event until the next one of its type."""
+    take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last", "rate"]
+    """`seconds`: playback from each such event until the next one of its type. `rate`: how often in
+    a second something happens that takes the mean of this field, in ms, each time."""
     field: str = ""
     """Of the event; none for `count` and `seconds`."""
     node: Role | None = None

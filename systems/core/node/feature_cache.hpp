@@ -3,8 +3,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "node/feature_source.hpp"
 #include "node/frame_file.hpp"
@@ -31,6 +33,24 @@ class FeatureCache final : public FeatureSource {
  private:
   std::shared_ptr<const Sensor> sensor_;
   FrameFile file_;
+};
+
+/// Features of several numbers of octaves, one of which is in use.
+class LeveledFeatures final : public FeatureSource {
+ public:
+  LeveledFeatures(std::map<int, std::unique_ptr<FeatureSource>> by_levels, int levels)
+      : by_levels_(std::move(by_levels)), used_(by_levels_.at(levels).get()) {}
+
+  std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override {
+    return used_->features(frame);
+  }
+  std::shared_ptr<const Sensor> sensor() const override { return used_->sensor(); }
+  /// Throws where there are none for that number.
+  void use_levels(int levels) override { used_ = by_levels_.at(levels).get(); }
+
+ private:
+  std::map<int, std::unique_ptr<FeatureSource>> by_levels_;
+  FeatureSource* used_;
 };
 
 }  // namespace slambed

@@ -18,6 +18,9 @@ class FeatureSource {
   virtual ~FeatureSource() = default;
   virtual std::shared_ptr<const FeatureSet> features(std::uint64_t frame) = 0;
   virtual std::shared_ptr<const Sensor> sensor() const = 0;
+  /// From the next frame on features come from so many octaves, as many features as before. Of sources that
+  /// know no octaves, nothing.
+  virtual void use_levels(int) {}
 };
 
 /// Extracts from a prepared sequence of any sensor. Owns scratch memory: one per worker.
@@ -28,6 +31,7 @@ class ExtractingSource final : public FeatureSource {
 
   std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override;
   std::shared_ptr<const Sensor> sensor() const override { return sensor_; }
+  void use_levels(int levels) override;
 
  private:
   /// What only a rectified pair needs.
@@ -38,7 +42,7 @@ class ExtractingSource final : public FeatureSource {
 
   const PreparedSequence& sequence_;
   std::shared_ptr<const Sensor> sensor_;
-  OrbExtractor extractor_;
+  std::unique_ptr<OrbExtractor> extractor_;
   std::optional<Right> right_;
 };
 

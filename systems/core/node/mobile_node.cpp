@@ -66,11 +66,20 @@ bool MobileNode::lost_in(Worker& worker, const OfferedFrame& offered) {
       [&](StageUnits& units) {
         auto features = parts_.features.features(index);
         units.n1 = images_per_frame(parts_.sensor) * features->size();
+        units.n2 = pyramid_pixels_;
         return features;
       },
       *policy_);
   log_pose(index, frame.outcome);
   return frame.lost_now;
+}
+
+void MobileNode::use_levels(int levels) {
+  parts_.features.use_levels(levels);
+  const auto& scale = sensor()->pyramid.scale;
+  pyramid_pixels_ = 0;
+  for (int level = 0; level < levels && level < std::ssize(scale); ++level)
+    pyramid_pixels_ += 1 / (double{scale[level]} * scale[level]);
 }
 
 void MobileNode::log_pose(std::uint64_t frame, const TrackOutcome& outcome) {

@@ -63,6 +63,8 @@ class MobileNode {
   }
   /// The pictures that go to the edge; for systems that have a jpeg_quality.
   ImageSource& images() { return *parts_.images; }
+  /// Features of the frames to come are extracted from so many octaves; for systems with orb_levels.
+  void use_levels(int levels);
   double played_fps() const { return parts_.played_fps; }
   /// What the link's profile asks for; nothing where the run does not tell.
   const std::optional<RttTable>& profile_rtt() const { return parts_.profile_rtt; }
@@ -90,6 +92,7 @@ class MobileNode {
   std::unique_ptr<MobilePolicy> policy_;
   PoseLog pose_log_;
   std::atomic<bool> lost_elsewhere_{false};
+  double pyramid_pixels_ = 0;  ///< of a frame's octaves, in pictures; 0 where they never change
   TrackingState elsewhere_ = TrackingState::kNotInitialised;
   bool finished_ = false;
 };

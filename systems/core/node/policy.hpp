@@ -62,6 +62,9 @@ struct System {
   std::function<std::string(const Parameters&)> prior_map;
   /// Whether the mobile node leaves its map behind as a file; not set: never.
   std::function<bool(const Parameters&)> save_map;
+  /// Numbers of octaves that the mobile may change extraction to (MobileNode::use_levels); not set: those
+  /// of `orb` for good.
+  std::function<std::vector<int>(const Parameters&)> orb_levels;
   /// JPEG quality of the pictures that go to the edge; not set: none does.
   std::function<int(const Parameters&)> jpeg_quality;
   /// Whether features are extracted on the edge, from those pictures; not set: on the mobile.

@@ -149,16 +149,35 @@ class VirtualRun {
     } else {
       features_ = std::make_unique<ExtractingSource>(sequence_, sensor, orb);
     }
-    if (config_.features) {
-      features_ = std::make_unique<FeatureCache>(config_.features->path, config_.features->key,
-                                                 sequence_.frames(), *features_);
-    }
+    if (config_.features) features_ = cached(orb);
     if (!on_edge) return;
     if (config_.features) {
       pictures_ = std::make_unique<KnownPictures>(*features_);
     } else {
       pictures_ = std::make_unique<DecodedPictures>([sensor] { return sensor; }, orb);
     }
+  }
+
+  /// A cache for each number of octaves; that of `orb` comes last, as the harness goes by its file.
+  std::unique_ptr<FeatureSource> cached(const OrbOptions& orb) {
+    const SimConfig::Cache& file = *config_.features;
+    std::map<int, std::unique_ptr<FeatureSource>> by_levels;
+    const auto others = system_.orb_levels ? system_.orb_levels(parameters_) : std::vector<int>();
+    const auto open = [&](int levels, std::filesystem::path path, const std::string& key) {
+      features_->use_levels(levels);
+      by_levels[levels] =
+          std::make_unique<FeatureCache>(path, key, sequence_.frames(), *features_);
+    };
+    for (const int levels : others) {
+      if (levels == orb.levels || by_levels.contains(levels)) continue;
+      const std::string name = std::to_string(levels);
+      auto path = file.path;
+      path.replace_filename(path.stem().string() + "-" + name + path.extension().string());
+      open(levels, path, file.key + " octaves " + name);
+    }
+    open(orb.levels, file.path, file.key);
+    if (by_levels.size() == 1) return std::move(by_levels.begin()->second);
+    return std::make_unique<LeveledFeatures>(std::move(by_levels), orb.levels);
   }
 
   void finish() {

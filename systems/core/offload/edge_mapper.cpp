@@ -101,7 +101,8 @@ bool EdgeMapper::take(KeyFrameId keyframe) {
     mapping_.skip(found->second.message.newest_edge_point);
   }
   delta = map_->read([&](const MapView& view) {
-    return rebase_keyframe(view, std::move(delta));
+    return hooks_.rebase ? hooks_.rebase(view, std::move(delta))
+                         : rebase_keyframe(view, std::move(delta));
   });
   map_->commit(jumps_.follow(*map_, std::move(delta), applied));
   hooks_.taken();

@@ -31,6 +31,8 @@ struct EdgeMapperHooks {
   std::function<RunTime(Worker&)> idle;
   /// The map was thrown away: a new one begins. On the worker that admitted its first keyframe.
   std::function<void()> cleared;
+  /// In place of rebase_keyframe: an admitted keyframe as it fits the map now. May be left out.
+  std::function<MapDelta(const MapView&, MapDelta)> rebase{};
 };
 
 /// The global map of an edge and all that changes it: local mapping, loops, what the mobile changed
@@ -76,6 +78,8 @@ class EdgeMapper {
   void drain(Worker& worker, RunTime deadline);
   /// Mapping rests: no keyframe is admitted. What is being mapped is finished.
   void park(bool parked) { mapping_.park(parked); }
+  /// Lets the mapping side come round to the hook `idle`. From any worker.
+  void wake() { mapping_.wake(); }
   /// Takes over what was changed elsewhere while mapping rested. Keyframes that waited are dropped:
   /// the changes have them. From any worker but mapping's own.
   CommitReport merge(Worker& worker, MapDelta changes);

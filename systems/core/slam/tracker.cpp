@@ -291,6 +291,17 @@ void Tracker::moved(const SE3& T_new_old, const SE3& T_rw_before) {
   frame.T_cr = (frame.T_cw * T_rw->inverse()).normalized();
 }
 
+void Tracker::rescale(double factor) {
+  if (impl_->velocity) impl_->velocity->t *= factor;
+  Frame& frame = impl_->current;
+  if (!frame.has_pose) return;
+  const auto T_rw =
+      impl_->map->read([&](const MapView& view) { return view.pose_of(frame.reference); });
+  if (!T_rw) return;
+  frame.T_cr.t *= factor;
+  frame.T_cw = (frame.T_cr * *T_rw).normalized();
+}
+
 KeyFrameId Tracker::reference() const {
   return impl_->current.has_pose ? impl_->current.reference : KeyFrameId{};
 }

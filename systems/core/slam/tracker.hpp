@@ -148,6 +148,9 @@ class Tracker {
   /// frame and the next, after the change was committed; T_rw_before: where the last frame's
   /// reference keyframe was until then. The motion model stays as it is.
   void moved(const SE3& T_new_old, const SE3& T_rw_before);
+  /// All distances of the map were multiplied by this: right after replace_map, so that the last pose and
+  /// the motion model are of the same scale.
+  void rescale(double factor);
   /// The keyframe that the last pose is relative to.
   KeyFrameId reference() const;
   std::shared_ptr<Map> map() const;

@@ -57,6 +57,12 @@ std::string_view message_name(std::uint8_t type) {
       return "FRAME_IMAGE";
     case MessageType::kFrameResult:
       return "FRAME_RESULT";
+    case MessageType::kSemanticKeyFrame:
+      return "SEMANTIC_KEYFRAME";
+    case MessageType::kOptResult:
+      return "OPT_RESULT";
+    case MessageType::kMask:
+      return "MASK";
   }
   return "UNKNOWN";
 }

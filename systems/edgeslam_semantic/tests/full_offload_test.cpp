@@ -2,140 +2,13 @@
 // ORB-SLAM and Mask-SLAM with everything on the edge, in virtual time on generated pictures.
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
 #include "base/error.hpp"
-#include "edgeslam_semantic/edgeslam_semantic.hpp"
-#include "node/frame_file.hpp"
-#include "node/tests/temporary_folder.hpp"
-#include "node/virtual_run.hpp"
-#include "synth/generator.hpp"
-#include "wire/mask_codec.hpp"
+#include "edgeslam_semantic/tests/semantic_run.hpp"
 
 namespace slambed {
 namespace {
 
-constexpr int kWidth = 320, kHeight = 240, kFps = 15, kFrames = 60;
-constexpr double kSegment_ms = 150, kStage_ms = 4, kClosure_ms = 2;
-
-struct Played {
-  std::string text, trajectory;
-  std::vector<nlohmann::json> events;  ///< of both nodes
-
-  std::vector<nlohmann::json> of(const std::string& type) const {
-    std::vector<nlohmann::json> found;
-    for (const auto& event : events)
-      if (event["type"] == type) found.push_back(event);
-    return found;
-  }
-  int stages(const std::string& name) const {
-    int count = 0;
-    for (const auto& event : of("stage")) count += event["name"] == name;
-    return count;
-  }
-};
-
-class FullOffload : public ::testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    shared = std::make_unique<testing::TemporaryFolder>();
-    synth::GeneratorOptions options;
-    options.sensor = "mono";
-    options.trajectory = "spline";
-    options.seed = 2;
-    options.width = kWidth;
-    options.height = kHeight;
-    options.fps = kFps;
-    options.seconds = double(kFrames) / kFps;
-    synth::generate(options, shared->path() / "sequence", 2, [](int, int) { return true; });
-  }
-  static void TearDownTestSuite() { shared.reset(); }
-
-  static nlohmann::json params() {
-    return {{"n_orb", 1000},         {"jpeg_quality", 90},   {"offload_window", 1},
-            {"nrcc", false},         {"n_m", 0.8},           {"mask_border_px", 3},
-            {"loop_closing", false}, {"second_hypotheses", false}};
-  }
-
-  /// Masks of every frame: something that moves covers all rows below `from_row`.
-  void write_masks(int from_row) {
-    const auto outside = static_cast<std::uint32_t>(kWidth * from_row);
-    const Instance below{.object_class = 0,
-                         .moves = true,
-                         .score = 1,
-                         .runs = {outside, kWidth * kHeight - outside},
-                         .body = {}};
-    FrameFile({"mask cache", 0x434D4C53, 1}, folder.path() / "m.masks", kFrames)
-        .open_or_make("masks", [&](std::uint64_t) {
-          return FrameFile::OwnedBlock{1, wire::encode_segmentation({kWidth, kHeight, {below}})};
-        });
-    world["mask_caches"] = {{{"n_m", 0.8}, {"path", folder.path() / "m.masks"}, {"key", "masks"}}};
-  }
-
-  Played play(const nlohmann::json& parameters) {
-    const nlohmann::json playback{
-        {"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}};
-    folder.write("run.json",
-                 nlohmann::json{{"format", "slambed-run"},
-                                {"version", 1},
-                                {"run_key", "offload"},
-                                {"seed", 1},
-                                {"system", "edgeslam_semantic"},
-                                {"variant", "orbslam_offloaded"},
-                                {"params", parameters},
-                                {"sequence", shared->path() / "sequence"},
-                                {"playback", playback},
-                                {"network",
-                                 {{"edge_address", "10.0.0.2"},
-                                  {"ports", {{"control", 5000}, {"frame", 5001}}}}},
-                                {"output", folder.path()},
-                                {"connect_timeout_s", 1.0}}
-                     .dump());
-    folder.write("sim.json", world.dump());
-    const System system = edgeslam_semantic_system();
-    run_virtually(folder.path() / "sim.json", {&system, 1});
-    Played played;
-    for (const char* role : {"mobile", "edge"}) {
-      const std::string text = testing::read_text(folder.path() / role / "events.jsonl");
-      played.text += text;
-      std::istringstream lines(text);
-      for (std::string line; std::getline(lines, line);)
-        played.events.push_back(nlohmann::json::parse(line));
-    }
-    played.trajectory = testing::read_text(folder.path() / "mobile" / "trajectory.txt");
-    return played;
-  }
-
-  static nlohmann::json device(std::vector<std::string> stages) {
-    nlohmann::json costs = nlohmann::json::object();
-    for (const std::string& stage : stages)
-      costs[stage] = {{"a_us", kStage_ms * 1000}, {"b_us", 0}, {"c_us", 0}, {"jitter", 0}};
-    return {{"cores", 2}, {"speed", 1.0}, {"stages", costs}};
-  }
-  static nlohmann::json edge_device() {
-    nlohmann::json edge = device({"decode_image", "extract", "track", "create_keyframe", "insert",
-                                  "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes",
-                                  "cull_features", "loop_detect", "relocalise"});
-    edge["stages"]["segment"] = {{"a_us", kSegment_ms * 1000}, {"b_us", 0}, {"c_us", 0},
-                                 {"jitter", 0}, {"accelerator", "gpu"}};
-    edge["accelerators"] = {{"gpu", {{"lanes", 1}, {"speed", 1.0}}}};
-    return edge;
-  }
-
-  static std::unique_ptr<testing::TemporaryFolder> shared;
-  testing::TemporaryFolder folder;
-  nlohmann::json direction{{"delay_us", {5000}}};
-  nlohmann::json world{
-      {"format", "slambed-sim"},
-      {"version", 1},
-      {"run", "run.json"},
-      {"devices", {{"mobile", device({"encode_image"})}, {"edge", edge_device()}}},
-      {"link",
-       {{"step_ms", 100}, {"interpolation", "linear"}, {"up", direction}, {"down", direction}}},
-      {"edge_frozen_s", nlohmann::json::array()},
-      {"feature_cache", nullptr}};
-};
-std::unique_ptr<testing::TemporaryFolder> FullOffload::shared;
+class FullOffload : public SemanticRun {};
 
 TEST_F(FullOffload, EachFrameIsAnsweredAndItsPartsAddUp) {
   const Played run = play(params());
@@ -145,7 +18,8 @@ TEST_F(FullOffload, EachFrameIsAnsweredAndItsPartsAddUp) {
   EXPECT_EQ(answers.size(), run.of("frame_tracked").size());
   for (const auto& frame : answers) {
     EXPECT_LE(frame["parts_error_ms"], kClosure_ms);
-    EXPECT_GT(frame["latency_ms"], 10 + 3 * kStage_ms) << "two ways, decoding, extraction, tracking";
+    EXPECT_GT(frame["latency_ms"], 10 + 3 * kStage_ms)
+        << "two ways, decoding, extraction, tracking";
     EXPECT_EQ(frame["nrcc_ms"], 0.0);
   }
   EXPECT_EQ(run.stages("segment"), 0);

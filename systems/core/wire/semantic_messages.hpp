@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "features/instances.hpp"
+#include "wire/messages.hpp"
+
+namespace slambed::wire {
+
+/// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to be mapped, and its picture to be segmented.
+struct SemanticKeyFrame {
+  /// The newer of the two keyframes that its map began with: answers about another map are worth
+  /// nothing.
+  KeyFrameId world;
+  RunTime captured{};               ///< when playback offered its frame
+  std::uint64_t applied_slice = 0;  ///< number of the newest slice that the pose knows of, 0: none
+  double n_m = 0.8;                 ///< threshold of the segmentation's non-maximum suppression
+  /// The keyframe (the first message of a map: both that it begins with), with the ids of points
+  /// that the edge knows, points that it does not, and which earlier keyframes saw those.
+  MapDelta delta;
+  Bytes jpeg;  ///< empty: nothing is segmented
+
+  KeyFrameId keyframe() const { return delta.keyframes.back().id; }
+  bool first() const { return keyframe() == world; }
+};
+
+/// OPT_RESULT, edge -> mobile: what mapping a keyframe came to, as what has changed in the part of
+/// the map that the mobile keeps since the slice before.
+struct OptResult {
+  KeyFrameId world;
+  std::uint64_t number = 0;  ///< of slices in this map, from 1
+  KeyFrameId keyframe;
+  SE3 T_cw;  ///< of the keyframe, optimised
+  UpdateTimes times;
+  /// Points by position (new ones and moved ones alike), keyframes by pose, observations, what the
+  /// edge has deleted. No keyframe is in it whole: the mobile made them all.
+  MapDelta changes;
+  std::vector<KeyFrameId>
+      left_keyframes;  ///< still in the global map, no longer in the mobile's part
+  std::vector<MapPointId> left_points;
+};
+
+/// MASK, edge -> mobile: what moves in a keyframe's picture.
+struct MaskMessage {
+  KeyFrameId world;
+  KeyFrameId keyframe;
+  Duration took{};  ///< from the picture's arrival
+  FrameMasks masks;
+};
+
+Bytes encode(const SemanticKeyFrame& message);
+Bytes encode(const OptResult& message);
+Bytes encode(const MaskMessage& message);
+
+/// All throw DecodeError and nothing else.
+SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
+                                          const SensorPtr& sensor);
+OptResult decode_opt_result(std::span<const std::uint8_t> bytes);
+MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+
+}  // namespace slambed::wire

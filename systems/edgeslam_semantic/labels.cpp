@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/labels.hpp"
+
+#include <set>
+
+namespace slambed::edgeslam_semantic {
+
+MapDelta without_labelled(const MapView& view, const Labels& labels) {
+  std::map<MapPointId, std::vector<ObservationEdit>> sightings;
+  for (const auto& [id, moves] : labels) {
+    const KeyFrame* keyframe = view.keyframe(id);
+    if (!keyframe) continue;
+    for (std::size_t i = 0; i < moves.size() && i < keyframe->points.size(); ++i) {
+      const MapPointId point = keyframe->points[i];
+      if (moves[i] && point) sightings[point].push_back({id, static_cast<std::uint16_t>(i), point});
+    }
+  }
+  MapDelta delta;
+  delta.epoch = view.epoch();
+  for (const auto& [id, labelled] : sightings) {
+    if (2 * labelled.size() >= view.point(id)->observations.size()) {
+      delta.culled_points.push_back(id);
+    } else {
+      delta.detach.insert(delta.detach.end(), labelled.begin(), labelled.end());
+    }
+  }
+  return delta;
+}
+
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "map/map.hpp"
+
+namespace slambed::edgeslam_semantic {
+
+/// Of keyframes: which features lie on something that moves (1).
+using Labels = std::map<KeyFrameId, std::vector<std::uint8_t>>;
+
+/// What a map does without: points at least half of whose sightings lie on something that moves,
+/// and of the others those sightings. A point behind somebody's outline is thus not lost with one
+/// mask.
+MapDelta without_labelled(const MapView& view, const Labels& labels);
+
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/link_delay.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+/// A new sample counts an eighth (RFC 6298, as in the kernel).
+constexpr int kSmoothing = 8;
+/// Uploads are rare: with an eighth each, a change of rate would be told ten uploads late.
+constexpr double kRateSmoothing = 2;
+constexpr std::size_t kSizes = 5;
+/// Uploads whose answer is still to come; older ones are given up.
+constexpr std::size_t kMostUnderWay = 64;
+
+}  // namespace
+
+void LinkDelay::probed(Duration round_trip) {
+  const std::lock_guard lock(mutex_);
+  round_trip_ = round_trip_ ? *round_trip_ + (round_trip - *round_trip_) / kSmoothing : round_trip;
+}
+
+void LinkDelay::sent(std::uint64_t sequence, std::size_t bytes, RunTime when) {
+  const std::lock_guard lock(mutex_);
+  under_way_[sequence] = {bytes, when, !under_way_.empty()};
+  if (under_way_.size() > kMostUnderWay) under_way_.erase(under_way_.begin());
+  sizes_.push_back(bytes);
+  if (sizes_.size() > kSizes) sizes_.pop_front();
+}
+
+void LinkDelay::acknowledged(std::uint64_t sequence, RunTime when) {
+  const std::lock_guard lock(mutex_);
+  const auto found = under_way_.find(sequence);
+  if (found == under_way_.end()) return;
+  const Upload upload = found->second;
+  under_way_.erase(under_way_.begin(), std::next(found));
+  // One that waited behind another took the time between both answers; one that did not took a
+  // round trip more than its bytes.
+  std::optional<Duration> took;
+  if (upload.behind && last_acknowledged_ > upload.sent) {
+    took = when - last_acknowledged_;
+  } else if (round_trip_) {
+    took = when - upload.sent - *round_trip_;
+  }
+  last_acknowledged_ = when;
+  if (!took || upload.bytes == 0) return;
+  const double sample = std::max(to_seconds(*took), 0.0) / static_cast<double>(upload.bytes);
+  seconds_per_byte_ = seconds_per_byte_
+                          ? *seconds_per_byte_ + (sample - *seconds_per_byte_) / kRateSmoothing
+                          : sample;
+}
+
+std::optional<Duration> LinkDelay::round_trip() const {
+  const std::lock_guard lock(mutex_);
+  return round_trip_;
+}
+
+std::optional<double> LinkDelay::bytes_per_s() const {
+  const std::lock_guard lock(mutex_);
+  if (!seconds_per_byte_ || *seconds_per_byte_ <= 0) return std::nullopt;
+  return 1 / *seconds_per_byte_;
+}
+
+double LinkDelay::mean_bytes_locked() const {
+  if (sizes_.empty()) return 0;
+  return std::accumulate(sizes_.begin(), sizes_.end(), 0.0) / static_cast<double>(sizes_.size());
+}
+
+double LinkDelay::mean_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return mean_bytes_locked();
+}
+
+std::optional<Duration> LinkDelay::delay() const {
+  const std::lock_guard lock(mutex_);
+  if (!round_trip_ || !seconds_per_byte_) return std::nullopt;
+  const Duration latency = one_way_ ? *round_trip_ / 2 : *round_trip_;
+  return latency + from_seconds(mean_bytes_locked() * *seconds_per_byte_);
+}
+
+}  // namespace slambed::edgeslam_semantic

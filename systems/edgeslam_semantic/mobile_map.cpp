@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/mobile_map.hpp"
+
+#include <algorithm>
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+/// An own point goes up when two uploaded keyframes see it: with one alone it has no depth there.
+constexpr std::size_t kLeastSightings = 2;
+
+LocalMapperOptions mapper_options(int neighbours) {
+  LocalMapperOptions options;
+  options.neighbours = options.neighbours_mono = neighbours;
+  return options;
+}
+
+}  // namespace
+
+MobileMap::MobileMap(MobileNode& node, int neighbours)
+    : node_(node),
+      mapper_(mapper_options(neighbours), node.tracker().map(), IdSpace::kMobileMapper) {}
+
+void MobileMap::note_own(const MapDelta& made) {
+  for (const NewKeyFrame& keyframe : made.keyframes)
+    own_[keyframe.id] = {keyframe.frame_index, keyframe.timestamp_s, keyframe.features};
+}
+
+void MobileMap::extend(Worker& worker, const MapDelta& made) {
+  if (made.keyframes.empty()) return;
+  note_own(made);
+  Map& map = *node_.tracker().map();
+  const KeyFrameId id = made.keyframes.back().id;
+  worker.stage("insert", [&](StageUnits&) {
+    mapper_.insert(id);
+    return 0;
+  });
+  worker.stage("cull_points", [&](StageUnits&) {
+    MapDelta culled = mapper_.cull_points();
+    std::erase_if(culled.culled_points, [this](MapPointId p) { return known_at_edge(p); });
+    map.commit(culled);
+    return 0;
+  });
+  worker.stage("triangulate", [&](StageUnits& units) {
+    const auto loose = map.read([&](const MapView& view) {
+      const KeyFrame* keyframe = view.keyframe(id);
+      units.n1 = static_cast<double>(keyframe->covisibles.size());
+      return std::count(keyframe->points.begin(), keyframe->points.end(), MapPointId{});
+    });
+    units.n2 = units.n1 * static_cast<double>(loose);
+    map.commit(mapper_.triangulate());
+    return 0;
+  });
+}
+
+bool MobileMap::known_at_edge(MapPointId point) const {
+  return space_of(point) != IdSpace::kMobileMapper || sent_.contains(point);
+}
+
+wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
+  wire::SemanticKeyFrame message;
+  const KeyFrameId id = made.keyframes.back().id;
+  if (!world_) {
+    world_ = id;
+    message.delta = made;
+    for (const NewKeyFrame& keyframe : made.keyframes) uploaded_.insert(keyframe.id);
+  } else {
+    node_.tracker().map()->read([&](const MapView& view) {
+      const KeyFrame& keyframe = *view.keyframe(id);
+      message.delta.epoch = view.epoch();
+      message.delta.keyframes.push_back({.id = id,
+                                         .frame_index = keyframe.frame_index,
+                                         .timestamp_s = keyframe.timestamp_s,
+                                         .features = keyframe.features,
+                                         .T_cw = keyframe.T_cw,
+                                         .points = keyframe.points,
+                                         .parent = {}});
+      add_points(view, message.delta.keyframes.back(), message.delta);
+      return 0;
+    });
+    uploaded_.insert(id);
+  }
+  message.world = world_;
+  message.applied_slice = applied_;
+  return message;
+}
+
+/// Own points that the edge does not know yet, or none in their place.
+void MobileMap::add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta& delta) {
+  for (MapPointId& id : keyframe.points) {
+    if (!id || known_at_edge(id)) continue;
+    const MapPoint& point = *view.point(id);
+    std::vector<ObservationEdit> earlier;
+    for (const Observation& seen : point.observations)
+      if (uploaded_.contains(seen.keyframe)) earlier.push_back({seen.keyframe, seen.feature, id});
+    if (earlier.size() + 1 < kLeastSightings) {
+      id = {};
+      continue;
+    }
+    NewPoint fresh;
+    fresh.id = id;
+    fresh.p_w = point.p_w;
+    fresh.reference = fresh.first_keyframe = keyframe.id;
+    delta.points.push_back(fresh);
+    delta.attach.insert(delta.attach.end(), earlier.begin(), earlier.end());
+    sent_.insert(id);
+  }
+}
+
+bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
+  if (!world_ || result.world != world_ || result.number <= applied_) return false;
+  worker.stage("apply_update", [&](StageUnits& units) {
+    applied_ = result.number;
+    edgeslam_semantic::apply(window_, {result.changes, result.left_keyframes, result.left_points});
+    const auto before = node_.tracker().map();
+    LocalMapParts parts{.window = window_,
+                        .own = own_,
+                        .newest = result.keyframe,
+                        .S_new_old = {},
+                        .gone = on_movers_};
+    for (const MapPointId id : result.changes.culled_points) parts.gone.insert(id);
+    for (const PointFusion& fusion : result.changes.fusions) parts.gone.insert(fusion.gone);
+    double moved = 0;
+    const MapDelta local = before->read([&](const MapView& view) {
+      parts.S_new_old = correction_at(view, result.keyframe, window_);
+      if (const KeyFrame* rough = view.keyframe(result.keyframe))
+        moved = (rough->T_cw.inverse().t - result.T_cw.inverse().t).norm();
+      return local_map(view, parts);
+    });
+    units.n1 = static_cast<double>(local.keyframes.size());
+    auto fresh = std::make_shared<Map>();
+    fresh->commit(local);
+    mapper_.replace_map(fresh);
+    node_.replace_map(fresh);
+    if (parts.S_new_old.scale != 1) node_.tracker().rescale(parts.S_new_old.scale);
+    for (const auto& [id, sighted] : window_.keyframes) node_.poses().placed(id, sighted.T_cw);
+    report(result, parts.S_new_old.scale, moved);
+    return 0;
+  });
+  return true;
+}
+
+void MobileMap::report(const wire::OptResult& result, double scale, double moved) {
+  const MapDelta& changes = result.changes;
+  const std::size_t points = count(*node_.tracker().map()).points;
+  node_.log().write(
+      JsonLine("slice_applied")
+          .add("number", result.number)
+          .add("keyframe", result.keyframe.value)
+          .add("points_set", changes.positions.size())
+          .add("points_deleted", changes.culled_points.size() + changes.fusions.size())
+          .add("points_left", result.left_points.size())
+          .add("keyframes_set", changes.poses.size())
+          .add("edge_points", window_.points.size())
+          .add("local_points", points)
+          .add("moved_m", moved)
+          .add("scale", scale));
+}
+
+void MobileMap::cull(const Labels& labels) {
+  Map& map = *node_.tracker().map();
+  const MapDelta delta =
+      map.read([&](const MapView& view) { return without_labelled(view, labels); });
+  map.commit(delta);
+  on_movers_.insert(delta.culled_points.begin(), delta.culled_points.end());
+}
+
+void MobileMap::reset() {
+  mapper_.replace_map(node_.tracker().map());
+  window_ = {};
+  own_.clear();
+  uploaded_.clear();
+  sent_.clear();
+  on_movers_.clear();
+  world_ = {};
+  applied_ = 0;
+}
+
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <set>
+
+#include "edgeslam_semantic/labels.hpp"
+#include "edgeslam_semantic/local_map.hpp"
+#include "node/mobile_node.hpp"
+#include "slam/local_mapper.hpp"
+#include "wire/semantic_messages.hpp"
+
+namespace slambed::edgeslam_semantic {
+
+/// The mobile's local map: what slices brought, and what the mobile made itself since, by
+/// triangulation without any bundle. All on the tracking worker, between two frames or behind one.
+class MobileMap {
+ public:
+  /// neighbours: keyframes that a new one is triangulated with.
+  MobileMap(MobileNode& node, int neighbours);
+
+  /// A keyframe was made: triangulates its points.
+  void extend(Worker& worker, const MapDelta& made);
+  /// What goes up of it, its points with earlier sightings of theirs that the edge knows of.
+  /// `made`: of the beginning of a map.
+  wire::SemanticKeyFrame upload(const MapDelta& made);
+  /// Takes a slice over. False when it is of another map, or none that follows the last one.
+  bool apply(Worker& worker, const wire::OptResult& result);
+  /// Points and sightings on what moves go, and are not taken from slices again.
+  void cull(const Labels& labels);
+  void reset();
+
+  std::uint64_t applied_slice() const { return applied_; }
+  KeyFrameId world() const { return world_; }
+  int uploaded() const { return static_cast<int>(uploaded_.size()); }
+
+ private:
+  void note_own(const MapDelta& made);
+  bool known_at_edge(MapPointId point) const;
+  void add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta& delta);
+  void report(const wire::OptResult& result, double scale, double moved);
+
+  MobileNode& node_;
+  LocalMapper mapper_;
+  MapWindow window_;  ///< as the edge has it, by the last slice
+  std::map<KeyFrameId, OwnKeyFrame> own_;
+  std::set<KeyFrameId> uploaded_;
+  std::set<MapPointId> sent_;  ///< own points that went up
+  std::set<MapPointId> on_movers_;
+  KeyFrameId world_;
+  std::uint64_t applied_ = 0;
+};
+
+}  // namespace slambed::edgeslam_semantic

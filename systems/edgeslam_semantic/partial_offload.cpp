@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/partial_offload.hpp"
+
+#include <algorithm>
+
+#include "offload/message_codec.hpp"
+#include "offload/rtt_monitor.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+constexpr int kAllLevels = 8;
+/// An answer that has not come by then is not waited for any more.
+constexpr Duration kPatience = std::chrono::seconds(5);
+
+constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
+
+ChainOptions chain_options(const Parameters& parameters) {
+  return {.label_frames = parameters.integer("label_frames")};
+}
+
+}  // namespace
+
+SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
+    : node_(node),
+      nrcc_(parameters.boolean("nrcc")),
+      by_table_(parameters.boolean("adapt")),
+      local_references_(parameters.boolean("local_references")),
+      fixed_row_(parameters.integer("fixed_row")),
+      most_under_way_(parameters.integer("keyframes_under_way")),
+      n_m_(parameters.real("n_m")),
+      control_(node.network().open({.name = "control", .heartbeat = true})),
+      frames_(node.network().open({.name = "frame"})),
+      masks_(node.network().open({.name = "mask"})),
+      probes_(node.network().open({.name = "probe"})),
+      farewell_(node, control_),
+      uploads_(node, frames_, probes_,
+               {.pictures = nrcc_,
+                .one_way = parameters.boolean("delay_one_way"),
+                .probe_period_s = parameters.real("probe_period_s")}),
+      map_(node, parameters.integer("local_neighbours")),
+      transfer_(chain_options(parameters), parameters.integer("mask_border_px")),
+      results_(node.runtime()),
+      arrived_masks_(node.runtime()) {
+  configure();
+}
+
+void SemanticMobile::start() {
+  node_.runtime().spawn("results", [this](Worker& worker) { receive_results(worker); });
+  node_.runtime().spawn("masks", [this](Worker& worker) { receive_masks(worker); });
+  uploads_.start();
+  spawn_rtt_monitor(node_.runtime(), node_.log(), frames_);
+}
+
+void SemanticMobile::receive_results(Worker& worker) {
+  while (const auto message = frames_.receive(worker, kNever)) {
+    try {
+      if (message->type == type_of(wire::MessageType::kAck)) uploads_.acknowledged(*message);
+      if (message->type != type_of(wire::MessageType::kOptResult)) continue;
+      results_.put(worker.stage("parse", [&](StageUnits& units) {
+        units.n1 = kilobytes(message->payload);
+        return wire::decode_opt_result(message->payload);
+      }));
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string("OPT_RESULT refused: ") + error.what());
+    }
+  }
+}
+
+void SemanticMobile::receive_masks(Worker& worker) {
+  while (const auto message = masks_.receive(worker, kNever)) {
+    if (message->type != type_of(wire::MessageType::kMask)) continue;
+    try {
+      arrived_masks_.put(worker.stage("parse", [&](StageUnits& units) {
+        units.n1 = kilobytes(message->payload);
+        return wire::decode_mask(message->payload, node_.sensor());
+      }));
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string("MASK refused: ") + error.what());
+    }
+  }
+}
+
+void SemanticMobile::before_frame(Worker& worker, const OfferedFrame&) {
+  while (const auto result = results_.try_take()) take(worker, *result);
+  while (const auto mask = arrived_masks_.try_take()) take(worker, *mask);
+  settled(worker.now());
+  moments_.updated = worker.now();
+}
+
+void SemanticMobile::take(Worker& worker, const wire::OptResult& result) {
+  if (!map_.apply(worker, result)) {
+    node_.log().write(JsonLine("slice_declined")
+                          .add("number", result.number)
+                          .add("keyframe", result.keyframe.value));
+    return;
+  }
+  facts_.frames_since_optimisation = 0;
+  for (auto& [id, waiting] : waiting_)
+    if (id <= result.keyframe) waiting.result = false;
+}
+
+void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {
+  if (mask.world != map_.world() || !transfer_.apply(mask.keyframe, mask.masks)) {
+    node_.log().write(JsonLine("mask_declined").add("keyframe", mask.keyframe.value));
+    return;
+  }
+  worker.stage("cull_features", [&](StageUnits& units) {
+    const Labels labels = transfer_.labels();
+    units.n1 = static_cast<double>(labels.size());
+    map_.cull(labels);
+    return 0;
+  });
+  transfer_.forget_old();
+  if (const auto found = waiting_.find(mask.keyframe); found != waiting_.end())
+    found->second.mask = false;
+  node_.log().write(JsonLine("mask_applied")
+                        .add("keyframe", mask.keyframe.value)
+                        .add("instances", mask.masks.instances.size())
+                        .add("age_frames", transfer_.mask_age())
+                        .add_ms("nrcc_ms", mask.took));
+}
+
+/// Answers that are all back, or that nobody waits for any longer.
+void SemanticMobile::settled(RunTime now) {
+  std::erase_if(waiting_, [&](const auto& entry) {
+    const Waiting& waiting = entry.second;
+    return (!waiting.result && !waiting.mask) || now - waiting.since > kPatience;
+  });
+}
+
+std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
+    Worker& worker, const OfferedFrame&, std::shared_ptr<const FeatureSet> features) {
+  moments_.extracted = worker.now();
+  features_ = features->size();
+  worker.stage("match_features", [&](StageUnits& units) {
+    units.n1 = features_;
+    transfer_.follow(features);
+    return 0;
+  });
+  const auto& free = transfer_.free();
+  if (std::find(free.begin(), free.end(), 0) != free.end()) {
+    features = worker.stage("cull_features", [&](StageUnits& units) {
+      units.n1 = features_;
+      return select(*features, free);
+    });
+  }
+  moments_.culled = worker.now();
+  return features;
+}
+
+void SemanticMobile::report(Worker& worker, const TrackedFrame& frame) {
+  const RunTime now = worker.now(), offered = frame.offered.offered;
+  const Duration wait = frame.offered.taken - offered;
+  const Duration update = moments_.updated - frame.offered.taken;
+  const Duration extract = moments_.extracted - moments_.updated;
+  const Duration match = moments_.culled - moments_.extracted, track = now - moments_.culled;
+  const Duration parts = wait + update + extract + match + track, whole = now - offered;
+  node_.log().write(JsonLine("frame_answered")
+                        .add("frame", frame.offered.played.index)
+                        .add("ok", frame.outcome.state == TrackingState::kOk)
+                        .add("features", features_)
+                        .add("culled", features_ - frame.features->size())
+                        .add("mask_age_frames", transfer_.mask_age())
+                        .add("matched_share", transfer_.compared_features() > 0
+                                                  ? static_cast<double>(transfer_.matched()) /
+                                                        transfer_.compared_features()
+                                                  : 0.0)
+                        .add_ms("wait_ms", wait)
+                        .add_ms("update_ms", update)
+                        .add_ms("extract_ms", extract)
+                        .add_ms("match_ms", match)
+                        .add_ms("track_ms", track)
+                        .add_ms("latency_ms", whole)
+                        .add_ms("parts_error_ms", whole > parts ? whole - parts : parts - whole));
+}
+
+void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
+  report(worker, frame);
+  if (frame.outcome.reset_now) reset();
+  if (frame.outcome.state != TrackingState::kOk) return;
+  ++facts_.frames_since_keyframe;
+  ++facts_.frames_since_optimisation;
+  if (frame.outcome.initialised_now) {
+    reset();
+    return make_keyframe(worker, frame, "first");
+  }
+  if (const auto reason = choose(frame)) return make_keyframe(worker, frame, reason);
+  if (local_references_ && node_.tracker().wants_keyframe({})) make_keyframe(worker, frame, {});
+}
+
+/// Why the frame goes up; nothing: it does not.
+std::optional<std::string_view> SemanticMobile::choose(const TrackedFrame&) {
+  if (!by_table_) {
+    if (!waiting_.empty()) return std::nullopt;
+    return "answered";
+  }
+  facts_.keyframes = map_.uploaded();
+  facts_.features = features_;
+  facts_.keyframe_features = transfer_.compared_features();
+  facts_.matched = transfer_.matched();
+  const Selection selection = select_keyframe(configuration_, facts_);
+  if (selection == Selection::kForced) return "forced";
+  if (most_under_way_ > 0 && std::ssize(waiting_) >= most_under_way_) return std::nullopt;
+  if (node_.tracker().keyframe_need() == KeyFrameNeed::kUrgent) return "urgent";
+  if (selection == Selection::kByRule) return "rule";
+  return std::nullopt;
+}
+
+/// Rows of Table I change at keyframes only.
+void SemanticMobile::configure() {
+  const int row = fixed_row_ > 0 ? fixed_row_ : row_for(uploads_.delay());
+  if (by_table_) {
+    if (row != row_) {
+      JsonLine event("row_changed");
+      event.add("row_before", row_).add("row", row);
+      if (const auto delay = uploads_.delay()) event.add_ms("n_ms", *delay);
+      node_.log().write(event);
+    }
+    row_ = row;
+    configuration_ = table_row(row);
+  } else {
+    row_ = 0;
+    configuration_ = Configuration();
+    configuration_.levels = kAllLevels;
+    configuration_.n_m = n_m_;
+  }
+  node_.use_levels(configuration_.levels);
+}
+
+/// With a reason it goes up; without one it is a reference of the local map alone.
+void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
+                                   std::optional<std::string_view> reason) {
+  const KeyFrameNeed need = node_.tracker().keyframe_need();
+  const MapDelta made = node_.create_keyframe(worker, frame, need, true);
+  if (made.keyframes.empty()) return;
+  const KeyFrameId id = made.keyframes.back().id;
+  map_.extend(worker, made);
+  if (!reason) return transfer_.keep(id);
+  transfer_.keep_for_comparison(id);
+  configure();
+  wire::SemanticKeyFrame message = map_.upload(made);
+  message.captured = frame.offered.offered;
+  message.n_m = configuration_.n_m;
+  waiting_[id] = {.result = true, .mask = nrcc_, .since = worker.now()};
+  facts_.frames_since_keyframe = 0;
+  uploads_.put(std::move(message),
+               {.reason = *reason, .row = row_, .levels = configuration_.levels});
+}
+
+void SemanticMobile::reset() {
+  map_.reset();
+  transfer_.clear();
+  waiting_.clear();
+  facts_ = {};
+}
+
+void SemanticMobile::finish(Worker& worker) {
+  uploads_.drain(worker);
+  farewell_.say(worker, uploads_.last_sequence());
+}
+
+void SemanticMobile::place_keyframes(PoseBook& book) {
+  for (const KeyFramePose& pose : farewell_.poses()) book.placed(pose.id, pose.T_cw);
+}
+
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <optional>
+
+#include "edgeslam_semantic/configuration.hpp"
+#include "edgeslam_semantic/mask_transfer.hpp"
+#include "edgeslam_semantic/mobile_map.hpp"
+#include "edgeslam_semantic/uploads.hpp"
+#include "offload/farewell.hpp"
+
+namespace slambed::edgeslam_semantic {
+
+/// edgeSLAM's mobile: tracks every frame against a rough local map, never waits for the edge, and
+/// takes over what comes from it between two frames.
+class SemanticMobile final : public MobilePolicy {
+ public:
+  SemanticMobile(MobileNode& node, const Parameters& parameters);
+
+  void start() override;
+  void before_frame(Worker& worker, const OfferedFrame& frame) override;
+  std::shared_ptr<const FeatureSet> before_tracking(
+      Worker& worker, const OfferedFrame& frame,
+      std::shared_ptr<const FeatureSet> features) override;
+  void after_frame(Worker& worker, const TrackedFrame& frame) override;
+  void finish(Worker& worker) override;
+  void place_keyframes(PoseBook& book) override;
+  MapCounts counts() const override { return farewell_.counts(); }
+
+ private:
+  /// What an upload still waits for.
+  struct Waiting {
+    bool result = true, mask = true;
+    RunTime since{};
+  };
+  /// When the parts of the frame at hand ended.
+  struct Moments {
+    RunTime updated{}, extracted{}, culled{};
+  };
+
+  void receive_results(Worker& worker);
+  void receive_masks(Worker& worker);
+  void take(Worker& worker, const wire::OptResult& result);
+  void take(Worker& worker, const wire::MaskMessage& mask);
+  void settled(RunTime now);
+  void report(Worker& worker, const TrackedFrame& frame);
+  std::optional<std::string_view> choose(const TrackedFrame& frame);
+  void configure();
+  void make_keyframe(Worker& worker, const TrackedFrame& frame,
+                     std::optional<std::string_view> reason);
+  void reset();
+
+  MobileNode& node_;
+  bool nrcc_, by_table_, local_references_;
+  int fixed_row_, most_under_way_;
+  double n_m_;
+  Channel &control_, &frames_, &masks_, &probes_;
+  MobileFarewell farewell_;
+  Uploads uploads_;
+  MobileMap map_;
+  MaskTransfer transfer_;
+  Mailbox<wire::OptResult> results_;
+  Mailbox<wire::MaskMessage> arrived_masks_;
+
+  int row_ = kRows;
+  Configuration configuration_;
+  FrameFacts facts_;
+  std::map<KeyFrameId, Waiting> waiting_;  ///< uploads whose answers are not all back
+  Moments moments_;
+  int features_ = 0;  ///< of the frame at hand, before culling
+};
+
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/semantic_edge.hpp"
+
+#include <algorithm>
+
+#include "base/error.hpp"
+#include "offload/admission.hpp"
+#include "offload/message_codec.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
+
+EdgeMapperOptions mapper_options(const Parameters& parameters) {
+  EdgeMapperOptions options;
+  options.loop_closing = parameters.boolean("loop_closing");
+  return options;
+}
+
+}  // namespace
+
+MapDelta as_known_here(const MapView& view, MapDelta delta) {
+  std::map<MapPointId, MapPointId> renamed;
+  std::erase_if(delta.attach, [&](const ObservationEdit& edit) {
+    const KeyFrame* keyframe = view.keyframe(edit.keyframe);
+    if (!keyframe || edit.feature >= keyframe->points.size()) return true;
+    const MapPointId here = keyframe->points[edit.feature];
+    if (here) renamed[edit.point] = here;
+    return static_cast<bool>(here);
+  });
+  for (NewKeyFrame& keyframe : delta.keyframes) {
+    for (MapPointId& id : keyframe.points)
+      if (const auto other = renamed.find(id); other != renamed.end()) id = other->second;
+  }
+  std::erase_if(delta.points, [&](const NewPoint& p) { return renamed.contains(p.id); });
+  for (ObservationEdit& edit : delta.attach)
+    if (const auto other = renamed.find(edit.point); other != renamed.end())
+      edit.point = other->second;
+  return rebase_keyframe(view, std::move(delta));
+}
+
+SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
+    : node_(node),
+      nrcc_(parameters.boolean("nrcc")),
+      border_px_(parameters.integer("mask_border_px")),
+      window_keyframes_(parameters.integer("local_keyframes")),
+      control_(node.network().open({.name = "control", .heartbeat = true})),
+      frames_(node.network().open({.name = "frame"})),
+      masks_(node.network().open({.name = "mask"})),
+      probes_(node.network().open({.name = "probe"})),
+      mapper_(node, mapper_options(parameters),
+              {.taken = [] {},
+               .mapped = [this](Worker& worker,
+                                const wire::UpdateTimes& times) { mapped(worker, times); },
+               .idle = [this](Worker& worker) { return idle(worker); },
+               .cleared =
+                   [this] {
+                     labels_.clear();
+                     window_ = {};
+                     oldest_ = {};
+                     number_ = told_jumps_ = 0;
+                   },
+               .rebase = as_known_here}),
+      farewell_(node, control_, *this, {}),
+      pictures_(node.runtime()),
+      segmented_(node.runtime()),
+      received_(node.runtime().make_signal()) {
+  if (nrcc_ && node_.masks() == nullptr)
+    throw bad_input(
+        "params: nrcc is on and nothing segments the pictures; give masks, or turn it off");
+}
+
+void SemanticEdge::start() {
+  mapper_.start();
+  node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
+  node_.runtime().spawn("probe", [this](Worker& worker) { answer_probes(worker); });
+  if (nrcc_) node_.runtime().spawn("nrcc", [this](Worker& worker) { segment(worker); });
+  farewell_.start();
+}
+
+void SemanticEdge::receive(Worker& worker) {
+  while (const auto message = frames_.receive(worker, kNever)) {
+    if (message->type == type_of(wire::MessageType::kSemanticKeyFrame)) {
+      frames_.send(type_of(wire::MessageType::kAck), encode(wire::AckMessage{message->sequence}));
+      take(worker, *message);
+    }
+    received_sequence_ = message->sequence;
+    received_->notify();
+  }
+}
+
+std::optional<std::string_view> SemanticEdge::objection(
+    const wire::SemanticKeyFrame& message) const {
+  if (message.first()) return std::nullopt;
+  if (message.world.value != world_) return "of another map";
+  if (message.keyframe() <= last_) return "older than the last";
+  return std::nullopt;
+}
+
+void SemanticEdge::take(Worker& worker, const Message& raw) {
+  wire::SemanticKeyFrame message;
+  try {
+    message = worker.stage("parse", [&](StageUnits& units) {
+      units.n1 = kilobytes(raw.payload);
+      return wire::decode_semantic_keyframe(raw.payload, node_.peer().sensor());
+    });
+  } catch (const wire::DecodeError& error) {
+    node_.log().warning(std::string("SEMANTIC_KEYFRAME refused: ") + error.what());
+    return;
+  }
+  const KeyFrameId id = message.keyframe();
+  if (const auto reason = objection(message)) {
+    node_.log().write(
+        JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *reason));
+    return;
+  }
+  last_ = id;
+  world_ = message.world.value;
+  if (nrcc_ && !message.jpeg.empty())
+    pictures_.put({message.world, id, message.delta.keyframes.back().frame_index, message.n_m,
+                   std::move(message.jpeg), raw.received});
+  AdmittedKeyFrame admitted;
+  admitted.message.keyframe = id;
+  admitted.message.captured = message.captured;
+  admitted.message.first = admitted.message.whole = message.first();
+  admitted.message.applied_update = message.applied_slice;
+  admitted.message.delta = std::move(message.delta);
+  admitted.times.captured = message.captured;
+  admitted.times.queued = raw.queued;
+  admitted.times.received = raw.received;
+  mapper_.admit(worker, std::move(admitted));
+}
+
+void SemanticEdge::answer_probes(Worker& worker) {
+  while (const auto message = probes_.receive(worker, kNever))
+    if (message->type == type_of(wire::MessageType::kProbe))
+      probes_.send(type_of(wire::MessageType::kAck), encode(wire::AckMessage{message->sequence}));
+}
+
+void SemanticEdge::segment(Worker& worker) {
+  while (const auto picture = pictures_.take(worker)) {
+    FrameMasks masks = worker.stage("segment", [&](StageUnits& units) {
+      units.n1 = static_cast<double>(picture->jpeg.size()) / 1000;
+      return node_.masks()->masks(picture->frame, picture->jpeg, picture->n_m);
+    });
+    // The mobile culls: it needs neither what stands still nor anybody's joints.
+    std::erase_if(masks.instances, [](const Instance& instance) { return !instance.moves; });
+    for (Instance& instance : masks.instances) instance.body.reset();
+    masks_.send(type_of(wire::MessageType::kMask),
+                encode(wire::MaskMessage{.world = picture->world,
+                                         .keyframe = picture->keyframe,
+                                         .took = worker.now() - picture->arrived,
+                                         .masks = masks}));
+    segmented_.put({picture->world, picture->keyframe, std::move(masks)});
+    mapper_.wake();
+  }
+}
+
+RunTime SemanticEdge::idle(Worker& worker) {
+  cull_labelled(worker);
+  // A closed loop or a global bundle moves what the mobile stands on.
+  if (number_ > 0 && mapper_.jumps() != told_jumps_) send_slice(worker, times_);
+  return kNever;
+}
+
+void SemanticEdge::mapped(Worker& worker, const wire::UpdateTimes& times) {
+  times_ = times;
+  cull_labelled(worker);
+  send_slice(worker, times);
+}
+
+/// Points on what moves go as soon as their mask is there, and again whenever mapping has made new
+/// ones.
+void SemanticEdge::cull_labelled(Worker& worker) {
+  while (auto mask = segmented_.try_take()) {
+    if (mask->world.value != world_) continue;
+    const auto features = mapper_.map()->read([&](const MapView& view) {
+      const KeyFrame* keyframe = view.keyframe(mask->keyframe);
+      return keyframe ? keyframe->features : nullptr;
+    });
+    if (!features) {
+      // Not mapped yet, or culled already: in the first case it is wanted later.
+      if (mask->keyframe > mapper_.newest()) {
+        segmented_.put(std::move(*mask));
+        break;
+      }
+      continue;
+    }
+    auto moves = features_off_masks(*features, mask->masks, border_px_);
+    for (std::uint8_t& one : moves) one = one ? 0 : 1;
+    labels_[mask->keyframe] = std::move(moves);
+  }
+  if (labels_.empty()) return;
+  worker.stage(
+      "cull_features",
+      [&](StageUnits& units) {
+        units.n1 = static_cast<double>(labels_.size());
+        return mapper_.map()->read(
+            [&](const MapView& view) { return without_labelled(view, labels_); });
+      },
+      [&](const MapDelta& delta) { mapper_.map()->commit(delta); });
+}
+
+std::vector<KeyFrameId> SemanticEdge::local_keyframes() {
+  std::vector<KeyFrameId> newest = mapper_.latest(window_keyframes_);
+  std::erase_if(newest, [this](KeyFrameId id) { return id < oldest_; });
+  if (!newest.empty()) oldest_ = *std::min_element(newest.begin(), newest.end());
+  return newest;
+}
+
+void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
+  wire::OptResult result;
+  result.world = KeyFrameId{world_};
+  result.keyframe = mapper_.newest();
+  result.times = times;
+  result.times.due = worker.now();
+  told_jumps_ = mapper_.jumps();
+  const bool prepared = worker.stage("prepare_update", [&](StageUnits& units) {
+    const auto keyframes = local_keyframes();
+    return mapper_.read_for_update([&](std::uint64_t number) {
+      return mapper_.map()->read([&](const MapView& view) {
+        const KeyFrame* keyframe = view.keyframe(result.keyframe);
+        if (!keyframe) return false;
+        result.number = number_ = number;
+        result.T_cw = keyframe->T_cw;
+        MapWindow now = window_of(view, keyframes);
+        MapSlice slice = difference(window_, now, view);
+        units = {static_cast<double>(keyframes.size()), static_cast<double>(now.points.size())};
+        window_ = std::move(now);
+        result.changes = std::move(slice.changes);
+        result.left_keyframes = std::move(slice.left_keyframes);
+        result.left_points = std::move(slice.left_points);
+        return true;
+      });
+    });
+  });
+  if (!prepared) return;
+  Bytes bytes = worker.stage("serialise", [&](StageUnits& units) {
+    Bytes written = encode(result);
+    units.n1 = kilobytes(written);
+    return written;
+  });
+  node_.log().write(JsonLine("slice_sent")
+                        .add("number", result.number)
+                        .add("keyframe", result.keyframe.value)
+                        .add("points_set", result.changes.positions.size())
+                        .add("bytes", bytes.size()));
+  frames_.send(type_of(wire::MessageType::kOptResult), std::move(bytes));
+}
+
+void SemanticEdge::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
+                         RunTime deadline) {
+  Completion(
+      *received_, [&] { return received_sequence_ >= last_sequence; }, [] { return false; })
+      .wait(worker, transit);
+  mapper_.drain(worker, deadline);
+}
+
+}  // namespace slambed::edgeslam_semantic

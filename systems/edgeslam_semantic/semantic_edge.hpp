@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+
+#include "edgeslam_semantic/labels.hpp"
+#include "edgeslam_semantic/map_window.hpp"
+#include "offload/edge_mapper.hpp"
+#include "offload/farewell.hpp"
+#include "wire/semantic_messages.hpp"
+
+namespace slambed::edgeslam_semantic {
+
+/// edgeSLAM's edge: maps keyframes and closes loops at once, segments their pictures beside that,
+/// and answers with a slice of the map and, later, with a mask.
+class SemanticEdge final : public EdgePolicy, private FarewellSource {
+ public:
+  SemanticEdge(EdgeNode& node, const Parameters& parameters);
+
+  void start() override;
+  std::shared_ptr<const Map> map() const override { return mapper_.map(); }
+
+ private:
+  struct Picture {
+    KeyFrameId world, keyframe;
+    std::uint64_t frame = 0;
+    double n_m = 0;
+    Bytes jpeg;
+    RunTime arrived{};
+  };
+  struct Mask {
+    KeyFrameId world, keyframe;
+    FrameMasks masks;
+  };
+
+  void receive(Worker& worker);
+  void take(Worker& worker, const Message& raw);
+  std::optional<std::string_view> objection(const wire::SemanticKeyFrame& message) const;
+  void answer_probes(Worker& worker);
+  void segment(Worker& worker);
+  RunTime idle(Worker& worker);
+  void mapped(Worker& worker, const wire::UpdateTimes& times);
+  void cull_labelled(Worker& worker);
+  void send_slice(Worker& worker, wire::UpdateTimes times);
+  std::vector<KeyFrameId> local_keyframes();
+
+  void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
+             RunTime deadline) override;
+  std::vector<KeyFramePose> all_poses() const override { return mapper_.all_poses(); }
+  MapCounts counts() const override { return count(*mapper_.map()); }
+
+  EdgeNode& node_;
+  bool nrcc_;
+  int border_px_, window_keyframes_;
+  Channel &control_, &frames_, &masks_, &probes_;
+  EdgeMapper mapper_;
+  EdgeFarewell farewell_;
+  Mailbox<Picture> pictures_;
+  Mailbox<Mask> segmented_;
+  std::unique_ptr<Signal> received_;
+  std::atomic<std::uint64_t> received_sequence_{0};
+  std::atomic<std::uint64_t> world_{0};  ///< of the map at hand
+  KeyFrameId last_;                      ///< received; of the receiving worker
+
+  // Of the mapping worker.
+  Labels labels_;
+  MapWindow window_;   ///< as the last slice told it
+  KeyFrameId oldest_;  ///< no keyframe comes back into the window
+  std::uint64_t number_ = 0, told_jumps_ = 0;
+  wire::UpdateTimes times_;  ///< of the keyframe mapped last
+};
+
+/// A keyframe as it fits the edge's map: known points by the names they have there now, and points
+/// of the mobile's own that the edge has made meanwhile (the same feature of an earlier keyframe)
+/// by the edge's.
+MapDelta as_known_here(const MapView& view, MapDelta delta);
+
+}  // namespace slambed::edgeslam_semantic

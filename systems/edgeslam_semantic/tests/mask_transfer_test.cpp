@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Labels of a mask follow features from frame to frame.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "edgeslam_semantic/mask_transfer.hpp"
+#include "wire/tests/examples.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+constexpr int kCount = 60, kHalf = 320;
+
+/// Features on a grid, each with a descriptor of its own; those on the left half walk right.
+class Walk {
+ public:
+  Walk() : sensor_(wire::example_camera().make_sensor()) {
+    std::mt19937_64 random(5);
+    for (int i = 0; i < kCount; ++i)
+      descriptors_.push_back({random(), random(), random(), random()});
+  }
+
+  /// hidden: left out of the frame.
+  std::shared_ptr<const FeatureSet> frame(int number, int hidden = -1) const {
+    std::vector<KeyPoint> points;
+    std::vector<Descriptor> descriptors;
+    for (int i = 0; i < kCount; ++i) {
+      if (i == hidden) continue;
+      KeyPoint p;
+      p.u = 30.0f + 60.0f * float(i % 10) + (walks(i) ? 2.0f * float(number) : 0.0f);
+      p.v = 40.0f + 70.0f * float(i / 10);
+      points.push_back(p);
+      descriptors.push_back(descriptors_[i]);
+    }
+    return std::make_shared<FeatureSet>(sensor_, points, descriptors);
+  }
+  static bool walks(int i) { return i % 10 < 5; }
+
+  /// Whatever moves, as it is in frame 1.
+  FrameMasks left_half() const {
+    Instance person{.object_class = 0, .moves = true, .score = 1, .runs = {}, .body = {}};
+    person.runs = {0, kHalf};
+    for (int row = 1; row < 480; ++row) person.runs.insert(person.runs.end(), {640 - kHalf, kHalf});
+    person.runs.push_back(640 - kHalf);
+    return {640, 480, {person}};
+  }
+
+ private:
+  wire::SensorPtr sensor_;
+  std::vector<Descriptor> descriptors_;
+};
+
+int labelled(const MaskTransfer& transfer) {
+  return static_cast<int>(std::count(transfer.free().begin(), transfer.free().end(), 0));
+}
+
+TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
+  const Walk walk;
+  MaskTransfer transfer({}, 3);
+  transfer.follow(walk.frame(0));
+  transfer.keep_for_comparison(wire::keyframe_id(1));
+  for (int n = 1; n <= 10; ++n) transfer.follow(walk.frame(n));
+  EXPECT_EQ(labelled(transfer), 0);
+  EXPECT_EQ(transfer.matched(), kCount);
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  transfer.follow(walk.frame(11));
+  for (int i = 0; i < kCount; ++i) EXPECT_EQ(transfer.free()[i], Walk::walks(i) ? 0 : 1) << i;
+  EXPECT_EQ(transfer.mask_age(), 11);
+  const Labels labels = transfer.labels();
+  EXPECT_EQ(
+      std::count(labels.at(wire::keyframe_id(1)).begin(), labels.at(wire::keyframe_id(1)).end(), 1),
+      kCount / 2);
+}
+
+TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
+  const Walk walk;
+  MaskTransfer transfer({.missing_frames = 3}, 3);
+  transfer.follow(walk.frame(0));
+  transfer.keep(wire::keyframe_id(1));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  for (int n = 1; n <= 2; ++n) transfer.follow(walk.frame(n));
+  for (int n = 3; n <= 5; ++n) transfer.follow(walk.frame(n, 0));
+  transfer.follow(walk.frame(6));
+  EXPECT_EQ(transfer.free()[0], 0);
+  for (int n = 7; n <= 10; ++n) transfer.follow(walk.frame(n, 0));
+  transfer.follow(walk.frame(11));
+  EXPECT_EQ(transfer.free()[0], 1) << "away for four frames: a chain of its own";
+}
+
+TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
+  const Walk walk;
+  MaskTransfer transfer({}, 3);
+  transfer.follow(walk.frame(0));
+  transfer.keep(wire::keyframe_id(1));
+  transfer.follow(walk.frame(1));
+  transfer.keep(wire::keyframe_id(2));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  transfer.follow(walk.frame(2));
+  EXPECT_EQ(labelled(transfer), kCount / 2) << "nothing was labelled before: an older mask may";
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
+  transfer.follow(walk.frame(3));
+  EXPECT_EQ(labelled(transfer), 0);
+}
+
+TEST(MaskTransfer, LabelsEnd) {
+  const Walk walk;
+  MaskTransfer transfer({.label_frames = 5}, 3);
+  transfer.follow(walk.frame(0));
+  transfer.keep(wire::keyframe_id(1));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  for (int n = 1; n <= 5; ++n) transfer.follow(walk.frame(n));
+  EXPECT_EQ(labelled(transfer), kCount / 2);
+  transfer.follow(walk.frame(6));
+  EXPECT_EQ(labelled(transfer), 0);
+}
+
+TEST(MaskTransfer, KnowsNothingOfOtherKeyFrames) {
+  const Walk walk;
+  MaskTransfer transfer({}, 3);
+  transfer.follow(walk.frame(0));
+  EXPECT_FALSE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  transfer.keep(wire::keyframe_id(1));
+  transfer.clear();
+  EXPECT_FALSE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+}
+
+}  // namespace
+}  // namespace slambed::edgeslam_semantic

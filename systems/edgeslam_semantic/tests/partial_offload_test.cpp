@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// edgeSLAM's variants in virtual time on generated pictures.
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "base/error.hpp"
+#include "edgeslam_semantic/tests/semantic_run.hpp"
+
+namespace slambed {
+namespace {
+
+class PartialOffload : public SemanticRun {
+ protected:
+  static nlohmann::json partial(bool nrcc, bool adapt) {
+    nlohmann::json chosen = params();
+    chosen["full_offload"] = false;
+    chosen["nrcc"] = nrcc;
+    chosen["adapt"] = adapt;
+    return chosen;
+  }
+  static int tracked(const Played& run) {
+    int count = 0;
+    for (const auto& frame : run.of("frame_answered")) count += frame["ok"].get<bool>();
+    return count;
+  }
+  static std::size_t lines(const std::string& text) {
+    return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+  }
+};
+
+TEST_F(PartialOffload, TheMobileTracksEveryFrameAndNeverWaits) {
+  world["link"]["up"]["delay_us"] = {200'000};
+  world["link"]["down"]["delay_us"] = {200'000};
+  const Played run = play(partial(false, true));
+  EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kFrames});
+  EXPECT_TRUE(run.of("frame_dropped").empty());
+  EXPECT_GT(tracked(run), kFrames / 2);
+  EXPECT_GT(lines(run.trajectory), std::size_t{kFrames} / 2);
+  for (const auto& frame : run.of("frame_answered")) {
+    EXPECT_LE(frame["parts_error_ms"], kClosure_ms);
+    EXPECT_LT(frame["latency_ms"], 200.0) << "an answer of the edge takes 400 ms";
+  }
+  EXPECT_EQ(run.stages("segment"), 0);
+}
+
+TEST_F(PartialOffload, SlicesComeInOrderAndTheMobileTakesThem) {
+  const Played run = play(partial(false, true));
+  const auto sent = run.of("slice_sent"), applied = run.of("slice_applied");
+  ASSERT_GT(applied.size(), 3u);
+  EXPECT_TRUE(run.of("slice_declined").empty());
+  EXPECT_GE(sent.size(), applied.size());
+  std::uint64_t before = 0;
+  for (const auto& slice : applied) {
+    EXPECT_GT(slice["number"].get<std::uint64_t>(), before);
+    before = slice["number"];
+    EXPECT_GT(slice["edge_points"], 50);
+    EXPECT_GE(slice["local_points"].get<int>(), slice["edge_points"].get<int>() / 2);
+  }
+}
+
+TEST_F(PartialOffload, PicturesGoUpOnlyToBeSegmentedAndEachIsSegmentedOnce) {
+  const Played without = play(partial(false, true));
+  for (const auto& keyframe : without.of("keyframe_sent")) EXPECT_EQ(keyframe["jpeg_bytes"], 0);
+  write_masks(kHeight * 3 / 4);
+  const Played run = play(partial(true, true));
+  const auto sent = run.of("keyframe_sent");
+  ASSERT_GT(sent.size(), 3u);
+  for (const auto& keyframe : sent) EXPECT_GT(keyframe["jpeg_bytes"], 1000);
+  EXPECT_EQ(run.stages("segment"), static_cast<int>(sent.size()));
+  EXPECT_GT(tracked(run), kFrames / 2);
+}
+
+TEST_F(PartialOffload, MasksTravelOnToFramesThatNeverWentUp) {
+  write_masks(kHeight / 2);
+  const Played run = play(partial(true, true));
+  ASSERT_FALSE(run.of("mask_applied").empty());
+  std::set<std::uint64_t> uploaded;
+  for (const auto& keyframe : run.of("keyframe_sent")) uploaded.insert(keyframe["frame"].get<std::uint64_t>());
+  int culled_elsewhere = 0;
+  for (const auto& frame : run.of("frame_answered")) {
+    if (frame["mask_age_frames"] < 0) {
+      EXPECT_EQ(frame["culled"], 0);
+    }
+    if (!uploaded.contains(frame["frame"].get<std::uint64_t>())) culled_elsewhere += frame["culled"].get<int>();
+  }
+  EXPECT_GT(culled_elsewhere, 100);
+}
+
+TEST_F(PartialOffload, RowsFollowTheLinkAndNoFeatureIsAboveItsOctaves) {
+  write_masks(kHeight * 3 / 4);
+  world["link"]["up"]["delay_us"] = {100'000};
+  const Played far = play(partial(true, true));
+  EXPECT_EQ(far.of("keyframe_sent").back()["row"], 5);
+  EXPECT_EQ(far.of("keyframe_sent").back()["n_l"], 4);
+  EXPECT_EQ(far.of("keyframe_sent").back()["n_m"], 0.6);
+  world["link"]["up"]["delay_us"] = {500};
+  world["link"]["down"]["delay_us"] = {500};
+  const Played near = play(partial(true, true));
+  EXPECT_LE(near.of("keyframe_sent").back()["row"], 3);
+  EXPECT_FALSE(near.of("row_changed").empty());
+  auto fixed = partial(true, true);
+  fixed["fixed_row"] = 4;
+  for (const auto& keyframe : play(fixed).of("keyframe_sent")) EXPECT_EQ(keyframe["row"], 4);
+}
+
+TEST_F(PartialOffload, WithoutAdaptationTheNextGoesUpWhenTheAnswersAreBack) {
+  write_masks(kHeight * 3 / 4);
+  const Played run = play(partial(true, false));
+  const auto sent = run.of("keyframe_sent");
+  ASSERT_GT(sent.size(), 5u);
+  for (std::size_t i = 1; i < sent.size(); ++i) {
+    EXPECT_EQ(sent[i]["n_l"], 8);
+    EXPECT_EQ(sent[i]["n_m"], 0.8);
+    EXPECT_GE(sent[i]["t_ns"].get<double>() - sent[i - 1]["t_ns"].get<double>(), kSegment_ms * 1e6);
+  }
+}
+
+TEST_F(PartialOffload, EqualRunsGiveEqualBytes) {
+  write_masks(kHeight * 3 / 4);
+  const Played first = play(partial(true, true));
+  EXPECT_EQ(play(partial(true, true)).text, first.text);
+  world["feature_cache"] = {{"path", folder.path() / "x.features"}, {"key", "features"}};
+  EXPECT_EQ(play(partial(true, true)).text, first.text) << "with the caches, made now";
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "x-4.features"));
+  EXPECT_EQ(play(partial(true, true)).text, first.text) << "with the caches, read";
+}
+
+TEST_F(PartialOffload, GoesOnWhileTheEdgeStandsStill) {
+  world["edge_frozen_s"] = {{1.5, 2.5}};
+  const Played run = play(partial(false, true));
+  EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kFrames});
+  EXPECT_GT(run.of("slice_applied").back()["t_ns"].get<double>(), 2.5e9);
+  EXPECT_GT(tracked(run), kFrames / 2);
+}
+
+TEST_F(PartialOffload, ANodeWithoutSegmentationSaysSo) {
+  try {
+    play(partial(true, true));
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("nothing segments the pictures"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace slambed

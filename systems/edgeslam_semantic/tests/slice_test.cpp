@@ -1,0 +1,321 @@
+// SPDX-License-Identifier: Apache-2.0
+// Map slices: what the edge tells of its map is what the mobile then has.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "edgeslam_semantic/labels.hpp"
+#include "edgeslam_semantic/local_map.hpp"
+#include "edgeslam_semantic/semantic_edge.hpp"
+#include "wire/semantic_messages.hpp"
+#include "wire/tests/examples.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+using wire::keyframe_id;
+using wire::point_id;
+
+constexpr int kFeatures = 40;
+
+/// A map of an edge that keyframes come to, and in which everything may happen.
+class RandomEdge {
+ public:
+  RandomEdge() : sensor_(wire::example_camera().make_sensor()) {}
+
+  Map map;
+  std::vector<KeyFrameId> keyframes;
+
+  void step() {
+    MapDelta delta;
+    if (keyframes.empty() || random_() % 3 == 0) add_keyframe(delta);
+    map.commit(delta);
+    delta = map.read([this](const MapView& view) { return change(view); });
+    map.commit(delta);
+  }
+  std::span<const KeyFrameId> newest(std::size_t count) const {
+    return std::span(keyframes).last(std::min(count, keyframes.size()));
+  }
+  std::uint64_t random() { return random_(); }
+
+ private:
+  void add_keyframe(MapDelta& delta) {
+    NewKeyFrame keyframe;
+    keyframe.id = keyframe_id(keyframes.size() + 1);
+    keyframe.features = wire::example_features(random_, kFeatures, sensor_);
+    keyframe.T_cw = pose();
+    keyframe.points.resize(kFeatures);
+    const auto known = map.read([](const MapView& view) { return view.point_ids(); });
+    for (int i = 0; i < kFeatures; ++i) {
+      if (random_() % 3 == 0) continue;
+      if (!known.empty() && random_() % 2) {
+        keyframe.points[i] = known[random_() % known.size()];
+      } else {
+        keyframe.points[i] = point_id(++points_, IdSpace::kEdgeMapper);
+        NewPoint fresh;
+        fresh.id = keyframe.points[i];
+        fresh.p_w = position();
+        fresh.reference = fresh.first_keyframe = keyframe.id;
+        delta.points.push_back(fresh);
+      }
+    }
+    keyframes.push_back(keyframe.id);
+    delta.keyframes.push_back(std::move(keyframe));
+  }
+
+  MapDelta change(const MapView& view) {
+    MapDelta delta;
+    const auto ids = view.point_ids();
+    for (const MapPointId id : ids) {
+      switch (random_() % 12) {
+        case 0:
+          delta.positions.push_back({id, position(), view.point(id)->version + 1});
+          break;
+        case 1:
+          delta.culled_points.push_back(id);
+          break;
+        case 2:
+          delta.fusions.push_back({id, ids[random_() % ids.size()]});
+          break;
+        default:
+          break;
+      }
+    }
+    const auto frames = view.keyframe_ids();
+    for (const KeyFrameId id : frames) {
+      const KeyFrame& keyframe = *view.keyframe(id);
+      if (random_() % 4 == 0) delta.poses.push_back({id, pose(), keyframe.version + 1});
+      const auto feature = static_cast<std::uint16_t>(random_() % kFeatures);
+      if (random_() % 2 && !ids.empty())
+        delta.attach.push_back({id, feature, ids[random_() % ids.size()]});
+      else if (keyframe.points[feature])
+        delta.detach.push_back({id, feature, keyframe.points[feature]});
+    }
+    if (frames.size() > 4 && random_() % 6 == 0)
+      delta.culled_keyframes.push_back(frames[1 + random_() % (frames.size() - 1)]);
+    return delta;
+  }
+
+  double number() { return std::uniform_real_distribution<double>(-3, 3)(random_); }
+  Eigen::Vector3d position() { return {number(), number(), number()}; }
+  SE3 pose() {
+    Eigen::Matrix<double, 6, 1> twist;
+    for (double& value : twist) value = number();
+    return SE3::exp(twist);
+  }
+
+  std::mt19937 random_{7};
+  wire::SensorPtr sensor_;
+  std::uint64_t points_ = 0;
+};
+
+void expect_equal(const MapWindow& found, const MapWindow& wanted, int step) {
+  ASSERT_EQ(found.points.size(), wanted.points.size()) << step;
+  for (const auto& [id, p_w] : wanted.points) ASSERT_EQ(found.points.at(id), p_w) << step;
+  ASSERT_EQ(found.keyframes.size(), wanted.keyframes.size()) << step;
+  for (const auto& [id, sighted] : wanted.keyframes) {
+    ASSERT_EQ(found.keyframes.at(id).points, sighted.points) << step;
+    // As a quaternion on its way.
+    ASSERT_LT((found.keyframes.at(id).T_cw.R - sighted.T_cw.R).norm(), 1e-12) << step;
+    ASSERT_LT((found.keyframes.at(id).T_cw.t - sighted.T_cw.t).norm(), 1e-12) << step;
+  }
+}
+
+TEST(MapSlices, AThousandLaterTheMobileHasWhatTheEdgeHas) {
+  RandomEdge edge;
+  MapWindow told, mobile;
+  std::size_t largest = 0, left = 0;
+  for (int step = 0; step < 1000; ++step) {
+    for (std::uint64_t changes = 1 + edge.random() % 3; changes > 0; --changes) edge.step();
+    const auto [now, sent] = edge.map.read([&](const MapView& view) {
+      const MapWindow window = window_of(view, edge.newest(8));
+      MapSlice slice = difference(told, window, view);
+      return std::pair(window, wire::OptResult{.world = keyframe_id(1),
+                                               .number = 1,
+                                               .keyframe = keyframe_id(1),
+                                               .T_cw = {},
+                                               .times = {},
+                                               .changes = slice.changes,
+                                               .left_keyframes = slice.left_keyframes,
+                                               .left_points = slice.left_points});
+    });
+    const wire::OptResult came = wire::decode_opt_result(encode(sent));
+    apply(mobile, {came.changes, came.left_keyframes, came.left_points});
+    told = now;
+    expect_equal(mobile, now, step);
+    largest = std::max(largest, now.points.size());
+    left += came.left_points.size();
+    if (HasFatalFailure()) return;
+  }
+  EXPECT_GT(largest, 50u);
+  EXPECT_GT(left, 100u) << "points left the window without being deleted";
+}
+
+/// Two keyframes of the mobile's, and one that is newer than what the edge knows.
+class LocalMap : public ::testing::Test {
+ protected:
+  LocalMap() {
+    std::mt19937 random(3);
+    const auto sensor = wire::example_camera().make_sensor();
+    MapDelta delta;
+    for (std::uint64_t k = 1; k <= 3; ++k) {
+      NewKeyFrame keyframe;
+      keyframe.id = keyframe_id(k);
+      keyframe.features = wire::example_features(random, kFeatures, sensor);
+      keyframe.T_cw = SE3(Eigen::Matrix3d::Identity(), Eigen::Vector3d(-0.1 * double(k), 0, 0));
+      keyframe.points.resize(kFeatures);
+      for (int i = 0; i < kFeatures; ++i) keyframe.points[i] = point_id(std::uint64_t(i) + 1);
+      own[keyframe.id] = {k, double(k), keyframe.features};
+      delta.keyframes.push_back(keyframe);
+    }
+    for (int i = 0; i < kFeatures; ++i) {
+      NewPoint point;
+      point.id = point_id(std::uint64_t(i) + 1);
+      point.p_w = {0.1 * i, 0.05 * (i % 7), 2 + 0.1 * i};
+      point.reference = point.first_keyframe = keyframe_id(1);
+      delta.points.push_back(point);
+    }
+    // One more that only the newest keyframes see, of the mobile's own.
+    NewPoint mine;
+    mine.id = own_point;
+    mine.p_w = {1, 1, 4};
+    mine.reference = mine.first_keyframe = keyframe_id(2);
+    delta.points.push_back(mine);
+    delta.keyframes[1].points[5] = delta.keyframes[2].points[5] = own_point;
+    before.commit(delta);
+    window = before.read([](const MapView& view) {
+      return window_of(view, std::vector{keyframe_id(1), keyframe_id(2)});
+    });
+    window.points.erase(own_point);
+    window.keyframes[keyframe_id(2)].points.erase(5);
+  }
+
+  MapDelta made(KeyFrameId newest, std::set<MapPointId> gone = {}) {
+    return before.read([&](const MapView& view) {
+      S = correction_at(view, newest, window);
+      return local_map(view, {.window = window,
+                              .own = own,
+                              .newest = newest,
+                              .S_new_old = S,
+                              .gone = std::move(gone)});
+    });
+  }
+
+  const MapPointId own_point = point_id(1, IdSpace::kMobileMapper);
+  Map before;
+  std::map<KeyFrameId, OwnKeyFrame> own;
+  MapWindow window;
+  Sim3 S;
+};
+
+TEST_F(LocalMap, WhatIsNewerThanTheSliceMovesAlongWithItsScale) {
+  // The edge has the same world, twice as large and elsewhere.
+  const Sim3 moved{
+      2, Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).toRotationMatrix(), {1, 2, 3}};
+  for (auto& [id, p_w] : window.points) p_w = moved * p_w;
+  for (auto& [id, sighted] : window.keyframes)
+    sighted.T_cw = to_se3(to_sim3(sighted.T_cw) * moved.inverse());
+  Map after;
+  after.commit(made(keyframe_id(2)));
+  EXPECT_NEAR(S.scale, 2, 1e-6);
+  after.read([&](const MapView& view) {
+    EXPECT_EQ(view.keyframe_count(), 3u);
+    EXPECT_LT((view.point(own_point)->p_w - moved * Eigen::Vector3d(1, 1, 4)).norm(), 1e-6);
+    const SE3 was(Eigen::Matrix3d::Identity(), Eigen::Vector3d(-0.3, 0, 0));
+    const SE3 wanted = to_se3(to_sim3(was) * moved.inverse());
+    EXPECT_LT((view.keyframe(keyframe_id(3))->T_cw.t - wanted.t).norm(), 1e-6);
+    EXPECT_LT((view.keyframe(keyframe_id(3))->T_cw.R - wanted.R).norm(), 1e-9);
+    return 0;
+  });
+}
+
+TEST_F(LocalMap, AnOwnPointBecomesTheEdgesWhereBothSawTheSameFeature) {
+  const MapPointId edges = point_id(9, IdSpace::kEdgeMapper);
+  window.points[edges] = {1.01, 1, 4};
+  window.keyframes[keyframe_id(2)].points[5] = edges;
+  Map after;
+  after.commit(made(keyframe_id(2)));
+  after.read([&](const MapView& view) {
+    EXPECT_EQ(view.keyframe(keyframe_id(3))->points[5], edges);
+    EXPECT_EQ(view.point(own_point), nullptr);
+    EXPECT_EQ(view.point(edges)->observations.size(), 2u);
+    EXPECT_GT(view.point(edges)->appearance.max_distance_m, 0) << "it can be looked for";
+    return 0;
+  });
+}
+
+TEST_F(LocalMap, WhatTheEdgeDeletedGoesAndWhatIsOlderGoesToo) {
+  window.keyframes.erase(keyframe_id(1));
+  Map after;
+  after.commit(made(keyframe_id(2), {point_id(3)}));
+  after.read([&](const MapView& view) {
+    EXPECT_EQ(view.keyframe(keyframe_id(1)), nullptr);
+    EXPECT_EQ(view.point(point_id(3)), nullptr);
+    EXPECT_NE(view.point(point_id(4)), nullptr);
+    return 0;
+  });
+  Map covered;
+  covered.commit(made(keyframe_id(3)));
+  covered.read([&](const MapView& view) {
+    EXPECT_EQ(view.keyframe(keyframe_id(3)), nullptr) << "the slice covers it and has it not";
+    EXPECT_EQ(view.point(own_point), nullptr);
+    return 0;
+  });
+}
+
+TEST_F(LocalMap, TheEdgeKnowsAnOwnPointByTheFeatureItSaw) {
+  // The edge has made a point of feature 5 of keyframe 2 meanwhile; keyframe 4 brings the mobile's.
+  Map edge;
+  MapDelta known = before.read([&](const MapView& view) {
+    MapDelta delta;
+    const KeyFrame& two = *view.keyframe(keyframe_id(2));
+    delta.keyframes.push_back({.id = two.id,
+                               .features = two.features,
+                               .T_cw = two.T_cw,
+                               .points = std::vector<MapPointId>(kFeatures),
+                               .parent = {}});
+    delta.keyframes.back().points[5] = point_id(9, IdSpace::kEdgeMapper);
+    NewPoint point;
+    point.id = point_id(9, IdSpace::kEdgeMapper);
+    point.reference = point.first_keyframe = two.id;
+    delta.points.push_back(point);
+    return delta;
+  });
+  edge.commit(known);
+  MapDelta sent;
+  sent.keyframes.push_back(known.keyframes.front());
+  sent.keyframes.back().id = keyframe_id(4);
+  sent.keyframes.back().points.assign(kFeatures, {});
+  sent.keyframes.back().points[8] = own_point;
+  sent.keyframes.back().points[9] = point_id(2, IdSpace::kMobileMapper);
+  for (const MapPointId id : {own_point, point_id(2, IdSpace::kMobileMapper)}) {
+    NewPoint point;
+    point.id = id;
+    point.reference = point.first_keyframe = keyframe_id(4);
+    sent.points.push_back(point);
+  }
+  sent.attach = {{keyframe_id(2), 5, own_point},
+                 {keyframe_id(2), 6, point_id(2, IdSpace::kMobileMapper)}};
+  const MapDelta fits = edge.read([&](const MapView& view) { return as_known_here(view, sent); });
+  EXPECT_EQ(fits.keyframes.front().points[8], point_id(9, IdSpace::kEdgeMapper));
+  EXPECT_EQ(fits.keyframes.front().points[9], point_id(2, IdSpace::kMobileMapper));
+  EXPECT_EQ(fits.points.size(), 1u);
+  EXPECT_EQ(fits.attach.size(), 1u);
+}
+
+TEST_F(LocalMap, PointsMostlySeenOnWhatMovesGoOthersLoseThatSighting) {
+  Labels labels;
+  labels[keyframe_id(1)].assign(kFeatures, 0);
+  labels[keyframe_id(1)][0] = 1;  // one of three sightings
+  labels[keyframe_id(2)].assign(kFeatures, 0);
+  labels[keyframe_id(2)][5] = 1;                // one of two
+  labels[keyframe_id(7)].assign(kFeatures, 1);  // nobody knows it
+  const MapDelta delta =
+      before.read([&](const MapView& view) { return without_labelled(view, labels); });
+  EXPECT_EQ(delta.culled_points, std::vector{own_point});
+  ASSERT_EQ(delta.detach.size(), 1u);
+  EXPECT_EQ(delta.detach.front().point, point_id(1));
+}
+
+}  // namespace
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/uploads.hpp"
+
+#include "node/completion.hpp"
+#include "offload/message_codec.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+constexpr std::size_t kProbeBytes = 64;
+/// The run is over; what still is not sent by then is left behind.
+constexpr Duration kDrainPatience = std::chrono::seconds(5);
+
+}  // namespace
+
+Uploads::Uploads(MobileNode& node, Channel& frames, Channel& probes, Options options)
+    : node_(node),
+      frames_(frames),
+      probes_(probes),
+      options_(options),
+      delay_(options.one_way),
+      queue_(node.runtime()),
+      gone_(node.runtime().make_signal()) {}
+
+void Uploads::start() {
+  node_.runtime().spawn("upload", [this](Worker& worker) { send(worker); });
+  node_.runtime().spawn("probe", [this](Worker& worker) { probe(worker); });
+}
+
+void Uploads::put(wire::SemanticKeyFrame message, Note note) {
+  ++put_;
+  queue_.put({std::move(message), note});
+}
+
+void Uploads::send(Worker& worker) {
+  while (auto item = queue_.take(worker)) {
+    wire::SemanticKeyFrame& message = item->message;
+    const NewKeyFrame& keyframe = message.delta.keyframes.back();
+    if (options_.pictures) {
+      message.jpeg = worker.stage("encode_image", [&](StageUnits& units) {
+        auto jpeg = node_.images().jpeg(keyframe.frame_index);
+        units.n1 = static_cast<double>(jpeg.size()) / 1000;
+        return jpeg;
+      });
+    }
+    Bytes bytes = worker.stage("serialise", [&](StageUnits& units) {
+      Bytes written = encode(message);
+      units.n1 = kilobytes(written);
+      return written;
+    });
+    const std::size_t size = bytes.size();
+    const auto delay = delay_.delay();
+    const RunTime when = worker.now();
+    const std::uint64_t sequence = frames_.send(
+        static_cast<std::uint8_t>(wire::MessageType::kSemanticKeyFrame), std::move(bytes));
+    delay_.sent(sequence, size, when);
+    JsonLine event("keyframe_sent");
+    event.add("keyframe", keyframe.id.value)
+        .add("frame", keyframe.frame_index)
+        .add("seq_s", keyframe.timestamp_s)
+        .add("reason", item->note.reason)
+        .add("row", item->note.row)
+        .add("n_l", item->note.levels)
+        .add("n_m", message.n_m)
+        .add("new_points", message.delta.points.size())
+        .add("jpeg_bytes", message.jpeg.size())
+        .add("bytes", size);
+    if (delay) event.add_ms("n_ms", *delay);
+    if (const auto rate = delay_.bytes_per_s()) event.add("b_mbit_s", 8e-6 * *rate);
+    node_.log().write(event);
+    last_sequence_ = sequence;
+    ++sent_;
+    gone_->notify();
+  }
+}
+
+void Uploads::acknowledged(const Message& message) {
+  const auto ack = wire::decode_ack(message.payload);
+  delay_.acknowledged(ack.sequence, message.received);
+}
+
+void Uploads::probe(Worker& worker) {
+  const auto type = static_cast<std::uint8_t>(wire::MessageType::kProbe);
+  RunTime next = worker.now(), asked{};
+  std::uint64_t waiting = 0;
+  while (!worker.stopping()) {
+    if (worker.now() >= next) {
+      asked = worker.now();
+      waiting = probes_.send(type, Bytes(kProbeBytes));
+      next = asked + from_seconds(options_.probe_period_s);
+    }
+    const auto answer = probes_.receive(worker, next);
+    if (!answer || answer->type != static_cast<std::uint8_t>(wire::MessageType::kAck)) continue;
+    try {
+      if (wire::decode_ack(answer->payload).sequence != waiting) continue;
+    } catch (const wire::DecodeError& error) {
+      node_.log().warning(std::string("ACK refused: ") + error.what());
+      continue;
+    }
+    delay_.probed(answer->received - asked);
+    node_.log().write(JsonLine("rtt_sample")
+                          .add("source", "probe")
+                          .add("channel", "probe")
+                          .add_ms("rtt_ms", answer->received - asked));
+  }
+}
+
+void Uploads::drain(Worker& worker) {
+  Completion(
+      *gone_, [this] { return sent_ >= put_; }, [] { return false; })
+      .wait(worker, worker.now() + kDrainPatience);
+}
+
+}  // namespace slambed::edgeslam_semantic

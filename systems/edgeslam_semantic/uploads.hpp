@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include "edgeslam_semantic/link_delay.hpp"
+#include "node/mobile_node.hpp"
+#include "runtime/mailbox.hpp"
+#include "wire/semantic_messages.hpp"
+
+namespace slambed::edgeslam_semantic {
+
+/// Keyframes on their way up, on a worker of its own, and what the link is like: probes on another
+/// one.
+class Uploads {
+ public:
+  struct Options {
+    bool pictures = true;
+    bool one_way = true;  ///< see LinkDelay
+    double probe_period_s = 1;
+  };
+  /// What is told of a keyframe when it goes.
+  struct Note {
+    std::string_view reason;
+    int row = 0, levels = 0;
+  };
+
+  Uploads(MobileNode& node, Channel& frames, Channel& probes, Options options);
+
+  void start();
+  /// From the tracking worker, which does not wait.
+  void put(wire::SemanticKeyFrame message, Note note);
+  /// The edge has told that an upload came.
+  void acknowledged(const Message& message);
+  std::optional<Duration> delay() const { return delay_.delay(); }
+  /// Waits until all that was put is handed to the channel.
+  void drain(Worker& worker);
+  std::uint64_t last_sequence() const { return last_sequence_; }
+
+ private:
+  struct Item {
+    wire::SemanticKeyFrame message;
+    Note note;
+  };
+  void send(Worker& worker);
+  void probe(Worker& worker);
+
+  MobileNode& node_;
+  Channel &frames_, &probes_;
+  Options options_;
+  LinkDelay delay_;
+  Mailbox<Item> queue_;
+  std::unique_ptr<Signal> gone_;
+  std::atomic<std::uint64_t> put_{0}, sent_{0}, last_sequence_{0};
+};
+
+}  // namespace slambed::edgeslam_semantic
