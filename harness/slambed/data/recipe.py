@@ -73,6 +73,7 @@ class Synthetic(_Strict):
     noise: float | None = Field(default=None, ge=0)
     depth_noise: float | None = Field(default=None, ge=0)
     depth_holes: float | None = Field(default=None, ge=0, le=1)
+    max_depth_m: float | None = Field(default=None, ge=0.5, le=13)
     moving_objects: int | None = Field(default=None, ge=0)
     width: int | None = Field(default=None, ge=32)
     height: int | None = Field(default=None, ge=32)
@@ -100,9 +101,9 @@ class Synthetic(_Strict):
 _LATER = {
     "width", "height", "texel_scale", "open_stretches", "focal_error", "distortion",
     "right_yaw_deg", "right_pitch_deg", "right_roll_deg", "readout_s", "exposure_wander",
-    "people", "activity", "labels",
+    "people", "activity", "labels", "max_depth_m",
 }  # fmt: skip
-"""Options that came with streets and with people: what asks for none keeps its key."""
+"""Options that came with streets, people and the hall: what asks for none keeps its key."""
 
 
 def split_pattern(pattern: str) -> tuple[Path | None, str]:

@@ -7,6 +7,8 @@
 #include <thread>
 
 #include "base/error.hpp"
+#include "synth/hall.hpp"
+#include "synth/robot_path.hpp"
 #include "synth/sequence_writer.hpp"
 #include "synth/sha256.hpp"
 #include "synth/street.hpp"
@@ -40,6 +42,7 @@ ChosenPath choose_path(const GeneratorOptions& options) {
     auto drive = std::make_shared<const Drive>(options.trajectory, options.seed);
     return {drive, kTimeOrigin_s, drive};
   }
+  if (is_robot_path(options.trajectory)) return {make_robot_path(options.trajectory, options.seed)};
   const auto names = path_names();
   if (std::find(names.begin(), names.end(), options.trajectory) != names.end() ||
       options.trajectory.find_first_of("./") == std::string::npos)
@@ -81,6 +84,9 @@ std::shared_ptr<const Scene> make_scene(const GeneratorOptions& options, const C
                        chosen.drive);
   std::vector<Vec3> places;
   for (double t = 0; t <= seconds; t += 0.1) places.push_back(chosen.path->at(t).t);
+  if (is_robot_path(options.trajectory))
+    return make_hall({.seed = options.seed, .texel_scale = options.texel_scale, .threads = threads},
+                     places);
   const RoomOptions room = room_for(options, places, threads);
   for (const Vec3& foot : footprints(cast, seconds)) places.push_back(foot);
   return make_room(room, places, cast);
@@ -89,6 +95,8 @@ std::shared_ptr<const Scene> make_scene(const GeneratorOptions& options, const C
 void check_people(const GeneratorOptions& options, const ChosenPath& chosen) {
   if (options.people == 0 && !options.labels) return;
   if (chosen.drive) throw bad_input("people and labels are for rooms; a street has none");
+  if (is_robot_path(options.trajectory))
+    throw bad_input("people and labels are for rooms; the hall of the robot has none");
   const CameraFlaws& flaws = options.sensor_model.flaws;
   if (options.labels && (flaws.distortion != 0 || flaws.readout_s != 0 || flaws.focal_error != 0))
     throw bad_input(
@@ -111,6 +119,7 @@ nlohmann::json describe(const GeneratorOptions& o) {
       {"depth_holes", s.depth_holes},
       {"blackout_start_s", s.blackout_start_s},
       {"blackout_end_s", s.blackout_end_s}};
+  if (s.max_depth_m != SensorOptions().max_depth_m) described["max_depth_m"] = s.max_depth_m;
   if (o.people > 0) described.update({{"people", o.people}, {"activity", o.activity}});
   if (!is_route(o.trajectory)) return described;
   const CameraFlaws& f = s.flaws;

@@ -111,6 +111,21 @@ class Office final : public Walk {
   }
 };
 
+/// Slowly once around the tables and a little further, with the view over them.
+class Desk final : public Walk {
+ public:
+  using Walk::Walk;
+
+ private:
+  Gaze gaze(double t) const override {
+    Gaze g = on_ring(0.56 + t / 138, 2.8, 2.3);
+    g.z = 1.4 + 0.05 * sincos_turns(t / 23.0).sin;
+    g.yaw_deg += 4 * sincos_turns(t / 17.0).sin;
+    g.pitch_deg = -17 + 3 * sincos_turns(t / 13.0).sin;
+    return g;
+  }
+};
+
 class TwoLaps final : public Walk {
  public:
   using Walk::Walk;
@@ -234,7 +249,7 @@ Eigen::Matrix3d look(double yaw_deg, double pitch_deg, double roll_deg) {
 }
 
 std::vector<std::string> path_names() {
-  return {"still", "spline", "office", "two_laps", "xyz", "halfsphere"};
+  return {"still", "spline", "office", "desk", "two_laps", "xyz", "halfsphere"};
 }
 
 std::unique_ptr<CameraPath> make_path(const std::string& name, double duration_s,
@@ -243,12 +258,14 @@ std::unique_ptr<CameraPath> make_path(const std::string& name, double duration_s
   if (name == "still") return std::make_unique<Still>(length(1), seed, 0);
   if (name == "spline") return std::make_unique<Spline>(length(20), seed);
   if (name == "office") return std::make_unique<Office>(length(87), seed);
+  if (name == "desk") return std::make_unique<Desk>(length(142.1), seed, 0.6);
   if (name == "two_laps") return std::make_unique<TwoLaps>(length(96), seed);
   if (name == "xyz") return std::make_unique<Xyz>(length(30), seed);
   if (name == "halfsphere") return std::make_unique<Halfsphere>(length(30), seed);
-  throw bad_input("trajectory '" + name +
-                  "' is not known; choose still, spline, office, two_laps, xyz, halfsphere or a "
-                  "TUM-format file");
+  throw bad_input(
+      "trajectory '" + name +
+      "' is not known; choose still, spline, office, desk, two_laps, xyz, halfsphere, a "
+      "robot's path (pioneer2, pioneer3, pioneer360) or a TUM-format file");
 }
 
 }  // namespace slambed::synth

@@ -41,8 +41,8 @@ int run(int argc, char** argv) {
   bool show_progress = false;
 
   CLI::App app{
-      "Renders a furnished room along a camera path, or a drive through streets, into a prepared "
-      "sequence."};
+      "Renders a furnished room along a camera path, a robot's way through a hall, or a drive "
+      "through streets, into a prepared sequence."};
   app.name("slambed-synth");
   app.set_version_flag("--version", std::string("slambed-synth ") + synth::kGeneratorVersion);
   app.add_option("--out", out, "folder to write; appears when complete")->required();
@@ -50,8 +50,9 @@ int run(int argc, char** argv) {
   app.add_option("--title", options.title, "title of the sequence");
   app.add_option("--sensor", options.sensor, "rgbd, stereo or mono");
   app.add_option("--trajectory", options.trajectory,
-                 "still, spline, office, two_laps, xyz, halfsphere, or a TUM-format file (with . "
-                 "or / in its name); "
+                 "still, spline, office, desk, two_laps, xyz, halfsphere, or a TUM-format file "
+                 "(with . or / in its name); "
+                 "a robot in a hall: pioneer2, pioneer3, pioneer360; "
                  "two laps by car: rectangle, circular, block");
   app.add_option("--seconds", options.seconds, "length; default: the whole path")
       ->check(CLI::NonNegativeNumber);
@@ -72,6 +73,8 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0.0, 20.0));
   app.add_option("--depth-holes", sensor.depth_holes, "share of depth lost in patches")
       ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--max-depth-m", sensor.max_depth_m, "no depth beyond this")
+      ->check(CLI::Range(0.5, 13.0));
   app.add_option("--blackout-start-s", sensor.blackout_start_s, "lens covered from here")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--blackout-end-s", sensor.blackout_end_s, "to here")

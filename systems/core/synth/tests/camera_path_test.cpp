@@ -20,7 +20,7 @@ double degrees_between(const SE3& a, const SE3& b) {
 }
 
 TEST(CameraPath, NamedPathsMoveAsAHandDoes) {
-  for (const char* name : {"spline", "office", "two_laps", "xyz", "halfsphere"}) {
+  for (const char* name : {"spline", "office", "desk", "two_laps", "xyz", "halfsphere"}) {
     for (const std::uint64_t seed : {1, 7}) {
       const auto path = make_path(name, 0, seed);
       const double dt = 1.0 / 30;
