@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from slambed.calibrate.fit import fit_stage, fit_stages
-from slambed.calibrate.match import Fit, look, scaled, solve
+from slambed.calibrate.match import Fit, Seen, look, scaled, solve
 from slambed.calibrate.targets import Component, Targets
 from slambed.metrics.events import EventLog
 from slambed.native import repository_root
@@ -94,6 +94,81 @@ def test_a_component_is_seen_per_frame() -> None:
     assert seen.sd == pytest.approx(3.0)
 
 
+def updates(*events: dict[str, object]) -> EventLog:
+    common = {"node": "mobile", "worker": "tracking", "n2": 0}
+    return EventLog([{**common, "t_ns": i, **event} for i, event in enumerate(events)], [])
+
+
+def test_a_map_for_a_lost_frame_and_a_declined_update_are_no_update() -> None:
+    """What they cost is neither in the mean nor in what is scaled: how many there are hangs on the
+    costs themselves, and a fit that counted them found no rest."""
+    insert = {"type": "stage", "name": "insert_keyframes", "wall_ms": 40.0, "cpu_ms": 40.0}
+    log = updates(
+        insert,
+        {"type": "update_applied", "relocalisation": False},
+        {**insert, "wall_ms": 900.0, "cpu_ms": 900.0},
+        {"type": "update_applied", "relocalisation": True},
+        {**insert, "wall_ms": 30.0, "cpu_ms": 30.0},
+        {"type": "update_declined"},
+        {**insert, "wall_ms": 60.0, "cpu_ms": 60.0},
+        {"type": "update_applied", "relocalisation": False},
+    )
+    component = Component(
+        name="insert", source="here", node="mobile", stages=["insert_keyframes"],
+        measure="per_update", mean_ms={"x": 1.0},
+    )  # fmt: skip
+    seen = look(component, [log])
+    assert (seen.mean, seen.busy) == (50.0, 50.0)
+
+
+def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
+    attempt = {"type": "stage", "name": "relocalise", "cpu_ms": 0.0}
+    log = updates(
+        {**attempt, "wall_ms": 10.0},
+        {**attempt, "wall_ms": 50.0, "n2": 1},
+        {**attempt, "wall_ms": 70.0, "n2": 2},
+        {**attempt, "wall_ms": 11.0, "n2": 1, "node": "edge"},
+    )
+    for node, mean in (("mobile", 60.0), ("edge", 11.0)):
+        component = Component(
+            name="attempt", source="here", node=node, stages=["relocalise"],
+            measure="per_attempt", mean_ms={"x": 1.0},
+        )  # fmt: skip
+        assert look(component, [log]).mean == mean
+
+
+def ijnc(**changes: object) -> Targets:
+    return parse(Targets, load_yaml(FITS / "ijnc.yaml")).model_copy(update=changes)
+
+
+def test_a_damped_fit_takes_a_part_of_each_step() -> None:
+    """From twice what is wanted: the whole step halves the factor, half of it takes its root."""
+    source = load_yaml(FITS / "ijnc.yaml")
+    for damping, factor in ((0.0, 0.5), (0.5, 0.5**0.5)):
+        fit = Fit(ijnc(damping=damping), source, Library())
+        before = fit.scales["insert"].alpha
+        fit.seen["insert", "serial"] = Seen(mean=830.8, sd=10.0, busy=830.8)
+        fit.improve("insert")
+        assert fit.scales["insert"].alpha == pytest.approx(before * factor)
+
+
+def test_one_printed_mean_leaves_open_what_is_fixed() -> None:
+    content = ijnc().model_dump()
+    content["components"][1]["fixed_on"] = "track"
+    with pytest.raises(ValidationError, match="pose: fixed_on needs two printed means"):
+        Targets.model_validate(content)
+
+
+def test_a_condition_is_played_on_its_own_sequence() -> None:
+    content = ijnc().model_dump()
+    content["conditions"]["lost"] = content["conditions"]["serial"]
+    targets = Targets.model_validate(content | {"datasets": {"lost": "synthetic_pioneer2"}})
+    assert targets.dataset_of("serial") == "synthetic_desk"
+    assert targets.dataset_of("lost") == "synthetic_pioneer2"
+    with pytest.raises(ValidationError, match="no condition found"):
+        Targets.model_validate(content | {"datasets": {"found": "synthetic_desk"}})
+
+
 @pytest.mark.parametrize("path", sorted(FITS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
     source = load_yaml(path)
@@ -101,6 +176,8 @@ def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
     library = Library()
     fit = Fit(targets, source, library)
     for role, fitted in targets.devices.items():
+        if fitted.given:
+            continue
         model, shipped = fit.model(role), library.device(fitted.device).model
         assert shipped is not None and shipped.cores == fitted.cores
         assert set(shipped.stages) >= set(model.stages)

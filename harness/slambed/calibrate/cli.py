@@ -10,7 +10,7 @@ from rich.table import Table
 
 from slambed.calibrate.device_file import write_model
 from slambed.calibrate.fit import StageFit, fit_stages
-from slambed.calibrate.match import Fit, Setting
+from slambed.calibrate.match import Fit, Played, Setting
 from slambed.calibrate.measured import stages_of
 from slambed.calibrate.targets import Targets
 from slambed.campaign.datasets import prepare_sequence
@@ -156,11 +156,14 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     library = Library()
     source = load_yaml(library.root / "devices" / "fits" / f"{name}.yaml")
     targets = parse(Targets, source)
-    sequence = prepare_sequence(targets.dataset)
+    sequences = {
+        name: prepare_sequence(name) for name in sorted(map(targets.dataset_of, targets.conditions))
+    }
     setting = Setting(
-        sequence=sequence.path,
-        played_s=sequence.played_s(targets.playback),
-        checksum=sequence.checksum,
+        sequences={
+            name: Played(sequence.path, sequence.played_s(targets.playback), sequence.checksum)
+            for name, sequence in sequences.items()
+        },
         program=find_program(SIMULATION),
         features=cache_folder() / "features",
         software=host_software(program=SIMULATION),

@@ -64,12 +64,20 @@ class Seen:
 
 
 @dataclass(frozen=True)
+class Played:
+    """A prepared sequence of a fit."""
+
+    path: Path
+    played_s: float
+    checksum: str
+
+
+@dataclass(frozen=True)
 class Setting:
     """Where the runs of a fit happen."""
 
-    sequence: Path
-    played_s: float
-    checksum: str
+    sequences: Mapping[str, Played]
+    """By dataset."""
     program: Path
     features: Path
     software: str
@@ -136,7 +144,7 @@ class Fit:
         self.look_again(setting)
         for component in self.targets.components:
             if component.stages:
-                self._improve(component)
+                self.improve(component.name)
 
     def look_again(self, setting: Setting, as_written: bool = False) -> None:
         """Simulates all conditions with the present models, or with the device files' own."""
@@ -146,8 +154,10 @@ class Fit:
                 if condition in component.mean_ms:
                     self.seen[component.name, condition] = look(component, logs)
 
-    def _improve(self, component: Component) -> None:
-        scale = self.scales[component.name]
+    def improve(self, name: str) -> None:
+        """Moves a component's scale towards its printed means."""
+        (component,) = (c for c in self.targets.components if c.name == name)
+        scale = self.scales[name]
         conditions = list(component.mean_ms)
         seen = [self.seen[component.name, condition] for condition in conditions]
         target = np.array([component.mean_ms[condition] for condition in conditions])
@@ -159,8 +169,10 @@ class Fit:
         # What is left for computing when the waits are off; never less than a tenth of the target.
         wanted = np.maximum(target - waits, target / 10)
         most = component.fixed_at_most if component.fixed_on is not None else 0.0
-        scale.alpha, beta_ms = solve(base, rate, wanted, most)
-        scale.beta_us = beta_ms * 1e3
+        alpha, beta_ms = solve(base, rate, wanted, most)
+        kept = self.targets.damping
+        scale.alpha = scale.alpha**kept * alpha ** (1 - kept)
+        scale.beta_us = kept * scale.beta_us + (1 - kept) * beta_ms * 1e3
         if component.sd_ms:
             relative = [component.sd_ms[c] / component.mean_ms[c] for c in component.sd_ms]
             asked, shown = float(np.mean(relative)), float(np.mean([s.sd / s.mean for s in seen]))
@@ -176,8 +188,9 @@ class Fit:
             def simulate(spec: RunSpec) -> EventLog:
                 raw = Path(folder) / spec.run_key
                 raw.mkdir()
+                played = setting.sequences[self.targets.dataset_of(spec.label)]
                 run = VirtualRun(
-                    spec, setting.sequence, setting.played_s, raw, setting.program, setting.features
+                    spec, played.path, played.played_s, raw, setting.program, setting.features
                 )
                 result = run.execute(threading.Event())
                 if result.outcome != "completed":
@@ -192,27 +205,31 @@ class Fit:
         return found
 
     def _specs(self, setting: Setting, devices: Mapping[str, Device]) -> list[RunSpec]:
-        experiment = Experiment(
-            id="fit",
-            title=self.targets.title,
-            systems=[
-                choice.model_copy(update={"label": name})
-                for name, choice in self.targets.conditions.items()
-            ],
-            datasets=[self.targets.dataset],
-            playback=self.targets.playback,
-            link=self.targets.link,
-            devices=DeviceChoice(**{r: f.device for r, f in self.targets.devices.items()}),
-        )
-        profiles = read_profiles(experiment, self._source, read_profile)
-        host = Circumstances(
-            VIRTUAL,
-            {profile.name: VIRTUAL for profile in profiles},
-            setting.software,
-            {self.targets.dataset: (self.targets.dataset, setting.checksum)},
-        )
         library = _FittedLibrary(self._library, devices)
-        return expand(experiment, self._source, library, profiles, host, self.targets.runs)
+        found: list[RunSpec] = []
+        for dataset, played in setting.sequences.items():
+            experiment = Experiment(
+                id="fit",
+                title=self.targets.title,
+                systems=[
+                    choice.model_copy(update={"label": name})
+                    for name, choice in self.targets.conditions.items()
+                    if self.targets.dataset_of(name) == dataset
+                ],
+                datasets=[dataset],
+                playback=self.targets.playback,
+                link=self.targets.link,
+                devices=DeviceChoice(**{r: f.device for r, f in self.targets.devices.items()}),
+            )
+            profiles = read_profiles(experiment, self._source, read_profile)
+            host = Circumstances(
+                VIRTUAL,
+                {profile.name: VIRTUAL for profile in profiles},
+                setting.software,
+                {dataset: (dataset, played.checksum)},
+            )
+            found += expand(experiment, self._source, library, profiles, host, self.targets.runs)
+        return found
 
     def _devices(self) -> dict[str, Device]:
         return {
@@ -278,6 +295,8 @@ def look(component: Component, logs: list[EventLog]) -> Seen:
         values += found
     if not occurrences or not values:
         raise SlambedError(f"component {component.name} does not occur in the runs of the fit")
+    if component.measure in WHOLE:
+        busy = sum(values)
     mean, sd = float(np.mean(values)), float(np.std(values))
     return Seen(mean, sd, busy / occurrences, fixed / occurrences)
 
@@ -313,7 +332,9 @@ def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]
 
 
 def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages for each update that was taken over, whichever worker did it."""
+    """Time of the stages for each update that was taken over, whichever worker did it. A map that a
+    lost frame asked for is another thing: costs decide how many there are, and a fit that counted
+    them went to and fro between many and none."""
     spent = 0.0
     found: list[float] = []
     for event in log.of("stage", "update_applied", "update_declined"):
@@ -322,8 +343,19 @@ def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
         if event["type"] == "stage":
             spent += event["wall_ms"] if event["name"] in component.stages else 0.0
             continue
-        found += [spent] if event["type"] == "update_applied" else []
+        if event["type"] == "update_applied" and not event.get("relocalisation"):
+            found.append(spent)
         spent = 0.0
+    return len(found), found
+
+
+def _per_attempt(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of each execution of the stages with a candidate that got as far as a pose."""
+    found = [
+        float(event["wall_ms"])
+        for event in log.stages(component.node, *component.stages)
+        if (event.get("n2") or 0) >= 1
+    ]
     return len(found), found
 
 
@@ -350,4 +382,7 @@ MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]]
     "per_frame": _per_frame,
     "per_keyframe": _per_keyframe,
     "per_update": _per_update,
+    "per_attempt": _per_attempt,
 }
+WHOLE = ("per_update", "per_attempt")
+"""Measures that leave executions of their stages out: what is seen is what they cost."""

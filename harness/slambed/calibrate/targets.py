@@ -40,7 +40,8 @@ class Component(BaseModel):
     measure: str = "per_frame"
     """A part of T_Total (`T_LM`, ...), or the stages' time on the mobile node in a tracked frame
     (`per_frame`), in one that becomes a keyframe (`per_keyframe`) or in a map update that was taken
-    over (`per_update`)."""
+    over and not sent for a lost frame (`per_update`); or the time of each of the stages' executions
+    that got as far as a pose, on either node (`per_attempt`)."""
     fixed_on: str | None = None
     """Stage whose time independent of sizes is found instead of scaled, where one factor cannot
     serve all conditions."""
@@ -65,6 +66,8 @@ class Targets(BaseModel):
 
     title: str
     dataset: str
+    datasets: dict[str, str] = Field(default_factory=dict)
+    """Condition -> sequence, where it is not `dataset`."""
     playback: Playback
     link: LinkChoice | None = None
     conditions: dict[str, SystemChoice] = Field(min_length=1)
@@ -75,14 +78,24 @@ class Targets(BaseModel):
     among them: where our runs agree with these, that is no evidence (docs/results.md)."""
     runs: int = Field(default=2, ge=1)
     rounds: int = Field(default=6, ge=1)
+    damping: float = Field(default=0.0, ge=0, lt=1)
+    """Share of each step that is not taken, where costs change what happens: who tracks slowly
+    makes other keyframes, and these other updates."""
     notes: str = ""
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Targets":
+        if strangers := set(self.datasets) - set(self.conditions):
+            raise ValueError(f"datasets: no condition {min(strangers)}")
         for component in self.components:
             unknown = {*component.mean_ms, *component.sd_ms} - set(self.conditions)
             if unknown:
                 raise ValueError(f"component {component.name}: no condition {min(unknown)}")
+            if component.fixed_on is not None and len(component.mean_ms) < 2:
+                raise ValueError(
+                    f"component {component.name}: fixed_on needs two printed means, one leaves "
+                    "open what is fixed"
+                )
             if component.node not in self.devices:
                 raise ValueError(f"component {component.name}: no device for {component.node}")
             if self.devices[component.node].given:
@@ -91,3 +104,7 @@ class Targets(BaseModel):
             if both:
                 raise ValueError(f"component {component.name}: stage {min(both)} is to be kept")
         return self
+
+    def dataset_of(self, condition: str) -> str:
+        """The sequence that this condition is played on."""
+        return self.datasets.get(condition, self.dataset)

@@ -35,7 +35,7 @@ def lint(papers: Iterable[Paper], checkout: Checkout) -> list[Problem]:
         found += mistakes or open_problems(paper, checkout)
         if (plan := read_plan(paper.id, checkout.root / "papers")) is not None:
             found += plan_problems(plan, paper, checkout)
-    cells = {name: cell for paper in chosen for name, cell in table_cells(paper).items()}
+    cells = {name: cell for paper in chosen for name, cell in cells_of(paper).items()}
     known = {name.split(".")[0] for name in cells}
     for fit, patterns in checkout.fits.items():
         for pattern in patterns:
