@@ -57,10 +57,8 @@ SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
                .idle = [this](Worker& worker) { return idle(worker); },
                .cleared =
                    [this] {
-                     labels_.clear();
-                     window_ = {};
-                     oldest_ = {};
-                     number_ = told_jumps_ = 0;
+                     world_ = last_world_.value;
+                     begun_anew_ = true;
                    },
                .rebase = as_known_here}),
       farewell_(node, control_, *this, {}),
@@ -94,7 +92,7 @@ void SemanticEdge::receive(Worker& worker) {
 std::optional<std::string_view> SemanticEdge::objection(
     const wire::SemanticKeyFrame& message) const {
   if (message.first()) return std::nullopt;
-  if (message.world.value != world_) return "of another map";
+  if (message.world != last_world_) return "of another map";
   if (message.keyframe() <= last_) return "older than the last";
   return std::nullopt;
 }
@@ -117,7 +115,9 @@ void SemanticEdge::take(Worker& worker, const Message& raw) {
     return;
   }
   last_ = id;
-  world_ = message.world.value;
+  last_world_ = message.world;
+  // With a new map after another, `cleared` sets it: until then slices are of the old one.
+  if (world_ == 0) world_ = last_world_.value;
   if (nrcc_ && !message.jpeg.empty())
     pictures_.put({message.world, id, message.delta.keyframes.back().frame_index, message.n_m,
                    std::move(message.jpeg), raw.received});
@@ -158,7 +158,17 @@ void SemanticEdge::segment(Worker& worker) {
   }
 }
 
+/// On the mapping side: what was known of a map that is gone goes too.
+void SemanticEdge::forget_old_map() {
+  if (!begun_anew_.exchange(false)) return;
+  labels_.clear();
+  window_ = {};
+  oldest_ = {};
+  number_ = told_jumps_ = 0;
+}
+
 RunTime SemanticEdge::idle(Worker& worker) {
+  forget_old_map();
   cull_labelled(worker);
   // A closed loop or a global bundle moves what the mobile stands on.
   if (number_ > 0 && mapper_.jumps() != told_jumps_) send_slice(worker, times_);
@@ -166,6 +176,7 @@ RunTime SemanticEdge::idle(Worker& worker) {
 }
 
 void SemanticEdge::mapped(Worker& worker, const wire::UpdateTimes& times) {
+  forget_old_map();
   times_ = times;
   cull_labelled(worker);
   send_slice(worker, times);

@@ -40,6 +40,7 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   std::optional<std::string_view> objection(const wire::SemanticKeyFrame& message) const;
   void answer_probes(Worker& worker);
   void segment(Worker& worker);
+  void forget_old_map();
   RunTime idle(Worker& worker);
   void mapped(Worker& worker, const wire::UpdateTimes& times);
   void cull_labelled(Worker& worker);
@@ -62,7 +63,10 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   std::unique_ptr<Signal> received_;
   std::atomic<std::uint64_t> received_sequence_{0};
   std::atomic<std::uint64_t> world_{0};  ///< of the map at hand
-  KeyFrameId last_;                      ///< received; of the receiving worker
+  /// The map was cleared; the mapping worker has to hear of it.
+  std::atomic<bool> begun_anew_{false};
+  KeyFrameId last_world_;  ///< received; of the receiving worker
+  KeyFrameId last_;        ///< received; of the receiving worker
 
   // Of the mapping worker.
   Labels labels_;

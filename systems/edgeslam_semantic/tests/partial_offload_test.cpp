@@ -76,13 +76,15 @@ TEST_F(PartialOffload, MasksTravelOnToFramesThatNeverWentUp) {
   const Played run = play(partial(true, true));
   ASSERT_FALSE(run.of("mask_applied").empty());
   std::set<std::uint64_t> uploaded;
-  for (const auto& keyframe : run.of("keyframe_sent")) uploaded.insert(keyframe["frame"].get<std::uint64_t>());
+  for (const auto& keyframe : run.of("keyframe_sent"))
+    uploaded.insert(keyframe["frame"].get<std::uint64_t>());
   int culled_elsewhere = 0;
   for (const auto& frame : run.of("frame_answered")) {
     if (frame["mask_age_frames"] < 0) {
       EXPECT_EQ(frame["culled"], 0);
     }
-    if (!uploaded.contains(frame["frame"].get<std::uint64_t>())) culled_elsewhere += frame["culled"].get<int>();
+    if (!uploaded.contains(frame["frame"].get<std::uint64_t>()))
+      culled_elsewhere += frame["culled"].get<int>();
   }
   EXPECT_GT(culled_elsewhere, 100);
 }
@@ -132,6 +134,35 @@ TEST_F(PartialOffload, GoesOnWhileTheEdgeStandsStill) {
   EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kFrames});
   EXPECT_GT(run.of("slice_applied").back()["t_ns"].get<double>(), 2.5e9);
   EXPECT_GT(tracked(run), kFrames / 2);
+}
+
+/// Lost with a young map: both nodes begin another one, and what is still told of the old is
+/// declined.
+TEST_F(PartialOffload, AMapThatIsGivenUpBeginsAgainOnBothNodes) {
+  synth::SensorOptions covered;
+  covered.blackout_start_s = 1.2;
+  covered.blackout_end_s = 1.6;
+  sequence = folder.path() / "covered";
+  generate(covered, sequence);
+  world["link"]["down"]["delay_us"] = {300'000};
+  auto sparse = partial(false, true);
+  sparse["local_references"] = false;
+  sparse["keyframes_under_way"] = 1;
+  const Played run = play(sparse);
+  ASSERT_FALSE(run.of("reset").empty());
+  ASSERT_GE(run.of("initialised").size(), 2u);
+  const double again = run.of("initialised").back()["t_ns"];
+  std::size_t applied = 0;
+  std::uint64_t first = 0;
+  for (const auto& keyframe : run.of("keyframe_sent"))
+    if (keyframe["reason"] == "first") first = keyframe["keyframe"];
+  for (const auto& slice : run.of("slice_applied")) {
+    if (slice["t_ns"] < again) continue;
+    ++applied;
+    EXPECT_GE(slice["keyframe"], first) << "of the map that was given up";
+  }
+  EXPECT_GT(applied, 0u);
+  EXPECT_TRUE(run.of("frame_answered").back()["ok"]);
 }
 
 TEST_F(PartialOffload, ANodeWithoutSegmentationSaysSo) {

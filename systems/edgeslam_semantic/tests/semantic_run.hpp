@@ -39,6 +39,9 @@ class SemanticRun : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     shared = std::make_unique<testing::TemporaryFolder>();
+    generate({}, shared->path() / "sequence");
+  }
+  static void generate(const synth::SensorOptions& sensor, const std::filesystem::path& where) {
     synth::GeneratorOptions options;
     options.sensor = "mono";
     options.trajectory = "spline";
@@ -47,7 +50,8 @@ class SemanticRun : public ::testing::Test {
     options.height = kHeight;
     options.fps = kFps;
     options.seconds = double(kFrames) / kFps;
-    synth::generate(options, shared->path() / "sequence", 2, [](int, int) { return true; });
+    options.sensor_model = sensor;
+    synth::generate(options, where, 2, [](int, int) { return true; });
   }
   static void TearDownTestSuite() { shared.reset(); }
 
@@ -104,7 +108,7 @@ class SemanticRun : public ::testing::Test {
             {"system", "edgeslam_semantic"},
             {"variant", "orbslam_offloaded"},
             {"params", parameters},
-            {"sequence", shared->path() / "sequence"},
+            {"sequence", sequence},
             {"playback", playback},
             {"network",
              {{"edge_address", "10.0.0.2"},
@@ -154,6 +158,7 @@ class SemanticRun : public ::testing::Test {
 
   static inline std::unique_ptr<testing::TemporaryFolder> shared;
   testing::TemporaryFolder folder;
+  std::filesystem::path sequence = shared->path() / "sequence";
   nlohmann::json direction{{"delay_us", {5000}}};
   nlohmann::json world{
       {"format", "slambed-sim"},
