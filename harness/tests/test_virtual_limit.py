@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long a virtual run may take: a limit of CPU time is an outcome, standing still is none."""
 
+import contextlib
 import os
 import signal
 import threading
@@ -30,9 +31,11 @@ def run_of(tmp_path: Path) -> Callable[[str], VirtualRun]:
 
 
 def simulation() -> psutil.Process | None:
+    """The run's own; what other tests of this process left to be waited for has no command line."""
     for child in psutil.Process().children():
-        if "sim.json" in child.cmdline():
-            return child
+        with contextlib.suppress(psutil.ZombieProcess, psutil.NoSuchProcess):
+            if "sim.json" in child.cmdline():
+                return child
     return None
 
 
