@@ -22,7 +22,7 @@ if [ "$engine" = docker ]; then
 fi
 if programs_are_of "$hash"; then exit 0; fi
 "$root/tools/setup.sh" build
-cmake -S "$root" -B "$root/build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON >/dev/null
+cmake -S "$root" -B "$root/build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
 rm -f "$bin/sources.sha256"
 # shellcheck disable=SC2086
 ninja -C "$root/build" $programs

@@ -17,7 +17,8 @@ werror=OFF
 if [ "$(c++ -dumpversion 2>/dev/null)" = 12 ]; then werror=ON; fi
 
 compile() {
-  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_WERROR=$werror >/dev/null \
+  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON \
+      -DSLAMBED_WERROR=$werror >/dev/null \
     && rm -f "$build/bin/sources.sha256" \
     && ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-} \
     && PYTHONPATH=harness python3 -m slambed.spec.software >"$build/bin/sources.sha256"

@@ -9,7 +9,7 @@
 namespace slambed::relay {
 namespace {
 
-constexpr std::size_t kBatch = 256;  // records; at 20 pings a second both ways: one write in 3 s
+constexpr std::size_t kRecordsAtOnce = 256;  // records; at 20 pings a second both ways: one write in 3 s
 
 }  // namespace
 
@@ -49,7 +49,7 @@ void PacketLog::end_writer() {
 void PacketLog::append(const PacketRecord& record) {
   if (!file_) return;
   filling_.push_back(record);
-  if (filling_.size() < kBatch) return;
+  if (filling_.size() < kRecordsAtOnce) return;
   // The writer holds the lock only to swap two vectors; when it does just now, the next packet
   // tries again.
   const std::unique_lock lock(mutex_, std::try_to_lock);

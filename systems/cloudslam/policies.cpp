@@ -11,8 +11,6 @@ namespace {
 /// The paper's cheap Wi-Fi at home has the night for it; a run has not.
 constexpr Duration kUploadPatience = std::chrono::minutes(5);
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 }  // namespace
 
 Vehicle::Vehicle(MobileNode& node, const Parameters& parameters)
@@ -60,8 +58,8 @@ void Vehicle::tell_distance(double seq_s) {
 void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
   const double seq_s = frame.played.seq_s();
   while (const auto message = keyframes_.try_receive()) {
-    const bool initial = message->type == type_of(wire::MessageType::kInitialPose);
-    if (!initial && message->type != type_of(wire::MessageType::kPoseUpdate)) continue;
+    const bool initial = message->type == wire::type_of(wire::MessageType::kInitialPose);
+    if (!initial && message->type != wire::type_of(wire::MessageType::kPoseUpdate)) continue;
     // Several keyframes were under way to be placed: the first answer says it.
     if (initial != (state_ == State::kAlign) || align_failed_) continue;
     if (const auto correction = poses_.apply(worker, *message, initial, seq_s))
@@ -137,7 +135,7 @@ void Vehicle::send_if_due(const TrackedFrame& frame, KeyFrameId keyframe) {
     return;
   }
   sending_ = Strategy::sent(sending_, moment);
-  sender_.send(type_of(type), keyframe, frame.offered.offered,
+  sender_.send(wire::type_of(type), keyframe, frame.offered.offered,
                JsonLine("keyframe_sent")
                    .add("keyframe", keyframe.value)
                    .add("seq_s", moment.seq_s)
@@ -159,13 +157,13 @@ void Vehicle::upload(Worker& worker) {
   const auto keyframes =
       node_.tracker().map()->read([](const MapView& view) { return view.keyframe_ids(); });
   for (const KeyFrameId id : keyframes)
-    uploader_.send(type_of(wire::MessageType::kKeyFrame), id, worker.now(),
+    uploader_.send(wire::type_of(wire::MessageType::kKeyFrame), id, worker.now(),
                    JsonLine("keyframe_uploaded").add("keyframe", id.value));
   uploader_.written().wait(worker);
-  uploads_.send(type_of(kType), {});
+  uploads_.send(wire::type_of(kType), {});
   const RunTime deadline = worker.now() + kUploadPatience;
   while (const auto message = uploads_.receive(worker, deadline))
-    if (message->type == type_of(kType)) return;
+    if (message->type == wire::type_of(kType)) return;
   node_.log().warning("the edge did not say that the whole trip came");
 }
 

@@ -13,8 +13,6 @@ constexpr std::uint64_t kMaxUnanswered = 4096;  ///< bytes
 /// Without keyframes for so long the RTT is probed in every state.
 constexpr Duration kKeyframesStopped = std::chrono::seconds(1);
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 }  // namespace
 
 EdgeContact::EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
@@ -75,7 +73,7 @@ void EdgeContact::send_state(RunTime now, bool changed) {
     state = state_;
   }
   state.time = now;
-  link_.asked(channel_.send(type_of(wire::MessageType::kState), encode(state)), now);
+  link_.asked(channel_.send(wire::type_of(wire::MessageType::kState), encode(state)), now);
 }
 
 RunTime EdgeContact::probe(RunTime now) {
@@ -91,9 +89,9 @@ RunTime EdgeContact::probe(RunTime now) {
 void EdgeContact::take(const Message& message, RunTime now) {
   link_.heard(message.received);
   try {
-    if (message.type == type_of(wire::MessageType::kAck)) {
+    if (message.type == wire::type_of(wire::MessageType::kAck)) {
       take_echo(wire::decode_ack(message.payload).sequence, message.received);
-    } else if (message.type == type_of(wire::MessageType::kHandoverAck)) {
+    } else if (message.type == wire::type_of(wire::MessageType::kHandoverAck)) {
       take_ack(wire::decode_handover_ack(message.payload), message.incarnation, now);
     }
   } catch (const wire::DecodeError& error) {

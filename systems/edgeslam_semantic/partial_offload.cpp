@@ -14,8 +14,6 @@ constexpr int kAllLevels = 8;
 /// An answer that has not come by then is not waited for any more.
 constexpr Duration kPatience = std::chrono::seconds(5);
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 ChainOptions chain_options(const Parameters& parameters) {
   return {.label_frames = parameters.integer("label_frames")};
 }
@@ -56,8 +54,8 @@ void SemanticMobile::start() {
 void SemanticMobile::receive_results(Worker& worker) {
   while (const auto message = frames_.receive(worker, kNever)) {
     try {
-      if (message->type == type_of(wire::MessageType::kAck)) uploads_.acknowledged(*message);
-      if (message->type != type_of(wire::MessageType::kOptResult)) continue;
+      if (message->type == wire::type_of(wire::MessageType::kAck)) uploads_.acknowledged(*message);
+      if (message->type != wire::type_of(wire::MessageType::kOptResult)) continue;
       results_.put(worker.stage("parse", [&](StageUnits& units) {
         units.n1 = kilobytes(message->payload);
         return wire::decode_opt_result(message->payload);
@@ -70,7 +68,7 @@ void SemanticMobile::receive_results(Worker& worker) {
 
 void SemanticMobile::receive_masks(Worker& worker) {
   while (const auto message = masks_.receive(worker, kNever)) {
-    if (message->type != type_of(wire::MessageType::kMask)) continue;
+    if (message->type != wire::type_of(wire::MessageType::kMask)) continue;
     try {
       arrived_masks_.put(worker.stage("parse", [&](StageUnits& units) {
         units.n1 = kilobytes(message->payload);

@@ -11,8 +11,6 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 EdgeMapperOptions mapper_options(const Parameters& parameters) {
   EdgeMapperOptions options;
   options.loop_closing = parameters.boolean("loop_closing");
@@ -80,8 +78,9 @@ void SemanticEdge::start() {
 
 void SemanticEdge::receive(Worker& worker) {
   while (const auto message = frames_.receive(worker, kNever)) {
-    if (message->type == type_of(wire::MessageType::kSemanticKeyFrame)) {
-      frames_.send(type_of(wire::MessageType::kAck), encode(wire::AckMessage{message->sequence}));
+    if (message->type == wire::type_of(wire::MessageType::kSemanticKeyFrame)) {
+      frames_.send(wire::type_of(wire::MessageType::kAck),
+                   encode(wire::AckMessage{message->sequence}));
       take(worker, *message);
     }
     received_sequence_ = message->sequence;
@@ -135,8 +134,9 @@ void SemanticEdge::take(Worker& worker, const Message& raw) {
 
 void SemanticEdge::answer_probes(Worker& worker) {
   while (const auto message = probes_.receive(worker, kNever))
-    if (message->type == type_of(wire::MessageType::kProbe))
-      probes_.send(type_of(wire::MessageType::kAck), encode(wire::AckMessage{message->sequence}));
+    if (message->type == wire::type_of(wire::MessageType::kProbe))
+      probes_.send(wire::type_of(wire::MessageType::kAck),
+                   encode(wire::AckMessage{message->sequence}));
 }
 
 void SemanticEdge::segment(Worker& worker) {
@@ -148,7 +148,7 @@ void SemanticEdge::segment(Worker& worker) {
     // The mobile culls: it needs neither what stands still nor anybody's joints.
     std::erase_if(masks.instances, [](const Instance& instance) { return !instance.moves; });
     for (Instance& instance : masks.instances) instance.body.reset();
-    masks_.send(type_of(wire::MessageType::kMask),
+    masks_.send(wire::type_of(wire::MessageType::kMask),
                 encode(wire::MaskMessage{.world = picture->world,
                                          .keyframe = picture->keyframe,
                                          .took = worker.now() - picture->arrived,
@@ -258,7 +258,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
                         .add("keyframe", result.keyframe.value)
                         .add("points_set", result.changes.positions.size())
                         .add("bytes", bytes.size()));
-  frames_.send(type_of(wire::MessageType::kOptResult), std::move(bytes));
+  frames_.send(wire::type_of(wire::MessageType::kOptResult), std::move(bytes));
 }
 
 void SemanticEdge::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,

@@ -52,8 +52,8 @@ void Uploads::send(Worker& worker) {
     const std::size_t size = bytes.size();
     const auto delay = delay_.delay();
     const RunTime when = worker.now();
-    const std::uint64_t sequence = frames_.send(
-        static_cast<std::uint8_t>(wire::MessageType::kSemanticKeyFrame), std::move(bytes));
+    const std::uint64_t sequence =
+        frames_.send(wire::type_of(wire::MessageType::kSemanticKeyFrame), std::move(bytes));
     delay_.sent(sequence, size, when);
     JsonLine event("keyframe_sent");
     event.add("keyframe", keyframe.id.value)
@@ -81,7 +81,7 @@ void Uploads::acknowledged(const Message& message) {
 }
 
 void Uploads::probe(Worker& worker) {
-  const auto type = static_cast<std::uint8_t>(wire::MessageType::kProbe);
+  const auto type = wire::type_of(wire::MessageType::kProbe);
   RunTime next = worker.now(), asked{};
   std::uint64_t waiting = 0;
   while (!worker.stopping()) {
@@ -91,7 +91,7 @@ void Uploads::probe(Worker& worker) {
       next = asked + from_seconds(options_.probe_period_s);
     }
     const auto answer = probes_.receive(worker, next);
-    if (!answer || answer->type != static_cast<std::uint8_t>(wire::MessageType::kAck)) continue;
+    if (!answer || answer->type != wire::type_of(wire::MessageType::kAck)) continue;
     try {
       if (wire::decode_ack(answer->payload).sequence != waiting) continue;
     } catch (const wire::DecodeError& error) {

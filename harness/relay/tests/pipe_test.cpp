@@ -61,7 +61,7 @@ class PipeTest : public testing::Test {
               static_cast<ssize_t>(packet.size()));
   }
   std::size_t receive() {
-    const ssize_t size = read(to_.ends[1], buffer_.data(), buffer_.size());
+    const ssize_t size = ::read(to_.ends[1], buffer_.data(), buffer_.size());
     return size < 0 ? 0 : static_cast<std::size_t>(size);
   }
 

@@ -2,18 +2,13 @@
 #include "geometry/se3.hpp"
 
 #include "base/portable_math.hpp"
+#include "geometry/skew.hpp"
 
 namespace slambed {
 namespace {
 
 /// Below this angle (rad) the closed forms cancel and their Taylor series are exact to rounding.
 constexpr double kSmallAngle = 1e-2;
-
-Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 /// sin(a)/a, (1 - cos(a))/a^2 and (a - sin(a))/a^3.
 struct RotationSeries {

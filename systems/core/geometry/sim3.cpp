@@ -5,18 +5,13 @@
 #include <cmath>
 
 #include "base/portable_math.hpp"
+#include "geometry/skew.hpp"
 
 namespace slambed {
 namespace {
 
 /// Below this size the closed forms cancel and the series are exact to rounding.
 constexpr double kSmall = 1e-2;
-
-Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 /// integral over s in [0, 1] of s^n exp(sigma s), by its power series in sigma.
 double moment(int n, double sigma) {

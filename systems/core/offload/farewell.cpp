@@ -15,12 +15,10 @@ constexpr Duration kTransitPatience = std::chrono::seconds(5);
 constexpr Duration kBundlePatience = std::chrono::seconds(10);
 constexpr Duration kLookEvery = std::chrono::milliseconds(200);
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 }  // namespace
 
 void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
-  control_.send(type_of(wire::MessageType::kBye),
+  control_.send(wire::type_of(wire::MessageType::kBye),
                 encode(wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence}));
   if (worker.stopping()) return;  // stopped from outside: the edge hears it, nobody waits
   const RunTime begin = worker.now();
@@ -37,10 +35,10 @@ void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
 
 bool MobileFarewell::take(const Message& message) {
   try {
-    if (message.type == type_of(wire::MessageType::kPoses)) {
+    if (message.type == wire::type_of(wire::MessageType::kPoses)) {
       poses_ = wire::decode_poses(message.payload);
     }
-    if (message.type == type_of(wire::MessageType::kBye)) {
+    if (message.type == wire::type_of(wire::MessageType::kBye)) {
       const auto bye = wire::decode_bye(message.payload);
       counts_ = {bye.keyframes, bye.points};
       answered_ = true;
@@ -68,7 +66,7 @@ void EdgeFarewell::listen(Worker& worker) {
 }
 
 bool EdgeFarewell::answer(Worker& worker, const Message& message) {
-  if (message.type != type_of(wire::MessageType::kBye)) {
+  if (message.type != wire::type_of(wire::MessageType::kBye)) {
     if (options_.other) options_.other(message);
     return false;
   }
@@ -83,10 +81,11 @@ bool EdgeFarewell::answer(Worker& worker, const Message& message) {
   source_.drain(worker, bye.last_keyframe_sequence, heard + kTransitPatience,
                 heard + kBundlePatience);
   if (options_.final_poses) {
-    control_.send(type_of(wire::MessageType::kPoses), wire::encode_poses(source_.all_poses()));
+    control_.send(wire::type_of(wire::MessageType::kPoses),
+                  wire::encode_poses(source_.all_poses()));
   }
   const MapCounts counts = source_.counts();
-  control_.send(type_of(wire::MessageType::kBye),
+  control_.send(wire::type_of(wire::MessageType::kBye),
                 encode(wire::ByeMessage{.keyframes = counts.keyframes, .points = counts.points}));
   node_.end("bye");
   return true;

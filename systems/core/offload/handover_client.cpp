@@ -6,12 +6,6 @@
 #include "wire/message_type.hpp"
 
 namespace slambed {
-namespace {
-
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
-}  // namespace
-
 void HandoverClient::begin(std::uint64_t epoch, std::shared_ptr<Map> map, bool edge_is_empty) {
   {
     std::lock_guard lock(mutex_);
@@ -30,7 +24,7 @@ void HandoverClient::stop(std::uint64_t epoch) {
   map_.reset();
   handover_ = {};
   under_way_ = false;
-  channel_.send(type_of(wire::MessageType::kStop), encode(wire::StopMessage{epoch}));
+  channel_.send(wire::type_of(wire::MessageType::kStop), encode(wire::StopMessage{epoch}));
 }
 
 void HandoverClient::received(std::shared_ptr<const Map> map) {
@@ -80,7 +74,8 @@ void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
     return 0;
   });
   const bool start = !message.whole && message.changes.empty();
-  handover.type = type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover);
+  handover.type =
+      wire::type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover);
   handover.payload = worker.stage("serialise", [&](StageUnits& units) {
     Bytes bytes = start ? encode(wire::StartMessage{handover.epoch, handover.number})
                         : encode(message);

@@ -4,11 +4,7 @@
 #include "wire/message_type.hpp"
 
 namespace slambed {
-namespace {
-
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
-}  // namespace
+namespace {}  // namespace
 
 void HandoverServer::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { listen(worker); });
@@ -27,16 +23,16 @@ void HandoverServer::listen(Worker& worker) {
 }
 
 void HandoverServer::take(Message message) {
-  if (message.type == type_of(wire::MessageType::kState)) {
+  if (message.type == wire::type_of(wire::MessageType::kState)) {
     const wire::StateMessage state = wire::decode_state(message.payload);
-    channel_.send(type_of(wire::MessageType::kAck),
+    channel_.send(wire::type_of(wire::MessageType::kAck),
                   encode(wire::AckMessage{.sequence = message.sequence}));
     // Number 0 answers no hand-over: it says that one is needed.
     if (count(*mapping_.mapper().map()).keyframes == 0) answer(state.epoch, 0, false);
-  } else if (message.type == type_of(wire::MessageType::kStop)) {
+  } else if (message.type == wire::type_of(wire::MessageType::kStop)) {
     stop(wire::decode_stop(message.payload));
-  } else if (message.type == type_of(wire::MessageType::kStart) ||
-             message.type == type_of(wire::MessageType::kMapHandover)) {
+  } else if (message.type == wire::type_of(wire::MessageType::kStart) ||
+             message.type == wire::type_of(wire::MessageType::kMapHandover)) {
     arrived_.put(std::move(message));
   }
 }
@@ -51,7 +47,7 @@ void HandoverServer::stop(const wire::StopMessage& stop) {
 void HandoverServer::merge(Worker& worker) {
   while (const auto message = arrived_.take(worker)) {
     try {
-      if (message->type == type_of(wire::MessageType::kStart)) {
+      if (message->type == wire::type_of(wire::MessageType::kStart)) {
         begin(wire::decode_start(message->payload));
       } else {
         take_over(worker, *message);
@@ -126,7 +122,7 @@ bool HandoverServer::is_stale(std::uint64_t epoch, std::uint64_t number) {
 }
 
 void HandoverServer::answer(std::uint64_t epoch, std::uint64_t number, bool accepted) {
-  channel_.send(type_of(wire::MessageType::kHandoverAck),
+  channel_.send(wire::type_of(wire::MessageType::kHandoverAck),
                 encode(wire::HandoverAck{epoch, number, accepted}));
 }
 

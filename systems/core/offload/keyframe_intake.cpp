@@ -20,7 +20,7 @@ void KeyFrameIntake::start() {
 
 void KeyFrameIntake::receive(Worker& worker) {
   while (const auto message = next(worker)) {
-    if (message->type == static_cast<std::uint8_t>(wire::MessageType::kKeyFrame)) {
+    if (message->type == wire::type_of(wire::MessageType::kKeyFrame)) {
       take(worker, *message);
     }
     received_sequence_ = message->sequence;
@@ -67,7 +67,7 @@ void KeyFrameIntake::take(Worker& worker, const Message& raw) {
                           .add("keyframe", keyframe.message.keyframe.value)
                           .add("reason", *declined));
     if (asks_ && *declined == kNoMap) {
-      channel_.send(static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted), {});
+      channel_.send(wire::type_of(wire::MessageType::kKeyFrameWanted), {});
     }
     return;
   }

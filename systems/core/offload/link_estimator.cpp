@@ -56,7 +56,7 @@ RunTime LinkEstimator::probe(RunTime now) {
     next_probe_ = now + from_seconds(1 / options_.probe_hz);
     // What is under way gives a sample too; probes must not crowd messages out of their queue.
     if (measured_.path().unacknowledged_bytes == 0) {
-      measured_.send(static_cast<std::uint8_t>(wire::MessageType::kProbe),
+      measured_.send(wire::type_of(wire::MessageType::kProbe),
                      Bytes(static_cast<std::size_t>(options_.probe_bytes)));
     }
   }

@@ -9,8 +9,6 @@ namespace {
 /// An answer that takes longer is not worth waiting for: the camera is elsewhere by then.
 constexpr Duration kPatience = std::chrono::seconds(2);
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 std::string_view name_of(wire::RelocFailure reason) {
   switch (reason) {
     case wire::RelocFailure::kNoMap:
@@ -59,12 +57,12 @@ void PoseRequests::serialise(Worker& worker, const Request& request) {
                         .add("number", request.message.number)
                         .add("frame", request.message.frame.frame_index)
                         .add("bytes", payload.size()));
-  frames_.send(type_of(wire::MessageType::kRelocRequest), std::move(payload));
+  frames_.send(wire::type_of(wire::MessageType::kRelocRequest), std::move(payload));
 }
 
 void PoseRequests::parse(Worker& worker, Message message) {
-  const bool ok = message.type == type_of(wire::MessageType::kRelocOk);
-  if (!ok && message.type != type_of(wire::MessageType::kRelocFail)) return;
+  const bool ok = message.type == wire::type_of(wire::MessageType::kRelocOk);
+  if (!ok && message.type != wire::type_of(wire::MessageType::kRelocFail)) return;
   Answer answer;
   answer.raw = std::move(message);
   answer.bytes = answer.raw.payload.size();
@@ -182,10 +180,11 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
   keyframes_.hold(lost);
   if (lost) {
     ++losses_;
-    control_.send(type_of(wire::MessageType::kSuspend), encode(wire::SuspendMessage{losses_}));
+    control_.send(wire::type_of(wire::MessageType::kSuspend),
+                  encode(wire::SuspendMessage{losses_}));
   } else {
     downlink_.recovered(worker.now(), frame.outcome.reference);
-    control_.send(type_of(wire::MessageType::kResume),
+    control_.send(wire::type_of(wire::MessageType::kResume),
                   encode(wire::ResumeMessage{losses_, frame.outcome.reference}));
   }
   node_.log().write(JsonLine(lost ? "suspended" : "resumed")
@@ -197,7 +196,8 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
 void PoseRequests::finish() {
   if (!lost_) return;
   keyframes_.hold(false);
-  control_.send(type_of(wire::MessageType::kResume), encode(wire::ResumeMessage{losses_, {}}));
+  control_.send(wire::type_of(wire::MessageType::kResume),
+                encode(wire::ResumeMessage{losses_, {}}));
 }
 
 }  // namespace slambed

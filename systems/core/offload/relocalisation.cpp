@@ -14,7 +14,7 @@ void RelocalisationRequests::after_frame(Worker& worker, const TrackedFrame& fra
   if (last_ != RunTime::min() && now - last_ < period_) return;
   last_ = now;
   channel_.send(
-      static_cast<std::uint8_t>(wire::MessageType::kFrame),
+      wire::type_of(wire::MessageType::kFrame),
       codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
                                                   .timestamp_s = frame.offered.played.seq_s(),
                                                   .features = frame.features}));
@@ -27,7 +27,7 @@ void RelocalisationService::start() {
 void RelocalisationService::serve(Worker& worker) {
   RunTime last = RunTime::min();
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type != static_cast<std::uint8_t>(wire::MessageType::kFrame)) continue;
+    if (message->type != wire::type_of(wire::MessageType::kFrame)) continue;
     relocaliser_.asked(*message);
     // The mobile has just sent the newest of its frames; older answers would come too late for it.
     if (last != RunTime::min() && worker.now() - last < options_.map_period) continue;

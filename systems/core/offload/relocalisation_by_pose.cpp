@@ -11,8 +11,6 @@
 namespace slambed {
 namespace {
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 /// The keyframe that sees most of these points, of several the newest; none: nobody sees any.
 KeyFrameId reference_of(const MapView& view, std::span<const MapPointId> points) {
   std::map<KeyFrameId, int> votes;
@@ -46,11 +44,11 @@ void RelocalisationByPose::start() {
 
 void RelocalisationByPose::listen(const Message& message) {
   try {
-    if (message.type == type_of(wire::MessageType::kSuspend)) {
+    if (message.type == wire::type_of(wire::MessageType::kSuspend)) {
       wire::decode_suspend(message.payload);
       updates_.hold(message.queued);
       maps_.hold(true);
-    } else if (message.type == type_of(wire::MessageType::kResume)) {
+    } else if (message.type == wire::type_of(wire::MessageType::kResume)) {
       maps_.hold(false);
       updates_.release(message.queued, wire::decode_resume(message.payload).reference);
     }
@@ -61,7 +59,7 @@ void RelocalisationByPose::listen(const Message& message) {
 
 void RelocalisationByPose::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == type_of(wire::MessageType::kRelocRequest)) answer(worker, *message);
+    if (message->type == wire::type_of(wire::MessageType::kRelocRequest)) answer(worker, *message);
   }
 }
 
@@ -97,12 +95,12 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
                         .add("found", found.has_value())
                         .add("matches", found ? found->matches.size() : 0));
   if (!found) {
-    channel_.send(type_of(wire::MessageType::kRelocFail), encode(failed));
+    channel_.send(wire::type_of(wire::MessageType::kRelocFail), encode(failed));
     return;
   }
   found->times = failed.times;
   Bytes payload = options_.codec.serialise(worker, *found, request.frame);
-  channel_.send(type_of(wire::MessageType::kRelocOk), std::move(payload));
+  channel_.send(wire::type_of(wire::MessageType::kRelocOk), std::move(payload));
 }
 
 bool RelocalisationByPose::locate(Worker& worker, Frame& frame) {

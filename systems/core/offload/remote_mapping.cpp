@@ -15,8 +15,6 @@
 namespace slambed {
 namespace {
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 StoredMap open(const std::filesystem::path& path) {
   if (path.empty()) {
     throw bad_input("params: prior_map is empty; the edge needs the map of an earlier trip");
@@ -61,8 +59,8 @@ void RemoteMapping::start() {
 
 void RemoteMapping::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == type_of(wire::MessageType::kKeyFrame) ||
-        message->type == type_of(wire::MessageType::kTripStart)) {
+    if (message->type == wire::type_of(wire::MessageType::kKeyFrame) ||
+        message->type == wire::type_of(wire::MessageType::kTripStart)) {
       check_rig();
       take(worker, *message);
     }
@@ -73,7 +71,7 @@ void RemoteMapping::receive(Worker& worker) {
 
 void RemoteMapping::take(Worker& worker, const Message& raw) {
   Received item{.message = {},
-                .estimated = raw.type == type_of(wire::MessageType::kKeyFrame),
+                .estimated = raw.type == wire::type_of(wire::MessageType::kKeyFrame),
                 .sent = raw.sent,
                 .received = raw.received};
   const bool parsed = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
@@ -133,8 +131,8 @@ void RemoteMapping::answer(Worker& worker, Received received) {
                           .bundle = worker.now() - matched};
   if (match.matched)
     answer.T_cw = map_->read([&](const MapView& view) { return view.keyframe(id)->T_cw; });
-  channel_.send(type_of(received.estimated ? wire::MessageType::kPoseUpdate
-                                           : wire::MessageType::kInitialPose),
+  channel_.send(wire::type_of(received.estimated ? wire::MessageType::kPoseUpdate
+                                                 : wire::MessageType::kInitialPose),
                 encode(answer));
   node_.log().write(JsonLine("remote_matched")
                         .add("keyframe", id.value)

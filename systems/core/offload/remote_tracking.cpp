@@ -55,8 +55,7 @@ void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
                         .add("frame", index)
                         .add("seq_s", message.timestamp_s)
                         .add("jpeg_bytes", message.jpeg.size()));
-  sent_ = channel_.send(static_cast<std::uint8_t>(wire::MessageType::kFrameImage),
-                        encode(message));
+  sent_ = channel_.send(wire::type_of(wire::MessageType::kFrameImage), encode(message));
   if (window_ > 0) wait_for(worker, window_ - 1);
 }
 
@@ -82,7 +81,7 @@ void RemoteTracking::drain(Worker& worker) { wait_for(worker, 0); }
 
 void RemoteTracking::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type != static_cast<std::uint8_t>(wire::MessageType::kFrameResult)) continue;
+    if (message->type != wire::type_of(wire::MessageType::kFrameResult)) continue;
     take(*message);
     answer_->notify();
   }

@@ -8,8 +8,6 @@
 namespace slambed {
 namespace {
 
-constexpr auto type_of(wire::MessageType type) { return static_cast<std::uint8_t>(type); }
-
 /// One number says which message is acknowledged, and whether its length or the whole of it.
 constexpr std::uint64_t ack_code(std::uint64_t sequence, bool whole) {
   return 2 * sequence + (whole ? 1 : 0);
@@ -97,8 +95,8 @@ void StopAndWaitChannel::take(Message message) {
     announced_.reset();
   }
   try {
-    if (message.type == type_of(wire::MessageType::kAck)) return acknowledged(message);
-    if (message.type == type_of(wire::MessageType::kAnnounce)) {
+    if (message.type == wire::type_of(wire::MessageType::kAck)) return acknowledged(message);
+    if (message.type == wire::type_of(wire::MessageType::kAnnounce)) {
       announced_ = wire::decode_announce(message.payload);
       return acknowledge(announced_->sequence, false);
     }
@@ -150,14 +148,14 @@ void StopAndWaitChannel::begin_next() {
 void StopAndWaitChannel::announce() {
   phase_ = Phase::kAnnounced;
   connection_ = below_.path().connections;
-  below_.send(type_of(wire::MessageType::kAnnounce),
+  below_.send(wire::type_of(wire::MessageType::kAnnounce),
               encode(wire::AnnounceMessage{.sequence = current_.sequence,
                                            .queued = current_.queued,
                                            .bytes = current_.payload.size()}));
 }
 
 void StopAndWaitChannel::acknowledge(std::uint64_t sequence, bool whole) {
-  below_.send(type_of(wire::MessageType::kAck),
+  below_.send(wire::type_of(wire::MessageType::kAck),
               encode(wire::AckMessage{.sequence = ack_code(sequence, whole)}));
 }
 

@@ -41,8 +41,7 @@ void TrackingService::start() {
 
 void TrackingService::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == static_cast<std::uint8_t>(wire::MessageType::kFrameImage))
-      answer(worker, *message);
+    if (message->type == wire::type_of(wire::MessageType::kFrameImage)) answer(worker, *message);
     answered_ = message->sequence;
     settled_->notify();
   }
@@ -71,7 +70,7 @@ void TrackingService::answer(Worker& worker, const Message& message) {
     result.state = wire::FrameState::kLost;
   }
   result.times.done = worker.now();
-  channel_.send(static_cast<std::uint8_t>(wire::MessageType::kFrameResult), encode(result));
+  channel_.send(wire::type_of(wire::MessageType::kFrameResult), encode(result));
 }
 
 FrameTracking& TrackingService::tracking() {

@@ -79,9 +79,9 @@ void TripUpload::start() {
 }
 
 void TripUpload::receive(Worker& worker) {
-  constexpr auto kType = static_cast<std::uint8_t>(wire::MessageType::kTripUpload);
+  constexpr auto kType = wire::type_of(wire::MessageType::kTripUpload);
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == static_cast<std::uint8_t>(wire::MessageType::kKeyFrame)) {
+    if (message->type == wire::type_of(wire::MessageType::kKeyFrame)) {
       take(worker, *message);
     } else if (message->type == kType) {
       whole_ = true;

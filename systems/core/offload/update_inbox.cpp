@@ -9,12 +9,11 @@ namespace slambed {
 namespace {
 
 bool is_relocalisation(const Message& message) {
-  return message.type == static_cast<std::uint8_t>(wire::MessageType::kRelocMap);
+  return message.type == wire::type_of(wire::MessageType::kRelocMap);
 }
 
 bool is_update(const Message& message) {
-  return is_relocalisation(message) ||
-         message.type == static_cast<std::uint8_t>(wire::MessageType::kMapUpdate);
+  return is_relocalisation(message) || message.type == wire::type_of(wire::MessageType::kMapUpdate);
 }
 
 bool made_by_edge(MapPointId id) { return space_of(id) == IdSpace::kEdgeMapper; }

@@ -45,7 +45,7 @@ int samples_needed(double inlier_share, const Sim3Options& options) {
 
 /// One image's part of the normal equations: p the point in this camera's frame, J its derivative
 /// by the tangent of S_12.
-struct Normal {
+struct SimilarityNormal {
   Matrix7 H = Matrix7::Zero();
   Vector7 g = Vector7::Zero();
 
@@ -105,10 +105,10 @@ class Refinement {
     return sum;
   }
 
-  Normal linearise() const {
+  SimilarityNormal linearise() const {
     const Sim3 S_21 = S_12_.inverse();
     const Eigen::Matrix3d back = S_21.scale * S_21.R;
-    Normal n;
+    SimilarityNormal n;
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!active_[i]) continue;
       const Sim3Match& m = matches_[i];
@@ -129,7 +129,7 @@ class Refinement {
     Damping damping;
     double current = cost(S_12_);
     for (int k = 0; k < iterations && !damping.exhausted(); ++k) {
-      const Normal n = linearise();
+      const SimilarityNormal n = linearise();
       Matrix7 H = n.H;
       for (int c = 0; c < 7; ++c) H(c, c) += damping.of(H(c, c));
       const Vector7 step = H.ldlt().solve(n.g);

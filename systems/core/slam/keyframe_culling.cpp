@@ -8,7 +8,7 @@ namespace slambed {
 namespace {
 
 constexpr int kOtherObservers = 3;
-constexpr int kLeastWeight = 3;      ///< a point can only be redundant above this weight
+constexpr int kRedundantAbove = 3;   ///< a point can only be redundant above this weight
 constexpr int kOctaveTolerance = 1;  ///< the others may see it one octave coarser
 
 /// How the points of one keyframe fare without it; `culled` are gone already.
@@ -25,7 +25,7 @@ bool redundant(const MapView& view, const KeyFrame& keyframe, const std::vector<
     if (sensor.metric() && (!own.has_depth() || own.depth_m > sensor.close_depth_m)) continue;
     const MapPoint& point = *view.point(keyframe.points[i]);
     ++counted;
-    if (point.weight <= kLeastWeight) continue;
+    if (point.weight <= kRedundantAbove) continue;
     int weight = 0, others = 0;
     for (const Observation& at : point.observations) {
       if (!culled.empty() && is_culled(at.keyframe)) continue;
@@ -33,7 +33,7 @@ bool redundant(const MapView& view, const KeyFrame& keyframe, const std::vector<
       weight += seen.right_u >= 0 ? 2 : 1;
       others += at.keyframe != keyframe.id && seen.octave <= own.octave + kOctaveTolerance;
     }
-    redundant_points += weight > kLeastWeight && others >= kOtherObservers;
+    redundant_points += weight > kRedundantAbove && others >= kOtherObservers;
   }
   return redundant_points > redundant_share * counted;
 }

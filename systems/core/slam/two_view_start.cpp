@@ -13,8 +13,8 @@ namespace {
 // the finest level; here the usual ones of all levels are matched, level by level, and judged as
 // strictly as those of the finest: a wide tolerance makes everything look flat.
 constexpr float kWindow_px = 100;
-constexpr float kRatio = 0.9f;
-constexpr std::size_t kLeastMatches = 100;
+constexpr float kStartRatio = 0.9f;
+constexpr std::size_t kStartMatches = 100;
 constexpr std::size_t kLeastPoints = 100;
 constexpr BundleOptions kBundle{
     .robust_iterations = 20, .final_iterations = 10, .relative_stop = 1e-6};
@@ -79,7 +79,7 @@ void TwoViewStart::match(const FeatureSet& second) {
     query.descriptor = &features_->descriptor(i);
     const Matcher::Best best = matcher_.search(second, query, [](int) { return true; });
     if (best.feature < 0 || best.distance > kHammingLow ||
-        static_cast<float>(best.distance) >= kRatio * static_cast<float>(best.second_distance))
+        static_cast<float>(best.distance) >= kStartRatio * static_cast<float>(best.second_distance))
       continue;
     Holder& holder = holders[best.feature];
     if (best.distance < holder.distance) holder = {i, best.distance};
@@ -105,7 +105,7 @@ std::optional<MapDelta> TwoViewStart::offer(Frame& frame, TrackerIds& ids) {
   }
   const FeatureSet& second = *frame.features;
   match(second);
-  if (pairs_.size() < kLeastMatches) {
+  if (pairs_.size() < kStartMatches) {
     wait_with(frame);
     return std::nullopt;
   }

@@ -15,10 +15,10 @@ namespace {
 
 /// A match: this close at most, in bits, and closer than anything elsewhere in the image by this.
 constexpr int kMaxDistance = 64;
-constexpr float kRatio = 0.85f;
+constexpr float kWideRatio = 0.85f;
 /// The same corner is found on several octaves: what lies this near, px at octave 0, is no rival.
 constexpr float kSamePlace_px = 8;
-constexpr int kLeastMatches = 12;
+constexpr int kWideMatches = 12;
 constexpr int kLeastInliers = 10;
 
 // RANSAC: poses tried, and samples drawn for them; most samples are refuted by their depths alone.
@@ -58,7 +58,7 @@ void WideSearch::match(std::span<const PointSketch> points, const FeatureSet& fe
     const float near_px = kSamePlace_px * sensor.pyramid.scale[seen.octave];
     bool unique = true;
     for (int i = 0; i < n && unique; ++i) {
-      if (kRatio * static_cast<float>(distances_[i]) > static_cast<float>(*closest)) continue;
+      if (kWideRatio * static_cast<float>(distances_[i]) > static_cast<float>(*closest)) continue;
       const KeyPoint& other = features.keypoint(i);
       unique = std::abs(other.u - seen.u) <= near_px && std::abs(other.v - seen.v) <= near_px;
     }
@@ -137,7 +137,7 @@ bool WideSearch::agree(const std::vector<Pair>& pairs, std::span<const PointSket
 bool WideSearch::locate(std::span<const PointSketch> points, FrameSearch& search, Frame& frame) {
   frame.clear_matches();
   match(points, *frame.features);
-  if (pairs_.size() < kLeastMatches) return false;
+  if (pairs_.size() < kWideMatches) return false;
   if (!agree(pairs_, points, *frame.features, frame.T_cw)) return false;
   for (std::size_t i = 0; i < pairs_.size(); ++i)
     if (best_inlier_[i])

@@ -9,7 +9,7 @@
 namespace slambed::synth {
 namespace {
 
-constexpr double kHalfX_m = 8, kHalfY_m = 6, kHeight_m = 5;
+constexpr double kHalfX_m = 8, kHalfY_m = 6, kHallHeight_m = 5;
 
 struct Island {
   double x, y, half_x, half_y;
@@ -33,7 +33,7 @@ class HallBuilder {
     Light light;
     for (const double x : {-0.5, 0.5})
       for (const double y : {-0.5, 0.5})
-        light.lamps.push_back({x * kHalfX_m, y * kHalfY_m, kHeight_m - 0.1});
+        light.lamps.push_back({x * kHalfX_m, y * kHalfY_m, kHallHeight_m - 0.1});
     scene_->finish(light, options_.seed, options_.threads);
     return scene_;
   }
@@ -54,7 +54,7 @@ class HallBuilder {
   /// Paint and concrete: shades that differ by less than a corner detector asks for.
   void add_shell() {
     scene_->begin_group();
-    scene_->add_room({kHalfX_m, kHalfY_m, 0}, kHeight_m, material(96, 2.5, 0.008, 0.5, 0.9),
+    scene_->add_room({kHalfX_m, kHalfY_m, 0}, kHallHeight_m, material(96, 2.5, 0.008, 0.5, 0.9),
                      material(150, 2.5, 0.008, 0.5, 0.9), material(172, 2.5, 0.012, 0.5, 0.9));
     scene_->end_body();
   }

@@ -8,14 +8,13 @@
 #include "base/run_time_range.hpp"
 #include "wire/id_codec.hpp"
 #include "wire/text_features.hpp"
+#include "wire/unit_rotation.hpp"
 
 namespace slambed::wire {
 namespace {
 
 using PointsById = std::map<MapPointId, const NewPoint*>;
 
-/// How far from 1 the norm of a received quaternion may be.
-constexpr double kUnitTolerance = 1e-3;
 constexpr std::uint64_t kIndexMask = (std::uint64_t{1} << kSpaceShift) - 1;
 constexpr std::int64_t kAnyCount = UINT32_MAX;
 constexpr std::int64_t kAnyNumber = INT64_MAX;
@@ -55,7 +54,7 @@ void put_pose(TextWriter& out, const SE3& pose) {
 SE3 get_pose(TextReader& in) {
   Eigen::Quaterniond q;
   for (double* value : {&q.w(), &q.x(), &q.y(), &q.z()}) *value = in.real64();
-  if (!(std::abs(q.norm() - 1) < kUnitTolerance)) throw DecodeError("rotation is none");
+  if (!is_unit(q)) throw DecodeError("rotation is none");
   Eigen::Vector3d t;
   for (double& value : t) value = in.real64();
   return {q, t};

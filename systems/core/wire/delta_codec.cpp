@@ -5,13 +5,12 @@
 
 #include "wire/feature_codec.hpp"
 #include "wire/id_codec.hpp"
+#include "wire/unit_rotation.hpp"
 
 namespace slambed::wire {
 namespace {
 
 constexpr std::size_t kPoseBytes = 56;
-/// How far from 1 the norm of a received quaternion may be.
-constexpr double kUnitTolerance = 1e-3;
 
 struct Streams {
   IdStream points, keyframes;
@@ -88,7 +87,7 @@ void put_pose(ByteWriter& out, const SE3& pose) {
 SE3 get_pose(ByteReader& in) {
   Eigen::Quaterniond q;
   for (double* value : {&q.w(), &q.x(), &q.y(), &q.z()}) *value = in.f64();
-  if (!(std::abs(q.norm() - 1) < kUnitTolerance)) throw DecodeError("rotation is none");
+  if (!is_unit(q)) throw DecodeError("rotation is none");
   Eigen::Vector3d t;
   for (double& value : t) value = in.f64();
   return {q, t};

@@ -48,6 +48,9 @@ enum class MessageType : std::uint8_t {
   kMask = 68,              ///< edge -> mobile: what moves in its picture
 };
 
+/// As it stands in a message's header.
+constexpr std::uint8_t type_of(MessageType type) { return static_cast<std::uint8_t>(type); }
+
 /// "KEYFRAME", "MAP_UPDATE" ...; "UNKNOWN" for numbers that name nothing.
 std::string_view message_name(std::uint8_t type);
 

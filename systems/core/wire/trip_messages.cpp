@@ -8,14 +8,13 @@
 #include <limits>
 
 #include "wire/id_codec.hpp"
+#include "wire/unit_rotation.hpp"
 
 namespace slambed::wire {
 namespace {
 
 constexpr std::array kParts = {&PoseAnswer::up, &PoseAnswer::wait, &PoseAnswer::match,
                                &PoseAnswer::bundle};
-/// A rotation as four 32-bit floats is this close to one.
-constexpr double kUnitTolerance = 1e-3;
 
 std::uint32_t microseconds(Duration time) {
   const auto us = std::chrono::duration_cast<std::chrono::microseconds>(time).count();
@@ -53,9 +52,7 @@ PoseAnswer decode_pose_answer(std::span<const std::uint8_t> bytes) {
   in.expect_end();
   // As it came: only unit quaternions give a rotation.
   const Eigen::Quaterniond q(v[3], v[4], v[5], v[6]);
-  const double norm = q.norm();
-  const bool unit = std::abs(norm - 1) < kUnitTolerance;
-  const Eigen::Matrix3d R = (unit ? q.normalized() : q).toRotationMatrix();
+  const Eigen::Matrix3d R = (is_unit(q) ? q.normalized() : q).toRotationMatrix();
   message.T_cw = SE3(R, {v[0], v[1], v[2]}).inverse();
   return message;
 }

@@ -20,7 +20,7 @@ nlohmann::json ours() {
   return params;
 }
 
-PairResult run(const nlohmann::json& params, const PairLink& link = {}, int frames = 120) {
+PairResult run_original(const nlohmann::json& params, const PairLink& link = {}, int frames = 120) {
   return testing::run_pair(edgeslam_system(), params, frames, 10, link, testing::turn);
 }
 
@@ -31,9 +31,9 @@ double first_update_s(const PairResult& result) {
 
 TEST(Original, TheFirstUpdateIsDueWhenItIsAskedFor) {
   auto params = ours();
-  EXPECT_GE(first_update_s(run(params)), 5.0);
+  EXPECT_GE(first_update_s(run_original(params)), 5.0);
   params["first_update_s"] = 0.0;
-  const PairResult early = run(params);
+  const PairResult early = run_original(params);
   EXPECT_LT(first_update_s(early), 0.5) << "with the first keyframe";
   const auto sent = early.of("update_sent");
   ASSERT_GE(sent.size(), 2u);
@@ -50,9 +50,9 @@ TEST(Original, KeyframesWaitUnreadForAnIdleMapper) {
   PairLink link;
   link.edge_device = testing::uniform_device(40'000);  // a keyframe takes longer than a frame
   auto params = ours();
-  const PairResult on_arrival = run(params, link);
+  const PairResult on_arrival = run_original(params, link);
   params["admission"] = "when_idle";
-  const PairResult when_idle = run(params, link);
+  const PairResult when_idle = run_original(params, link);
   EXPECT_GT(declined_as_busy(on_arrival), 0);
   EXPECT_GT(when_idle.of("keyframe_received").size(), 5u);
   EXPECT_EQ(when_idle.end_reason, "bye");
@@ -73,7 +73,7 @@ TEST(Original, TrackingWaitsWhileAnUpdateIsBuiltBesideIt) {
   const auto longest = [&](const char* mode) {
     params["map_update"] = mode;
     double pause_ms = 0;
-    for (const auto& update : run(params, link).of("update_applied"))
+    for (const auto& update : run_original(params, link).of("update_applied"))
       pause_ms = std::max(pause_ms, update["pause_ms"].get<double>());
     return pause_ms;
   };
@@ -98,11 +98,11 @@ TEST(Original, AnUpdateIsLookedForBeforeOrAfterExtraction) {
   auto params = ours();
   params["fast_motion_ms"] = 0.0;
   params["sync_period_s"] = 0.5;
-  const auto before = before_updates(run(params));
+  const auto before = before_updates(run_original(params));
   ASSERT_FALSE(before.empty());
   EXPECT_FALSE(before.contains("extract"));
   params["update_poll"] = "after_extraction";
-  EXPECT_EQ(before_updates(run(params)), std::set<std::string>{"extract"});
+  EXPECT_EQ(before_updates(run_original(params)), std::set<std::string>{"extract"});
 }
 
 TEST(Original, TracksAnEasyWalkWithAllSwitchesTogether) {
@@ -118,7 +118,7 @@ TEST(Original, TracksAnEasyWalkWithAllSwitchesTogether) {
                  {"max_frames", 30},
                  {"first_update_s", 0.0},
                  {"update_poll", "after_extraction"}});
-  const PairResult result = run(params, {.one_way_ms = {10}});
+  const PairResult result = run_original(params, {.one_way_ms = {10}});
   EXPECT_TRUE(result.finished);
   EXPECT_EQ(result.end_reason, "bye");
   EXPECT_GT(result.edge_counts.keyframes, 5u);

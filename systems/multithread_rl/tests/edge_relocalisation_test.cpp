@@ -173,7 +173,7 @@ PairLink with(AlteringNetwork::Alter alter) {
 }
 
 bool fail(Message& message) {
-  message.type = static_cast<std::uint8_t>(wire::MessageType::kRelocFail);
+  message.type = wire::type_of(wire::MessageType::kRelocFail);
   wire::RelocFail failed;
   failed.number = 1;
   message.payload = encode(failed);

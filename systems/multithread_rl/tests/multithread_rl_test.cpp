@@ -17,7 +17,7 @@ using testing::PairLink;
 using testing::PairResult;
 using testing::turn;
 
-constexpr int kFrames = 90;
+constexpr int kStagedFrames = 90;
 
 nlohmann::json switches(const std::string& map_update, const std::string& backup = "update",
                         const std::string& relocalisation = "map") {
@@ -32,7 +32,8 @@ nlohmann::json switches(const std::string& map_update, const std::string& backup
   return params;
 }
 
-PairResult run(const nlohmann::json& params, const PairLink& link = {}, int frames = kFrames) {
+PairResult run_staged(const nlohmann::json& params, const PairLink& link = {},
+                      int frames = kStagedFrames) {
   return testing::run_pair(multithread_rl_system(), params, frames, 10, link, turn);
 }
 
@@ -55,8 +56,8 @@ TEST_P(BothCodecs, WithBothSwitchesOffItIsConventionalEdgeSlam) {
   for (const char* same : {"sync_period_s", "fast_motion_ms"}) theirs[same] = ours[same];
   theirs["codec"] = ours["codec"] = GetParam();
   const PairLink link{.one_way_ms = {5}};
-  const PairResult expected = testing::run_pair(edge_slam(), theirs, kFrames, 10, link, turn);
-  const PairResult result = run(ours, link);
+  const PairResult expected = testing::run_pair(edge_slam(), theirs, kStagedFrames, 10, link, turn);
+  const PairResult result = run_staged(ours, link);
   ASSERT_FALSE(result.of("update_applied").empty());
   EXPECT_EQ(result.mobile_text, expected.mobile_text);
   EXPECT_EQ(result.edge_text, expected.edge_text);
@@ -89,7 +90,8 @@ DeviceModel slow_to_update() {
 TEST(Multithread, TrackingGoesOnWhileAnUpdateIsWorkedIn) {
   PairLink link;
   link.mobile_device = slow_to_update();
-  const PairResult serial = run(switches("serial"), link), staged = run(switches("staged"), link);
+  const PairResult serial = run_staged(switches("serial"), link),
+                   staged = run_staged(switches("staged"), link);
   ASSERT_GE(serial.of("update_applied").size(), 2u);
   ASSERT_GE(staged.of("update_applied").size(), 1u);
   EXPECT_NEAR(longest_pause_ms(serial), 1006, 1);
@@ -112,9 +114,9 @@ TEST(Multithread, TrackingGoesOnWhileAnUpdateIsWorkedIn) {
 TEST(Multithread, CarriesOverWhatWasMadeMeanwhile) {
   PairLink link;
   link.mobile_device = slow_to_update();
-  const PairResult none = run(switches("staged", "none"), link);
-  const PairResult backed_up = run(switches("staged", "update"), link);
-  const PairResult all = run(switches("staged", "uncovered"), link);
+  const PairResult none = run_staged(switches("staged", "none"), link);
+  const PairResult backed_up = run_staged(switches("staged", "update"), link);
+  const PairResult all = run_staged(switches("staged", "uncovered"), link);
   ASSERT_GE(none.of("update_applied").size(), 2u);
   EXPECT_EQ(sum_of(none, "backed_up"), 0);
   EXPECT_GT(sum_of(none, "gap_keyframes"), 0);
@@ -127,7 +129,7 @@ TEST(Multithread, CarriesOverWhatWasMadeMeanwhile) {
 TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
   PairLink link;
   link.mobile_device = slow_to_update();
-  const PairResult result = run(switches("staged"), link);
+  const PairResult result = run_staged(switches("staged"), link);
   int made = 0, begun = 0, counted = 0;
   for (const auto& event : result.mobile) {
     const std::string type = event["type"];
@@ -147,7 +149,8 @@ TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
 TEST(Multithread, TheSameSeedGivesTheSameBytes) {
   PairLink link{.one_way_ms = {10}};
   link.mobile_device = slow_to_update();
-  const PairResult first = run(switches("staged"), link), second = run(switches("staged"), link);
+  const PairResult first = run_staged(switches("staged"), link),
+                   second = run_staged(switches("staged"), link);
   EXPECT_EQ(first.mobile_text, second.mobile_text);
   EXPECT_EQ(first.edge_text, second.edge_text);
   EXPECT_EQ(first.trajectory, second.trajectory);

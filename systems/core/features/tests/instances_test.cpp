@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kWidth = 100, kHeight = 50;
 
-std::shared_ptr<Sensor> sensor() {
+std::shared_ptr<Sensor> small_sensor() {
   auto made = std::make_shared<Sensor>();
   made->camera = {.width = kWidth, .height = kHeight, .fx = 80, .fy = 80, .cx = 50, .cy = 25};
   made->bounds = {0, 0, kWidth, kHeight};
@@ -42,20 +42,21 @@ using Kept = std::vector<std::uint8_t>;
 
 TEST(Instances, FeaturesInAMaskAndWithinItsBorderGo) {
   EXPECT_EQ(defect(block(true)), "");
-  const FeatureSet features = features_at(
-      sensor(), {{50, 25}, {40, 20}, {37, 25}, {36, 25}, {59, 32}, {59, 33}, {5, 5}, {99, 49}});
+  const FeatureSet features =
+      features_at(small_sensor(),
+                  {{50, 25}, {40, 20}, {37, 25}, {36, 25}, {59, 32}, {59, 33}, {5, 5}, {99, 49}});
   EXPECT_EQ(features_off_masks(features, block(true), 3), (Kept{0, 0, 0, 1, 0, 1, 1, 1}));
   EXPECT_EQ(features_off_masks(features, block(true), 0), (Kept{0, 0, 1, 1, 1, 1, 1, 1}));
 }
 
 TEST(Instances, WhatDoesNotMoveKeepsItsFeatures) {
-  const FeatureSet features = features_at(sensor(), {{50, 25}, {5, 5}});
+  const FeatureSet features = features_at(small_sensor(), {{50, 25}, {5, 5}});
   EXPECT_EQ(features_off_masks(features, block(false), 3), (Kept{1, 1}));
   EXPECT_EQ(features_off_masks(features, {kWidth, kHeight, {}}, 3), (Kept{1, 1}));
 }
 
 TEST(Instances, MasksLieInThePictureAsTheLensMadeIt) {
-  auto bent = sensor();
+  auto bent = small_sensor();
   bent->camera.distortion = {-0.3, 0.1, 0, 0, 0};
   // Raw pixels just inside and just outside of the mask, as extraction undistorts them.
   const auto ideal = [&](double u, double v) {
@@ -67,7 +68,7 @@ TEST(Instances, MasksLieInThePictureAsTheLensMadeIt) {
 }
 
 TEST(Instances, MasksOfAnotherPictureAreRefused) {
-  const FeatureSet features = features_at(sensor(), {{50, 25}});
+  const FeatureSet features = features_at(small_sensor(), {{50, 25}});
   EXPECT_THROW(features_off_masks(features, {kWidth, kHeight + 1, {}}, 3), Error);
 }
 

@@ -6,19 +6,15 @@
 
 #include "geometry/p3p.hpp"
 #include "geometry/pnp_ransac.hpp"
+#include "geometry/tests/test_camera.hpp"
 
 namespace slambed {
 namespace {
 
-Camera test_camera() {
-  Camera camera;
-  camera.width = 640, camera.height = 480;
-  camera.fx = camera.fy = 525, camera.cx = 320, camera.cy = 240;
-  return camera;
-}
+using testing::test_camera;
 
-struct Scene {
-  explicit Scene(unsigned seed) : random(seed) {
+struct PnpScene {
+  explicit PnpScene(unsigned seed) : random(seed) {
     Eigen::Matrix<double, 6, 1> twist;
     for (int i = 0; i < 6; ++i) twist[i] = uniform(-1, 1);
     T_cw = SE3::exp(twist);
@@ -42,7 +38,7 @@ TEST(P3p, OneSolutionIsTheTruth) {
   int exact = 0;
   constexpr int kScenes = 500;
   for (unsigned seed = 0; seed < kScenes; ++seed) {
-    Scene scene(seed);
+    PnpScene scene(seed);
     std::array<Eigen::Vector3d, 3> points, directions;
     for (int i = 0; i < 3; ++i) {
       const auto match = scene.match();
@@ -69,7 +65,7 @@ TEST(P3p, PointsOnALineHaveNoSolution) {
 
 TEST(PnpRansac, FindsThePoseAmongFortyPercentOutliers) {
   for (unsigned seed = 0; seed < 20; ++seed) {
-    Scene scene(seed);
+    PnpScene scene(seed);
     std::vector<PnpCorrespondence> matches;
     for (int i = 0; i < 60; ++i) matches.push_back(scene.match(0.5));
     for (int i = 0; i < 40; ++i) {
@@ -87,7 +83,7 @@ TEST(PnpRansac, FindsThePoseAmongFortyPercentOutliers) {
 }
 
 TEST(PnpRansac, PureOutliersGiveNothing) {
-  Scene scene(3);
+  PnpScene scene(3);
   std::vector<PnpCorrespondence> matches;
   for (int i = 0; i < 60; ++i) {
     auto wrong = scene.match();
@@ -99,7 +95,7 @@ TEST(PnpRansac, PureOutliersGiveNothing) {
 }
 
 TEST(PnpRansac, EqualSeedsGiveEqualPoses) {
-  Scene scene(4);
+  PnpScene scene(4);
   std::vector<PnpCorrespondence> matches;
   for (int i = 0; i < 80; ++i) matches.push_back(scene.match(1));
   const auto a = solve_pnp_ransac(test_camera(), matches);

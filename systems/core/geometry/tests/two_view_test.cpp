@@ -9,15 +9,12 @@
 #include <numbers>
 #include <random>
 
+#include "geometry/tests/test_camera.hpp"
+
 namespace slambed {
 namespace {
 
-Camera test_camera() {
-  Camera camera;
-  camera.width = 640, camera.height = 480;
-  camera.fx = camera.fy = 525, camera.cx = 320, camera.cy = 240;
-  return camera;
-}
+using testing::test_camera;
 
 /// Points in front of two cameras and what both see of them.
 struct Scene {

@@ -11,7 +11,7 @@
 namespace slambed::link {
 namespace {
 
-constexpr double kMs = 1e6;
+constexpr double kMsInNs = 1e6;
 
 TEST(Loss, RandomLossHasTheAskedShare) {
   constexpr int kPackets = 200'000;
@@ -51,7 +51,7 @@ struct Moments {
 Moments moments(JitterModel model, int count, std::int64_t step_ns) {
   std::vector<double> values;
   for (int i = 0; i < count; ++i)
-    values.push_back(static_cast<double>(model.draw(i * step_ns)) / kMs);
+    values.push_back(static_cast<double>(model.draw(i * step_ns)) / kMsInNs);
   double mean = 0, square = 0, cross = 0;
   for (const double value : values) mean += value / count;
   for (const double value : values) square += (value - mean) * (value - mean) / count;
@@ -63,7 +63,7 @@ Moments moments(JitterModel model, int count, std::int64_t step_ns) {
 
 TEST(Jitter, NormalHasTheAskedMeanAndDeviation) {
   constexpr int kPackets = 100'000;
-  const auto m = moments(JitterModel({.scale_ns = 2 * kMs}, 1, 0), kPackets, 1000);
+  const auto m = moments(JitterModel({.scale_ns = 2 * kMsInNs}, 1, 0), kPackets, 1000);
   EXPECT_NEAR(m.mean, 0.0, 3 * 2.0 / std::sqrt(kPackets));
   EXPECT_NEAR(m.deviation, 2.0, 3 * 2.0 / std::sqrt(2.0 * kPackets));
   EXPECT_NEAR(m.lag1, 0.0, 3 / std::sqrt(kPackets));
@@ -73,7 +73,7 @@ TEST(Jitter, CorrelationDoesNotChangeTheDeviation) {
   constexpr int kPackets = 100'000;
   constexpr double kRho = 0.8;
   const auto m =
-      moments(JitterModel({.scale_ns = 2 * kMs, .correlation = kRho}, 2, 0), kPackets, 1000);
+      moments(JitterModel({.scale_ns = 2 * kMsInNs, .correlation = kRho}, 2, 0), kPackets, 1000);
   // An AR(1) series counts as n (1-r)/(1+r) independent values for the mean, (1-r^2)/(1+r^2) for
   // the variance.
   const double for_mean = kPackets * (1 - kRho) / (1 + kRho);
@@ -85,7 +85,7 @@ TEST(Jitter, CorrelationDoesNotChangeTheDeviation) {
 
 TEST(Jitter, CorrelationByTimeDependsOnTheGapBetweenPackets) {
   constexpr int kPackets = 100'000;
-  const JitterOptions options{.scale_ns = 1 * kMs, .correlation_time_ns = 50 * kMs};
+  const JitterOptions options{.scale_ns = 1 * kMsInNs, .correlation_time_ns = 50 * kMsInNs};
   const auto dense = moments(JitterModel(options, 3, 0), kPackets, 5'000'000);
   const auto sparse = moments(JitterModel(options, 3, 0), kPackets, 200'000'000);
   const double rho = std::exp(-0.1);
@@ -95,10 +95,11 @@ TEST(Jitter, CorrelationByTimeDependsOnTheGapBetweenPackets) {
 
 TEST(Jitter, ParetoHasTheAskedMeanAndIsNeverNegative) {
   constexpr int kPackets = 200'000;
-  JitterModel model({.shape = JitterShape::kPareto, .scale_ns = 4 * kMs, .pareto_shape = 5}, 4, 0);
+  JitterModel model({.shape = JitterShape::kPareto, .scale_ns = 4 * kMsInNs, .pareto_shape = 5}, 4,
+                    0);
   double sum = 0;
   for (int i = 0; i < kPackets; ++i) {
-    const auto value = static_cast<double>(model.draw(i)) / kMs;
+    const auto value = static_cast<double>(model.draw(i)) / kMsInNs;
     ASSERT_GE(value, 0.0);
     sum += value;
   }
@@ -108,12 +109,14 @@ TEST(Jitter, ParetoHasTheAskedMeanAndIsNeverNegative) {
 }
 
 TEST(Jitter, IsCutAtItsMaximum) {
-  JitterModel model(
-      {.shape = JitterShape::kPareto, .scale_ns = 4 * kMs, .pareto_shape = 1.5, .max_ns = 10 * kMs},
-      4, 0);
+  JitterModel model({.shape = JitterShape::kPareto,
+                     .scale_ns = 4 * kMsInNs,
+                     .pareto_shape = 1.5,
+                     .max_ns = 10 * kMsInNs},
+                    4, 0);
   std::int64_t largest = 0;
   for (int i = 0; i < 10'000; ++i) largest = std::max(largest, model.draw(i));
-  EXPECT_EQ(largest, static_cast<std::int64_t>(10 * kMs));
+  EXPECT_EQ(largest, static_cast<std::int64_t>(10 * kMsInNs));
 }
 
 /// FNV-1a over all draws. A scale this large shows every bit of what is drawn.

@@ -57,7 +57,7 @@ TEST(EventLog, WritesTheDocumentedFields) {
   log.message(message);
   message.incoming = false;
   message.dropped = true;
-  message.type = static_cast<std::uint8_t>(wire::MessageType::kMapUpdate);
+  message.type = wire::type_of(wire::MessageType::kMapUpdate);
   log.message(message);
   log.link({.channel = "map", .event = "rejected", .detail = "because"});
   log.warning("careful");

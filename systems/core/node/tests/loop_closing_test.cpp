@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-DeviceModel device() {
+DeviceModel loop_device() {
   DeviceModel model;
   model.cores = 2;
   for (const char* stage : {"loop_detect", "loop_close"}) model.stages[stage] = {.a_us = 1000};
@@ -41,7 +41,7 @@ class LoopClosingTest : public ::testing::Test {
       EventLog log(folder.path() / "events.jsonl", NodeRole::kMobile);
       log.set_clock([&simulator] { return simulator.now(); });
       log.start(Duration::zero(), [] {});
-      VirtualRuntime runtime(simulator, device(), 1, log);
+      VirtualRuntime runtime(simulator, loop_device(), 1, log);
       LoopClosing* behind = nullptr;
       LocalMapping mapping(runtime, log, {}, laps->map, IdSpace::kMobileMapper, mode,
                            {.take = {},

@@ -13,8 +13,8 @@
 namespace slambed {
 namespace {
 
-constexpr int kWidth = 64, kHeight = 48, kFrames = 3;
-constexpr std::size_t kPixels = kWidth * kHeight, kStride = 12288;
+constexpr int kTinyWidth = 64, kTinyHeight = 48, kFrames = 3;
+constexpr std::size_t kPixels = kTinyWidth * kTinyHeight, kStride = 12288;
 
 nlohmann::json header() {
   return {{"format", "slambed-sequence"},
@@ -22,8 +22,8 @@ nlohmann::json header() {
           {"id", "tiny"},
           {"title", "Tiny"},
           {"sensor", "rgbd"},
-          {"width", kWidth},
-          {"height", kHeight},
+          {"width", kTinyWidth},
+          {"height", kTinyHeight},
           {"frames", kFrames},
           {"frame_stride_bytes", kStride},
           {"fps", 30.0},
@@ -93,9 +93,11 @@ TEST_F(PreparedSequenceTest, ShowsHeaderAndPixels) {
   EXPECT_NEAR(sequence.close_depth_m(), 3.2, 1e-12);
   const auto frame = sequence.frame(2);
   EXPECT_EQ(frame.timestamp_ns, 66'666'667);
-  EXPECT_EQ(frame.grey.at(5, 7), static_cast<std::uint8_t>(frames[2 * kStride + 7 * kWidth + 5]));
+  EXPECT_EQ(frame.grey.at(5, 7),
+            static_cast<std::uint8_t>(frames[2 * kStride + 7 * kTinyWidth + 5]));
   std::uint16_t depth = 0;
-  std::memcpy(&depth, frames.data() + 2 * kStride + kWidth * kHeight + 2 * (7 * kWidth + 5), 2);
+  std::memcpy(&depth,
+              frames.data() + 2 * kStride + kTinyWidth * kTinyHeight + 2 * (7 * kTinyWidth + 5), 2);
   EXPECT_EQ(frame.depth.at(5, 7), depth);
   EXPECT_NO_THROW(sequence.verify_all());
 }
@@ -110,7 +112,7 @@ TEST_F(PreparedSequenceTest, AStereoSequenceHasARightImageAndNoDepth) {
   EXPECT_NO_THROW(sequence.verify_all());
   const auto frame = sequence.frame(1);
   EXPECT_EQ(frame.right.at(5, 7),
-            static_cast<std::uint8_t>(frames[kStride + kPixels + 7 * kWidth + 5]));
+            static_cast<std::uint8_t>(frames[kStride + kPixels + 7 * kTinyWidth + 5]));
   EXPECT_EQ(frame.depth.data, nullptr);
 }
 
@@ -125,7 +127,8 @@ TEST_F(PreparedSequenceTest, AMonoSequenceHasOneImageAndNoBaseline) {
   EXPECT_EQ(sequence.camera().bf, 0);
   EXPECT_EQ(sequence.close_depth_m(), 0);
   const auto frame = sequence.frame(2);
-  EXPECT_EQ(frame.grey.at(5, 7), static_cast<std::uint8_t>(frames[2 * kStride + 7 * kWidth + 5]));
+  EXPECT_EQ(frame.grey.at(5, 7),
+            static_cast<std::uint8_t>(frames[2 * kStride + 7 * kTinyWidth + 5]));
   EXPECT_EQ(frame.right.data, nullptr);
   EXPECT_EQ(frame.depth.data, nullptr);
 }

@@ -154,7 +154,7 @@ class RestartingNetwork final : public Network {
   bool restarted() const { return runtime_.now() >= when_; }
   std::optional<Message> take(Channel& below, bool keyframes) {
     if (keyframes && restarted() && !std::exchange(asked_, true)) {
-      return Message{.type = static_cast<std::uint8_t>(wire::MessageType::kKeyFrameWanted),
+      return Message{.type = wire::type_of(wire::MessageType::kKeyFrameWanted),
                      .incarnation = below_.peer().incarnation + 1,
                      .payload = {}};
     }

@@ -18,7 +18,7 @@ using Backup = MapStaging::Backup;
 constexpr int kFeatures = 24, kNewPoints = 8;
 constexpr double kSame = 1e-9;
 
-MapPointId point_id(std::uint64_t index) { return wire::point_id(index); }
+MapPointId staged_point(std::uint64_t index) { return wire::point_id(index); }
 
 SE3 small_motion(std::mt19937& random, double size) {
   std::uniform_real_distribution<double> unit(-size, size);
@@ -49,7 +49,7 @@ class World {
     }
     for (int i = 0; i < kNewPoints; ++i) {
       NewPoint point;
-      point.id = point_id(++points_);
+      point.id = staged_point(++points_);
       point.p_w = T_cw.inverse() * Eigen::Vector3d(0.1 * i, 0.2, 2 + i % 3);
       point.reference = point.first_keyframe = keyframe.id;
       keyframe.points[kFeatures - 1 - i] = point.id;

@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::Node;
 
-constexpr auto kKeyFrame = static_cast<std::uint8_t>(wire::MessageType::kKeyFrame);
+constexpr auto kKeyFrame = wire::type_of(wire::MessageType::kKeyFrame);
 
 /// Two nodes 10 ms apart, in virtual time.
 struct Pair {

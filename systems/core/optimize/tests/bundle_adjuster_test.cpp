@@ -15,12 +15,6 @@ using scene::make_bundle_scene;
 
 constexpr BundleOptions kThorough{30, 30, 0};
 
-int run(BundleAdjuster& adjuster) {
-  int steps = 0;
-  while (adjuster.step()) ++steps;
-  return steps;
-}
-
 bool same_bits(const BundleProblem& a, const BundleProblem& b) {
   return std::memcmp(a.T_cw.data(), b.T_cw.data(), a.T_cw.size() * sizeof(SE3)) == 0 &&
          std::memcmp(a.p_w.data(), b.p_w.data(), a.p_w.size() * sizeof(Eigen::Vector3d)) == 0;
@@ -39,7 +33,7 @@ TEST(BundleAdjusterTest, NoiseFreeSceneIsRecovered) {
     const auto s =
         make_bundle_scene(6, 4, 300, 5, {.seed = 2, .noise_px = 0, .mono_share = mono_share});
     BundleAdjuster adjuster(s.problem, kThorough);
-    run(adjuster);
+    scene::run_to_the_end(adjuster);
     const BundleProblem& p = adjuster.problem();
     // Pixels are 32-bit floats, good to 3e-5 px; depth is off by z^2 / (f b) times that.
     EXPECT_LT(worst_position_error_m(s, p), 1e-5);
@@ -60,7 +54,7 @@ TEST(BundleAdjusterTest, ResidualsOfANoisySceneHaveTheExpectedSize) {
   for (auto& o : from_truth.observations) o.inv_sigma2 *= 0.1f;  // nothing fails the limit
   BundleAdjuster plain(from_truth,
                        {.robust_iterations = 0, .final_iterations = 20, .relative_stop = 0});
-  run(plain);
+  scene::run_to_the_end(plain);
   double chi2 = 0;
   int coordinates = 0;
   for (const auto& o : from_truth.observations) {
@@ -79,7 +73,7 @@ TEST(BundleAdjusterTest, SeparatesOutliers) {
         make_bundle_scene(10, 5, 800, 6, {.seed = 4, .outlier_share = share, .mono_share = 0.2});
     BundleAdjuster adjuster(s.problem, BundleOptions{.relative_stop = 0});
     const double start = worst_position_error_m(s, s.problem);
-    run(adjuster);
+    scene::run_to_the_end(adjuster);
     // Five seeds without any outlier gave 0.010 to 0.015 m, at the free end of the walk.
     EXPECT_LT(worst_position_error_m(s, adjuster.problem()), 0.03);
     EXPECT_LT(worst_position_error_m(s, adjuster.problem()), start / 2);
@@ -122,7 +116,7 @@ TEST(BundleAdjusterTest, EveryStepHoldsTheBestValuesSoFar) {
 TEST(BundleAdjusterTest, FixedPosesAndFinishedProblemsStay) {
   const auto s = make_bundle_scene(5, 3, 200, 4, {.seed = 6});
   BundleAdjuster adjuster(s.problem);
-  const int steps = run(adjuster);
+  const int steps = scene::run_to_the_end(adjuster);
   EXPECT_GE(steps, 2);
   EXPECT_LE(steps, 15);
   const BundleProblem done = adjuster.problem();
@@ -136,7 +130,7 @@ TEST(BundleAdjusterTest, FixedPosesAndFinishedProblemsStay) {
 TEST(BundleAdjusterTest, EarlyStopSavesStepsAndStaysClose) {
   const auto s = make_bundle_scene(10, 5, 1000, 5, {.seed = 7, .outlier_share = 0.05});
   BundleAdjuster early(s.problem), full(s.problem, BundleOptions{.relative_stop = 0});
-  EXPECT_LT(run(early), run(full));
+  EXPECT_LT(scene::run_to_the_end(early), scene::run_to_the_end(full));
   EXPECT_NEAR(early.robust_cost(), full.robust_cost(), 1e-3 * full.robust_cost());
 }
 
@@ -147,7 +141,7 @@ TEST(BundleAdjusterTest, OrderOfTheObservationsDoesNotChangeABit) {
   std::mt19937 random(1);
   std::shuffle(shuffled.observations.begin(), shuffled.observations.end(), random);
   BundleAdjuster a(s.problem), b(shuffled), c(s.problem);
-  run(a), run(b), run(c);
+  scene::run_to_the_end(a), scene::run_to_the_end(b), scene::run_to_the_end(c);
   EXPECT_TRUE(same_bits(a.problem(), c.problem()));
   EXPECT_TRUE(same_bits(a.problem(), b.problem()));
   EXPECT_EQ(a.robust_cost(), b.robust_cost());
@@ -168,7 +162,7 @@ TEST(BundleAdjusterTest, ADoubledObservationCountsTwice) {
   }
   const BundleOptions plain{0, 20, 0};
   BundleAdjuster a(doubled, plain), b(weighted, plain);
-  run(a), run(b);
+  scene::run_to_the_end(a), scene::run_to_the_end(b);
   for (int i = 0; i < 5; ++i) {
     EXPECT_LT((a.problem().T_cw[i].t - b.problem().T_cw[i].t).norm(), 1e-8);
   }
@@ -178,7 +172,7 @@ TEST(BundleAdjusterTest, AWholeMapOfManyPosesIsSolvedAsWell) {
   // Enough free poses for the sparse system.
   const auto exact = make_bundle_scene(150, 2, 1500, 6, {.noise_px = 0, .pose_error = 0.005});
   BundleAdjuster adjuster(exact.problem, {.robust_iterations = 60, .relative_stop = 0});
-  run(adjuster);
+  scene::run_to_the_end(adjuster);
   for (int i = 0; i < 150; ++i) {
     EXPECT_LT(scene::position_error_m(adjuster.problem().T_cw[i], exact.true_T_cw[i]), 1e-4) << i;
   }
@@ -189,7 +183,7 @@ TEST(BundleAdjusterTest, AWholeMapOfManyPosesIsSolvedAsWell) {
   truth.p_w = noisy.true_p_w;
   BundleAdjuster solved(noisy.problem, {.robust_iterations = 60, .final_iterations = 0}),
       at_truth(truth);
-  run(solved);
+  scene::run_to_the_end(solved);
   EXPECT_LT(solved.robust_cost(), at_truth.robust_cost());
 }
 

@@ -121,12 +121,6 @@ TEST(DegeneratePoseTest, AFewPointsBehindTheCameraDoNotHurt) {
   for (int i = 0; i < 20; ++i) EXPECT_TRUE(outlier[i]);
 }
 
-int run(BundleAdjuster& adjuster) {
-  int steps = 0;
-  while (adjuster.step()) ++steps;
-  return steps;
-}
-
 TEST(DegenerateBundleTest, EmptyProblems) {
   BundleAdjuster nothing{BundleProblem{}};
   EXPECT_FALSE(nothing.step());
@@ -147,7 +141,7 @@ TEST(DegenerateBundleTest, NoFreePoseMovesOnlyPoints) {
     s.problem.free_poses = free_poses;
     BundleAdjuster adjuster(s.problem);
     const double before = adjuster.robust_cost();
-    run(adjuster);
+    scene::run_to_the_end(adjuster);
     EXPECT_LT(adjuster.robust_cost(), before);
     EXPECT_EQ(adjuster.problem().T_cw[0].t, s.problem.T_cw[0].t);
   }
@@ -158,7 +152,7 @@ TEST(DegenerateBundleTest, NothingFixedStillConverges) {
   for (const int free_poses : {6, 1000}) {
     s.problem.free_poses = free_poses;
     BundleAdjuster adjuster(s.problem, {30, 30, 0});
-    run(adjuster);
+    scene::run_to_the_end(adjuster);
     EXPECT_LT(adjuster.robust_cost(), 1e-3);
     for (const auto& T : adjuster.problem().T_cw) EXPECT_TRUE(finite(T));
   }
@@ -180,7 +174,7 @@ TEST(DegenerateBundleTest, BadNumbersAreOutliersAndHarmNothing) {
   dirty.observations.push_back({900, 3, 100, 100, -1, 1});
   dirty.observations.push_back({0, 900, 100, 100, -1, 1});
   BundleAdjuster a(s.problem), b(dirty);
-  run(a), run(b);
+  scene::run_to_the_end(a), scene::run_to_the_end(b);
   for (int i = 0; i < 5; ++i) EXPECT_EQ(a.problem().T_cw[i].t, b.problem().T_cw[i].t);
   EXPECT_EQ(b.problem().p_w[101], Eigen::Vector3d(0, 0, 3));
   EXPECT_EQ(a.robust_cost(), b.robust_cost());
@@ -193,7 +187,7 @@ TEST(DegenerateBundleTest, ABadFreePoseStaysAloneInItsTrouble) {
   auto s = scene::make_bundle_scene(5, 3, 200, 5, {.seed = 5});
   s.problem.T_cw[2].t.x() = kNan;
   BundleAdjuster adjuster(s.problem);
-  EXPECT_GT(run(adjuster), 1);
+  EXPECT_GT(scene::run_to_the_end(adjuster), 1);
   for (int i = 0; i < 5; ++i) {
     if (i == 2) continue;
     EXPECT_LT(scene::position_error_m(adjuster.problem().T_cw[i], s.true_T_cw[i]), 0.03);
@@ -207,7 +201,7 @@ TEST(DegenerateBundleTest, PointsBehindOrSeenOnceStayFinite) {
   const auto lonely = static_cast<std::uint32_t>(s.problem.p_w.size() - 1);
   s.problem.observations.push_back({0, lonely, 300, 250, -1, 1});  // one monocular view
   BundleAdjuster adjuster(s.problem);
-  run(adjuster);
+  scene::run_to_the_end(adjuster);
   for (const auto& T : adjuster.problem().T_cw) EXPECT_TRUE(finite(T));
   for (const auto& p : adjuster.problem().p_w) EXPECT_TRUE(p.allFinite());
   const auto outliers = adjuster.outliers();

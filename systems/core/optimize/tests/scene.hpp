@@ -166,4 +166,11 @@ inline double position_error_m(const SE3& a, const SE3& b) {
   return (a.inverse().t - b.inverse().t).norm();
 }
 
+/// Steps until there is nothing left to gain; how many.
+inline int run_to_the_end(BundleAdjuster& adjuster) {
+  int steps = 0;
+  while (adjuster.step()) ++steps;
+  return steps;
+}
+
 }  // namespace slambed::scene

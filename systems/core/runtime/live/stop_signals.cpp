@@ -18,7 +18,7 @@ sigset_t stop_set() {
   return set;
 }
 
-constexpr timespec kLookEvery{.tv_sec = 0, .tv_nsec = 100'000'000};
+constexpr timespec kSignalWait{.tv_sec = 0, .tv_nsec = 100'000'000};
 
 }  // namespace
 
@@ -37,7 +37,7 @@ void StopSignals::watch(std::function<void()> on_stop) {
     pthread_setname_np(pthread_self(), "signals");
     const sigset_t set = stop_set();
     while (!token.stop_requested()) {
-      if (sigtimedwait(&set, nullptr, &kLookEvery) > 0) {
+      if (sigtimedwait(&set, nullptr, &kSignalWait) > 0) {
         on_stop();
         return;
       }

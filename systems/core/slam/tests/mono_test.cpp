@@ -101,18 +101,18 @@ TEST(TwoViewStart, AViewThatIsGoneIsGivenUp) {
   EXPECT_EQ(delta->keyframes[0].frame_index, 1u);
 }
 
-struct Walked {
+struct MonoWalk {
   std::vector<Eigen::Vector3d> estimate, truth;
   int started = -1, tracked = 0, resets = 0;
   std::size_t keyframes = 0, points = 0;
 };
 
-Walked walk_and_map(int frames, const Seeing& seeing) {
+MonoWalk walk_and_map(int frames, const Seeing& seeing) {
   SyntheticWorld world(5000, 1, true);
   auto map = std::make_shared<Map>();
   Tracker tracker(mono_options(), map, IdSpace::kTracker);
   LocalMapper mapper({}, map, IdSpace::kEdgeMapper);
-  Walked run;
+  MonoWalk run;
   for (int i = 0; i < frames; ++i) {
     const TrackOutcome outcome = tracker.track(i, i / 30.0, world.look(stroll(i), seeing));
     run.resets += outcome.reset_now;
@@ -144,7 +144,7 @@ Walked walk_and_map(int frames, const Seeing& seeing) {
   return run;
 }
 
-double rms_after_sim3_m(const Walked& run) {
+double rms_after_sim3_m(const MonoWalk& run) {
   const auto S = align_sim3(run.estimate, run.truth);
   if (!S) return 1e9;
   double sum = 0;
@@ -155,7 +155,7 @@ double rms_after_sim3_m(const Walked& run) {
 
 TEST(MonoRun, APerfectCameraIsTrackedToMillimetres) {
   constexpr int kFrames = 180;
-  const Walked run = walk_and_map(kFrames, {});
+  const MonoWalk run = walk_and_map(kFrames, {});
   ASSERT_GE(run.started, 0);
   EXPECT_LT(run.started, 30);
   EXPECT_EQ(run.tracked, kFrames - run.started);
@@ -167,7 +167,7 @@ TEST(MonoRun, APerfectCameraIsTrackedToMillimetres) {
 
 TEST(MonoRun, ANoisyCameraIsTrackedToCentimetres) {
   constexpr int kFrames = 180;
-  const Walked run =
+  const MonoWalk run =
       walk_and_map(kFrames, {.pixel_noise = 0.5, .flipped_bits = 15, .wrong_share = 0.1});
   ASSERT_GE(run.started, 0);
   EXPECT_EQ(run.tracked, kFrames - run.started);
@@ -192,8 +192,8 @@ TEST(MonoRun, LostTooEarlyItStartsAnew) {
 }
 
 TEST(MonoRun, IsRepeatableToTheLastBit) {
-  const Walked a = walk_and_map(60, {.pixel_noise = 0.5});
-  const Walked b = walk_and_map(60, {.pixel_noise = 0.5});
+  const MonoWalk a = walk_and_map(60, {.pixel_noise = 0.5});
+  const MonoWalk b = walk_and_map(60, {.pixel_noise = 0.5});
   ASSERT_EQ(a.estimate.size(), b.estimate.size());
   for (std::size_t i = 0; i < a.estimate.size(); ++i) EXPECT_EQ(a.estimate[i], b.estimate[i]);
 }
