@@ -4,6 +4,12 @@
 #include <utility>
 
 namespace slambed {
+namespace {
+
+/// In which keyframes made during an update are carried over before tracking does the rest.
+constexpr int kRounds = 8;
+
+}  // namespace
 
 StagedUpdates::StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
                              MapStaging::Backup backup)
@@ -53,7 +59,7 @@ void StagedUpdates::prepare(Worker& worker, Message message) {
     staging_.relate();
     units.n1 = static_cast<double>(arrival->update.map.keyframes.size());
   });
-  while (staging_.waiting() > 0 && !worker.stopping()) insert_backlog(worker);
+  catch_up(worker);
   node_.log().write(JsonLine("update_ready")
                         .add("update", arrival->update.update)
                         .add("backed_up", staging_.carried()));
@@ -64,6 +70,17 @@ void StagedUpdates::prepare(Worker& worker, Message message) {
 void StagedUpdates::suspend(bool suspended) {
   suspended_ = suspended;
   if (!suspended) inbox_.signal().notify();
+}
+
+void StagedUpdates::catch_up(Worker& worker) {
+  // Where keyframes are made faster than they are carried over this would never end, and the map
+  // would grow old meanwhile. Then what a round left behind waits for the swap.
+  const std::size_t first = staging_.waiting();
+  for (int round = 0; round < kRounds && !worker.stopping(); ++round) {
+    const std::size_t waiting = staging_.waiting();
+    if (waiting == 0 || waiting > first) return;
+    insert_backlog(worker);
+  }
 }
 
 void StagedUpdates::insert_backlog(Worker& worker) {

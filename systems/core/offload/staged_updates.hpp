@@ -28,6 +28,7 @@ class StagedUpdates final : public UpdatePath {
  private:
   void work(Worker& worker);
   void prepare(Worker& worker, Message message);
+  void catch_up(Worker& worker);
   void insert_backlog(Worker& worker);
   void exchange_maps(Worker& worker, UpdateArrival arrival);
 

@@ -111,6 +111,26 @@ TEST(Multithread, TrackingGoesOnWhileAnUpdateIsWorkedIn) {
   }
 }
 
+TEST(Multithread, AnUpdateEndsAlsoWhereKeyframesComeFasterThanTheyAreCarriedOver) {
+  PairLink link;
+  DeviceModel device = testing::uniform_device(2000);
+  device.stages["insert_keyframes"] = {.b_us = 120'000};
+  link.mobile_device = device;
+  const PairResult result = run_staged(switches("staged"), link, 300);
+  const auto begun = result.of("update_begun"), ready = result.of("update_ready"),
+             applied = result.of("update_applied");
+  ASSERT_GE(applied.size(), 2u);
+  // What was made while one round worked is left to the next, and to the swap when it is not fewer.
+  int rounds = 0;
+  for (const auto& stage : result.of("stage"))
+    rounds += stage["name"] == "insert_keyframes" && stage["worker"] == "map-update";
+  EXPECT_LE(rounds, 4 * static_cast<int>(begun.size()));
+  for (std::size_t i = 0; i < ready.size(); ++i) {
+    const double took_s = (ready[i]["t_ns"].get<double>() - begun[i]["t_ns"].get<double>()) / 1e9;
+    EXPECT_LT(took_s, 14) << i;
+  }
+}
+
 TEST(Multithread, CarriesOverWhatWasMadeMeanwhile) {
   PairLink link;
   link.mobile_device = slow_to_update();
