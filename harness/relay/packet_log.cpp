@@ -9,7 +9,7 @@
 namespace slambed::relay {
 namespace {
 
-constexpr std::size_t kRecordsAtOnce = 256;  // records; at 20 pings a second both ways: one write in 3 s
+constexpr std::size_t kRecordsAtOnce = 256;  // at 20 pings a second both ways: one write in 3 s
 
 }  // namespace
 

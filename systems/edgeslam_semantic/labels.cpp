@@ -5,6 +5,13 @@
 
 namespace slambed::edgeslam_semantic {
 
+std::vector<std::uint8_t> features_on_masks(const FeatureSet& features, const FrameMasks& masks,
+                                            int border_px) {
+  std::vector<std::uint8_t> moves = features_off_masks(features, masks, border_px);
+  for (std::uint8_t& one : moves) one = one ? 0 : 1;
+  return moves;
+}
+
 MapDelta without_labelled(const MapView& view, const Labels& labels) {
   std::map<MapPointId, std::vector<ObservationEdit>> sightings;
   for (const auto& [id, moves] : labels) {

@@ -36,9 +36,7 @@ bool MaskTransfer::apply(KeyFrameId id, const FrameMasks& masks) {
   const auto found = kept_.find(id);
   if (found == kept_.end()) return false;
   const Kept& kept = found->second;
-  std::vector<std::uint8_t> moves = features_off_masks(*kept.features, masks, border_px_);
-  for (std::uint8_t& one : moves) one = one ? 0 : 1;
-  chains_.label(kept.chains, moves, kept.frame);
+  chains_.label(kept.chains, features_on_masks(*kept.features, masks, border_px_), kept.frame);
   return true;
 }
 

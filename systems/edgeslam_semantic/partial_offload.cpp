@@ -184,12 +184,12 @@ void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
     reset();
     return make_keyframe(worker, frame, "first");
   }
-  if (const auto reason = choose(frame)) return make_keyframe(worker, frame, reason);
+  if (const auto reason = choose()) return make_keyframe(worker, frame, reason);
   if (local_references_ && node_.tracker().wants_keyframe({})) make_keyframe(worker, frame, {});
 }
 
 /// Why the frame goes up; nothing: it does not.
-std::optional<std::string_view> SemanticMobile::choose(const TrackedFrame&) {
+std::optional<std::string_view> SemanticMobile::choose() {
   if (!by_table_) {
     if (!waiting_.empty()) return std::nullopt;
     return "answered";

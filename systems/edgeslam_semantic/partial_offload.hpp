@@ -45,7 +45,7 @@ class SemanticMobile final : public MobilePolicy {
   void take(Worker& worker, const wire::MaskMessage& mask);
   void settled(RunTime now);
   void report(Worker& worker, const TrackedFrame& frame);
-  std::optional<std::string_view> choose(const TrackedFrame& frame);
+  std::optional<std::string_view> choose();
   void configure();
   void make_keyframe(Worker& worker, const TrackedFrame& frame,
                      std::optional<std::string_view> reason);

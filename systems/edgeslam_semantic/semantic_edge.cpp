@@ -199,9 +199,7 @@ void SemanticEdge::cull_labelled(Worker& worker) {
       }
       continue;
     }
-    auto moves = features_off_masks(*features, mask->masks, border_px_);
-    for (std::uint8_t& one : moves) one = one ? 0 : 1;
-    labels_[mask->keyframe] = std::move(moves);
+    labels_[mask->keyframe] = features_on_masks(*features, mask->masks, border_px_);
   }
   if (labels_.empty()) return;
   worker.stage(

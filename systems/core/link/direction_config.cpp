@@ -12,7 +12,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double kNsPerS = 1e9;
 constexpr double kNsPerMs = 1e6;
 constexpr double kNsPerUs = 1e3;
 constexpr double kShortestState_s = 1e-4, kLongestState_s = 1e6;

@@ -7,7 +7,6 @@
 namespace slambed::link {
 namespace {
 
-constexpr double kSecondNs = 1e9;
 constexpr std::int64_t kOpportunityBytes = 1500;  // mahimahi, "one MTU-sized packet per line"
 
 }  // namespace
@@ -53,7 +52,7 @@ std::int64_t Bottleneck::depart(std::int64_t now_ns, std::uint32_t bytes) {
 }
 
 std::int64_t Bottleneck::depart_constant(std::int64_t now_ns, std::uint32_t bytes) {
-  const double wire_ns = 8.0 * bytes / options_.bits_per_s * kSecondNs;
+  const double wire_ns = 8.0 * bytes / options_.bits_per_s * kNsPerS;
   free_at_ns_ = std::max(free_at_ns_, now_ns) + static_cast<std::int64_t>(wire_ns);
   return free_at_ns_;
 }

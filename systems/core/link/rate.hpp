@@ -8,6 +8,8 @@
 
 namespace slambed::link {
 
+inline constexpr double kNsPerS = 1e9;
+
 /// Constant rate, or a Mahimahi trace: one 1,500-byte delivery opportunity per entry, repeated for
 /// ever.
 struct RateOptions {

@@ -41,14 +41,7 @@ class HallBuilder {
  private:
   Material material(double grey, double contrast, double texel_m, double largest_m,
                     double coverage) const {
-    Material m;
-    m.grey = grey;
-    m.contrast = contrast;
-    m.texel_m = texel_m * options_.texel_scale;
-    m.smallest_m = 1.6 * texel_m;
-    m.largest_m = largest_m;
-    m.coverage = coverage;
-    return m;
+    return leafy(grey, contrast, texel_m, largest_m, coverage, options_.texel_scale);
   }
 
   /// Paint and concrete: shades that differ by less than a corner detector asks for.

@@ -100,6 +100,18 @@ void paint_mark(Texture& texture, const Mark& mark) {
 
 }  // namespace
 
+Material leafy(double grey, double contrast, double texel_m, double largest_m, double coverage,
+               double texel_scale) {
+  Material m;
+  m.grey = grey;
+  m.contrast = contrast;
+  m.texel_m = texel_m * texel_scale;
+  m.smallest_m = 1.6 * texel_m;
+  m.largest_m = largest_m;
+  m.coverage = coverage;
+  return m;
+}
+
 void paint(Texture& texture, const Material& m, Random random) {
   const double per_m = texture.texels_per_m();
   const double smallest = std::max(1.0, m.smallest_m * per_m);

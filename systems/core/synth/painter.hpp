@@ -27,6 +27,11 @@ struct Material {
   std::vector<Mark> marks{};  ///< painted over the leaves, in this order
 };
 
+/// Leaves from 1.6 texels up to largest_m. texel_scale: how much coarser the texture is than its
+/// leaves.
+Material leafy(double grey, double contrast, double texel_m, double largest_m, double coverage,
+               double texel_scale);
+
 void paint(Texture& texture, const Material& material, Random random);
 
 }  // namespace slambed::synth

@@ -9,14 +9,7 @@ namespace slambed::synth {
 
 Material Roadside::material(double grey, double contrast, double texel_m, double largest_m,
                             double coverage) const {
-  Material m;
-  m.grey = grey;
-  m.contrast = contrast;
-  m.texel_m = texel_m * texel_scale_;
-  m.smallest_m = 1.6 * texel_m;
-  m.largest_m = largest_m;
-  m.coverage = coverage;
-  return m;
+  return leafy(grey, contrast, texel_m, largest_m, coverage, texel_scale_);
 }
 
 Material Roadside::road(Random random, double right_m, std::span<const double> lines_m,

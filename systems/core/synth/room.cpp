@@ -39,14 +39,7 @@ class Furnisher {
  private:
   Material material(double grey, double contrast, double texel_m = 0.003, double largest_m = 0.12,
                     double coverage = 0.9) {
-    Material m;
-    m.grey = grey;
-    m.contrast = contrast;
-    m.texel_m = texel_m * options_.texel_scale;
-    m.smallest_m = 1.6 * texel_m;
-    m.largest_m = largest_m;
-    m.coverage = coverage;
-    return m;
+    return leafy(grey, contrast, texel_m, largest_m, coverage, options_.texel_scale);
   }
 
   /// Pictures, screens, covers: strong contrast, fully covered.

@@ -219,10 +219,6 @@ TextReader open(std::span<const std::uint8_t> bytes, std::string_view what) {
   return in;
 }
 
-constexpr RunTime UpdateTimes::* kTimes[] = {&UpdateTimes::captured, &UpdateTimes::queued,
-                                             &UpdateTimes::received, &UpdateTimes::accepted,
-                                             &UpdateTimes::mapped,   &UpdateTimes::due};
-
 }  // namespace
 
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
@@ -275,7 +271,7 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary) {
   out.integer(message.update);
   put_id(out, message.newest);
   put_id(out, message.settled);
-  for (const auto time : kTimes) put_time(out, message.times.*time);
+  for (const auto time : kUpdateTimes) put_time(out, message.times.*time);
   out.integer(message.map.epoch);
   const PointsById by_value = by_id(message.map.points);
   const auto fresh = ids_of(message.map.points);
@@ -299,7 +295,7 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   message.update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest = get_id<KeyFrameId>(in);
   message.settled = get_id_or_none<KeyFrameId>(in);
-  for (const auto time : kTimes) message.times.*time = get_time(in);
+  for (const auto time : kUpdateTimes) message.times.*time = get_time(in);
   message.map.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   std::set<MapPointId> seen;
   for (std::size_t n = in.count(kLeastKeyFrame); n > 0; --n) {

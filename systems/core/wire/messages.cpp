@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "wire/messages.hpp"
 
-#include <array>
-
 #include "wire/delta_codec.hpp"
 #include "wire/feature_codec.hpp"
 #include "wire/id_codec.hpp"
@@ -18,9 +16,6 @@ auto whole(std::span<const std::uint8_t> bytes, Get get) {
   in.expect_end();
   return message;
 }
-
-constexpr std::array kTimes = {&UpdateTimes::captured, &UpdateTimes::queued, &UpdateTimes::received,
-                               &UpdateTimes::accepted, &UpdateTimes::mapped, &UpdateTimes::due};
 
 }  // namespace
 
@@ -63,7 +58,7 @@ Bytes encode(const MapUpdate& message) {
   out.varint(message.update);
   IdStream().put(out, message.newest);
   IdStream().put(out, message.settled);
-  for (const auto time : kTimes) out.time(message.times.*time);
+  for (const auto time : kUpdateTimes) out.time(message.times.*time);
   put_delta(out, message.map);
   put_poses(out, message.poses);
   return out.take();
@@ -75,7 +70,7 @@ MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& se
     message.update = in.varint();
     message.newest = IdStream().get<KeyFrameId>(in);
     message.settled = IdStream().get_or_none<KeyFrameId>(in);
-    for (const auto time : kTimes) message.times.*time = in.time();
+    for (const auto time : kUpdateTimes) message.times.*time = in.time();
     message.map = get_delta(in, sensor);
     message.poses = get_poses(in);
     if (message.map.keyframes.empty()) throw DecodeError("update holds no keyframe");

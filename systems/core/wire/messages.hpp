@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <vector>
@@ -36,6 +37,10 @@ struct UpdateTimes {
   RunTime mapped{};    ///< local mapping done
   RunTime due{};       ///< preparation of the update began
 };
+/// In the order in which every codec writes them.
+inline constexpr std::array kUpdateTimes = {&UpdateTimes::captured, &UpdateTimes::queued,
+                                            &UpdateTimes::received, &UpdateTimes::accepted,
+                                            &UpdateTimes::mapped,   &UpdateTimes::due};
 
 /// MAP_UPDATE and RELOC_MAP, edge -> mobile: becomes the local map.
 struct MapUpdate {

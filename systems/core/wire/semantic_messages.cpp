@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "wire/semantic_messages.hpp"
 
-#include <array>
-
 #include "wire/delta_codec.hpp"
 #include "wire/id_codec.hpp"
 #include "wire/mask_codec.hpp"
@@ -10,9 +8,6 @@
 namespace slambed::wire {
 namespace {
 
-constexpr std::array kMoments = {&UpdateTimes::captured, &UpdateTimes::queued,
-                                 &UpdateTimes::received, &UpdateTimes::accepted,
-                                 &UpdateTimes::mapped,   &UpdateTimes::due};
 /// A map begins with two.
 constexpr std::size_t kMostKeyFrames = 2;
 
@@ -74,7 +69,7 @@ Bytes encode(const OptResult& message) {
   out.varint(message.number);
   ids.put(out, message.keyframe);
   put_pose(out, message.T_cw);
-  for (const auto moment : kMoments) out.time(message.times.*moment);
+  for (const auto moment : kUpdateTimes) out.time(message.times.*moment);
   put_delta(out, message.changes);
   put_ids(out, message.left_keyframes);
   put_ids(out, message.left_points);
@@ -89,7 +84,7 @@ OptResult decode_opt_result(std::span<const std::uint8_t> bytes) {
   message.number = in.varint();
   message.keyframe = ids.get<KeyFrameId>(in);
   message.T_cw = get_pose(in);
-  for (const auto moment : kMoments) message.times.*moment = in.time();
+  for (const auto moment : kUpdateTimes) message.times.*moment = in.time();
   message.changes = get_delta(in, nullptr);
   message.left_keyframes = get_ids<KeyFrameId>(in);
   message.left_points = get_ids<MapPointId>(in);
