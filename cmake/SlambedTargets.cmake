@@ -35,13 +35,44 @@ if(SLAMBED_FUZZ)
 endif()
 
 # slambed_unity(target): eight of its sources are compiled as one, so that what they include is read
-# once. Half the time from nothing, more after a change of one file.
+# once. Half the time from nothing, more after a change of one file. CMake's own files of this kind
+# (UNITY_BUILD) name the sources by their whole path, and ccache then knows nothing of another clone.
 function(slambed_unity target)
   if(SLAMBED_UNITY)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
-    # A class with a member of a type from its own file: GCC takes the file for a header there.
-    target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+    # When this folder's file has been read: it may say that a source with flags of its own stays
+    # alone (SLAMBED_ALONE).
+    cmake_language(EVAL CODE "cmake_language(DEFER CALL slambed_compile_together ${target})")
   endif()
+endfunction()
+
+function(slambed_compile_together target)
+  set(folder ${CMAKE_CURRENT_BINARY_DIR}/${target}_together)
+  get_target_property(sources ${target} SOURCES)
+  set(compiled)
+  set(count 0)
+  foreach(source IN LISTS sources)
+    get_source_file_property(alone ${source} SLAMBED_ALONE)
+    if(alone)
+      list(APPEND compiled ${source})
+    else()
+      math(EXPR file "${count} / 8")
+      math(EXPR count "${count} + 1")
+      get_filename_component(whole ${source} ABSOLUTE)
+      file(RELATIVE_PATH path ${folder} ${whole})
+      string(APPEND includes_${file} "#include \"${path}\"\n")
+      if(NOT ${folder}/${file}.cpp IN_LIST compiled)
+        list(APPEND compiled ${folder}/${file}.cpp)
+      endif()
+    endif()
+  endforeach()
+  foreach(file RANGE ${count})
+    if(DEFINED includes_${file})
+      file(CONFIGURE OUTPUT ${folder}/${file}.cpp CONTENT "${includes_${file}}")
+    endif()
+  endforeach()
+  set_target_properties(${target} PROPERTIES SOURCES "${compiled}")
+  # A class with a member of a type from its own file: GCC takes the file for a header there.
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
 endfunction()
 
 # slambed_floor(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>.
@@ -99,7 +130,7 @@ endfunction()
 # takes the instruction set from a file's own pragma, Clang does not.
 function(slambed_vector_kernels prefix)
   set_source_files_properties(${prefix}_portable.cpp ${prefix}_avx2.cpp ${prefix}_avx512.cpp
-    PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+    PROPERTIES SLAMBED_ALONE ON)
   if(CMAKE_CXX_COMPILER_ID MATCHES Clang AND CMAKE_SYSTEM_PROCESSOR STREQUAL x86_64)
     set_source_files_properties(${prefix}_avx2.cpp PROPERTIES COMPILE_OPTIONS -mavx2)
     set_source_files_properties(${prefix}_avx512.cpp PROPERTIES COMPILE_OPTIONS
