@@ -62,6 +62,10 @@ recordings() {
   echo "${found#:}"
 }
 
+cpp_format() {
+  git ls-files '*.cpp' '*.hpp' '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
+}
+
 ctest_of() {
   local name=$1
   shift
@@ -78,6 +82,7 @@ live_lane() {
 computing_lane() {
   renice -n 19 -p $BASHPID >/dev/null
   checks
+  step "C++ format" cpp_format
   step smoke tools/smoke.sh
   if [ -n "$(recordings)" ]; then
     step recordings .venv/bin/pytest -m recordings "--recordings=$(recordings)" --durations=0 -v harness/tests

@@ -20,7 +20,7 @@ struct BusyThread {
   double cpu_share = 0.0;          ///< CPU time per wall time
   double longest_freeze_ms = 0.0;  ///< longest time without progress
   int freezes_over_10_ms = 0;
-  std::uint64_t checksum = 0;      ///< of the first units, whatever the speed
+  std::uint64_t checksum = 0;  ///< of the first units, whatever the speed
 };
 
 /// Keeps so many threads (named busy-0, ...) busy at once.

@@ -44,7 +44,8 @@ int run(int argc, char** argv) {
   std::string role = "mobile";
   app.add_option("--threads", busy.threads, "busy threads")->check(CLI::Range(1, 1024));
   app.add_option("--seconds", busy.seconds, "how long")->check(CLI::Range(0.01, 3600.0));
-  app.add_option("--settle", busy.settle_s, "seconds before it counts")->check(CLI::Range(0.0, 60.0));
+  app.add_option("--settle", busy.settle_s, "seconds before it counts")
+      ->check(CLI::Range(0.0, 60.0));
   app.add_option("--config", config, "the same as JSON, and where to write the result");
   app.add_option("--role", role, "with --config: folder of the result");
   auto* tick = app.add_subcommand("tick", "interrupt CPUs regularly until standard input ends");

@@ -113,8 +113,7 @@ void EdgeContact::take_ack(const wire::HandoverAck& ack, std::uint64_t edge, Run
   if (ack.number != 0) return handover_.acknowledged(ack, edge, now);
   std::lock_guard lock(mutex_);
   const RunTime first = RunTime(first_keyframe_.load());
-  edge_is_empty_ =
-      !handing_over() && ack.epoch == state_.epoch && now - link_.missing() > first;
+  edge_is_empty_ = !handing_over() && ack.epoch == state_.epoch && now - link_.missing() > first;
 }
 
 }  // namespace slambed::dynnetslam

@@ -12,10 +12,10 @@
 
 namespace slambed::dynnetslam {
 
-/// The mobile's talk with the edge on the channel "handover": says where mapping runs, keeps the RTT
-/// measured while no keyframes flow, notices that the edge does not answer or has no map, and lets the
-/// map go over. All of that on one worker, so that tracking never waits; the calls below are
-/// tracking's.
+/// The mobile's talk with the edge on the channel "handover": says where mapping runs, keeps the
+/// RTT measured while no keyframes flow, notices that the edge does not answer or has no map, and
+/// lets the map go over. All of that on one worker, so that tracking never waits; the calls below
+/// are tracking's.
 class EdgeContact {
  public:
   /// echo_hz: STATEs a second while nothing changes.
@@ -59,7 +59,8 @@ class EdgeContact {
   std::atomic<bool> changed_{false};  ///< another state is to be told
   std::atomic<Duration> first_keyframe_{kNever}, last_keyframe_{Duration::zero()};
 
-  std::mutex mutex_;  ///< guards what follows, and that the edge is empty only while no map goes over
+  std::mutex
+      mutex_;  ///< guards what follows, and that the edge is empty only while no map goes over
   wire::StateMessage state_;
   bool probing_ = false;
 };

@@ -71,11 +71,11 @@ State next_state(State state, std::optional<double> rtt_ms, const Thresholds& li
 
 State initial_state(std::optional<double> rtt_ms, const Thresholds& limits) {
   const double rtt = rtt_ms.value_or(INFINITY);
-  const double lowest = limits.safe_zone ? std::min(limits.leave_safe_zone_below,
-                                                    limits.leave_mobile_below)
-                                         : limits.leave_mobile_below;
-  const double highest = limits.safe_zone ? limits.leave_safe_zone_above
-                                          : limits.leave_offloading_above;
+  const double lowest = limits.safe_zone
+                            ? std::min(limits.leave_safe_zone_below, limits.leave_mobile_below)
+                            : limits.leave_mobile_below;
+  const double highest =
+      limits.safe_zone ? limits.leave_safe_zone_above : limits.leave_offloading_above;
   if (rtt < lowest) return State::kOffloading;
   if (rtt > highest) return State::kMobile;
   return limits.safe_zone ? State::kSafeZone : State::kOffloading;

@@ -30,9 +30,9 @@ struct Thresholds {
 struct StrategyOptions {
   bool hysteresis = true;
   bool safe_zone = true;
-  double limit_ms = 40;                ///< L_OL
-  double band_ms = 10;                 ///< B, whole width of the hysteresis
-  std::optional<double> safe_limit_ms; ///< L_SZ; absent: L_OL - B/2
+  double limit_ms = 40;                 ///< L_OL
+  double band_ms = 10;                  ///< B, whole width of the hysteresis
+  std::optional<double> safe_limit_ms;  ///< L_SZ; absent: L_OL - B/2
 };
 
 /// Derives the limits of the four strategies (README.md has the table).

@@ -8,9 +8,8 @@ namespace {
 
 TrackingServiceOptions service_options(const Parameters& parameters,
                                        const TrackerOptions& tracker) {
-  TrackingServiceOptions options{.tracker = tracker,
-                                 .loop_closing = parameters.boolean("loop_closing"),
-                                 .masks = {}};
+  TrackingServiceOptions options{
+      .tracker = tracker, .loop_closing = parameters.boolean("loop_closing"), .masks = {}};
   if (parameters.boolean("nrcc")) {
     options.masks = {.threshold = parameters.real("n_m"),
                      .border_px = parameters.integer("mask_border_px")};

@@ -39,7 +39,8 @@ System orbslam2_system() {
   system.parameters = {ParameterSpec::integer("n_orb", 50, 10'000),
                        ParameterSpec::boolean("loop_closing"),
                        ParameterSpec::boolean("second_hypotheses"),
-                       ParameterSpec::boolean("sequential"), ParameterSpec::path("prior_map"),
+                       ParameterSpec::boolean("sequential"),
+                       ParameterSpec::path("prior_map"),
                        ParameterSpec::boolean("save_map")};
   system.orb = orb_options;
   system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };

@@ -32,8 +32,8 @@ std::optional<Conversation::Packet> Conversation::next() {
   if (size >= sizeof packet.type) std::memcpy(&packet.type, buffer_.data(), sizeof packet.type);
   const bool pose = packet.type == SLAMBED_POSE || packet.type == SLAMBED_FINAL;
   const bool event = packet.type == SLAMBED_EVENT;
-  const bool plain = packet.type == SLAMBED_HELLO || packet.type == SLAMBED_READY ||
-                     packet.type == SLAMBED_NEXT;
+  const bool plain =
+      packet.type == SLAMBED_HELLO || packet.type == SLAMBED_READY || packet.type == SLAMBED_NEXT;
   const bool whole = (pose && size == sizeof packet.pose) ||
                      (event && size > sizeof packet.type && size <= buffer_.size()) ||
                      (plain && size == sizeof packet.type);
@@ -60,8 +60,7 @@ void Conversation::send(const void* packet, std::size_t bytes) {
   }
 }
 
-slambed_info describe(const PreparedSequence& sequence, double played_fps,
-                      std::size_t slot_bytes) {
+slambed_info describe(const PreparedSequence& sequence, double played_fps, std::size_t slot_bytes) {
   const Camera& camera = sequence.camera();
   slambed_info info{};
   info.sensor = sequence.sensor() == SensorKind::kRgbd     ? SLAMBED_RGBD

@@ -13,7 +13,8 @@ namespace {
 constexpr const char* kStates[] = {"ok", "lost", "not_initialised"};
 /// A unit quaternion in single precision is this near to length 1.
 constexpr double kUnitTolerance = 1e-3;
-/// Further from its world's origin nothing drives; and such a number can be turned without overflow.
+/// Further from its world's origin nothing drives; and such a number can be turned without
+/// overflow.
 constexpr double kFarthest_m = 1e9;
 
 JsonLine frame_event(std::string_view type, const OfferedFrame& frame) {
@@ -49,10 +50,14 @@ JsonLine system_event(std::string_view text) {
   JsonLine line(json["type"].get<std::string>());
   for (const auto& [key, value] : json.items()) {
     if (key == "type" || key == "t_ns") continue;
-    if (value.is_boolean()) line.add(key, value.get<bool>());
-    else if (value.is_number_integer()) line.add(key, value.get<std::int64_t>());
-    else if (value.is_number()) line.add(key, value.get<double>());
-    else line.add(key, value.is_string() ? value.get<std::string>() : value.dump());
+    if (value.is_boolean())
+      line.add(key, value.get<bool>());
+    else if (value.is_number_integer())
+      line.add(key, value.get<std::int64_t>());
+    else if (value.is_number())
+      line.add(key, value.get<double>());
+    else
+      line.add(key, value.is_string() ? value.get<std::string>() : value.dump());
   }
   return line;
 }

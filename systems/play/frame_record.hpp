@@ -13,8 +13,8 @@
 
 namespace slambed {
 
-/// An event of the system's own, as it sent it: a JSON object with a type, whose values are taken one
-/// by one. bad_input for anything else.
+/// An event of the system's own, as it sent it: a JSON object with a type, whose values are taken
+/// one by one. bad_input for anything else.
 JsonLine system_event(std::string_view text);
 
 /// What a system said of its frames becomes the events and trajectories that every system leaves.

@@ -245,8 +245,10 @@ class Player {
   int failed(std::optional<int> code, const std::string& when) {
     if (!code) command_->end();
     write_results();
-    if (!code) throw bad_input("the system did not end by itself after its last message; it was killed");
-    if (*code == 0) throw bad_input("the system ended " + when + "; ask for frames until there are none");
+    if (!code)
+      throw bad_input("the system did not end by itself after its last message; it was killed");
+    if (*code == 0)
+      throw bad_input("the system ended " + when + "; ask for frames until there are none");
     return *code > 128 ? *code : kSystemFailed;
   }
 
@@ -273,7 +275,8 @@ class Player {
   void take_trajectory() {
     const fs::path left = folder_ / options_.trajectory;
     if (!fs::is_regular_file(left)) {
-      throw bad_input(left.string() + ": the system left no such trajectory; correct "
+      throw bad_input(left.string() +
+                      ": the system left no such trajectory; correct "
                       "runtime.trajectory, or have it written to $SLAMBED_OUTPUT");
     }
     fs::copy_file(left, folder_ / "trajectory.txt", fs::copy_options::overwrite_existing);

@@ -9,10 +9,10 @@ namespace slambed {
 /// Exit codes of every slambed program (docs/formats.md, "Exit codes").
 enum class ExitCode : int {
   kOk = 0,
-  kBadInput = 2,      ///< a file, option or value is wrong; the user can mend it
-  kEnvironment = 3,   ///< a privilege, port, device or file system refused
-  kPeer = 4,          ///< the other node never came or went away before the start
-  kInternal = 70,     ///< a bug of ours
+  kBadInput = 2,     ///< a file, option or value is wrong; the user can mend it
+  kEnvironment = 3,  ///< a privilege, port, device or file system refused
+  kPeer = 4,         ///< the other node never came or went away before the start
+  kInternal = 70,    ///< a bug of ours
 };
 
 /// The one exception type that programs report: one line saying what, where and what to do.

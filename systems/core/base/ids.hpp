@@ -9,8 +9,8 @@ namespace slambed {
 
 enum class NodeRole : std::uint8_t { kMobile = 1, kEdge = 2 };
 
-/// Which module made an element; the top byte of every id, so that no two modules that feed one map,
-/// on whichever node, ever give out the same id.
+/// Which module made an element; the top byte of every id, so that no two modules that feed one
+/// map, on whichever node, ever give out the same id.
 enum class IdSpace : std::uint8_t { kTracker = 1, kEdgeMapper = 2, kMobileMapper = 3 };
 inline constexpr int kIdSpaces = 3;
 

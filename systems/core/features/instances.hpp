@@ -24,8 +24,8 @@ struct Instance {
   std::uint16_t object_class = 0;  ///< the network's number
   bool moves = false;              ///< of a class whose members move: people, vehicles, animals
   float score = 0;                 ///< 0 to 1
-  /// The mask, row by row over the whole picture: pixels outside, inside, outside ... Only the first run
-  /// may be empty.
+  /// The mask, row by row over the whole picture: pixels outside, inside, outside ... Only the
+  /// first run may be empty.
   std::vector<std::uint32_t> runs;
   std::optional<std::array<BodyPoint, kBodyPoints>> body;
 };
@@ -40,9 +40,9 @@ struct FrameMasks {
 /// What is wrong with masks that came from outside, in one line; empty for none.
 std::string defect(const FrameMasks& masks);
 
-/// Which features carry nothing that moves: 0 for those in the mask of a moving instance, or nearer to
-/// one than the border (in either axis), 1 for the others. Masks lie in raw pixels. bad_input for
-/// masks of another size than the camera's pictures.
+/// Which features carry nothing that moves: 0 for those in the mask of a moving instance, or nearer
+/// to one than the border (in either axis), 1 for the others. Masks lie in raw pixels. bad_input
+/// for masks of another size than the camera's pictures.
 std::vector<std::uint8_t> features_off_masks(const FeatureSet& features, const FrameMasks& masks,
                                              int border_px);
 

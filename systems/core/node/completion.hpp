@@ -8,8 +8,8 @@
 
 namespace slambed {
 
-/// What a worker was asked for: whoever asked looks whether it is done, waits for it, or does neither.
-/// Must not outlive the worker's owner.
+/// What a worker was asked for: whoever asked looks whether it is done, waits for it, or does
+/// neither. Must not outlive the worker's owner.
 class Completion {
  public:
   using Test = std::function<bool()>;

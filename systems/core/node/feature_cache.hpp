@@ -20,9 +20,9 @@ namespace slambed {
 /// and n descriptors of 32.
 class FeatureCache final : public FeatureSource {
  public:
-  /// Opens the cache, or makes it first of what source extracts, which is needed until then only. key:
-  /// everything the features depend on; a file with another key is made anew. Throws Error for a
-  /// folder that cannot be written.
+  /// Opens the cache, or makes it first of what source extracts, which is needed until then only.
+  /// key: everything the features depend on; a file with another key is made anew. Throws Error for
+  /// a folder that cannot be written.
   FeatureCache(const std::filesystem::path& path, const std::string& key, std::uint64_t frames,
                FeatureSource& source);
 

@@ -7,7 +7,9 @@ namespace slambed {
 
 ExtractingSource::ExtractingSource(const PreparedSequence& sequence,
                                    std::shared_ptr<const Sensor> sensor, const OrbOptions& options)
-    : sequence_(sequence), sensor_(std::move(sensor)), extractor_(std::make_unique<OrbExtractor>(options)) {
+    : sequence_(sequence),
+      sensor_(std::move(sensor)),
+      extractor_(std::make_unique<OrbExtractor>(options)) {
   if (sequence_.sensor() == SensorKind::kStereo)
     right_.emplace(OrbExtractor(options), StereoMatcher(sensor_));
 }
@@ -30,7 +32,8 @@ std::shared_ptr<const FeatureSet> ExtractingSource::features(std::uint64_t frame
     case SensorKind::kRgbd:
       break;
   }
-  return make_rgbd_features(*extractor_, sensor_, image.grey, image.depth, sequence_.depth_unit_m());
+  return make_rgbd_features(*extractor_, sensor_, image.grey, image.depth,
+                            sequence_.depth_unit_m());
 }
 
 }  // namespace slambed

@@ -18,8 +18,8 @@ class FeatureSource {
   virtual ~FeatureSource() = default;
   virtual std::shared_ptr<const FeatureSet> features(std::uint64_t frame) = 0;
   virtual std::shared_ptr<const Sensor> sensor() const = 0;
-  /// From the next frame on features come from so many octaves, as many features as before. Of sources that
-  /// know no octaves, nothing.
+  /// From the next frame on features come from so many octaves, as many features as before. Of
+  /// sources that know no octaves, nothing.
   virtual void use_levels(int) {}
 };
 

@@ -56,8 +56,7 @@ void FrameFile::open_or_make(const std::string& key, const Make& make) {
   if (open(key)) return;
   make_all(key, make);
   if (!open(key)) {
-    throw environment_error(kind_.name + " " + path_.string() +
-                            ": cannot be read back; remove it");
+    throw environment_error(kind_.name + " " + path_.string() + ": cannot be read back; remove it");
   }
 }
 
@@ -111,13 +110,13 @@ bool FrameFile::open(const std::string& key) {
   file_ = {static_cast<const std::uint8_t*>(data), size};
   offsets_at_ = (kHeaderBytes + key.size() + 7) / 8 * 8;
   const std::size_t table_bytes = (frames_ + 1) * sizeof(std::uint64_t);
-  const bool good =
-      size >= offsets_at_ + table_bytes && read_at<std::uint32_t>(file_, 0) == kind_.magic &&
-      read_at<std::uint32_t>(file_, 4) == kind_.version &&
-      read_at<std::uint64_t>(file_, 8) == frames_ &&
-      read_at<std::uint32_t>(file_, 16) == key.size() &&
-      std::memcmp(file_.data() + kHeaderBytes, key.data(), key.size()) == 0 &&
-      offset(frames_) == size;
+  const bool good = size >= offsets_at_ + table_bytes &&
+                    read_at<std::uint32_t>(file_, 0) == kind_.magic &&
+                    read_at<std::uint32_t>(file_, 4) == kind_.version &&
+                    read_at<std::uint64_t>(file_, 8) == frames_ &&
+                    read_at<std::uint32_t>(file_, 16) == key.size() &&
+                    std::memcmp(file_.data() + kHeaderBytes, key.data(), key.size()) == 0 &&
+                    offset(frames_) == size;
   if (!good) close();
   return good;
 }

@@ -40,8 +40,8 @@ class FrameFile {
   /// Maps the file; false when there is none for these frames and this key (everything that the
   /// blocks depend on).
   bool open(const std::string& key);
-  /// Opens it, or makes it first (by rename: a process that makes it at the same time does no harm).
-  /// Throws Error for a folder that cannot be written.
+  /// Opens it, or makes it first (by rename: a process that makes it at the same time does no
+  /// harm). Throws Error for a folder that cannot be written.
   void open_or_make(const std::string& key, const Make& make);
   /// Throws Error(kBadInput) when the frame's bytes are damaged.
   Block block(std::uint64_t frame) const;

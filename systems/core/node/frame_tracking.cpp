@@ -63,8 +63,8 @@ TrackerOptions at_rate(TrackerOptions options, SensorKind sensor, double played_
   return options;
 }
 
-FrameTracking::FrameTracking(EventLog& log, const TrackerOptions& options,
-                             std::shared_ptr<Map> map, std::shared_ptr<PlaceIndex> places)
+FrameTracking::FrameTracking(EventLog& log, const TrackerOptions& options, std::shared_ptr<Map> map,
+                             std::shared_ptr<PlaceIndex> places)
     : log_(log), tracker_(options, std::move(map), IdSpace::kTracker, std::move(places)) {}
 
 TrackedFrame FrameTracking::take(Worker& worker, const OfferedFrame& offered,
@@ -79,8 +79,8 @@ TrackedFrame FrameTracking::take(Worker& worker, const OfferedFrame& offered,
     const auto outcome =
         tracker_.track(offered.played.index, offered.played.seq_s(), frame.features);
     units.n1 = frame.features->size();
-    units.n2 = lost ? outcome.candidates_posed
-                    : std::max(outcome.local_points, outcome.searched_points);
+    units.n2 =
+        lost ? outcome.candidates_posed : std::max(outcome.local_points, outcome.searched_points);
     return outcome;
   });
   const bool ok = frame.outcome.state == TrackingState::kOk;

@@ -32,13 +32,13 @@ class TrackingPolicy {
   }
   /// After each frame: whether to make a keyframe, and what becomes of it.
   virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
-  /// Of a frame in which a lost camera was found: with whose help ("local", "edge", "map"); empty: the
-  /// system does not tell.
+  /// Of a frame in which a lost camera was found: with whose help ("local", "edge", "map"); empty:
+  /// the system does not tell.
   virtual std::string_view relocalised_by(const TrackedFrame&) { return {}; }
 };
 
-/// The tracker's options for a sensor and a played rate: ORB-SLAM2's mMaxFrames is one second, unless
-/// they say otherwise.
+/// The tracker's options for a sensor and a played rate: ORB-SLAM2's mMaxFrames is one second,
+/// unless they say otherwise.
 TrackerOptions at_rate(TrackerOptions options, SensorKind sensor, double played_fps);
 
 /// Tracks frame after frame on the node that has them, and records what became of each: stages

@@ -30,8 +30,9 @@ class EncodingSource final : public ImageSource {
   int quality_;
 };
 
-/// The JPEG of every frame, coded once and mapped by all later runs: the bytes that coding gives, so that
-/// sizes in virtual time are true. A FrameFile; a block is one JPEG, its count the JPEG's size.
+/// The JPEG of every frame, coded once and mapped by all later runs: the bytes that coding gives,
+/// so that sizes in virtual time are true. A FrameFile; a block is one JPEG, its count the JPEG's
+/// size.
 class ImageCache final : public ImageSource {
  public:
   /// As FeatureCache: opens it, or makes it first.

@@ -137,8 +137,8 @@ void LoopClosing::map_changed() {
 }
 
 void LoopClosing::drain(Worker& worker, RunTime deadline) {
-  const Completion settled(*settled_, [this] { return open_ == 0; },
-                           [this] { return mapping_.parked(); });
+  const Completion settled(
+      *settled_, [this] { return open_ == 0; }, [this] { return mapping_.parked(); });
   if (!settled.wait(worker, deadline)) ++generation_;
 }
 

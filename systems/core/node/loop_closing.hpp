@@ -61,8 +61,8 @@ class LoopClosing {
   LocalMapping::Mode mode_;
   Commit commit_;
   std::atomic<int> generation_{0};  ///< of the map as loops and resets left it
-  std::atomic<int> open_{0};  ///< bundles asked for and not yet taken over or dropped
-  Mailbox<int> wanted_;       ///< generations to adjust
+  std::atomic<int> open_{0};        ///< bundles asked for and not yet taken over or dropped
+  Mailbox<int> wanted_;             ///< generations to adjust
   Mailbox<Finished> finished_;
   std::unique_ptr<Signal> settled_;
 };

@@ -11,8 +11,8 @@
 
 namespace slambed {
 
-/// Masks of every frame of a sequence, segmented once per quality, network and n_m (docs/formats.md,
-/// "Mask cache").
+/// Masks of every frame of a sequence, segmented once per quality, network and n_m
+/// (docs/formats.md, "Mask cache").
 class MaskCache final : public MaskSource {
  public:
   /// The size of the sequence's pictures.

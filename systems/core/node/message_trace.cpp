@@ -33,8 +33,8 @@ std::vector<TracedMessage> read_messages(const nlohmann::json& list, JsonReader&
     const double sent_s = item.number("sent_s");
     const RunTime before = messages.empty() ? RunTime::zero() : messages.back().sent;
     if (sent_s < to_seconds(before) || sent_s > kLongest_s) item.fail("sent_s", "must not go back");
-    messages.push_back({from_seconds(sent_s),
-                        static_cast<std::size_t>(item.integer("bytes", 0, kMostBytes))});
+    messages.push_back(
+        {from_seconds(sent_s), static_cast<std::size_t>(item.integer("bytes", 0, kMostBytes))});
     item.done();
   }
   return messages;

@@ -24,7 +24,7 @@ struct MobileParts {
   const PreparedSequence* sequence = nullptr;  ///< null: features have no pictures
   SensorKind sensor = SensorKind::kRgbd;
   double played_fps = 30;
-  bool stop_at_first_loss = false;  ///< playback ends with the first track loss
+  bool stop_at_first_loss = false;              ///< playback ends with the first track loss
   std::span<const std::int64_t> timestamps_ns;  ///< of the whole sequence
   std::int64_t time_origin_ns = 0;
   /// A map made before: tracking starts lost in it. Null: tracking makes the first keyframe.
@@ -63,7 +63,8 @@ class MobileNode {
   }
   /// The pictures that go to the edge; for systems that have a jpeg_quality.
   ImageSource& images() { return *parts_.images; }
-  /// Features of the frames to come are extracted from so many octaves; for systems with orb_levels.
+  /// Features of the frames to come are extracted from so many octaves; for systems with
+  /// orb_levels.
   void use_levels(int levels);
   double played_fps() const { return parts_.played_fps; }
   /// What the link's profile asks for; nothing where the run does not tell.

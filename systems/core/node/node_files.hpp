@@ -39,9 +39,9 @@ std::filesystem::path prepare_node_folder(const std::filesystem::path& output, N
 /// Writes JSON whole or not at all: readers poll for these files. environment_error.
 void write_by_rename(const std::filesystem::path& path, const nlohmann::json& content);
 
-/// Waits for <output>/start.json. Run time zero on the monotonic clock; nothing when stopping() says
-/// so before. Error where nobody starts the run within peer_patience, for the other node, and two
-/// minutes more.
+/// Waits for <output>/start.json. Run time zero on the monotonic clock; nothing when stopping()
+/// says so before. Error where nobody starts the run within peer_patience, for the other node, and
+/// two minutes more.
 std::optional<Duration> await_start(const std::filesystem::path& output, Duration peer_patience,
                                     const std::function<bool()>& stopping);
 

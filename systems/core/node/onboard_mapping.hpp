@@ -18,7 +18,8 @@ struct OnboardMappingOptions {
 /// its rule, local mapping, loop closing.
 class OnboardMapping {
  public:
-  /// What mapping a frame's keyframe took; both zero where nothing was made, or mapping has a worker.
+  /// What mapping a frame's keyframe took; both zero where nothing was made, or mapping has a
+  /// worker.
   struct Spent {
     Duration local_mapping{}, loop_closing{};
   };

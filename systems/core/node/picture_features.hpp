@@ -12,8 +12,8 @@
 
 namespace slambed {
 
-/// Features of pictures that come over the network as JPEG, in two steps that are two stages. For one
-/// worker.
+/// Features of pictures that come over the network as JPEG, in two steps that are two stages. For
+/// one worker.
 class PictureFeatures {
  public:
   virtual ~PictureFeatures() = default;
@@ -27,7 +27,8 @@ class PictureFeatures {
 class DecodedPictures final : public PictureFeatures {
  public:
   using SensorOf = std::function<std::shared_ptr<const Sensor>()>;
-  /// sensor: asked for each picture, as the peer's camera is not known at first; null then refuses it.
+  /// sensor: asked for each picture, as the peer's camera is not known at first; null then refuses
+  /// it.
   DecodedPictures(SensorOf sensor, const OrbOptions& options)
       : sensor_(std::move(sensor)), extractor_(options) {}
 
@@ -40,8 +41,8 @@ class DecodedPictures final : public PictureFeatures {
   wire::GreyImage image_;
 };
 
-/// Virtual runs: looks whether a picture could be decoded, and takes its features from where they were
-/// extracted once.
+/// Virtual runs: looks whether a picture could be decoded, and takes its features from where they
+/// were extracted once.
 class KnownPictures final : public PictureFeatures {
  public:
   explicit KnownPictures(FeatureSource& features) : features_(features) {}
@@ -60,7 +61,9 @@ class JpegFeatureSource final : public FeatureSource {
  public:
   JpegFeatureSource(ImageSource& images, std::shared_ptr<const Sensor> sensor,
                     const OrbOptions& options)
-      : images_(images), sensor_(std::move(sensor)), pictures_([this] { return sensor_; }, options) {}
+      : images_(images),
+        sensor_(std::move(sensor)),
+        pictures_([this] { return sensor_; }, options) {}
 
   std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override;
   std::shared_ptr<const Sensor> sensor() const override { return sensor_; }

@@ -20,7 +20,7 @@ namespace slambed {
 struct PlayedFrame {
   std::uint64_t index = 0;  ///< in the prepared sequence
   RunTime due{};
-  std::size_t place = 0;    ///< among the frames that are played
+  std::size_t place = 0;  ///< among the frames that are played
   double seq_s() const { return to_seconds(due); }
 };
 

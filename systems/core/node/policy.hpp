@@ -26,8 +26,8 @@ class MobilePolicy : public TrackingPolicy {
   virtual void start() {}
   /// Between two frames: the place where an update may change the map.
   virtual void before_frame(Worker&, const OfferedFrame&) {}
-  /// A frame that is tracked on the other node: sends it there and says true. False: it is tracked here,
-  /// and before_tracking and after_frame are called.
+  /// A frame that is tracked on the other node: sends it there and says true. False: it is tracked
+  /// here, and before_tracking and after_frame are called.
   virtual bool offload(Worker&, const OfferedFrame&) { return false; }
   /// Playback is over: let work end, say goodbye.
   virtual void finish(Worker& worker) = 0;
@@ -62,8 +62,8 @@ struct System {
   std::function<std::string(const Parameters&)> prior_map;
   /// Whether the mobile node leaves its map behind as a file; not set: never.
   std::function<bool(const Parameters&)> save_map;
-  /// Numbers of octaves that the mobile may change extraction to (MobileNode::use_levels); not set: those
-  /// of `orb` for good.
+  /// Numbers of octaves that the mobile may change extraction to (MobileNode::use_levels); not set:
+  /// those of `orb` for good.
   std::function<std::vector<int>(const Parameters&)> orb_levels;
   /// JPEG quality of the pictures that go to the edge; not set: none does.
   std::function<int(const Parameters&)> jpeg_quality;

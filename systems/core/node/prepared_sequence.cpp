@@ -98,8 +98,10 @@ void PreparedSequence::read_header() {
   camera_.cy = lens.number("cy");
   camera_.bf = lens.number("bf");
   if (camera_.fx <= 0 || camera_.fy <= 0) lens.fail("fx", "and fy must be above 0");
-  if (sensor_ == SensorKind::kMono) camera_.bf = 0;
-  else if (camera_.bf <= 0) lens.fail("bf", "must be above 0");
+  if (sensor_ == SensorKind::kMono)
+    camera_.bf = 0;
+  else if (camera_.bf <= 0)
+    lens.fail("bf", "must be above 0");
   const auto& distortion = lens.any("distortion");
   if (!distortion.is_array() || distortion.size() != camera_.distortion.size()) {
     lens.fail("distortion", "must be [k1, k2, p1, p2, k3]");

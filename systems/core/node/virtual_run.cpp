@@ -133,8 +133,8 @@ class VirtualRun {
     if (system_.jpeg_quality) {
       const int quality = system_.jpeg_quality(parameters_);
       if (config_.images) {
-        images_ = std::make_unique<ImageCache>(config_.images->path, config_.images->key,
-                                               sequence_, quality);
+        images_ = std::make_unique<ImageCache>(config_.images->path, config_.images->key, sequence_,
+                                               quality);
       } else {
         images_ = std::make_unique<EncodingSource>(sequence_, quality);
       }
@@ -165,8 +165,7 @@ class VirtualRun {
     const auto others = system_.orb_levels ? system_.orb_levels(parameters_) : std::vector<int>();
     const auto open = [&](int levels, std::filesystem::path path, const std::string& key) {
       features_->use_levels(levels);
-      by_levels[levels] =
-          std::make_unique<FeatureCache>(path, key, sequence_.frames(), *features_);
+      by_levels[levels] = std::make_unique<FeatureCache>(path, key, sequence_.frames(), *features_);
     };
     for (const int levels : others) {
       if (levels == orb.levels || by_levels.contains(levels)) continue;

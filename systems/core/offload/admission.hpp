@@ -30,8 +30,8 @@ std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& mess
                                                const AdmissionState& state);
 
 /// The delta as it can be committed to a map that went on without the mobile: points that were
-/// fused meanwhile are named by their survivor, points that were culled or never came are forgotten,
-/// none is seen twice.
+/// fused meanwhile are named by their survivor, points that were culled or never came are
+/// forgotten, none is seen twice.
 MapDelta rebase_keyframe(const MapView& view, MapDelta delta);
 
 }  // namespace slambed

@@ -57,7 +57,8 @@ class EdgeMapper {
   auto read_for_update(Read read) {
     return jumps_.update(read);
   }
-  /// read(number, jumped): also whether the map has jumped since the update with the number applied.
+  /// read(number, jumped): also whether the map has jumped since the update with the number
+  /// applied.
   template <typename Read>
   auto read_for_update(std::uint64_t applied, Read read) {
     return jumps_.update(applied, read);

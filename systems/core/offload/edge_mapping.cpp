@@ -7,10 +7,8 @@ EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& ke
                          Channel& map)
     : mapper_(node, options.mapper,
               {.taken = [this] { intake_.look(); },
-               .mapped =
-                   [this](Worker& worker, const wire::UpdateTimes& times) {
-                     updates_.mapped(worker, times);
-                   },
+               .mapped = [this](Worker& worker,
+                                const wire::UpdateTimes& times) { updates_.mapped(worker, times); },
                .idle =
                    [this](Worker& worker) {
                      intake_.look();

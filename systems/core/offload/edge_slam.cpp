@@ -11,9 +11,8 @@ namespace slambed {
 
 EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters)
     : node_(node), offload_(node, parameters) {
-  offload_.downlink().on_applied([this](const wire::MapUpdate&, const std::shared_ptr<Map>&) {
-    edge_has_map_ = true;
-  });
+  offload_.downlink().on_applied(
+      [this](const wire::MapUpdate&, const std::shared_ptr<Map>&) { edge_has_map_ = true; });
 }
 
 void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
@@ -31,8 +30,8 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (frame.outcome.state != TrackingState::kOk) return;
   // A restarted edge knows nothing: its map begins with a keyframe made at once.
   const PeerState edge = node_.network().peer();
-  const bool edge_is_new = edge.connected && edge.incarnation != edge_incarnation_ &&
-                           !frame.outcome.initialised_now;
+  const bool edge_is_new =
+      edge.connected && edge.incarnation != edge_incarnation_ && !frame.outcome.initialised_now;
   const bool at_once = edge_is_new || keyframe_wanted_;
   const KeyFrameNeed need = at_once ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
   if (need == KeyFrameNeed::kNone) return;

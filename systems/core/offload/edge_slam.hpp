@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// Edge-SLAM's decisions on the mobile node: when to make a keyframe, what a new edge is sent, what one is
-/// asked for that has no map.
+/// Edge-SLAM's decisions on the mobile node: when to make a keyframe, what a new edge is sent, what
+/// one is asked for that has no map.
 class EdgeSlamMobile final : public MobilePolicy {
  public:
   EdgeSlamMobile(MobileNode& node, const Parameters& parameters);

@@ -34,8 +34,8 @@ class MobileFarewell {
 class FarewellSource {
  public:
   virtual ~FarewellSource() = default;
-  /// Waits until the keyframe with this sequence has come, or until transit, and all are mapped; what
-  /// then is left to do is dropped at the deadline.
+  /// Waits until the keyframe with this sequence has come, or until transit, and all are mapped;
+  /// what then is left to do is dropped at the deadline.
   virtual void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
                      RunTime deadline) = 0;
   virtual std::vector<KeyFramePose> all_poses() const = 0;

@@ -77,8 +77,8 @@ void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
   handover.type =
       wire::type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover);
   handover.payload = worker.stage("serialise", [&](StageUnits& units) {
-    Bytes bytes = start ? encode(wire::StartMessage{handover.epoch, handover.number})
-                        : encode(message);
+    Bytes bytes =
+        start ? encode(wire::StartMessage{handover.epoch, handover.number}) : encode(message);
     units.n1 = static_cast<double>(bytes.size()) / 1000;
     return bytes;
   });

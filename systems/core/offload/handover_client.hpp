@@ -10,9 +10,9 @@
 
 namespace slambed {
 
-/// Hands the mobile's map over to the edge, by what has changed where the edge knows an earlier state
-/// of it, once however slow the link is: TCP delivers, so only a new connection or another edge is a
-/// reason to send again. The other side is HandoverServer.
+/// Hands the mobile's map over to the edge, by what has changed where the edge knows an earlier
+/// state of it, once however slow the link is: TCP delivers, so only a new connection or another
+/// edge is a reason to send again. The other side is HandoverServer.
 class HandoverClient {
  public:
   HandoverClient(MobileNode& node, Channel& channel) : node_(node), channel_(channel) {}

@@ -9,8 +9,8 @@
 
 namespace slambed {
 
-/// The other side of HandoverClient: answers STATE, lets mapping rest and go on, takes maps over. What
-/// belongs to an older epoch than the last one heard of changes nothing.
+/// The other side of HandoverClient: answers STATE, lets mapping rest and go on, takes maps over.
+/// What belongs to an older epoch than the last one heard of changes nothing.
 class HandoverServer {
  public:
   HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& channel)

@@ -12,8 +12,8 @@ namespace slambed {
 namespace {
 
 struct Made {
-  MapDelta delta;                   ///< the keyframe with all its points
-  std::vector<Covisible> connected; ///< most shared points first
+  MapDelta delta;                    ///< the keyframe with all its points
+  std::vector<Covisible> connected;  ///< most shared points first
 };
 
 Made made(const Map& from, KeyFrameId id) {

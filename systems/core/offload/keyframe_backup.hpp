@@ -7,8 +7,8 @@
 
 namespace slambed {
 
-/// How the world moved between two maps that share keyframes: one transformation per shared keyframe.
-/// What an update brings where it corrects the map is not one movement of all.
+/// How the world moved between two maps that share keyframes: one transformation per shared
+/// keyframe. What an update brings where it corrects the map is not one movement of all.
 class SharedKeyFrames {
  public:
   SharedKeyFrames() = default;
@@ -26,8 +26,9 @@ class SharedKeyFrames {
 };
 
 /// A keyframe of one map as it belongs into the other, with all points it sees that the other one
-/// lacks: moved as the shared keyframe that sees most of the same points, points that were fused over
-/// there named by their survivor. Empty when it is gone here or known there. Notes its own movement.
+/// lacks: moved as the shared keyframe that sees most of the same points, points that were fused
+/// over there named by their survivor. Empty when it is gone here or known there. Notes its own
+/// movement.
 MapDelta carry_over(const Map& from, const Map& to, KeyFrameId keyframe, SharedKeyFrames& shared);
 
 }  // namespace slambed

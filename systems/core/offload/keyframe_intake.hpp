@@ -33,8 +33,8 @@ class KeyFrameIntake {
 
   /// Answers keyframes that no map can start with by KEYFRAME_WANTED. Before start().
   void ask_when_empty() { asks_ = true; }
-  /// Leaves keyframes unread, in the queue of the channel, until the mapper looks for one: while it is
-  /// idle, and whenever look() is called. Before start().
+  /// Leaves keyframes unread, in the queue of the channel, until the mapper looks for one: while it
+  /// is idle, and whenever look() is called. Before start().
   void wait_for_mapper(std::function<bool()> idle) { idle_ = std::move(idle); }
   /// The mapper looks, from any worker: takes what waits now, if anything does.
   void look();

@@ -20,8 +20,8 @@ struct LinkOptions {
 };
 
 /// The RTT that a mobile node decides with: as the transport measures it, from the answers to
-/// messages of its own, or as the link's profile asks for it. rtt() may be called by any worker, all
-/// else by the one that talks to the edge.
+/// messages of its own, or as the link's profile asks for it. rtt() may be called by any worker,
+/// all else by the one that talks to the edge.
 class LinkEstimator {
  public:
   /// measured: the channel whose transport is asked, and probed while it carries nothing.
@@ -48,8 +48,8 @@ class LinkEstimator {
   MobileNode& node_;
   Channel& measured_;
   LinkOptions options_;
-  std::atomic<Duration> heard_{Duration::zero()};  ///< run time of the last answer
-  std::atomic<Duration> echo_{Duration::min()};    ///< smoothed; min: none yet
+  std::atomic<Duration> heard_{Duration::zero()};        ///< run time of the last answer
+  std::atomic<Duration> echo_{Duration::min()};          ///< smoothed; min: none yet
   std::deque<std::pair<std::uint64_t, RunTime>> asked_;  ///< sequence and time, not yet answered
   RunTime next_probe_{};
 };

@@ -6,7 +6,9 @@
 namespace slambed {
 
 MapDownlink::MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions options)
-    : node_(node), inbox_(node, channel, options.rules, std::move(options.codec)), exchange_(node, inbox_) {
+    : node_(node),
+      inbox_(node, channel, options.rules, std::move(options.codec)),
+      exchange_(node, inbox_) {
   switch (options.mode) {
     case MapUpdateMode::kSerial:
       path_ = std::make_unique<SerialUpdates>(node, inbox_, exchange_);

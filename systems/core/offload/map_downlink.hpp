@@ -29,13 +29,14 @@ class MapDownlink {
   /// On the tracking worker: these keyframes were added to the local map; provisional: they are no
   /// references until the edge has accepted them.
   void keyframe_created(RunTime when, const MapDelta& made, bool provisional);
-  /// While tracking is lost and the edge is asked for a pose no update is taken over; what comes waits
-  /// and is judged when tracking goes on. On the tracking worker.
+  /// While tracking is lost and the edge is asked for a pose no update is taken over; what comes
+  /// waits and is judged when tracking goes on. On the tracking worker.
   void suspend(bool suspended) { path_->suspend(suspended); }
-  /// Tracking was lost and goes on, found at this keyframe of the local map. On the tracking worker.
+  /// Tracking was lost and goes on, found at this keyframe of the local map. On the tracking
+  /// worker.
   void recovered(RunTime when, KeyFrameId reference) { path_->recovered(when, reference); }
-  /// A keyframe of the edge's map with all its points joins the local map, or takes its place; counts as
-  /// an update with this number. On the tracking worker.
+  /// A keyframe of the edge's map with all its points joins the local map, or takes its place;
+  /// counts as an update with this number. On the tracking worker.
   void join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation,
             bool takes_its_place);
   /// Whether the last update was a map for relocalisation; not any more once asked.

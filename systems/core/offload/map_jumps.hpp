@@ -24,8 +24,8 @@ class MapJumps {
     std::lock_guard lock(mutex_);
     return read(++updates_);
   }
-  /// The same for somebody whose last update had the number applied: read(number, jumped), whether the
-  /// map has jumped since then.
+  /// The same for somebody whose last update had the number applied: read(number, jumped), whether
+  /// the map has jumped since then.
   template <typename Read>
   auto update(std::uint64_t applied, Read read) {
     std::lock_guard lock(mutex_);

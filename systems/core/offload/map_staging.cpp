@@ -40,8 +40,7 @@ void MapStaging::insert(const MapDelta& update, KeyFrameId newest) {
                        [&](const Backed& backed) { return backed.keyframe == id; });
   });
   for (auto id = uncovered.rbegin(); id != uncovered.rend(); ++id) {
-    backlog_.push_front(
-        {*id, std::binary_search(provisional_.begin(), provisional_.end(), *id)});
+    backlog_.push_front({*id, std::binary_search(provisional_.begin(), provisional_.end(), *id)});
   }
 }
 
@@ -82,7 +81,8 @@ bool MapStaging::ready() const {
 void MapStaging::keyframe_created(KeyFrameId keyframe, bool provisional) {
   std::lock_guard lock(mutex_);
   if (provisional) provisional_.push_back(keyframe);
-  if (backup_ != Backup::kNone && phase_ != Phase::kIdle) backlog_.push_back({keyframe, provisional});
+  if (backup_ != Backup::kNone && phase_ != Phase::kIdle)
+    backlog_.push_back({keyframe, provisional});
 }
 
 void MapStaging::back_up(KeyFrameId keyframe) {

@@ -11,9 +11,9 @@
 namespace slambed {
 
 /// Two maps of a mobile: the active one, which tracking works on, and the staging one, in which a
-/// worker puts an update together while tracking goes on. Keyframes made meanwhile are backed up and
-/// carried over, so that none is missing after the swap. A plain module: one worker and tracking call
-/// it, each its own part.
+/// worker puts an update together while tracking goes on. Keyframes made meanwhile are backed up
+/// and carried over, so that none is missing after the swap. A plain module: one worker and
+/// tracking call it, each its own part.
 class MapStaging {
  public:
   enum class Backup {
@@ -33,8 +33,8 @@ class MapStaging {
   void insert(const MapDelta& update, KeyFrameId newest);
   /// Which keyframes both maps have, and how they moved.
   void relate();
-  /// Carries over what is backed up so far; returns how many keyframes went into staging. Tracking's
-  /// once ready.
+  /// Carries over what is backed up so far; returns how many keyframes went into staging.
+  /// Tracking's once ready.
   std::size_t drain();
   std::size_t waiting() const;
   /// Tracking may swap; the staging map is its own now.

@@ -14,7 +14,8 @@ struct PictureMasksOptions {
 };
 
 /// NRCC ("non-rigid context culling") on a worker of its own, so that a picture is segmented (stage
-/// `segment`) while it is extracted; then leaves out the features on what moves (stage `cull_features`).
+/// `segment`) while it is extracted; then leaves out the features on what moves (stage
+/// `cull_features`).
 class PictureMasks {
  public:
   struct Answer {
@@ -30,8 +31,7 @@ class PictureMasks {
   void ask(std::uint64_t frame, wire::Bytes jpeg, RunTime since);
   /// Of the picture asked for last.
   Answer wait(Worker& worker);
-  std::shared_ptr<const FeatureSet> cull(Worker& worker,
-                                         std::shared_ptr<const FeatureSet> features,
+  std::shared_ptr<const FeatureSet> cull(Worker& worker, std::shared_ptr<const FeatureSet> features,
                                          const FrameMasks& masks) const;
 
  private:

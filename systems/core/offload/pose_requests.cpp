@@ -23,8 +23,8 @@ std::string_view name_of(wire::RelocFailure reason) {
 
 }  // namespace
 
-PoseRequests::PoseRequests(MobileNode& node, Channel& frames, Channel& control,
-                           Channel& keyframes, MapDownlink& downlink, MessageCodec codec)
+PoseRequests::PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
+                           MapDownlink& downlink, MessageCodec codec)
     : node_(node),
       frames_(frames),
       control_(control),
@@ -70,8 +70,8 @@ void PoseRequests::parse(Worker& worker, Message message) {
     units.n1 = ok ? kilobytes(answer.raw.payload) : 0;
     try {
       if (ok) {
-        answer.found = std::make_shared<const wire::RelocOk>(
-            codec_.found(answer.raw.payload, node_.sensor()));
+        answer.found =
+            std::make_shared<const wire::RelocOk>(codec_.found(answer.raw.payload, node_.sensor()));
       } else {
         answer.failed = wire::decode_reloc_fail(answer.raw.payload);
       }
@@ -95,9 +95,8 @@ void PoseRequests::before_frame(Worker& worker) {
 }
 
 void PoseRequests::give_up(std::string_view reason) {
-  node_.log().write(JsonLine("reloc_given_up")
-                        .add("number", outstanding_->message.number)
-                        .add("reason", reason));
+  node_.log().write(
+      JsonLine("reloc_given_up").add("number", outstanding_->message.number).add("reason", reason));
   outstanding_.reset();
 }
 
@@ -138,7 +137,9 @@ std::string_view PoseRequests::use(const Answer& answer, const wire::RelocOk& fo
 void PoseRequests::record(Worker& worker, const Answer& answer, const wire::RelocTimes& times,
                           bool ours, std::string_view dropped) {
   JsonLine event("reloc_reply");
-  event.add("found", answer.found != nullptr).add("used", dropped.empty()).add("bytes", answer.bytes);
+  event.add("found", answer.found != nullptr)
+      .add("used", dropped.empty())
+      .add("bytes", answer.bytes);
   if (!dropped.empty()) event.add("reason", dropped);
   if (ours) {
     event.add("number", outstanding_->message.number)
@@ -147,7 +148,8 @@ void PoseRequests::record(Worker& worker, const Answer& answer, const wire::Relo
         .add_ms("up_ms", times.received - times.queued)
         .add_ms("edge_ms", answer.raw.queued - times.received)
         .add_ms("down_ms", answer.raw.received - answer.raw.queued)
-        .add_ms("transfer_ms", times.received - times.queued + answer.raw.received - answer.raw.queued)
+        .add_ms("transfer_ms",
+                times.received - times.queued + answer.raw.received - answer.raw.queued)
         .add_ms("boundary_ms", worker.now() - answer.raw.received)
         .add_ms("total_ms", worker.now() - outstanding_->asked);
   }

@@ -13,9 +13,9 @@
 
 namespace slambed {
 
-/// The mobile's side of relocalisation on the edge: a lost frame goes up before the local attempt at it,
-/// at most one at a time; what comes back takes effect between two frames. From loss to recovery the
-/// edge sends no updates, and none is taken over.
+/// The mobile's side of relocalisation on the edge: a lost frame goes up before the local attempt
+/// at it, at most one at a time; what comes back takes effect between two frames. From loss to
+/// recovery the edge sends no updates, and none is taken over.
 class PoseRequests {
  public:
   PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,

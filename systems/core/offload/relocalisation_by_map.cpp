@@ -7,13 +7,12 @@
 
 namespace slambed {
 
-RelocalisationHelp::Answer RelocalisationByMap::find(const Message& raw, const wire::FrameMessage& frame) {
+RelocalisationHelp::Answer RelocalisationByMap::find(const Message& raw,
+                                                     const wire::FrameMessage& frame) {
   auto found = alike(frame);
   if (found.empty()) return {};
-  return [this, queued = raw.queued, received = raw.received,
-          found = std::move(found)](Worker& worker) {
-    return send(worker, queued, received, found);
-  };
+  return [this, queued = raw.queued, received = raw.received, found = std::move(found)](
+             Worker& worker) { return send(worker, queued, received, found); };
 }
 
 std::vector<KeyFrameId> RelocalisationByMap::alike(const wire::FrameMessage& frame) const {

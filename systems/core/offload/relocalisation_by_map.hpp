@@ -8,8 +8,8 @@
 
 namespace slambed {
 
-/// Edge-SLAM's way: keyframes that look like the frame and the latest ones become the mobile's map, in
-/// which it finds itself.
+/// Edge-SLAM's way: keyframes that look like the frame and the latest ones become the mobile's map,
+/// in which it finds itself.
 class RelocalisationByMap final : public RelocalisationHelp {
  public:
   /// latest: so many of the latest keyframes go along.

@@ -18,10 +18,9 @@ KeyFrameId reference_of(const MapView& view, std::span<const MapPointId> points)
     if (!id) continue;
     for (const Observation& seen : view.point(id)->observations) ++votes[seen.keyframe];
   }
-  const auto most =
-      std::max_element(votes.begin(), votes.end(), [](const auto& a, const auto& b) {
-        return std::pair(a.second, a.first) < std::pair(b.second, b.first);
-      });
+  const auto most = std::max_element(votes.begin(), votes.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.second, a.first) < std::pair(b.second, b.first);
+  });
   return most == votes.end() ? KeyFrameId{} : most->first;
 }
 
@@ -119,30 +118,28 @@ std::optional<wire::RelocOk> RelocalisationByPose::answer_for(const wire::RelocR
   wire::RelocOk answer;
   answer.number = request.number;
   answer.T_cw = frame.T_cw;
-  const bool whole = mapper_.read_for_update(
-      request.applied_update, [&](std::uint64_t number, bool jumped) {
-        if (mapper_.jumps() != jumps_before) return false;  // the pose is of another world
-        answer.update = number;
-        answer.jumped = jumped;
-        return mapper_.map()->read([&](const MapView& view) {
-          std::vector<MapPointId> points = frame.points;
-          for (MapPointId& id : points) {
-            if (id) id = view.resolve(id);
-          }
-          const KeyFrameId reference = reference_of(view, points);
-          if (!reference) return false;
-          answer.keyframe = extract_keyframes(view, std::array{reference});
-          for (std::size_t i = 0; i < points.size(); ++i) {
-            const bool held = points[i] && std::any_of(answer.keyframe.points.begin(),
-                                                       answer.keyframe.points.end(),
-                                                       [&](const NewPoint& point) {
-                                                         return point.id == points[i];
-                                                       });
-            if (held) answer.matches.emplace_back(static_cast<std::uint16_t>(i), points[i]);
-          }
-          return true;
-        });
-      });
+  const bool whole = mapper_.read_for_update(request.applied_update, [&](std::uint64_t number,
+                                                                         bool jumped) {
+    if (mapper_.jumps() != jumps_before) return false;  // the pose is of another world
+    answer.update = number;
+    answer.jumped = jumped;
+    return mapper_.map()->read([&](const MapView& view) {
+      std::vector<MapPointId> points = frame.points;
+      for (MapPointId& id : points) {
+        if (id) id = view.resolve(id);
+      }
+      const KeyFrameId reference = reference_of(view, points);
+      if (!reference) return false;
+      answer.keyframe = extract_keyframes(view, std::array{reference});
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const bool held =
+            points[i] && std::any_of(answer.keyframe.points.begin(), answer.keyframe.points.end(),
+                                     [&](const NewPoint& point) { return point.id == points[i]; });
+        if (held) answer.matches.emplace_back(static_cast<std::uint16_t>(i), points[i]);
+      }
+      return true;
+    });
+  });
   if (!whole) return std::nullopt;
   return answer;
 }

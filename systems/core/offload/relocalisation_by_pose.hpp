@@ -17,7 +17,8 @@ struct PoseRelocalisationOptions {
 };
 
 /// The edge's side of relocalisation on the edge: looks for lost frames in the global map and says
-/// where they were taken, with the keyframe to go on from. The mobile has at most one request under way.
+/// where they were taken, with the keyframe to go on from. The mobile has at most one request under
+/// way.
 class RelocalisationByPose {
  public:
   RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,

@@ -73,8 +73,7 @@ void OffloadMobile::note(const TrackedFrame& frame) {
 MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& frame,
                                         KeyFrameNeed need, bool becomes_reference) {
   MapDelta made = node_.create_keyframe(worker, frame, need, becomes_reference);
-  if (!made.keyframes.empty())
-    downlink_.keyframe_created(worker.now(), made, !becomes_reference);
+  if (!made.keyframes.empty()) downlink_.keyframe_created(worker.now(), made, !becomes_reference);
   return made;
 }
 

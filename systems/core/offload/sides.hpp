@@ -54,7 +54,7 @@ class OffloadMobile {
   std::optional<PoseRequests> poses_;  ///< in its place, with relocalisation on the edge
   double after_relocalisation_s_;  ///< so long keyframes say that a relocalisation was before them
   bool looks_after_extraction_;    ///< for an update, not before
-  double relocalised_s_ = -1;  ///< sequence time of the last relocalisation; negative: none
+  double relocalised_s_ = -1;      ///< sequence time of the last relocalisation; negative: none
 };
 
 /// Edge-SLAM's edge node.

@@ -84,9 +84,8 @@ void StagedUpdates::catch_up(Worker& worker) {
 }
 
 void StagedUpdates::insert_backlog(Worker& worker) {
-  worker.stage("insert_keyframes", [&](StageUnits& units) {
-    units.n1 = static_cast<double>(staging_.drain());
-  });
+  worker.stage("insert_keyframes",
+               [&](StageUnits& units) { units.n1 = static_cast<double>(staging_.drain()); });
 }
 
 void StagedUpdates::before_frame(Worker& worker) {
@@ -98,11 +97,11 @@ void StagedUpdates::before_frame(Worker& worker) {
   }
   auto arrival = prepared_.try_take();
   if (!arrival) return;
-  // It was welcome when it began. The camera may have found itself again since then, a new edge or epoch
-  // may have come.
+  // It was welcome when it began. The camera may have found itself again since then, a new edge or
+  // epoch may have come.
   const bool anew = arrival->relocalisation() || std::exchange(waited_, false);
-  const auto reason = anew ? inbox_.decline_reason(worker, *arrival)
-                                                : inbox_.obsolete_reason(worker, *arrival);
+  const auto reason =
+      anew ? inbox_.decline_reason(worker, *arrival) : inbox_.obsolete_reason(worker, *arrival);
   if (!reason) return exchange_maps(worker, std::move(*arrival));
   inbox_.record_declined(*arrival, *reason);
   inbox_.keep_poses(worker, *arrival);

@@ -9,9 +9,10 @@
 
 namespace slambed {
 
-/// Multithread's way: a worker judges, reads and puts the update together in a staging map, with the
-/// keyframes that were made meanwhile; between two frames tracking carries its last frame over, swaps the
-/// two maps and empties the former one. One update at a time; of those that wait the newest stays.
+/// Multithread's way: a worker judges, reads and puts the update together in a staging map, with
+/// the keyframes that were made meanwhile; between two frames tracking carries its last frame over,
+/// swaps the two maps and empties the former one. One update at a time; of those that wait the
+/// newest stays.
 class StagedUpdates final : public UpdatePath {
  public:
   StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
@@ -36,10 +37,10 @@ class StagedUpdates final : public UpdatePath {
   UpdateInbox& inbox_;
   UpdateExchange& exchange_;
   MapStaging staging_;
-  Mailbox<UpdateArrival> prepared_;  ///< what the staging map holds once it is ready
+  Mailbox<UpdateArrival> prepared_;     ///< what the staging map holds once it is ready
   std::atomic<bool> suspended_{false};  ///< set by tracking
   bool waited_ = false;                 ///< tracking's: what is prepared has waited for a recovery
-  Mailbox<UpdateArrival> declined_;  ///< at their begin; they may tell poses
+  Mailbox<UpdateArrival> declined_;     ///< at their begin; they may tell poses
 };
 
 }  // namespace slambed

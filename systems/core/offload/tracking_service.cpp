@@ -130,8 +130,7 @@ void TrackingService::after_frame(Worker& worker, const TrackedFrame& frame) {
   result_->times.loop_closing = spent.loop_closing;
 }
 
-void TrackingService::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
-                            RunTime) {
+void TrackingService::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit, RunTime) {
   Completion(
       *settled_, [&] { return answered_ >= last_sequence; }, [] { return false; })
       .wait(worker, transit);

@@ -19,10 +19,10 @@ struct TrackingServiceOptions {
   std::optional<PictureMasksOptions> masks;  ///< none: nothing is segmented
 };
 
-/// Full offload, the edge's side: decodes, extracts, tracks and maps one picture after the other, and
-/// answers each with its pose. Mapping and loops are done before the answer, as the sum of the paper's
-/// equation 1 has them; a segmentation runs beside decoding and extraction, and tracking sees no
-/// feature that lies on what moves.
+/// Full offload, the edge's side: decodes, extracts, tracks and maps one picture after the other,
+/// and answers each with its pose. Mapping and loops are done before the answer, as the sum of the
+/// paper's equation 1 has them; a segmentation runs beside decoding and extraction, and tracking
+/// sees no feature that lies on what moves.
 class TrackingService final : public FarewellSource, private TrackingPolicy {
  public:
   TrackingService(EdgeNode& node, Channel& frames, TrackingServiceOptions options);
@@ -53,8 +53,9 @@ class TrackingService final : public FarewellSource, private TrackingPolicy {
   std::shared_ptr<PlaceIndex> places_;
   OnboardMapping mapping_;
   std::optional<PictureMasks> masks_;
-  std::unique_ptr<FrameTracking> tracking_;  ///< from the first picture on: the camera is known then
-  wire::FrameResult* result_ = nullptr;    ///< of the picture at hand
+  std::unique_ptr<FrameTracking>
+      tracking_;                         ///< from the first picture on: the camera is known then
+  wire::FrameResult* result_ = nullptr;  ///< of the picture at hand
   RunTime tracking_began_{};
   std::unique_ptr<Signal> settled_;
   std::atomic<std::uint64_t> answered_{0};

@@ -10,14 +10,14 @@
 
 namespace slambed {
 
-/// Keyframes of the old map that are newer than the update and not among those kept (ascending): lost
-/// to tracking.
+/// Keyframes of the old map that are newer than the update and not among those kept (ascending):
+/// lost to tracking.
 int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFrameId> kept);
 /// The update's own keyframes, ascending.
 std::vector<KeyFrameId> keyframes_of(const wire::MapUpdate& update);
 
-/// What follows when an update has become the local map, however it came there: the rules hear of it,
-/// the system, the pose book and the event log. On the tracking worker.
+/// What follows when an update has become the local map, however it came there: the rules hear of
+/// it, the system, the pose book and the event log. On the tracking worker.
 class UpdateExchange {
  public:
   /// Called with each update and the map it has become.
@@ -27,9 +27,9 @@ class UpdateExchange {
   void on_applied(Applied applied) { on_applied_ = std::move(applied); }
 
   struct Outcome {
-    RunTime begin;     ///< since when tracking stood still for it
-    int gap = 0;       ///< local_map_gap()
-    int backed_up = 0; ///< keyframes not in the update that were carried over
+    RunTime begin;      ///< since when tracking stood still for it
+    int gap = 0;        ///< local_map_gap()
+    int backed_up = 0;  ///< keyframes not in the update that were carried over
   };
   /// Whether the last update was a map for relocalisation; not any more once asked.
   bool came_from_map() { return std::exchange(from_map_, false); }

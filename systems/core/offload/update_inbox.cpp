@@ -166,9 +166,8 @@ KeyFrameId UpdateInbox::settled() const {
 }
 
 int UpdateInbox::keyframes_since(RunTime begin) const {
-  return static_cast<int>(
-      std::count_if(recent_keyframes_.begin(), recent_keyframes_.end(),
-                    [&](RunTime created) { return created > begin; }));
+  return static_cast<int>(std::count_if(recent_keyframes_.begin(), recent_keyframes_.end(),
+                                        [&](RunTime created) { return created > begin; }));
 }
 
 }  // namespace slambed

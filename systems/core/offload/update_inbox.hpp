@@ -38,7 +38,8 @@ class UpdateInbox {
   std::optional<UpdateArrival> read(Worker& worker, Message message);
 
   /// Why the rules decline it.
-  std::optional<std::string_view> decline_reason(Worker& worker, const UpdateArrival& arrival) const;
+  std::optional<std::string_view> decline_reason(Worker& worker,
+                                                 const UpdateArrival& arrival) const;
   /// The same without what only mattered when it began to be worked in.
   std::optional<std::string_view> obsolete_reason(Worker& worker,
                                                   const UpdateArrival& arrival) const;
@@ -47,8 +48,8 @@ class UpdateInbox {
   // Tracking's.
   /// Between two frames: what the rules have to know of tracking.
   void look();
-  /// Takes over what the update tells of poses, where that is new though its map is not wanted: the edge
-  /// may be gone before it tells them again.
+  /// Takes over what the update tells of poses, where that is new though its map is not wanted: the
+  /// edge may be gone before it tells them again.
   void keep_poses(Worker& worker, const UpdateArrival& arrival);
   void place_keyframes(const wire::MapUpdate& update);
   /// A keyframe was added to the local map.

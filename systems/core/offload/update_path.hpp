@@ -25,8 +25,8 @@ class UpdatePath {
   virtual void recovered(RunTime, KeyFrameId) {}
 };
 
-/// Everything (parsing, building the new map, disposing of the old one) on the tracking worker, as in
-/// Edge-SLAM.
+/// Everything (parsing, building the new map, disposing of the old one) on the tracking worker, as
+/// in Edge-SLAM.
 class SerialUpdates final : public UpdatePath {
  public:
   SerialUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange)

@@ -16,7 +16,8 @@ inline constexpr int kKeyframesPerStep = 6;
 struct UpdateRules {
   int min_local_keyframes = 6;  ///< declined while the local map has fewer
   Duration fast_motion{};       ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
-  int local_map_size = kKeyframesPerStep;  ///< each so many local keyframes make fast motion matter less
+  int local_map_size =
+      kKeyframesPerStep;  ///< each so many local keyframes make fast motion matter less
   /// DynNetSLAM's: declined while more keyframes per second are made; 0: never for that.
   double keyframe_rate_hz = 0;
 };
@@ -33,16 +34,17 @@ struct UpdateState {
   std::uint64_t update = 0, applied = 0;
   std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;
-  bool new_keyframe = false;          ///< one was created since the last update was taken over
+  bool new_keyframe = false;  ///< one was created since the last update was taken over
   Duration since_keyframe{};
   int keyframes_in_window = 0;  ///< created within kRateWindow
 };
 
-/// Whether the keyframe poses of the update are newer than what is known here, also where its map is
-/// declined.
+/// Whether the keyframe poses of the update are newer than what is known here, also where its map
+/// is declined.
 bool tells_poses(const UpdateState& state);
 
-/// Why no map may be made of the update, whatever the camera does; nothing: it is not too late for it.
+/// Why no map may be made of the update, whatever the camera does; nothing: it is not too late for
+/// it.
 std::optional<std::string_view> obsolete_reason(const UpdateState& state);
 
 /// Nothing when the update is welcome, else why it is declined.

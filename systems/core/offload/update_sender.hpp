@@ -11,11 +11,12 @@
 namespace slambed {
 
 struct UpdateSenderOptions {
-  int keyframes = 6;    ///< n_KF: the latest mapped keyframes that an update carries
-  int neighbours = 0;   ///< best covisibles of the newest one besides
-  Duration period{};    ///< at least so long between two updates; 0: after each keyframe
-  std::optional<Duration> first{};  ///< when the first one is due; nothing: one period after the start
-  bool poses = true;    ///< an update also says where other keyframes moved
+  int keyframes = 6;   ///< n_KF: the latest mapped keyframes that an update carries
+  int neighbours = 0;  ///< best covisibles of the newest one besides
+  Duration period{};   ///< at least so long between two updates; 0: after each keyframe
+  std::optional<Duration>
+      first{};                 ///< when the first one is due; nothing: one period after the start
+  bool poses = true;           ///< an update also says where other keyframes moved
   bool keep_recovery = false;  ///< see UpdateSender::release
   MessageCodec codec{};
 };
@@ -34,12 +35,12 @@ class UpdateSender {
   void send(Worker& worker, wire::UpdateTimes times, KeyFrameId newest,
             const std::vector<KeyFrameId>& keyframes, bool relocalisation);
 
-  /// The mobile asked where it is, at this time: regular updates pause until a later keyframe says that
-  /// it knows again, so that none takes the place of the map that is the answer.
+  /// The mobile asked where it is, at this time: regular updates pause until a later keyframe says
+  /// that it knows again, so that none takes the place of the map that is the answer.
   void hold(RunTime asked);
-  /// It knows again, found at this keyframe: updates go on. Until as many keyframes as an update carries
-  /// were made since then and mapped, they carry that one too, so that the first does not take the
-  /// camera's place away.
+  /// It knows again, found at this keyframe: updates go on. Until as many keyframes as an update
+  /// carries were made since then and mapped, they carry that one too, so that the first does not
+  /// take the camera's place away.
   void release(RunTime found, KeyFrameId reference);
   /// A keyframe came: it knows where it is, and which update it has taken over.
   void heard(const wire::KeyFrameMessage& keyframe);
@@ -66,7 +67,7 @@ class UpdateSender {
 
   std::mutex mutex_;  ///< guards what follows
   wire::UpdateTimes newest_times_;
-  bool news_ = false;  ///< a keyframe was mapped since the last update
+  bool news_ = false;            ///< a keyframe was mapped since the last update
   std::optional<RunTime> held_;  ///< when the mobile asked where it is
   struct Recovery {
     KeyFrameId reference;

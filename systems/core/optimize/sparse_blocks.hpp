@@ -14,8 +14,8 @@ namespace slambed {
 
 /// A symmetric positive definite matrix of N x N blocks of which few are not zero: the lower
 /// triangle, block by block, and its factorisation. The pattern is fixed, so that the order of
-/// elimination (approximate minimum degree) is looked for only once. Stride: numbers from one column
-/// of a block to the next; the rows beyond D are padding.
+/// elimination (approximate minimum degree) is looked for only once. Stride: numbers from one
+/// column of a block to the next; the rows beyond D are padding.
 template <int D, int Stride = D>
 class SparseBlocks {
  public:

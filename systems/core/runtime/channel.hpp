@@ -16,10 +16,10 @@ using Bytes = std::vector<std::uint8_t>;
 /// One framed message: what the wire floor encodes and verifies. type: wire::MessageType.
 struct Message {
   std::uint8_t type = 0;
-  std::uint64_t sequence = 0;  ///< per channel and direction, from 1
-  RunTime queued{};            ///< on the sender's run clock
-  RunTime sent{};              ///< first byte handed to the transport
-  RunTime received{};          ///< last byte taken from it
+  std::uint64_t sequence = 0;     ///< per channel and direction, from 1
+  RunTime queued{};               ///< on the sender's run clock
+  RunTime sent{};                 ///< first byte handed to the transport
+  RunTime received{};             ///< last byte taken from it
   std::uint64_t incarnation = 0;  ///< process of the peer that sent it (PeerState)
   Bytes payload;
 };

@@ -38,9 +38,9 @@ class EdgeCollector {
 
 bool was_connected(const LoopCorrection::Moved& moved, KeyFrameId id) {
   const auto& before = moved.connected_before;
-  const auto at = std::lower_bound(
-      before.begin(), before.end(), id,
-      [](const Covisible& other, KeyFrameId wanted) { return other.id < wanted; });
+  const auto at =
+      std::lower_bound(before.begin(), before.end(), id,
+                       [](const Covisible& other, KeyFrameId wanted) { return other.id < wanted; });
   return at != before.end() && at->id == id;
 }
 
@@ -57,8 +57,7 @@ void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::
     if (!keyframe) continue;
     for (const Covisible& near : keyframe->covisibles) {
       if (near.weight < kStrongWeight) break;
-      if (!was_connected(moved, near.id) && !is_moved(near.id))
-        edges.hold(moved.id, near.id, S_cw);
+      if (!was_connected(moved, near.id) && !is_moved(near.id)) edges.hold(moved.id, near.id, S_cw);
     }
   }
 }
@@ -102,8 +101,7 @@ EssentialGraph::EssentialGraph(const Map& map, const LoopCorrection& loop, const
     problem.fixed.assign(ids_.size(), 0);
     const auto held = edges.place(loop.matched);
     if (!problem.fixed.empty()) problem.fixed[held ? *held : 0] = 1;
-    if (!ids_.empty())
-      problem.fix_scale = view.keyframe(ids_.front())->features->sensor().metric();
+    if (!ids_.empty()) problem.fix_scale = view.keyframe(ids_.front())->features->sensor().metric();
     return 0;
   });
   problem.S_cw = start_;

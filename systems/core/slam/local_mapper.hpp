@@ -15,8 +15,8 @@ struct LocalMapperOptions {
   int neighbours_mono = 20;      ///< ... where every point must be triangulated
   int second_neighbours = 5;     ///< of each neighbour, for fusion
   double redundant_share = 0.9;  ///< keyframe culling
-  /// How old a new point is: by the ids of keyframes, which also count those that were made and never
-  /// came (Edge-SLAM), instead of by the keyframes mapped since.
+  /// How old a new point is: by the ids of keyframes, which also count those that were made and
+  /// never came (Edge-SLAM), instead of by the keyframes mapped since.
   bool ages_by_id = false;
   BundleOptions bundle;
 

@@ -34,8 +34,8 @@ MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_re
 /// none.
 void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId> points);
 
-/// As Edge-SLAM knows points again: those that tracking has made and that the new map has under the same
-/// id; points of the edge get a new name with every update there, so that none of them is.
+/// As Edge-SLAM knows points again: those that tracking has made and that the new map has under the
+/// same id; points of the edge get a new name with every update there, so that none of them is.
 void keep_tracked_points(const Map& new_map, std::span<MapPointId> points);
 
 }  // namespace slambed

@@ -34,7 +34,7 @@ PlaceIndex::PlaceIndex(std::shared_ptr<const Vocabulary> vocabulary)
     : vocabulary_(std::move(vocabulary)), postings_(vocabulary_->words()) {}
 
 std::vector<PlaceIndex::Posting>::iterator PlaceIndex::place_of(std::uint32_t slot,
-                                                               std::vector<Posting>& list) {
+                                                                std::vector<Posting>& list) {
   return std::lower_bound(
       list.begin(), list.end(), slot,
       [](const Posting& posting, std::uint32_t wanted) { return posting.slot < wanted; });

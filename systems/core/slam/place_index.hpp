@@ -72,7 +72,7 @@ class PlaceIndex {
   mutable std::shared_mutex mutex_;
   SlotTable<KeyFrameId, SlotNumber> slots_;
   std::vector<Entry> entries_;
-  std::vector<std::uint32_t> free_;  ///< slots
+  std::vector<std::uint32_t> free_;             ///< slots
   std::vector<std::vector<Posting>> postings_;  ///< per word, slots ascending
   Followed followed_;
 };

@@ -31,9 +31,8 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
     initialise(outcome);
   } else {
     const KeyFrameId before = reference;
-    const bool tracked = state == TrackingState::kOk
-                             ? follow(outcome)
-                             : follow_found(outcome) || find_again(outcome);
+    const bool tracked = state == TrackingState::kOk ? follow(outcome)
+                                                     : follow_found(outcome) || find_again(outcome);
     if (tracked) {
       local.keep_sightings();
       velocity =
@@ -225,9 +224,10 @@ MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
 
 void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
                                 std::span<const KeyFrameId> still_provisional) {
-  const MapChange change = compare_maps(*map, *fresh, current.reference ? current.reference : reference,
-                                        {.newest_is_reference = options.newest_is_reference,
-                                         .only_from_newest = !options.reanchor_last});
+  const MapChange change =
+      compare_maps(*map, *fresh, current.reference ? current.reference : reference,
+                   {.newest_is_reference = options.newest_is_reference,
+                    .only_from_newest = !options.reanchor_last});
   if (options.points_by_observation)
     rename_points(*map, *fresh, current.points);
   else

@@ -50,8 +50,9 @@ TrackerOptions suited(TrackerOptions options, SensorKind sensor);
 
 /// How a frame's pose was looked for. Matches of each way that was tried; nothing: it was not.
 struct PoseSearch {
-  std::optional<int> motion_matches;  ///< the last frame's points where the motion model expects them
-  std::optional<int> word_matches;    ///< the reference keyframe's points, by words of the vocabulary
+  std::optional<int>
+      motion_matches;               ///< the last frame's points where the motion model expects them
+  std::optional<int> word_matches;  ///< the reference keyframe's points, by words of the vocabulary
   /// The reference keyframe's points, also by descriptors alone where words found too few.
   std::optional<int> reference_matches;
 };
@@ -119,9 +120,9 @@ class Tracker {
   /// next frame is tracked from this keyframe as right after a relocalisation. False, and nothing
   /// changed, when the tracker is not lost or its map has no such keyframe.
   bool resume(const SE3& T_cw, KeyFrameId reference);
-  /// The same with the frame that was found, which may be older than the last one tracked: it takes the
-  /// last one's place, without a velocity. Tracking stays lost until a frame was tracked from it; the next
-  /// one is tried so first, then as any lost frame.
+  /// The same with the frame that was found, which may be older than the last one tracked: it takes
+  /// the last one's place, without a velocity. Tracking stays lost until a frame was tracked from
+  /// it; the next one is tried so first, then as any lost frame.
   bool resume(const FoundFrame& found);
 
   /// What the keyframe rule knows of the frame just tracked, for rules of one's own.
@@ -148,8 +149,8 @@ class Tracker {
   /// frame and the next, after the change was committed; T_rw_before: where the last frame's
   /// reference keyframe was until then. The motion model stays as it is.
   void moved(const SE3& T_new_old, const SE3& T_rw_before);
-  /// All distances of the map were multiplied by this: right after replace_map, so that the last pose and
-  /// the motion model are of the same scale.
+  /// All distances of the map were multiplied by this: right after replace_map, so that the last
+  /// pose and the motion model are of the same scale.
   void rescale(double factor);
   /// The keyframe that the last pose is relative to.
   KeyFrameId reference() const;

@@ -74,9 +74,7 @@ bool Tracker::Impl::track_reference() {
   return inliers >= kLeastPoseInliers;
 }
 
-bool Tracker::Impl::relocalise() {
-  return relocaliser.locate(*map, reference, search, current);
-}
+bool Tracker::Impl::relocalise() { return relocaliser.locate(*map, reference, search, current); }
 
 void Tracker::Impl::note_relocalisation() {
   relocalised_at = frame_number;

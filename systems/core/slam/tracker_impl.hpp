@@ -63,9 +63,9 @@ struct Tracker::Impl {
   bool relocalised_ever = false;
   bool found_elsewhere = false;  ///< last is a frame that somebody else has found
   KeyFrameEvidence evidence;
-  int searched = 0;       ///< points looked for in this frame
-  PoseSearch pose_search; ///< of this frame
-  MapDelta first_delta;  ///< of the keyframes made by initialise()
+  int searched = 0;        ///< points looked for in this frame
+  PoseSearch pose_search;  ///< of this frame
+  MapDelta first_delta;    ///< of the keyframes made by initialise()
   bool first_delta_waiting = false;
 
   LocalView local;

@@ -43,7 +43,9 @@ IdType get_id(TextReader& in) {
 }
 
 void put_time(TextWriter& out, RunTime time) { out.integer(time.count()); }
-RunTime get_time(TextReader& in) { return RunTime(in.integer(-kMaxRunTime.count(), kMaxRunTime.count())); }
+RunTime get_time(TextReader& in) {
+  return RunTime(in.integer(-kMaxRunTime.count(), kMaxRunTime.count()));
+}
 
 void put_pose(TextWriter& out, const SE3& pose) {
   const Eigen::Quaterniond q = pose.quaternion();
@@ -171,8 +173,8 @@ void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
   delta.keyframes.push_back(std::move(keyframe));
 }
 
-/// Edge-SLAM's points carry their counters by value. Ours are written there for their size, but only
-/// these are current: tracking has counted on since the local map came.
+/// Edge-SLAM's points carry their counters by value. Ours are written there for their size, but
+/// only these are current: tracking has counted on since the local map came.
 void put_sightings(TextWriter& out, std::span<const PointSightings> sightings) {
   out.integer(sightings.size());
   for (const PointSightings& point : sightings) {
@@ -242,8 +244,7 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   return finish(std::move(out));
 }
 
-KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes,
-                                     const SensorPtr& sensor) {
+KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
   TextReader in = open(bytes, "KEYFRAME");
   KeyFrameMessage message;
   message.keyframe = get_id<KeyFrameId>(in);

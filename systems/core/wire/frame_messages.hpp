@@ -28,7 +28,8 @@ struct FrameTimes {
   RunTime queued{};             ///< handed to the channel
   RunTime received{};           ///< its last byte at the edge
   RunTime begun{};              ///< taken up there
-  /// What the parts took: segmentation; decoding and extraction, beside it; tracking; mapping; loops.
+  /// What the parts took: segmentation; decoding and extraction, beside it; tracking; mapping;
+  /// loops.
   Duration nrcc{}, extract{}, track{}, local_mapping{}, loop_closing{};
   RunTime done{};  ///< the answer handed to the channel
 };

@@ -32,8 +32,8 @@ bool ends(std::span<const std::uint8_t> jpeg) {
 
 void check(tjhandle decoder, std::span<const std::uint8_t> jpeg, int width, int height) {
   int found_width = 0, found_height = 0, sampling = 0, colours = 0;
-  if (tjDecompressHeader3(decoder, jpeg.data(), jpeg.size(), &found_width, &found_height,
-                          &sampling, &colours) != 0) {
+  if (tjDecompressHeader3(decoder, jpeg.data(), jpeg.size(), &found_width, &found_height, &sampling,
+                          &colours) != 0) {
     throw DecodeError(std::string("no JPEG: ") + tjGetErrorStr2(decoder));
   }
   if (!ends(jpeg)) throw DecodeError("JPEG is torn: its end mark is not its end");

@@ -20,12 +20,12 @@ struct GreyImage {
 /// transform is libjpeg-turbo's accurate one, which its vector kernels repeat bit for bit.
 Bytes encode_jpeg(GreyView image, int quality);
 
-/// Throws DecodeError unless this begins as a grey JPEG of that size and ends as one; looks at nothing
-/// in between.
+/// Throws DecodeError unless this begins as a grey JPEG of that size and ends as one; looks at
+/// nothing in between.
 void check_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
 
-/// Checks the header as check_jpeg does, before room is made for a pixel. Throws DecodeError for what is
-/// torn or damaged, too: a picture is whole or none.
+/// Checks the header as check_jpeg does, before room is made for a pixel. Throws DecodeError for
+/// what is torn or damaged, too: a picture is whole or none.
 GreyImage decode_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
 
 }  // namespace slambed::wire

@@ -153,7 +153,8 @@ Bytes encode_segmentation(const FrameMasks& masks) {
   out.u32(static_cast<std::uint32_t>(masks.height));
   for (const Instance& instance : masks.instances) {
     out.u16(instance.object_class);
-    out.u16(static_cast<std::uint16_t>((instance.moves ? kMoves : 0) | (instance.body ? kHasBody : 0)));
+    out.u16(
+        static_cast<std::uint16_t>((instance.moves ? kMoves : 0) | (instance.body ? kHasBody : 0)));
     out.f32(instance.score);
     out.u32(static_cast<std::uint32_t>(instance.runs.size()));
     if (instance.body) {

@@ -44,8 +44,8 @@ enum class MessageType : std::uint8_t {
   kFrameImage = 64,   ///< mobile -> edge: a picture to be tracked there
   kFrameResult = 65,  ///< edge -> mobile: its pose, what moves in it, and how long each part took
   kSemanticKeyFrame = 66,  ///< mobile -> edge: a keyframe to be mapped, its picture to be segmented
-  kOptResult = 67,         ///< edge -> mobile: its optimised pose, and what changed in the local map
-  kMask = 68,              ///< edge -> mobile: what moves in its picture
+  kOptResult = 67,  ///< edge -> mobile: its optimised pose, and what changed in the local map
+  kMask = 68,       ///< edge -> mobile: what moves in its picture
 };
 
 /// As it stands in a message's header.

@@ -46,8 +46,8 @@ inline constexpr std::array kUpdateTimes = {&UpdateTimes::captured, &UpdateTimes
 struct MapUpdate {
   std::uint64_t update = 0;  ///< counts from 1
   KeyFrameId newest;
-  /// Points first seen by this keyframe or an earlier one will not be culled for how rarely they are
-  /// found; none: too few keyframes were mapped.
+  /// Points first seen by this keyframe or an earlier one will not be culled for how rarely they
+  /// are found; none: too few keyframes were mapped.
   KeyFrameId settled{};
   UpdateTimes times;
   MapDelta map;                     ///< the keyframes with all their points

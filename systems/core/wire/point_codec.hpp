@@ -13,9 +13,9 @@ namespace slambed::wire {
 enum class FreshPoints { kWhole, kDerived };
 
 /// Writes and reads new points beside the keyframes of the same delta: whatever follows from those
-/// (descriptor, reference keyframe, nearest distance) is named in a few bytes instead of repeated. A
-/// fresh point, as tracking makes it of one feature with depth, follows whole from that feature: its
-/// id is enough, where it may be off by what quantising moved the feature.
+/// (descriptor, reference keyframe, nearest distance) is named in a few bytes instead of repeated.
+/// A fresh point, as tracking makes it of one feature with depth, follows whole from that feature:
+/// its id is enough, where it may be off by what quantising moved the feature.
 class PointCodec {
  public:
   explicit PointCodec(const std::vector<NewKeyFrame>& keyframes,

@@ -151,8 +151,7 @@ RelocOk decode_reloc_ok(std::span<const std::uint8_t> bytes, const SensorPtr& se
   return message;
 }
 
-Bytes encode_text(const RelocOk& message, const FrameMessage& found,
-                  const Vocabulary& vocabulary) {
+Bytes encode_text(const RelocOk& message, const FrameMessage& found, const Vocabulary& vocabulary) {
   const MapUpdate carrier{.update = message.update,
                           .newest = message.keyframe.keyframes.at(0).id,
                           .times = {},

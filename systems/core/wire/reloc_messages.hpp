@@ -10,7 +10,7 @@ namespace slambed::wire {
 
 /// RELOC_REQUEST, mobile -> edge: a lost frame, to be found in the global map.
 struct RelocRequest {
-  std::uint64_t number = 0;  ///< counts from 1
+  std::uint64_t number = 0;          ///< counts from 1
   std::uint64_t applied_update = 0;  ///< newest update the mobile had taken over, 0: none
   FrameMessage frame;
 };
@@ -63,8 +63,8 @@ Bytes encode(const RelocFail& message);
 Bytes encode(const RelocOk& message);
 Bytes encode(const SuspendMessage& message);
 Bytes encode(const ResumeMessage& message);
-/// Frames and keyframes as Edge-SLAM's text archives have them. found: the frame of the request, which
-/// goes back whole for what that costs.
+/// Frames and keyframes as Edge-SLAM's text archives have them. found: the frame of the request,
+/// which goes back whole for what that costs.
 Bytes encode_text(const RelocRequest& message, const Vocabulary& vocabulary);
 Bytes encode_text(const RelocOk& message, const FrameMessage& found, const Vocabulary& vocabulary);
 

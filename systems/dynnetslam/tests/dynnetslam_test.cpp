@@ -68,8 +68,11 @@ TEST_P(DynNetSlam, AnUpdateOfAnOlderEpochIsDeclined) {
 }
 
 TEST_P(DynNetSlam, AStandingCameraIsNoTrap) {
-  const auto stand = [](SyntheticWorld& world, int frame) { return turn(world, std::min(frame, 30)); };
-  const PairResult result = run(params(true, true), 300, steps({{10, 3}, {90, 9}, {10, 18}}), stand);
+  const auto stand = [](SyntheticWorld& world, int frame) {
+    return turn(world, std::min(frame, 30));
+  };
+  const PairResult result =
+      run(params(true, true), 300, steps({{10, 3}, {90, 9}, {10, 18}}), stand);
   EXPECT_EQ(states(result), "OS SZ MES SZ OS");
   expect_all_tracked(result, 300);
 }

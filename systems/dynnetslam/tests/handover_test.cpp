@@ -19,7 +19,8 @@ TEST_P(DynNetSlam, TheEdgeKnowsEveryKeyframeAfterAHandover) {
   }
   ASSERT_GT(made.size(), 5u);
   int there = 0;
-  for (const NewKeyFrame& keyframe : result.edge_map.keyframes) there += made.contains(keyframe.id.value);
+  for (const NewKeyFrame& keyframe : result.edge_map.keyframes)
+    there += made.contains(keyframe.id.value);
   EXPECT_GT(there, static_cast<int>(made.size()) / 2);  // others were culled as redundant
 }
 

@@ -77,7 +77,8 @@ inline void expect_consistent(const MapDelta& map, double speed) {
   std::set<MapPointId> points, seen;
   for (const NewPoint& point : map.points) points.insert(point.id);
   for (const NewKeyFrame& keyframe : map.keyframes) {
-    const SE3 truth = pose_at(speed * static_cast<double>(keyframe.frame_index)) * pose_at(0).inverse();
+    const SE3 truth =
+        pose_at(speed * static_cast<double>(keyframe.frame_index)) * pose_at(0).inverse();
     const Eigen::Vector3d error = keyframe.T_cw.inverse().t - truth.inverse().t;
     EXPECT_LT(error.norm(), kPositionTolerance_m) << "frame " << keyframe.frame_index;
     for (const MapPointId id : keyframe.points) {
@@ -89,8 +90,8 @@ inline void expect_consistent(const MapDelta& map, double speed) {
   EXPECT_EQ(seen.size(), points.size());
 }
 
-/// No map that the edge made in an older epoch was taken over; times in ns. Needs updates to be worth
-/// anything.
+/// No map that the edge made in an older epoch was taken over; times in ns. Needs updates to be
+/// worth anything.
 inline void expect_no_stale_update(const PairResult& result) {
   std::map<std::uint64_t, double> epoch_ends;  // when epoch n was over
   for (const auto& event : result.of("state_changed")) {
@@ -118,8 +119,10 @@ inline int mapped_in(const PairResult& result, const std::vector<nlohmann::json>
     if (event["type"] != "keyframe_mapped") continue;
     std::string now;
     for (const auto& change : changes)
-      if (change["t_ns"].get<double>() + 1e9 < event["t_ns"].get<double>()) now = change["to"];
-      else if (change["t_ns"].get<double>() < event["t_ns"].get<double>()) now = "just changed";
+      if (change["t_ns"].get<double>() + 1e9 < event["t_ns"].get<double>())
+        now = change["to"];
+      else if (change["t_ns"].get<double>() < event["t_ns"].get<double>())
+        now = "just changed";
     mapped += now == state ? 1 : 0;
   }
   return mapped;

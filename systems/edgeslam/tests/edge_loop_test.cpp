@@ -106,7 +106,8 @@ class SendsWhileClosing final : public EdgePolicy {
         worker.sleep_until(worker.now() + std::chrono::milliseconds(1));
       }
       const auto latest = edge.latest(1);
-      if (!latest.empty()) offload_.mapping().updates().send(worker, {}, {kMeanwhile}, latest, false);
+      if (!latest.empty())
+        offload_.mapping().updates().send(worker, {}, {kMeanwhile}, latest, false);
     });
   }
   std::shared_ptr<const Map> map() const override { return offload_.map(); }

@@ -156,7 +156,8 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   const auto applied = result.of("update_applied");
   ASSERT_GE(applied.size(), 2u);
   const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
-  // Sightings of every point in view grow with the local map until an update says which are settled.
+  // Sightings of every point in view grow with the local map until an update says which are
+  // settled.
   double before = 0, after = 0;
   for (const auto& message : result.of("message")) {
     if (message["message"] != "KEYFRAME") continue;
@@ -277,8 +278,8 @@ TEST(EdgeSlam, TheCompatibilityCodecCostsWhatEdgeSlamsMessagesCost) {
   EXPECT_EQ(text.of("frame_tracked").back()["state"], "ok");
 }
 
-/// Ten seconds of turning, one second of darkness, then again what was seen at second two: the local
-/// map of one keyframe does not reach that far back, the edge's does.
+/// Ten seconds of turning, one second of darkness, then again what was seen at second two: the
+/// local map of one keyframe does not reach that far back, the edge's does.
 std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticWorld& world, int frame) {
   if (frame >= 100 && frame < 110) return world.nothing();
   return turn(world, frame < 100 ? frame : frame - 90);

@@ -42,7 +42,8 @@ TEST(Original, TheFirstUpdateIsDueWhenItIsAskedFor) {
 
 int declined_as_busy(const PairResult& result) {
   int count = 0;
-  for (const auto& event : result.of("keyframe_declined")) count += event["reason"] == "mapper busy";
+  for (const auto& event : result.of("keyframe_declined"))
+    count += event["reason"] == "mapper busy";
   return count;
 }
 
@@ -66,7 +67,8 @@ TEST(Original, KeyframesWaitUnreadForAnIdleMapper) {
 TEST(Original, TrackingWaitsWhileAnUpdateIsBuiltBesideIt) {
   PairLink link;
   link.mobile_device = testing::uniform_device(40'000);
-  link.mobile_device->stages["parse"].a_us = 200'000;  // the other thread is at it for several frames
+  link.mobile_device->stages["parse"].a_us =
+      200'000;  // the other thread is at it for several frames
   auto params = ours();
   params["fast_motion_ms"] = 0.0;
   params["sync_period_s"] = 1.0;

@@ -26,8 +26,8 @@ TEST(ExampleBackpressure, WithoutABacklogItIsEdgeSlamByteForByte) {
   const PairResult ours = run(1e6, 100);
   auto params = conventional();
   params.update(testing::ours());
-  const PairResult edge_slam = testing::run_pair(edgeslam_system(), params, kFrames, 10,
-                                                 {.mbit_per_s = 100}, testing::turn);
+  const PairResult edge_slam =
+      testing::run_pair(edgeslam_system(), params, kFrames, 10, {.mbit_per_s = 100}, testing::turn);
   EXPECT_EQ(ours.trajectory, edge_slam.trajectory);
   EXPECT_EQ(ours.keyframes, edge_slam.keyframes);
   EXPECT_TRUE(ours.of("keyframe_withheld").empty());

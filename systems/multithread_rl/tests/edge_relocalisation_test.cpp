@@ -36,14 +36,15 @@ nlohmann::json params(const std::string& map_update, const std::string& codec = 
   return all;
 }
 
-/// Which frame of the turn shows what the camera sees after the darkness: second one, and then on at half
-/// the pace, so that it does not come near the place where it was lost.
+/// Which frame of the turn shows what the camera sees after the darkness: second one, and then on
+/// at half the pace, so that it does not come near the place where it was lost.
 double far_back_at(int frame) { return 10 + 0.5 * (frame - kDark - kDarkFor); }
 
 /// Darkness, then what nobody but the edge knows.
 std::shared_ptr<const FeatureSet> far_back(SyntheticWorld& world, int frame) {
   if (frame < kDark) return turn(world, frame);
-  return frame < kDark + kDarkFor ? world.nothing() : world.look(testing::pose_at(far_back_at(frame)));
+  return frame < kDark + kDarkFor ? world.nothing()
+                                  : world.look(testing::pose_at(far_back_at(frame)));
 }
 
 /// Darkness, then what was seen last.
@@ -158,7 +159,7 @@ INSTANTIATE_TEST_SUITE_P(Updates, EdgeRelocalisation, ::testing::Values("serial"
 /// What becomes of an answer, and who ends the loss.
 struct Case {
   const char* name;
-  bool local;        ///< the mobile's own map shows the place
+  bool local;  ///< the mobile's own map shows the place
   PairLink link;
   const char* by;    ///< nullptr: stays lost
   const char* told;  ///< in some event
@@ -240,24 +241,23 @@ TEST_P(Protocol, EndsALossByTheFirstSuccess) {
 
 INSTANTIATE_TEST_SUITE_P(
     Table, Protocol,
-    ::testing::Values(Case{"LocalOk", true, {}, "local", "not lost any more"},
-                      Case{"LocalFail", true, with(fail), "local", "not asked for"},
-                      Case{"LocalLate", true, late(), "local", "no answer"},
-                      Case{"LocalNever", true, with(never), "local", "no answer"},
-                      Case{"LocalFormer", true, with(from_a_former_process), "local",
-                           "its edge is gone"},
-                      Case{"LocalGarbage", true, with(garbage), "local", "refused"},
-                      Case{"EdgeOk", false, {}, "edge", "not found"},
-                      Case{"EdgeFail", false, with(fail), nullptr, "not asked for"},
-                      Case{"EdgeLate", false, late(), nullptr, "not asked for"},
-                      Case{"EdgeNever", false, with(never), nullptr, "no answer"},
-                      Case{"EdgeFormer", false, with(from_a_former_process), nullptr,
-                           "its edge is gone"},
-                      Case{"EdgeGarbage", false, with(garbage), nullptr, "refused"}),
+    ::testing::Values(
+        Case{"LocalOk", true, {}, "local", "not lost any more"},
+        Case{"LocalFail", true, with(fail), "local", "not asked for"},
+        Case{"LocalLate", true, late(), "local", "no answer"},
+        Case{"LocalNever", true, with(never), "local", "no answer"},
+        Case{"LocalFormer", true, with(from_a_former_process), "local", "its edge is gone"},
+        Case{"LocalGarbage", true, with(garbage), "local", "refused"},
+        Case{"EdgeOk", false, {}, "edge", "not found"},
+        Case{"EdgeFail", false, with(fail), nullptr, "not asked for"},
+        Case{"EdgeLate", false, late(), nullptr, "not asked for"},
+        Case{"EdgeNever", false, with(never), nullptr, "no answer"},
+        Case{"EdgeFormer", false, with(from_a_former_process), nullptr, "its edge is gone"},
+        Case{"EdgeGarbage", false, with(garbage), nullptr, "refused"}),
     [](const auto& c) { return c.param.name; });
 
-/// A lap and a bit through a lens that hides some of the turning, darkness, and what was seen in the
-/// middle of the lap. The only update comes before the edge can know that it was a lap.
+/// A lap and a bit through a lens that hides some of the turning, darkness, and what was seen in
+/// the middle of the lap. The only update comes before the edge can know that it was a lap.
 PairResult lap(bool loop_closing) {
   constexpr int kDarkAfterLap = 174, kBack = 80;
   const auto look = [](SyntheticWorld& world, int frame) {

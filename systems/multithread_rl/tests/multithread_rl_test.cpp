@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two nodes in virtual time on a synthetic world: repeatable, and no timing of this machine decides.
+// The two nodes in virtual time on a synthetic world: repeatable, and no timing of this machine
+// decides.
 #include "multithread_rl/multithread_rl.hpp"
 
 #include <gtest/gtest.h>
@@ -82,8 +83,7 @@ int sum_of(const PairResult& result, const char* field) {
 /// A mobile that needs a while for whatever an update needs.
 DeviceModel slow_to_update() {
   DeviceModel device = testing::uniform_device(2000);
-  for (const char* stage : {"parse", "insert_keyframes"})
-    device.stages[stage].a_us = 500'000;
+  for (const char* stage : {"parse", "insert_keyframes"}) device.stages[stage].a_us = 500'000;
   return device;
 }
 
@@ -145,7 +145,8 @@ TEST(Multithread, CarriesOverWhatWasMadeMeanwhile) {
   EXPECT_EQ(sum_of(all, "gap_keyframes"), 0);
 }
 
-/// From an update's begin to its swap every keyframe made must be in the map that tracking ends with.
+/// From an update's begin to its swap every keyframe made must be in the map that tracking ends
+/// with.
 TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
   PairLink link;
   link.mobile_device = slow_to_update();
@@ -183,8 +184,7 @@ TEST(Multithread, AMapForRelocalisationIsStagedToo) {
   };
   auto params = switches("staged");
   params.update({{"n_kf", 1}, {"min_local_keyframes", 1}});
-  const PairResult result =
-      testing::run_pair(multithread_rl_system(), params, 200, 10, {}, dark);
+  const PairResult result = testing::run_pair(multithread_rl_system(), params, 200, 10, {}, dark);
   EXPECT_EQ(result.of("track_lost").size(), 1u);
   EXPECT_EQ(result.of("relocalised").size(), 1u);
   int begun = 0, applied = 0;

@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The client of slambed-play for systems in C or C++ (docs/systems.md, "Systems that run by themselves").
+/* The client of slambed-play for systems in C or C++ (docs/systems.md, "Systems that run by
+ * themselves").
  *
  *   slambed_client client;
  *   if (slambed_open(&client) != 0) return 1;          // prints why
  *   slambed_ready(&client);                            // vocabulary loaded, edge connected
  *   slambed_frame frame;
- *   while (slambed_next(&client, &frame) == 1) {       // 0: playback is over, -1: the player has gone
- *     const uint8_t* grey = slambed_grey(&client, &frame);
+ *   while (slambed_next(&client, &frame) == 1) {       // 0: playback is over, -1: the player has
+ * gone const uint8_t* grey = slambed_grey(&client, &frame);
  *     ...
  *     slambed_pose pose = slambed_tracked(&frame, T_wc, q_wc);   // or slambed_untracked
  *     slambed_send_pose(&client, &pose);
  *   }
- *   slambed_send_final(&client, &pose);                // any number: the path after all corrections
- *   slambed_close(&client);
+ *   slambed_send_final(&client, &pose);                // any number: the path after all
+ * corrections slambed_close(&client);
  *
  * Messages are packets on a socket, of host byte order; pixels lie in shared memory. */
 #ifndef SLAMBED_CLIENT_H
@@ -32,15 +33,15 @@ extern "C" {
 
 enum { SLAMBED_PROTOCOL = 1, SLAMBED_EVENT_BYTES = 4096 };
 enum slambed_type {
-  SLAMBED_HELLO = 1,  /* client: who are you; answered by slambed_info */
+  SLAMBED_HELLO = 1, /* client: who are you; answered by slambed_info */
   SLAMBED_INFO = 2,
-  SLAMBED_READY = 3,  /* client: the run may begin */
-  SLAMBED_NEXT = 4,   /* client: a frame, please; answered by slambed_frame or SLAMBED_END */
+  SLAMBED_READY = 3, /* client: the run may begin */
+  SLAMBED_NEXT = 4,  /* client: a frame, please; answered by slambed_frame or SLAMBED_END */
   SLAMBED_FRAME = 5,
-  SLAMBED_END = 6,    /* no more frames; to an edge, unasked: the run is over */
-  SLAMBED_POSE = 7,   /* client: the pose of a frame as tracking found it */
-  SLAMBED_FINAL = 8,  /* client: the pose of a frame as the finished map has it */
-  SLAMBED_EVENT = 9   /* client: a JSON object with "type", behind the four bytes of the type */
+  SLAMBED_END = 6,   /* no more frames; to an edge, unasked: the run is over */
+  SLAMBED_POSE = 7,  /* client: the pose of a frame as tracking found it */
+  SLAMBED_FINAL = 8, /* client: the pose of a frame as the finished map has it */
+  SLAMBED_EVENT = 9  /* client: a JSON object with "type", behind the four bytes of the type */
 };
 enum slambed_sensor { SLAMBED_RGBD = 0, SLAMBED_STEREO = 1, SLAMBED_MONO = 2 };
 enum slambed_state { SLAMBED_OK = 0, SLAMBED_LOST = 1, SLAMBED_NOT_INITIALISED = 2 };
@@ -48,33 +49,33 @@ enum slambed_state { SLAMBED_OK = 0, SLAMBED_LOST = 1, SLAMBED_NOT_INITIALISED =
 typedef struct {
   uint32_t type, protocol;
   uint32_t sensor, width, height;
-  uint32_t slots;              /* the last so many frames stay as they are */
+  uint32_t slots; /* the last so many frames stay as they are */
   uint64_t slot_bytes;
-  double fx, fy, cx, cy;       /* pixels */
-  double bf;                   /* fx times baseline, px*m */
-  double distortion[5];        /* OpenCV's k1, k2, p1, p2, k3; stereo pictures are rectified */
-  double depth_unit_m;         /* metres per step of the depth picture */
-  double fps;                  /* as played */
+  double fx, fy, cx, cy; /* pixels */
+  double bf;             /* fx times baseline, px*m */
+  double distortion[5];  /* OpenCV's k1, k2, p1, p2, k3; stereo pictures are rectified */
+  double depth_unit_m;   /* metres per step of the depth picture */
+  double fps;            /* as played */
 } slambed_info;
 
 typedef struct {
   uint32_t type, slot;
-  uint64_t index;              /* in the sequence */
-  int64_t recorded_ns;         /* the time stamp of the recording */
-  double seq_s;                /* since the first frame played */
+  uint64_t index;      /* in the sequence */
+  int64_t recorded_ns; /* the time stamp of the recording */
+  double seq_s;        /* since the first frame played */
 } slambed_frame;
 
 typedef struct {
   uint32_t type, state;
   uint64_t index;
-  double t_wc[3];              /* camera in the world, metres */
-  double q_wc[4];              /* x, y, z, w: camera to world */
-  int32_t features, inliers;   /* -1: not told */
+  double t_wc[3];            /* camera in the world, metres */
+  double q_wc[4];            /* x, y, z, w: camera to world */
+  int32_t features, inliers; /* -1: not told */
 } slambed_pose;
 
 typedef struct {
   int socket;
-  const uint8_t* pixels;       /* NULL on an edge */
+  const uint8_t* pixels; /* NULL on an edge */
   size_t bytes;
   slambed_info info;
 } slambed_client;
@@ -124,7 +125,8 @@ static inline const uint8_t* slambed_grey(const slambed_client* c, const slambed
   return c->pixels + f->slot * c->info.slot_bytes;
 }
 
-/* rgbd: width * height values of uint16_t, 0 where nothing was measured; stereo: the right picture. */
+/* rgbd: width * height values of uint16_t, 0 where nothing was measured; stereo: the right picture.
+ */
 static inline const void* slambed_second(const slambed_client* c, const slambed_frame* f) {
   return slambed_grey(c, f) + (size_t)c->info.width * c->info.height;
 }

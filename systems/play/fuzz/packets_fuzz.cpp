@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a foreign system may send to the player: packets through the real socket, whatever is in them.
-// Each is taken or refused, and the trajectory of what was taken has finite numbers only.
+// What a foreign system may send to the player: packets through the real socket, whatever is in
+// them. Each is taken or refused, and the trajectory of what was taken has finite numbers only.
 #include <unistd.h>
 
 #include <algorithm>
@@ -21,8 +21,8 @@ constexpr std::uint64_t kFrames = 4;
 /// Larger than any packet of the protocol: such ones come too.
 constexpr std::size_t kLargestPacket = sizeof(std::uint32_t) + SLAMBED_EVENT_BYTES + 8;
 
-/// The next packet: a byte for its kind, then its bytes. Poses are valid ones, some bytes of which are
-/// edited, so that a fuzzer comes behind the first check.
+/// The next packet: a byte for its kind, then its bytes. Poses are valid ones, some bytes of which
+/// are edited, so that a fuzzer comes behind the first check.
 std::vector<std::uint8_t> packet(std::span<const std::uint8_t>& data) {
   const std::uint8_t kind = data[0];
   data = data.subspan(1);

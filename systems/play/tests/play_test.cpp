@@ -98,8 +98,8 @@ TEST_F(RecordTest, FinalPosesMakeTheTrajectoryAndLeaveTheLiveOne) {
 
 TEST_F(RecordTest, WhatIsNoPoseIsRefused) {
   take(0);
-  EXPECT_THROW(pose(1), Error);                     // never given
-  EXPECT_THROW(pose(0, 3), Error);                  // no state
+  EXPECT_THROW(pose(1), Error);     // never given
+  EXPECT_THROW(pose(0, 3), Error);  // no state
   EXPECT_THROW(pose(0, SLAMBED_OK, NAN), Error);
   EXPECT_THROW(pose(0, SLAMBED_OK, -1e308), Error);  // finite, until it is turned
   auto long_quaternion = packet(0, SLAMBED_OK, 0);
@@ -111,11 +111,12 @@ TEST_F(RecordTest, WhatIsNoPoseIsRefused) {
 }
 
 TEST(SystemEvent, IsAnObjectWithATypeAndKeepsItsValues) {
-  EXPECT_EQ(system_event(R"({"b": [1, "\u00e9"], "type": "map", "n": 3, "x": 0.5, "on": true, "t_ns": 7})")
+  EXPECT_EQ(system_event(
+                R"({"b": [1, "\u00e9"], "type": "map", "n": 3, "x": 0.5, "on": true, "t_ns": 7})")
                 .fields(),
             R"("type":"map","b":"[1,\"é\"]","n":3,"on":true,"x":0.5)");
-  for (const char* bad : {"", "[]", "{}", R"({"type": 1})", R"({"type": "a")", "{\"type\": \"\xff\"}",
-                          R"({"type": "a", "x": 1e999})"}) {
+  for (const char* bad : {"", "[]", "{}", R"({"type": 1})", R"({"type": "a")",
+                          "{\"type\": \"\xff\"}", R"({"type": "a", "x": 1e999})"}) {
     EXPECT_THROW(system_event(bad), Error) << bad;
   }
 }
@@ -175,8 +176,10 @@ TEST(Command, WhatItsProgramStartedEndsWithIt) {
 }
 
 TEST(Command, AProgramThatIsNotThereIsToldAtOnce) {
-  EXPECT_THROW(Command({.arguments = {"/no/such/program"}, .directory = {}, .environment = {}, .inherited = {}}),
-               Error);
+  EXPECT_THROW(
+      Command(
+          {.arguments = {"/no/such/program"}, .directory = {}, .environment = {}, .inherited = {}}),
+      Error);
 }
 
 }  // namespace

@@ -47,8 +47,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
     auto far = config;
     for (const auto& [channel, port] : far_ports_) far["network"]["ports"][channel] = port;
     const auto path = folder.write("edge.json", far.dump());
-    return Process({SLAMBED_NODE, "--role", "edge", "--config", path},
-                   folder.path() / "edge.log");
+    return Process({SLAMBED_NODE, "--role", "edge", "--config", path}, folder.path() / "edge.log");
   }
   void set_rtt(std::chrono::milliseconds rtt) {
     for (auto& channel : way_) channel->set_one_way(rtt / 2);

@@ -96,14 +96,15 @@ class Forwarder {
     if (got == 0) way.ended = true;
     if (got <= 0) return;
     bytes.resize(static_cast<std::size_t>(got));
-    way.under_way.push_back({Clock::now() + std::chrono::milliseconds(delay_ms_), std::move(bytes)});
+    way.under_way.push_back(
+        {Clock::now() + std::chrono::milliseconds(delay_ms_), std::move(bytes)});
   }
 
   void hand_out(Way& way) const {
     while (!cut_ && !way.under_way.empty() && way.under_way.front().due <= Clock::now()) {
       Chunk& chunk = way.under_way.front();
-      const auto put = ::send(way.to, chunk.bytes.data(), chunk.bytes.size(),
-                              MSG_DONTWAIT | MSG_NOSIGNAL);
+      const auto put =
+          ::send(way.to, chunk.bytes.data(), chunk.bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
       if (put < 0) return;
       chunk.bytes.erase(chunk.bytes.begin(), chunk.bytes.begin() + put);
       if (!chunk.bytes.empty()) return;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sequences that a broken or covered camera leaves: the whole node plays them to the end, in virtual
-// time and on its own, and what cannot be played is refused before the first frame.
+// Sequences that a broken or covered camera leaves: the whole node plays them to the end, in
+// virtual time and on its own, and what cannot be played is refused before the first frame.
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -65,37 +65,36 @@ class HardInput : public ::testing::Test {
     folder.write("sequence/index.bin", index);
     const nlohmann::json cost{{"a_us", 3000}, {"b_us", 0}, {"c_us", 0}, {"jitter", 0}};
     nlohmann::json stages;
-    for (const char* stage :
-         {"extract", "track", "relocalise", "create_keyframe", "insert", "cull_points", "triangulate", "fuse",
-          "bundle", "cull_keyframes", "loop_detect", "loop_close", "global_bundle"})
+    for (const char* stage : {"extract", "track", "relocalise", "create_keyframe", "insert",
+                              "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes",
+                              "loop_detect", "loop_close", "global_bundle"})
       stages[stage] = cost;
-    folder.write("run.json",
-                 nlohmann::json{
-                     {"format", "slambed-run"},
-                     {"version", 1},
-                     {"run_key", "hard"},
-                     {"seed", 1},
-                     {"system", "orbslam2"},
-                     {"variant", "default"},
-                     {"params", params(mode)},
-                     {"sequence", folder.path() / "sequence"},
-                     {"playback",
-                      {{"mode", mode}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}}},
-                     {"network", nullptr},
-                     {"output", folder.path()},
-                     {"connect_timeout_s", 1.0}}
-                     .dump());
+    folder.write(
+        "run.json",
+        nlohmann::json{
+            {"format", "slambed-run"},
+            {"version", 1},
+            {"run_key", "hard"},
+            {"seed", 1},
+            {"system", "orbslam2"},
+            {"variant", "default"},
+            {"params", params(mode)},
+            {"sequence", folder.path() / "sequence"},
+            {"playback", {{"mode", mode}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}}},
+            {"network", nullptr},
+            {"output", folder.path()},
+            {"connect_timeout_s", 1.0}}
+            .dump());
     folder.write("sim.json",
-                 nlohmann::json{
-                     {"format", "slambed-sim"},
-                     {"version", 1},
-                     {"run", "run.json"},
-                     {"devices",
-                      {{"mobile", {{"cores", 2}, {"speed", 1.0}, {"stages", stages}}},
-                       {"edge", nullptr}}},
-                     {"link", nullptr},
-                     {"edge_frozen_s", nlohmann::json::array()},
-                     {"feature_cache", nullptr}}
+                 nlohmann::json{{"format", "slambed-sim"},
+                                {"version", 1},
+                                {"run", "run.json"},
+                                {"devices",
+                                 {{"mobile", {{"cores", 2}, {"speed", 1.0}, {"stages", stages}}},
+                                  {"edge", nullptr}}},
+                                {"link", nullptr},
+                                {"edge_frozen_s", nlohmann::json::array()},
+                                {"feature_cache", nullptr}}
                      .dump());
     Process sim({SLAMBED_SIM, "--config", folder.path() / "sim.json"}, folder.path() / "log");
     const int code = sim.wait();
@@ -139,8 +138,8 @@ class HardInput : public ::testing::Test {
     }
     // A young map is given up when tracking is lost, and the trajectory begins anew with the next.
     const auto reset = std::find(states.rbegin(), states.rend(), "not_initialised");
-    EXPECT_EQ(poses, tracked(static_cast<int>(states.rend() - reset),
-                             static_cast<int>(states.size())));
+    EXPECT_EQ(poses,
+              tracked(static_cast<int>(states.rend() - reset), static_cast<int>(states.size())));
   }
   /// Plays to the end in both ways; the first `good` frames and those from `again` on are tracked.
   void expect_survived(int good, int again) {
@@ -230,7 +229,8 @@ TEST_F(HardInput, TimeThatJumps) {
   EXPECT_EQ(tracked(0, kFrames), kFrames);
   expect_sound_trajectory();
   ASSERT_EQ(play("realtime"), 0) << read_text(folder.path() / "log");
-  EXPECT_GE(states.size(), static_cast<std::size_t>(kFrames - 3)) << "only those that come together";
+  EXPECT_GE(states.size(), static_cast<std::size_t>(kFrames - 3))
+      << "only those that come together";
   EXPECT_EQ(tracked(0, static_cast<int>(states.size())), static_cast<long>(states.size()));
   expect_sound_trajectory();
 }

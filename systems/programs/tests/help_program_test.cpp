@@ -49,8 +49,7 @@ class HelpProgram : public testing::NodeProgramTest {
   }
 };
 
-class MultithreadRlProgram : public HelpProgram,
-                             public ::testing::WithParamInterface<const char*> {
+class MultithreadRlProgram : public HelpProgram, public ::testing::WithParamInterface<const char*> {
  protected:
   MultithreadRlProgram() {
     use("multithread_rl");

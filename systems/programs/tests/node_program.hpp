@@ -96,12 +96,9 @@ class NodeProgramTest : public ::testing::Test {
 
   void use_orbslam2() {
     config["system"] = "orbslam2";
-    config["params"] = {{"n_orb", 600},
-                        {"loop_closing", true},
-                        {"sequential", false},
-                        {"second_hypotheses", true},
-                        {"prior_map", ""},
-                        {"save_map", false}};
+    config["params"] = {{"n_orb", 600},        {"loop_closing", true},
+                        {"sequential", false}, {"second_hypotheses", true},
+                        {"prior_map", ""},     {"save_map", false}};
     config["network"] = nullptr;
   }
 

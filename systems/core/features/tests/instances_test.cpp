@@ -30,7 +30,8 @@ FeatureSet features_at(std::shared_ptr<const Sensor> with, std::vector<Eigen::Ve
 
 /// An instance that covers columns 40 to 59 of rows 20 to 29.
 FrameMasks block(bool moves) {
-  Instance found{.object_class = 0, .moves = moves, .score = 1, .runs = {20 * kWidth + 40}, .body = {}};
+  Instance found{
+      .object_class = 0, .moves = moves, .score = 1, .runs = {20 * kWidth + 40}, .body = {}};
   for (int row = 0; row < 10; ++row) {
     found.runs.push_back(20);
     found.runs.push_back(row < 9 ? kWidth - 20 : 20 * kWidth + 40);

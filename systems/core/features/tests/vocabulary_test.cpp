@@ -175,8 +175,8 @@ TEST_F(VocabularyFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
       bad[header ? 4 + random() % 16 : record + kLinks + random() % 16] =
           static_cast<std::uint8_t>(random());
     }
-    const auto crc = static_cast<std::uint32_t>(
-        ::crc32_z(0, bad.data() + kHeader, bad.size() - kHeader));
+    const auto crc =
+        static_cast<std::uint32_t>(::crc32_z(0, bad.data() + kHeader, bad.size() - kHeader));
     for (int b = 0; b < 4; ++b) bad[20 + b] = static_cast<std::uint8_t>(crc >> (8 * b));
     try {
       // What is taken for a vocabulary must be usable as one.

@@ -48,9 +48,8 @@ struct Scene {
   }
   /// A wall that is seen at an angle.
   void add_flat(int count, double noise_px = 0) {
-    add(count, noise_px, [](double u, double v) {
-      return 4 / (1 + 0.0001 * (u - 320) - 0.0005 * (v - 240));
-    });
+    add(count, noise_px,
+        [](double u, double v) { return 4 / (1 + 0.0001 * (u - 320) - 0.0005 * (v - 240)); });
   }
   void add_nonsense(int count) {
     for (int i = 0; i < count; ++i) {

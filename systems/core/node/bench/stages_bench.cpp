@@ -73,7 +73,8 @@ class Played {
     synth::GeneratorOptions options;
     options.fps = kFps;
     options.seconds = kSeconds;
-    options.sensor_model = {.motion_blur_s = 0.005, .noise = 2, .depth_noise = 1, .depth_holes = 0.02};
+    options.sensor_model = {
+        .motion_blur_s = 0.005, .noise = 2, .depth_noise = 1, .depth_holes = 0.02};
     synth::generate(options, folder_.path() / "walk", 2, [](int, int) { return true; });
     return folder_.path() / "walk";
   }
@@ -233,8 +234,8 @@ void SerialiseMap(benchmark::State& state) {
   const MapInfo info{.sensor = run.info, .sequence = "walk"};
   for (auto _ : state)
     state.counters["bytes"] = static_cast<double>(encode_map(*run.map, info).size());
-  state.counters["keyframes"] = static_cast<double>(
-      run.map->read([](const MapView& view) { return view.keyframe_count(); }));
+  state.counters["keyframes"] =
+      static_cast<double>(run.map->read([](const MapView& view) { return view.keyframe_count(); }));
 }
 
 void ParseMap(benchmark::State& state) {

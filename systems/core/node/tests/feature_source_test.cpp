@@ -90,9 +90,8 @@ TEST_F(FeatureSourceTest, AMonocularFrameHasNoDepthAnywhere) {
   ExtractingSource source(sequence, sensor_of(sequence), orb());
   const auto features = source.features(0);
   EXPECT_FALSE(features->sensor().metric());
-  EXPECT_TRUE(std::ranges::none_of(features->keypoints(), [](const KeyPoint& p) {
-    return p.has_depth() || p.right_u >= 0;
-  }));
+  EXPECT_TRUE(std::ranges::none_of(
+      features->keypoints(), [](const KeyPoint& p) { return p.has_depth() || p.right_u >= 0; }));
 }
 
 }  // namespace

@@ -49,9 +49,9 @@ TEST_F(FrameFileTest, IsMadeOnceAndReadBack) {
     EXPECT_EQ(file.block(frame).count, frame + 7);
     EXPECT_EQ(file.block(frame).bytes.size(), frame * 3);
   }
-  EXPECT_EQ(complaint([&] { file.block(4); }),
-            "test file " + path.string() +
-                ": frame 4 is not in it; remove the file, it is made anew");
+  EXPECT_EQ(
+      complaint([&] { file.block(4); }),
+      "test file " + path.string() + ": frame 4 is not in it; remove the file, it is made anew");
 }
 
 TEST_F(FrameFileTest, IsNotOpenedWithAnotherKeyKindOrNumberOfFrames) {
@@ -74,8 +74,7 @@ TEST_F(FrameFileTest, SaysSoWhenAByteIsWrong) {
     FrameFile file(kKind, path, 4);
     if (!file.open("key")) continue;
     std::string said;
-    for (std::uint64_t frame = 0; frame < 4; ++frame)
-      said += complaint([&] { file.block(frame); });
+    for (std::uint64_t frame = 0; frame < 4; ++frame) said += complaint([&] { file.block(frame); });
     // A block's own number is not under its checksum.
     const bool of_count = said == "acceptedacceptedacceptedaccepted";
     EXPECT_TRUE(of_count || said.find("is damaged") != std::string::npos) << at << ": " << said;
@@ -97,12 +96,11 @@ class MaskCacheTest : public FrameFileTest {
  protected:
   void write(const FrameMasks& masks, std::uint32_t instances) {
     std::filesystem::remove(path);
-    FrameFile({"mask cache", 0x434D4C53, 1}, path, 2)
-        .open_or_make("key", [&](std::uint64_t frame) {
-          return frame == 1 ? FrameFile::OwnedBlock{instances, wire::encode_segmentation(masks)}
-                            : FrameFile::OwnedBlock{
-                                  0, wire::encode_segmentation({kWidth, kHeight, {}})};
-        });
+    FrameFile({"mask cache", 0x434D4C53, 1}, path, 2).open_or_make("key", [&](std::uint64_t frame) {
+      return frame == 1
+                 ? FrameFile::OwnedBlock{instances, wire::encode_segmentation(masks)}
+                 : FrameFile::OwnedBlock{0, wire::encode_segmentation({kWidth, kHeight, {}})};
+    });
   }
   FrameMasks masks_of_frame(std::uint64_t frame, double threshold = 0.8) {
     MaskCache cache(kWidth, kHeight);

@@ -34,11 +34,29 @@ class WorldSource final : public FeatureSource {
 inline DeviceModel uniform_device(double stage_us) {
   DeviceModel model;
   model.cores = 2;
-  for (const char* stage :
-       {"extract", "track", "create_keyframe", "serialise", "parse", "insert", "cull_points",
-        "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update", "insert_keyframes",
-        "update_reference", "update_last_frame", "clean_map", "relocalise",
-        "serialise_text", "parse_text", "loop_detect", "loop_close", "global_bundle"}) {
+  for (const char* stage : {"extract",
+                            "track",
+                            "create_keyframe",
+                            "serialise",
+                            "parse",
+                            "insert",
+                            "cull_points",
+                            "triangulate",
+                            "fuse",
+                            "bundle",
+                            "cull_keyframes",
+                            "prepare_update",
+                            "apply_update",
+                            "insert_keyframes",
+                            "update_reference",
+                            "update_last_frame",
+                            "clean_map",
+                            "relocalise",
+                            "serialise_text",
+                            "parse_text",
+                            "loop_detect",
+                            "loop_close",
+                            "global_bundle"}) {
     model.stages[stage] = {.a_us = stage_us, .b_us = 0, .c_us = 0, .jitter = 0};
   }
   return model;
@@ -95,8 +113,8 @@ class LosingNetwork final : public Network {
   std::unique_ptr<TappedChannel> losing_;
 };
 
-/// The mobile's network on which messages of one channel pass through a hand of the test's; false: this
-/// one never came.
+/// The mobile's network on which messages of one channel pass through a hand of the test's; false:
+/// this one never came.
 class AlteringNetwork final : public Network {
  public:
   using Alter = std::function<bool(Message&)>;
@@ -134,8 +152,7 @@ class RestartingNetwork final : public Network {
   Channel& open(const ChannelOptions& options) override {
     const bool keyframes = options.name == "keyframe";
     channels_.push_back(std::make_unique<TappedChannel>(
-        below_.open(options),
-        [this, keyframes](Channel& below) { return take(below, keyframes); },
+        below_.open(options), [this, keyframes](Channel& below) { return take(below, keyframes); },
         [this, keyframes](const Bytes& sent) {
           if (keyframes) keyframes_.push_back(sent);
         }));
@@ -178,7 +195,7 @@ struct PairLink {
   std::vector<link::Gap> gaps = {};
   std::optional<RttTable> profile_rtt{};  ///< told to the mobile, whatever the path does
   std::string lossy_channel = "keyframe";
-  std::uint64_t lost = 0;  ///< the first messages on that channel never reach the edge
+  std::uint64_t lost = 0;          ///< the first messages on that channel never reach the edge
   std::uint64_t lost_updates = 0;  ///< the first messages on the map channel never reach the mobile
   AlteringNetwork::Alter alter_frames{};  ///< what the edge answers on the channel "frame"
   RunTime edge_restarts = kNever;
@@ -206,8 +223,8 @@ struct PairResult {
   std::string end_reason;
   bool finished = false;
   MapCounts mobile_counts, edge_counts;
-  MapDelta mobile_map, edge_map;  ///< as they were at the end
-  std::vector<Bytes> keyframes;   ///< KEYFRAME messages as they were sent
+  MapDelta mobile_map, edge_map;             ///< as they were at the end
+  std::vector<Bytes> keyframes;              ///< KEYFRAME messages as they were sent
   std::map<KeyFrameId, SE3> keyframe_poses;  ///< T_cw that the final trajectory stands on
 
   std::vector<nlohmann::json> of(const std::string& type) const {
@@ -238,8 +255,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
       log->set_clock([&simulator] { return simulator.now(); });
       log->start(Duration::zero(), [] {});
     }
-    VirtualRuntime mobile_runtime(
-        simulator, path.mobile_device.value_or(uniform_device(2000)), 1, mobile_log);
+    VirtualRuntime mobile_runtime(simulator, path.mobile_device.value_or(uniform_device(2000)), 1,
+                                  mobile_log);
     DeviceModel uniform_edge = uniform_device(2000);
     uniform_edge.stages["global_bundle"].a_us = path.edge_bundle_us;
     VirtualRuntime edge_runtime(simulator, path.edge_device.value_or(uniform_edge), 2, edge_log);

@@ -344,8 +344,7 @@ TEST(MapStaging, AnUpdateThatWasGivenUpLeavesNothingBehind) {
   world.staging.relate();
   world.staging.set_ready();
   world.swap();
-  EXPECT_EQ(keyframes_in(*world.staging.active()),
-            (std::vector{keyframe_id(7), keyframe_id(8)}));
+  EXPECT_EQ(keyframes_in(*world.staging.active()), (std::vector{keyframe_id(7), keyframe_id(8)}));
 }
 
 }  // namespace

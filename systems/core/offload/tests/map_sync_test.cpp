@@ -33,8 +33,7 @@ class MapSync : public ::testing::Test {
   }
   CommitReport hand_over() {
     const MapDelta delta = changes();
-    return edge.commit(
-        edge.read([&](const MapView& view) { return rebase_changes(view, delta); }));
+    return edge.commit(edge.read([&](const MapView& view) { return rebase_changes(view, delta); }));
   }
   static SE3 at(double x) {
     SE3 pose;

@@ -23,8 +23,7 @@ inline std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) 
 }
 
 /// A lens that shows less turning than there is: after a lap 3.6 degrees are missing.
-inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticWorld& world,
-                                                              int frame) {
+inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticWorld& world, int frame) {
   constexpr float kZoom = 0.99f;
   const auto seen = turn(world, frame);
   const auto& camera = world.sensor()->camera;

@@ -12,11 +12,8 @@ using namespace std::chrono_literals;
 using wire::keyframe_id;
 
 UpdateState usual() {
-  return {.update = 5,
-          .applied = 4,
-          .local_keyframes = 12,
-          .new_keyframe = true,
-          .since_keyframe = 1s};
+  return {
+      .update = 5, .applied = 4, .local_keyframes = 12, .new_keyframe = true, .since_keyframe = 1s};
 }
 
 std::string reason(const UpdateRules& rules, const UpdateState& state) {

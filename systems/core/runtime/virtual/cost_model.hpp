@@ -15,7 +15,7 @@ namespace slambed {
 /// factor of median 1.
 struct StageCost {
   double a_us = 0, b_us = 0, c_us = 0;
-  double jitter = 0;        ///< standard deviation of the factor's logarithm
+  double jitter = 0;          ///< standard deviation of the factor's logarithm
   std::string accelerator{};  ///< the accelerator that does this work; empty: a core
 };
 

@@ -13,14 +13,15 @@
 
 namespace slambed::testing {
 
-/// A hall without walls or end: every 2 m of floor hold the same few dozen points each time they are
-/// looked at, made from the place's number and never kept. So a map can grow as long as one likes
-/// and the memory measured is the map's alone.
+/// A hall without walls or end: every 2 m of floor hold the same few dozen points each time they
+/// are looked at, made from the place's number and never kept. So a map can grow as long as one
+/// likes and the memory measured is the map's alone.
 class EndlessWorld {
  public:
   EndlessWorld() {
     auto sensor = std::make_shared<Sensor>();
-    sensor->camera = {.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240, .bf = 40};
+    sensor->camera = {
+        .width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240, .bf = 40};
     sensor->bounds = {0, 0, 640, 480};
     sensor->close_depth_m = 3.2f;
     sensor_ = std::move(sensor);
@@ -103,7 +104,8 @@ class EndlessWorld {
       seen.right_u = static_cast<float>(uv.x() - sensor_->camera.bf / depth_m);
       std::minstd_rand own_bits(own | 1);
       keypoints.push_back(seen);
-      descriptors.push_back(flipped(flipped(looks_[like], kOwnBits, own_bits), kNoisyBits, random_));
+      descriptors.push_back(
+          flipped(flipped(looks_[like], kOwnBits, own_bits), kNoisyBits, random_));
     }
   }
 

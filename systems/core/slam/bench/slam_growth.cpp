@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // slam_growth [KEYFRAMES]: tracks and maps a camera that walks in circles through an endless hall,
-// each circle 3 m further on, and writes as CSV what a frame and a keyframe cost against the size of
-// the map. Times are the thread's CPU time, medians since the row before. yardstick_ms is always the
-// same work, tracking in a small map that does not grow: what changes it is the host.
+// each circle 3 m further on, and writes as CSV what a frame and a keyframe cost against the size
+// of the map. Times are the thread's CPU time, medians since the row before. yardstick_ms is always
+// the same work, tracking in a small map that does not grow: what changes it is the host.
 #include <malloc.h>
 #include <time.h>
 
@@ -26,8 +26,8 @@ constexpr int kMaxFrames = 400'000;
 SE3 stand(int frame) {
   const double angle = frame * kStep_m / kRadius_m;
   const double turns = angle / (2 * M_PI);
-  const Eigen::Vector3d eye(kRadius_m * std::cos(angle) + kShift_m * turns, 0.05 * std::sin(3 * angle),
-                            kRadius_m * std::sin(angle));
+  const Eigen::Vector3d eye(kRadius_m * std::cos(angle) + kShift_m * turns,
+                            0.05 * std::sin(3 * angle), kRadius_m * std::sin(angle));
   // Along the circle: z of the camera is the tangent.
   const Eigen::Matrix3d R_wc =
       Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -93,7 +93,9 @@ class Yardstick {
 class Growth {
  public:
   void run(std::size_t wanted) {
-    std::printf("keyframes,points,frames,losses,loops,track_ms,map_ms,bundle_ms,detect_ms,verify_ms,heap_mb,yardstick_ms\n");
+    std::printf(
+        "keyframes,points,frames,losses,loops,track_ms,map_ms,bundle_ms,detect_ms,verify_ms,heap_"
+        "mb,yardstick_ms\n");
     std::size_t next_row = kRowEvery;
     for (int frame = 0; frame < kMaxFrames; ++frame) {
       const auto features = world_.look(stand(frame));
@@ -102,15 +104,14 @@ class Growth {
       losses_ += outcome.state == TrackingState::kLost;
       if (!tracker_.wants_keyframe({})) continue;
       for (const NewKeyFrame& made : tracker_.create_keyframe().keyframes) map_keyframe(made.id);
-      const auto [keyframes, points] = map_->read([](const MapView& view) {
-        return std::pair(view.keyframe_count(), view.point_count());
-      });
+      const auto [keyframes, points] = map_->read(
+          [](const MapView& view) { return std::pair(view.keyframe_count(), view.point_count()); });
       if (keyframes < next_row) continue;
       next_row = keyframes + kRowEvery;
-      std::printf("%zu,%zu,%d,%d,%d,%.3f,%.2f,%.2f,%.3f,%.3f,%.1f,%.3f\n", keyframes, points, frame, losses_,
-                  loops_, track_.take_median(), mapping_.take_median(), bundle_.take_median(),
-                  detect_.take_median(), verify_.take_median(), heap_mb() - heap_before_mb_,
-                  yardstick_.median_ms());
+      std::printf("%zu,%zu,%d,%d,%d,%.3f,%.2f,%.2f,%.3f,%.3f,%.1f,%.3f\n", keyframes, points, frame,
+                  losses_, loops_, track_.take_median(), mapping_.take_median(),
+                  bundle_.take_median(), detect_.take_median(), verify_.take_median(),
+                  heap_mb() - heap_before_mb_, yardstick_.median_ms());
       std::fflush(stdout);
       if (keyframes >= wanted) return;
     }

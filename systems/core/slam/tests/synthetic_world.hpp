@@ -26,8 +26,7 @@ struct Seeing {
 /// without depth.
 class SyntheticWorld {
  public:
-  explicit SyntheticWorld(int points = 5000, unsigned seed = 1, bool mono = false)
-      : random_(seed) {
+  explicit SyntheticWorld(int points = 5000, unsigned seed = 1, bool mono = false) : random_(seed) {
     auto sensor = std::make_shared<Sensor>();
     Camera& camera = sensor->camera;
     camera.width = 640;

@@ -116,8 +116,9 @@ TEST(Tracker, FallsBackToTheReferenceKeyFrameWhenMotionModelFails) {
 TEST(Tracker, WordsHaveTheLastWordWithoutTheSecondLook) {
   for (const bool again : {true, false}) {
     SyntheticWorld world;
-    Tracker tracker({.reset_below_keyframes = 0, .second_hypotheses = false, .descriptor_fallback = again},
-                    std::make_shared<Map>(), IdSpace::kTracker);
+    Tracker tracker(
+        {.reset_below_keyframes = 0, .second_hypotheses = false, .descriptor_fallback = again},
+        std::make_shared<Map>(), IdSpace::kTracker);
     for (int i = 0; i < 10; ++i) {
       tracker.track(i, i / 30.0, world.look(walk(i)));
       if (i == 0) tracker.create_keyframe();

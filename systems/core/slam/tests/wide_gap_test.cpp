@@ -90,13 +90,12 @@ GapRun play(int step, bool second_hypotheses, unsigned seed) {
   TrajectoryRecorder recorder;
   GapRun run;
   for (int i = 0; i < 600; i += step) {
-    const TrackOutcome outcome =
-        tracker.track(i, i / 30.0,
-                      world.look(walk(i), {.pixel_noise = 0.7,
-                                           .depth_noise = 0.02,
-                                           .flipped_bits = 30,
-                                           .depth_limit_m = 4,
-                                           .wrong_share = 0.15}));
+    const TrackOutcome outcome = tracker.track(i, i / 30.0,
+                                               world.look(walk(i), {.pixel_noise = 0.7,
+                                                                    .depth_noise = 0.02,
+                                                                    .flipped_bits = 30,
+                                                                    .depth_limit_m = 4,
+                                                                    .wrong_share = 0.15}));
     recorder.add(i / 30.0, outcome);
     run.lost += outcome.state != TrackingState::kOk;
     run.resets += outcome.reset_now;

@@ -55,8 +55,7 @@ class SequenceFolder : public ::testing::Test {
     }
   }
 
-  const fs::path folder_ =
-      fs::path(::testing::TempDir()) / ("synth_" + std::to_string(getpid()));
+  const fs::path folder_ = fs::path(::testing::TempDir()) / ("synth_" + std::to_string(getpid()));
 };
 
 }  // namespace slambed::synth

@@ -54,8 +54,7 @@ TEST_F(Codec, FeaturesComeBackWithinTheStatedLoss) {
 TEST_F(Codec, TimesThatCannotBeCalculatedWithAreRefused) {
   const MapDelta delta = example_keyframe(random, sensor, 20, 5, 5);
   for (const RunTime time : {RunTime::max(), RunTime::min()}) {
-    const KeyFrameMessage keyframe{
-        .keyframe = keyframe_id(40), .captured = time, .delta = delta};
+    const KeyFrameMessage keyframe{.keyframe = keyframe_id(40), .captured = time, .delta = delta};
     EXPECT_THROW(decode_keyframe(encode(keyframe), sensor), DecodeError);
     for (const auto part : {&UpdateTimes::captured, &UpdateTimes::mapped, &UpdateTimes::due}) {
       MapUpdate update{

@@ -125,8 +125,8 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
 
 TEST_F(Compatibility, FrameComesBack) {
   const auto features = example_features(random, 20, sensor);
-  const auto back = decode_frame_text(encode_text(FrameMessage{77, 2.5, features}, *vocabulary),
-                                      sensor);
+  const auto back =
+      decode_frame_text(encode_text(FrameMessage{77, 2.5, features}, *vocabulary), sensor);
   EXPECT_EQ(back.frame_index, 77u);
   EXPECT_EQ(back.timestamp_s, 2.5);
   expect_equal(*features, *back.features);
@@ -158,19 +158,16 @@ TEST_F(Compatibility, MessagesAreAsLargeAsEdgeSlams) {
 TEST_F(Compatibility, ContradictionsAreRefused) {
   KeyFrameMessage message = keyframe(50, 10, 10);
   message.keyframe = keyframe_id(41);  // not the one inside
-  EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), sensor),
-               DecodeError);
+  EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), sensor), DecodeError);
   message.keyframe = keyframe_id(40);
   SensorInfo coarse = example_camera();
   coarse.levels = 2;
-  EXPECT_THROW(
-      decode_keyframe_text(encode_text(message, known, *vocabulary), coarse.make_sensor()),
-      DecodeError);
+  EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), coarse.make_sensor()),
+               DecodeError);
   SensorInfo small = example_camera();
   small.camera.width = 320;
-  EXPECT_THROW(
-      decode_keyframe_text(encode_text(message, known, *vocabulary), small.make_sensor()),
-      DecodeError);
+  EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), small.make_sensor()),
+               DecodeError);
   EXPECT_THROW(decode_frame_text(encode_text(message, known, *vocabulary), sensor), DecodeError);
 }
 
@@ -191,8 +188,13 @@ TEST(TextArchive, NumbersComeBackAndOthersAreRefused) {
   }
   for (const char* bad : {"nan ", "inf ", "1e999 ", "0x", ""}) {
     TextReader reader(bad);
-    EXPECT_THROW({ const double value = reader.real64(); EXPECT_EQ(value, 0); reader.real64(); },
-                 DecodeError)
+    EXPECT_THROW(
+        {
+          const double value = reader.real64();
+          EXPECT_EQ(value, 0);
+          reader.real64();
+        },
+        DecodeError)
         << bad;
   }
   EXPECT_THROW(TextReader("1000000 1 2").count(2), DecodeError);

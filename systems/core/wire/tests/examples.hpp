@@ -93,8 +93,7 @@ inline MapDelta fresh_keyframe(std::mt19937& random, std::shared_ptr<const Senso
     if (!seen.has_depth()) continue;
     NewPoint point;
     point.id = point_id(9000 + static_cast<std::uint64_t>(i));
-    point.p_w =
-        keyframe.T_cw.inverse() * sensor->camera.unproject(seen.u, seen.v, seen.depth_m);
+    point.p_w = keyframe.T_cw.inverse() * sensor->camera.unproject(seen.u, seen.v, seen.depth_m);
     point.appearance = appearance_of(point.p_w, keyframe.T_cw, *keyframe.features, i);
     point.reference = point.first_keyframe = keyframe.id;
     keyframe.points[static_cast<std::size_t>(i)] = point.id;
@@ -133,19 +132,21 @@ inline GreyImage example_picture(int width, int height) {
   GreyImage image{width, height, {}};
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
-      image.pixels.push_back(static_cast<std::uint8_t>((x + 2 * y) / 4 + (x > width / 3 ? 80 : 0) +
-                                                       random() % 16));
+      image.pixels.push_back(
+          static_cast<std::uint8_t>((x + 2 * y) / 4 + (x > width / 3 ? 80 : 0) + random() % 16));
   return image;
 }
 
 /// A person with key points, and a car that covers the first pixels.
 inline FrameMasks example_masks(int width, int height) {
   const auto pixels = static_cast<std::uint32_t>(width * height);
-  Instance person{.object_class = 0, .moves = true, .score = 0.75f, .runs = {40, 7, pixels - 47}, .body = {}};
+  Instance person{
+      .object_class = 0, .moves = true, .score = 0.75f, .runs = {40, 7, pixels - 47}, .body = {}};
   person.body.emplace();
   for (int i = 0; i < kBodyPoints; ++i)
     (*person.body)[i] = {float(i), 2.5f * float(i), BodyPoint::Visibility(i % 3)};
-  const Instance car{.object_class = 2, .moves = true, .score = 0.5f, .runs = {0, 3, pixels - 3}, .body = {}};
+  const Instance car{
+      .object_class = 2, .moves = true, .score = 0.5f, .runs = {0, 3, pixels - 3}, .body = {}};
   return {width, height, {person, car}};
 }
 

@@ -79,11 +79,11 @@ TEST(Masks, ASegmentationComesBackWhole) {
 TEST(Masks, ThreePeopleTakeAtMostTwoKilobytes) {
   constexpr int kWidth = 640, kHeight = 480;
   FrameMasks masks{kWidth, kHeight, {}};
-  for (const auto& [x, half_width, half_height] : {std::array{150, 50, 120}, {330, 60, 140}, {500, 40, 100}}) {
+  for (const auto& [x, half_width, half_height] :
+       {std::array{150, 50, 120}, {330, 60, 140}, {500, 40, 100}}) {
     Instance person{.object_class = 0, .moves = true, .score = 0.9f, .runs = {}, .body = {}};
     person.body.emplace();
-    for (BodyPoint& point : *person.body)
-      point = {float(x), 240.5f, BodyPoint::Visibility::kSeen};
+    for (BodyPoint& point : *person.body) point = {float(x), 240.5f, BodyPoint::Visibility::kSeen};
     std::uint32_t outside = 0;
     for (int y = 0; y < kHeight; ++y) {
       const double off = (y - kHeight / 2) / double(half_height);
