@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The short form of tools/chaos.py: a campaign of virtual runs meets a handful of faults, and after
-the same command again it has the bytes of one that met none."""
+"""The short form of tools/chaos.py: a campaign meets a handful of faults, and the same command
+again finishes it. Of virtual runs every file then has the bytes of a campaign that met none."""
 
 from pathlib import Path
 
 import pytest
 from chaos_campaign import Torment
 from chaos_place import Place
+from harness_parts import needs_root
 from virtual_parts import needs_programs
 
 FAULTS = (
@@ -22,5 +23,18 @@ def test_a_campaign_under_faults_ends_as_if_there_were_none(
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
     place = Place(tmp_path, "virtual", runs=2)
     outcome = place.play(Torment("virtual", 5, 8, 4, every_s=0.2, figures=False, only=FAULTS))
+    assert outcome.problems == []
+    assert outcome.struck, "no fault met anything"
+
+
+@pytest.mark.live
+@needs_root
+@needs_programs
+def test_a_live_campaign_under_faults_is_finished_by_the_same_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    place = Place(tmp_path, "live")
+    outcome = place.play(Torment("live", 3, 1, 3, every_s=2.0, figures=False))
     assert outcome.problems == []
     assert outcome.struck, "no fault met anything"
