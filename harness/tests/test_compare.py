@@ -297,7 +297,10 @@ def test_the_tables_of_a_paper_as_text(dynnetslam: Paper) -> None:
 
 
 def test_fits_name_the_numbers_they_used(tmp_path: Path) -> None:
-    (tmp_path / "a.yaml").write_text("fits: [dynnet.T1.T_MU.*]\ndevices: {mobile: {device: pi}}\n")
+    (tmp_path / "a.yaml").write_text(
+        "fits: [dynnet.T1.T_MU.*]\n"
+        "devices: {mobile: {device: pi}, edge: {device: desktop, given: true}}\n"
+    )
     (tmp_path / "b.yaml").write_text("title: no numbers\n")
     found = read_fits(tmp_path)
     assert [(f.name, f.devices) for f in found] == [("a", frozenset(["pi"]))]

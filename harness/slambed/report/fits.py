@@ -13,7 +13,7 @@ from slambed.yaml_source import load_yaml
 
 @dataclass(frozen=True)
 class Fit:
-    """One file of devices/fits: ids (patterns) of published numbers, and its devices."""
+    """One file of devices/fits: ids (patterns) of published numbers, and the devices fitted."""
 
     name: str
     patterns: tuple[str, ...]
@@ -31,7 +31,9 @@ def read_fits(folder: Path | None = None) -> list[Fit]:
         content = load_yaml(path).data
         if not isinstance(content, dict) or not content.get("fits"):
             continue
-        devices = frozenset(str(d["device"]) for d in content.get("devices", {}).values())
+        # A device that is `given` was not fitted: its runs alone hold no fitted number.
+        fitted = (d for d in content.get("devices", {}).values() if not d.get("given"))
+        devices = frozenset(str(d["device"]) for d in fitted)
         found.append(Fit(path.stem, tuple(map(str, content["fits"])), devices))
     return found
 
