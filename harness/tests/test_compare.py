@@ -16,6 +16,7 @@ from slambed.report.load import Results
 from slambed.report.lookup import Pool, pool_of
 from slambed.report.paper_runs import experiments_of
 from slambed.report.papers import Paper, read_paper, read_papers
+from slambed.report.papers.mapping import OtherReading
 from slambed.report.peer import peer_tables
 from slambed.report.published import comparisons_for
 
@@ -227,6 +228,21 @@ def test_survivors_and_thresholds(dynnetslam: Paper) -> None:
     assert (thirty.mark, thirty.verdict.assumed != ()) == ("R", True)
     assert column.rows["dynnet.T4.dyn_wh_wosz.office_40"].mark == "D"
     assert column.rows["dynnet.T4.dyn_wh_wosz.office_50"].missing == "too_few_runs"
+
+
+@pytest.mark.parametrize("excluded", [False, True])
+def test_other_readings_are_shown_and_open_ones_leave_a_number_undecided(
+    dynnetslam: Paper, excluded: bool
+) -> None:
+    reading = OtherReading(key="coverage", note="with a pose", excluded=excluded)
+    name = "track_loss_ratio"
+    metric = dynnetslam.metrics[name].model_copy(update={"other_readings": [reading]})
+    paper = dynnetslam.model_copy(update={"metrics": dynnetslam.metrics | {name: metric}})
+    column = column_of(paper, table_2({"static": PAPER_ENHANCED}, 100, coverage=0.25))
+    cell = "dynnet.T2.enhanced.rtt20"
+    assert told(column, cell) == ("reproduced" if excluded else "inconclusive")
+    assert column.rows[cell].ours == "2 (2/100)"
+    assert "coverage (with a pose): 100 (100/100)" in column.rows[cell].why
 
 
 def test_conditions_that_a_number_leaves_open_must_be_constant(dynnetslam: Paper) -> None:

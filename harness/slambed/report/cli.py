@@ -192,6 +192,9 @@ def paper(
     results: ResultsOption = RESULTS,
     runs: Annotated[str | None, typer.Option(help="Runs per cell: a number, 'paper'.")] = None,
     engine: Annotated[str | None, typer.Option(help="docker, local, virtual or auto.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
+    ] = None,
     reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
 ) -> None:
     """Run or reuse every experiment of a paper and write one page about it."""
@@ -206,7 +209,8 @@ def paper(
         from slambed.report.run import run_and_report
 
         for experiment in experiments_of(chosen):
-            verdicts.append(run_and_report(experiment, Options(runs, engine, results), console()))
+            options = Options(runs, engine, results, jobs=jobs)
+            verdicts.append(run_and_report(experiment, options, console()))
             if verdicts[-1].interrupted:
                 raise SlambedError(
                     "interrupted; finished runs are kept, the same command goes on",

@@ -56,14 +56,17 @@ class Judged:
     @property
     def ours(self) -> str:
         """Our number in the paper's unit, with what it is of."""
-        if not self.measured.there:
-            return "-"
-        if self.measured.is_share:
-            share = self.measured.share
-            return f"{100 * share.value:.3g} ({share.bad}/{share.runs})"
-        mean = self.measured.mean
-        spread = f" ± {mean.sd:.2g}" if mean.sd is not None else ""
-        return f"{mean.value:.4g}{spread} (n {mean.count})"
+        return shown(self.measured) if self.measured.there else "-"
+
+
+def shown(measured: Measured) -> str:
+    """Our number, in the paper's unit, with its spread and what it is of."""
+    if measured.is_share:
+        share = measured.share
+        return f"{100 * share.value:.3g} ({share.bad}/{share.runs})"
+    mean = measured.mean
+    spread = f" ± {mean.sd:.2g}" if mean.sd is not None else ""
+    return f"{mean.value:.4g}{spread} (n {mean.count})"
 
 
 def printed(cell: Cell) -> str:
@@ -153,19 +156,35 @@ class Judge:
         elif found.stand_in:
             provenance = "stand_in"
         metric = self.paper.metrics.get(cell.metric)
-        if metric is not None and metric.other_readings and verdict.outcome == "reproduced":
-            other = metric.other_readings[0]
+        readings = metric.other_readings if metric is not None else []
+        still_open = [reading for reading in readings if not reading.excluded]
+        if still_open and verdict.outcome == "reproduced":
+            other = still_open[0]
             why = f"the paper's words may mean {other.key} as well: {other.note}"
             verdict = replace(verdict, outcome="inconclusive", why=f"{why}; {verdict.why}")
         told = {
             "fitted": "our devices were fitted to this number",
             "stand_in": f"measured on {found.dataset}: direction only",
         }.get(provenance, verdict.why)
-        why = "; ".join(w for w in (told, note, metric.note if metric else "") if w)
+        beside = "" if claim is not None and claim.quantity is not None else self._beside(cell)
+        why = "; ".join(w for w in (told, note, metric.note if metric else "", beside) if w)
         position = None
         if provenance == "measured" and (claim is None or claim.quantity is None):
             position = self._position(cell, measured)
         return Judged(cell, provenance, verdict, measured, why, None, position)
+
+    def _beside(self, cell: Cell) -> str:
+        """What ours is by the other readings of the paper's words."""
+        metric = self.paper.metrics.get(cell.metric)
+        found = []
+        for reading in metric.other_readings if metric is not None else []:
+            read = {cell.metric: metric.model_copy(update={"key": reading.key, "plus": []})}
+            paper = self.paper.model_copy(update={"metrics": read})
+            pool = self.pool.about(self.paper, cell.source)
+            ours = measure(paper, pool, cell.metric, cell.system, cell.conditions)
+            if ours.there:
+                found.append(f"{reading.key} ({reading.note}): {shown(ours)}")
+        return "; ".join(found)
 
     def _value(self, cell: Cell, measured: Measured) -> Verdict:
         claim = cell.claim

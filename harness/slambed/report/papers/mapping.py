@@ -36,6 +36,8 @@ class OtherReading(Strict):
 
     key: str
     note: str
+    excluded: bool = False
+    """The paper's own numbers rule it out: it is shown, and keeps nothing from being reproduced."""
 
 
 class PaperMetric(Strict):
@@ -57,7 +59,7 @@ class PaperMetric(Strict):
     needs_exposure: bool = False
     """Grows with the time played: runs of another length than the paper's cannot be compared."""
     other_readings: list[OtherReading] = Field(default_factory=list)
-    """While there is any, both are shown and neither is called reproduced."""
+    """Shown beside ours. While there is one that is not excluded, neither is called reproduced."""
     read_as: str | None = None
     """How we read the paper's definition where it is open."""
     note: str = ""
