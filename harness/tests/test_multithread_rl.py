@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Multithread-RL from the experiment to its numbers: beside Edge-SLAM, in virtual time."""
 
+import json
 from pathlib import Path
 
 import pandas as pd
@@ -11,6 +12,7 @@ from virtual_parts import make_sequence, needs_programs, write_experiment
 from slambed.errors import ExitCode
 from slambed.explain.run_log import read_run
 from slambed.explain.story import story
+from slambed.metrics.update_round import CLOSURE_LIMIT_MS
 
 pytestmark = needs_programs
 
@@ -78,5 +80,31 @@ def test_the_metrics_tell_who_found_a_lost_camera(results: Path) -> None:
     found = both["recoveries_local"] + both["recoveries_edge"] + both["recoveries_map"]
     assert found == both["relocalisations"]
     assert both["recoveries_map"] == 0
-    parts = [both[f"request_{part}_ms_median"] for part in ("up", "edge", "down")]
+    parts = [both[f"request_{part}_ms_median"] for part in ("local", "up", "edge", "down")]
     assert all(part > 0 for part in parts)
+    assert both["request_parts_error_ms_max"] < CLOSURE_LIMIT_MS
+
+
+def test_a_requests_parts_are_what_its_messages_took(results: Path) -> None:
+    events = pd.read_parquet(results / "runs" / row(results, "both")["run_key"] / "events.parquet")
+    extra = events.loc[events["type"] == "reloc_reply", "extra"].map(json.loads)
+    replies = [reply for reply in extra if "number" in reply]
+    assert replies
+    of_messages = {
+        part: took_ms(events[events["message"].isin(names)])
+        for part, names in {"up": ["RELOC_REQUEST"], "down": ["RELOC_OK", "RELOC_FAIL"]}.items()
+    }
+    edge = events[(events["type"] == "stage") & (events["worker"] == "reloc")]
+    edge = edge[edge["node"] == "edge"]
+    for reply in replies:
+        for part, took in of_messages.items():
+            assert any(abs(ms - reply[f"{part}_ms"]) < CLOSURE_LIMIT_MS for ms in took)
+        whole = sum(reply[f"{part}_ms"] for part in ("local", "up", "edge", "down"))
+        assert whole == pytest.approx(reply["total_ms"], abs=CLOSURE_LIMIT_MS)
+    # What the edge does with requests is its stages, and hardly anything between them.
+    at_edge_ms = sum(reply["edge_ms"] for reply in replies)
+    assert edge["wall_ms"].sum() == pytest.approx(at_edge_ms, abs=CLOSURE_LIMIT_MS * len(replies))
+
+
+def took_ms(messages: pd.DataFrame) -> list[float]:
+    return list((messages["received_ns"] - messages["queued_ns"]) / 1e6)

@@ -58,12 +58,14 @@ void PoseRequests::serialise(Worker& worker, const Request& request) {
                         .add("frame", request.message.frame.frame_index)
                         .add("bytes", payload.size()));
   frames_.send(wire::type_of(wire::MessageType::kRelocRequest), std::move(payload));
+  sent_ = worker.now();
 }
 
 void PoseRequests::parse(Worker& worker, Message message) {
   const bool ok = message.type == wire::type_of(wire::MessageType::kRelocOk);
   if (!ok && message.type != wire::type_of(wire::MessageType::kRelocFail)) return;
   Answer answer;
+  answer.sent = sent_;
   answer.raw = std::move(message);
   answer.bytes = answer.raw.payload.size();
   const bool good = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
@@ -142,16 +144,25 @@ void PoseRequests::record(Worker& worker, const Answer& answer, const wire::Relo
       .add("bytes", answer.bytes);
   if (!dropped.empty()) event.add("reason", dropped);
   if (ours) {
+    // The channel here tells what is local, the messages and the edge tell the rest: together the
+    // parts are the whole only where all of them speak of one request.
+    const Duration request = answer.sent - outstanding_->asked, up = times.received - times.queued,
+                   at_edge = answer.raw.queued - times.received,
+                   down = answer.raw.received - answer.raw.queued,
+                   boundary = worker.now() - answer.raw.received,
+                   total = worker.now() - outstanding_->asked;
     event.add("number", outstanding_->message.number)
         .add("frame", outstanding_->message.frame.frame_index)
-        .add_ms("request_ms", times.queued - outstanding_->asked)
-        .add_ms("up_ms", times.received - times.queued)
-        .add_ms("edge_ms", answer.raw.queued - times.received)
-        .add_ms("down_ms", answer.raw.received - answer.raw.queued)
-        .add_ms("transfer_ms",
-                times.received - times.queued + answer.raw.received - answer.raw.queued)
-        .add_ms("boundary_ms", worker.now() - answer.raw.received)
-        .add_ms("total_ms", worker.now() - outstanding_->asked);
+        .add_ms("request_ms", request)
+        .add_ms("up_ms", up)
+        .add_ms("edge_ms", at_edge)
+        .add_ms("down_ms", down)
+        .add_ms("transfer_ms", up + down)
+        .add_ms("boundary_ms", boundary)
+        .add_ms("local_ms", request + boundary)
+        .add_ms("total_ms", total)
+        .add_ms("parts_error_ms",
+                std::chrono::abs(total - (request + up + at_edge + down + boundary)));
   }
   node_.log().write(event);
 }

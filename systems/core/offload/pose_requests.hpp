@@ -42,7 +42,8 @@ class PoseRequests {
     std::uint64_t loss = 0;
   };
   struct Answer {
-    Message raw;  ///< without its payload
+    Message raw;     ///< without its payload
+    RunTime sent{};  ///< the last request before it, by the clock here
     std::size_t bytes = 0;
     std::shared_ptr<const wire::RelocOk> found;  ///< null: it was not
     wire::RelocFail failed;
@@ -68,6 +69,7 @@ class PoseRequests {
   MessageCodec codec_;
   Mailbox<Request> requests_;  ///< to be serialised
   Mailbox<Answer> answers_;    ///< parsed
+  RunTime sent_{};             ///< the worker's: when the last request was put into the channel
 
   // The tracking worker's.
   std::optional<Request> outstanding_;

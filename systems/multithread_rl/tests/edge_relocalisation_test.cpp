@@ -4,59 +4,24 @@
 
 #include <algorithm>
 
-#include "multithread_rl/multithread_rl.hpp"
-#include "offload/tests/turning_pair.hpp"
+#include "multithread_rl/tests/lost_turn.hpp"
 #include "wire/reloc_messages.hpp"
 
 namespace slambed {
 namespace {
 
 using testing::AlteringNetwork;
-using testing::conventional;
+using testing::far_back;
+using testing::far_back_at;
+using testing::kDark;
+using testing::kDarkFor;
+using testing::lost_turn;
+using testing::lost_turn_params;
 using testing::PairLink;
 using testing::PairResult;
+using testing::same_place;
 using testing::SyntheticWorld;
 using testing::turn;
-
-constexpr int kDark = 80, kDarkFor = 6, kFrames = 120;
-
-/// A local map of one keyframe, so that only the global one reaches back.
-nlohmann::json params(const std::string& map_update, const std::string& codec = "binary") {
-  auto all = conventional();
-  all.update({{"map_update", map_update},
-              {"keyframe_backup", "update"},
-              {"relocalisation", "edge"},
-              {"keep_recovery_keyframe", true},
-              {"reloc_fail_bytes", 75'000},
-              {"codec", codec},
-              {"n_kf", 1},
-              {"sync_period_s", 1.0},
-              {"fast_motion_ms", 0.0},
-              {"min_local_keyframes", 1}});
-  return all;
-}
-
-/// Which frame of the turn shows what the camera sees after the darkness: second one, and then on
-/// at half the pace, so that it does not come near the place where it was lost.
-double far_back_at(int frame) { return 10 + 0.5 * (frame - kDark - kDarkFor); }
-
-/// Darkness, then what nobody but the edge knows.
-std::shared_ptr<const FeatureSet> far_back(SyntheticWorld& world, int frame) {
-  if (frame < kDark) return turn(world, frame);
-  return frame < kDark + kDarkFor ? world.nothing()
-                                  : world.look(testing::pose_at(far_back_at(frame)));
-}
-
-/// Darkness, then what was seen last.
-std::shared_ptr<const FeatureSet> same_place(SyntheticWorld& world, int frame) {
-  if (frame >= kDark && frame < kDark + kDarkFor) return world.nothing();
-  return turn(world, frame < kDark ? frame : frame - kDarkFor);
-}
-
-PairResult run(const nlohmann::json& params, const PairLink& link,
-               testing::WorldSource::Look look = far_back) {
-  return testing::run_pair(multithread_rl_system(), params, kFrames, 10, link, std::move(look));
-}
 
 double time_of(const nlohmann::json& event) { return event["t_ns"].get<double>(); }
 
@@ -69,7 +34,7 @@ int count_of(const PairResult& result, const std::string& message) {
 class EdgeRelocalisation : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
-  const PairResult result = run(params(GetParam()), {.one_way_ms = {20}});
+  const PairResult result = lost_turn(lost_turn_params(GetParam()), {.one_way_ms = {20}});
   ASSERT_EQ(result.of("track_lost").size(), 1u);
   const auto relocalised = result.of("relocalised");
   ASSERT_EQ(relocalised.size(), 1u);
@@ -90,6 +55,9 @@ TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
                        reply["edge_ms"].get<double>() + reply["down_ms"].get<double>() +
                        reply["boundary_ms"].get<double>();
     EXPECT_NEAR(sum, reply["total_ms"].get<double>(), 0.01);
+    EXPECT_NEAR(reply["local_ms"].get<double>(),
+                reply["request_ms"].get<double>() + reply["boundary_ms"].get<double>(), 0.01);
+    EXPECT_LT(reply["parts_error_ms"].get<double>(), 0.01);
     EXPECT_GE(reply["up_ms"].get<double>(), 20);
     EXPECT_GE(reply["down_ms"].get<double>(), 20);
   }
@@ -109,7 +77,7 @@ TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
 }
 
 TEST_P(EdgeRelocalisation, HoldsUpdatesFromLossToRecovery) {
-  const PairResult result = run(params(GetParam()), {.one_way_ms = {20}});
+  const PairResult result = lost_turn(lost_turn_params(GetParam()), {.one_way_ms = {20}});
   const auto suspended = result.of("suspended"), resumed = result.of("resumed");
   ASSERT_EQ(suspended.size(), 1u);
   ASSERT_EQ(resumed.size(), 1u);
@@ -133,8 +101,8 @@ TEST_P(EdgeRelocalisation, HoldsUpdatesFromLossToRecovery) {
 
 TEST_P(EdgeRelocalisation, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
   // As text over this link a keyframe takes longer than making the next: some always wait.
-  const PairResult result =
-      run(params(GetParam(), "compatibility"), {.one_way_ms = {20}, .mbit_per_s = 4});
+  const PairResult result = lost_turn(lost_turn_params(GetParam(), "compatibility"),
+                                      {.one_way_ms = {20}, .mbit_per_s = 4});
   const auto suspended = result.of("suspended"), resumed = result.of("resumed");
   ASSERT_EQ(suspended.size(), 1u);
   ASSERT_EQ(resumed.size(), 1u);
@@ -208,8 +176,8 @@ class Protocol : public ::testing::TestWithParam<Case> {};
 
 TEST_P(Protocol, EndsALossByTheFirstSuccess) {
   const Case& c = GetParam();
-  const PairResult result =
-      run(params("staged"), c.link, c.local ? testing::WorldSource::Look(same_place) : far_back);
+  const PairResult result = lost_turn(lost_turn_params("staged"), c.link,
+                                      c.local ? testing::WorldSource::Look(same_place) : far_back);
   ASSERT_EQ(result.of("track_lost").size(), 1u);
   const auto relocalised = result.of("relocalised");
   if (c.by == nullptr) {
@@ -265,7 +233,7 @@ PairResult lap(bool loop_closing) {
     const int shown = frame < kDarkAfterLap ? frame : frame - kDarkAfterLap - kDarkFor + kBack;
     return testing::through_a_wrong_lens(world, shown);
   };
-  auto all = params("staged");
+  auto all = lost_turn_params("staged");
   all.update({{"sync_period_s", 13.0}, {"loop_closing", loop_closing}});
   return testing::run_pair(multithread_rl_system(), all, 195, 10, {.one_way_ms = {5}}, look);
 }
@@ -296,7 +264,8 @@ TEST(EdgeRelocalisationAfterALoop, TheKeyframeTakesThePlaceOfTheOldWorld) {
 }
 
 TEST(EdgeRelocalisationAsText, SendsFramesAndKeyframesWhole) {
-  const PairResult result = run(params("serial", "compatibility"), {.one_way_ms = {5}});
+  const PairResult result =
+      lost_turn(lost_turn_params("serial", "compatibility"), {.one_way_ms = {5}});
   const auto relocalised = result.of("relocalised");
   ASSERT_EQ(relocalised.size(), 1u);
   EXPECT_EQ(relocalised[0]["by"], "edge");

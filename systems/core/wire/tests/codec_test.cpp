@@ -298,9 +298,11 @@ TEST(Hello, ComesBackAndKnowsItsPeer) {
   Hello blind = mobile;
   blind.sensor.reset();
   EXPECT_TRUE(mismatch(edge, blind));
-  Hello newer = mobile;
-  newer.wire_version = kWireVersion + 1;
-  EXPECT_THROW(decode_hello(encode(newer)), DecodeError);
+  for (const int step : {-1, 1}) {
+    Hello of_another_version = mobile;
+    of_another_version.wire_version = kWireVersion + step;
+    EXPECT_THROW(decode_hello(encode(of_another_version)), DecodeError) << step;
+  }
   Hello flat = mobile;
   flat.sensor->camera.width = 0;
   EXPECT_THROW(decode_hello(encode(flat)), DecodeError);

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an edge must not do to a lost camera: answers that make no sense, and losses without end.
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "multithread_rl/tests/lost_turn.hpp"
+#include "wire/reloc_messages.hpp"
+
+namespace slambed {
+namespace {
+
+using testing::kDark;
+using testing::kDarkFor;
+using testing::lost_turn;
+using testing::lost_turn_params;
+using testing::PairLink;
+using testing::PairResult;
+using testing::pose_at;
+using testing::SyntheticWorld;
+
+bool is_found(const Message& message) {
+  return message.type == wire::type_of(wire::MessageType::kRelocOk);
+}
+
+wire::RelocOk read(const Message& message) {
+  static const SyntheticWorld kWorld;
+  return wire::decode_reloc_ok(message.payload, kWorld.sensor());
+}
+
+void name_a_point_that_is_not_there(Message& message) {
+  wire::RelocOk found = read(message);
+  const MapPointId first = found.matches.front().second;
+  std::erase_if(found.keyframe.points, [&](const NewPoint& point) { return point.id == first; });
+  for (MapPointId& id : found.keyframe.keyframes.front().points)
+    if (id == first) id = {};
+  message.payload = encode(found);
+}
+
+void be_infinitely_far(Message& message) {
+  wire::RelocOk found = read(message);
+  found.T_cw.t.x() = std::numeric_limits<double>::infinity();
+  message.payload = encode(found);
+}
+
+void answer_what_was_never_asked(Message& message) {
+  wire::RelocOk found = read(message);
+  found.number += 1000;
+  message.payload = encode(found);
+}
+
+void match_a_feature_beyond_the_frame(Message& message) {
+  wire::RelocOk found = read(message);
+  found.matches.back().first = std::numeric_limits<std::uint16_t>::max();
+  message.payload = encode(found);
+}
+
+void be_noise(Message& message) {
+  std::mt19937 random(3);
+  message.payload.resize(75'000);
+  for (auto& byte : message.payload) byte = static_cast<std::uint8_t>(random());
+}
+
+struct BadAnswer {
+  const char* name;
+  void (*spoil)(Message&);
+  const char* told;
+};
+
+void PrintTo(const BadAnswer& bad, std::ostream* out) { *out << bad.name; }
+
+class BadAnswers : public ::testing::TestWithParam<BadAnswer> {};
+
+/// Only the edge could find this camera, and all that it finds is spoilt on the way: each such
+/// answer is told in one line, and neither a pose nor a point of it reaches the map.
+TEST_P(BadAnswers, AreToldInOneLineEachAndChangeNothing) {
+  int spoilt = 0;
+  PairLink link;
+  link.alter_frames = [&](Message& message) {
+    if (is_found(message)) {
+      GetParam().spoil(message);
+      ++spoilt;
+    }
+    return true;
+  };
+  const PairResult result = lost_turn(lost_turn_params("staged"), link);
+  ASSERT_GT(spoilt, 0);
+  int told = 0;
+  for (const auto& event : result.mobile) {
+    for (const char* field : {"reason", "text"}) {
+      if (!event.contains(field) || !event[field].is_string()) continue;
+      told += event[field].get<std::string>().find(GetParam().told) != std::string::npos;
+    }
+  }
+  EXPECT_EQ(told, spoilt);
+  EXPECT_TRUE(result.of("relocalised").empty());
+  EXPECT_EQ(result.of("frame_tracked").back()["state"], "lost");
+  EXPECT_EQ(result.end_reason, "bye");
+  for (const NewKeyFrame& keyframe : result.mobile_map.keyframes) {
+    EXPECT_LT(keyframe.frame_index, static_cast<std::uint64_t>(kDark));
+    EXPECT_TRUE(keyframe.T_cw.t.allFinite());
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, BadAnswers,
+    ::testing::Values(BadAnswer{"UnknownPoint", name_a_point_that_is_not_there, "refused"},
+                      BadAnswer{"InfinitePose", be_infinitely_far, "refused"},
+                      BadAnswer{"NeverAsked", answer_what_was_never_asked, "not asked for"},
+                      BadAnswer{"FeatureBeyondTheFrame", match_a_feature_beyond_the_frame,
+                                "not of the frame"},
+                      BadAnswer{"Noise", be_noise, "refused"}),
+    [](const auto& bad) { return bad.param.name; });
+
+/// Bytes that the process has asked for and not given back.
+std::size_t memory_in_use() {
+  const auto info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+/// A camera that looks round, and then goes to and fro between two parts of its turn, with darkness
+/// whenever it leaves one for the other: each time only the global map shows where it is.
+constexpr int kLosses = 200, kSeen = 6, kCovered = 2, kCycle = kSeen + kCovered;
+
+std::shared_ptr<const FeatureSet> to_and_fro(SyntheticWorld& world, int frame) {
+  if (frame < kDark) return testing::turn(world, frame);
+  const int cycle = (frame - kDark) / kCycle, step = (frame - kDark) % kCycle;
+  if (step < kCovered) return world.nothing();
+  return world.look(pose_at((cycle % 2 ? 60 : 15) + 0.5 * (step - kCovered)));
+}
+
+TEST(EdgeRelocalisationForLong, TwoHundredLossesLeaveNothingBehind) {
+  std::vector<std::size_t> in_use;  // at the begin of each loss
+  const auto look = [&](SyntheticWorld& world, int frame) {
+    if (frame >= kDark && (frame - kDark) % kCycle == 0) in_use.push_back(memory_in_use());
+    return to_and_fro(world, frame);
+  };
+  const PairResult result =
+      lost_turn(lost_turn_params("staged"), {.one_way_ms = {5}}, look, kDark + kLosses * kCycle);
+  EXPECT_EQ(result.of("track_lost").size(), static_cast<std::size_t>(kLosses));
+  EXPECT_EQ(result.of("suspended").size(), static_cast<std::size_t>(kLosses));
+  EXPECT_EQ(result.of("resumed").size(), static_cast<std::size_t>(kLosses));
+  EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
+  EXPECT_EQ(result.end_reason, "bye");
+  int by_edge = 0;
+  for (const auto& found : result.of("relocalised")) by_edge += found["by"] == "edge";
+  EXPECT_GT(by_edge, kLosses / 2);
+  EXPECT_GT(result.of("update_applied").size(), 20u);
+  std::cout << in_use[10] << " " << in_use[50] << " " << in_use[100] << " " << in_use[199] << " kf "
+            << result.mobile_counts.keyframes << " " << result.edge_counts.keyframes << " by edge "
+            << by_edge << "\n";
+}
+
+}  // namespace
+}  // namespace slambed
