@@ -176,8 +176,10 @@ class Judge:
     def _beside(self, cell: Cell) -> str:
         """What ours is by the other readings of the paper's words."""
         metric = self.paper.metrics.get(cell.metric)
+        if metric is None:
+            return ""
         found = []
-        for reading in metric.other_readings if metric is not None else []:
+        for reading in metric.other_readings:
             read = {cell.metric: metric.model_copy(update={"key": reading.key, "plus": []})}
             paper = self.paper.model_copy(update={"metrics": read})
             pool = self.pool.about(self.paper, cell.source)
