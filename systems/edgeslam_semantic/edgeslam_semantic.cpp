@@ -20,6 +20,7 @@ System edgeslam_semantic_system() {
       ParameterSpec::boolean("nrcc"),
       ParameterSpec::real("n_m", 0, 1),
       ParameterSpec::integer("mask_border_px", 0, 100),
+      ParameterSpec::real("nrcc_floor_ms", 0, 10'000),
       ParameterSpec::boolean("loop_closing"),
       ParameterSpec::boolean("second_hypotheses"),
       ParameterSpec::boolean("full_offload"),

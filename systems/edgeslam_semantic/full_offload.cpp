@@ -12,7 +12,8 @@ TrackingServiceOptions service_options(const Parameters& parameters,
       .tracker = tracker, .loop_closing = parameters.boolean("loop_closing"), .masks = {}};
   if (parameters.boolean("nrcc")) {
     options.masks = {.threshold = parameters.real("n_m"),
-                     .border_px = parameters.integer("mask_border_px")};
+                     .border_px = parameters.integer("mask_border_px"),
+                     .floor = from_seconds(parameters.real("nrcc_floor_ms") / 1000)};
   }
   return options;
 }

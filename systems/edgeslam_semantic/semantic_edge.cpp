@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "base/error.hpp"
 #include "offload/admission.hpp"
 #include "offload/message_codec.hpp"
 #include "wire/message_type.hpp"
@@ -41,7 +40,6 @@ MapDelta as_known_here(const MapView& view, MapDelta delta) {
 
 SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
     : node_(node),
-      nrcc_(parameters.boolean("nrcc")),
       border_px_(parameters.integer("mask_border_px")),
       window_keyframes_(parameters.integer("local_keyframes")),
       control_(node.network().open({.name = "control", .heartbeat = true})),
@@ -63,16 +61,15 @@ SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
       pictures_(node.runtime()),
       segmented_(node.runtime()),
       received_(node.runtime().make_signal()) {
-  if (nrcc_ && node_.masks() == nullptr)
-    throw bad_input(
-        "params: nrcc is on and nothing segments the pictures; give masks, or turn it off");
+  if (parameters.boolean("nrcc"))
+    segmentation_.emplace(node, from_seconds(parameters.real("nrcc_floor_ms") / 1000));
 }
 
 void SemanticEdge::start() {
   mapper_.start();
   node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
   node_.runtime().spawn("probe", [this](Worker& worker) { answer_probes(worker); });
-  if (nrcc_) node_.runtime().spawn("nrcc", [this](Worker& worker) { segment(worker); });
+  if (segmentation_) node_.runtime().spawn("nrcc", [this](Worker& worker) { segment(worker); });
   farewell_.start();
 }
 
@@ -117,7 +114,7 @@ void SemanticEdge::take(Worker& worker, const Message& raw) {
   last_world_ = message.world;
   // With a new map after another, `cleared` sets it: until then slices are of the old one.
   if (world_ == 0) world_ = last_world_.value;
-  if (nrcc_ && !message.jpeg.empty())
+  if (segmentation_ && !message.jpeg.empty())
     pictures_.put({message.world, id, message.delta.keyframes.back().frame_index, message.n_m,
                    std::move(message.jpeg), raw.received});
   AdmittedKeyFrame admitted;
@@ -141,19 +138,18 @@ void SemanticEdge::answer_probes(Worker& worker) {
 
 void SemanticEdge::segment(Worker& worker) {
   while (const auto picture = pictures_.take(worker)) {
-    FrameMasks masks = worker.stage("segment", [&](StageUnits& units) {
-      units.n1 = static_cast<double>(picture->jpeg.size()) / 1000;
-      return node_.masks()->masks(picture->frame, picture->jpeg, picture->n_m);
-    });
+    auto masks = segmentation_->run(worker, picture->frame, picture->jpeg, picture->n_m);
+    // The mobile then goes on with the labels that it has, as long as those last.
+    if (!masks) continue;
     // The mobile culls: it needs neither what stands still nor anybody's joints.
-    std::erase_if(masks.instances, [](const Instance& instance) { return !instance.moves; });
-    for (Instance& instance : masks.instances) instance.body.reset();
+    std::erase_if(masks->instances, [](const Instance& instance) { return !instance.moves; });
+    for (Instance& instance : masks->instances) instance.body.reset();
     masks_.send(wire::type_of(wire::MessageType::kMask),
                 encode(wire::MaskMessage{.world = picture->world,
                                          .keyframe = picture->keyframe,
                                          .took = worker.now() - picture->arrived,
-                                         .masks = masks}));
-    segmented_.put({picture->world, picture->keyframe, std::move(masks)});
+                                         .masks = *masks}));
+    segmented_.put({picture->world, picture->keyframe, std::move(*masks)});
     mapper_.wake();
   }
 }

@@ -9,6 +9,7 @@
 #include "edgeslam_semantic/map_window.hpp"
 #include "offload/edge_mapper.hpp"
 #include "offload/farewell.hpp"
+#include "offload/segmentation_stage.hpp"
 #include "wire/semantic_messages.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -53,11 +54,11 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   MapCounts counts() const override { return count(*mapper_.map()); }
 
   EdgeNode& node_;
-  bool nrcc_;
   int border_px_, window_keyframes_;
   Channel &control_, &frames_, &masks_, &probes_;
   EdgeMapper mapper_;
   EdgeFarewell farewell_;
+  std::optional<SegmentationStage> segmentation_;  ///< with nrcc
   Mailbox<Picture> pictures_;
   Mailbox<Mask> segmented_;
   std::unique_ptr<Signal> received_;

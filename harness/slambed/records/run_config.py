@@ -28,6 +28,15 @@ class Network(Record):
     """Only with `params.rtt_source: profile`: what the link's profile asks for."""
 
 
+class Segmenter(Record):
+    """Where the edge has its pictures segmented (docs/masks.md)."""
+
+    socket: str
+    """Of the segmenter beside the edge."""
+    time_limit_s: float
+    """A picture whose masks take longer has none."""
+
+
 class RunConfig(Record):
     """The whole file; paths are as the node sees them."""
 
@@ -52,6 +61,8 @@ class RunConfig(Record):
     """How frames are offered to tracking."""
     network: Network | None
     """Null where everything is on the mobile node: then there is no edge process."""
+    segmenter: Segmenter | None = None
+    """Only for the edge of a live run that segments."""
     output: str
     """Folder that the nodes write to."""
     connect_timeout_s: float

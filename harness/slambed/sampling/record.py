@@ -134,5 +134,8 @@ class Beside(Record):
     """Of one core; 0 without a metronome."""
     metronome_real_time: bool | None
     """Whether it got real-time priority; null without one."""
+    segmenter_cpu_s: float | None = None
+    """CPU time of the segmenter, which is in the edge's group; null without one, and for one that
+    did not live to tell."""
     kernel_tick_ms: float | None = None
     """How often the kernel's scheduler looks by itself."""

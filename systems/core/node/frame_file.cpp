@@ -133,11 +133,17 @@ void FrameFile::refuse(std::uint64_t frame, const std::string& what) const {
 FrameFile::Block FrameFile::block(std::uint64_t frame) const {
   if (frame >= frames_) refuse(frame, "is not in it");
   const std::uint64_t begin = offset(frame), end = offset(frame + 1);
-  if (end < begin || end > file_.size() || end - begin < kBlockHeadBytes)
-    refuse(frame, "is damaged");
-  const auto bytes = file_.subspan(begin + kBlockHeadBytes, end - begin - kBlockHeadBytes);
-  if (crc(bytes) != read_at<std::uint32_t>(file_, begin + 4)) refuse(frame, "is damaged");
-  return {read_at<std::uint32_t>(file_, begin), bytes};
+  if (end < begin || end > file_.size()) refuse(frame, "is damaged");
+  const auto block = parse(file_.subspan(begin, end - begin));
+  if (!block) refuse(frame, "is damaged");
+  return *block;
+}
+
+std::optional<FrameFile::Block> FrameFile::parse(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() < kBlockHeadBytes) return std::nullopt;
+  const auto body = bytes.subspan(kBlockHeadBytes);
+  if (crc(body) != read_at<std::uint32_t>(bytes, 4)) return std::nullopt;
+  return Block{read_at<std::uint32_t>(bytes, 0), body};
 }
 
 }  // namespace slambed

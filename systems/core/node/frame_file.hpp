@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -31,6 +32,9 @@ class FrameFile {
     std::vector<std::uint8_t> bytes;
   };
   using Make = std::function<OwnedBlock(std::uint64_t frame)>;
+
+  /// One frame's count, CRC-32 and bytes, wherever they come from; nothing for what is damaged.
+  static std::optional<Block> parse(std::span<const std::uint8_t> bytes);
 
   FrameFile(Kind kind, std::filesystem::path path, std::uint64_t frames);
   ~FrameFile();

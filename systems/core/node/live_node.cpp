@@ -11,6 +11,7 @@
 #include "node/node_files.hpp"
 #include "node/prepared_sequence.hpp"
 #include "node/run_config.hpp"
+#include "node/segmenter_client.hpp"
 #include "runtime/live/live_runtime.hpp"
 #include "runtime/live/stop_signals.hpp"
 #include "runtime/live/tcp_network.hpp"
@@ -50,7 +51,9 @@ class LiveNode {
       open_network(std::nullopt);
       if (system_.extracts_on_edge && system_.extracts_on_edge(parameters_))
         pictures_.emplace([this] { return peer_.sensor(); }, system_.orb(parameters_));
-      edge_.emplace(EdgeParts{runtime_, *network_, log_, peer_, pictures_ ? &*pictures_ : nullptr},
+      if (config_.segmenter) open_segmenter(*config_.segmenter);
+      edge_.emplace(EdgeParts{runtime_, *network_, log_, peer_, pictures_ ? &*pictures_ : nullptr,
+                              segmenter_ ? &*segmenter_ : nullptr},
                     system_, parameters_);
     }
     signals_.watch([this] { runtime_.stop(); });
@@ -117,6 +120,12 @@ class LiveNode {
                      make_greeting(role_, config_.run_key, system_.name, std::move(sensor), peer_));
   }
 
+  void open_segmenter(const SegmenterConfig& config) {
+    segmenter_.emplace(
+        SegmenterOptions{.socket = config.socket, .time_limit = from_seconds(config.time_limit_s)},
+        [this] { return peer_.sensor(); });
+  }
+
   void await_peer() {
     if (network_->wait_connected(from_seconds(config_.connect_timeout_s)) || runtime_.stopping()) {
       return;
@@ -176,6 +185,7 @@ class LiveNode {
   std::optional<ExtractingSource> features_;
   std::optional<EncodingSource> images_;
   std::optional<DecodedPictures> pictures_;
+  std::optional<SegmenterClient> segmenter_;
   std::optional<TcpNetwork> network_;
   std::unique_ptr<FrameFeed> feed_;
   std::optional<MapKeeping> maps_;

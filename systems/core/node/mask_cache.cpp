@@ -18,7 +18,8 @@ void MaskCache::add(double threshold, const std::filesystem::path& path, const s
   files_[threshold] = std::move(file);
 }
 
-FrameMasks MaskCache::masks(std::uint64_t frame, std::span<const std::uint8_t>, double threshold) {
+Segmentation MaskCache::masks(std::uint64_t frame, std::span<const std::uint8_t>,
+                              double threshold) {
   const auto found = files_.find(threshold);
   if (found == files_.end()) {
     throw bad_input("masks: the sequence was not segmented with n_m " + std::to_string(threshold) +
@@ -26,7 +27,7 @@ FrameMasks MaskCache::masks(std::uint64_t frame, std::span<const std::uint8_t>, 
   }
   const auto block = found->second->block(frame);
   try {
-    return wire::decode_segmentation(block.count, block.bytes, width_, height_);
+    return {wire::decode_segmentation(block.count, block.bytes, width_, height_), {}};
   } catch (const wire::DecodeError& error) {
     found->second->refuse(frame, std::string("is no segmentation (") + error.what() + ")");
   }

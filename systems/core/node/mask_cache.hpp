@@ -21,8 +21,9 @@ class MaskCache final : public MaskSource {
   /// Throws Error(kBadInput) unless the file is there, of these frames and with that key.
   void add(double threshold, const std::filesystem::path& path, const std::string& key,
            std::uint64_t frames);
-  FrameMasks masks(std::uint64_t frame, std::span<const std::uint8_t> jpeg,
-                   double threshold) override;
+  /// Throws Error(kBadInput) where there are no masks for the frame.
+  Segmentation masks(std::uint64_t frame, std::span<const std::uint8_t> jpeg,
+                     double threshold) override;
 
  private:
   int width_, height_;

@@ -31,7 +31,7 @@ PlaybackConfig read_playback(const nlohmann::json& json, const std::string& wher
   return playback;
 }
 
-constexpr double kLongestStep_s = 3600, kLargestRtt_ms = 1e6;
+constexpr double kLongestStep_s = 3600, kLargestRtt_ms = 1e6, kLongestAnswer_s = 60;
 
 RttTable read_rtt(const nlohmann::json& json, const std::string& where) {
   JsonReader in(json, where);
@@ -67,6 +67,16 @@ NetworkConfig read_network(const nlohmann::json& json, const std::string& where)
   return network;
 }
 
+SegmenterConfig read_segmenter(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  SegmenterConfig segmenter{.socket = in.text("socket"), .time_limit_s = in.number("time_limit_s")};
+  if (!segmenter.socket.is_absolute()) in.fail("socket", "must be an absolute path");
+  if (!(segmenter.time_limit_s > 0 && segmenter.time_limit_s <= kLongestAnswer_s))
+    in.fail("time_limit_s", "must be above 0, at most 60");
+  in.done();
+  return segmenter;
+}
+
 }  // namespace
 
 RunConfig read_run_config(const std::filesystem::path& path) {
@@ -86,6 +96,9 @@ RunConfig read_run_config(const std::filesystem::path& path) {
   config.playback = read_playback(in.any("playback"), where + "playback.");
   if (const auto* network = in.object_or_null("network")) {
     config.network = read_network(*network, where + "network.");
+  }
+  if (in.has("segmenter")) {
+    config.segmenter = read_segmenter(in.any("segmenter"), where + "segmenter.");
   }
   config.output = in.text("output");
   config.connect_timeout_s = in.number("connect_timeout_s");

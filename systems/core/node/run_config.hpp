@@ -28,6 +28,12 @@ struct NetworkConfig {
   std::optional<RttTable> profile_rtt{};
 };
 
+/// Where the edge node has pictures segmented.
+struct SegmenterConfig {
+  std::filesystem::path socket;
+  double time_limit_s = 2;
+};
+
 /// run.json (docs/formats.md, "Run configuration"). params are checked by the system's own list.
 struct RunConfig {
   std::string run_key;
@@ -37,6 +43,7 @@ struct RunConfig {
   std::filesystem::path sequence;
   PlaybackConfig playback;
   std::optional<NetworkConfig> network;
+  std::optional<SegmenterConfig> segmenter{};
   std::filesystem::path output;
   double connect_timeout_s = 20;
 };

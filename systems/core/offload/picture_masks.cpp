@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/picture_masks.hpp"
 
-#include "base/error.hpp"
-
 namespace slambed {
 
 PictureMasks::PictureMasks(EdgeNode& node, PictureMasksOptions options)
-    : node_(node), options_(options), asked_(node.runtime()), answers_(node.runtime()) {
-  if (node_.masks() == nullptr)
-    throw bad_input(
-        "params: nrcc is on and nothing segments the pictures; give masks, or turn it off");
-}
+    : node_(node),
+      options_(options),
+      segmentation_(node, options.floor),
+      asked_(node.runtime()),
+      answers_(node.runtime()) {}
 
 void PictureMasks::start() {
   node_.runtime().spawn("nrcc", [this](Worker& worker) { work(worker); });
@@ -23,10 +21,7 @@ void PictureMasks::ask(std::uint64_t frame, wire::Bytes jpeg, RunTime since) {
 void PictureMasks::work(Worker& worker) {
   while (const auto picture = asked_.take(worker)) {
     Answer answer;
-    answer.masks = worker.stage("segment", [&](StageUnits& units) {
-      units.n1 = static_cast<double>(picture->jpeg.size()) / 1000;
-      return node_.masks()->masks(picture->frame, picture->jpeg, options_.threshold);
-    });
+    answer.masks = segmentation_.run(worker, picture->frame, picture->jpeg, options_.threshold);
     answer.took = worker.now() - picture->since;
     answers_.put(std::move(answer));
   }

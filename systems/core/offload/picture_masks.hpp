@@ -2,8 +2,9 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
-#include "node/edge_node.hpp"
+#include "offload/segmentation_stage.hpp"
 #include "runtime/mailbox.hpp"
 
 namespace slambed {
@@ -11,6 +12,7 @@ namespace slambed {
 struct PictureMasksOptions {
   double threshold = 0.8;  ///< n_m
   int border_px = 3;       ///< features so near to a mask lie on it
+  Duration floor{};        ///< live, no mask comes sooner after its picture
 };
 
 /// NRCC ("non-rigid context culling") on a worker of its own, so that a picture is segmented (stage
@@ -19,8 +21,8 @@ struct PictureMasksOptions {
 class PictureMasks {
  public:
   struct Answer {
-    FrameMasks masks;
-    Duration took{};  ///< from the time that ask was told
+    std::optional<FrameMasks> masks;  ///< none: segmentation failed, or the run stops
+    Duration took{};                  ///< from the time that ask was told
   };
 
   /// bad_input where nothing segments pictures.
@@ -45,6 +47,7 @@ class PictureMasks {
 
   EdgeNode& node_;
   PictureMasksOptions options_;
+  SegmentationStage segmentation_;
   Mailbox<Picture> asked_;
   Mailbox<Answer> answers_;
 };

@@ -62,6 +62,7 @@ class SemanticRun : public ::testing::Test {
             {"nrcc", false},
             {"n_m", 0.8},
             {"mask_border_px", 3},
+            {"nrcc_floor_ms", 150.0},
             {"loop_closing", false},
             {"second_hypotheses", false},
             {"full_offload", true},

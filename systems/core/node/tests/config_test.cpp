@@ -96,6 +96,26 @@ TEST(RunConfig, WrongValuesAreNamed) {
   EXPECT_EQ(with("/playback/fps", nullptr), "");
 }
 
+TEST(RunConfig, ASegmenterIsOptionalAndChecked) {
+  testing::TemporaryFolder folder;
+  auto json = valid();
+  EXPECT_FALSE(read_run_config(folder.write("run.json", json.dump())).segmenter);
+  json["segmenter"] = {{"socket", "/out/segmenter/socket"}, {"time_limit_s", 1.5}};
+  const auto segmenter = read_run_config(folder.write("run.json", json.dump())).segmenter;
+  ASSERT_TRUE(segmenter);
+  EXPECT_EQ(segmenter->socket, "/out/segmenter/socket");
+  EXPECT_EQ(segmenter->time_limit_s, 1.5);
+  const auto with = [&](const char* key, nlohmann::json value) {
+    auto changed = json;
+    changed["segmenter"][key] = std::move(value);
+    return complaint(changed);
+  };
+  EXPECT_NE(with("socket", "here").find("segmenter.socket"), std::string::npos);
+  EXPECT_NE(with("time_limit_s", 0).find("segmenter.time_limit_s"), std::string::npos);
+  EXPECT_NE(with("time_limit_s", 61).find("segmenter.time_limit_s"), std::string::npos);
+  EXPECT_NE(with("network", "x").find("segmenter.network is unknown"), std::string::npos);
+}
+
 TEST(RunConfig, TheProfilesRttIsATableOverRunTime) {
   testing::TemporaryFolder folder;
   const auto with = [&](const nlohmann::json& table) {

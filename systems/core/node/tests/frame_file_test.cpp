@@ -105,7 +105,7 @@ class MaskCacheTest : public FrameFileTest {
   FrameMasks masks_of_frame(std::uint64_t frame, double threshold = 0.8) {
     MaskCache cache(kWidth, kHeight);
     cache.add(0.8, path, "key", 2);
-    return cache.masks(frame, {}, threshold);
+    return cache.masks(frame, {}, threshold).masks.value();
   }
 };
 
