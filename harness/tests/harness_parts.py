@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import reap
+from slambed.engines.segmenter import MODULE
 from slambed.link.record import LinkFacts
 from slambed.spec.device import VIRTUAL, CostModel, Device, Limits
 from slambed.spec.experiment import Playback, Tolerances
@@ -45,6 +47,15 @@ def is_trusted(summary: dict[str, Any], attempts: int = 3) -> bool:
     assert lines and all(map(OF_THE_HOST.search, lines)), lines
     assert summary["attempts"] == attempts
     return False
+
+
+def segmenters(folder: Path) -> list[psutil.Process]:
+    """Those that answer in this folder."""
+    return [
+        process
+        for process in psutil.process_iter(["cmdline"])
+        if MODULE in (line := process.info["cmdline"] or []) and str(folder) in " ".join(line)
+    ]
 
 
 STAND_IN = Path(__file__).parent / "stand_in_node.py"

@@ -20,6 +20,7 @@ from slambed.native import find_program
 from slambed.segment.frame_file import FrameFile
 from slambed.segment.mask_cache import LABELS_FILE, MaskCache
 from slambed.segment.masks import encode_jpeg
+from slambed.segment.network import load_network
 from slambed.spec import library
 from slambed.spec.masks import Masks, MasksAsked
 
@@ -110,6 +111,23 @@ def test_masks_are_in_the_run_key_by_their_content(crossing: Path, tmp_path: Pat
     moved = masked.masks.model_copy(update={"path": "/elsewhere"})
     assert masked.model_copy(update={"masks": other}).run_key != masked.run_key
     assert masked.model_copy(update={"masks": moved}).run_key == masked.run_key
+
+
+@needs_programs
+@pytest.mark.programs
+def test_live_runs_segment_by_themselves(crossing: Path, tmp_path: Path, cache: Path) -> None:
+    none, live = plan_of(write(tmp_path, crossing, "slambed_people"), "local").specs
+    assert none.masks is None and live.masks is not None
+    network = load_network("slambed_people")
+    assert live.masks.meaning() == {
+        "network": "slambed_people",
+        "n_m": 0.8,
+        "sha256": network.sha256,
+    }
+    assert live.masks.path == "" and not cache.exists(), "a mask cache was made"
+    with pytest.raises(SlambedError, match="which nothing can see in a picture") as error:
+        plan_of(write(tmp_path, crossing, "truth"), "local")
+    assert "\n" not in str(error.value)
 
 
 def test_a_run_without_masks_keeps_its_key() -> None:

@@ -86,3 +86,21 @@ def test_a_place_that_is_none_is_one_line(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 3
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
+
+
+def test_it_ends_with_its_input_when_asked_to(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "slambed.segment.server", str(tmp_path / "s"), OURS]
+    with subprocess.Popen(
+        [*command, "--with-input"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.stdin.close()
+        assert process.wait(10) == 0
+
+
+def test_what_is_asked_wrongly_is_one_line() -> None:
+    command = [sys.executable, "-m", "slambed.segment.server"]
+    for arguments in ([], ["a"], ["a", "b", "c"], ["a", "--with-input"]):
+        done = subprocess.run([*command, *arguments], capture_output=True, text=True)
+        assert done.returncode == 2 and done.stderr.startswith("error: "), arguments

@@ -61,13 +61,13 @@ def write_experiment(folder: Path, sequence: Path, runs: int = 2, text: str = EX
     return path
 
 
-def plan_of(path: Path) -> Plan:
+def plan_of(path: Path, engine: str = VIRTUAL) -> Plan:
     library = Library()
     experiment, source = library.experiment(str(path))
-    profiles = check(experiment, source, library, VIRTUAL)
+    profiles = check(experiment, source, library, engine)
     software = host_software(program="slambed-sim")
     return make_plan(
-        experiment, source, library, profiles, VIRTUAL, software, experiment.runs.default
+        experiment, source, library, profiles, engine, software, experiment.runs.default
     )
 
 

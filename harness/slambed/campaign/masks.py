@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The masks that the virtual runs of a plan need: made once per sequence, then reused."""
+"""What segments in the runs of a plan: virtual runs need masks, made once per sequence and then
+reused; live ones the network itself."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
 
 from slambed.campaign.datasets import Sequence
 from slambed.data.prepared import PreparedSequence
+from slambed.errors import SlambedError
+from slambed.segment import TRUTH
 from slambed.segment.masks import is_made, mask_cache, mask_key
+from slambed.segment.network import load_network, network_file
 from slambed.spec import inputs
 from slambed.spec.masks import Masks, MasksAsked
 
@@ -38,6 +42,27 @@ def make_masks(
                 key=mask_key(*parts),
                 sha256=inputs.sha256_of(path),
             )
+    return made
+
+
+def networks_of(
+    asked: Iterable[MasksAsked], sequences: Iterable[str]
+) -> dict[tuple[str, MasksAsked], Masks]:
+    """The same for live runs, which segment what they send and see no mask cache.
+
+    Raises SlambedError for the truth, which no picture shows, and as make_masks does."""
+    made: dict[tuple[str, MasksAsked], Masks] = {}
+    names = list(sequences)
+    for want in asked:
+        if want.network == TRUTH:
+            raise SlambedError(
+                "masks are the generator's truth, which nothing can see in a picture; live runs "
+                "need a network, or use --engine virtual"
+            )
+        network = load_network(want.network)
+        network_file(network)
+        for name in names:
+            made[name, want] = Masks(network=want.network, n_m=want.n_m, sha256=network.sha256)
     return made
 
 

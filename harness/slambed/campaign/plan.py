@@ -18,14 +18,14 @@ from slambed.campaign.datasets import (
 from slambed.campaign.further import of_other_engines
 from slambed.campaign.ledger import utc_now
 from slambed.campaign.links import backend_for, read_profile
-from slambed.campaign.masks import Say, make_masks
+from slambed.campaign.masks import Say, make_masks, networks_of
 from slambed.errors import MissingDataError, SlambedError
 from slambed.spec import inputs
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment, Playback, assumed
 from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
-from slambed.spec.masks import Masks, MasksAsked
+from slambed.spec.masks import MasksAsked
 from slambed.spec.matrix import (
     Circumstances,
     NamedProfile,
@@ -196,10 +196,9 @@ def make_plan(
             prior[by_id[sequence.id]] = (str(made), inputs.sha256_of(made))
         if judged and sequence.reference:
             references[by_id[sequence.id]] = str(provide(sequence.reference))
-    masks: dict[tuple[str, MasksAsked], Masks] = {}
-    if engine == VIRTUAL:
-        by_name = {by_id[sequence.id]: sequence for sequence in sequences.values()}
-        masks = make_masks(_masks_asked(experiment, library), by_name, say)
+    by_name = {by_id[sequence.id]: sequence for sequence in sequences.values()}
+    wanted = _masks_asked(experiment, library)
+    masks = make_masks(wanted, by_name, say) if engine == VIRTUAL else networks_of(wanted, by_name)
     linked = software_of_systems(software, {choice.system for choice in experiment.systems})
     circumstances = Circumstances(
         engine,

@@ -4,6 +4,7 @@
 import os
 import select
 import signal
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -82,6 +83,18 @@ class Node(Protocol):
         """Removes every trace but the output files; calling it twice is harmless."""
 
 
+class BesideEdge(Protocol):
+    """The segmenter of a run. It is not started again when it dies: the edge's events tell then."""
+
+    def await_ready(self, stopped: Callable[[], bool]) -> None:
+        """Returns when it answers, or when somebody stopped the run. Raises SlambedError, in a
+        line, for a network that cannot be loaded."""
+
+    def close(self) -> float | None:
+        """Ends it; the CPU seconds that it took, None where it could not tell any more. Calling it
+        twice is harmless."""
+
+
 class Engine(Protocol):
     """A way to run two nodes on this host."""
 
@@ -107,6 +120,10 @@ class Engine(Protocol):
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
         """The program of a killed node that `dies`, in the same namespace, with the same limits,
         past its gate."""
+
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
+        """A segmenter beside the edge node of this plan, which is at its gate, with nothing but a
+        socket to the world."""
 
     def beside(self, module: str, writable: list[Path]) -> list[str]:
         """The command that runs a module of slambed beside the nodes that are started, with what

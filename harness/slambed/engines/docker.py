@@ -13,6 +13,7 @@ from docker.errors import APIError, DockerException, NotFound
 from slambed.engines.base import (
     LABEL,
     NODE_UID,
+    BesideEdge,
     Node,
     NodePlan,
     ProcessWatch,
@@ -22,6 +23,7 @@ from slambed.engines.base import (
 from slambed.engines.cgroups import V1_LARGEST_SHARES
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker_error
 from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import PLAYER, environment, player_arguments, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
 from slambed.errors import KilledError, SlambedError, environment_error
@@ -216,6 +218,10 @@ class DockerEngine:
             node = self._node(plan, dead.container, dead.keeper)
         dead.give_up()
         return node
+
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
+        """A container beside the edge's."""
+        return start_segmenter(self._client, self._image, plan, edge.pid, network)
 
     def _node(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
         try:

@@ -59,15 +59,23 @@ class Helper:
         ]
 
     def _volumes(self, writable: list[Path]) -> list[str]:
-        read_only = [Path("/usr"), Path("/etc/ld.so.cache"), _package_folder(), _programs()]
-        for prefix in (sys.prefix, sys.base_prefix):
-            if not Path(prefix).is_relative_to("/usr"):
-                read_only.append(Path(prefix))
-        bound = [f"{path}:{path}:ro" for path in dict.fromkeys(read_only) if path.exists()]
+        bound = read_only([*host_python(), _programs()])
         bound += [f"{path}:{path}" for path in writable]
         bound += [f"{file}:{NAMESPACES / role}:ro" for role, file in self.namespaces.items()]
         bound.append("/sys/fs/cgroup:/sys/fs/cgroup")
         return [part for volume in bound for part in ("--volume", volume)]
+
+
+def host_python() -> list[Path]:
+    """What this very package needs of the host."""
+    needed = [Path("/usr"), Path("/etc/ld.so.cache"), _package_folder()]
+    prefixes = (Path(prefix) for prefix in (sys.prefix, sys.base_prefix))
+    return needed + [prefix for prefix in prefixes if not prefix.is_relative_to("/usr")]
+
+
+def read_only(paths: list[Path]) -> list[str]:
+    """Volumes at the same places."""
+    return [f"{path}:{path}:ro" for path in dict.fromkeys(paths) if path.exists()]
 
 
 def _purpose(module: str) -> str:

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from slambed.atomic import replacing
+from slambed.engines import segmenter
 from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import (
     EDGE_CONFIG,
+    BesideEdge,
     Engine,
     Node,
     NodePlan,
@@ -108,12 +110,16 @@ class LiveRun:
             self._engine.output_path(self._run_dir),
             self._time_limit_s(),
         )
-        if self._spec.edge_inputs:
-            (self._run_dir / EDGE_CONFIG).write_text(json.dumps(config.as_json(), indent=1))
+        if self._spec.edge_inputs or self._spec.masks is not None:
+            own = config
+            if self._spec.masks is not None:
+                own = config.model_copy(update={"segmenter": segmenter.config(config.output)})
+            (self._run_dir / EDGE_CONFIG).write_text(json.dumps(own.as_json(), indent=1))
             config = config.without(self._spec.edge_inputs)
         (self._run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)
+            beside_edge = self._start_segmenter(cleanup)
             with at_gate(self._nodes):
                 attendant = AttendantClient(
                     self._engine, self._nodes, self._limits, self._cpus, self._run_dir,
@@ -144,6 +150,9 @@ class LiveRun:
             self._problems += faults.problems
             attended = attendant.stop()
             link = self._close_link()
+            beside = attended.own
+            if beside_edge is not None:
+                beside = beside.model_copy(update={"segmenter_cpu_s": beside_edge.close()})
             for role, threads in attended.threads.items():
                 limits[role] = limits[role].model_copy(update={"threads": threads})
                 self._problems += thread_problems(role, threads, self._limits[cast(Role, role)])
@@ -165,7 +174,7 @@ class LiveRun:
                 for node, usage in attended.usage.items()
             },
             link=link,
-            beside=attended.own,
+            beside=beside,
         )
 
     def _start_nodes(self, cleanup: ExitStack) -> dict[str, NodeLimits]:
@@ -201,6 +210,17 @@ class LiveRun:
             granted = differences(asked, node.granted, cpus[role])
             self._problems += [f"{role}: {text}" for text in granted]
         return limits
+
+    def _start_segmenter(self, cleanup: ExitStack) -> BesideEdge | None:
+        """Answers before the first node passes its gate; ends before the edge's groups do."""
+        if self._spec.masks is None:
+            return None
+        process = self._engine.start_segmenter(
+            self._plans["edge"], self._nodes["edge"], self._spec.masks.network
+        )
+        cleanup.callback(process.close)
+        process.await_ready(self._stop.is_set)
+        return process
 
     def _await_ready(self) -> tuple[Outcome, str] | None:
         """None once all nodes are; else how one of them ended before."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Engine `local`: nodes as processes in network namespaces and control groups, no daemon."""
 
+import contextlib
 import os
 import select
 import signal
@@ -12,6 +13,7 @@ from slambed.endings import ended_from_outside, ending
 from slambed.engines import launcher
 from slambed.engines.base import (
     NODE_UID,
+    BesideEdge,
     Node,
     NodePlan,
     ProcessWatch,
@@ -28,6 +30,8 @@ from slambed.engines.foreign import (
     player_arguments,
 )
 from slambed.engines.helper import direct_command
+from slambed.engines.segmenter import ENVIRONMENT, LOG, SOCKET, SegmenterProcess, make_folder
+from slambed.engines.segmenter import command as segmenter_command
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
 from slambed.native import find_program
 from slambed.records.manifest import EngineFacts
@@ -50,7 +54,7 @@ class LocalNode:
         self.granted = self.reader.granted()
         self._process = process
         self._watch = ProcessWatch(process.pid)
-        self._paths = paths
+        self.paths = paths
         self._namespace_fd = -1
 
     def keep_namespace(self) -> None:
@@ -112,9 +116,9 @@ class LocalNode:
         if self._process.stdin is not None and not self._process.stdin.closed:
             self._process.stdin.close()
         self._watch.close()
-        folders = {*self._paths.folders.values()}
-        if self._paths.unified is not None:
-            folders.add(self._paths.unified)
+        folders = {*self.paths.folders.values()}
+        if self.paths.unified is not None:
+            folders.add(self.paths.unified)
         for folder in folders:
             remove(folder)
 
@@ -168,6 +172,48 @@ class LocalEngine:
         node.release()
         return node
 
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
+        """In the edge's groups, as the edge's user, in a network namespace of its own with nothing
+        but a loopback; it dies with this process."""
+        assert isinstance(edge, LocalNode)
+        folder = make_folder(plan.run_dir)
+        os.chown(folder, NODE_UID, NODE_UID)
+        log_file = folder / LOG
+        nobody = os.open(os.devnull, os.O_WRONLY)
+        command = [
+            *self._launcher(nobody, -1, edge.paths),
+            *segmenter_command(str(folder / SOCKET), network),
+        ]
+        try:
+            with log_file.open("wb") as log:
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    pass_fds=[nobody],
+                    cwd="/",
+                    env=os.environ | ENVIRONMENT,
+                    start_new_session=True,
+                )
+        finally:
+            os.close(nobody)
+        assert process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.write(b"g")  # nobody waits at this gate
+            process.stdin.flush()
+        return SegmenterProcess(process, log_file)
+
+    @staticmethod
+    def _launcher(ready_fd: int, network_fd: int, paths: CgroupPaths) -> list[str]:
+        return [
+            *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid())),
+            ",".join(str(fd) for fd in (ready_fd, network_fd) if fd >= 0),
+            str(NODE_UID),
+            *map(str, entry_files(paths)),
+            "--",
+        ]
+
     def _program_of(self, plan: NodePlan) -> list[str]:
         config = str(plan.run_dir.resolve() / config_name(plan))
         if plan.runtime is None:
@@ -182,13 +228,7 @@ class LocalEngine:
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
         os.chown(role_dir, NODE_UID, NODE_UID)
-        command = [
-            *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid())),
-            ",".join(str(fd) for fd in (ready_write, network_fd) if fd >= 0),
-            str(NODE_UID),
-            *map(str, entry_files(paths)),
-            *("--", *self._program_of(plan)),
-        ]
+        command = [*self._launcher(ready_write, network_fd, paths), *self._program_of(plan)]
         own = (
             None if plan.runtime is None else environment(plan, str(clients_folder()), host_path())
         )

@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The segmenter of live runs: a process beside the edge node that answers on a Unix socket.
 
-    python -m slambed.segment.server SOCKET NETWORK
+    python -m slambed.segment.server SOCKET NETWORK [--with-input]
 
 A question is u32 bytes that follow, f32 n_m, JPEG; an answer u32 bytes that follow and a frame of a
 mask cache. A picture that cannot be segmented is answered with 0 bytes, and told on stderr. One
-question at a time: a network fills a core."""
+question at a time: a network fills a core.
+
+It ends with SIGTERM and, when asked to, with its standard input; it then tells the CPU seconds that
+it took."""
 
 from __future__ import annotations
 
+import os
+import resource
+import signal
 import socket
 import struct
 import sys
+import threading
 from pathlib import Path
 
 from slambed.errors import ExitCode, SlambedError, environment_error
@@ -21,6 +28,7 @@ from slambed.segment.segmenter import Segmenter
 
 _SIZE = struct.Struct("<I")
 _N_M = struct.Struct("<f")
+WITH_INPUT = "--with-input"
 MOST_BYTES = 16 << 20
 """Of a question; a picture of that size is none that a camera sent."""
 
@@ -33,6 +41,7 @@ def serve(place: Path, segmenter: Segmenter) -> None:
             door.bind(str(place))
         except OSError as refused:
             raise environment_error(f"{place}: {refused.strerror or refused}") from refused
+        place.chmod(0o660)
         door.listen(1)
         print("ready", flush=True)
         while True:
@@ -77,13 +86,35 @@ def _exactly(caller: socket.socket, size: int) -> bytes | None:
     return bytes(read)
 
 
+def _end(*_: object) -> None:
+    """Of a signal: wherever it is, there is nothing to finish."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    sys.stdout.write(f"cpu_s {used.ru_utime + used.ru_stime:.3f}\n")
+    sys.stdout.flush()
+    os._exit(ExitCode.OK)
+
+
+def _end_with_input() -> None:
+    """Whoever started it holds the other end, and may have been killed."""
+    while os.read(0, 4096):
+        pass
+    os._exit(ExitCode.OK)
+
+
 def main() -> int:
     """Entry point: every failure is one line."""
-    if len(sys.argv) != 3:
-        print("error: python -m slambed.segment.server SOCKET NETWORK", file=sys.stderr)
+    *wanted, last = sys.argv[1:] or [""]
+    if last != WITH_INPUT:
+        wanted.append(last)
+    if len(wanted) != 2:
+        line = f"error: python -m slambed.segment.server SOCKET NETWORK [{WITH_INPUT}]"
+        print(line, file=sys.stderr)
         return ExitCode.BAD_INPUT
+    signal.signal(signal.SIGTERM, _end)
+    if last == WITH_INPUT:
+        threading.Thread(target=_end_with_input, daemon=True).start()
     try:
-        serve(Path(sys.argv[1]), Segmenter(load_network(sys.argv[2])))
+        serve(Path(wanted[0]), Segmenter(load_network(wanted[1])))
     except SlambedError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.code

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The masks that a virtual run has in place of a segmentation (docs/masks.md)."""
+"""What is segmented in a run: by which network, and for virtual runs the masks that stand for it
+(docs/masks.md)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -57,6 +58,7 @@ class Masks(BaseModel):
     key: str = ""
     """What the file was made of; path and key are in no run key, the content is."""
     sha256: str = ""
+    """Of the file; in live runs, which have none, of the network's."""
 
     def meaning(self) -> dict[str, Any]:
         """What of them a run means."""

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The segmenter beside an edge container: a container of its own with the Python of the host, bound
+in read-only, and nothing but a folder to the world."""
+
+import contextlib
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import docker
+from docker.errors import NotFound
+
+from slambed.data.places import cache_folder
+from slambed.engines.base import LABEL, NODE_UID, NodePlan
+from slambed.engines.docker_errors import DAEMON_ERRORS
+from slambed.engines.helper import host_python, read_only
+from slambed.engines.segmenter import (
+    ENVIRONMENT,
+    LOG,
+    SOCKET,
+    SegmenterProcess,
+    command,
+    make_folder,
+)
+from slambed.native import repository_root
+
+WITH_INPUT = "--with-input"
+"""The container ends with the process that started it."""
+PIDS_LIMIT = 64
+
+
+def group_of_edge(client: docker.DockerClient, pid: int) -> str | None:
+    """The edge container's control group as a parent for another one. None where the daemon can
+    put none there: a v2 group with processes has no children, systemd wants a slice."""
+    info = client.info()
+    if info.get("CgroupDriver") != "cgroupfs" or str(info.get("CgroupVersion")) != "1":
+        return None
+    for line in Path(f"/proc/{pid}/cgroup").read_text().splitlines():
+        _, controllers, path = line.split(":", 2)
+        if "cpu" in controllers.split(",") and path != "/" and ".." not in path:
+            return path
+    return None
+
+
+def start_segmenter(
+    client: docker.DockerClient, image: Any, plan: NodePlan, edge_pid: int, network: str
+) -> SegmenterProcess:
+    """In the edge's control group, or in one with the same limits."""
+    folder = make_folder(plan.run_dir)
+    name = f"{LABEL}-{plan.run_key}-segmenter"
+    clear = _Clear(client, name)
+    clear()
+    parent = group_of_edge(client, edge_pid)
+    environment = ENVIRONMENT | {"SLAMBED_CACHE": str(cache_folder().resolve()), "HOME": "/tmp"}
+    bound = [*host_python(), repository_root() / "networks", cache_folder().resolve() / "networks"]
+    if network.endswith(".yaml"):
+        bound.append(Path(network).resolve())
+    # Files of the host that are closed to others are open to whoever runs this, without any
+    # capability; the edge is of the same group, which may use the socket.
+    user = f"{os.geteuid()}:{NODE_UID}"
+    run = [
+        *("docker", "run", "--interactive", "--rm", "--name", name),
+        *("--label", f"{LABEL}={plan.run_key}", "--label", f"{LABEL}.role=segmenter"),
+        *("--network", "none", "--user", user, "--cap-drop", "ALL"),
+        *("--security-opt", "no-new-privileges", "--read-only", "--tmpfs", "/tmp"),
+        *("--pids-limit", str(PIDS_LIMIT)),
+        *(("--cgroup-parent", parent) if parent is not None else _limits(plan)),
+        *(part for volume in read_only(bound) for part in ("--volume", volume)),
+        *("--volume", f"{folder}:{folder}"),
+        *(part for item in environment.items() for part in ("--env", "=".join(item))),
+    ]
+    python, *arguments = command(str(folder / SOCKET), network, WITH_INPUT)
+    log_file = folder / LOG
+    with log_file.open("wb") as log:
+        if parent is None:
+            log.write(b"in a control group of its own, with the edge's limits\n")
+            log.flush()
+        process = subprocess.Popen(
+            [*run, "--entrypoint", python, str(image.id), *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            start_new_session=True,
+        )
+    return SegmenterProcess(process, log_file, clear)
+
+
+def _limits(plan: NodePlan) -> list[str]:
+    limits = plan.limits
+    period_us = round(limits.period_ms * 1000)
+    found = ["--cpuset-cpus", ",".join(map(str, plan.cpus))]
+    if limits.quota_cores is not None:
+        found += ["--cpu-period", str(period_us)]
+        found += ["--cpu-quota", str(round(limits.quota_cores * period_us))]
+    if limits.memory_mb is not None:
+        found += ["--memory", f"{limits.memory_mb}m"]
+    return found
+
+
+class _Clear:
+    """Removes a container of this name, where there is one."""
+
+    def __init__(self, client: docker.DockerClient, name: str) -> None:
+        self._client = client
+        self._name = name
+
+    def __call__(self) -> None:
+        with contextlib.suppress(NotFound, *DAEMON_ERRORS):
+            self._client.containers.get(self._name).remove(force=True, v=True)

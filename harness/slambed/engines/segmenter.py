@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The segmenter of a live run, as the harness holds it: a process beside the edge node that engines
+start each in their way (docs/masks.md)."""
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from slambed.endings import ended_from_outside, ending
+from slambed.engines.base import last_line
+from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
+from slambed.records.run_config import Segmenter
+
+FOLDER, SOCKET, LOG = "segmenter", "socket", "log.txt"
+"""In the run's folder; log and socket are in the folder."""
+MODULE = "slambed.segment.server"
+TIME_LIMIT_S = 2.0
+"""For one picture: several times what our network takes on a slow core."""
+READY_TIMEOUT_S = 60.0
+"""Python, OpenCV and the network are read from disk, within the limits of the edge."""
+END_TIMEOUT_S = 5.0
+ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
+}
+
+
+def config(output: str) -> Segmenter:
+    """What the edge node is told; `output`: the run's folder as it sees that."""
+    return Segmenter(socket=f"{output}/{FOLDER}/{SOCKET}", time_limit_s=TIME_LIMIT_S)
+
+
+def make_folder(run_dir: Path) -> Path:
+    """Where the socket lies. Others than its owner may go through it and write nothing."""
+    folder = run_dir.resolve() / FOLDER
+    folder.mkdir(exist_ok=True)
+    folder.chmod(0o711)
+    return folder
+
+
+class SegmenterProcess:
+    """A BesideEdge."""
+
+    def __init__(
+        self, process: subprocess.Popen[bytes], log: Path, clear: Callable[[], None] = lambda: None
+    ) -> None:
+        """`clear`: removes what the process alone does not take along."""
+        self._process = process
+        self._log = log
+        self._clear = clear
+        self._said = b""
+
+    def await_ready(self, stopped: Callable[[], bool]) -> None:
+        """Of itself it says no more than `ready`."""
+        deadline = time.monotonic() + READY_TIMEOUT_S
+        while not stopped():
+            if b"ready\n" in self._said:
+                return
+            if not self._read(0.05):
+                raise self._refused()
+            if time.monotonic() > deadline:
+                raise PassingError(f"the segmenter was not ready within {READY_TIMEOUT_S:.0f} s")
+
+    def _read(self, patience_s: float) -> bool:
+        """False at the end of what it says."""
+        assert self._process.stdout is not None
+        if not select.select([self._process.stdout], [], [], patience_s)[0]:
+            return True
+        piece = os.read(self._process.stdout.fileno(), 4096)
+        self._said += piece
+        return bool(piece)
+
+    def _refused(self) -> SlambedError:
+        code = self._process.wait(END_TIMEOUT_S)
+        line = "the segmenter ended before it was ready"
+        if ended_from_outside(code):
+            return KilledError(f"{line}: it was killed ({ending(code)})")
+        told = last_line(self._log).removeprefix("error: ")
+        known = code in (ExitCode.BAD_INPUT, ExitCode.ENVIRONMENT)
+        return SlambedError(f"{line}: {told}", ExitCode(code) if known else ExitCode.ENVIRONMENT)
+
+    def close(self) -> float | None:
+        """With SIGTERM, then SIGKILL."""
+        if self._process.stdout is None or self._process.stdout.closed:
+            return None
+        if self._process.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.send_signal(signal.SIGTERM)
+        deadline = time.monotonic() + END_TIMEOUT_S
+        while time.monotonic() < deadline and self._read(0.05):
+            pass
+        if self._process.poll() is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(max(0.0, deadline - time.monotonic()))
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+        self._clear()
+        told = [line for line in self._said.decode().splitlines() if line.startswith("cpu_s ")]
+        return float(told[-1].split()[1]) if told else None
+
+
+def command(socket: str, network: str, *options: str) -> list[str]:
+    """Of the segmenter itself."""
+    # It runs in another folder.
+    named = str(Path(network).resolve()) if network.endswith(".yaml") else network
+    return [sys.executable, "-m", MODULE, socket, named, *options]
