@@ -9,37 +9,18 @@
 #include <map>
 #include <set>
 
-#include "offload/tests/turning_pair.hpp"
-#include "wire/messages.hpp"
+#include "edgeslam/tests/edgeslam_runs.hpp"
 
 namespace slambed {
 namespace {
 
+namespace runs = testing::edgeslam;
 using testing::PairLink;
 using testing::PairResult;
 using testing::pose_at;
-using testing::SyntheticWorld;
-using testing::turn;
-
-nlohmann::json with_switches(nlohmann::json params) {
-  params.update(testing::ours());
-  return params;
-}
-nlohmann::json conventional() { return with_switches(testing::conventional()); }
-nlohmann::json enhanced() { return with_switches(testing::enhanced()); }
 
 /// How far a keyframe of the edge's map may be from where the camera was.
 constexpr double kPositionTolerance_m = 0.02;
-
-PairResult run_over(const PairLink& link, const nlohmann::json& params, int frames = 160) {
-  return testing::run_pair(edgeslam_system(), params, frames, 10, link, turn);
-}
-
-PairResult run(const nlohmann::json& params, int frames = 160, double one_way_ms = 0.1,
-               testing::WorldSource::Look look = turn) {
-  return testing::run_pair(edgeslam_system(), params, frames, 10, {.one_way_ms = {one_way_ms}},
-                           std::move(look));
-}
 
 double sum_of_parts(const nlohmann::json& applied) {
   double sum = 0;
@@ -53,11 +34,11 @@ double sum_of_parts(const nlohmann::json& applied) {
 
 class EdgeSlamVariants : public ::testing::TestWithParam<bool> {
  protected:
-  nlohmann::json params() const { return GetParam() ? enhanced() : conventional(); }
+  nlohmann::json params() const { return GetParam() ? runs::enhanced() : runs::conventional(); }
 };
 
 TEST_P(EdgeSlamVariants, TracksEveryFrameWithMappingOnTheEdgeOnly) {
-  const PairResult result = run(params());
+  const PairResult result = runs::run(params());
   EXPECT_TRUE(result.finished);
   EXPECT_EQ(result.end_reason, "bye");
   const auto frames = result.of("frame_tracked");
@@ -86,7 +67,7 @@ TEST_P(EdgeSlamVariants, TracksEveryFrameWithMappingOnTheEdgeOnly) {
 }
 
 TEST_P(EdgeSlamVariants, UpdatesComeEveryPeriodAndTheirDelaysAddUp) {
-  const PairResult result = run(params());
+  const PairResult result = runs::run(params());
   const auto sent = result.of("update_sent");
   ASSERT_GE(sent.size(), 2u);
   for (std::size_t i = 1; i < sent.size(); ++i) {
@@ -104,7 +85,7 @@ TEST_P(EdgeSlamVariants, UpdatesComeEveryPeriodAndTheirDelaysAddUp) {
 TEST_P(EdgeSlamVariants, AnUpdateTellsHowLongTrackingStoodStill) {
   // Every stage takes 2 ms: serial parses and does the four of an update, parallel only swaps.
   const double pause_ms = params()["map_update"] == "serial" ? 10 : 2;
-  const auto applied = run(params()).of("update_applied");
+  const auto applied = runs::run(params()).of("update_applied");
   ASSERT_FALSE(applied.empty());
   for (const auto& update : applied) EXPECT_NEAR(update["pause_ms"].get<double>(), pause_ms, 0.01);
 }
@@ -112,7 +93,7 @@ TEST_P(EdgeSlamVariants, AnUpdateTellsHowLongTrackingStoodStill) {
 TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
   PairLink link;
   link.lost = 3;
-  const PairResult result = run_over(link, params());
+  const PairResult result = runs::run_over(link, params());
   EXPECT_EQ(result.end_reason, "bye");
   EXPECT_TRUE(result.of("track_lost").empty());
   int wanted = 0;
@@ -150,9 +131,9 @@ INSTANTIATE_TEST_SUITE_P(Variants, EdgeSlamVariants, ::testing::Values(false, tr
                          });
 
 TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
-  auto params = enhanced();
+  auto params = runs::enhanced();
   params["fast_motion_ms"] = 0.0;
-  const PairResult result = run(params);
+  const PairResult result = runs::run(params);
   const auto applied = result.of("update_applied");
   ASSERT_GE(applied.size(), 2u);
   const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
@@ -170,50 +151,16 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   EXPECT_LT(after, before - 1000);
 }
 
-TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
-  using namespace std::chrono_literals;
-  auto params = enhanced();
-  params["fast_motion_ms"] = 0.0;
-  PairLink link;
-  link.edge_restarts = 7s;
-  const PairResult result = run_over(link, params, 85);
-  ASSERT_FALSE(result.of("update_applied").empty());
-  const auto restarted = result.of("edge_restarted");
-  ASSERT_EQ(restarted.size(), 1u);
-  const std::uint64_t begins = restarted[0]["keyframe"];
-  std::uint64_t before = 0;
-  int after = 0;
-  for (const Bytes& sent : result.keyframes) {
-    const auto keyframe = wire::decode_keyframe(sent, SyntheticWorld().sensor());
-    if (keyframe.keyframe.value < begins) {
-      before = std::max(before, keyframe.applied_update);
-    } else {
-      ++after;
-      EXPECT_EQ(keyframe.applied_update, 0u);
-      EXPECT_EQ(keyframe.first, keyframe.keyframe.value == begins);
-    }
-  }
-  EXPECT_GT(before, 0u);
-  EXPECT_GT(after, 1);
-  // It asked for a keyframe just then: the one that its map begins with is the answer.
-  std::vector<int> urgent;
-  for (const auto& made : result.of("keyframe_created")) {
-    if (made["t_ns"] >= 7'000'000'000 && made["need"] == "urgent") urgent.push_back(made["frame"]);
-  }
-  ASSERT_FALSE(urgent.empty());
-  EXPECT_EQ(urgent[0], 70);
-  EXPECT_FALSE(urgent.size() > 1 && urgent[1] == 71);
-}
-
 TEST(EdgeSlam, TheSameSeedGivesTheSameBytes) {
-  const PairResult first = run(enhanced(), 80), second = run(enhanced(), 80);
+  const PairResult first = runs::run(runs::enhanced(), 80),
+                   second = runs::run(runs::enhanced(), 80);
   EXPECT_EQ(first.mobile_text, second.mobile_text);
   EXPECT_EQ(first.edge_text, second.edge_text);
   EXPECT_EQ(first.trajectory, second.trajectory);
 }
 
 TEST(EdgeSlam, ASlowLinkDelaysUpdates) {
-  const PairResult near = run(enhanced()), far = run(enhanced(), 160, 400);
+  const PairResult near = runs::run(runs::enhanced()), far = runs::run(runs::enhanced(), 160, 400);
   ASSERT_FALSE(near.of("update_applied").empty());
   ASSERT_FALSE(far.of("update_applied").empty());
   for (const auto& update : far.of("update_applied")) {
@@ -228,7 +175,7 @@ TEST(EdgeSlam, ASlowLinkDelaysUpdates) {
 }
 
 TEST(EdgeSlam, KeyframesMadeMeanwhileAreLostFromTheLocalMap) {
-  auto params = enhanced();
+  auto params = runs::enhanced();
   params["fast_motion_ms"] = 0.0;
   const auto gap = [](const PairResult& result) {
     int lost = 0;
@@ -236,24 +183,24 @@ TEST(EdgeSlam, KeyframesMadeMeanwhileAreLostFromTheLocalMap) {
       lost += update["gap_keyframes"].get<int>();
     return lost;
   };
-  const int near = gap(run(params, 110)), far = gap(run(params, 110, 1000));
+  const int near = gap(runs::run(params, 110)), far = gap(runs::run(params, 110, 1000));
   EXPECT_GT(far, near);
 }
 
 TEST(EdgeSlam, AnUpdateAfterEveryKeyframeWithThePeriodAtZero) {
-  auto params = enhanced();
+  auto params = runs::enhanced();
   params["sync_period_s"] = 0.0;
   params["fast_motion_ms"] = 0.0;
-  const PairResult result = run(params, 60);
+  const PairResult result = runs::run(params, 60);
   EXPECT_EQ(result.of("update_sent").size(), result.of("keyframe_mapped").size());
   EXPECT_GT(result.of("update_applied").size(), 3u);
 }
 
 TEST(EdgeSlam, TheCompatibilityCodecCostsWhatEdgeSlamsMessagesCost) {
-  auto params = conventional();
+  auto params = runs::conventional();
   params["codec"] = "compatibility";
   params["min_local_keyframes"] = 1;
-  const PairResult text = run(params, 160, 20);
+  const PairResult text = runs::run(params, 160, 20);
   const auto applied = text.of("update_applied");
   ASSERT_FALSE(applied.empty());
   for (const auto& update : applied) {
@@ -276,113 +223,6 @@ TEST(EdgeSlam, TheCompatibilityCodecCostsWhatEdgeSlamsMessagesCost) {
   // The edge maps what was sent, as with the binary codec.
   EXPECT_GT(text.edge_counts.keyframes, 5u);
   EXPECT_EQ(text.of("frame_tracked").back()["state"], "ok");
-}
-
-/// Ten seconds of turning, one second of darkness, then again what was seen at second two: the
-/// local map of one keyframe does not reach that far back, the edge's does.
-std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticWorld& world, int frame) {
-  if (frame >= 100 && frame < 110) return world.nothing();
-  return turn(world, frame < 100 ? frame : frame - 90);
-}
-
-PairResult run_through_darkness(PairLink link, nlohmann::json params = enhanced()) {
-  return testing::run_pair(edgeslam_system(), params, 200, 10, link, dark_for_a_second);
-}
-
-TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
-  const PairResult result = run_through_darkness({});
-  EXPECT_EQ(result.of("track_lost").size(), 1u);
-  const auto relocalised = result.of("relocalised");
-  ASSERT_EQ(relocalised.size(), 1u);
-  int in_the_edges_map = 0;
-  for (const auto& update : result.of("update_applied")) {
-    in_the_edges_map += update["relocalisation"] == true &&
-                        update["t_ns"].get<double>() < relocalised[0]["t_ns"].get<double>();
-  }
-  EXPECT_GT(in_the_edges_map, 0);
-  EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
-
-  // It is the edge that helps: when it never hears the question, the mobile stays lost.
-  PairLink deaf;
-  deaf.lossy_channel = "frame";
-  deaf.lost = 1000;
-  const PairResult alone = run_through_darkness(deaf);
-  for (const auto& event : alone.of("relocalised")) {  // until it sees the place where it got lost
-    EXPECT_GT(event["t_ns"].get<double>(), relocalised[0]["t_ns"].get<double>() + 4e9);
-  }
-}
-
-TEST(EdgeSlam, NoRegularUpdateLeavesWhileTheMobileAsksWhereItIs) {
-  auto params = enhanced();
-  params["n_kf"] = 6;
-  params["sync_period_s"] = 0.0;
-  params["fast_motion_ms"] = 0.0;
-  int mapped = 0;
-  // Edges that lag behind: when tracking is lost, keyframes still wait to be mapped.
-  for (const double stage_us : {60'000.0, 100'000.0, 150'000.0, 200'000.0}) {
-    PairLink link;
-    link.edge_device = testing::uniform_device(stage_us);
-    const PairResult result = run_through_darkness(link, params);
-    const double under_way_ns = 1.2 * stage_us * 1e3;  // prepared when the question came
-    double asked = 0;
-    for (const auto& event : result.edge) {
-      const std::string type = event["type"];
-      if (type == "message" && event["message"] == "FRAME") asked = event["t_ns"];
-      if (type == "keyframe_received" || type == "keyframe_declined") asked = 0;
-      if (asked == 0) continue;
-      mapped += type == "keyframe_mapped";
-      if (type == "update_sent" && event["t_ns"].get<double>() > asked + under_way_ns) {
-        EXPECT_EQ(event["relocalisation"], true) << event;
-      }
-    }
-    for (const auto& declined : result.of("update_declined")) {
-      EXPECT_NE(declined["reason"], "a newer one came");
-    }
-  }
-  EXPECT_GT(mapped, 0) << "nothing was there to be sent";
-}
-
-/// Keyframes that the mobile has, bit for bit, where the edge has them.
-int placed_by_the_edge(const PairResult& result, int first_frame, int last_frame) {
-  int same = 0;
-  for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
-    const auto frame = static_cast<int>(keyframe.frame_index);
-    if (frame < first_frame || frame > last_frame) continue;
-    const auto known = result.keyframe_poses.find(keyframe.id);
-    same += known != result.keyframe_poses.end() && known->second.R == keyframe.T_cw.R &&
-            known->second.t == keyframe.T_cw.t;
-  }
-  return same;
-}
-
-/// The edge never hears the farewell in time.
-PairLink that_breaks() {
-  PairLink link;
-  link.gaps = {{12'000'000'000, 45'000'000'000}};
-  return link;
-}
-
-TEST(EdgeSlam, PosesOfUpdatesThatWereDeclinedCountWhenTheEdgeIsGone) {
-  auto params = enhanced();
-  params["sync_period_s"] = 1.0;
-  params["min_local_keyframes"] = 100;
-  const PairResult result = run_over(that_breaks(), params);
-  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
-  ASSERT_TRUE(result.of("update_applied").empty());
-  ASSERT_GT(result.of("update_declined").size(), 5u);
-  EXPECT_GT(placed_by_the_edge(result, 30, 90), 0);
-}
-
-TEST(EdgeSlam, PosesOfUpdatesThatNeverCameAreToldAgain) {
-  auto params = enhanced();
-  params["sync_period_s"] = 1.0;
-  params["fast_motion_ms"] = 0.0;
-  PairLink link = that_breaks();
-  link.lost_updates = 8;
-  const PairResult result = run_over(link, params);
-  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
-  ASSERT_GT(result.of("update_applied").size(), 0u);
-  EXPECT_GT(placed_by_the_edge(result, 20, 60), 0);
 }
 
 }  // namespace

@@ -3,136 +3,19 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-#include <set>
+#include <map>
+#include <random>
 
-#include "offload/update_content.hpp"
-#include "wire/tests/examples.hpp"
+#include "offload/tests/staging_world.hpp"
 
 namespace slambed {
 namespace {
 
+using testing::StagingWorld;
 using wire::keyframe_id;
 using Backup = MapStaging::Backup;
 
-constexpr int kFeatures = 24, kNewPoints = 8;
 constexpr double kSame = 1e-9;
-
-MapPointId staged_point(std::uint64_t index) { return wire::point_id(index); }
-
-SE3 small_motion(std::mt19937& random, double size) {
-  std::uniform_real_distribution<double> unit(-size, size);
-  Eigen::Matrix<double, 6, 1> step;
-  for (int i = 0; i < 6; ++i) step[i] = unit(random);
-  return SE3::exp(step);
-}
-
-/// A mobile that makes keyframes on its active map, and an edge that has mapped the first of them
-/// elsewhere: its world has moved, some points were fused, some culled.
-class World {
- public:
-  explicit World(unsigned seed, Backup backup = Backup::kUpdate)
-      : random_(seed),
-        features_(wire::example_features(random_, kFeatures, wire::example_camera().make_sensor())),
-        staging(std::make_shared<Map>(), backup) {}
-
-  /// Half of what it sees is seen by the keyframe before, too.
-  void make_keyframe(bool provisional) {
-    MapDelta delta;
-    NewKeyFrame keyframe;
-    keyframe.id = keyframe_id(++made);
-    keyframe.features = features_;
-    keyframe.T_cw = T_cw;
-    keyframe.points.assign(kFeatures, {});
-    for (int i = 0; i < kFeatures - kNewPoints; ++i) {
-      if (!before_.empty() && i < std::ssize(before_)) keyframe.points[i] = before_[i];
-    }
-    for (int i = 0; i < kNewPoints; ++i) {
-      NewPoint point;
-      point.id = staged_point(++points_);
-      point.p_w = T_cw.inverse() * Eigen::Vector3d(0.1 * i, 0.2, 2 + i % 3);
-      point.reference = point.first_keyframe = keyframe.id;
-      keyframe.points[kFeatures - 1 - i] = point.id;
-      delta.points.push_back(point);
-    }
-    before_.assign(keyframe.points.rbegin(), keyframe.points.rend());
-    // A feature sees a point once.
-    std::set<MapPointId> seen;
-    for (MapPointId& id : keyframe.points)
-      if (id && !seen.insert(id).second) id = {};
-    // Points that went with an earlier map are not seen any more.
-    staging.active()->read([&](const MapView& view) {
-      for (MapPointId& id : keyframe.points) {
-        const bool fresh = std::any_of(delta.points.begin(), delta.points.end(),
-                                       [&](const NewPoint& p) { return p.id == id; });
-        if (id && !fresh) id = view.resolve(id);
-      }
-      return 0;
-    });
-    delta.keyframes.push_back(std::move(keyframe));
-    staging.active()->commit(delta);
-    staging.keyframe_created(keyframe_id(made), provisional);
-    T_cw = small_motion(random_, 0.1) * T_cw;
-  }
-
-  /// The latest keyframes up to this one, as the edge has them.
-  MapDelta update(std::uint64_t newest, int count) {
-    std::vector<KeyFrameId> wanted;
-    for (std::uint64_t id = newest; id > 0 && std::ssize(wanted) < count; --id)
-      wanted.push_back(keyframe_id(id));
-    MapDelta delta = staging.active()->read(
-        [&](const MapView& view) { return extract_keyframes(view, wanted); });
-    const SE3 T_new_old = small_motion(random_, 0.5);
-    std::set<MapPointId> gone;
-    for (NewPoint& point : delta.points) {
-      point.p_w = T_new_old * point.p_w;
-      if (random_() % 8 == 0) gone.insert(point.id);
-    }
-    for (NewKeyFrame& keyframe : delta.keyframes) {
-      keyframe.T_cw = (keyframe.T_cw * T_new_old.inverse()).normalized();
-      for (MapPointId& id : keyframe.points) {
-        if (!gone.contains(id)) continue;
-        id = id.value % 2 ? MapPointId{} : survivor_of(id);
-      }
-    }
-    std::set<MapPointId> seen;
-    for (const NewKeyFrame& keyframe : delta.keyframes)
-      seen.insert(keyframe.points.begin(), keyframe.points.end());
-    std::vector<NewPoint> survivors;
-    for (const NewPoint& point : delta.points) {
-      if (!gone.contains(point.id)) continue;
-      NewPoint survivor = point;
-      survivor.id = survivor_of(point.id);
-      if (seen.contains(survivor.id)) survivors.push_back(survivor);
-    }
-    std::erase_if(delta.points, [&](const NewPoint& p) { return gone.contains(p.id); });
-    delta.points.insert(delta.points.end(), survivors.begin(), survivors.end());
-    moved = T_new_old;
-    return delta;
-  }
-
-  static MapPointId survivor_of(MapPointId id) {
-    return wire::point_id(id.value & 0xffffff, IdSpace::kEdgeMapper);
-  }
-
-  void swap() {
-    staging.drain();
-    staging.swap();
-    staging.clean();
-    staging.release();
-  }
-
- private:
-  std::mt19937 random_;
-  std::shared_ptr<const FeatureSet> features_;
-  std::vector<MapPointId> before_;
-  std::uint64_t points_ = 0;
-
- public:
-  MapStaging staging;
-  std::uint64_t made = 0;
-  SE3 T_cw, moved;
-};
 
 void expect_every_point_there(const Map& map) {
   map.read([&](const MapView& view) {
@@ -252,7 +135,7 @@ class Interleaving {
   }
 
   std::mt19937 random_;
-  World world_;
+  StagingWorld world_;
   bool lost_ = false;
   int step_ = 0, swaps_ = 0;
   std::size_t carried_ = 0;
@@ -277,7 +160,7 @@ TEST(MapStaging, NoKeyframeMadeDuringAnUpdateIsMissingInAnyOrderOfEvents) {
 
 /// What is carried over when two keyframes are made before the update begins and two after.
 std::vector<KeyFrameId> carried_with(Backup backup) {
-  World world(1, backup);
+  StagingWorld world(1, backup);
   for (int i = 0; i < 8; ++i) world.make_keyframe(false);
   const MapDelta update = world.update(6, 6);
   world.staging.begin();
@@ -301,7 +184,7 @@ TEST(MapStaging, BacksUpAsItIsTold) {
 }
 
 TEST(MapStaging, WhatTheEdgeMayStillDeclineStaysProvisional) {
-  World world(2);
+  StagingWorld world(2);
   for (int i = 0; i < 8; ++i) world.make_keyframe(true);
   const MapDelta update = world.update(8, 6);
   world.staging.begin();
@@ -314,7 +197,7 @@ TEST(MapStaging, WhatTheEdgeMayStillDeclineStaysProvisional) {
 }
 
 TEST(MapStaging, TrackingsMapIsLeftAloneUntilTheSwap) {
-  World world(3);
+  StagingWorld world(3);
   for (int i = 0; i < 8; ++i) world.make_keyframe(false);
   const auto active = world.staging.active();
   const auto revision = active->revision();
@@ -331,7 +214,7 @@ TEST(MapStaging, TrackingsMapIsLeftAloneUntilTheSwap) {
 }
 
 TEST(MapStaging, AnUpdateThatWasGivenUpLeavesNothingBehind) {
-  World world(4);
+  StagingWorld world(4);
   for (int i = 0; i < 8; ++i) world.make_keyframe(false);
   const MapDelta first = world.update(8, 6), second = world.update(8, 2);
   world.staging.begin();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The modelled link: delays, serialisation, slow start, smoothed RTT, loss, queues.
+// The modelled link: delays, serialisation, slow start, smoothed RTT, queues, a peer that is away.
 #include "runtime/virtual/virtual_network.hpp"
 
 #include <gtest/gtest.h>
@@ -7,80 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "runtime/virtual/tcp_cubic.hpp"
-#include "runtime/virtual/tcp_receiver.hpp"
+#include "runtime/tests/virtual_nodes.hpp"
 
 namespace slambed {
 namespace {
 
+using namespace testing;
 using namespace std::chrono_literals;
-
-struct CountingObserver final : Observer {
-  void stage(const StageRecord&) override {}
-  void message(const MessageRecord& r) override { (r.dropped ? dropped : taken) += 1; }
-  void link(const LinkRecord& r) override {
-    ++links;
-    if (r.event == "stalled" || r.event == "flowing") {
-      stalls.push_back(std::string(r.event) + " " + std::string(r.detail));
-    }
-  }
-  std::vector<std::string> stalls;
-  int taken = 0, dropped = 0, links = 0;
-};
-
-using link::DirectionOptions;
-
-constexpr std::int64_t kMs = 1'000'000;
-
-DirectionOptions constant(std::int64_t delay_ms, double rate_mbit = 0, double loss = 0) {
-  DirectionOptions options;
-  options.delays_ns = {delay_ms * kMs};
-  if (rate_mbit > 0) {
-    options.rate = link::RateOptions{.bits_per_s = rate_mbit * 1e6, .queue_bytes = 10'000'000};
-  }
-  if (loss > 0) options.loss = link::LossOptions{.loss_good = loss};
-  return options;
-}
-
-/// Two nodes without compute cost, joined by one channel.
-struct Nodes {
-  Nodes(const DirectionOptions& up, const DirectionOptions& down,
-        ChannelOptions options = {.name = "map"})
-      : link(simulator, up, down, 7),
-        mobile(simulator, {}, 1, observer),
-        edge(simulator, {}, 2, observer),
-        near(link.mobile_side(observer).open(options)),
-        far(link.edge_side(observer).open(options)) {}
-
-  Simulator simulator;
-  CountingObserver observer;
-  VirtualLink link;
-  VirtualRuntime mobile, edge;
-  Channel& near;
-  Channel& far;
-};
-
-/// Sends messages of the given size at the given times; returns when each was received.
-std::vector<Duration> deliver(Nodes& nodes, std::size_t bytes, const std::vector<RunTime>& times) {
-  std::vector<Duration> received;
-  nodes.mobile.spawn("sender", [&](Worker& w) {
-    for (const RunTime t : times) {
-      w.sleep_until(t);
-      nodes.near.send(1, Bytes(bytes));
-    }
-  });
-  nodes.edge.spawn("receiver", [&](Worker& w) {
-    while (received.size() < times.size()) {
-      auto message = nodes.far.receive(w, w.now() + 100s);
-      if (!message) break;
-      EXPECT_EQ(message->sequence, received.size() + 1);
-      EXPECT_EQ(message->payload.size(), bytes);
-      received.push_back(message->received);
-    }
-  });
-  nodes.simulator.run();
-  return received;
-}
 
 TEST(VirtualNetwork, ASmallMessageTakesTheOneWayDelay) {
   Nodes nodes(constant(20), constant(30));
@@ -188,95 +121,6 @@ TEST(VirtualNetwork, SmoothedRttLagsBehindAStepWithGainOneEighth) {
   EXPECT_NEAR(rtt[11], 10 + 40.0 / 8, 1e-3);
   EXPECT_NEAR(rtt[12], 15 + 35.0 / 8, 1e-3);
   EXPECT_NEAR(rtt[29], 50, 5);
-}
-
-TEST(VirtualNetwork, LossIsRepairedAndEverythingArrivesInOrder) {
-  Nodes nodes(constant(10, 0, 0.05), constant(10, 0, 0.05));
-  std::vector<RunTime> times;
-  for (int i = 0; i < 50; ++i) times.push_back(i * 100ms);
-  const auto received = deliver(nodes, 30'000, times);
-  ASSERT_EQ(received.size(), times.size());
-  EXPECT_GT(nodes.link.up().dropped(), 20u);
-  // What was lost comes a time-out or a round trip later, and nothing comes before it was sent.
-  Nodes clean(constant(10), constant(10));
-  const auto without_loss = deliver(clean, 30'000, times);
-  int late = 0;
-  for (std::size_t i = 0; i < times.size(); ++i) {
-    EXPECT_GE(received[i], without_loss[i]) << i;
-    late += received[i] >= without_loss[i] + 20ms;
-  }
-  EXPECT_GT(late, 10);
-}
-
-/// Nothing passes from 100 ms to the given time.
-DirectionOptions cut(std::int64_t until_ms) {
-  DirectionOptions options = constant(10);
-  options.gaps = {{.start_ns = 100 * kMs, .end_ns = until_ms * kMs}};
-  options.gap_drops = true;
-  return options;
-}
-
-TEST(VirtualNetwork, AfterATimeOutTheWindowOpensInSlowStart) {
-  Nodes nodes(cut(450), constant(10));
-  // The window is 80 segments, and all of the second message is lost. Time-outs at 320 and 760 ms:
-  // then 1, 2, 4 ... segments a round trip, up to the limit of 56, not one.
-  const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
-  const auto received = deliver(nodes, bytes, {0ms, 95ms});
-  EXPECT_GT(received[1], 700ms);
-  EXPECT_LT(received[1], 1000ms);
-}
-
-TEST(VirtualNetwork, OneLossOfAFlightCostsARoundTripAndNotATimeOut) {
-  // A queue of ten packets loses some of the first flight's end.
-  DirectionOptions narrow = constant(10, 10);
-  narrow.rate->queue_bytes = 12'000;
-  Nodes nodes(narrow, constant(10));
-  EXPECT_LT(deliver(nodes, 100'000, {0ms})[0], 200ms);
-  EXPECT_GT(nodes.link.up().dropped(), 0u);
-}
-
-TEST(VirtualNetwork, ALostTailIsProbedBeforeTheTimeOut) {
-  // The last segments of the message are lost: a probe after two round trips tells of it.
-  DirectionOptions up = constant(10);
-  up.gaps = {{.start_ns = 112 * kMs, .end_ns = 116 * kMs}};
-  up.gap_drops = true;
-  Nodes nodes(up, constant(10));
-  const auto received = deliver(nodes, 100, {0ms, 50ms, 103ms});
-  EXPECT_GT(received[2], 103ms + 200ms);  // a lone segment waits longer, as in Linux
-  EXPECT_LT(received[2], 103ms + 260ms);
-}
-
-TEST(VirtualNetwork, AStallIsToldOnceAndSoIsItsEnd) {
-  Nodes nodes(cut(5000), constant(10));
-  deliver(nodes, 30'000, {0ms, 95ms, 500ms});
-  ASSERT_EQ(nodes.observer.stalls.size(), 2u);
-  EXPECT_EQ(nodes.observer.stalls[0], "stalled nothing acknowledged for 1000 ms");
-  EXPECT_EQ(nodes.observer.stalls[1].substr(0, 7), "flowing");
-}
-
-TEST(TcpReceiver, TellsThePiecesBeyondAHoleNewestFirst) {
-  TcpReceiver receiver;
-  receiver.take({0, 10}, 1ms);
-  receiver.take({20, 30}, 2ms);
-  const TcpAck ack = receiver.take({40, 50}, 3ms);
-  EXPECT_EQ(ack.upto, 10u);
-  EXPECT_EQ(ack.echo, 1ms);
-  ASSERT_EQ(ack.blocks, 2);
-  EXPECT_EQ(ack.sacked[0].from, 40u);
-  EXPECT_EQ(ack.sacked[1].to, 30u);
-  EXPECT_TRUE(receiver.take({20, 30}, 4ms).duplicate);
-  const TcpAck filled = receiver.take({10, 20}, 5ms);
-  EXPECT_EQ(filled.upto, 30u);
-  EXPECT_EQ(filled.blocks, 1);
-  EXPECT_EQ(filled.echo, 5ms);
-}
-
-TEST(TcpCubic, SlowStartEndsAtItsLimit) {
-  TcpCubic cubic;
-  cubic.slow_start_limit = 12;
-  cubic.grow(10, 1s, 20ms);
-  EXPECT_GE(cubic.window, 12);
-  EXPECT_LT(cubic.window, 14);
 }
 
 TEST(VirtualNetwork, AFullSendQueueDropsTheOldest) {

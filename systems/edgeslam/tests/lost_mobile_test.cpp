@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// A mobile that lost track asks the edge where it is.
+#include <gtest/gtest.h>
+
+#include "edgeslam/tests/edgeslam_runs.hpp"
+
+namespace slambed {
+namespace {
+
+namespace runs = testing::edgeslam;
+using testing::PairLink;
+using testing::PairResult;
+using testing::SyntheticWorld;
+using testing::turn;
+
+/// Ten seconds of turning, one second of darkness, then again what was seen at second two: the
+/// local map of one keyframe does not reach that far back, the edge's does.
+std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticWorld& world, int frame) {
+  if (frame >= 100 && frame < 110) return world.nothing();
+  return turn(world, frame < 100 ? frame : frame - 90);
+}
+
+PairResult run_through_darkness(PairLink link, nlohmann::json params = runs::enhanced()) {
+  return testing::run_pair(edgeslam_system(), params, 200, 10, link, dark_for_a_second);
+}
+
+TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
+  const PairResult result = run_through_darkness({});
+  EXPECT_EQ(result.of("track_lost").size(), 1u);
+  const auto relocalised = result.of("relocalised");
+  ASSERT_EQ(relocalised.size(), 1u);
+  int in_the_edges_map = 0;
+  for (const auto& update : result.of("update_applied")) {
+    in_the_edges_map += update["relocalisation"] == true &&
+                        update["t_ns"].get<double>() < relocalised[0]["t_ns"].get<double>();
+  }
+  EXPECT_GT(in_the_edges_map, 0);
+  EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
+
+  // It is the edge that helps: when it never hears the question, the mobile stays lost.
+  PairLink deaf;
+  deaf.lossy_channel = "frame";
+  deaf.lost = 1000;
+  const PairResult alone = run_through_darkness(deaf);
+  for (const auto& event : alone.of("relocalised")) {  // until it sees the place where it got lost
+    EXPECT_GT(event["t_ns"].get<double>(), relocalised[0]["t_ns"].get<double>() + 4e9);
+  }
+}
+
+TEST(EdgeSlam, NoRegularUpdateLeavesWhileTheMobileAsksWhereItIs) {
+  auto params = runs::enhanced();
+  params["n_kf"] = 6;
+  params["sync_period_s"] = 0.0;
+  params["fast_motion_ms"] = 0.0;
+  int mapped = 0;
+  // Edges that lag behind: when tracking is lost, keyframes still wait to be mapped.
+  for (const double stage_us : {60'000.0, 100'000.0, 150'000.0, 200'000.0}) {
+    PairLink link;
+    link.edge_device = testing::uniform_device(stage_us);
+    const PairResult result = run_through_darkness(link, params);
+    const double under_way_ns = 1.2 * stage_us * 1e3;  // prepared when the question came
+    double asked = 0;
+    for (const auto& event : result.edge) {
+      const std::string type = event["type"];
+      if (type == "message" && event["message"] == "FRAME") asked = event["t_ns"];
+      if (type == "keyframe_received" || type == "keyframe_declined") asked = 0;
+      if (asked == 0) continue;
+      mapped += type == "keyframe_mapped";
+      if (type == "update_sent" && event["t_ns"].get<double>() > asked + under_way_ns) {
+        EXPECT_EQ(event["relocalisation"], true) << event;
+      }
+    }
+    for (const auto& declined : result.of("update_declined")) {
+      EXPECT_NE(declined["reason"], "a newer one came");
+    }
+  }
+  EXPECT_GT(mapped, 0) << "nothing was there to be sent";
+}
+
+}  // namespace
+}  // namespace slambed
