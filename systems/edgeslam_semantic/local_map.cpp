@@ -122,6 +122,11 @@ class Composer {
 
 }  // namespace
 
+void forget_older(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window) {
+  if (window.keyframes.empty()) return;
+  own.erase(own.begin(), own.lower_bound(window.keyframes.begin()->first));
+}
+
 Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimised) {
   const auto now = optimised.keyframes.find(keyframe);
   const KeyFrame* was = rough.keyframe(keyframe);

@@ -17,6 +17,10 @@ struct OwnKeyFrame {
   std::shared_ptr<const FeatureSet> features;
 };
 
+/// Keyframes that are older than all of the window go, with their features: the edge lets none come
+/// back into it.
+void forget_older(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window);
+
 /// The move from the world as the mobile has it to the one that a slice knows, as seen from a
 /// keyframe that both have: its rough pose becomes the optimised one. The scale is that of the
 /// points that both have (median of their distances from the keyframe); within half a percent of 1,

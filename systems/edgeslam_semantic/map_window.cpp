@@ -99,6 +99,10 @@ void apply(MapWindow& window, const MapSlice& slice) {
   for (const auto* gone : {&changes.culled_points, &slice.left_points})
     for (const MapPointId id : *gone) window.points.erase(id);
   for (const PointFusion& fusion : changes.fusions) window.points.erase(fusion.gone);
+  // difference() detaches them too; whoever wrote the message may not have.
+  for (auto& [id, sighted] : window.keyframes)
+    std::erase_if(sighted.points,
+                  [&](const auto& seen) { return !window.points.contains(seen.second); });
 }
 
 }  // namespace slambed::edgeslam_semantic

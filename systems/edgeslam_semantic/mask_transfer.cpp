@@ -24,6 +24,7 @@ void MaskTransfer::keep(KeyFrameId id) {
   for (std::size_t i = 0; i < ids.size(); ++i)
     if (free_[i]) kept.own_chains.push_back(ids[i]);
   kept_[id] = std::move(kept);
+  forget_old();
 }
 
 void MaskTransfer::keep_for_comparison(KeyFrameId id) {

@@ -35,8 +35,6 @@ class MaskTransfer {
   bool apply(KeyFrameId id, const FrameMasks& masks);
   /// The labels as they are now of the keyframes kept.
   Labels labels() const;
-  /// Keyframes that are older than any label go.
-  void forget_old();
   /// A new map begins; chains go on.
   void clear();
 
@@ -47,6 +45,8 @@ class MaskTransfer {
     std::vector<ChainId> chains;                 ///< of the whole frame
     std::vector<ChainId> own_chains;             ///< of the keyframe's features
   };
+  /// Keyframes that are older than any label go, whether or not a mask has ever come.
+  void forget_old();
 
   FeatureChains chains_;
   int border_px_;

@@ -112,6 +112,7 @@ bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
   worker.stage("apply_update", [&](StageUnits& units) {
     applied_ = result.number;
     edgeslam_semantic::apply(window_, {result.changes, result.left_keyframes, result.left_points});
+    forget_older(own_, window_);
     const auto before = node_.tracker().map();
     LocalMapParts parts{.window = window_,
                         .own = own_,
@@ -153,6 +154,7 @@ void MobileMap::report(const wire::OptResult& result, double scale, double moved
           .add("keyframes_set", changes.poses.size())
           .add("edge_points", window_.points.size())
           .add("local_points", points)
+          .add("kept_keyframes", own_.size())
           .add("moved_m", moved)
           .add("scale", scale));
 }

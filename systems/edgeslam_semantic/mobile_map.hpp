@@ -41,8 +41,8 @@ class MobileMap {
 
   MobileNode& node_;
   LocalMapper mapper_;
-  MapWindow window_;  ///< as the edge has it, by the last slice
-  std::map<KeyFrameId, OwnKeyFrame> own_;
+  MapWindow window_;                       ///< as the edge has it, by the last slice
+  std::map<KeyFrameId, OwnKeyFrame> own_;  ///< of the window and newer
   std::set<KeyFrameId> uploaded_;
   std::set<MapPointId> sent_;  ///< own points that went up
   std::set<MapPointId> on_movers_;

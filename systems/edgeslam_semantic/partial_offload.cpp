@@ -110,7 +110,6 @@ void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {
     map_.cull(labels);
     return 0;
   });
-  transfer_.forget_old();
   if (const auto found = waiting_.find(mask.keyframe); found != waiting_.end())
     found->second.mask = false;
   node_.log().write(JsonLine("mask_applied")

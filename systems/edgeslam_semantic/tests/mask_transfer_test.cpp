@@ -116,6 +116,18 @@ TEST(MaskTransfer, LabelsEnd) {
   EXPECT_EQ(labelled(transfer), 0);
 }
 
+TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
+  const Walk walk;
+  MaskTransfer transfer({}, 3);
+  for (int n = 0; n < 500; ++n) {
+    transfer.follow(walk.frame(n % 10));
+    transfer.keep(wire::keyframe_id(static_cast<std::uint64_t>(n) + 1));
+    ASSERT_LE(transfer.labels().size(), 151u) << n;
+  }
+  EXPECT_TRUE(transfer.apply(wire::keyframe_id(400), walk.left_half()));
+  EXPECT_FALSE(transfer.apply(wire::keyframe_id(300), walk.left_half()));
+}
+
 TEST(MaskTransfer, KnowsNothingOfOtherKeyFrames) {
   const Walk walk;
   MaskTransfer transfer({}, 3);

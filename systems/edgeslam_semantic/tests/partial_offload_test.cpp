@@ -59,6 +59,22 @@ TEST_F(PartialOffload, SlicesComeInOrderAndTheMobileTakesThem) {
   }
 }
 
+TEST_F(PartialOffload, KeyFramesThatLeftTheWindowAreForgotten) {
+  auto narrow = partial(false, true);
+  narrow["local_keyframes"] = 2;
+  const Played run = play(narrow);
+  const auto applied = run.of("slice_applied");
+  ASSERT_GT(applied.size(), 5u);
+  const auto made = run.of("keyframe_created");
+  for (const auto& slice : applied) {
+    const auto since = std::count_if(made.begin(), made.end(), [&](const auto& keyframe) {
+      return keyframe["t_ns"] < slice["t_ns"] && keyframe["keyframe"] > slice["keyframe"];
+    });
+    EXPECT_LE(slice["kept_keyframes"].get<int>(), 8 + since) << slice;
+  }
+  EXPECT_LT(applied.back()["kept_keyframes"].get<std::size_t>(), made.size() / 2);
+}
+
 TEST_F(PartialOffload, PicturesGoUpOnlyToBeSegmentedAndEachIsSegmentedOnce) {
   const Played without = play(partial(false, true));
   for (const auto& keyframe : without.of("keyframe_sent")) EXPECT_EQ(keyframe["jpeg_bytes"], 0);

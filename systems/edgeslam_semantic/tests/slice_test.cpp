@@ -303,6 +303,34 @@ TEST_F(LocalMap, TheEdgeKnowsAnOwnPointByTheFeatureItSaw) {
   EXPECT_EQ(fits.attach.size(), 1u);
 }
 
+TEST_F(LocalMap, ASightingOfAPointThatTheSliceDeletedGoesWithIt) {
+  wire::OptResult deletes;
+  deletes.changes.culled_points = {point_id(3)};
+  deletes.left_points = {point_id(4)};
+  deletes.changes.fusions = {{point_id(5), point_id(6)}};
+  apply(window, {deletes.changes, {}, deletes.left_points});
+  const auto& seen = window.keyframes.at(keyframe_id(2)).points;
+  for (const auto& [feature, point] : seen) EXPECT_TRUE(window.points.contains(point)) << feature;
+  Map after;
+  after.commit(made(keyframe_id(2)));
+  EXPECT_LT(count(after).keyframes, 4u);
+}
+
+TEST_F(LocalMap, FeaturesAreKeptOfTheWindowAndOfWhatIsNewer) {
+  const OwnKeyFrame one = own.at(keyframe_id(3));
+  for (std::uint64_t k = 4; k <= 1000; ++k) {
+    own[keyframe_id(k)] = one;
+    window.keyframes.erase(keyframe_id(k - 3));
+    window.keyframes[keyframe_id(k - 1)];
+    forget_older(own, window);
+    ASSERT_LE(own.size(), 4u) << k;
+  }
+  EXPECT_TRUE(own.contains(keyframe_id(999)));
+  EXPECT_TRUE(own.contains(keyframe_id(1000))) << "newer than the slice";
+  forget_older(own, {});
+  EXPECT_EQ(own.size(), 3u) << "an empty window tells nothing";
+}
+
 TEST_F(LocalMap, PointsMostlySeenOnWhatMovesGoOthersLoseThatSighting) {
   Labels labels;
   labels[keyframe_id(1)].assign(kFeatures, 0);
