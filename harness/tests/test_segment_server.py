@@ -24,7 +24,7 @@ OURS = "slambed_people"
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Path]:
-    """The socket of a running segmenter; its path is short, as a Unix socket's must be."""
+    """The socket of a running segmenter; its path is short, as a Unix socket's must be for us."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "s"
         command = [sys.executable, "-m", "slambed.segment.server", str(path), OURS]
@@ -88,13 +88,16 @@ def test_a_place_that_is_none_is_one_line(tmp_path: Path) -> None:
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
 
 
-def test_it_ends_with_its_input_when_asked_to(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "slambed.segment.server", str(tmp_path / "s"), OURS]
+def test_it_answers_however_deep_and_ends_with_its_input_when_asked_to(tmp_path: Path) -> None:
+    deep = tmp_path / ("d" * 120)
+    deep.mkdir()
+    command = [sys.executable, "-m", "slambed.segment.server", str(deep / "s"), OURS]
     with subprocess.Popen(
         [*command, "--with-input"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
         assert process.stdin is not None and process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
+        assert (deep / "s").is_socket()
         process.stdin.close()
         assert process.wait(10) == 0
 

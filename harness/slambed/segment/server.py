@@ -38,7 +38,7 @@ def serve(place: Path, segmenter: Segmenter) -> None:
     place.unlink(missing_ok=True)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as door:
         try:
-            door.bind(str(place))
+            _bind(door, place)
         except OSError as refused:
             raise environment_error(f"{place}: {refused.strerror or refused}") from refused
         place.chmod(0o660)
@@ -53,6 +53,16 @@ def serve(place: Path, segmenter: Segmenter) -> None:
                         caller.sendall(_SIZE.pack(len(answer)) + answer)
                 except OSError as broken:
                     print(f"warning: caller lost: {broken}", file=sys.stderr)
+
+
+def _bind(door: socket.socket, place: Path) -> None:
+    """Through the folder's descriptor: a socket's address has room for 107 characters, and run
+    folders lie deep."""
+    folder = os.open(place.parent, os.O_PATH | os.O_DIRECTORY)
+    try:
+        door.bind(f"/proc/self/fd/{folder}/{place.name}")
+    finally:
+        os.close(folder)
 
 
 def _read(caller: socket.socket) -> bytes | None:
