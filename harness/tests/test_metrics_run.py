@@ -122,6 +122,17 @@ def test_one_camera_is_judged_up_to_its_scale_and_marked(
         assert found["ate_rmse_m"] > 10 * metric["ate_rmse_m"]
 
 
+def test_one_camera_is_known_where_the_run_names_a_containers_folder(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun(edge=False))
+    (raw / "run.json").write_text(json.dumps({"sequence": "/sequence"}))
+    sequence = tmp_path / "sequence"
+    sequence.mkdir()
+    (sequence / "sequence.json").write_text(json.dumps({"sensor": "mono"}))
+    spec = KeptSpec.of(spec_of("orbslam2", "default", None, 0))
+    assert RunData(raw, spec).sensor is None
+    assert RunData(raw, spec, sequence / "groundtruth.txt").sensor == "mono"
+
+
 def test_ate_leaves_out_what_was_not_tracked(raw: Path) -> None:
     """Coverage and ATE must be read together: the trajectory has no pose while lost."""
     found = summarise_run(raw, EDGE_SPEC)

@@ -295,8 +295,11 @@ class RunData:
     @cached_property
     def sensor(self) -> str | None:
         """What the played sequence brought: rgbd, stereo or mono."""
-        header = object_or_empty(self._sequence / SEQUENCE_FILE) if self._sequence else {}
-        told = header.get("sensor")
+        # A container's run.json names a place inside it: then the truth's folder tells.
+        folders = [self._sequence, self.groundtruth.parent if self.groundtruth else None]
+        headers = [folder / SEQUENCE_FILE for folder in folders if folder is not None]
+        found = next((header for header in headers if header.is_file()), None)
+        told = object_or_empty(found).get("sensor") if found else None
         if told is None and self._stored.get("ate_alignment") == "sim3":
             return "mono"  # the sequence is gone; its summary remembers
         return told if isinstance(told, str) else None
