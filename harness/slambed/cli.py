@@ -111,7 +111,10 @@ def run(
         raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
     if check:
         library = Library()
+        if only or force:
+            raise SlambedError("--check looks at the files alone; --dry-run looks at cells, too")
         found, source = library.experiment(experiment, settings)
+        plan.repetitions(found, runs)
         check_asked(found, source)
         plan.check(found, source, library, engine or found.engine)
         typer.echo(f"{source.path}: good")

@@ -21,7 +21,7 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
     if isinstance(error, KeyboardInterrupt | typer.Abort):
         return "interrupted", INTERRUPTED
     if isinstance(error, typer.TyperException):
-        told = error.format_message()
+        told = error.format_message() or "a subcommand is missing"
         stop = "" if told.endswith((".", "?")) else "."
         return f"{told}{stop} See 'slambed --help'", int(ExitCode.BAD_INPUT)
     if (full := _full_disk(error)) is not None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files and folders that a user named: what cannot be written is told in one line."""
 
+import errno
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,3 +34,5 @@ def make_folder(path: Path, option: str) -> None:
     """The folder that `option` named, with all above it."""
     with writing(path, option):
         path.mkdir(parents=True, exist_ok=True)
+        if not os.access(path, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))

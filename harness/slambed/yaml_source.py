@@ -123,7 +123,9 @@ def read_model(model: type[Model], path: Path) -> Model:
 def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
     """Of several mistakes an unknown key is told first: it explains a "missing" one next to it."""
     # Union branches add their own name to the location; they are not in the file.
-    found = [(_written(source, tuple(i["loc"]), missing=i["type"] == "missing"), i) for i in items]
+    # What is missing is in no file; nor is a key that the command line has put there (--set).
+    open_ends = ("missing", "extra_forbidden")
+    found = [(_written(source, tuple(i["loc"]), i["type"] in open_ends), i) for i in items]
     found = [(place, item) for place, item in found if not _is_inside(place, item, found)]
     location, first = min(found, key=lambda pair: pair[1]["type"] != "extra_forbidden")
     name = ".".join(str(part) for part in location)
@@ -143,12 +145,12 @@ def _is_inside(location: Location, item: Any, found: list[tuple[Location, Any]])
     return item["type"] in KINDS and any(deeper)
 
 
-def _written(source: YamlSource, location: Location, missing: bool) -> Location:
-    """The part of `location` that is in the file, and the key that is missing there."""
+def _written(source: YamlSource, location: Location, open_end: bool) -> Location:
+    """The part of `location` that is in the file, with an open end also its last key."""
     kept: Location = ()
     for index, part in enumerate(location):
         last = index == len(location) - 1
-        if (*kept, part) in source.lines or (last and missing):
+        if (*kept, part) in source.lines or (last and open_end):
             kept = (*kept, part)
     return kept
 

@@ -107,6 +107,27 @@ def test_an_experiment_can_be_checked_alone() -> None:
     assert code == ExitCode.OK and out.splitlines()[0].endswith("quickstart.yaml: good")
 
 
+@pytest.mark.parametrize(
+    ("asked", "part"),
+    [
+        (("--set", "playbak.end_s=5"), "unknown key 'playbak'"),
+        (("--set", "playback.end=5"), "unknown key 'end'"),
+        (("--set", "link.rtt_ms=20"), "unknown key 'rtt_ms'"),
+        (("--runs", "some"), "--runs some is neither a number"),
+        (("--runs", "0"), "--runs 0 is neither a number"),
+        (("--only", "nothing"), "--dry-run looks at cells"),
+    ],
+)
+def test_checking_looks_at_what_is_asked_for(asked: tuple[str, ...], part: str) -> None:
+    assert part in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--check", *asked)
+
+
+def test_a_group_of_commands_without_one_says_so() -> None:
+    code, out, err = slambed("masks")
+    assert code == ExitCode.BAD_INPUT and "prepare" in out
+    assert "a subcommand is missing" in err
+
+
 def test_status_and_report_of_nothing_say_how_to_begin(tmp_path: Path) -> None:
     nothing = ("--results", str(tmp_path))
     line = refused(ExitCode.BAD_INPUT, "report", "quickstart", *nothing)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sequences of a campaign, prepared and checked once."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -99,15 +100,18 @@ def prior_map_of(name: str) -> str | None:
     return Catalog.load().resolve(name).prior_map
 
 
-def prepare_sequence(name: str) -> Sequence:
-    """Prepares a dataset, and reads every frame of it once against its checksums."""
+def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) -> Sequence:
+    """Prepares a dataset, and reads every frame of it once against its checksums. `say`: hears when
+    it has to be made first, which may take minutes."""
     from slambed.data.catalog import Catalog, prepare
 
-    prepared = prepare(name)
     given = (Path(name) / SEQUENCE_FILE).is_file()
     catalog = None if given else Catalog.load()
-    wanted = catalog.stands_in_for(name) if catalog else None
     dataset = catalog.resolve(name) if catalog else None
+    if catalog and dataset and catalog.prepared(name) is None and catalog.available(dataset):
+        say(f"preparing {dataset.id}: once, it is kept")
+    prepared = prepare(name)
+    wanted = catalog.stands_in_for(name) if catalog else None
     prepared.verify(full=True)
     return Sequence(
         id=dataset.id if dataset is not None and dataset.window_of else prepared.info.id,

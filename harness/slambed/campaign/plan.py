@@ -165,7 +165,7 @@ def make_plan(
     left_out: list[str] = []
     for index, name in enumerate(experiment.datasets):
         try:
-            sequence = prepare_sequence(name)
+            sequence = prepare_sequence(name, say)
             played_s[name] = sequence.played_s(experiment.playback)
             playbacks[name] = sequence.playback(experiment.playback)
         except SlambedError as error:

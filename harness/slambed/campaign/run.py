@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -110,7 +111,8 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
             "add --engine virtual"
         )
     check_privilege(asked)
-    make_folder(options.results, "--results")
+    if not options.dry_run:
+        make_folder(options.results, "--results")
     with host_lock(f"slambed run {experiment.id}", wait_s=math.inf if options.wait else 0.0):
         mark_children()
         if found := str(reap()):
@@ -118,20 +120,28 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
         engine, software = choose_engine(asked, console)
         foreign = software_of_foreign(experiment, library, engine, software)
         provide = _provider(library, console)
-        plan = make_plan(*files, engine.name, software, count, provide, foreign=foreign)
+        plan = make_plan(
+            *files,
+            engine.name,
+            software,
+            count,
+            provide,
+            foreign=foreign,
+            say=partial(_say, console),
+        )
         open_link = HelperLinks(engine) if engine.unprivileged else open_for_run
 
         def executor_of(played: Played) -> Executor:
             with stop_on_signal() as stop:
                 limit_s = 60.0 * options.quiet_within_min
-                wait_for_quiet(limit_s, stop, lambda line: _say(console, line))
+                wait_for_quiet(limit_s, stop, partial(_say, console))
             return LiveExecutor(engine, open_link, played)
 
         return _run_plan(plan, source, options, executor_of, console)
 
 
 def _provider(library: Library, console: Console) -> Callable[[str], Path]:
-    return lambda name: prepare_input(name, library, lambda line: _say(console, line)).file
+    return lambda name: prepare_input(name, library, partial(_say, console)).file
 
 
 def check_privilege(engine: str) -> None:
@@ -160,12 +170,11 @@ def _run_virtually(
     """No privilege, no lock on the host: only the result folder is ours alone."""
     program = find_program(SIMULATION)
     features = cache_folder() / "features"
-    make_folder(options.results, "--results")
+    if not options.dry_run:
+        make_folder(options.results, "--results")
     provide = _provider(files[2], console)
     software = host_software(program=SIMULATION)
-    plan = make_plan(
-        *files, VIRTUAL, software, count, provide, say=lambda line: _say(console, line)
-    )
+    plan = make_plan(*files, VIRTUAL, software, count, provide, say=partial(_say, console))
     prune_features(features)
 
     def executor_of(played: Played) -> Executor:
@@ -255,8 +264,9 @@ def _execute(
     run_s = _run_s(plan)
     _say(
         console,
-        f"{experiment.title}: {len(ordered)} runs, {len(ordered) - len(todo)} there already, "
-        f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
+        f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
+        + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
+        + f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
     )
     with CampaignProgress(console, len(todo), run_s, executor.jobs) as progress:
         runner = Runner(

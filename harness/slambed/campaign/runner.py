@@ -126,7 +126,7 @@ class Runner:
             self.folder.commit(spec.run_key, raw, replace)
         except InterruptedRunError:
             with self._books:
-                self._tell("run_interrupted", spec)
+                self._tell("run_interrupted", spec, repetition=spec.repetition)
             raise
         except Exception as error:
             if self.folder.is_full():

@@ -2,6 +2,7 @@
 """What of two nights is evidence: which runs may be compared, which are pairs, and how surely."""
 
 from dataclasses import dataclass
+from itertools import count
 from math import comb
 from typing import Literal
 
@@ -53,9 +54,9 @@ class Test:
 
     def runs_needed(self, level: float) -> int:
         """Fewest runs a night (and in the baseline) with which the level can be reached."""
+        before = len(self.baseline)
         floors = (
-            (n, 2.0**-n if self.paired else 1 / comb(len(self.baseline) + n, n))
-            for n in range(2, 1000)
+            (n, 2.0**-n if self.paired else 1 / comb(max(before, n) + n, n)) for n in count(2)
         )
         return next(n for n, floor in floors if floor <= level)
 

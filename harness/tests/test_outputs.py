@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folders that a user named."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from slambed.errors import SlambedError
+from slambed.outputs import make_folder
+
+NOBODY = 65534
+REFUSED, TAKEN = 42, 43
+
+
+def test_a_folder_that_is_there_and_not_ours_is_refused_at_once() -> None:
+    # Not below pytest's own folder, which nobody else may enter.
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o555)
+        make = os.fork()
+        if make == 0:
+            if os.geteuid() == 0:
+                os.setresuid(NOBODY, NOBODY, NOBODY)
+            try:
+                make_folder(folder, "--results")
+            except SlambedError as refused:
+                told = f"{folder}: Permission denied; choose another --results"
+                os._exit(REFUSED if str(refused) == told else 1)
+            os._exit(TAKEN)
+        assert os.waitstatus_to_exitcode(os.waitpid(make, 0)[1]) == REFUSED
+        folder.chmod(0o755)
+        make_folder(folder, "--results")
