@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
 #include "offload/segmentation_stage.hpp"
 #include "runtime/mailbox.hpp"
@@ -21,8 +20,8 @@ struct PictureMasksOptions {
 class PictureMasks {
  public:
   struct Answer {
-    std::optional<FrameMasks> masks;  ///< none: segmentation failed, or the run stops
-    Duration took{};                  ///< from the time that ask was told
+    FrameMasks masks;  ///< of no size: segmentation failed, or the run stops
+    Duration took{};   ///< from the time that ask was told
   };
 
   /// bad_input where nothing segments pictures.
