@@ -2,6 +2,7 @@
 """What segments, live: each variant of edgeslam_semantic with a segmenter beside its edge, and with
 one that is killed in the middle."""
 
+import json
 import os
 import signal
 import threading
@@ -86,7 +87,8 @@ def test_every_picture_that_came_is_segmented_and_none_besides(engine: str, tmp_
         held = run.of("mask_held")
         assert segmented == len(held) > 5, variant
         assert run.of("segment_failed").empty, variant
-        assert ((held["took_ms"] + held["held_ms"]) >= FLOOR_MS - 1).all(), variant
+        told = [json.loads(extra) for extra in held["extra"]]  # the table has no columns for them
+        assert all(t["took_ms"] + t["held_ms"] >= FLOOR_MS - 1 for t in told), variant
         if variant == "maskslam_offloaded":
             assert segmented == len(run.of("frame_sent")) == len(run.of("frame_answered"))
         else:

@@ -26,9 +26,8 @@ Bytes block_of(const FrameMasks& masks) {
   wire::ByteWriter out;
   out.u32(static_cast<std::uint32_t>(masks.instances.size()));
   out.u32(static_cast<std::uint32_t>(::crc32_z(0, body.data(), body.size())));
-  Bytes block = out.take();
-  block.insert(block.end(), body.begin(), body.end());
-  return block;
+  for (const std::uint8_t byte : body) out.u8(byte);
+  return out.take();
 }
 
 Bytes answer_of(const FrameMasks& masks) {
@@ -83,8 +82,8 @@ TEST_F(SegmenterClientTest, AsksOneCallForEachPicturesMasks) {
   EXPECT_EQ(server.calls(), 1);
   wire::ByteWriter asked;
   asked.f32(0.7f);
-  Bytes expected = asked.take();
-  expected.insert(expected.end(), kPicture.begin(), kPicture.end());
+  for (const std::uint8_t byte : kPicture) asked.u8(byte);
+  const Bytes expected = asked.take();
   EXPECT_EQ(questions, (std::vector<Bytes>{expected, expected}));
 }
 

@@ -52,9 +52,8 @@ class SegmenterServer {
   static Bytes holding(const Bytes& block) {
     wire::ByteWriter out;
     out.u32(static_cast<std::uint32_t>(block.size()));
-    Bytes bytes = out.take();
-    bytes.insert(bytes.end(), block.begin(), block.end());
-    return bytes;
+    for (const std::uint8_t byte : block) out.u8(byte);
+    return out.take();
   }
 
  private:
