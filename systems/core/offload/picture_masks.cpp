@@ -21,8 +21,10 @@ void PictureMasks::ask(std::uint64_t frame, wire::Bytes jpeg, RunTime since) {
 void PictureMasks::work(Worker& worker) {
   while (const auto picture = asked_.take(worker)) {
     Answer answer;
-    if (auto found = segmentation_.run(worker, picture->frame, picture->jpeg, options_.threshold))
+    if (auto found = segmentation_.run(worker, picture->frame, picture->jpeg, options_.threshold)) {
+      answer.segmented = true;
       answer.masks = std::move(*found);
+    }
     answer.took = worker.now() - picture->since;
     answers_.put(std::move(answer));
   }

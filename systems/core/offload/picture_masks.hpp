@@ -20,8 +20,9 @@ struct PictureMasksOptions {
 class PictureMasks {
  public:
   struct Answer {
-    FrameMasks masks;  ///< of no size: segmentation failed, or the run stops
-    Duration took{};   ///< from the time that ask was told
+    bool segmented = false;  ///< not: segmentation failed, or the run stops
+    FrameMasks masks;        ///< of no size where it is not segmented
+    Duration took{};         ///< from the time that ask was told
   };
 
   /// bad_input where nothing segments pictures.

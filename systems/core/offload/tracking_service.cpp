@@ -118,7 +118,7 @@ std::shared_ptr<const FeatureSet> TrackingService::before_tracking(
     PictureMasks::Answer answer = masks_->wait(worker);
     result_->times.nrcc = answer.took;
     // Without masks nothing is culled in this frame.
-    result_->masks = std::move(answer.masks);
+    if (answer.segmented) result_->masks = std::move(answer.masks);
   }
   tracking_began_ = worker.now();
   return masks_ ? masks_->cull(worker, std::move(features), result_->masks) : features;
