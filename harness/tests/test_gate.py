@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import holm
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
-from slambed.report import cli
+from slambed.report import cli, nights
 from slambed.report.gate import ALPHA, append_history, is_relevant, judge, read_runs
-from slambed.report.nights import Test, worsening_p
+from slambed.report.nights import worsening_p
 
 NIGHTS, CELLS, RUNS = 1000, 6, 10
 # Metric and the spread of one run in a quiet lab (share of the value).
@@ -207,10 +207,10 @@ def test_few_virtual_runs_are_said_to_be_blind_for_shares_only() -> None:
 
 def test_one_run_a_night_is_told_how_many_would_do() -> None:
     """Also where the baseline has one run, too, which more tonight would not make up for."""
-    one = Test("cell", metric("track_ms_median"), np.ones(1), np.ones(1), paired=False)
+    one = nights.Test("cell", metric("track_ms_median"), np.ones(1), np.ones(1), paired=False)
     assert one.runs_needed(0.01) == 5  # 1 / comb(10, 5) = 1 / 252
     assert one.runs_needed(1e-6) == 12  # 1 / comb(24, 12) = 1 / 2,704,156
-    many = Test("cell", metric("track_ms_median"), np.ones(50), np.ones(1), paired=False)
+    many = nights.Test("cell", metric("track_ms_median"), np.ones(50), np.ones(1), paired=False)
     assert many.runs_needed(0.01) == 2  # 1 / comb(52, 2) = 1 / 1,326
 
 
