@@ -103,14 +103,15 @@ def prior_map_of(name: str) -> str | None:
 def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) -> Sequence:
     """Prepares a dataset, and reads every frame of it once against its checksums. `say`: hears when
     it has to be made first, which may take minutes."""
-    from slambed.data.catalog import Catalog, prepare
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import PreparedSequence
 
     given = (Path(name) / SEQUENCE_FILE).is_file()
     catalog = None if given else Catalog.load()
     dataset = catalog.resolve(name) if catalog else None
     if catalog and dataset and catalog.prepared(name) is None and catalog.available(dataset):
         say(f"preparing {dataset.id}: once, it is kept")
-    prepared = prepare(name)
+    prepared = catalog.prepare(name) if catalog else PreparedSequence.open(name)
     wanted = catalog.stands_in_for(name) if catalog else None
     prepared.verify(full=True)
     return Sequence(

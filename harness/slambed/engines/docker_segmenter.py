@@ -24,9 +24,8 @@ from slambed.engines.segmenter import (
     make_folder,
 )
 from slambed.native import repository_root
+from slambed.segment import WITH_INPUT
 
-WITH_INPUT = "--with-input"
-"""The container ends with the process that started it."""
 PIDS_LIMIT = 64
 
 
@@ -49,7 +48,11 @@ def start_segmenter(
     """In the edge's control group, or in one with the same limits."""
     folder = make_folder(plan.run_dir)
     name = f"{LABEL}-{plan.run_key}-segmenter"
-    clear = _Clear(client, name)
+
+    def clear() -> None:
+        with contextlib.suppress(NotFound, *DAEMON_ERRORS):
+            client.containers.get(name).remove(force=True, v=True)
+
     clear()
     parent = group_of_edge(client, edge_pid)
     environment = ENVIRONMENT | {"SLAMBED_CACHE": str(cache_folder().resolve()), "HOME": "/tmp"}
@@ -70,6 +73,7 @@ def start_segmenter(
         *("--volume", f"{folder}:{folder}"),
         *(part for item in environment.items() for part in ("--env", "=".join(item))),
     ]
+    # The container ends with this process.
     python, *arguments = command(str(folder / SOCKET), network, WITH_INPUT)
     log_file = folder / LOG
     with log_file.open("wb") as log:
@@ -96,15 +100,3 @@ def _limits(plan: NodePlan) -> list[str]:
     if limits.memory_mb is not None:
         found += ["--memory", f"{limits.memory_mb}m"]
     return found
-
-
-class _Clear:
-    """Removes a container of this name, where there is one."""
-
-    def __init__(self, client: docker.DockerClient, name: str) -> None:
-        self._client = client
-        self._name = name
-
-    def __call__(self) -> None:
-        with contextlib.suppress(NotFound, *DAEMON_ERRORS):
-            self._client.containers.get(self._name).remove(force=True, v=True)

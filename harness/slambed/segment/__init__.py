@@ -3,3 +3,5 @@
 
 TRUTH = "truth"
 """Name of the masks that the generator knows: an upper bound, never a network."""
+WITH_INPUT = "--with-input"
+"""Option of the segmenter: it ends with its standard input."""

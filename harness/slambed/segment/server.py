@@ -22,13 +22,13 @@ import threading
 from pathlib import Path
 
 from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.segment import WITH_INPUT
 from slambed.segment.mask_cache import encode_frame
 from slambed.segment.network import load_network
 from slambed.segment.segmenter import Segmenter
 
 _SIZE = struct.Struct("<I")
 _N_M = struct.Struct("<f")
-WITH_INPUT = "--with-input"
 MOST_BYTES = 16 << 20
 """Of a question; a picture of that size is none that a camera sent."""
 
