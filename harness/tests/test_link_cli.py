@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from slambed.errors import SlambedError
 from slambed.link.cli import app, link_app
+from slambed.native import repository_root
 
 RUNNER = CliRunner()
 
@@ -30,6 +31,19 @@ def test_parameters_can_be_tried(tmp_path: Path) -> None:
     assert "to 50.00 ms" in RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
     with pytest.raises(SlambedError, match="not name=number"):
         RUNNER.invoke(app, ["show", "ramp", "--set", "peak"], catch_exceptions=False)
+
+
+def test_changed_numbers_are_not_described_as_the_files(tmp_path: Path) -> None:
+    folder = repository_root() / "netem_profiles"
+    own = "by default 0-85-0 ms"
+    for name in ("ramp", str(folder / "ramp.yaml")):
+        arguments = ["show", name, "--output", str(tmp_path / "x.png")]
+        unchanged = RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
+        assert unchanged.startswith("ramp: Up") and own in unchanged.splitlines()[0]
+        arguments += ["--set", "peak_ms=50", "--set", "hold_s=3"]
+        first, second, *_ = RUNNER.invoke(app, arguments, catch_exceptions=False).stdout.split("\n")
+        assert first == "ramp[peak_ms=50,hold_s=3]: changed, peak_ms = 50, hold_s = 3"
+        assert second.startswith("the file, of its own numbers: Up") and own in second
 
 
 def test_every_impairment_is_told(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed profile ...` (app) and `slambed link ...` (link_app)."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -40,7 +40,8 @@ def _load(name: str, values: list[str]) -> Profile:
     if not values:
         return load_profile(name)
     if name.endswith((".yaml", ".yml")):
-        return load_profile(name, _params(values))
+        profile = load_profile(name, _params(values))
+        return replace(profile, name=f"{profile.name}[{','.join(values)}]")
     return parse_profile({"profile": name, "params": _params(values)}, "--set")
 
 
@@ -79,9 +80,8 @@ def show(
             f"--until-s {until_s:g} is not between {LEAST_SHOWN_S:g} and {MOST_SHOWN_S:g}"
         )
     profile = _load(name, values or [])
-    typer.echo(f"{profile.name}: {profile.description}")
-    if profile.source:
-        typer.echo(f"source: {profile.source}")
+    for line in _heading(profile, _params(values or [])):
+        typer.echo(line)
     end = span_s(profile) if until_s is None else until_s
     table = Table("time [s]", "RTT [ms]", "up [ms]", "down [ms]", box=None)
     for t in np.linspace(0.0, end, ROWS):
@@ -93,6 +93,21 @@ def show(
     target = output or picture(f"profile_{profile.name}.png")
     plot_profile(profile, target, end)
     typer.echo(f"plot: {target}")
+
+
+def _heading(profile: Profile, params: dict[str, float]) -> list[str]:
+    """What the file says of itself, which is not of the numbers that were set instead of its own."""
+    source = f"source: {profile.source}" if profile.source else ""
+    if not params:
+        lines = [f"{profile.name}: {profile.description}", source]
+    else:
+        changed = ", ".join(f"{key} = {value:g}" for key, value in params.items())
+        lines = [
+            f"{profile.name}: changed, {changed}",
+            f"the file, of its own numbers: {profile.description}",
+            source and f"their {source}",
+        ]
+    return [line for line in lines if line]
 
 
 def _range(profile: Profile) -> tuple[float, float]:
