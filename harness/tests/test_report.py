@@ -26,7 +26,7 @@ from slambed.report.differences import differences
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.run import show_report
-from slambed.report.tables import Table, cell_tables
+from slambed.report.tables import MOST_COLUMNS, Table, cell_tables
 from slambed.report.timeline import timeline_svg
 from slambed.report.view import view_of, write_png, write_rerun
 
@@ -153,6 +153,18 @@ def test_tables_in_four_spellings(reported: Path) -> None:
     console = Console(width=160, record=True)
     console.print(table.rich())
     assert "ATE RMSE [cm]" in console.export_text()
+
+
+def test_a_table_of_many_columns_breaks_its_numbers_to_fit_on_the_page(reported: Path) -> None:
+    """At a width of 1300 pixels the last columns of update rounds were cut off."""
+    page = (reported / "report" / "index.html").read_text()
+    tables = re.findall(r"<table([^>]*)>(.*?)</table>", page, re.DOTALL)
+    (kind, rounds) = next(found for found in tables if "Parts of a map update round" in found[1])
+    assert "wide" in kind and rounds.count("<th") > MOST_COLUMNS
+    cells = rounds.partition("<tbody>")[2]
+    assert " ±\u00a0" in cells and " ± " not in cells
+    assert all("wide" not in kind for kind, text in tables if text.count("<th") <= MOST_COLUMNS)
+    assert "table.wide td, table.wide th { white-space: normal;" in page
 
 
 def test_latex_special_letters_are_escaped() -> None:

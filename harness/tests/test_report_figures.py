@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of reports, drawn from invented cells."""
 
+from itertools import pairwise
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from results_factory import RawRun, spec_of, write_experiment
@@ -10,16 +12,18 @@ from results_factory import RawRun, spec_of, write_experiment
 from slambed.metrics.catalog import metric
 from slambed.metrics.statistics import Interval
 from slambed.report.cells import Cell, cells_of
-from slambed.report.conditions import conditions_of
+from slambed.report.conditions import Condition, conditions_of
+from slambed.report.experiment import write_report
 from slambed.report.figures.boxes import draw_metric
 from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
+from slambed.report.figures.stages import STAGES, _stage_bars
 from slambed.report.figures.tradeoff import draw_tradeoff
 from slambed.report.load import load
 from slambed.report.style import COLOURS, FigureWriter
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_losses_figure_without_a_loss_says_so(tmp_path: Path, lost: bool) -> None:
+def test_without_a_loss_a_line_stands_where_an_empty_figure_was(tmp_path: Path, lost: bool) -> None:
     runs = [
         (spec_of("edgeslam", "static", profile, i),
          RawRun(duration_s=4, seed=i, lost_at_s=((2.0, 3.0),) if lost and i else ()))
@@ -29,11 +33,53 @@ def test_losses_figure_without_a_loss_says_so(tmp_path: Path, lost: bool) -> Non
     results = load(write_experiment(tmp_path, runs))
     writer = FigureWriter(tmp_path / "figures", "", [])
     (*_, condition) = conditions_of(results)
+    older = tmp_path / "figures" / f"losses_room_walk_{condition.profile}.svg"
+    older.parent.mkdir()
+    older.write_text("of an earlier report")
     draw_losses(results, condition, writer)
     draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.trusted, writer)
-    for name, count in (("losses_room_walk", 2), ("losses_by_profile_room_walk", 4)):
-        (svg,) = writer.folder.glob(f"{name}_[er]*.svg")
-        assert (f"<!-- no track loss in {count} runs -->" in svg.read_text()) is not lost
+    drawn = {path.name.split("_room")[0] for path in writer.folder.glob("*.svg")}
+    assert drawn == ({"losses", "losses_by_profile"} if lost else set())
+    assert [line.rpartition(": ")[2] for line in writer.empty] == (
+        [] if lost else [f"nothing to draw, no track loss in {count} runs" for count in (2, 4)]
+    )
+
+
+def test_the_page_says_which_figures_had_nothing_to_show(tmp_path: Path) -> None:
+    runs = [(spec_of("orbslam2", "default", "none", i), RawRun(4, seed=i)) for i in range(2)]
+    folder = write_experiment(tmp_path, runs)
+    paths = write_report(folder)
+    line = "Track losses over time: room_walk, none: nothing to draw, no track loss in 2 runs."
+    assert line in paths.html.read_text() and line in paths.markdown.read_text()
+    assert not list(paths.folder.glob("losses*"))
+
+
+@pytest.mark.parametrize("systems", [1, 3, 8])
+def test_names_of_stages_can_be_read_and_do_not_touch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, systems: int
+) -> None:
+    stages = [*STAGES, *(f"stage_{i}" for i in range(4))]
+    table = pd.DataFrame(
+        [
+            {"label": f"system {i}", "node": node, "stage": stage, "mean_ms": 10.0 + i, "runs": 5}
+            for i in range(systems)
+            for node in ("mobile", "edge")
+            for stage in stages
+        ]
+    )
+    figures: list[Figure] = []
+    writer = FigureWriter(tmp_path, "", [])
+    monkeypatch.setattr(writer, "save", lambda made, *_: figures.append(made))
+    _stage_bars(table, Condition("room", "none", pd.DataFrame()), writer)
+    (made,) = figures
+    made.draw_without_rendering()
+    names = made.axes[0].get_yticklabels()
+    assert len(names) == 2 * len(stages)
+    # A page shows a figure of 5.4 inches 448 pixels wide or wider: 12 pixels, as in its tables.
+    assert all(name.get_fontsize() * 448 / (72 * made.get_figwidth()) >= 12 for name in names)
+    boxes = sorted((name.get_window_extent() for name in names), key=lambda box: box.y0)
+    assert all(low.y1 < high.y0 for low, high in pairwise(boxes))
+    assert all(box.x0 >= 0 for box in boxes)
 
 
 @pytest.mark.parametrize("profiles", [1, 5])

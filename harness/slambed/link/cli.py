@@ -96,7 +96,7 @@ def show(
 
 
 def _heading(profile: Profile, params: dict[str, float]) -> list[str]:
-    """What the file says of itself, which is not of the numbers that were set instead of its own."""
+    """Name and words of the file, which are about its own numbers and not about `params`."""
     source = f"source: {profile.source}" if profile.source else ""
     if not params:
         lines = [f"{profile.name}: {profile.description}", source]

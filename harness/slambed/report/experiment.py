@@ -75,6 +75,7 @@ def write_report(
         limits=limits_table(results),
         figures=drawn.figures,
         left_out=drawn.left_out,
+        empty=drawn.empty,
     )
     tables = [
         content.settings, *content.tables, content.differences, *content.comparisons,
@@ -137,10 +138,11 @@ def _markdown(results: Results, content: PageContent) -> str:
             lines += [*notes, ""] if notes else []
         if heading == "Link and limits" and shown and is_virtual(results.runs):
             lines += [NO_LIMITS, ""]
-    if content.figures:
+    if content.figures or content.empty:
         lines += ["## Figures", ""]
     for figure in content.figures:
         lines += [f"![{figure.title}](report/{figure.name}.png)", "", figure.caption, ""]
+    lines += [text for line in content.empty for text in (f"{line}.", "")]
     return "\n".join(lines)
 
 

@@ -42,6 +42,8 @@ class PageContent:
     limits: Table
     figures: list[SavedFigure]
     left_out: int
+    empty: list[str]
+    """Figures that had nothing to show, and why."""
 
 
 def write_html(results: Results, content: PageContent, folder: Path) -> Path:
@@ -75,6 +77,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         differences=content.differences,
         figures=[{**vars(item), "uri": _uri(folder, item)} for item in content.figures],
         left_out=content.left_out,
+        empty=content.empty,
         link=content.link,
         limits=content.limits,
         no_limits=NO_LIMITS if is_virtual(results.runs) else "No limits were recorded.",

@@ -3,7 +3,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -30,10 +30,11 @@ CELLS_WITHOUT_LIMIT = 16
 
 @dataclass(frozen=True)
 class Drawn:
-    """The figures made, and how many the time did not allow."""
+    """The figures made, how many the time did not allow, and which had nothing to show."""
 
     figures: list[SavedFigure]
     left_out: int
+    empty: list[str] = field(default_factory=list)
 
 
 def draw_all(
@@ -57,7 +58,7 @@ def draw_all(
         except (ValueError, KeyError, TypeError, IndexError) as error:
             results.complain(f"figure {name} could not be drawn: {type(error).__name__}: {error}")
     writer.write_list()
-    return Drawn(writer.saved, left_out)
+    return Drawn(writer.saved, left_out, writer.empty)
 
 
 def plots_asked(results: Results) -> list[str]:

@@ -5,7 +5,7 @@ import json
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,8 @@ FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
 FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
 WIDTH_IN = 5.4
+NAME_PT, NOTE_PT = 11, 9
+"""Names of bars, and what stands beside marks: a page shows a figure 450 to 550 pixels wide."""
 LEGEND_ROW_IN, KEY_IN, LETTER_IN = 0.17, 0.53, 0.068
 """Of a legend: the height of a row, and what an entry takes beside its text and per letter."""
 MOST_LEGEND_COLUMNS = 3
@@ -142,6 +144,14 @@ class FigureWriter:
     folder: Path
     command: str
     saved: list[SavedFigure]
+    empty: list[str] = field(default_factory=list)
+    """Figures that had nothing to show, a line each."""
+
+    def nothing(self, name: str, title: str, why: str) -> None:
+        """Says why there is no such figure; one of an earlier report goes."""
+        for kind in (*FORMATS, "csv"):
+            (self.folder / f"{name}.{kind}").unlink(missing_ok=True)
+        self.empty.append(f"{title}: {why}")
 
     def save(self, made: Figure, name: str, title: str, caption: str, data: pd.DataFrame) -> None:
         """Writes `<name>.png/.svg/.pdf` and `<name>.csv`."""

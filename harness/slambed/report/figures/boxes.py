@@ -10,6 +10,7 @@ from slambed.metrics.statistics import Floats, finite, wilson
 from slambed.report.cells import Cell
 from slambed.report.load import Results
 from slambed.report.style import (
+    NOTE_PT,
     FigureWriter,
     colour,
     figure,
@@ -100,7 +101,7 @@ def _draw_one(axis: Axes, place: int, value: float, metric: Metric, index: int) 
     axis.plot(value, place, marker(index), color=colour(index), markersize=6, clip_on=False)
     axis.annotate(
         metric.show(value / metric.scale), (value, place), xytext=(0, 5),
-        textcoords="offset points", ha="center", va="bottom", fontsize=7,
+        textcoords="offset points", ha="center", va="bottom", fontsize=NOTE_PT,
     )  # fmt: skip
 
 
@@ -121,7 +122,7 @@ def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: Fi
             axis.plot(100 * found.value, place, marker(index), color=colour(index))
             axis.annotate(
                 f"{round(share.value * share.count)}/{share.count}", (100 * found.high, place),
-                xytext=(4, 0), textcoords="offset points", va="center", fontsize=7,
+                xytext=(4, 0), textcoords="offset points", va="center", fontsize=NOTE_PT,
             )  # fmt: skip
             rows.append(
                 {"cell": cell.name, "share": found.value, "low": found.low, "high": found.high,

@@ -15,6 +15,11 @@ from slambed.report.style import FigureWriter, colour, dash, figure, file_name, 
 
 def draw_losses(results: Results, condition: Condition, writer: FigureWriter) -> None:
     """One curve per system: how many runs have lost track at least once by that time."""
+    name = file_name("losses", condition.dataset, condition.profile)
+    title = f"Track losses over time: {condition.title}"
+    if not _any_loss(condition.runs):
+        writer.nothing(name, title, _no_loss(condition.runs))
+        return
     profile = asked_profile(results, condition.runs)
     end_s = _end_s(condition.runs)
     rows: list[pd.DataFrame] = []
@@ -36,12 +41,12 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
             axes[1].set_ylim(0, max(1.0, 1.08 * float(profile["value"].max())))
         axes[-1].set_xlabel("time in the sequence [s]")
         axes[-1].set_xlim(0, end_s)
-        axes[0].set_title(f"Track losses over time: {condition.title}")
+        axes[0].set_title(title)
         beneath = " Beneath: the round-trip time asked of the link." if profile is not None else ""
         writer.save(
             made,
-            file_name("losses", condition.dataset, condition.profile),
-            f"Track losses over time: {condition.title}",
+            name,
+            title,
             "Runs that have lost track at least once by this time, of the runs to be trusted."
             + beneath,
             pd.concat(rows, ignore_index=True),
@@ -52,23 +57,27 @@ def draw_losses_by_profile(
     results: Results, label: str, dataset: str, runs: pd.DataFrame, writer: FigureWriter
 ) -> None:
     """One system, one curve per profile: how much latency it bears (DynNetSLAM, Fig. 9)."""
+    name = file_name("losses_by_profile", dataset, label)
+    title = f"Track losses by link profile: {label}, {dataset}"
+    if not _any_loss(runs):
+        writer.nothing(name, title, _no_loss(runs))
+        return
     end_s = _end_s(runs)
     rows: list[pd.DataFrame] = []
     with figure(height_in=3.4) as (made, axes):
         for index, (profile, part) in enumerate(runs.groupby("profile", sort=False, dropna=False)):
             curve = _curve(part, end_s)
-            name = text(profile) or "no link"
-            _step(axes[0], curve, f"{name} (n = {len(part)})", index)
-            rows.append(curve.assign(profile=name, runs=len(part)))
+            link = text(profile) or "no link"
+            _step(axes[0], curve, f"{link} (n = {len(part)})", index)
+            rows.append(curve.assign(profile=link, runs=len(part)))
         _finish(axes[0], runs)
         legend_beneath(made, axes[0])
         axes[0].set_xlabel("time in the sequence [s]")
         axes[0].set_xlim(0, end_s)
-        title = f"Track losses by link profile: {label}, {dataset}"
         axes[0].set_title(title)
         writer.save(
             made,
-            file_name("losses_by_profile", dataset, label),
+            name,
             title,
             "Runs that have lost track at least once by this time, of the runs to be trusted.",
             pd.concat(rows, ignore_index=True),
@@ -115,9 +124,14 @@ def _finish(axis: Axes, runs: pd.DataFrame) -> None:
     axis.set_ylabel("runs with a track loss")
     axis.set_ylim(-0.03 * most, most * 1.05)
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
-    if not pd.to_numeric(runs["first_loss_s"]).notna().any():
-        words = f"no track loss in {len(runs)} run{'' if len(runs) == 1 else 's'}"
-        axis.text(0.5, 0.3, words, transform=axis.transAxes, ha="center", fontsize=11)
+
+
+def _any_loss(runs: pd.DataFrame) -> bool:
+    return bool(pd.to_numeric(runs["first_loss_s"]).notna().any())
+
+
+def _no_loss(runs: pd.DataFrame) -> str:
+    return f"nothing to draw, no track loss in {len(runs)} run{'' if len(runs) == 1 else 's'}"
 
 
 def _end_s(runs: pd.DataFrame) -> float:

@@ -10,7 +10,15 @@ from slambed.metrics.events import EventLog
 from slambed.metrics.stages import delays, stage_times
 from slambed.report.conditions import Condition
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, figure, file_name, legend_beneath
+from slambed.report.style import (
+    NAME_PT,
+    NOTE_PT,
+    FigureWriter,
+    colour,
+    figure,
+    file_name,
+    legend_beneath,
+)
 
 RUNS_READ = 5
 """Event logs are large: this many runs per cell are enough for stage means."""
@@ -61,7 +69,7 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
     labels = list(dict.fromkeys(table["label"]))
     stages = list(dict.fromkeys(zip(table["node"], table["stage"], strict=True)))
     stages.sort(key=lambda item: (item[0] != "mobile", _place(item[1])))
-    with figure(height_in=1.4 + 0.24 * len(stages) * max(1.0, 0.7 * len(labels))) as (made, axes):
+    with figure(height_in=1.4 + 0.27 * len(stages) * max(1.0, 0.7 * len(labels))) as (made, axes):
         axis = axes[0]
         height = 0.8 / len(labels)
         for index, label in enumerate(labels):
@@ -74,6 +82,7 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
                 hatch=HATCHES[index % len(HATCHES)], edgecolor="white", linewidth=0.3,
             )  # fmt: skip
         axis.set_yticks(range(len(stages)), [f"{node}: {name}" for node, name in stages])
+        axis.tick_params(axis="y", labelsize=NAME_PT)
         axis.set_ylim(len(stages) - 0.4, -0.6)
         axis.grid(axis="y", visible=False)
         axis.set_xlabel("wall time per frame, keyframe or call [ms]")
@@ -134,11 +143,12 @@ def _delay_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             )  # fmt: skip
             axis.annotate(
                 f"+ {wait:.0f} ms pacing" if wait >= 1 else "", (max(computed, left), place),
-                xytext=(5, 0), textcoords="offset points", va="center", fontsize=7,
+                xytext=(5, 0), textcoords="offset points", va="center", fontsize=NOTE_PT,
             )  # fmt: skip
             longest = max(longest, computed, left)
         axis.set_xlim(0, 1.4 * longest)
         axis.set_yticks(range(len(labels)), labels)
+        axis.tick_params(axis="y", labelsize=NAME_PT)
         axis.set_ylim(len(labels) - 0.4, -0.6)
         axis.grid(axis="y", visible=False)
         axis.set_xlabel("mean [ms]")
