@@ -83,6 +83,11 @@ def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:
     assert bad(dynnetslam, plan, other_seed) == ["made_up: seed 2, 1 was planned."]
     fewer = results(runs=6, plan=plan)
     assert bad(dynnetslam, plan, fewer) == ["made_up: 6 runs in a cell, 10 were planned."]
+    one = results(runs=1, plan=plan)
+    assert bad(dynnetslam, plan, one) == ["made_up: 1 run in a cell, 10 were planned."]
+    column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
+    words = plan_words(plan_lines(dynnetslam, plan, column, [one]), plan)
+    assert words.endswith("(1 thing not as planned)")
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
     assert "pi in some runs, jetson was planned" in bad(dynnetslam, other, results(plan=other))[0]
     live = plan_of(dynnetslam, engine="live")

@@ -59,7 +59,8 @@ def plan_lines(
         runs = column.runs[column.runs["experiment_folder"] == results.name]
         fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
         if fewest < item.runs:
-            text = f"{results.name}: {fewest} runs in a cell, {item.runs} were planned."
+            there = f"{fewest} run{'' if fewest == 1 else 's'} in a cell"
+            text = f"{results.name}: {there}, {item.runs} were planned."
             found.append(PlanLine(text, bad=True))
     return found + _devices(plan, column)
 
@@ -145,4 +146,5 @@ def plan_words(lines: list[PlanLine], plan: PaperPlan | None, ran: bool = True) 
     wrong = sum(line.bad for line in lines)
     if not ran and not wrong:
         return f"plan {plan.digest[:8]}"
-    return f"plan {plan.digest[:8]}" + (f" ({wrong} things not as planned)" if wrong else " kept")
+    things = f"{wrong} thing{'' if wrong == 1 else 's'}"
+    return f"plan {plan.digest[:8]}" + (f" ({things} not as planned)" if wrong else " kept")
