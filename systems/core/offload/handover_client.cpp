@@ -63,11 +63,12 @@ void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
                             .whole = known.map != handover.known.map,
                             .changes = {}};
   worker.stage("prepare_update", [&](StageUnits& units) {
-    handover.known.map->read([&](const MapView& view) {
-      handover.known.content = std::make_shared<const MapDelta>(snapshot(view));
-      const MapDelta& now = *handover.known.content;
-      message.changes = message.whole ? now : changes_since(*known.content, now, view);
-    });
+    const MapDelta none;
+    const MapDelta& earlier = message.whole ? none : *known.content;
+    MapCopy copy =
+        handover.known.map->read([&](const MapView& view) { return copy_of(view, earlier); });
+    message.changes = message.whole ? copy.whole : changes_since(earlier, copy);
+    handover.known.content = std::make_shared<const MapDelta>(std::move(copy.whole));
     message.changes.epoch = handover.epoch;
     units.n1 = static_cast<double>(message.changes.keyframes.size());
     units.n2 = static_cast<double>(message.changes.points.size());

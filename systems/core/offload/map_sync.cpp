@@ -5,6 +5,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "map/map_snapshot.hpp"
+
 namespace slambed {
 namespace {
 
@@ -52,40 +54,45 @@ void add_to_known(const MapView& map, const KeyFrame& known, const NewKeyFrame& 
 
 }  // namespace
 
-MapDelta changes_since(const MapDelta& base, const MapDelta& now, const MapView& map) {
-  MapDelta delta;
-  const ById keyframes_before(base.keyframes);
-  const ById points_before(base.points);
-  for (const NewKeyFrame& keyframe : now.keyframes) {
+MapCopy copy_of(const MapView& map, const MapDelta& earlier) {
+  MapCopy copy{.whole = snapshot(map), .gone = {}};
+  for (const NewPoint& point : earlier.points) {
+    if (map.point(point.id)) continue;
+    if (const MapPointId survivor = map.resolve(point.id)) {
+      copy.gone.fusions.push_back({point.id, survivor});
+    } else {
+      copy.gone.culled_points.push_back(point.id);
+    }
+  }
+  for (const NewKeyFrame& keyframe : earlier.keyframes) {
+    if (!map.keyframe(keyframe.id)) copy.gone.culled_keyframes.push_back(keyframe.id);
+  }
+  return copy;
+}
+
+MapDelta changes_since(const MapDelta& earlier, const MapCopy& later) {
+  MapDelta since = later.gone;
+  const ById keyframes_before(earlier.keyframes);
+  const ById points_before(earlier.points);
+  for (const NewKeyFrame& keyframe : later.whole.keyframes) {
     const NewKeyFrame* before = keyframes_before.find(keyframe.id);
     if (!before) {
-      delta.keyframes.push_back(keyframe);
+      since.keyframes.push_back(keyframe);
       continue;
     }
     if (keyframe.version != before->version)
-      delta.poses.push_back({keyframe.id, keyframe.T_cw, keyframe.version});
-    add_observation_changes(*before, keyframe, delta);
+      since.poses.push_back({keyframe.id, keyframe.T_cw, keyframe.version});
+    add_observation_changes(*before, keyframe, since);
   }
-  for (const NewPoint& point : now.points) {
+  for (const NewPoint& point : later.whole.points) {
     const NewPoint* before = points_before.find(point.id);
     if (!before) {
-      delta.points.push_back(point);
+      since.points.push_back(point);
     } else if (point.version != before->version) {
-      delta.positions.push_back({point.id, point.p_w, point.version});
+      since.positions.push_back({point.id, point.p_w, point.version});
     }
   }
-  for (const NewPoint& point : base.points) {
-    if (map.point(point.id)) continue;
-    if (const MapPointId survivor = map.resolve(point.id)) {
-      delta.fusions.push_back({point.id, survivor});
-    } else {
-      delta.culled_points.push_back(point.id);
-    }
-  }
-  for (const NewKeyFrame& keyframe : base.keyframes) {
-    if (!map.keyframe(keyframe.id)) delta.culled_keyframes.push_back(keyframe.id);
-  }
-  return delta;
+  return since;
 }
 
 MapDelta rebase_changes(const MapView& map, const MapDelta& changes) {

@@ -5,10 +5,18 @@
 
 namespace slambed {
 
-/// What has happened to a map since it was as in base (a whole map as one delta): new elements
-/// whole, moved ones by position, changed observations, fusions and removals. now: snapshot(map).
-/// Sightings are left out: they decide about points of the last few keyframes only.
-MapDelta changes_since(const MapDelta& base, const MapDelta& now, const MapView& map);
+/// A map as it was at one time.
+struct MapCopy {
+  MapDelta whole;
+  MapDelta gone;  ///< what of an earlier copy was not there any more: fusions and removals
+};
+/// To be made while the map is held, which it is no longer than copying takes.
+MapCopy copy_of(const MapView& map, const MapDelta& earlier);
+
+/// What has happened to a map between two copies, of which the later one knows the earlier: new
+/// elements whole, moved ones by position, changed observations, fusions and removals. Sightings
+/// are left out: they decide about points of the last few keyframes only.
+MapDelta changes_since(const MapDelta& earlier, const MapCopy& later);
 
 /// The changes as they can be committed to a map that went on by itself since base. They win over
 /// what that map knows of the same elements (versions are lifted above its own); points that it has

@@ -18,8 +18,8 @@ RelocalisationHelp::Answer RelocalisationByMap::find(const Message& raw,
 std::vector<KeyFrameId> RelocalisationByMap::alike(const wire::FrameMessage& frame) const {
   const PlaceIndex& places = *mapper_.places();
   const auto bag = places.vocabulary().transform(frame.features->descriptors());
+  auto found = places.candidates(bag, *mapper_.map());
   return mapper_.map()->read([&](const MapView& view) {
-    auto found = places.candidates(bag, view);
     std::erase_if(found, [&](KeyFrameId id) { return view.keyframe(id) == nullptr; });
     if (std::ssize(found) > options_.max_candidates) {
       found.resize(static_cast<std::size_t>(options_.max_candidates));

@@ -10,6 +10,16 @@
 
 namespace slambed {
 
+/// A map as a problem to solve, and what its poses and points are called. No points: there is
+/// nothing to move.
+struct WholeMap {
+  std::vector<KeyFrameId> keyframes;  ///< per pose of the problem, the origin last
+  std::vector<MapPointId> points;
+  BundleProblem problem;
+};
+/// Reads the map part by part: others may change it meanwhile.
+WholeMap collect(const Map& map);
+
 /// Bundle adjustment of a whole map, the origin held. It works on a copy and takes steps; the map
 /// may grow and change meanwhile: the result is carried over to what was added.
 class GlobalBundle {

@@ -34,21 +34,27 @@ std::vector<KeyFrameId> LoopDetector::detect(const Map& map, KeyFrameId id) {
     groups_.clear();
     return {};
   }
-  return map.read([&](const MapView& view) -> std::vector<KeyFrameId> {
+  std::vector<KeyFrameId> around, near;
+  map.read([&](const MapView& view) {
     const KeyFrame* keyframe = view.keyframe(id);
-    if (!keyframe) return {};
-    double least = 1;
-    for (const Covisible& near : keyframe->covisibles)
-      if (const auto other = places_->bag(near.id))
-        least = std::min(least, similarity(*bag, *other));
+    if (!keyframe) return;
+    around = group_around(*keyframe);
+    for (const Covisible& other : keyframe->covisibles) near.push_back(other.id);
+  });
+  if (around.empty()) return {};
+  double least = 1;
+  for (const KeyFrameId other : near)
+    if (const auto theirs = places_->bag(other)) least = std::min(least, similarity(*bag, *theirs));
+  std::vector<KeyFrameId> candidates = places_->candidates(*bag, map, around, least);
+  if (candidates.size() > options_.candidates) candidates.resize(options_.candidates);
+  return map.read([&](const MapView& view) {
     std::vector<Group> groups;
     std::vector<KeyFrameId> consistent;
-    std::vector<KeyFrameId> candidates =
-        places_->candidates(*bag, view, group_around(*keyframe), least);
-    if (candidates.size() > options_.candidates) candidates.resize(options_.candidates);
     for (const KeyFrameId candidate : candidates) {
+      const KeyFrame* keyframe = view.keyframe(candidate);
+      if (!keyframe) continue;
       Group group;
-      group.keyframes = group_around(*view.keyframe(candidate));
+      group.keyframes = group_around(*keyframe);
       for (const Group& before : groups_)
         if (share_one(before.keyframes, group.keyframes))
           group.seen = std::max(group.seen, before.seen + 1);

@@ -142,9 +142,8 @@ PlaceIndex::Bag PlaceIndex::bag(KeyFrameId keyframe) const {
 
 /// Keyframes that share many words with the bag and are similar enough, ascending, with their
 /// similarity: one walk over the postings counts the words and adds up the similarity.
-std::vector<std::pair<KeyFrameId, double>> PlaceIndex::similar(const BagOfWords& bag,
-                                                               std::span<const KeyFrameId> exclude,
-                                                               double min_score) const {
+PlaceIndex::Scores PlaceIndex::similar(const BagOfWords& bag, std::span<const KeyFrameId> exclude,
+                                       double min_score) const {
   struct Shared {
     double score = 0;
     int words = 0;
@@ -165,7 +164,7 @@ std::vector<std::pair<KeyFrameId, double>> PlaceIndex::similar(const BagOfWords&
   int most = 0;
   for (const Shared& with : shared) most = std::max(most, with.words);
 
-  std::vector<std::pair<KeyFrameId, double>> scores;
+  Scores scores;
   for (std::size_t slot = 0; slot < shared.size(); ++slot) {
     const Shared& with = shared[slot];
     if (with.words > kCommonWordShare * most && with.score >= min_score)
@@ -175,14 +174,18 @@ std::vector<std::pair<KeyFrameId, double>> PlaceIndex::similar(const BagOfWords&
   return scores;
 }
 
-std::vector<KeyFrameId> PlaceIndex::candidates(const BagOfWords& bag, const MapView& map) const {
+std::vector<KeyFrameId> PlaceIndex::candidates(const BagOfWords& bag, const Map& map) const {
   return candidates(bag, map, {}, 0);
 }
 
-std::vector<KeyFrameId> PlaceIndex::candidates(const BagOfWords& bag, const MapView& map,
+std::vector<KeyFrameId> PlaceIndex::candidates(const BagOfWords& bag, const Map& map,
                                                std::span<const KeyFrameId> exclude,
                                                double min_score) const {
-  const auto scores = similar(bag, exclude, min_score);
+  const Scores scores = similar(bag, exclude, min_score);
+  return map.read([&](const MapView& view) { return best_of_groups(scores, view); });
+}
+
+std::vector<KeyFrameId> PlaceIndex::best_of_groups(const Scores& scores, const MapView& map) {
   std::vector<Group> groups;
   double best_group = 0;
   for (const auto& [id, score] : scores) {

@@ -36,10 +36,11 @@ class PlaceIndex {
   /// Null for a keyframe that is not here.
   Bag bag(KeyFrameId keyframe) const;
 
-  /// Keyframes that may show the place of a lost frame, best group first.
-  std::vector<KeyFrameId> candidates(const BagOfWords& bag, const MapView& map) const;
+  /// Keyframes that may show the place of a lost frame, best group first. The map is read for their
+  /// groups alone: the search, which takes longer the larger the map is, keeps nobody out of it.
+  std::vector<KeyFrameId> candidates(const BagOfWords& bag, const Map& map) const;
   /// The same for a loop: without the keyframes in exclude (ascending), at least min_score similar.
-  std::vector<KeyFrameId> candidates(const BagOfWords& bag, const MapView& map,
+  std::vector<KeyFrameId> candidates(const BagOfWords& bag, const Map& map,
                                      std::span<const KeyFrameId> exclude, double min_score) const;
 
  private:
@@ -64,9 +65,10 @@ class PlaceIndex {
   const Entry* find(KeyFrameId keyframe) const;
   void insert(KeyFrameId keyframe, Bag bag);
   void erase(KeyFrameId keyframe);
-  std::vector<std::pair<KeyFrameId, double>> similar(const BagOfWords& bag,
-                                                     std::span<const KeyFrameId> exclude,
-                                                     double min_score) const;
+  using Scores = std::vector<std::pair<KeyFrameId, double>>;  ///< ascending by keyframe
+  Scores similar(const BagOfWords& bag, std::span<const KeyFrameId> exclude,
+                 double min_score) const;
+  static std::vector<KeyFrameId> best_of_groups(const Scores& scores, const MapView& map);
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   mutable std::shared_mutex mutex_;

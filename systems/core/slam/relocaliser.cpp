@@ -23,16 +23,14 @@ constexpr int kNarrowDistance = 64;  ///< bits
 
 std::vector<KeyFrameId> Relocaliser::candidates(const Map& map, KeyFrameId around,
                                                 const BagOfWords& bag) const {
-  return map.read([&](const MapView& view) {
-    std::vector<KeyFrameId> list = places_->candidates(bag, view);
-    // Most often the camera is still where it was lost.
-    if (view.keyframe(around)) {
-      std::erase(list, around);
-      list.insert(list.begin(), around);
-    }
-    if (list.size() > kCandidates) list.resize(kCandidates);
-    return list;
-  });
+  std::vector<KeyFrameId> list = places_->candidates(bag, map);
+  // Most often the camera is still where it was lost.
+  if (map.read([&](const MapView& view) { return view.keyframe(around) != nullptr; })) {
+    std::erase(list, around);
+    list.insert(list.begin(), around);
+  }
+  if (list.size() > kCandidates) list.resize(kCandidates);
+  return list;
 }
 
 bool Relocaliser::copy(const Map& map, KeyFrameId candidate) {

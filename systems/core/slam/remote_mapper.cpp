@@ -24,11 +24,11 @@ RemoteMapper::RemoteMapper(RemoteMapperOptions options, std::shared_ptr<Map> map
 
 std::vector<KeyFrameId> RemoteMapper::candidates(const BagOfWords& bag, const NewKeyFrame& keyframe,
                                                  bool estimated) const {
+  std::vector<KeyFrameId> chosen = places_->candidates(bag, *map_);
+  if (std::ssize(chosen) > options_.place_candidates)
+    chosen.resize(static_cast<std::size_t>(options_.place_candidates));
+  if (!estimated) return chosen;
   return map_->read([&](const MapView& view) {
-    std::vector<KeyFrameId> chosen = places_->candidates(bag, view);
-    if (std::ssize(chosen) > options_.place_candidates)
-      chosen.resize(static_cast<std::size_t>(options_.place_candidates));
-    if (!estimated) return chosen;
     const SE3 T_wc = keyframe.T_cw.inverse();
     std::vector<std::pair<double, KeyFrameId>> near;
     for (const KeyFrameId id : view.keyframe_ids()) {

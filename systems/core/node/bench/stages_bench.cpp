@@ -174,10 +174,7 @@ void PlaceQuery(benchmark::State& state) {
   Played& run = Played::once();
   for (auto _ : state) {
     const BagOfWords bag = run.places->vocabulary().transform(run.frames[kLast]->descriptors());
-    run.map->read([&](const MapView& view) {
-      benchmark::DoNotOptimize(run.places->candidates(bag, view));
-      return 0;
-    });
+    benchmark::DoNotOptimize(run.places->candidates(bag, *run.map));
   }
 }
 

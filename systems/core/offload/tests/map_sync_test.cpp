@@ -28,8 +28,8 @@ class MapSync : public ::testing::Test {
     base = mobile.read(snapshot);
   }
   MapDelta changes() const {
-    return mobile.read(
-        [&](const MapView& view) { return changes_since(base, snapshot(view), view); });
+    return changes_since(base,
+                         mobile.read([&](const MapView& view) { return copy_of(view, base); }));
   }
   CommitReport hand_over() {
     const MapDelta delta = changes();

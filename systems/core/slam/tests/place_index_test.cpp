@@ -49,8 +49,7 @@ class PlaceIndexTest : public ::testing::Test {
   }
   std::vector<KeyFrameId> ask(const BagOfWords& bag, std::vector<KeyFrameId> exclude = {},
                               double min_score = 0) {
-    return map.read(
-        [&](const MapView& view) { return index.candidates(bag, view, exclude, min_score); });
+    return index.candidates(bag, map, exclude, min_score);
   }
 
   SyntheticWorld world{2000};
