@@ -173,6 +173,8 @@ def _data() -> Finding:
         catalog = Catalog.load()
         real = [d for d in catalog.datasets.values() if not d.synthetic and not d.first_of]
         here = [d.id for d in real if catalog.available(d)]
+        for error in catalog.broken.values():
+            raise error
     except SlambedError as error:
         return Finding("data", "missing", str(error), "see 'slambed data list'")
     if not here:

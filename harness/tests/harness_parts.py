@@ -34,7 +34,9 @@ def nodes_of_tests() -> Iterator[None]:
         yield
 
 
-OF_THE_HOST = re.compile("RTT error|RTT probes came back|stalled the mobile node")
+OF_THE_HOST = re.compile(
+    "RTT error|RTT probes came back|stalled the mobile node|waited for a processor"
+)
 """What a busy host does to a run, as the line says that tells why it is not to be trusted."""
 
 

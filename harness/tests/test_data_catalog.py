@@ -86,8 +86,20 @@ def test_unknown_key_has_its_line(tmp_path: Path) -> None:
 def test_two_files_with_one_name(tmp_path: Path) -> None:
     tum_recipe(tmp_path, "one", aliases="[office]")
     tum_recipe(tmp_path, "two", aliases="[office]")
+    broken = Catalog.load(tmp_path, [])
+    assert broken.get("office").id == "one"
     with pytest.raises(SlambedError, match="'office' is already taken"):
-        Catalog.load(tmp_path, [])
+        broken.get("two")
+
+
+def test_a_broken_file_stops_only_who_asks_for_it(home: Path) -> None:
+    (home / "datasets" / "torn.yaml").write_text("id: torn\ntitle: [\n")
+    known = catalog(home)
+    assert known.get("tiny_tum").id == "tiny_tum"
+    with pytest.raises(SlambedError, match=r"torn\.yaml line"):
+        known.resolve("torn")
+    with pytest.raises(SlambedError, match=r"'tiny_tmu' is not known.*torn cannot be read"):
+        known.get("tiny_tmu")
 
 
 def test_unknown_dataset(home: Path) -> None:

@@ -32,6 +32,8 @@ from slambed.engines.docker import DockerEngine
 from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
+from slambed.sampling.cgroup import paths_of
+from slambed.spec.device import Limits
 from slambed.spec.experiment import Playback
 from slambed.spec.run_spec import LinkSpec, RunSpec
 
@@ -136,6 +138,26 @@ def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None
     assert not (mobile / "writable.txt").exists()
     rows = [json.loads(x) for x in (bench.raw / "samples.jsonl").read_text().splitlines()]
     assert {row["node"] for row in rows} == {"mobile", "edge"}
+
+
+def test_containers_go_before_others_as_the_nodes_of_engine_local_do(bench: Bench) -> None:
+    assert CLIENT is not None
+    if CLIENT.info()["CgroupDriver"] != "cgroupfs":
+        pytest.skip("systemd makes the daemon's control groups")
+    plan = NodePlan(
+        role="mobile", run_key="cafe", run_dir=bench.raw, sequence=bench.sequence,
+        limits=Limits(quota_cores=0.5, period_ms=10.0), cpus=[0],
+    )  # fmt: skip
+    node = bench.engine.start(plan)
+    try:
+        paths = paths_of(node.pid)
+        group = paths.v1("cpu") or paths.unified
+        assert group is not None
+        assert group.parent.name == "slambed"
+        file, largest = ("cpu.shares", 262144) if paths.v1("cpu") else ("cpu.weight", 10000)
+        assert (group.parent / file).read_text() == f"{largest}\n"
+    finally:
+        node.remove()
 
 
 def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:

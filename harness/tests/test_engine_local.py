@@ -278,6 +278,10 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
     assert result.distrust == ["the edge node was told to stop from outside"]
 
 
+PF_EXITING = 0x4
+"""Of a process's flags in /proc/<pid>/stat (proc(5))."""
+
+
 @dataclass
 class EdgeProbe(IdleLink):
     """An idle link that looks at the edge's process whenever it is asked whether it lives."""
@@ -289,15 +293,16 @@ class EdgeProbe(IdleLink):
     def alive(self) -> bool:
         assert self.bench is not None and self.bench.live is not None
         pid = self.bench.live._nodes["edge"].pid
-        # A process that ends leaves its namespaces first, its groups next, and is a zombie last: in
-        # this order of reading, groups and namespace are those of a process that was not ending.
+        # A process that ends leaves groups and namespaces, and is a zombie last; the kernel marks
+        # it before all that: read in this order, they are those of one that was not ending.
         try:
             groups = Path(f"/proc/{pid}/cgroup").read_text()
             network = str(netns(pid).readlink())
-            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         except OSError:
             return True
-        if state == "Z":
+        state, flags = fields[0], int(fields[6])
+        if flags & PF_EXITING:
             return True
         # Running or sleeping makes no difference here.
         look = (pid, "T" if state == "T" else "", network, re.sub("/thread-[0-9]+", "", groups))

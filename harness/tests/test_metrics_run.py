@@ -230,6 +230,41 @@ def test_a_stall_of_the_host_is_told_and_judged_where_asked(tmp_path: Path) -> N
     assert virtual["host_stall_ms_max"] is None
 
 
+def test_waiting_for_a_processor_is_told_and_judged_where_asked(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun())
+    rows = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
+    for row in rows:
+        # Held back for 10 ms a second by its limits, and as long as it computed by others.
+        row["run_delay_s"] = row["cpu_s"] + row["throttled_s"]
+    (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    found = summarise_run(raw, EDGE_SPEC)
+    assert found["cpu_wait_share"] == pytest.approx(0.5, abs=1e-9)
+    assert found["trusted"] is True
+    judged = summarise_run(raw, EDGE_SPEC | {"tolerances": {"cpu_wait_share_max": 0.4}})
+    assert judged["distrust"] == (
+        "the mobile node waited for a processor for 50% of the time in which it wanted one, "
+        "above 40%"
+    )
+    assert summarise_run(raw, EDGE_SPEC | {"engine": "virtual"})["cpu_wait_share"] is None
+
+
+@pytest.mark.parametrize(("backend", "trusted"), [("relay", False), ("netem", True)])
+def test_the_tail_of_the_relays_error_is_judged(
+    tmp_path: Path, backend: str, trusted: bool
+) -> None:
+    proof = {"asked_ms_mean": 40.0, "measured_ms_mean": 40.4, "error_ms_median": 0.05,
+             "error_ms_p99": 116.0, "echoes": 200, "valid": True, "reason": "", "base_ms": 0.2,
+             "answered_share": 1.0, "error_ms_max": None, "bias_ms": None}  # fmt: skip
+    link = {"base_rtt_ms": 0.2, "proof": proof}
+    raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
+    spec = EDGE_SPEC | {"link": EDGE_SPEC["link"] | {"backend": backend}}
+    found = summarise_run(raw, spec)
+    assert found["trusted"] is trusted
+    assert (found["distrust"] == "RTT error p99 116.00 ms is above 20 ms") is not trusted
+    lenient = spec | {"tolerances": {"rtt_error_ms_p99": 200.0}}
+    assert summarise_run(raw, lenient)["trusted"] is True
+
+
 def test_a_link_without_proof_is_not_trusted(raw: Path) -> None:
     for file in (raw / "link").iterdir():
         file.unlink()

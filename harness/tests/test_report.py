@@ -258,6 +258,16 @@ def test_a_loss_in_a_stalled_run_is_told(experiment: Path) -> None:
     assert told[0].startswith(f"{lost['cell']}: 1 of the runs")
 
 
+def test_nodes_that_waited_for_a_processor_are_told(experiment: Path) -> None:
+    run = load(experiment).runs.iloc[0]
+    file = experiment / "runs" / run["run_key"] / "summary.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"cpu_wait_share": 0.84}))
+    told = [line for line in load(experiment).problems if "waited for a processor" in line]
+    assert len(told) == 1
+    assert told[0].startswith(f"{run['cell']}: the mobile node of 1 runs waited")
+    assert "84%" in told[0]
+
+
 def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
     planned = [{"run_key": "feedface", "cell": "edgeslam:static/room_walk/none", "label": "e"}]
     content = {"experiment": {"title": "Planned", "report": {"metrics": ["keyframes"]}}}

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.data import places
@@ -26,6 +26,8 @@ class Catalog:
     search: tuple[Path, ...]
     folder: Path
     """Of the dataset files: the paths that come with them are found from there."""
+    broken: dict[str, SlambedError] = field(default_factory=dict)
+    """File without suffix -> what is wrong with it: whoever asks for another one is not stopped."""
 
     @classmethod
     def load(cls, folder: Path | None = None, search: list[Path] | None = None) -> Catalog:
@@ -33,25 +35,34 @@ class Catalog:
         folder = folder or repository_root() / "datasets"
         datasets: dict[str, Dataset] = {}
         names: dict[str, Path] = {}
+        broken: dict[str, SlambedError] = {}
         for file in sorted(folder.glob("*.yaml")):
-            dataset = load_recipe(file)
-            for name in (dataset.id, *dataset.aliases):
-                if name in names:
+            try:
+                dataset = load_recipe(file)
+                own = dict.fromkeys((dataset.id, *dataset.aliases), file)
+                if taken := own.keys() & names.keys():
+                    name = min(taken)
                     raise SlambedError(f"{file}: '{name}' is already taken by {names[name]}")
-                names[name] = file
+            except SlambedError as error:
+                broken[file.stem] = error
+                continue
+            names |= own
             datasets[dataset.id] = dataset
         searched = search if search is not None else places.search_path()
-        return cls(datasets, tuple(searched), folder)
+        return cls(datasets, tuple(searched), folder, broken)
 
     def get(self, name: str) -> Dataset:
         """The dataset with this id or alias."""
         for dataset in self.datasets.values():
             if name == dataset.id or name in dataset.aliases:
                 return dataset
+        if (error := self.broken.get(name)) is not None:
+            raise error
         known = [n for d in self.datasets.values() for n in (d.id, *d.aliases)]
+        unread = f" ({', '.join(self.broken)} cannot be read)" if self.broken else ""
         raise SlambedError(
             f"dataset '{name}' is not known{did_you_mean(name, known)}; "
-            "'slambed data list' shows all"
+            f"'slambed data list' shows all{unread}"
         )
 
     def resolve(self, name: str, cache_dir: Path | None = None) -> Dataset:

@@ -21,7 +21,7 @@ from slambed.data.download import how_to_get, recipe_text
 from slambed.data.export import export as write_export
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.outputs import picture, writing
 from slambed.terminal import console
 
@@ -43,7 +43,7 @@ def state(catalog: Catalog, dataset: Dataset) -> str:
 
 @app.command("list")
 def list_datasets() -> None:
-    """All datasets and whether they are here."""
+    """All datasets and whether they are here; exit 2 where a file of them cannot be read."""
     catalog = Catalog.load()
     table = Table("id", "sensor", "state", "title", box=None)
     for dataset in catalog.datasets.values():
@@ -53,6 +53,10 @@ def list_datasets() -> None:
     screen = console()
     screen.print(table)
     screen.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
+    for error in catalog.broken.values():
+        typer.echo(f"not listed: {error}", err=True)
+    if catalog.broken:
+        raise typer.Exit(ExitCode.BAD_INPUT)
 
 
 @app.command("prepare")

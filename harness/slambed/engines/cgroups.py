@@ -10,7 +10,7 @@ from pathlib import Path
 
 from slambed.engines.base import LABEL
 from slambed.errors import environment_error
-from slambed.sampling.cgroup import CONTROLLERS, CgroupPaths, mounted
+from slambed.sampling.cgroup import CONTROLLERS, CgroupPaths, hierarchies, mounted
 from slambed.spec.device import Limits
 
 V1_LARGEST_SHARES, V2_LARGEST_WEIGHT = 262144, 10000
@@ -27,6 +27,9 @@ class CgroupMaker:
         self, v1: dict[str, Path] | None = None, v2: Path | None = None, found: bool = True
     ) -> None:
         self.v1, self.v2 = mounted() if found else (v1 or {}, v2)
+        self._everywhere = {*self.v1.values(), *([self.v2] if self.v2 else [])}
+        if found:
+            self._everywhere |= {mount.point for mount in hierarchies()}
 
     @property
     def is_v1(self) -> bool:
@@ -58,14 +61,15 @@ class CgroupMaker:
         if "cpuset" in folders:
             _fill_cpuset(folders["cpuset"].parent, None)
             _fill_cpuset(folders["cpuset"], cpus)
-        (folders["cpu"].parent / "cpu.shares").write_text(str(V1_LARGEST_SHARES))
         period_us, quota_us = _quota(limits)
         (folders["cpu"] / "cpu.cfs_period_us").write_text(str(period_us))
         (folders["cpu"] / "cpu.cfs_quota_us").write_text(str(quota_us or -1))
         if limits.memory_mb is not None and "memory" in folders:
             bytes_text = str(limits.memory_mb * 2**20)
             (folders["memory"] / "memory.limit_in_bytes").write_text(bytes_text)
-        return CgroupPaths(folders, None)
+        paths = CgroupPaths(folders, None)
+        put_before_others(paths)
+        return paths
 
     def _make_v2(self, name: str, limits: Limits, cpus: list[int]) -> CgroupPaths:
         if self.v2 is None:
@@ -80,22 +84,36 @@ class CgroupMaker:
                 if controller in offered:
                     (level / "cgroup.subtree_control").write_text(f"+{controller}")
         folder.mkdir(exist_ok=True)
-        (parent / "cpu.weight").write_text(str(V2_LARGEST_WEIGHT))
+        paths = CgroupPaths({}, folder)
+        put_before_others(paths)
         period_us, quota_us = _quota(limits)
         (folder / "cpu.max").write_text(f"{quota_us or 'max'} {period_us}")
         if "cpuset" in offered:
             (folder / "cpuset.cpus").write_text(",".join(map(str, cpus)))
         if limits.memory_mb is not None:
             (folder / "memory.max").write_text(str(limits.memory_mb * 2**20))
-        return CgroupPaths({}, folder)
+        return paths
 
     def leftovers(self) -> Iterator[Path]:
         """Every group folder of ours, children before parents."""
-        for mount in {*self.v1.values(), *([self.v2] if self.v2 else [])}:
+        for mount in sorted(self._everywhere):
             top = mount / LABEL
             if top.is_dir():
                 yield from below(top)
                 yield top
+
+
+def put_before_others(paths: CgroupPaths) -> None:
+    """Gives the group of all nodes the largest share, if this node's group is in it."""
+    for folder, file, largest in (
+        (paths.v1("cpu"), "cpu.shares", V1_LARGEST_SHARES),
+        (paths.unified, "cpu.weight", V2_LARGEST_WEIGHT),
+    ):
+        if folder is not None and folder.parent.name == LABEL:
+            share = folder.parent / file
+            # On a host with both, the v2 tree has no cpu controller.
+            if share.exists():
+                share.write_text(str(largest))
 
 
 def entry_files(paths: CgroupPaths) -> list[Path]:

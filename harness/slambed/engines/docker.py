@@ -20,9 +20,10 @@ from slambed.engines.base import (
     config_name,
     netns,
 )
-from slambed.engines.cgroups import V1_LARGEST_SHARES
+from slambed.engines.cgroups import V1_LARGEST_SHARES, put_before_others
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker_error
 from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.engines.docker_limits import limits_of, parent_group
 from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import PLAYER, environment, player_arguments, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
@@ -144,6 +145,7 @@ class DockerEngine:
     ) -> None:
         self._client = client or connect()
         self.unprivileged = not is_root()
+        self._parent = None if self.unprivileged else parent_group(self._client)
         self._program = program
         self._nodes: dict[Role, DockerNode] = {}
         self._ids: dict[str, str] = {}
@@ -232,6 +234,8 @@ class DockerEngine:
 
     def _waiting(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
         pid = _started(container)
+        if self._parent is not None:
+            put_before_others(paths_of(pid))
         inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
         namespace = NAMESPACES / plan.role if self.unprivileged else inside
         node = DockerNode(plan.role, container, plan.run_dir, pid, namespace, keeper)
@@ -273,13 +277,7 @@ class DockerEngine:
 
     def _create(self, plan: NodePlan, keeper: Any | None) -> Any:
         assert self._image is not None
-        limits = plan.limits
-        period_us = round(limits.period_ms * 1000)
-        quota: dict[str, Any] = {}
-        if limits.quota_cores is not None:
-            quota = {"cpu_period": period_us, "cpu_quota": round(limits.quota_cores * period_us)}
-        if limits.memory_mb is not None:
-            quota |= {"mem_limit": limits.memory_mb * 2**20}
+        parent: dict[str, Any] = {"cgroup_parent": self._parent} if self._parent else {}
         return self._client.containers.create(
             **(self._our_program(plan) if plan.runtime is None else self._foreign_program(plan)),
             name=self._clear(f"{LABEL}-{plan.run_key}-{plan.role}"),
@@ -290,8 +288,8 @@ class DockerEngine:
             security_opt=["no-new-privileges"],
             pids_limit=PIDS_LIMIT,
             cpu_shares=V1_LARGEST_SHARES,
-            cpuset_cpus=",".join(map(str, plan.cpus)),
-            **quota,
+            **parent,
+            **limits_of(plan),
         )
 
     def _our_program(self, plan: NodePlan) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from docker.errors import NotFound
 from slambed.data.places import cache_folder
 from slambed.engines.base import LABEL, NODE_UID, NodePlan
 from slambed.engines.docker_errors import DAEMON_ERRORS
+from slambed.engines.docker_limits import as_options, limits_of
 from slambed.engines.helper import host_python, read_only
 from slambed.engines.segmenter import (
     ENVIRONMENT,
@@ -68,7 +69,7 @@ def start_segmenter(
         *("--network", "none", "--user", user, "--cap-drop", "ALL"),
         *("--security-opt", "no-new-privileges", "--read-only", "--tmpfs", "/tmp"),
         *("--pids-limit", str(PIDS_LIMIT)),
-        *(("--cgroup-parent", parent) if parent is not None else _limits(plan)),
+        *(("--cgroup-parent", parent) if parent is not None else as_options(limits_of(plan))),
         *(part for volume in read_only(bound) for part in ("--volume", volume)),
         *("--volume", f"{folder}:{folder}"),
         *(part for item in environment.items() for part in ("--env", "=".join(item))),
@@ -88,15 +89,3 @@ def start_segmenter(
             start_new_session=True,
         )
     return SegmenterProcess(process, log_file, clear)
-
-
-def _limits(plan: NodePlan) -> list[str]:
-    limits = plan.limits
-    period_us = round(limits.period_ms * 1000)
-    found = ["--cpuset-cpus", ",".join(map(str, plan.cpus))]
-    if limits.quota_cores is not None:
-        found += ["--cpu-period", str(period_us)]
-        found += ["--cpu-quota", str(round(limits.quota_cores * period_us))]
-    if limits.memory_mb is not None:
-        found += ["--memory", f"{limits.memory_mb}m"]
-    return found

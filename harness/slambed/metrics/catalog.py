@@ -347,6 +347,10 @@ METRICS: tuple[Metric, ...] = (
            "the mobile node up",
            lambda run: None if run.is_virtual else host_stall_ms_max(run.log),
            "longest stall by the host", "ms", digits=0),
+    Metric("cpu_wait_share", "live runs: of the time in which threads of the mobile node wanted a "
+           "processor and their limits allowed one, what they waited for it",
+           lambda run: None if run.is_virtual else run.mobile.cpu_wait_share,
+           "waited for a processor", shown="%", scale=100),
     Metric("host_steal_percent", "live runs: of the host's CPU time, what its hypervisor gave to "
            "others during playback", lambda run: run.host_steal_percent,
            "CPU time stolen from the host", "%"),

@@ -23,9 +23,12 @@ class Resources:
     """Slope of the straight line through the samples."""
     throttled_ms: float | None
     throttled_share: float | None
+    cpu_wait_share: float | None
+    """Of the time in which its threads wanted a processor and their limits allowed them one: what
+    they waited, for others or for each other."""
 
 
-NOTHING = Resources(None, None, None, None, None, None, None, None)
+NOTHING = Resources(None, None, None, None, None, None, None, None, None)
 
 
 def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resources:
@@ -36,6 +39,7 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
     percent, memory = own.column("cpu_percent"), own.column("memory_mb")
     throttled = own.increase("throttled_s")
     span, cpu = own.span_s(), own.increase("cpu_s")
+    delay = own.increase("run_delay_s")
     return Resources(
         cpu_percent_mean=100.0 * cpu / span if cpu is not None and span else None,
         cpu_percent_p50=float(np.quantile(percent, 0.5)) if len(percent) else None,
@@ -45,7 +49,18 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
         memory_mb_per_min=own.slope_per_min("memory_mb"),
         throttled_ms=1e3 * throttled if throttled is not None else None,
         throttled_share=throttled / span if throttled is not None and span else None,
+        cpu_wait_share=_wait_share(cpu, delay, throttled),
     )
+
+
+def _wait_share(
+    cpu_s: float | None, delay_s: float | None, throttled_s: float | None
+) -> float | None:
+    """Throttling counts as delay too on most kernels: it is the limits' doing, not the host's."""
+    if cpu_s is None or delay_s is None or cpu_s <= 0:
+        return None
+    waited_s = max(0.0, delay_s - (throttled_s or 0.0))
+    return waited_s / (waited_s + cpu_s)
 
 
 class _Rows:

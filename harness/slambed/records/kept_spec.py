@@ -41,6 +41,7 @@ class KeptTolerances(Record):
     rtt_error_ms_median: float | None = None
     rtt_error_ms_p99: float | None = None
     host_stall_ms_max: float | None = None
+    cpu_wait_share_max: float | None = None
 
 
 class KeptSpec(Record):

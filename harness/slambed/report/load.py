@@ -23,10 +23,10 @@ from slambed.metrics.metric import Metric
 from slambed.metrics.older import two_axes
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
+from slambed.report.busy_host import held_up, waited
 from slambed.report.standing import REMEDY, described, old_version, refused_runs
 
 MOST_PROBLEMS_PER_KIND = 10
-STALL_MS = 100.0
 """The time between two frames of the papers' playback: a longer stall drops one."""
 OLD_KEYS = ("valid", "invalid_reason")
 MANIFEST_FACTS = (
@@ -174,7 +174,8 @@ def load(folder: Path) -> Results:
     )
     _refuse_mixtures(results)
     _report_missing(results, planned)
-    _report_stalls(results)
+    for told in (*held_up(results.trusted), *waited(results.trusted)):
+        results.complain(told)
     return results
 
 
@@ -364,19 +365,6 @@ def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
         return position.get(text, len(position) if text else -1), text
 
     return rank
-
-
-def _report_stalls(results: Results) -> None:
-    """A track loss in a run that the host held up may not be the system's."""
-    runs = results.trusted
-    if "host_stall_ms_max" not in runs or "lost" not in runs:
-        return
-    stalled = runs[(runs["host_stall_ms_max"] > STALL_MS) & runs["lost"].eq(True)]
-    for cell, count in list(Counter(stalled["cell"].astype(str)).items())[:MOST_PROBLEMS_PER_KIND]:
-        results.complain(
-            f"{cell}: {count} of the runs with a track loss were held up by the host for more than "
-            f"{STALL_MS:g} ms; tolerances.host_stall_ms_max keeps such runs out"
-        )
 
 
 def _stand_ins(experiment: dict[str, Any]) -> str:

@@ -56,10 +56,12 @@ class Mount:
     """One mounted hierarchy."""
 
     controllers: frozenset[str]
-    """Empty for cgroup v2."""
+    """Of those that we use."""
     point: Path
     root: str
     """The group that is seen at `point`: not `/` inside a container."""
+    is_unified: bool = False
+    """cgroup v2."""
 
     def folder(self, group: str) -> Path:
         """Where a group of /proc/<pid>/cgroup is found."""
@@ -68,18 +70,23 @@ class Mount:
 
 
 def mounts(mountinfo: Path = Path("/proc/self/mountinfo")) -> list[Mount]:
-    """All cgroup hierarchies of this process's view."""
+    """The cgroup hierarchies of this process's view that count or limit what we ask for."""
+    return [m for m in hierarchies(mountinfo) if m.is_unified or m.controllers]
+
+
+def hierarchies(mountinfo: Path = Path("/proc/self/mountinfo")) -> list[Mount]:
+    """All of them: a container's group is in every one."""
     found: list[Mount] = []
     for line in mountinfo.read_text().splitlines():
         before, _, after = line.partition(" - ")
         _, _, _, root, point, *_ = before.split()
         kind, _, options = after.split(" ", 2)
         if kind == "cgroup2":
-            found.append(Mount(frozenset(), Path(point), root))
+            found.append(Mount(frozenset(), Path(point), root, is_unified=True))
         elif kind == "cgroup":
             words = options.replace(" ", ",").split(",")
-            if ours := frozenset(words).intersection(CONTROLLERS):
-                found.append(Mount(ours, Path(point), root))
+            ours = frozenset(words).intersection(CONTROLLERS)
+            found.append(Mount(ours, Path(point), root))
     return found
 
 
@@ -90,7 +97,7 @@ def mounted(mountinfo: Path = Path("/proc/self/mountinfo")) -> tuple[dict[str, P
     for mount in mounts(mountinfo):
         for controller in mount.controllers:
             v1.setdefault(controller, mount.point)
-        if not mount.controllers:
+        if mount.is_unified:
             v2 = v2 or mount.point
     return v1, v2
 
@@ -119,7 +126,7 @@ def paths_of(pid: int) -> CgroupPaths:
         for mount in found:
             for name in mount.controllers.intersection(names.split(",")):
                 folders.setdefault(name, mount.folder(group))
-            if not names and not mount.controllers:
+            if not names and mount.is_unified:
                 unified = unified or mount.folder(group)
     return CgroupPaths(folders, unified)
 

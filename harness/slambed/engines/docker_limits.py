@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node's limits in the daemon's words."""
+
+from typing import Any
+
+import docker
+
+from slambed.engines.base import LABEL, NodePlan
+from slambed.engines.docker_errors import daemon_failures
+
+
+def limits_of(plan: NodePlan) -> dict[str, Any]:
+    """As the daemon's API names them."""
+    limits = plan.limits
+    found: dict[str, Any] = {"cpuset_cpus": ",".join(map(str, plan.cpus))}
+    if limits.quota_cores is not None:
+        period_us = round(limits.period_ms * 1000)
+        found |= {"cpu_period": period_us, "cpu_quota": round(limits.quota_cores * period_us)}
+    if limits.memory_mb is not None:
+        found |= {"mem_limit": limits.memory_mb * 2**20}
+    return found
+
+
+def as_options(limits: dict[str, Any]) -> list[str]:
+    """The same for `docker run`."""
+    named = {"memory" if key == "mem_limit" else key: value for key, value in limits.items()}
+    return [
+        part for key, value in named.items() for part in (f"--{key.replace('_', '-')}", str(value))
+    ]
+
+
+def parent_group(client: docker.DockerClient) -> str | None:
+    """The group of engine `local`, where the daemon makes groups itself: what all nodes together
+    get against the rest of the host is settled there, and in the daemon's own it would be what one
+    process gets. Where systemd makes them, containers stay in its slices."""
+    with daemon_failures("ask for its control groups"):
+        return f"/{LABEL}" if client.info().get("CgroupDriver") == "cgroupfs" else None
