@@ -40,7 +40,8 @@ SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
       map_(node, parameters.integer("local_neighbours")),
       transfer_(chain_options(parameters), parameters.integer("mask_border_px")),
       results_(node.runtime()),
-      arrived_masks_(node.runtime()) {
+      arrived_masks_(node.runtime()),
+      missing_masks_(node.runtime()) {
   configure();
 }
 
@@ -68,14 +69,17 @@ void SemanticMobile::receive_results(Worker& worker) {
 
 void SemanticMobile::receive_masks(Worker& worker) {
   while (const auto message = masks_.receive(worker, kNever)) {
-    if (message->type != wire::type_of(wire::MessageType::kMask)) continue;
     try {
+      if (message->type == wire::type_of(wire::MessageType::kNoMask))
+        missing_masks_.put(wire::decode_no_mask(message->payload));
+      if (message->type != wire::type_of(wire::MessageType::kMask)) continue;
       arrived_masks_.put(worker.stage("parse", [&](StageUnits& units) {
         units.n1 = kilobytes(message->payload);
         return wire::decode_mask(message->payload, node_.sensor());
       }));
     } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("MASK refused: ") + error.what());
+      node_.log().warning(std::string(wire::message_name(message->type)) +
+                          " refused: " + error.what());
     }
   }
 }
@@ -83,6 +87,7 @@ void SemanticMobile::receive_masks(Worker& worker) {
 void SemanticMobile::before_frame(Worker& worker, const OfferedFrame&) {
   while (const auto result = results_.try_take()) take(worker, *result);
   while (const auto mask = arrived_masks_.try_take()) take(worker, *mask);
+  while (const auto missing = missing_masks_.try_take()) take(*missing);
   settled(worker.now());
   moments_.updated = worker.now();
 }
@@ -99,7 +104,24 @@ void SemanticMobile::take(Worker& worker, const wire::OptResult& result) {
     if (id <= result.keyframe) waiting.result = false;
 }
 
+void SemanticMobile::no_longer_waits_for_mask(KeyFrameId keyframe) {
+  if (const auto found = waiting_.find(keyframe); found != waiting_.end())
+    found->second.mask = false;
+}
+
+/// Labels of earlier masks go on, as long as those last.
+void SemanticMobile::take(const wire::NoMaskMessage& missing) {
+  if (missing.world != map_.world()) return;
+  no_longer_waits_for_mask(missing.keyframe);
+  const bool mapped = missing.reason != wire::NoMaskReason::kNotMapped;
+  node_.log().write(JsonLine("mask_missing")
+                        .add("keyframe", missing.keyframe.value)
+                        .add("reason", mapped ? "not segmented" : "not mapped")
+                        .add_ms("nrcc_ms", missing.took));
+}
+
 void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {
+  no_longer_waits_for_mask(mask.keyframe);
   if (mask.world != map_.world() || !transfer_.apply(mask.keyframe, mask.masks)) {
     node_.log().write(JsonLine("mask_declined").add("keyframe", mask.keyframe.value));
     return;
@@ -110,8 +132,6 @@ void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {
     map_.cull(labels);
     return 0;
   });
-  if (const auto found = waiting_.find(mask.keyframe); found != waiting_.end())
-    found->second.mask = false;
   node_.log().write(JsonLine("mask_applied")
                         .add("keyframe", mask.keyframe.value)
                         .add("instances", mask.masks.instances.size())

@@ -43,6 +43,8 @@ class SemanticMobile final : public MobilePolicy {
   void receive_masks(Worker& worker);
   void take(Worker& worker, const wire::OptResult& result);
   void take(Worker& worker, const wire::MaskMessage& mask);
+  void take(const wire::NoMaskMessage& missing);
+  void no_longer_waits_for_mask(KeyFrameId keyframe);
   void settled(RunTime now);
   void report(Worker& worker, const TrackedFrame& frame);
   std::optional<std::string_view> choose();
@@ -62,6 +64,7 @@ class SemanticMobile final : public MobilePolicy {
   MaskTransfer transfer_;
   Mailbox<wire::OptResult> results_;
   Mailbox<wire::MaskMessage> arrived_masks_;
+  Mailbox<wire::NoMaskMessage> missing_masks_;
 
   int row_ = kRows;
   Configuration configuration_;

@@ -108,6 +108,8 @@ void SemanticEdge::take(Worker& worker, const Message& raw) {
   if (const auto reason = objection(message)) {
     node_.log().write(
         JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *reason));
+    if (!message.jpeg.empty())
+      tell_no_mask(message.world, id, worker.now() - raw.received, wire::NoMaskReason::kNotMapped);
     return;
   }
   last_ = id;
@@ -139,8 +141,11 @@ void SemanticEdge::answer_probes(Worker& worker) {
 void SemanticEdge::segment(Worker& worker) {
   while (const auto picture = pictures_.take(worker)) {
     auto masks = segmentation_->run(worker, picture->frame, picture->jpeg, picture->n_m);
-    // The mobile then goes on with the labels that it has, as long as those last.
-    if (!masks) continue;
+    if (!masks) {
+      tell_no_mask(picture->world, picture->keyframe, worker.now() - picture->arrived,
+                   wire::NoMaskReason::kNotSegmented);
+      continue;
+    }
     // The mobile culls: it needs neither what stands still nor anybody's joints.
     std::erase_if(masks->instances, [](const Instance& instance) { return !instance.moves; });
     for (Instance& instance : masks->instances) instance.body.reset();
@@ -152,6 +157,13 @@ void SemanticEdge::segment(Worker& worker) {
     segmented_.put({picture->world, picture->keyframe, std::move(*masks)});
     mapper_.wake();
   }
+}
+
+void SemanticEdge::tell_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
+                                wire::NoMaskReason reason) {
+  masks_.send(wire::type_of(wire::MessageType::kNoMask),
+              encode(wire::NoMaskMessage{
+                  .world = world, .keyframe = keyframe, .took = took, .reason = reason}));
 }
 
 /// On the mapping side: what was known of a map that is gone goes too.

@@ -41,6 +41,8 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   std::optional<std::string_view> objection(const wire::SemanticKeyFrame& message) const;
   void answer_probes(Worker& worker);
   void segment(Worker& worker);
+  void tell_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
+                    wire::NoMaskReason reason);
   void forget_old_map();
   RunTime idle(Worker& worker);
   void mapped(Worker& worker, const wire::UpdateTimes& times);

@@ -63,6 +63,8 @@ std::string_view message_name(std::uint8_t type) {
       return "OPT_RESULT";
     case MessageType::kMask:
       return "MASK";
+    case MessageType::kNoMask:
+      return "NO_MASK";
   }
   return "UNKNOWN";
 }

@@ -7,7 +7,7 @@
 namespace slambed::wire {
 
 /// Version of every payload layout below this folder; both nodes must have the same.
-inline constexpr std::uint16_t kWireVersion = 5;
+inline constexpr std::uint16_t kWireVersion = 6;
 /// Version of put_delta's layout alone, which stored maps have too.
 inline constexpr std::uint16_t kDeltaVersion = 4;
 
@@ -46,6 +46,7 @@ enum class MessageType : std::uint8_t {
   kSemanticKeyFrame = 66,  ///< mobile -> edge: a keyframe to be mapped, its picture to be segmented
   kOptResult = 67,  ///< edge -> mobile: its optimised pose, and what changed in the local map
   kMask = 68,       ///< edge -> mobile: what moves in its picture
+  kNoMask = 69,     ///< edge -> mobile: nobody will ever say
 };
 
 /// As it stands in a message's header.

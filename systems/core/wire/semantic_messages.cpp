@@ -116,4 +116,30 @@ MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& se
   return message;
 }
 
+Bytes encode(const NoMaskMessage& message) {
+  ByteWriter out;
+  IdStream ids;
+  ids.put(out, message.world);
+  ids.put(out, message.keyframe);
+  out.time(message.took);
+  out.u8(static_cast<std::uint8_t>(message.reason));
+  return out.take();
+}
+
+NoMaskMessage decode_no_mask(std::span<const std::uint8_t> bytes) {
+  ByteReader in(bytes);
+  IdStream ids;
+  NoMaskMessage message;
+  message.world = ids.get<KeyFrameId>(in);
+  message.keyframe = ids.get<KeyFrameId>(in);
+  message.took = in.time();
+  if (message.took < Duration::zero()) throw DecodeError("NO_MASK took a negative time");
+  const std::uint8_t reason = in.u8();
+  if (reason > static_cast<std::uint8_t>(NoMaskReason::kNotMapped))
+    throw DecodeError("NO_MASK has an unknown reason");
+  message.reason = static_cast<NoMaskReason>(reason);
+  in.expect_end();
+  return message;
+}
+
 }  // namespace slambed::wire

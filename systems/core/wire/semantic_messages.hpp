@@ -49,14 +49,30 @@ struct MaskMessage {
   FrameMasks masks;
 };
 
+/// Why a keyframe's picture has no mask.
+enum class NoMaskReason : std::uint8_t {
+  kNotSegmented = 0,  ///< the segmentation failed, or refused the picture
+  kNotMapped = 1,     ///< the edge declined the keyframe, picture and all
+};
+
+/// NO_MASK, edge -> mobile: in place of a MASK that will not come, so that nobody waits for it.
+struct NoMaskMessage {
+  KeyFrameId world;
+  KeyFrameId keyframe;
+  Duration took{};  ///< from the picture's arrival
+  NoMaskReason reason = NoMaskReason::kNotSegmented;
+};
+
 Bytes encode(const SemanticKeyFrame& message);
 Bytes encode(const OptResult& message);
 Bytes encode(const MaskMessage& message);
+Bytes encode(const NoMaskMessage& message);
 
 /// All throw DecodeError and nothing else.
 SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
                                           const SensorPtr& sensor);
 OptResult decode_opt_result(std::span<const std::uint8_t> bytes);
 MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+NoMaskMessage decode_no_mask(std::span<const std::uint8_t> bytes);
 
 }  // namespace slambed::wire

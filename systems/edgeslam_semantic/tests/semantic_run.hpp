@@ -21,6 +21,13 @@ struct Played {
   std::string text, trajectory;
   std::vector<nlohmann::json> events;  ///< of both nodes
 
+  /// What one node wrote.
+  void add(const std::string& log) {
+    text += log;
+    std::istringstream lines(log);
+    for (std::string line; std::getline(lines, line);)
+      events.push_back(nlohmann::json::parse(line));
+  }
   std::vector<nlohmann::json> of(const std::string& type) const {
     std::vector<nlohmann::json> found;
     for (const auto& event : events)
@@ -96,7 +103,7 @@ class SemanticRun : public ::testing::Test {
           {{"n_m", n_m}, {"path", folder.path() / "m.masks"}, {"key", "masks"}});
   }
 
-  Played play(const nlohmann::json& parameters) {
+  void write_world(const nlohmann::json& parameters) {
     const nlohmann::json playback{
         {"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}};
     folder.write(
@@ -118,16 +125,15 @@ class SemanticRun : public ::testing::Test {
             {"connect_timeout_s", 1.0}}
             .dump());
     folder.write("sim.json", world.dump());
+  }
+
+  Played play(const nlohmann::json& parameters) {
+    write_world(parameters);
     const System system = edgeslam_semantic_system();
     run_virtually(folder.path() / "sim.json", {&system, 1});
     Played played;
-    for (const char* role : {"mobile", "edge"}) {
-      const std::string text = testing::read_text(folder.path() / role / "events.jsonl");
-      played.text += text;
-      std::istringstream lines(text);
-      for (std::string line; std::getline(lines, line);)
-        played.events.push_back(nlohmann::json::parse(line));
-    }
+    for (const char* role : {"mobile", "edge"})
+      played.add(testing::read_text(folder.path() / role / "events.jsonl"));
     played.trajectory = testing::read_text(folder.path() / "mobile" / "trajectory.txt");
     return played;
   }

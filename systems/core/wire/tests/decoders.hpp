@@ -108,6 +108,13 @@ inline MaskMessage example_mask() {
           .masks = example_masks(40, 30)};
 }
 
+inline NoMaskMessage example_no_mask() {
+  return {.world = keyframe_id(2),
+          .keyframe = keyframe_id(9),
+          .took = Duration(2'000'000'000),
+          .reason = NoMaskReason::kNotMapped};
+}
+
 /// The same messages as text, with few features: the grid alone makes them long.
 inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& sensor) {
   constexpr std::size_t kStep = 7;
@@ -193,6 +200,7 @@ inline std::vector<Target> targets() {
        [=](auto b) { decode_semantic_keyframe(b, sensor); }},
       {"opt_result", encode(example_opt_result()), [](auto b) { decode_opt_result(b); }},
       {"mask", encode(example_mask()), [](auto b) { decode_mask(b, example_frame_camera()); }},
+      {"no_mask", encode(example_no_mask()), [](auto b) { decode_no_mask(b); }},
       {"masks", encode_masks(example_masks(40, 30)), [](auto b) { decode_masks(b, 40, 30); }},
       {"segmentation", encode_segmentation(example_masks(40, 30)),
        [](auto b) { decode_segmentation(2, b, 40, 30); }},

@@ -94,6 +94,24 @@ TEST(SemanticMessages, AMaskOfThreePeopleIsSmall) {
   EXPECT_THROW(decode_mask(bytes, nullptr), DecodeError);
 }
 
+TEST(SemanticMessages, ThatThereIsNoMaskSaysOfWhatAndWhy) {
+  for (const auto reason : {NoMaskReason::kNotSegmented, NoMaskReason::kNotMapped}) {
+    NoMaskMessage sent = example_no_mask();
+    sent.reason = reason;
+    Bytes bytes = encode(sent);
+    const NoMaskMessage came = decode_no_mask(bytes);
+    EXPECT_EQ(came.world, sent.world);
+    EXPECT_EQ(came.keyframe, sent.keyframe);
+    EXPECT_EQ(came.took, sent.took);
+    EXPECT_EQ(came.reason, reason);
+    bytes.back() = 2;
+    EXPECT_THROW(decode_no_mask(bytes), DecodeError);
+  }
+  NoMaskMessage before = example_no_mask();
+  before.took = Duration(-1);
+  EXPECT_THROW(decode_no_mask(encode(before)), DecodeError);
+}
+
 TEST(SemanticMessages, RefusesWhatMakesNoSense) {
   std::mt19937 random(5);
   const auto sensor = example_camera().make_sensor();

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// A segmentation that fails: nobody waits for masks that will not come.
+#include <gtest/gtest.h>
+
+#include "edgeslam_semantic/tests/semantic_pair.hpp"
+
+namespace slambed {
+namespace {
+
+class NoMask : public SemanticPair {
+ protected:
+  static nlohmann::json edgeslam(bool adapt) {
+    nlohmann::json chosen = params();
+    chosen["full_offload"] = false;
+    chosen["nrcc"] = true;
+    chosen["adapt"] = adapt;
+    return chosen;
+  }
+  static FrameMasks nobody() { return {kWidth, kHeight, {}}; }
+};
+
+TEST_F(NoMask, TheNextKeyFrameGoesUpAsIfItHadCome) {
+  const Played whole = play_pair(edgeslam(false), [](auto) { return nobody(); });
+  const Played run = play_pair(edgeslam(false), [](auto) { return std::nullopt; });
+  const auto sent = whole.of("keyframe_sent").size();
+  ASSERT_GT(sent, 10u);
+  EXPECT_TRUE(whole.of("mask_missing").empty());
+  EXPECT_GE(run.of("keyframe_sent").size(), sent - 1);
+  EXPECT_TRUE(run.of("mask_applied").empty());
+  const auto missing = run.of("mask_missing"), failed = run.of("segment_failed");
+  EXPECT_LE(failed.size(), missing.size() + 1) << "the last one may come behind the goodbye";
+  for (const auto& one : missing) {
+    EXPECT_EQ(one["reason"], "not segmented");
+    EXPECT_GE(one["nrcc_ms"], kSegment_ms);
+  }
+  EXPECT_GT(run.of("slice_applied").size(), 5u) << "mapping goes on";
+}
+
+TEST_F(NoMask, AdaptiveSelectionIsNotHeldUpEither) {
+  const auto play_with = [&](std::uint64_t until) {
+    return play_pair(edgeslam(true), [=](std::uint64_t frame) {
+      return frame < until ? std::optional(nobody()) : std::nullopt;
+    });
+  };
+  const Played whole = play_with(kFrames), run = play_with(kFrames / 3);
+  ASSERT_GT(whole.of("mask_applied").size(), run.of("mask_applied").size());
+  EXPECT_GT(run.of("mask_applied").size(), 0u);
+  const auto last = [](const Played& played) {
+    return played.of("keyframe_sent").back()["t_ns"].get<double>() / 1e9;
+  };
+  EXPECT_GE(run.of("keyframe_sent").size() + 2, whole.of("keyframe_sent").size());
+  EXPECT_GT(last(run), last(whole) - 1);
+}
+
+}  // namespace
+}  // namespace slambed

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <map>
+
+#include "edgeslam_semantic/tests/semantic_run.hpp"
+#include "node/edge_node.hpp"
+#include "node/mobile_node.hpp"
+#include "node/sim_config.hpp"
+#include "runtime/virtual/virtual_network.hpp"
+
+namespace slambed {
+
+/// A segmentation that does as the test says. Nothing: it fails.
+class ToldMasks final : public MaskSource {
+ public:
+  using Tell = std::function<std::optional<FrameMasks>(std::uint64_t frame)>;
+  explicit ToldMasks(Tell tell) : tell_(std::move(tell)) {}
+  Segmentation masks(std::uint64_t frame, std::span<const std::uint8_t>, double) override {
+    return {tell_(frame), "the segmenter was lost"};
+  }
+
+ private:
+  Tell tell_;
+};
+
+/// When one edge process ends and another one takes its place. What is on its way meanwhile is
+/// lost; what the mobile sends waits for the new one.
+struct EdgeLife {
+  RunTime dies = kNever, comes_back = kNever;
+
+  bool away(RunTime now) const { return now >= dies && now < comes_back; }
+  std::uint64_t incarnation(RunTime now) const { return now >= comes_back ? 2 : 1; }
+};
+
+/// What a node has of the link while edges come and go. Either end of it is a process of one
+/// incarnation; the mobile is there all the time (0).
+class MortalNetwork final : public Network {
+ public:
+  /// Channels of the link, which both edge processes share.
+  using Opened = std::map<std::string, Channel*>;
+
+  MortalNetwork(Network& below, Opened& opened, Runtime& runtime, EdgeLife life,
+                std::uint64_t incarnation)
+      : below_(below), opened_(opened), runtime_(runtime), life_(life), own_(incarnation) {}
+
+  Channel& open(const ChannelOptions& options) override {
+    Channel*& below = opened_[options.name];
+    if (!below) below = &below_.open(options);
+    return *channels_.emplace_back(std::make_unique<MortalChannel>(*this, *below));
+  }
+  PeerState peer() const override {
+    PeerState state = below_.peer();
+    if (own_ != 0 || !state.incarnation) return state;
+    const RunTime now = runtime_.now();
+    return {.connected = state.connected && !life_.away(now),
+            .incarnation = life_.incarnation(now)};
+  }
+  Signal& peer_signal() override { return below_.peer_signal(); }
+
+ private:
+  class MortalChannel final : public Channel {
+   public:
+    MortalChannel(const MortalNetwork& network, Channel& below)
+        : network_(network), below_(below) {}
+    const ChannelOptions& options() const override { return below_.options(); }
+    std::uint64_t send(std::uint8_t type, Bytes payload) override {
+      return network_.alive() ? below_.send(type, std::move(payload)) : 0;
+    }
+    void hold(bool held) override { below_.hold(held); }
+    std::optional<Message> try_receive() override { return network_.take(below_); }
+    Signal& signal() override { return below_.signal(); }
+    PathStats path() const override { return below_.path(); }
+
+   private:
+    const MortalNetwork& network_;
+    Channel& below_;
+  };
+
+  bool alive() const {
+    const RunTime now = runtime_.now();
+    return own_ == 0 || (!life_.away(now) && life_.incarnation(now) == own_);
+  }
+  std::optional<Message> take(Channel& below) const {
+    if (!alive()) return std::nullopt;
+    auto message = below.try_receive();
+    // Answers of the dead one that were still on the link.
+    while (own_ == 0 && message && life_.away(message->received)) message = below.try_receive();
+    if (message && own_ == 0) message->incarnation = life_.incarnation(message->received);
+    return message;
+  }
+
+  Network& below_;
+  Opened& opened_;
+  Runtime& runtime_;
+  EdgeLife life_;
+  std::uint64_t own_;
+  std::vector<std::unique_ptr<MortalChannel>> channels_;
+};
+
+/// Both nodes on SemanticRun's pictures, with what no file can say: a segmentation that fails, an
+/// edge that is killed and started again.
+class SemanticPair : public SemanticRun {
+ protected:
+  Played play_pair(const nlohmann::json& chosen, ToldMasks::Tell tell, EdgeLife life = {}) {
+    write_world(chosen);
+    const SimConfig config = read_sim_config(folder.path() / "sim.json");
+    const System system = edgeslam_semantic_system();
+    const Parameters parameters(chosen, system.parameters, "params.");
+    const PreparedSequence pictures(sequence);
+    const Playlist playlist(pictures.timestamps_ns(), pictures.fps(), {});
+    Simulator simulator;
+    EventLog mobile_log(folder.path() / "mobile.jsonl", NodeRole::kMobile);
+    EventLog edge_log(folder.path() / "edge.jsonl", NodeRole::kEdge);
+    for (EventLog* log : {&mobile_log, &edge_log}) {
+      log->set_clock([&simulator] { return simulator.now(); });
+      log->start(Duration::zero(), [] {});
+    }
+    VirtualRuntime mobile_runtime(simulator, config.mobile, 1, mobile_log);
+    VirtualRuntime first_runtime(simulator, *config.edge, 2, edge_log);
+    VirtualRuntime second_runtime(simulator, *config.edge, 3, edge_log);
+    VirtualLink link(simulator, config.link.up, config.link.down, 1);
+    const OrbOptions orb = system.orb(parameters);
+    const wire::SensorInfo info{.camera = pictures.camera(),
+                                .close_depth_m = static_cast<float>(pictures.close_depth_m()),
+                                .levels = orb.levels,
+                                .scale_factor = orb.scale_factor,
+                                .played_fps = playlist.played_fps()};
+    PeerInfo peer;
+    peer.set(info);
+    ToldMasks masks(std::move(tell));
+    EncodingSource images(pictures, parameters.integer("jpeg_quality"));
+    ExtractingSource features(pictures, info.make_sensor(), orb);
+    RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
+    MortalNetwork::Opened below_mobile, below_edges;
+    MortalNetwork mobile_network(link.mobile_side(mobile_log), below_mobile, mobile_runtime, life,
+                                 0);
+    Network& edge_side = link.edge_side(edge_log);
+    MortalNetwork first_network(edge_side, below_edges, first_runtime, life, 1);
+    MortalNetwork second_network(edge_side, below_edges, second_runtime, life, 2);
+    const auto parts = [&](VirtualRuntime& runtime, Network& network) {
+      return EdgeParts{runtime, network, edge_log, peer, nullptr, &masks};
+    };
+    EdgeNode first(parts(first_runtime, first_network), system, parameters);
+    EdgeNode second(parts(second_runtime, second_network), system, parameters);
+    MobileNode mobile({.runtime = mobile_runtime,
+                       .network = &mobile_network,
+                       .log = mobile_log,
+                       .features = features,
+                       .feed = feed,
+                       .sequence = &pictures,
+                       .sensor = pictures.sensor(),
+                       .played_fps = playlist.played_fps(),
+                       .timestamps_ns = pictures.timestamps_ns(),
+                       .time_origin_ns = pictures.time_origin_ns(),
+                       .images = &images},
+                      system, parameters);
+    mobile.start();
+    first.start();
+    if (life.dies != kNever) {
+      simulator.at(life.dies, [&] { first_runtime.stop(); });
+      simulator.at(life.comes_back, [&] { second.start(); });
+    }
+    simulator.run();
+    for (VirtualRuntime* runtime : {&mobile_runtime, &first_runtime, &second_runtime})
+      runtime->join();
+    mobile.write_trajectories(folder.path());
+    for (EventLog* log : {&mobile_log, &edge_log}) log->flush();
+    Played played;
+    for (const char* name : {"mobile.jsonl", "edge.jsonl"})
+      played.add(testing::read_text(folder.path() / name));
+    played.trajectory = testing::read_text(folder.path() / "trajectory.txt");
+    return played;
+  }
+};
+
+}  // namespace slambed
