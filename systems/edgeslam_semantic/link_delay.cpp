@@ -22,18 +22,35 @@ void LinkDelay::probed(Duration round_trip) {
   round_trip_ = round_trip_ ? *round_trip_ + (round_trip - *round_trip_) / kSmoothing : round_trip;
 }
 
-void LinkDelay::sent(std::uint64_t sequence, std::size_t bytes, RunTime when) {
+void LinkDelay::going(std::size_t bytes, RunTime when) {
   const std::lock_guard lock(mutex_);
-  under_way_[sequence] = {bytes, when, !under_way_.empty()};
-  if (under_way_.size() > kMostUnderWay) under_way_.erase(under_way_.begin());
+  going_ = {bytes, when, !under_way_.empty()};
   sizes_.push_back(bytes);
   if (sizes_.size() > kSizes) sizes_.pop_front();
 }
 
+void LinkDelay::numbered(std::uint64_t sequence) {
+  const std::lock_guard lock(mutex_);
+  if (!going_) return;
+  under_way_[sequence] = *going_;
+  if (under_way_.size() > kMostUnderWay) under_way_.erase(under_way_.begin());
+  going_.reset();
+  const auto early = answered_early_.find(sequence);
+  if (early != answered_early_.end()) acknowledged_locked(sequence, early->second);
+  answered_early_.clear();
+}
+
 void LinkDelay::acknowledged(std::uint64_t sequence, RunTime when) {
   const std::lock_guard lock(mutex_);
+  acknowledged_locked(sequence, when);
+}
+
+void LinkDelay::acknowledged_locked(std::uint64_t sequence, RunTime when) {
   const auto found = under_way_.find(sequence);
-  if (found == under_way_.end()) return;
+  if (found == under_way_.end()) {
+    if (going_ && answered_early_.size() < kMostUnderWay) answered_early_.emplace(sequence, when);
+    return;
+  }
   const Upload upload = found->second;
   under_way_.erase(under_way_.begin(), std::next(found));
   // One that waited behind another took the time between both answers; one that did not took a

@@ -19,8 +19,10 @@ class LinkDelay {
 
   /// A probe came back.
   void probed(Duration round_trip);
-  /// An upload goes to the channel.
-  void sent(std::uint64_t sequence, std::size_t bytes, RunTime when);
+  /// An upload is about to go to the channel, which gives it a number ...
+  void going(std::size_t bytes, RunTime when);
+  /// ... this one. Its answer may have come meanwhile.
+  void numbered(std::uint64_t sequence);
   /// The edge has told that it came; unknown and repeated numbers are ignored.
   void acknowledged(std::uint64_t sequence, RunTime when);
 
@@ -38,6 +40,7 @@ class LinkDelay {
     bool behind = false;  ///< sent while another was under way
   };
 
+  void acknowledged_locked(std::uint64_t sequence, RunTime when);
   double mean_bytes_locked() const;
 
   bool one_way_;
@@ -45,6 +48,8 @@ class LinkDelay {
   std::optional<Duration> round_trip_;
   std::optional<double> seconds_per_byte_;
   std::map<std::uint64_t, Upload> under_way_;
+  std::optional<Upload> going_;                      ///< has no number yet
+  std::map<std::uint64_t, RunTime> answered_early_;  ///< while it has none
   std::deque<std::size_t> sizes_;
   RunTime last_acknowledged_{};
 };

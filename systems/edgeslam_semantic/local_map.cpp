@@ -122,9 +122,12 @@ class Composer {
 
 }  // namespace
 
-void forget_older(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window) {
+void forget_left(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window,
+                 KeyFrameId newest) {
   if (window.keyframes.empty()) return;
-  own.erase(own.begin(), own.lower_bound(window.keyframes.begin()->first));
+  std::erase_if(own, [&](const auto& entry) {
+    return entry.first <= newest && !window.keyframes.contains(entry.first);
+  });
 }
 
 Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimised) {

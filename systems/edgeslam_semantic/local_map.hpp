@@ -17,9 +17,11 @@ struct OwnKeyFrame {
   std::shared_ptr<const FeatureSet> features;
 };
 
-/// Keyframes that are older than all of the window go, with their features: the edge lets none come
-/// back into it.
-void forget_older(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window);
+/// Keyframes up to the slice's that are not in the window go, with their features: those older than
+/// all of it, which the edge lets come back no more, and those that it has deleted. newest:
+/// keyframe of the slice.
+void forget_left(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window,
+                 KeyFrameId newest);
 
 /// The move from the world as the mobile has it to the one that a slice knows, as seen from a
 /// keyframe that both have: its rough pose becomes the optimised one. The scale is that of the

@@ -54,7 +54,8 @@ void MobileMap::extend(Worker& worker, const MapDelta& made) {
 }
 
 bool MobileMap::known_at_edge(MapPointId point) const {
-  return space_of(point) != IdSpace::kMobileMapper || sent_.contains(point);
+  return space_of(point) != IdSpace::kMobileMapper || sent_.contains(point) ||
+         window_.points.contains(point);
 }
 
 wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
@@ -64,6 +65,7 @@ wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
     world_ = id;
     message.delta = made;
     for (const NewKeyFrame& keyframe : made.keyframes) uploaded_.insert(keyframe.id);
+    uploads_ = static_cast<int>(made.keyframes.size());
   } else {
     node_.tracker().map()->read([&](const MapView& view) {
       const KeyFrame& keyframe = *view.keyframe(id);
@@ -79,6 +81,7 @@ wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
       return 0;
     });
     uploaded_.insert(id);
+    ++uploads_;
   }
   message.world = world_;
   message.applied_slice = applied_;
@@ -103,7 +106,7 @@ void MobileMap::add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta&
     fresh.reference = fresh.first_keyframe = keyframe.id;
     delta.points.push_back(fresh);
     delta.attach.insert(delta.attach.end(), earlier.begin(), earlier.end());
-    sent_.insert(id);
+    sent_[id] = keyframe.id;
   }
 }
 
@@ -112,13 +115,11 @@ bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
   worker.stage("apply_update", [&](StageUnits& units) {
     applied_ = result.number;
     edgeslam_semantic::apply(window_, {result.changes, result.left_keyframes, result.left_points});
-    forget_older(own_, window_);
+    edgeslam_semantic::forget_left(own_, window_, result.keyframe);
     const auto before = node_.tracker().map();
-    LocalMapParts parts{.window = window_,
-                        .own = own_,
-                        .newest = result.keyframe,
-                        .S_new_old = {},
-                        .gone = on_movers_};
+    LocalMapParts parts{
+        .window = window_, .own = own_, .newest = result.keyframe, .S_new_old = {}, .gone = {}};
+    for (const auto& [id, since] : on_movers_) parts.gone.insert(id);
     for (const MapPointId id : result.changes.culled_points) parts.gone.insert(id);
     for (const PointFusion& fusion : result.changes.fusions) parts.gone.insert(fusion.gone);
     double moved = 0;
@@ -135,10 +136,28 @@ bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
     node_.replace_map(fresh);
     if (parts.S_new_old.scale != 1) node_.tracker().rescale(parts.S_new_old.scale);
     for (const auto& [id, sighted] : window_.keyframes) node_.poses().placed(id, sighted.T_cw);
+    forget_left(result.keyframe);
     report(result, parts.S_new_old.scale, moved);
     return 0;
   });
   return true;
+}
+
+/// Memory is to hang on the window, not on the length of the run.
+void MobileMap::forget_left(KeyFrameId newest) {
+  if (window_.keyframes.empty()) return;
+  std::erase_if(uploaded_,
+                [&](KeyFrameId id) { return id <= newest && !window_.keyframes.contains(id); });
+  const KeyFrameId oldest = window_.keyframes.begin()->first;
+  node_.tracker().map()->read([&](const MapView& local) {
+    const auto left = [&](const auto& entry) {
+      return entry.second < oldest && !window_.points.contains(entry.first) &&
+             !local.point(entry.first);
+    };
+    std::erase_if(sent_, left);
+    std::erase_if(on_movers_, left);
+    return 0;
+  });
 }
 
 void MobileMap::report(const wire::OptResult& result, double scale, double moved) {
@@ -155,6 +174,7 @@ void MobileMap::report(const wire::OptResult& result, double scale, double moved
           .add("edge_points", window_.points.size())
           .add("local_points", points)
           .add("kept_keyframes", own_.size())
+          .add("kept_ids", uploaded_.size() + sent_.size() + on_movers_.size())
           .add("moved_m", moved)
           .add("scale", scale));
 }
@@ -164,7 +184,8 @@ void MobileMap::cull(const Labels& labels) {
   const MapDelta delta =
       map.read([&](const MapView& view) { return without_labelled(view, labels); });
   map.commit(delta);
-  on_movers_.insert(delta.culled_points.begin(), delta.culled_points.end());
+  const KeyFrameId newest = own_.empty() ? world_ : own_.rbegin()->first;
+  for (const MapPointId id : delta.culled_points) on_movers_[id] = newest;
 }
 
 void MobileMap::reset() {
@@ -172,6 +193,7 @@ void MobileMap::reset() {
   window_ = {};
   own_.clear();
   uploaded_.clear();
+  uploads_ = 0;
   sent_.clear();
   on_movers_.clear();
   world_ = {};

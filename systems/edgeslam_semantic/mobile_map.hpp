@@ -31,21 +31,24 @@ class MobileMap {
 
   std::uint64_t applied_slice() const { return applied_; }
   KeyFrameId world() const { return world_; }
-  int uploaded() const { return static_cast<int>(uploaded_.size()); }
+  int uploaded() const { return uploads_; }
 
  private:
   void note_own(const MapDelta& made);
   bool known_at_edge(MapPointId point) const;
   void add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta& delta);
+  void forget_left(KeyFrameId newest);
   void report(const wire::OptResult& result, double scale, double moved);
 
   MobileNode& node_;
   LocalMapper mapper_;
   MapWindow window_;                       ///< as the edge has it, by the last slice
   std::map<KeyFrameId, OwnKeyFrame> own_;  ///< of the window and newer
-  std::set<KeyFrameId> uploaded_;
-  std::set<MapPointId> sent_;  ///< own points that went up
-  std::set<MapPointId> on_movers_;
+  std::set<KeyFrameId> uploaded_;          ///< of the window and newer
+  int uploads_ = 0;                        ///< in this map so far
+  /// Own points that went up, and what a mask took away; by the newest keyframe of that time. Not
+  /// of the window alone: what was seen in none but keyframes that left it comes back no more.
+  std::map<MapPointId, KeyFrameId> sent_, on_movers_;
   KeyFrameId world_;
   std::uint64_t applied_ = 0;
 };

@@ -218,6 +218,13 @@ void SemanticEdge::cull_labelled(Worker& worker) {
             [&](const MapView& view) { return without_labelled(view, labels_); });
       },
       [&](const MapDelta& delta) { mapper_.map()->commit(delta); });
+  // Late masks cull once; what mapping makes in the window is culled as long as it is there.
+  mapper_.map()->read([&](const MapView& view) {
+    std::erase_if(labels_, [&](const auto& entry) {
+      return entry.first < oldest_ || !view.keyframe(entry.first);
+    });
+    return 0;
+  });
 }
 
 std::vector<KeyFrameId> SemanticEdge::local_keyframes() {
@@ -263,6 +270,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
                         .add("number", result.number)
                         .add("keyframe", result.keyframe.value)
                         .add("points_set", result.changes.positions.size())
+                        .add("labelled_keyframes", labels_.size())
                         .add("bytes", bytes.size()));
   frames_.send(wire::type_of(wire::MessageType::kOptResult), std::move(bytes));
 }

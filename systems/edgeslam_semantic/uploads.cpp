@@ -51,10 +51,6 @@ void Uploads::send(Worker& worker) {
     });
     const std::size_t size = bytes.size();
     const auto delay = delay_.delay();
-    const RunTime when = worker.now();
-    const std::uint64_t sequence =
-        frames_.send(wire::type_of(wire::MessageType::kSemanticKeyFrame), std::move(bytes));
-    delay_.sent(sequence, size, when);
     JsonLine event("keyframe_sent");
     event.add("keyframe", keyframe.id.value)
         .add("frame", keyframe.frame_index)
@@ -68,7 +64,12 @@ void Uploads::send(Worker& worker) {
         .add("bytes", size);
     if (delay) event.add_ms("n_ms", *delay);
     if (const auto rate = delay_.bytes_per_s()) event.add("b_mbit_s", 8e-6 * *rate);
+    // Told and noted before it goes: its answer may be here before the channel has told its number.
     node_.log().write(event);
+    delay_.going(size, worker.now());
+    const std::uint64_t sequence =
+        frames_.send(wire::type_of(wire::MessageType::kSemanticKeyFrame), std::move(bytes));
+    delay_.numbered(sequence);
     last_sequence_ = sequence;
     ++sent_;
     gone_->notify();

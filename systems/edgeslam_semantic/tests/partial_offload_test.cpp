@@ -75,6 +75,32 @@ TEST_F(PartialOffload, KeyFramesThatLeftTheWindowAreForgotten) {
   EXPECT_LT(applied.back()["kept_keyframes"].get<std::size_t>(), made.size() / 2);
 }
 
+/// What is remembered by id, features or not, is of the window and of what is under way.
+TEST_F(PartialOffload, NothingGrowsWithTheLengthOfARun) {
+  constexpr int kLong = 5 * kFrames, kWindow = 3;
+  sequence = folder.path() / "long";
+  generate({}, sequence, kLong);
+  write_masks(kHeight * 3 / 4, kLong);
+  auto narrow = partial(true, false);
+  narrow["local_keyframes"] = kWindow;
+  const Played run = play(narrow);
+  const auto sent = run.of("keyframe_sent"), applied = run.of("slice_applied");
+  ASSERT_GT(sent.size(), 50u);
+  std::size_t ids = 0;  // that there ever were
+  for (const auto& keyframe : sent) ids += 1 + keyframe["new_points"].get<std::size_t>();
+  const auto most = [&](const std::vector<nlohmann::json>& events, const char* field, bool late) {
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < events.size(); ++i)
+      if ((i >= events.size() / 2) == late)
+        found = std::max(found, events[i][field].get<std::size_t>());
+    return found;
+  };
+  EXPECT_LT(most(applied, "kept_ids", true), ids / 4);
+  EXPECT_LT(most(applied, "kept_ids", true), 2 * most(applied, "kept_ids", false));
+  EXPECT_LE(most(run.of("slice_sent"), "labelled_keyframes", true), std::size_t{kWindow} + 1);
+  EXPECT_LE(most(applied, "kept_keyframes", true), std::size_t{kWindow} + 8);
+}
+
 TEST_F(PartialOffload, PicturesGoUpOnlyToBeSegmentedAndEachIsSegmentedOnce) {
   const Played without = play(partial(false, true));
   for (const auto& keyframe : without.of("keyframe_sent")) EXPECT_EQ(keyframe["jpeg_bytes"], 0);

@@ -98,10 +98,15 @@ TEST(SelectKeyFrame, ForcesOneWhereResultsAreLost) {
   EXPECT_EQ(select_keyframe(row, frame), Selection::kNo);
 }
 
+void send(LinkDelay& link, std::uint64_t sequence, std::size_t bytes, RunTime when) {
+  link.going(bytes, when);
+  link.numbered(sequence);
+}
+
 TEST(LinkDelay, IsUnknownUntilAProbeAndAnUploadCameBack) {
   LinkDelay link(true);
   EXPECT_FALSE(link.delay());
-  link.sent(1, 100'000, milliseconds(0));
+  send(link, 1, 100'000, milliseconds(0));
   link.probed(milliseconds(16));
   EXPECT_FALSE(link.delay());
   EXPECT_EQ(link.mean_bytes(), 100'000);
@@ -113,7 +118,7 @@ TEST(LinkDelay, AddsHalfTheRoundTripAndTheTimeOfAnUpload) {
   LinkDelay link(true), whole(false);
   for (LinkDelay* one : {&link, &whole}) {
     one->probed(milliseconds(16));
-    one->sent(1, 100'000, milliseconds(100));
+    send(*one, 1, 100'000, milliseconds(100));
     one->acknowledged(1, milliseconds(132));  // 16 ms of bytes behind a round trip
   }
   EXPECT_NEAR(to_seconds(*link.delay()), 0.008 + 0.016, 1e-6);
@@ -124,8 +129,8 @@ TEST(LinkDelay, AddsHalfTheRoundTripAndTheTimeOfAnUpload) {
 TEST(LinkDelay, CountsUploadsBehindOneAnotherByTheTimeBetweenTheirAnswers) {
   LinkDelay link(true);
   link.probed(milliseconds(10));
-  link.sent(1, 50'000, milliseconds(0));
-  link.sent(2, 50'000, milliseconds(1));
+  send(link, 1, 50'000, milliseconds(0));
+  send(link, 2, 50'000, milliseconds(1));
   link.acknowledged(1, milliseconds(30));  // 20 ms of bytes
   link.acknowledged(2, milliseconds(50));  // and again
   EXPECT_NEAR(*link.bytes_per_s(), 50'000 / 0.020, 1);
@@ -134,9 +139,25 @@ TEST(LinkDelay, CountsUploadsBehindOneAnotherByTheTimeBetweenTheirAnswers) {
   EXPECT_NEAR(*link.bytes_per_s(), 50'000 / 0.020, 1) << "repeated or unknown";
 }
 
+TEST(LinkDelay, AnAnswerMayComeBeforeItsUploadHasANumber) {
+  LinkDelay link(true);
+  link.probed(milliseconds(10));
+  link.acknowledged(1, milliseconds(0));
+  link.going(50'000, milliseconds(1));
+  link.acknowledged(2, milliseconds(31));
+  EXPECT_FALSE(link.bytes_per_s());
+  link.numbered(2);
+  ASSERT_TRUE(link.bytes_per_s());
+  EXPECT_NEAR(*link.bytes_per_s(), 50'000 / 0.020, 1);
+  link.going(50'000, milliseconds(40));
+  link.numbered(3);
+  link.acknowledged(3, milliseconds(70));
+  EXPECT_NEAR(*link.bytes_per_s(), 50'000 / 0.020, 1) << "behind nothing";
+}
+
 TEST(LinkDelay, TakesTheMeanOfTheLastFiveUploads) {
   LinkDelay link(true);
-  for (std::uint64_t i = 1; i <= 7; ++i) link.sent(i, 1000 * i, milliseconds(i));
+  for (std::uint64_t i = 1; i <= 7; ++i) send(link, i, 1000 * i, milliseconds(i));
   EXPECT_EQ(link.mean_bytes(), 5000);
 }
 

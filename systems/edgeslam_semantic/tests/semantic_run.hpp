@@ -48,7 +48,8 @@ class SemanticRun : public ::testing::Test {
     shared = std::make_unique<testing::TemporaryFolder>();
     generate({}, shared->path() / "sequence");
   }
-  static void generate(const synth::SensorOptions& sensor, const std::filesystem::path& where) {
+  static void generate(const synth::SensorOptions& sensor, const std::filesystem::path& where,
+                       int frames = kFrames) {
     synth::GeneratorOptions options;
     options.sensor = "mono";
     options.trajectory = "spline";
@@ -56,7 +57,7 @@ class SemanticRun : public ::testing::Test {
     options.width = kWidth;
     options.height = kHeight;
     options.fps = kFps;
-    options.seconds = double(kFrames) / kFps;
+    options.seconds = double(frames) / kFps;
     options.sensor_model = sensor;
     synth::generate(options, where, 2, [](int, int) { return true; });
   }
@@ -86,14 +87,14 @@ class SemanticRun : public ::testing::Test {
   }
 
   /// Masks of every frame: something that moves covers all rows below `from_row`.
-  void write_masks(int from_row) {
+  void write_masks(int from_row, int frames = kFrames) {
     const auto outside = static_cast<std::uint32_t>(kWidth * from_row);
     const Instance below{.object_class = 0,
                          .moves = true,
                          .score = 1,
                          .runs = {outside, kWidth * kHeight - outside},
                          .body = {}};
-    FrameFile({"mask cache", 0x434D4C53, 1}, folder.path() / "m.masks", kFrames)
+    FrameFile({"mask cache", 0x434D4C53, 1}, folder.path() / "m.masks", frames)
         .open_or_make("masks", [&](std::uint64_t) {
           return FrameFile::OwnedBlock{1, wire::encode_segmentation({kWidth, kHeight, {below}})};
         });
@@ -103,27 +104,25 @@ class SemanticRun : public ::testing::Test {
           {{"n_m", n_m}, {"path", folder.path() / "m.masks"}, {"key", "masks"}});
   }
 
-  void write_world(const nlohmann::json& parameters) {
+  void write_world(const nlohmann::json& parameters, bool with_edge = true) {
     const nlohmann::json playback{
         {"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}};
-    folder.write(
-        "run.json",
-        nlohmann::json{
-            {"format", "slambed-run"},
-            {"version", 1},
-            {"run_key", "offload"},
-            {"seed", 1},
-            {"system", "edgeslam_semantic"},
-            {"variant", "orbslam_offloaded"},
-            {"params", parameters},
-            {"sequence", sequence},
-            {"playback", playback},
-            {"network",
-             {{"edge_address", "10.0.0.2"},
-              {"ports", {{"control", 5000}, {"frame", 5001}, {"mask", 5002}, {"probe", 5003}}}}},
-            {"output", folder.path()},
-            {"connect_timeout_s", 1.0}}
-            .dump());
+    const nlohmann::json network{
+        {"edge_address", "10.0.0.2"},
+        {"ports", {{"control", 5000}, {"frame", 5001}, {"mask", 5002}, {"probe", 5003}}}};
+    folder.write("run.json", nlohmann::json{{"format", "slambed-run"},
+                                            {"version", 1},
+                                            {"run_key", "offload"},
+                                            {"seed", 1},
+                                            {"system", "edgeslam_semantic"},
+                                            {"variant", "orbslam_offloaded"},
+                                            {"params", parameters},
+                                            {"sequence", sequence},
+                                            {"playback", playback},
+                                            {"network", with_edge ? network : nlohmann::json()},
+                                            {"output", folder.path()},
+                                            {"connect_timeout_s", 1.0}}
+                                 .dump());
     folder.write("sim.json", world.dump());
   }
 

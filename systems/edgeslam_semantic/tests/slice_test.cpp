@@ -322,13 +322,27 @@ TEST_F(LocalMap, FeaturesAreKeptOfTheWindowAndOfWhatIsNewer) {
     own[keyframe_id(k)] = one;
     window.keyframes.erase(keyframe_id(k - 3));
     window.keyframes[keyframe_id(k - 1)];
-    forget_older(own, window);
+    forget_left(own, window, keyframe_id(k - 1));
     ASSERT_LE(own.size(), 4u) << k;
   }
   EXPECT_TRUE(own.contains(keyframe_id(999)));
   EXPECT_TRUE(own.contains(keyframe_id(1000))) << "newer than the slice";
-  forget_older(own, {});
+  forget_left(own, {}, keyframe_id(1000));
   EXPECT_EQ(own.size(), 3u) << "an empty window tells nothing";
+}
+
+/// Before a wall nothing leaves the window, and the edge deletes every keyframe but the first ones.
+TEST_F(LocalMap, FeaturesOfKeyFramesThatTheEdgeDeletedAreNotKept) {
+  const OwnKeyFrame one = own.at(keyframe_id(3));
+  for (std::uint64_t k = 4; k <= 1000; ++k) {
+    own[keyframe_id(k)] = one;
+    window.keyframes.erase(keyframe_id(k - 2));
+    window.keyframes[keyframe_id(1)];
+    window.keyframes[keyframe_id(k - 1)];
+    forget_left(own, window, keyframe_id(k - 1));
+    ASSERT_LE(own.size(), 5u) << k;
+  }
+  EXPECT_TRUE(own.contains(keyframe_id(1)));
 }
 
 TEST_F(LocalMap, PointsMostlySeenOnWhatMovesGoOthersLoseThatSighting) {
