@@ -12,7 +12,7 @@ source "$root/tools/programs.sh"
 
 "$root/tools/base_image.sh"
 # The classic builder is the one that every Docker has; it also builds all stages in order.
-build=(docker build --quiet --label "slambed.image=$tag" -t "$tag")
+build=(docker build --label "slambed.image=$tag" -t "$tag")
 if ! docker image inspect "$tag" >/dev/null 2>&1; then
   if programs_are_of "${tag#*:}" && programs_are_static; then
     echo "making image $tag out of build/bin"
@@ -20,10 +20,10 @@ if ! docker image inspect "$tag" >/dev/null 2>&1; then
     trap 'rm -rf "$context"' EXIT
     for program in $programs; do strip -o "$context/$program" "$bin/$program"; done
     chmod 755 "$context"/*
-    DOCKER_BUILDKIT=0 "${build[@]}" -f "$root/docker/programs.Dockerfile" "$context"
+    DOCKER_BUILDKIT=0 "${build[@]}" --quiet -f "$root/docker/programs.Dockerfile" "$context"
     exit 0
   fi
-  echo "building image $tag"
+  echo "building image $tag: it compiles the C++, five to ten minutes on two cores, once per state of the sources"
   DOCKER_BUILDKIT=0 "${build[@]}" -f "$root/docker/Dockerfile" "$root"
 fi
 programs_are_of "${tag#*:}" && exit 0

@@ -252,6 +252,15 @@ def _add_results() -> None:
 
 
 @cache
+def _add_specs() -> None:
+    from slambed.spec.cli import devices, experiments, systems
+
+    app.add_typer(systems, name="systems")
+    app.add_typer(devices, name="devices")
+    app.add_typer(experiments, name="experiments")
+
+
+@cache
 def _add_links() -> None:
     from slambed.link.cli import app as profile_app
     from slambed.link.cli import link_app
@@ -292,6 +301,7 @@ ELSEWHERE = {
     "inputs": _add_inputs,
     "masks": _add_masks,
     "results": _add_results,
+    **dict.fromkeys(("systems", "devices", "experiments"), _add_specs),
     **dict.fromkeys(("profile", "link"), _add_links),
     "papers": _add_papers,
 }

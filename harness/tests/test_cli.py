@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from command_line import refused, slambed, slambed_process
+from data_samples import write_prepared
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode
@@ -107,6 +108,17 @@ def test_an_experiment_can_be_checked_alone() -> None:
     assert code == ExitCode.OK and out.splitlines()[0].endswith("quickstart.yaml: good")
 
 
+def test_checking_knows_how_long_a_prepared_sequence_is(tmp_path: Path) -> None:
+    write_prepared(tmp_path / "short")
+    path = tmp_path / "tiny.yaml"
+    played = REAL.replace("synthetic_room", str(tmp_path / "short"))
+    path.write_text(played + "playback: {end_s: 30000}\n")
+    line = refused(ExitCode.BAD_INPUT, "run", str(path), "--check")
+    assert "playback.end_s 30000 is after the end of" in line and "tiny.yaml line 7" in line
+    path.write_text(played)
+    assert slambed("run", str(path), "--check")[0] == ExitCode.OK
+
+
 @pytest.mark.parametrize(
     ("asked", "part"),
     [
@@ -133,7 +145,7 @@ def test_status_and_report_of_nothing_say_how_to_begin(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "report", "quickstart", *nothing)
     assert "slambed run quickstart" in line
     code, out, err = slambed("status", "quickstart", *nothing)
-    told = "not run yet: 0 of 12 runs; start with 'slambed run quickstart'"
+    told = "not run yet: 0 of 9 runs; start with 'slambed run quickstart'"
     assert (code, out.strip(), err) == (ExitCode.OK, told, "")
     _, out, _ = slambed("status", "sensors", *nothing)
     assert "0 of at most 8 runs" in out

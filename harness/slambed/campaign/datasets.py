@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sequences of a campaign, prepared and checked once."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +14,11 @@ from slambed.data.prepared import SEQUENCE_FILE
 from slambed.data.recipe import Playback as DatasetPlayback
 from slambed.errors import SlambedError
 from slambed.spec.experiment import Playback
+
+if TYPE_CHECKING:
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import PreparedSequence
+    from slambed.data.recipe import Dataset
 
 NS_PER_S = 1e9
 
@@ -112,8 +120,26 @@ def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) 
     if catalog and dataset and catalog.prepared(name) is None and catalog.available(dataset):
         say(f"preparing {dataset.id}: once, it is kept")
     prepared = catalog.prepare(name) if catalog else PreparedSequence.open(name)
-    wanted = catalog.stands_in_for(name) if catalog else None
     prepared.verify(full=True)
+    return _sequence(name, prepared, catalog, dataset)
+
+
+def kept_sequence(name: str) -> Sequence | None:
+    """The same where it is known without preparing or reading anything."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import PreparedSequence
+
+    if (Path(name) / SEQUENCE_FILE).is_file():
+        return _sequence(name, PreparedSequence.open(name), None, None)
+    catalog = Catalog.load()
+    prepared = catalog.prepared(name)
+    return _sequence(name, prepared, catalog, catalog.resolve(name)) if prepared else None
+
+
+def _sequence(
+    name: str, prepared: PreparedSequence, catalog: Catalog | None, dataset: Dataset | None
+) -> Sequence:
+    wanted = catalog.stands_in_for(name) if catalog else None
     return Sequence(
         id=dataset.id if dataset is not None and dataset.window_of else prepared.info.id,
         checksum=prepared.checksum,

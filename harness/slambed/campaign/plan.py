@@ -5,10 +5,12 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from slambed.campaign.datasets import (
     Sequence,
+    kept_sequence,
     must_be_here,
     prepare_sequence,
     prior_map_of,
@@ -73,14 +75,19 @@ def check(
     """Finds what is wrong with an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
     _expand_unprepared(experiment, source, library, profiles, engine)
+    kept: dict[str, Sequence] = {}
     for index, name in enumerate(experiment.datasets):
         try:
             sensor = sensor_of(name)
             if experiment.missing_datasets == "refuse":
                 must_be_here(name)
+            if (sequence := kept_sequence(name)) is not None:
+                kept[name] = sequence
         except SlambedError as error:
             raise _of_dataset(error, source, index) from None
         _check_sensor(sensor, experiment, source, library, index)
+    if kept:
+        _expand_unprepared(experiment, source, library, profiles, engine, kept)
     return profiles
 
 
@@ -103,15 +110,20 @@ def _expand_unprepared(
     library: Library,
     profiles: list[NamedProfile],
     engine: str,
+    kept: Mapping[str, Sequence] = MappingProxyType({}),
 ) -> list[RunSpec]:
-    """The first run of every cell, before anything is known of datasets and host."""
+    """The first run of every cell, before anything is known of the host, and of datasets only what
+    an earlier experiment left."""
     # Not prepared yet: its name stands for its content.
-    nowhere = {name: (name, name) for name in experiment.datasets}
+    nowhere = {
+        name: (kept[name].id if name in kept else name, name) for name in experiment.datasets
+    }
+    played_s = {name: known.played_s(experiment.playback) for name, known in kept.items()}
     anyhow = {profile.name: "" for profile in profiles}
     engine = VIRTUAL if engine == VIRTUAL else ""
     maps = {name: prior_map_of(name) for name in experiment.datasets if wants_maps(experiment)}
     prior = {name: (made, made) for name, made in maps.items() if made is not None}
-    host = Circumstances(engine, anyhow, "", nowhere, prior_maps=prior)
+    host = Circumstances(engine, anyhow, "", nowhere, prior_maps=prior, played_s=played_s)
     return expand(experiment, source, library, profiles, host, runs=1)
 
 

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed systems`, `devices` and `experiments`: what there is to name in an experiment's file."""
+
+from typing import Annotated
+
+import typer
+from pydantic import BaseModel
+from rich.console import Console
+from rich.table import Table
+
+from slambed.errors import SlambedError
+from slambed.spec.device import Device
+from slambed.spec.experiment import Experiment
+from slambed.spec.library import Library
+from slambed.spec.system import Parameter, System
+from slambed.terminal import console
+
+systems = typer.Typer(help="Systems under test, with their variants and parameters.")
+devices = typer.Typer(help="Devices that a node may be, live by limits, virtually by costs.")
+experiments = typer.Typer(help="Experiments that have a file.")
+
+JsonOption = Annotated[bool, typer.Option("--json", help="All of it, for a script.")]
+NOT_FOR_A_LIST = "not usable: "
+
+
+@systems.callback(invoke_without_command=True)
+def list_systems(context: typer.Context) -> None:
+    """Every system of the checkout."""
+    if context.invoked_subcommand is not None:
+        return
+    library = Library()
+    table = Table("system", "nodes", "sensors", "variants", "title", box=None)
+    for name in library.systems():
+        try:
+            system = library.system(name)
+        except SlambedError as error:
+            table.add_row(name, "", "", "", f"{NOT_FOR_A_LIST}{error}")
+            continue
+        variants = ", ".join(system.variants) or "-"
+        row = ", ".join(system.roles), ", ".join(system.sensors), variants, system.title
+        table.add_row(name, *row)
+    screen = console()
+    screen.print(table)
+    screen.print("parameters, ranges, sources: 'slambed systems show NAME'")
+
+
+@systems.command("show")
+def show_system(
+    name: Annotated[str, typer.Argument(help="Name, or path of a system.yaml.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Variants and parameters of a system: defaults, ranges, units, where each value is from."""
+    system = Library().system(name)
+    if as_json:
+        typer.echo(system.model_dump_json(indent=2))
+        return
+    screen = console()
+    _head(screen, system.title, system.doc)
+    screen.print(f"nodes: {', '.join(system.roles)}; plays: {', '.join(system.sensors)}")
+    if system.variants:
+        screen.print(_variants(system))
+    screen.print(_parameters(system))
+
+
+def _variants(system: System) -> Table:
+    """The first one is what an experiment gets that names none."""
+    table = Table("variant", "title", "other than the defaults", box=None)
+    for name, variant in system.variants.items():
+        own = ", ".join(f"{key}={value}" for key, value in variant.params.items())
+        table.add_row(name, variant.title, own or "-")
+    return table
+
+
+def _parameters(system: System) -> Table:
+    table = Table("parameter", "default", "range", "unit", "meaning", "source", box=None)
+    for name, parameter in system.params.items():
+        default = str(parameter.default) or "-"
+        table.add_row(
+            name, default, _range(parameter), parameter.unit, parameter.doc, parameter.source
+        )
+    return table
+
+
+def _range(parameter: Parameter) -> str:
+    if parameter.choices is not None:
+        return ", ".join(map(str, parameter.choices))
+    low, high = parameter.min, parameter.max
+    if low is None and high is None:
+        return parameter.type
+    if high is None:
+        return f"from {low:g}"
+    return f"to {high:g}" if low is None else f"{low:g} to {high:g}"
+
+
+@devices.callback(invoke_without_command=True)
+def list_devices(context: typer.Context) -> None:
+    """Every device."""
+    if context.invoked_subcommand is not None:
+        return
+    library = Library()
+    table = Table("device", "live", "virtual", "title", box=None)
+    for name in library.devices():
+        try:
+            device = library.device(name)
+        except SlambedError as error:
+            table.add_row(name, "", "", f"{NOT_FOR_A_LIST}{error}")
+            continue
+        table.add_row(name, _live(device), _virtual(device), device.title)
+    screen = console()
+    screen.print(table)
+    screen.print("limits, costs of stages, how they were fitted: 'slambed devices show NAME'")
+
+
+def _live(device: Device) -> str:
+    if device.board is not None:
+        return f"{device.board.cores} cores of speed {device.board.core_speed:g}"
+    limits = device.limits
+    cores = limits.quota_cores or limits.cores
+    return f"{cores:g} of this host's cores" if cores else "no limit"
+
+
+def _virtual(device: Device) -> str:
+    model = device.model
+    return "no" if model is None else f"{model.cores} cores, {len(model.stages)} stages"
+
+
+@devices.command("show")
+def show_device(
+    name: Annotated[str, typer.Argument(help="Name in devices/.")], as_json: JsonOption = False
+) -> None:
+    """Limits of a device, and what each stage costs on it."""
+    device = Library().device(name)
+    if as_json:
+        typer.echo(device.model_dump_json(indent=2))
+        return
+    screen = console()
+    _head(screen, device.title, device.hardware)
+    screen.print(f"live: {_live(device)}; limits: {_set(device.limits)}")
+    if device.notes:
+        screen.print(device.notes.strip())
+    if device.model is None:
+        screen.print("virtual: no costs, so it runs live only")
+        return
+    screen.print(f"virtual: {device.model.cores} cores, costs divided by {device.model.speed:g}")
+    table = Table("stage", "fixed [us]", "per n1 [us]", "per n2 [us]", "jitter", "on", box=None)
+    for stage, cost in device.model.stages.items():
+        numbers = (f"{x:g}" for x in (cost.a_us, cost.b_us, cost.c_us, cost.jitter))
+        table.add_row(stage, *numbers, cost.accelerator or "a core")
+    screen.print(table)
+
+
+@experiments.callback(invoke_without_command=True)
+def list_experiments(context: typer.Context) -> None:
+    """Every experiment, with what it reproduces."""
+    if context.invoked_subcommand is not None:
+        return
+    library = Library()
+    table = Table("experiment", "reproduces", "title", box=None)
+    for name in library.experiments():
+        try:
+            experiment, _ = library.experiment(name)
+        except SlambedError as error:
+            table.add_row(name, "", f"{NOT_FOR_A_LIST}{error}")
+            continue
+        table.add_row(name, ", ".join(experiment.reproduces) or "-", experiment.title)
+    screen = console()
+    screen.print(table)
+    screen.print("one of them: 'slambed experiments show NAME', then 'slambed run NAME'")
+
+
+@experiments.command("show")
+def show_experiment(
+    name: Annotated[str, typer.Argument(help="Name in experiments/, or path of a YAML file.")],
+    as_json: JsonOption = False,
+) -> None:
+    """What an experiment compares, on what, how often; a grid is written out."""
+    experiment, source = Library().experiment(name)
+    if as_json:
+        typer.echo(experiment.model_dump_json(indent=2))
+        return
+    screen = console()
+    _head(screen, experiment.title, experiment.notes)
+    for line in _compared(experiment):
+        screen.print(line)
+    screen.print(f"file: {source.path}; cells and time: 'slambed run {name} --dry-run'")
+
+
+def _compared(experiment: Experiment) -> list[str]:
+    lines = []
+    for choice in experiment.systems:
+        named = ":".join(filter(None, (choice.system, choice.variant)))
+        own = ", ".join(f"{key}={value}" for key, value in choice.params.items())
+        label = f" as {choice.label}" if choice.label else ""
+        lines.append(f"system: {named}{label}{f' ({own})' if own else ''}")
+    lines.append(f"datasets: {', '.join(experiment.datasets)}; {_set(experiment.playback)}")
+    if experiment.link is not None:
+        told = experiment.link.model_dump(mode="json")["profiles"]
+        lines.append(f"link profiles: {', '.join(map(_profile, told))}")
+    lines.append(f"devices: {_set(experiment.devices)}")
+    lines.append(f"runs per cell: {_set(experiment.runs)}; seed {experiment.seed}")
+    return lines
+
+
+def _profile(told: object) -> str:
+    if not isinstance(told, dict):
+        return f"{told:g} ms" if isinstance(told, int | float) else str(told)
+    return str(told.get("name") or told.get("profile") or "written in place")
+
+
+def _set(model: BaseModel) -> str:
+    """`key value, key value` of what is set."""
+    known = model.model_dump(mode="json", exclude_none=True)
+    return ", ".join(f"{key} {value}" for key, value in known.items()) or "none"
+
+
+def _head(screen: Console, title: str, text: str) -> None:
+    screen.print(title, style="bold")
+    if text.strip():
+        screen.print(text.strip())
