@@ -22,7 +22,7 @@ from slambed.metrics.metric import Use
 from slambed.report import cli, plots
 from slambed.report.asked import FIGURES
 from slambed.report.cells import cells_of, metrics_to_show
-from slambed.report.differences import differences
+from slambed.report.differences import difference_tables, differences
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.run import show_report
@@ -175,11 +175,28 @@ def test_latex_special_letters_are_escaped() -> None:
 
 def test_differences_name_the_better_system(reported: Path, tmp_path: Path) -> None:
     more = quickstart_like(tmp_path, 8, 8.0)
-    found = {(d.metric.key, d.profile): d for d in differences(load(more), baseline="orbslam2")}
+    found = {(d.metric.key, d.under): d for d in differences(load(more), baseline="orbslam2")}
     cpu = found["mobile_cpu_percent_mean", "none"]
     assert (cpu.baseline, cpu.other, cpu.verdict) == ("orbslam2", "edgeslam:static", "better")
-    assert "large" in cpu.effect
+    assert "large" in cpu.found.effect
+    assert cpu.found.change.low <= cpu.found.change.value <= cpu.found.change.high < 0
     assert found["track_ms_median", "none"].verdict == "no difference shown"
+
+
+def test_links_are_compared_too(tmp_path: Path) -> None:
+    more = quickstart_like(tmp_path, 8, 8.0)
+    results = load(more)
+    found = differences(results, between="profile")
+    assert {(d.under, d.baseline, d.other) for d in found} == {
+        ("orbslam2", "none", "ramp_85"), ("edgeslam:static", "none", "ramp_85"),
+    }  # fmt: skip
+    by_system, by_link = difference_tables(results)
+    assert (by_system.name, by_link.name) == ("differences", "differences_links")
+    assert len(by_link.rows) == len(found) and by_link.headings[1] == "system"
+    assert "[" in by_link.rows[0][7]
+    write_report(more, figures=False)
+    page = (more / "report" / "index.html").read_text()
+    assert "Differences between links" in page and "Differences between systems" in page
 
 
 def test_a_campaign_reads_its_runs_once_for_page_and_terminal(

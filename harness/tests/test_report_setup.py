@@ -123,8 +123,9 @@ def test_differences_are_about_the_experiments_own_metrics_and_pairs(tmp_path: P
     (experiment / "experiment.json").write_text(json.dumps(content))
     found = differences(load(experiment), baseline="orbslam2")
     assert [d.metric.key for d in found] == ["track_ms_p95", "keyframes"]
-    assert all(d.paired and d.runs == 4 and not d.possible for d in found)
-    assert found[0].effect == "higher in 0 of 4 pairs"
+    assert all(d.found.paired and d.found.runs == 4 and not d.possible for d in found)
+    assert found[0].found.effect == "higher in 0 of 4 pairs"
+    assert found[0].found.change.is_range and found[0].found.change.high < 0
     table = difference_table(found)
     assert {row[-1] for row in table.rows} == {"too few runs to show any"}
     assert "With 4 runs 2 of these 2 comparisons could show no difference" in table.caption

@@ -6,25 +6,15 @@ Whatever differs between the two: the commit, the engine, the system, the host.
 
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import keys_for
-from slambed.metrics.changes import paired_share_change, paired_shift, share_change, shift
-from slambed.metrics.comparison import (
-    USUAL_ALPHA,
-    fisher,
-    holm,
-    least_p,
-    mann_whitney,
-    mcnemar,
-    signed_rank,
-)
+from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p
 from slambed.metrics.metric import Metric, Use
-from slambed.metrics.statistics import Interval, finite
+from slambed.metrics.statistics import Interval
 from slambed.report.cells import metrics_asked, text
-from slambed.report.differences import paired_by_seed
+from slambed.report.contrast import contrast
 from slambed.report.load import Results
 from slambed.report.tables import Table, around
 
@@ -102,30 +92,10 @@ def _key(key: object) -> tuple[str, ...]:
 
 
 def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change | None:
-    if item.key not in a or item.key not in b:
+    found = contrast(item, a, b)
+    if found is None:
         return None
-    pairs = paired_by_seed(a, b)
-    if pairs is not None:
-        sides = [pd.to_numeric(s[item.key].astype(object), errors="coerce") for s in pairs]
-        x, y = (side.to_numpy(np.float64) for side in sides)
-        measured = ~(np.isnan(x) | np.isnan(y))
-        x, y = x[measured], y[measured]
-    else:
-        x, y = finite(a[item.key].to_numpy()), finite(b[item.key].to_numpy())
-    if min(len(x), len(y)) < 2:
-        return None
-    paired = pairs is not None
-    if item.kind == "share":
-        x, y = (x > 0).astype(np.float64), (y > 0).astype(np.float64)
-        p = mcnemar(x, y) if paired else fisher(int(x.sum()), len(x), int(y.sum()), len(y))
-        change = paired_share_change(x, y) if paired else share_change(x, y)
-        at = float(x.mean()), float(y.mean())
-    else:
-        p = signed_rank(x, y) if paired else mann_whitney(x, y).p_value
-        change = paired_shift(x, y) if paired else shift(x, y)
-        at = float(np.median(x)), float(np.median(y))
-    p = 1.0 if np.isnan(p) else p
-    return Change(cell, item, *at, change, p, paired, True)
+    return Change(cell, item, found.a, found.b, found.change, found.p_value, found.paired, True)
 
 
 def diff_table(found: list[Change], a: str, b: str) -> Table:

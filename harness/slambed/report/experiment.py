@@ -12,7 +12,7 @@ from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.comparison import power_hint
 from slambed.report import current
 from slambed.report.cells import Cell, cells_of, metrics_to_show
-from slambed.report.differences import difference_table, differences
+from slambed.report.differences import difference_tables
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
@@ -69,7 +69,7 @@ def write_report(
         settings=settings_table(results),
         cells=cells,
         tables=[*cell_tables(cells, metrics), *update_round_tables(results)],
-        differences=difference_table(differences(results)),
+        differences=difference_tables(results),
         comparisons=comparisons_for(results),
         link=link_table(results),
         limits=limits_table(results),
@@ -78,7 +78,7 @@ def write_report(
         empty=drawn.empty,
     )
     tables = [
-        content.settings, *content.tables, content.differences, *content.comparisons,
+        content.settings, *content.tables, *content.differences, *content.comparisons,
         content.link, content.limits,
     ]  # fmt: skip
     write_tables(tables, folder / "tables")
@@ -125,7 +125,7 @@ def _markdown(results: Results, content: PageContent) -> str:
     for heading, tables in (
         ("Tables", content.tables),
         ("Beside published figures", content.comparisons),
-        ("Differences", [content.differences]),
+        ("Differences", content.differences),
         ("Link and limits", [content.link, content.limits]),
     ):
         shown = [table for table in tables if table.rows]

@@ -36,7 +36,7 @@ class PageContent:
     settings: Table
     cells: list[Cell]
     tables: list[Table]
-    differences: Table
+    differences: list[Table]
     comparisons: list[Table]
     link: Table
     limits: Table
@@ -58,7 +58,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
     ]  # fmt: skip
     if not content.comparisons:
         sections.remove(("papers", "Beside published figures"))
-    if not content.differences.rows:
+    if not any(table.rows for table in content.differences):
         sections.remove(("differences", "Differences"))
     page = render(
         "report.html.j2",
@@ -74,7 +74,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         tables=content.tables,
         cell_notes=[(cell.name, note) for cell in content.cells for note in cell.notes],
         comparisons=content.comparisons,
-        differences=content.differences,
+        differences=[table for table in content.differences if table.rows],
         figures=[{**vars(item), "uri": _uri(folder, item)} for item in content.figures],
         left_out=content.left_out,
         empty=content.empty,

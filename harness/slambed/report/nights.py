@@ -16,7 +16,7 @@ from slambed.metrics.metric import Metric
 from slambed.metrics.robust_accuracy import failure_ranked
 from slambed.metrics.statistics import finite
 from slambed.report.cells import number
-from slambed.report.differences import paired_by_seed
+from slambed.report.contrast import paired_by_seed
 from slambed.spec.device import VIRTUAL
 
 Floats = NDArray[np.float64]

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One metric of two groups of runs: what it is in each, the change with its interval, one test."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.metrics.changes import paired_share_change, paired_shift, share_change, shift
+from slambed.metrics.comparison import fisher, mann_whitney, mcnemar, signed_rank
+from slambed.metrics.metric import Metric
+from slambed.metrics.statistics import Interval, finite
+from slambed.spec.device import VIRTUAL
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Of a metric, between runs A and runs B."""
+
+    a: float
+    b: float
+    """Medians; of a share the share."""
+    change: Interval
+    """B - A."""
+    effect: str
+    """In words, without a unit."""
+    p_value: float
+    paired: bool
+
+    @property
+    def runs(self) -> int:
+        """Pairs, or the runs of the smaller side."""
+        return self.change.count
+
+
+def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Contrast | None:
+    """Paired where seeds pair the runs; None where it was not measured twice on both sides."""
+    if item.key not in a or item.key not in b:
+        return None
+    pairs = paired_by_seed(a, b)
+    if pairs is not None:
+        x, y = (_floats(side[item.key]) for side in pairs)
+        measured = ~(np.isnan(x) | np.isnan(y))
+        x, y = x[measured], y[measured]
+    else:
+        x, y = finite(a[item.key].to_numpy()), finite(b[item.key].to_numpy())
+    if min(len(x), len(y)) < 2:
+        return None
+    if item.kind == "share":
+        return _of_shares((x > 0).astype(np.float64), (y > 0).astype(np.float64), pairs is not None)
+    if pairs is not None:
+        effect = f"higher in {int((y > x).sum())} of {len(x)} pairs"
+        p_value, change = signed_rank(x, y), paired_shift(x, y)
+    else:
+        test = mann_whitney(x, y)
+        effect = f"delta {test.cliffs_delta:+.2f} ({test.size})"
+        p_value, change = test.p_value, shift(x, y)
+    p_value = 1.0 if np.isnan(p_value) else p_value
+    middle = float(np.median(x)), float(np.median(y))
+    return Contrast(*middle, change, effect, p_value, pairs is not None)
+
+
+def _of_shares(x: Floats, y: Floats, paired: bool) -> Contrast:
+    if paired:
+        p_value, change = mcnemar(x > 0, y > 0), paired_share_change(x, y)
+    else:
+        p_value = fisher(int(x.sum()), len(x), int(y.sum()), len(y))
+        change = share_change(x, y)
+    share_a, share_b = float(x.mean()), float(y.mean())
+    effect = f"{100 * (share_b - share_a):+.0f} points"
+    return Contrast(share_a, share_b, change, effect, p_value, paired)
+
+
+def paired_by_seed(a: pd.DataFrame, b: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:
+    """The runs of either side that share a seed, in equal order; None where seeds pair nothing.
+
+    Only in virtual time does a seed decide what happens to a run: live runs of equal seed are no
+    more alike than others, and are compared unpaired.
+    """
+    both = pd.concat([a["engine"], b["engine"]])
+    if not both.eq(VIRTUAL).all() or a["seed"].isna().any() or b["seed"].isna().any():
+        return None
+    if a["seed"].duplicated().any() or b["seed"].duplicated().any():
+        return None
+    shared = sorted(set(a["seed"]) & set(b["seed"]))
+    if len(shared) < 2:
+        return None
+    return a.set_index("seed").loc[shared], b.set_index("seed").loc[shared]
+
+
+def _floats(column: pd.Series) -> Floats:
+    return pd.to_numeric(column.astype(object), errors="coerce").to_numpy(np.float64)
