@@ -69,6 +69,19 @@ def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
     assert any("ATE RMSE: two groups, 8 runs near" in note for note in cell.notes), cell.notes
 
 
+def test_a_cell_without_survivors_has_no_accuracy_of_others(tmp_path: Path) -> None:
+    runs = [
+        (spec_of("orbslam2", "default", None, i),
+         RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),)))
+        for i in range(2)
+    ]  # fmt: skip
+    results = load(write_experiment(tmp_path, runs))
+    (cell,) = cells_of(results, metrics_to_show(results))
+    (note,) = [note for note in cell.notes if "tracked less than" in note]
+    assert note.startswith("2 of 2 runs tracked less than 90% of their frames; their ATE")
+    assert "others" not in note and " - " not in note
+
+
 def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     runs = [
         (spec_of("orbslam2", "default", None, i),

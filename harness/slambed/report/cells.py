@@ -144,6 +144,11 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
     )
     if found.survivors == found.runs:
         return []
+    below = f"tracked less than {LEAST_COVERAGE:.0%} of their frames"
+    if not found.survivors:
+        return [
+            f"{found.runs} of {found.runs} runs {below}; their ATE is that of what they tracked"
+        ]
     ate = metric("ate_rmse_m")
     over_all = (
         "the median run failed"
@@ -151,8 +156,7 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
         else (f"median over all runs {ate.show(found.median_m)} {ate.shown_unit}")
     )
     return [
-        f"{found.runs - found.survivors} of {found.runs} runs tracked less than "
-        f"{LEAST_COVERAGE:.0%} of their frames; ATE of the others "
+        f"{found.runs - found.survivors} of {found.runs} runs {below}; ATE of the others "
         f"{ate.show(found.survivor_median_m)} {ate.shown_unit}, {over_all}"
     ]
 

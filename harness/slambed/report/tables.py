@@ -20,9 +20,6 @@ LATEX_SPECIAL = {
     "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
 }  # fmt: skip
 
-MOST_COLUMNS = 11
-"""Of numbers with a deviation, on a page 72 rem wide."""
-
 
 @dataclass
 class Table:
@@ -34,11 +31,6 @@ class Table:
     rows: list[list[str]] = field(default_factory=list)
     words: int = 1
     """The first columns that are words; the others are numbers and aligned to the right."""
-
-    @property
-    def is_wide(self) -> bool:
-        """Whether its numbers fit beside each other only if they may break into two lines."""
-        return len(self.headings) > MOST_COLUMNS
 
     def csv(self) -> str:
         """Comma separated, with a heading line."""
