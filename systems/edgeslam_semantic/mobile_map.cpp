@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "offload/update_content.hpp"
+
 namespace slambed::edgeslam_semantic {
 namespace {
 
@@ -85,6 +87,26 @@ wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
   }
   message.world = world_;
   message.applied_slice = applied_;
+  message.newest_edge_point = newest_edge_point_;
+  return message;
+}
+
+wire::SemanticKeyFrame MobileMap::upload_whole(KeyFrameId id) {
+  window_ = {};
+  uploaded_.clear();
+  sent_.clear();
+  on_movers_.clear();
+  applied_ = 0;
+  world_ = id;
+  wire::SemanticKeyFrame message;
+  message.world = world_;
+  message.newest_edge_point = newest_edge_point_;
+  message.delta = node_.tracker().map()->read([&](const MapView& view) {
+    return extract_keyframes(view, with_covisibles(view, {id}, wire::kMostSemanticKeyFrames - 1));
+  });
+  for (const NewKeyFrame& keyframe : message.delta.keyframes) uploaded_.insert(keyframe.id);
+  for (const NewPoint& point : message.delta.points) sent_[point.id] = id;
+  uploads_ = static_cast<int>(uploaded_.size());
   return message;
 }
 
@@ -114,6 +136,9 @@ bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
   if (!world_ || result.world != world_ || result.number <= applied_) return false;
   worker.stage("apply_update", [&](StageUnits& units) {
     applied_ = result.number;
+    for (const PointPosition& point : result.changes.positions)
+      if (space_of(point.id) == IdSpace::kEdgeMapper)
+        newest_edge_point_ = std::max(newest_edge_point_, point.id);
     edgeslam_semantic::apply(window_, {result.changes, result.left_keyframes, result.left_points});
     edgeslam_semantic::forget_left(own_, window_, result.keyframe);
     const auto before = node_.tracker().map();

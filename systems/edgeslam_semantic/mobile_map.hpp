@@ -23,6 +23,9 @@ class MobileMap {
   /// What goes up of it, its points with earlier sightings of theirs that the edge knows of.
   /// `made`: of the beginning of a map.
   wire::SemanticKeyFrame upload(const MapDelta& made);
+  /// What goes up to an edge that knows nothing: its map begins with this keyframe and those that
+  /// see most of the same, with all their points. Slices count anew.
+  wire::SemanticKeyFrame upload_whole(KeyFrameId keyframe);
   /// Takes a slice over. False when it is of another map, or none that follows the last one.
   bool apply(Worker& worker, const wire::OptResult& result);
   /// Points and sightings on what moves go, and are not taken from slices again.
@@ -49,6 +52,7 @@ class MobileMap {
   /// Own points that went up, and what a mask took away; by the newest keyframe of that time. Not
   /// of the window alone: what was seen in none but keyframes that left it comes back no more.
   std::map<MapPointId, KeyFrameId> sent_, on_movers_;
+  MapPointId newest_edge_point_;  ///< of all that slices told
   KeyFrameId world_;
   std::uint64_t applied_ = 0;
 };

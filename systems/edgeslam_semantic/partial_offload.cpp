@@ -13,6 +13,8 @@ namespace {
 constexpr int kAllLevels = 8;
 /// An answer that has not come by then is not waited for any more.
 constexpr Duration kPatience = std::chrono::seconds(5);
+/// Why a keyframe goes up with all its points: another edge process knows nothing of this map.
+constexpr std::string_view kEdgeRestarted = "restart";
 
 ChainOptions chain_options(const Parameters& parameters) {
   return {.label_frames = parameters.integer("label_frames")};
@@ -203,8 +205,14 @@ void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
     reset();
     return make_keyframe(worker, frame, "first");
   }
+  if (edge_is_new()) return make_keyframe(worker, frame, kEdgeRestarted);
   if (const auto reason = choose()) return make_keyframe(worker, frame, reason);
   if (local_references_ && node_.tracker().wants_keyframe({})) make_keyframe(worker, frame, {});
+}
+
+bool SemanticMobile::edge_is_new() const {
+  const PeerState edge = node_.network().peer();
+  return map_.world() && edge.connected && edge.incarnation != edge_incarnation_;
 }
 
 /// Why the frame goes up; nothing: it does not.
@@ -257,7 +265,14 @@ void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
   if (!reason) return transfer_.keep(id);
   transfer_.keep_for_comparison(id);
   configure();
-  wire::SemanticKeyFrame message = map_.upload(made);
+  const bool again = reason == kEdgeRestarted;
+  wire::SemanticKeyFrame message = again ? map_.upload_whole(id) : map_.upload(made);
+  if (message.first()) edge_incarnation_ = node_.network().peer().incarnation;
+  if (again) {
+    waiting_.clear();
+    node_.log().write(
+        JsonLine("edge_restarted").add("keyframe", id.value).add("incarnation", edge_incarnation_));
+  }
   message.captured = frame.offered.offered;
   message.n_m = configuration_.n_m;
   waiting_[id] = {.result = true, .mask = nrcc_, .since = worker.now()};

@@ -124,6 +124,7 @@ void SemanticEdge::take(Worker& worker, const Message& raw) {
   admitted.message.captured = message.captured;
   admitted.message.first = admitted.message.whole = message.first();
   admitted.message.applied_update = message.applied_slice;
+  admitted.message.newest_edge_point = message.newest_edge_point;
   admitted.message.delta = std::move(message.delta);
   admitted.times.captured = message.captured;
   admitted.times.queued = raw.queued;

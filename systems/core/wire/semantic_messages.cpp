@@ -8,9 +8,6 @@
 namespace slambed::wire {
 namespace {
 
-/// A map begins with two.
-constexpr std::size_t kMostKeyFrames = 2;
-
 template <typename IdType>
 void put_ids(ByteWriter& out, const std::vector<IdType>& ids) {
   IdStream stream;
@@ -34,6 +31,7 @@ Bytes encode(const SemanticKeyFrame& message) {
   IdStream().put(out, message.world);
   out.time(message.captured);
   out.varint(message.applied_slice);
+  IdStream().put(out, message.newest_edge_point);
   out.f64(message.n_m);
   put_delta(out, message.delta);
   out.varint(message.jpeg.size());
@@ -49,12 +47,13 @@ SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
   message.world = IdStream().get<KeyFrameId>(in);
   message.captured = in.time();
   message.applied_slice = in.varint();
+  message.newest_edge_point = IdStream().get_or_none<MapPointId>(in);
   message.n_m = in.f64();
   if (!(message.n_m >= 0 && message.n_m <= 1))
     throw DecodeError("SEMANTIC_KEYFRAME has a threshold outside of 0 to 1");
   message.delta = get_delta(in, sensor);
   const std::size_t keyframes = message.delta.keyframes.size();
-  if (keyframes == 0 || keyframes > kMostKeyFrames)
+  if (keyframes == 0 || keyframes > kMostSemanticKeyFrames)
     throw DecodeError("SEMANTIC_KEYFRAME has none or too many keyframes");
   const auto jpeg = in.take(in.count(1));
   message.jpeg.assign(jpeg.begin(), jpeg.end());

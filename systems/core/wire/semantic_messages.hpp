@@ -8,6 +8,10 @@
 
 namespace slambed::wire {
 
+/// A map begins with two; that of a restarted edge with some more, so that its bundle keeps the
+/// scale.
+inline constexpr int kMostSemanticKeyFrames = 5;
+
 /// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to be mapped, and its picture to be segmented.
 struct SemanticKeyFrame {
   /// The newer of the two keyframes that its map began with: answers about another map are worth
@@ -15,9 +19,12 @@ struct SemanticKeyFrame {
   KeyFrameId world;
   RunTime captured{};               ///< when playback offered its frame
   std::uint64_t applied_slice = 0;  ///< number of the newest slice that the pose knows of, 0: none
-  double n_m = 0.8;                 ///< threshold of the segmentation's non-maximum suppression
-  /// The keyframe (the first message of a map: both that it begins with), with the ids of points
-  /// that the edge knows, points that it does not, and which earlier keyframes saw those.
+  /// Newest point of an edge's making that the mobile knows: a restarted one numbers on behind it.
+  MapPointId newest_edge_point{};
+  double n_m = 0.8;  ///< threshold of the segmentation's non-maximum suppression
+  /// The keyframe (the first message of a map: all that it begins with, with all their points),
+  /// with the ids of points that the edge knows, points that it does not, and which earlier
+  /// keyframes saw those.
   MapDelta delta;
   Bytes jpeg;  ///< empty: nothing is segmented
 

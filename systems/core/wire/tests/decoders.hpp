@@ -74,6 +74,7 @@ inline SemanticKeyFrame example_semantic_keyframe(std::mt19937& random, const Se
   SemanticKeyFrame message{.world = keyframe_id(2),
                            .captured = RunTime(5'000'000),
                            .applied_slice = 300,
+                           .newest_edge_point = point_id(77, IdSpace::kEdgeMapper),
                            .n_m = 0.7,
                            .delta = fresh_keyframe(random, sensor, 30, 12),
                            .jpeg = encode_jpeg(example_picture(40, 30).view(), 60)};

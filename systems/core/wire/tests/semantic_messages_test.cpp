@@ -21,6 +21,7 @@ TEST(SemanticMessages, AKeyFrameArrivesWithPointsAndPicture) {
   EXPECT_FALSE(came.first());
   EXPECT_EQ(came.captured, sent.captured);
   EXPECT_EQ(came.applied_slice, sent.applied_slice);
+  EXPECT_EQ(came.newest_edge_point, sent.newest_edge_point);
   EXPECT_EQ(came.n_m, sent.n_m);
   EXPECT_EQ(came.jpeg, sent.jpeg);
   EXPECT_EQ(came.delta.points.size(), sent.delta.points.size());
@@ -127,7 +128,8 @@ TEST(SemanticMessages, RefusesWhatMakesNoSense) {
   none.delta.points.clear();
   EXPECT_THROW(decode_semantic_keyframe(encode(none), sensor), DecodeError);
   SemanticKeyFrame many = valid;
-  for (int i = 0; i < 2; ++i) many.delta.keyframes.push_back(valid.delta.keyframes.front());
+  for (int i = 0; i < kMostSemanticKeyFrames; ++i)
+    many.delta.keyframes.push_back(valid.delta.keyframes.front());
   EXPECT_THROW(decode_semantic_keyframe(encode(many), sensor), DecodeError);
   OptResult whole = example_opt_result();
   whole.changes.keyframes = valid.delta.keyframes;

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// Another edge process takes the place of one that was killed.
+#include <gtest/gtest.h>
+
+#include "edgeslam_semantic/tests/semantic_pair.hpp"
+
+namespace slambed {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int kTwice = 2 * kFrames, kLabelFrames = 8;
+constexpr EdgeLife kLife{.dies = 2500ms, .comes_back = 4500ms};
+
+class EdgeRestart : public SemanticPair {
+ protected:
+  static void SetUpTestSuite() {
+    SemanticRun::SetUpTestSuite();
+    generate({}, shared->path() / "long", kTwice);
+  }
+  EdgeRestart() { sequence = shared->path() / "long"; }
+
+  static nlohmann::json edgeslam(bool nrcc, bool adapt) {
+    nlohmann::json chosen = params();
+    chosen["full_offload"] = false;
+    chosen["nrcc"] = nrcc;
+    chosen["adapt"] = adapt;
+    chosen["label_frames"] = kLabelFrames;
+    return chosen;
+  }
+  /// Something moves below.
+  static std::optional<FrameMasks> below(std::uint64_t) {
+    constexpr std::uint32_t kOutside = kWidth * kHeight / 2;
+    return FrameMasks{kWidth,
+                      kHeight,
+                      {{.object_class = 0,
+                        .moves = true,
+                        .score = 1,
+                        .runs = {kOutside, kWidth * kHeight - kOutside},
+                        .body = {}}}};
+  }
+  static Duration when(const nlohmann::json& event) { return Duration(event["t_ns"].get<long>()); }
+  static std::vector<nlohmann::json> after(const std::vector<nlohmann::json>& events, Duration t) {
+    std::vector<nlohmann::json> found;
+    for (const auto& event : events)
+      if (when(event) >= t) found.push_back(event);
+    return found;
+  }
+};
+
+TEST_F(EdgeRestart, TheNewEdgesMapBeginsWithTheMobiles) {
+  for (const bool adapt : {true, false}) {
+    const Played run = play_pair(edgeslam(false, adapt), below, kLife);
+    const auto restarted = run.of("edge_restarted");
+    ASSERT_EQ(restarted.size(), 1u) << adapt;
+    EXPECT_EQ(restarted.front()["incarnation"], 2);
+    EXPECT_LT(when(restarted.front()), kLife.comes_back + 500ms);
+    EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kTwice}) << "tracking never waits";
+    EXPECT_TRUE(run.of("track_lost").empty());
+    for (const auto& frame : after(run.of("frame_answered"), kLife.dies)) EXPECT_TRUE(frame["ok"]);
+    // Uploads and slices go on, in the mobile's own world and scale.
+    EXPECT_GT(after(run.of("keyframe_sent"), when(restarted.front())).size(), 3u) << adapt;
+    const auto slices = after(run.of("slice_applied"), kLife.comes_back);
+    ASSERT_GT(slices.size(), 3u) << adapt;
+    EXPECT_EQ(slices.front()["number"], 1);
+    for (const auto& slice : slices) {
+      EXPECT_GE(slice["keyframe"], restarted.front()["keyframe"]) << "of the dead edge";
+      EXPECT_LT(slice["moved_m"], 0.1);
+      EXPECT_NEAR(slice["scale"], 1, 0.05);
+    }
+    EXPECT_TRUE(after(run.of("slice_declined"), when(restarted.front())).empty());
+    EXPECT_GT(slices.back()["edge_points"], 100);
+  }
+}
+
+TEST_F(EdgeRestart, LabelsAgeOutAndComeBackWithMasks) {
+  const Played run = play_pair(edgeslam(true, true), below, kLife);
+  ASSERT_EQ(run.of("edge_restarted").size(), 1u);
+  int culled_before = 0, culled_after = 0, unlabelled = 0;
+  const auto masks = after(run.of("mask_applied"), kLife.comes_back);
+  ASSERT_FALSE(masks.empty());
+  for (const auto& frame : run.of("frame_answered")) {
+    const int culled = frame["culled"], age = frame["mask_age_frames"];
+    const Duration t = when(frame);
+    if (t < kLife.dies) culled_before += culled;
+    if (t > when(masks.front())) culled_after += culled;
+    if (age > kLabelFrames) {
+      EXPECT_EQ(culled, 0) << frame;
+      ++unlabelled;
+    }
+  }
+  EXPECT_GT(culled_before, 100);
+  EXPECT_GT(unlabelled, 5) << "the edge was away for longer than labels last";
+  EXPECT_GT(culled_after, 100);
+}
+
+/// What waited for the dead edge is of a map that the new one does not know.
+TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
+  const Played run = play_pair(edgeslam(true, false), below, kLife);
+  ASSERT_EQ(run.of("edge_restarted").size(), 1u);
+  const auto declined = run.of("keyframe_declined");
+  for (const auto& keyframe : declined) EXPECT_EQ(keyframe["reason"], "of another map");
+  const auto id = [](const nlohmann::json& event) {
+    return event["keyframe"].get<std::uint64_t>();
+  };
+  const std::uint64_t restart = id(run.of("edge_restarted").front());
+  for (const auto& keyframe : declined) EXPECT_LT(id(keyframe), restart);
+  for (const auto& keyframe : after(run.of("keyframe_received"), kLife.comes_back))
+    EXPECT_GE(id(keyframe), restart);
+}
+
+}  // namespace
+}  // namespace slambed
