@@ -2,6 +2,7 @@
 #include "cloudslam/policies.hpp"
 
 #include "cloudslam/cloudslam.hpp"
+#include "node/messaging.hpp"
 #include "offload/rtt_monitor.hpp"
 #include "wire/message_type.hpp"
 
@@ -58,8 +59,8 @@ void Vehicle::tell_distance(double seq_s) {
 void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
   const double seq_s = frame.played.seq_s();
   while (const auto message = keyframes_.try_receive()) {
-    const bool initial = message->type == wire::type_of(wire::MessageType::kInitialPose);
-    if (!initial && message->type != wire::type_of(wire::MessageType::kPoseUpdate)) continue;
+    const bool initial = is(*message, wire::MessageType::kInitialPose);
+    if (!initial && !is(*message, wire::MessageType::kPoseUpdate)) continue;
     // Several keyframes were under way to be placed: the first answer says it.
     if (initial != (state_ == State::kAlign) || align_failed_) continue;
     if (const auto correction = poses_.apply(worker, *message, initial, seq_s))
@@ -135,7 +136,7 @@ void Vehicle::send_if_due(const TrackedFrame& frame, KeyFrameId keyframe) {
     return;
   }
   sending_ = Strategy::sent(sending_, moment);
-  sender_.send(wire::type_of(type), keyframe, frame.offered.offered,
+  sender_.send(type, keyframe, frame.offered.offered,
                JsonLine("keyframe_sent")
                    .add("keyframe", keyframe.value)
                    .add("seq_s", moment.seq_s)
@@ -153,17 +154,16 @@ void Vehicle::finish(Worker& worker) {
 /// All keyframes of the trip as they are now; the edge keeps those that it was sent before.
 void Vehicle::upload(Worker& worker) {
   change(State::kUpload);
-  constexpr auto kType = wire::MessageType::kTripUpload;
   const auto keyframes =
       node_.tracker().map()->read([](const MapView& view) { return view.keyframe_ids(); });
   for (const KeyFrameId id : keyframes)
-    uploader_.send(wire::type_of(wire::MessageType::kKeyFrame), id, worker.now(),
+    uploader_.send(wire::MessageType::kKeyFrame, id, worker.now(),
                    JsonLine("keyframe_uploaded").add("keyframe", id.value));
   uploader_.written().wait(worker);
-  uploads_.send(wire::type_of(kType), {});
+  send(uploads_, wire::MessageType::kTripUpload);
   const RunTime deadline = worker.now() + kUploadPatience;
   while (const auto message = uploads_.receive(worker, deadline))
-    if (message->type == wire::type_of(kType)) return;
+    if (is(*message, wire::MessageType::kTripUpload)) return;
   node_.log().warning("the edge did not say that the whole trip came");
 }
 

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "wire/message_type.hpp"
-
 namespace slambed::dynnetslam {
 namespace {
 
@@ -21,7 +19,17 @@ EdgeContact::EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
       channel_(handover),
       link_(node, keyframe, link),
       handover_(node, handover),
-      echo_period_(from_seconds(1 / echo_hz)) {}
+      inbox_(node.log()),
+      echo_period_(from_seconds(1 / echo_hz)) {
+  inbox_.on<wire::AckMessage>(wire::decode_ack,
+                              [this](const wire::AckMessage& ack, const Message& raw) {
+                                take_echo(ack.sequence, raw.received);
+                              });
+  inbox_.on<wire::HandoverAck>(wire::decode_handover_ack,
+                               [this](const wire::HandoverAck& ack, const Message& raw) {
+                                 take_ack(ack, raw.incarnation, node_.runtime().now());
+                               });
+}
 
 void EdgeContact::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { work(worker); });
@@ -51,7 +59,10 @@ void EdgeContact::work(Worker& worker) {
   RunTime next_state = worker.now();  // before the run begins: the first decision needs an RTT
   while (!worker.stopping()) {
     const auto ticket = channel_.signal().ticket();
-    while (const auto message = channel_.try_receive()) take(*message, worker.now());
+    while (const auto message = channel_.try_receive()) {
+      link_.heard(message->received);
+      inbox_.take(*message);
+    }
     handover_.send_if_due(worker);
     const RunTime probe_due = probe(worker.now());
     const bool changed = changed_.exchange(false);
@@ -73,7 +84,7 @@ void EdgeContact::send_state(RunTime now, bool changed) {
     state = state_;
   }
   state.time = now;
-  link_.asked(channel_.send(wire::type_of(wire::MessageType::kState), encode(state)), now);
+  link_.asked(send(channel_, state), now);
 }
 
 RunTime EdgeContact::probe(RunTime now) {
@@ -84,19 +95,6 @@ RunTime EdgeContact::probe(RunTime now) {
     if (!probing_ && now < idle) return idle;
   }
   return link_.probe(now);
-}
-
-void EdgeContact::take(const Message& message, RunTime now) {
-  link_.heard(message.received);
-  try {
-    if (message.type == wire::type_of(wire::MessageType::kAck)) {
-      take_echo(wire::decode_ack(message.payload).sequence, message.received);
-    } else if (message.type == wire::type_of(wire::MessageType::kHandoverAck)) {
-      take_ack(wire::decode_handover_ack(message.payload), message.incarnation, now);
-    }
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("answer of the edge refused: ") + error.what());
-  }
 }
 
 void EdgeContact::take_echo(std::uint64_t sequence, RunTime received) {

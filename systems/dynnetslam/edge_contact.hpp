@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "dynnetslam/strategy.hpp"
+#include "node/messaging.hpp"
 #include "offload/handover_client.hpp"
 #include "offload/link_estimator.hpp"
 
@@ -44,7 +45,6 @@ class EdgeContact {
 
  private:
   void work(Worker& worker);
-  void take(const Message& message, RunTime now);
   void take_echo(std::uint64_t sequence, RunTime received);
   void take_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now);
   void send_state(RunTime now, bool changed);
@@ -54,6 +54,7 @@ class EdgeContact {
   Channel& channel_;
   LinkEstimator link_;
   HandoverClient handover_;
+  Inbox inbox_;
   Duration echo_period_;
   std::atomic<bool> edge_is_empty_{false};
   std::atomic<bool> changed_{false};  ///< another state is to be told

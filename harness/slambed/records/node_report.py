@@ -13,3 +13,5 @@ class NodeReport(Record):
     """In words."""
     stopped: bool | None = None
     """Whether SIGTERM or SIGINT ended it early."""
+    messages_refused: int = 0
+    """Messages that it could not read; absent: none. Each is a `warning` event, too."""

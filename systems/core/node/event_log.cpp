@@ -94,6 +94,11 @@ void EventLog::link(const LinkRecord& record) {
             .add("detail", record.detail));
 }
 
+void EventLog::refused(std::string_view name, std::string_view why) {
+  ++refused_;
+  warning(std::string(name) + " refused: " + std::string(why));
+}
+
 void EventLog::flush() {
   std::string text;
   std::lock_guard file_lock(file_mutex_);  // before the swap: blocks stay in order

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -37,6 +38,9 @@ class EventLog final : public Observer {
 
   void write(const JsonLine& line);
   void warning(std::string_view text) { write(JsonLine("warning").add("text", text)); }
+  /// A message of this name could not be read: counted, and a warning.
+  void refused(std::string_view name, std::string_view why);
+  int refused() const { return refused_; }
 
   void stage(const StageRecord& record) override;
   void message(const MessageRecord& record) override;
@@ -59,6 +63,7 @@ class EventLog final : public Observer {
   bool started_ = false;
   std::vector<Held> held_;
   std::string pending_;
+  std::atomic<int> refused_{0};  ///< messages
   std::mutex file_mutex_;
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
 };

@@ -166,6 +166,7 @@ class LiveNode {
       end.counts = edge_->counts();
       end.reason = edge_->end_reason();
     }
+    end.messages_refused = log_.refused();
     log_.flush();
     write_node_end(folder_, end);
   }

@@ -111,6 +111,7 @@ void write_node_end(const fs::path& folder, const NodeEnd& end) {
     node["keyframes"] = end.counts->keyframes;
     node["map_points"] = end.counts->points;
   }
+  if (end.messages_refused > 0) node["messages_refused"] = end.messages_refused;
   write_by_rename(folder / "node.json", node);
 }
 

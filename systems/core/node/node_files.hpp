@@ -51,6 +51,7 @@ struct NodeEnd {
   std::string reason;                       ///< empty: stopped from outside
   std::optional<std::size_t> frames_total;  ///< offered by playback
   std::optional<MapCounts> counts;          ///< where the node has a map that we know
+  int messages_refused = 0;                 ///< that could not be read
 };
 void write_node_end(const std::filesystem::path& folder, const NodeEnd& end);
 

@@ -36,6 +36,7 @@ struct NodeWorld {
   void end(NodeEnd how) {
     log.flush();
     how.role = role;
+    how.messages_refused = log.refused();
     write_node_end(folder, how);
   }
 

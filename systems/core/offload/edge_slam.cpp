@@ -4,6 +4,7 @@
 #include <array>
 #include <utility>
 
+#include "node/messaging.hpp"
 #include "offload/update_content.hpp"
 #include "wire/message_type.hpp"
 
@@ -18,7 +19,7 @@ EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters)
 void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
   offload_.before_frame(worker);
   while (const auto message = offload_.channels().keyframe.try_receive()) {
-    if (message->type != wire::type_of(wire::MessageType::kKeyFrameWanted)) continue;
+    if (!is(*message, wire::MessageType::kKeyFrameWanted)) continue;
     // Several come when several keyframes were under way: one answer is enough.
     if (std::exchange(edge_has_map_, false)) keyframe_wanted_ = true;
   }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/farewell.hpp"
 
-#include "wire/message_type.hpp"
-
 namespace slambed {
 namespace {
 
@@ -17,37 +15,32 @@ constexpr Duration kLookEvery = std::chrono::milliseconds(200);
 
 }  // namespace
 
+MobileFarewell::MobileFarewell(MobileNode& node, Channel& control)
+    : node_(node), control_(control), inbox_(node.log()) {
+  inbox_.on(wire::MessageType::kPoses, [this](const Message& message) {
+    if (auto poses = read(node_.log(), message, wire::decode_poses)) poses_ = std::move(*poses);
+  });
+  inbox_.on<wire::ByeMessage>(wire::decode_bye,
+                              [this](const wire::ByeMessage& bye, const Message&) {
+                                counts_ = {bye.keyframes, bye.points};
+                                answered_ = true;
+                              });
+}
+
 void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
-  control_.send(wire::type_of(wire::MessageType::kBye),
-                encode(wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence}));
+  send(control_, wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence});
   if (worker.stopping()) return;  // stopped from outside: the edge hears it, nobody waits
   const RunTime begin = worker.now();
   RunTime heard = begin;
   while (!worker.stopping() && worker.now() < begin + kAnswerPatience) {
     if (const auto message = control_.receive(worker, worker.now() + kLookEvery)) {
-      if (take(*message)) return;
+      inbox_.take(*message);
+      if (answered_) return;
     }
     if (control_.path().connected) heard = worker.now();
     if (worker.now() - heard > kAwayPatience) break;
   }
   node_.log().warning("the edge did not answer BYE; its last corrections are missing");
-}
-
-bool MobileFarewell::take(const Message& message) {
-  try {
-    if (message.type == wire::type_of(wire::MessageType::kPoses)) {
-      poses_ = wire::decode_poses(message.payload);
-    }
-    if (message.type == wire::type_of(wire::MessageType::kBye)) {
-      const auto bye = wire::decode_bye(message.payload);
-      counts_ = {bye.keyframes, bye.points};
-      answered_ = true;
-      return true;
-    }
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("BYE refused: ") + error.what());
-  }
-  return false;
 }
 
 void EdgeFarewell::start() {
@@ -66,27 +59,20 @@ void EdgeFarewell::listen(Worker& worker) {
 }
 
 bool EdgeFarewell::answer(Worker& worker, const Message& message) {
-  if (message.type != wire::type_of(wire::MessageType::kBye)) {
+  if (!is(message, wire::MessageType::kBye)) {
     if (options_.other) options_.other(message);
     return false;
   }
-  wire::ByeMessage bye;
-  try {
-    bye = wire::decode_bye(message.payload);
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("BYE refused: ") + error.what());
-    return false;
-  }
+  const auto bye = read(node_.log(), message, wire::decode_bye);
+  if (!bye) return false;
   const RunTime heard = worker.now();
-  source_.drain(worker, bye.last_keyframe_sequence, heard + kTransitPatience,
+  source_.drain(worker, bye->last_keyframe_sequence, heard + kTransitPatience,
                 heard + kBundlePatience);
   if (options_.final_poses) {
-    control_.send(wire::type_of(wire::MessageType::kPoses),
-                  wire::encode_poses(source_.all_poses()));
+    send(control_, wire::MessageType::kPoses, wire::encode_poses(source_.all_poses()));
   }
   const MapCounts counts = source_.counts();
-  control_.send(wire::type_of(wire::MessageType::kBye),
-                encode(wire::ByeMessage{.keyframes = counts.keyframes, .points = counts.points}));
+  send(control_, wire::ByeMessage{.keyframes = counts.keyframes, .points = counts.points});
   node_.end("bye");
   return true;
 }

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "node/edge_node.hpp"
+#include "node/messaging.hpp"
 #include "node/mobile_node.hpp"
 #include "wire/messages.hpp"
 
@@ -13,7 +14,7 @@ namespace slambed {
 /// time.
 class MobileFarewell {
  public:
-  MobileFarewell(MobileNode& node, Channel& control) : node_(node), control_(control) {}
+  MobileFarewell(MobileNode& node, Channel& control);
 
   void say(Worker& worker, std::uint64_t last_keyframe_sequence);
   const MapCounts& counts() const { return counts_; }  ///< of the global map; zero when unheard
@@ -21,10 +22,9 @@ class MobileFarewell {
   bool answered() const { return answered_; }
 
  private:
-  bool take(const Message& message);
-
   MobileNode& node_;
   Channel& control_;
+  Inbox inbox_;
   bool answered_ = false;
   MapCounts counts_;
   std::vector<KeyFramePose> poses_;

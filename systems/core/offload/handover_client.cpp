@@ -2,6 +2,7 @@
 #include "offload/handover_client.hpp"
 
 #include "map/map_snapshot.hpp"
+#include "node/messaging.hpp"
 #include "offload/map_sync.hpp"
 #include "wire/message_type.hpp"
 
@@ -24,7 +25,7 @@ void HandoverClient::stop(std::uint64_t epoch) {
   map_.reset();
   handover_ = {};
   under_way_ = false;
-  channel_.send(wire::type_of(wire::MessageType::kStop), encode(wire::StopMessage{epoch}));
+  slambed::send(channel_, wire::StopMessage{epoch});
 }
 
 void HandoverClient::received(std::shared_ptr<const Map> map) {
@@ -75,8 +76,7 @@ void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
     return 0;
   });
   const bool start = !message.whole && message.changes.empty();
-  handover.type =
-      wire::type_of(start ? wire::MessageType::kStart : wire::MessageType::kMapHandover);
+  handover.type = start ? wire::MessageType::kStart : wire::MessageType::kMapHandover;
   handover.payload = worker.stage("serialise", [&](StageUnits& units) {
     Bytes bytes =
         start ? encode(wire::StartMessage{handover.epoch, handover.number}) : encode(message);
@@ -101,7 +101,7 @@ void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
 
 void HandoverClient::send(Handover& handover) {
   handover.connection = channel_.path().connections;
-  channel_.send(handover.type, handover.payload);
+  slambed::send(channel_, handover.type, handover.payload);
 }
 
 void HandoverClient::acknowledged(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {

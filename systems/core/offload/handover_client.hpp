@@ -47,7 +47,7 @@ class HandoverClient {
     bool sent = false;             ///< and not answered
     bool superseded = false;       ///< the edge has sent another map since
     std::uint64_t connection = 0;  ///< on which it was sent last
-    std::uint8_t type = 0;
+    wire::MessageType type{};
     Bytes payload;  ///< as it was sent: a broken connection may have lost it
   };
 

@@ -1,10 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/handover_server.hpp"
 
-#include "wire/message_type.hpp"
-
 namespace slambed {
-namespace {}  // namespace
+
+HandoverServer::HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& channel)
+    : node_(node),
+      mapping_(mapping),
+      channel_(channel),
+      inbox_(node.log()),
+      arrived_(node.runtime()) {
+  const auto later = [this](Message& message) { arrived_.put(std::move(message)); };
+  inbox_.on<wire::StateMessage>(wire::decode_state,
+                                [this](const wire::StateMessage& state, const Message& raw) {
+                                  send(channel_, wire::AckMessage{.sequence = raw.sequence});
+                                  // Number 0 answers no hand-over: it says that one is needed.
+                                  if (count(*mapping_.mapper().map()).keyframes == 0)
+                                    answer(state.epoch, 0, false);
+                                });
+  inbox_.on<wire::StopMessage>(wire::decode_stop, [this](const wire::StopMessage& message,
+                                                         const Message&) { stop(message); });
+  inbox_.on(wire::MessageType::kStart, later).on(wire::MessageType::kMapHandover, later);
+}
 
 void HandoverServer::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { listen(worker); });
@@ -12,29 +28,7 @@ void HandoverServer::start() {
 }
 
 void HandoverServer::listen(Worker& worker) {
-  while (auto message = channel_.receive(worker, kNever)) {
-    const auto type = message->type;
-    try {
-      take(std::move(*message));
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string(wire::message_name(type)) + " refused: " + error.what());
-    }
-  }
-}
-
-void HandoverServer::take(Message message) {
-  if (message.type == wire::type_of(wire::MessageType::kState)) {
-    const wire::StateMessage state = wire::decode_state(message.payload);
-    channel_.send(wire::type_of(wire::MessageType::kAck),
-                  encode(wire::AckMessage{.sequence = message.sequence}));
-    // Number 0 answers no hand-over: it says that one is needed.
-    if (count(*mapping_.mapper().map()).keyframes == 0) answer(state.epoch, 0, false);
-  } else if (message.type == wire::type_of(wire::MessageType::kStop)) {
-    stop(wire::decode_stop(message.payload));
-  } else if (message.type == wire::type_of(wire::MessageType::kStart) ||
-             message.type == wire::type_of(wire::MessageType::kMapHandover)) {
-    arrived_.put(std::move(message));
-  }
+  while (auto message = channel_.receive(worker, kNever)) inbox_.take(std::move(*message));
 }
 
 void HandoverServer::stop(const wire::StopMessage& stop) {
@@ -46,15 +40,10 @@ void HandoverServer::stop(const wire::StopMessage& stop) {
 
 void HandoverServer::merge(Worker& worker) {
   while (const auto message = arrived_.take(worker)) {
-    try {
-      if (message->type == wire::type_of(wire::MessageType::kStart)) {
-        begin(wire::decode_start(message->payload));
-      } else {
-        take_over(worker, *message);
-      }
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string(wire::message_name(message->type)) +
-                          " refused: " + error.what());
+    if (is(*message, wire::MessageType::kMapHandover)) {
+      take_over(worker, *message);
+    } else if (const auto start = read(node_.log(), *message, wire::decode_start)) {
+      begin(*start);
     }
   }
 }
@@ -74,18 +63,11 @@ void HandoverServer::resume(std::uint64_t epoch) {
 }
 
 void HandoverServer::take_over(Worker& worker, const Message& raw) {
-  wire::MapHandover handover;
-  std::optional<std::string> damage;
-  worker.stage("parse", [&](StageUnits& units) {
-    units.n1 = static_cast<double>(raw.payload.size()) / 1000;
-    try {
-      handover = wire::decode_handover(raw.payload, node_.peer().sensor());
-    } catch (const wire::DecodeError& error) {
-      damage = error.what();
-    }
-    return 0;
+  auto read_well = read(worker, "parse", node_.log(), raw, [this](const Bytes& bytes) {
+    return wire::decode_handover(bytes, node_.peer().sensor());
   });
-  if (damage) throw wire::DecodeError(*damage);
+  if (!read_well) return;
+  wire::MapHandover& handover = *read_well;
   if (is_stale(handover.epoch, handover.number)) return;
   // Sent again because a connection broke, but the first one had come; the map has gone on since.
   if (handover.number == applied_) return answer(handover.epoch, handover.number, true);
@@ -122,8 +104,7 @@ bool HandoverServer::is_stale(std::uint64_t epoch, std::uint64_t number) {
 }
 
 void HandoverServer::answer(std::uint64_t epoch, std::uint64_t number, bool accepted) {
-  channel_.send(wire::type_of(wire::MessageType::kHandoverAck),
-                encode(wire::HandoverAck{epoch, number, accepted}));
+  send(channel_, wire::HandoverAck{epoch, number, accepted});
 }
 
 }  // namespace slambed

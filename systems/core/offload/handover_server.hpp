@@ -3,6 +3,7 @@
 
 #include <mutex>
 
+#include "node/messaging.hpp"
 #include "offload/edge_mapping.hpp"
 #include "runtime/mailbox.hpp"
 #include "wire/handover_messages.hpp"
@@ -13,14 +14,12 @@ namespace slambed {
 /// What belongs to an older epoch than the last one heard of changes nothing.
 class HandoverServer {
  public:
-  HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& channel)
-      : node_(node), mapping_(mapping), channel_(channel), arrived_(node.runtime()) {}
+  HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& channel);
 
   void start();
 
  private:
   void listen(Worker& worker);
-  void take(Message message);
   void stop(const wire::StopMessage& stop);
   /// Taking a map over may last: who listens must not wait for it.
   void merge(Worker& worker);
@@ -34,6 +33,7 @@ class HandoverServer {
   EdgeNode& node_;
   EdgeMapping& mapping_;
   Channel& channel_;
+  Inbox inbox_;
   Mailbox<Message> arrived_;  ///< START and MAP_HANDOVER
   std::mutex mutex_;          ///< orders the ends of mapping's rests with their beginnings
   std::uint64_t epoch_ = 0;

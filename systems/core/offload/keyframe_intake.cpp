@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/keyframe_intake.hpp"
 
+#include "node/messaging.hpp"
 #include "offload/admission.hpp"
 #include "wire/message_type.hpp"
 
@@ -20,9 +21,7 @@ void KeyFrameIntake::start() {
 
 void KeyFrameIntake::receive(Worker& worker) {
   while (const auto message = next(worker)) {
-    if (message->type == wire::type_of(wire::MessageType::kKeyFrame)) {
-      take(worker, *message);
-    }
+    if (is(*message, wire::MessageType::kKeyFrame)) take(worker, *message);
     received_sequence_ = message->sequence;
     received_->notify();
   }
@@ -51,12 +50,11 @@ void KeyFrameIntake::take(Worker& worker, const Message& raw) {
   std::optional<std::string_view> declined;
   const bool parsed = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
     units.n1 = kilobytes(raw.payload);
-    try {
-      keyframe.message = codec_.keyframe(raw.payload, node_.peer().sensor());
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("KEYFRAME refused: ") + error.what());
-      return false;
-    }
+    auto read_well = read(node_.log(), raw, [this](const Bytes& bytes) {
+      return codec_.keyframe(bytes, node_.peer().sensor());
+    });
+    if (!read_well) return false;
+    keyframe.message = std::move(*read_well);
     if (hooks_.heard) hooks_.heard(keyframe.message);
     declined = hooks_.decline_reason(keyframe.message);
     return true;
@@ -67,7 +65,7 @@ void KeyFrameIntake::take(Worker& worker, const Message& raw) {
                           .add("keyframe", keyframe.message.keyframe.value)
                           .add("reason", *declined));
     if (asks_ && *declined == kNoMap) {
-      channel_.send(wire::type_of(wire::MessageType::kKeyFrameWanted), {});
+      send(channel_, wire::MessageType::kKeyFrameWanted);
     }
     return;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/keyframe_uplink.hpp"
 
+#include "node/messaging.hpp"
 #include "wire/message_type.hpp"
 #include "wire/messages.hpp"
 
@@ -8,7 +9,7 @@ namespace slambed {
 
 void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta delta,
                           const About& about) {
-  if (delta.keyframes.size() != 1) return;
+  if (delta.keyframes.empty()) return;
   wire::KeyFrameMessage message;
   message.keyframe = delta.keyframes.front().id;
   message.captured = frame.offered.offered;
@@ -20,7 +21,7 @@ void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta de
   message.newest_edge_point = about.newest_edge_point;
   message.delta = std::move(delta);
   Bytes payload = codec_.serialise(worker, message, *node_.tracker().map());
-  last_sequence_ = channel_.send(wire::type_of(wire::MessageType::kKeyFrame), std::move(payload));
+  last_sequence_ = slambed::send(channel_, wire::MessageType::kKeyFrame, std::move(payload));
   node_.log().write(JsonLine("keyframe_sent").add("keyframe", message.keyframe.value));
 }
 

@@ -2,6 +2,7 @@
 #include "offload/link_estimator.hpp"
 
 #include "base/error.hpp"
+#include "node/messaging.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {
@@ -56,8 +57,8 @@ RunTime LinkEstimator::probe(RunTime now) {
     next_probe_ = now + from_seconds(1 / options_.probe_hz);
     // What is under way gives a sample too; probes must not crowd messages out of their queue.
     if (measured_.path().unacknowledged_bytes == 0) {
-      measured_.send(wire::type_of(wire::MessageType::kProbe),
-                     Bytes(static_cast<std::size_t>(options_.probe_bytes)));
+      send(measured_, wire::MessageType::kProbe,
+           Bytes(static_cast<std::size_t>(options_.probe_bytes)));
     }
   }
   return next_probe_;

@@ -6,6 +6,7 @@
 
 #include "features/vocabulary.hpp"
 #include "map/map.hpp"
+#include "node/messaging.hpp"
 #include "runtime/channel.hpp"
 #include "wire/messages.hpp"
 #include "wire/reloc_messages.hpp"
@@ -48,8 +49,5 @@ class MessageCodec {
   Form form_ = Form::kBinary;
   std::shared_ptr<const Vocabulary> vocabulary_;  ///< text carries bags of words
 };
-
-/// Size of a message as a stage counts it.
-inline double kilobytes(const Bytes& bytes) { return static_cast<double>(bytes.size()) / 1000; }
 
 }  // namespace slambed

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/pose_requests.hpp"
 
+#include "node/messaging.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {
@@ -57,32 +58,28 @@ void PoseRequests::serialise(Worker& worker, const Request& request) {
                         .add("number", request.message.number)
                         .add("frame", request.message.frame.frame_index)
                         .add("bytes", payload.size()));
-  frames_.send(wire::type_of(wire::MessageType::kRelocRequest), std::move(payload));
+  send(frames_, wire::MessageType::kRelocRequest, std::move(payload));
   sent_ = worker.now();
 }
 
 void PoseRequests::parse(Worker& worker, Message message) {
-  const bool ok = message.type == wire::type_of(wire::MessageType::kRelocOk);
-  if (!ok && message.type != wire::type_of(wire::MessageType::kRelocFail)) return;
+  const bool ok = is(message, wire::MessageType::kRelocOk);
+  if (!ok && !is(message, wire::MessageType::kRelocFail)) return;
   Answer answer;
   answer.sent = sent_;
   answer.raw = std::move(message);
   answer.bytes = answer.raw.payload.size();
   const bool good = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
     units.n1 = ok ? kilobytes(answer.raw.payload) : 0;
-    try {
+    const auto read_well = read(node_.log(), answer.raw, [&](const Bytes& bytes) {
       if (ok) {
-        answer.found =
-            std::make_shared<const wire::RelocOk>(codec_.found(answer.raw.payload, node_.sensor()));
+        answer.found = std::make_shared<const wire::RelocOk>(codec_.found(bytes, node_.sensor()));
       } else {
-        answer.failed = wire::decode_reloc_fail(answer.raw.payload);
+        answer.failed = wire::decode_reloc_fail(bytes);
       }
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string(ok ? "RELOC_OK" : "RELOC_FAIL") +
-                          " refused: " + error.what());
-      return false;
-    }
-    return true;
+      return true;
+    });
+    return read_well.has_value();
   });
   answer.raw.payload = {};
   if (good) answers_.put(std::move(answer));
@@ -193,12 +190,10 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
   keyframes_.hold(lost);
   if (lost) {
     ++losses_;
-    control_.send(wire::type_of(wire::MessageType::kSuspend),
-                  encode(wire::SuspendMessage{losses_}));
+    send(control_, wire::SuspendMessage{losses_});
   } else {
     downlink_.recovered(worker.now(), frame.outcome.reference);
-    control_.send(wire::type_of(wire::MessageType::kResume),
-                  encode(wire::ResumeMessage{losses_, frame.outcome.reference}));
+    send(control_, wire::ResumeMessage{losses_, frame.outcome.reference});
   }
   node_.log().write(JsonLine(lost ? "suspended" : "resumed")
                         .add("loss", losses_)
@@ -209,8 +204,7 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
 void PoseRequests::finish() {
   if (!lost_) return;
   keyframes_.hold(false);
-  control_.send(wire::type_of(wire::MessageType::kResume),
-                encode(wire::ResumeMessage{losses_, {}}));
+  send(control_, wire::ResumeMessage{losses_, {}});
 }
 
 }  // namespace slambed

@@ -3,6 +3,8 @@
 
 #include <limits>
 
+#include "node/messaging.hpp"
+
 namespace slambed {
 namespace {
 
@@ -35,13 +37,9 @@ std::optional<std::string_view> PoseUpdates::objection(const wire::PoseAnswer& a
 
 std::optional<PoseCorrection> PoseUpdates::apply(Worker& worker, const Message& raw, bool whole_map,
                                                  double seq_s) {
-  wire::PoseAnswer answer;
-  try {
-    answer = wire::decode_pose_answer(raw.payload);
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("POSE_UPDATE refused: ") + error.what());
-    return std::nullopt;
-  }
+  const auto read_well = read(node_.log(), raw, wire::decode_pose_answer);
+  if (!read_well) return std::nullopt;
+  const wire::PoseAnswer& answer = *read_well;
   if (answer.matches == 0) {
     node_.log().write(event("pose_update_empty", answer, raw, seq_s));
     return std::nullopt;

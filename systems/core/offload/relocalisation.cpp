@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/relocalisation.hpp"
 
-#include "wire/message_type.hpp"
+#include "node/messaging.hpp"
 
 namespace slambed {
 
@@ -13,11 +13,10 @@ void RelocalisationRequests::after_frame(Worker& worker, const TrackedFrame& fra
   const RunTime now = worker.now();
   if (last_ != RunTime::min() && now - last_ < period_) return;
   last_ = now;
-  channel_.send(
-      wire::type_of(wire::MessageType::kFrame),
-      codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
-                                                  .timestamp_s = frame.offered.played.seq_s(),
-                                                  .features = frame.features}));
+  send(channel_, wire::MessageType::kFrame,
+       codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
+                                                   .timestamp_s = frame.offered.played.seq_s(),
+                                                   .features = frame.features}));
 }
 
 void RelocalisationService::start() {
@@ -27,19 +26,16 @@ void RelocalisationService::start() {
 void RelocalisationService::serve(Worker& worker) {
   RunTime last = RunTime::min();
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type != wire::type_of(wire::MessageType::kFrame)) continue;
+    if (!is(*message, wire::MessageType::kFrame)) continue;
     relocaliser_.asked(*message);
     // The mobile has just sent the newest of its frames; older answers would come too late for it.
     if (last != RunTime::min() && worker.now() - last < options_.map_period) continue;
     const auto answer = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
       units.n1 = kilobytes(message->payload);
-      try {
-        return relocaliser_.find(*message,
-                                 options_.codec.frame(message->payload, node_.peer().sensor()));
-      } catch (const wire::DecodeError& error) {
-        node_.log().warning(std::string("FRAME refused: ") + error.what());
-        return RelocalisationHelp::Answer();
-      }
+      const auto frame = read(node_.log(), *message, [this](const Bytes& bytes) {
+        return options_.codec.frame(bytes, node_.peer().sensor());
+      });
+      return frame ? relocaliser_.find(*message, *frame) : RelocalisationHelp::Answer();
     });
     if (!answer) continue;
     const RunTime found = worker.now();

@@ -5,8 +5,8 @@
 #include <array>
 #include <map>
 
+#include "node/messaging.hpp"
 #include "offload/update_content.hpp"
-#include "wire/message_type.hpp"
 
 namespace slambed {
 namespace {
@@ -35,30 +35,27 @@ RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, Chan
       mapper_(mapper),
       updates_(updates),
       options_(std::move(options)),
-      relocaliser_(mapper.places()) {}
+      inbox_(node.log()),
+      relocaliser_(mapper.places()) {
+  inbox_.on<wire::SuspendMessage>(wire::decode_suspend,
+                                  [this](const wire::SuspendMessage&, const Message& raw) {
+                                    updates_.hold(raw.queued);
+                                    maps_.hold(true);
+                                  });
+  inbox_.on<wire::ResumeMessage>(wire::decode_resume,
+                                 [this](const wire::ResumeMessage& resume, const Message& raw) {
+                                   maps_.hold(false);
+                                   updates_.release(raw.queued, resume.reference);
+                                 });
+}
 
 void RelocalisationByPose::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
 }
 
-void RelocalisationByPose::listen(const Message& message) {
-  try {
-    if (message.type == wire::type_of(wire::MessageType::kSuspend)) {
-      wire::decode_suspend(message.payload);
-      updates_.hold(message.queued);
-      maps_.hold(true);
-    } else if (message.type == wire::type_of(wire::MessageType::kResume)) {
-      maps_.hold(false);
-      updates_.release(message.queued, wire::decode_resume(message.payload).reference);
-    }
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("SUSPEND or RESUME refused: ") + error.what());
-  }
-}
-
 void RelocalisationByPose::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == wire::type_of(wire::MessageType::kRelocRequest)) answer(worker, *message);
+    if (is(*message, wire::MessageType::kRelocRequest)) answer(worker, *message);
   }
 }
 
@@ -69,13 +66,12 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
   wire::RelocRequest request;
   const bool readable = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
     units.n1 = kilobytes(raw.payload);
-    try {
-      failed.number = wire::number_of_request(raw.payload);
-      request = options_.codec.request(raw.payload, node_.peer().sensor());
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("RELOC_REQUEST refused: ") + error.what());
-      return false;
-    }
+    auto read_well = read(node_.log(), raw, [&](const Bytes& bytes) {
+      failed.number = wire::number_of_request(bytes);
+      return options_.codec.request(bytes, node_.peer().sensor());
+    });
+    if (!read_well) return false;
+    request = std::move(*read_well);
     return true;
   });
   std::optional<wire::RelocOk> found;
@@ -94,12 +90,12 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
                         .add("found", found.has_value())
                         .add("matches", found ? found->matches.size() : 0));
   if (!found) {
-    channel_.send(wire::type_of(wire::MessageType::kRelocFail), encode(failed));
+    send(channel_, failed);
     return;
   }
   found->times = failed.times;
   Bytes payload = options_.codec.serialise(worker, *found, request.frame);
-  channel_.send(wire::type_of(wire::MessageType::kRelocOk), std::move(payload));
+  send(channel_, wire::MessageType::kRelocOk, std::move(payload));
 }
 
 bool RelocalisationByPose::locate(Worker& worker, Frame& frame) {

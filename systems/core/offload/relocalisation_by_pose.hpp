@@ -25,7 +25,7 @@ class RelocalisationByPose {
                        UpdateSender& updates, PoseRelocalisationOptions options);
   void start();
   /// SUSPEND and RESUME, which come on another channel. On any worker.
-  void listen(const Message& message);
+  void listen(const Message& message) { inbox_.take(message); }
 
  private:
   void serve(Worker& worker);
@@ -40,6 +40,7 @@ class RelocalisationByPose {
   EdgeMapper& mapper_;
   UpdateSender& updates_;
   PoseRelocalisationOptions options_;
+  Inbox inbox_;
 
   // The worker's.
   Relocaliser relocaliser_;

@@ -8,6 +8,7 @@
 #include "features/default_vocabulary.hpp"
 #include "node/completion.hpp"
 #include "node/map_keeping.hpp"
+#include "node/messaging.hpp"
 #include "store/archive.hpp"
 #include "wire/message_type.hpp"
 #include "wire/trip_messages.hpp"
@@ -59,8 +60,7 @@ void RemoteMapping::start() {
 
 void RemoteMapping::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == wire::type_of(wire::MessageType::kKeyFrame) ||
-        message->type == wire::type_of(wire::MessageType::kTripStart)) {
+    if (is(*message, wire::MessageType::kKeyFrame) || is(*message, wire::MessageType::kTripStart)) {
       check_rig();
       take(worker, *message);
     }
@@ -71,20 +71,18 @@ void RemoteMapping::receive(Worker& worker) {
 
 void RemoteMapping::take(Worker& worker, const Message& raw) {
   Received item{.message = {},
-                .estimated = raw.type == wire::type_of(wire::MessageType::kKeyFrame),
+                .estimated = is(raw, wire::MessageType::kKeyFrame),
                 .sent = raw.sent,
                 .received = raw.received};
   const bool parsed = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
-    try {
-      const auto own = wire::without_filler(raw.payload);
+    auto keyframe = read(node_.log(), raw, [&](const Bytes& filled) {
+      const auto own = wire::without_filler(filled);
       const Bytes bytes(own.begin(), own.end());
       units.n1 = kilobytes(bytes);
-      item.message = options_.codec.keyframe(bytes, node_.peer().sensor());
-      return true;
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("KEYFRAME refused: ") + error.what());
-      return false;
-    }
+      return options_.codec.keyframe(bytes, node_.peer().sensor());
+    });
+    if (keyframe) item.message = std::move(*keyframe);
+    return keyframe.has_value();
   });
   if (!parsed) return;
   node_.log().write(JsonLine("keyframe_received").add("keyframe", item.message.keyframe.value));
@@ -131,9 +129,9 @@ void RemoteMapping::answer(Worker& worker, Received received) {
                           .bundle = worker.now() - matched};
   if (match.matched)
     answer.T_cw = map_->read([&](const MapView& view) { return view.keyframe(id)->T_cw; });
-  channel_.send(wire::type_of(received.estimated ? wire::MessageType::kPoseUpdate
-                                                 : wire::MessageType::kInitialPose),
-                encode(answer));
+  send(channel_,
+       received.estimated ? wire::MessageType::kPoseUpdate : wire::MessageType::kInitialPose,
+       encode(answer));
   node_.log().write(JsonLine("remote_matched")
                         .add("keyframe", id.value)
                         .add("candidates", match.tried)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "node/messaging.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {
@@ -55,7 +56,7 @@ void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
                         .add("frame", index)
                         .add("seq_s", message.timestamp_s)
                         .add("jpeg_bytes", message.jpeg.size()));
-  sent_ = channel_.send(wire::type_of(wire::MessageType::kFrameImage), encode(message));
+  sent_ = slambed::send(channel_, message);
   if (window_ > 0) wait_for(worker, window_ - 1);
 }
 
@@ -81,23 +82,22 @@ void RemoteTracking::drain(Worker& worker) { wait_for(worker, 0); }
 
 void RemoteTracking::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type != wire::type_of(wire::MessageType::kFrameResult)) continue;
+    if (!is(*message, wire::MessageType::kFrameResult)) continue;
     take(*message);
     answer_->notify();
   }
 }
 
 void RemoteTracking::take(const Message& message) {
-  try {
-    const auto result = wire::decode_frame_result(message.payload, node_.sensor());
-    answered_ = std::max<std::uint64_t>(answered_, result.sequence);
-    if (result.state == wire::FrameState::kOk)
-      node_.poses().placed(result.reference, result.T_cr.inverse() * result.T_cw);
-    node_.tracked_elsewhere(result.frame_index, outcome_of(result));
-    record(result, message.received, message.payload.size());
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("FRAME_RESULT refused: ") + error.what());
-  }
+  const auto result = read(node_.log(), message, [this](const Bytes& bytes) {
+    return wire::decode_frame_result(bytes, node_.sensor());
+  });
+  if (!result) return;
+  answered_ = std::max<std::uint64_t>(answered_, result->sequence);
+  if (result->state == wire::FrameState::kOk)
+    node_.poses().placed(result->reference, result->T_cr.inverse() * result->T_cw);
+  node_.tracked_elsewhere(result->frame_index, outcome_of(*result));
+  record(*result, message.received, message.payload.size());
 }
 
 void RemoteTracking::record(const wire::FrameResult& result, RunTime arrived, std::size_t bytes) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/stop_and_wait.hpp"
 
+#include "node/messaging.hpp"
 #include "runtime/message_queue.hpp"
 #include "runtime/message_record.hpp"
 #include "wire/message_type.hpp"
@@ -95,8 +96,8 @@ void StopAndWaitChannel::take(Message message) {
     announced_.reset();
   }
   try {
-    if (message.type == wire::type_of(wire::MessageType::kAck)) return acknowledged(message);
-    if (message.type == wire::type_of(wire::MessageType::kAnnounce)) {
+    if (is(message, wire::MessageType::kAck)) return acknowledged(message);
+    if (is(message, wire::MessageType::kAnnounce)) {
       announced_ = wire::decode_announce(message.payload);
       return acknowledge(announced_->sequence, false);
     }
@@ -148,15 +149,13 @@ void StopAndWaitChannel::begin_next() {
 void StopAndWaitChannel::announce() {
   phase_ = Phase::kAnnounced;
   connection_ = below_.path().connections;
-  below_.send(wire::type_of(wire::MessageType::kAnnounce),
-              encode(wire::AnnounceMessage{.sequence = current_.sequence,
-                                           .queued = current_.queued,
-                                           .bytes = current_.payload.size()}));
+  slambed::send(below_, wire::AnnounceMessage{.sequence = current_.sequence,
+                                              .queued = current_.queued,
+                                              .bytes = current_.payload.size()});
 }
 
 void StopAndWaitChannel::acknowledge(std::uint64_t sequence, bool whole) {
-  below_.send(wire::type_of(wire::MessageType::kAck),
-              encode(wire::AckMessage{.sequence = ack_code(sequence, whole)}));
+  slambed::send(below_, wire::AckMessage{.sequence = ack_code(sequence, whole)});
 }
 
 void StopAndWaitChannel::record_drop(const Message& message, bool incoming) const {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "features/default_vocabulary.hpp"
+#include "node/messaging.hpp"
 #include "offload/message_codec.hpp"
 #include "slam/place_index.hpp"
 #include "wire/message_type.hpp"
@@ -41,7 +42,7 @@ void TrackingService::start() {
 
 void TrackingService::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == wire::type_of(wire::MessageType::kFrameImage)) answer(worker, *message);
+    if (is(*message, wire::MessageType::kFrameImage)) answer(worker, *message);
     answered_ = message->sequence;
     settled_->notify();
   }
@@ -63,14 +64,14 @@ void TrackingService::answer(Worker& worker, const Message& message) {
     result.masks = {sensor->camera.width, sensor->camera.height, {}};
     track(worker, image, result);
   } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("FRAME_IMAGE refused: ") + error.what());
+    refuse(node_.log(), message, error);
     if (!sensor) return;
     // The mobile waits for an answer: this frame has no pose.
     result.masks = {sensor->camera.width, sensor->camera.height, {}};
     result.state = wire::FrameState::kLost;
   }
   result.times.done = worker.now();
-  channel_.send(wire::type_of(wire::MessageType::kFrameResult), encode(result));
+  send(channel_, result);
 }
 
 FrameTracking& TrackingService::tracking() {

@@ -3,6 +3,7 @@
 
 #include <unordered_set>
 
+#include "node/messaging.hpp"
 #include "slam/loop_closer.hpp"
 #include "store/map_file.hpp"
 #include "wire/message_type.hpp"
@@ -79,28 +80,25 @@ void TripUpload::start() {
 }
 
 void TripUpload::receive(Worker& worker) {
-  constexpr auto kType = wire::type_of(wire::MessageType::kTripUpload);
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (message->type == wire::type_of(wire::MessageType::kKeyFrame)) {
+    if (is(*message, wire::MessageType::kKeyFrame)) {
       take(worker, *message);
-    } else if (message->type == kType) {
+    } else if (is(*message, wire::MessageType::kTripUpload)) {
       whole_ = true;
-      channel_.send(kType, {});
+      send(channel_, wire::MessageType::kTripUpload);
     }
   }
 }
 
 void TripUpload::take(Worker& worker, const Message& raw) {
   worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
-    try {
-      const auto own = wire::without_filler(raw.payload);
+    auto keyframe = read(node_.log(), raw, [&](const Bytes& filled) {
+      const auto own = wire::without_filler(filled);
       const Bytes bytes(own.begin(), own.end());
       units.n1 = kilobytes(bytes);
-      wire::KeyFrameMessage message = codec_.keyframe(bytes, node_.peer().sensor());
-      keyframes_[message.keyframe] = std::move(message.delta);
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("TRIP_UPLOAD refused: ") + error.what());
-    }
+      return codec_.keyframe(bytes, node_.peer().sensor());
+    });
+    if (keyframe) keyframes_[keyframe->keyframe] = std::move(keyframe->delta);
   });
 }
 

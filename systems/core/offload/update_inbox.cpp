@@ -3,17 +3,16 @@
 
 #include <algorithm>
 
+#include "node/messaging.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {
 namespace {
 
-bool is_relocalisation(const Message& message) {
-  return message.type == wire::type_of(wire::MessageType::kRelocMap);
-}
+bool is_relocalisation(const Message& message) { return is(message, wire::MessageType::kRelocMap); }
 
 bool is_update(const Message& message) {
-  return is_relocalisation(message) || message.type == wire::type_of(wire::MessageType::kMapUpdate);
+  return is_relocalisation(message) || is(message, wire::MessageType::kMapUpdate);
 }
 
 bool made_by_edge(MapPointId id) { return space_of(id) == IdSpace::kEdgeMapper; }
@@ -33,19 +32,12 @@ std::optional<Message> UpdateInbox::take() {
 }
 
 std::optional<UpdateArrival> UpdateInbox::read(Worker& worker, Message message) {
-  UpdateArrival arrival{.raw = std::move(message), .update = {}, .map = nullptr};
-  const bool good = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
-    units.n1 = kilobytes(arrival.raw.payload);
-    try {
-      arrival.update = codec_.update(arrival.raw.payload, node_.sensor());
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("MAP_UPDATE refused: ") + error.what());
-      return false;
-    }
-    arrival.raw.payload = {};
-    return true;
-  });
-  if (!good) return std::nullopt;
+  auto update =
+      slambed::read(worker, codec_.parse_stage(), node_.log(), message,
+                    [this](const Bytes& bytes) { return codec_.update(bytes, node_.sensor()); });
+  if (!update) return std::nullopt;
+  message.payload = {};
+  UpdateArrival arrival{.raw = std::move(message), .update = std::move(*update), .map = nullptr};
   node_.log().write(JsonLine("update_received")
                         .add("update", arrival.update.update)
                         .add("newest_keyframe", arrival.update.newest.value)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "node/messaging.hpp"
 #include "offload/update_content.hpp"
 #include "wire/message_type.hpp"
 
@@ -88,8 +89,8 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
   if (update.map.keyframes.empty()) return;
   if (options_.codec.text()) payload = options_.codec.serialise(worker, update);
   const std::size_t bytes = payload.size();
-  channel_.send(static_cast<std::uint8_t>(relocalisation ? wire::MessageType::kRelocMap
-                                                         : wire::MessageType::kMapUpdate),
+  slambed::send(channel_,
+                relocalisation ? wire::MessageType::kRelocMap : wire::MessageType::kMapUpdate,
                 std::move(payload));
   {
     std::lock_guard lock(mutex_);

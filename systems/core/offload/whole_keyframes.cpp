@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "node/messaging.hpp"
 #include "offload/update_content.hpp"
 #include "wire/trip_messages.hpp"
 
@@ -21,7 +22,7 @@ void WholeKeyFrameSender::start() {
   node_.runtime().spawn("sender", [this](Worker& worker) { work(worker); });
 }
 
-void WholeKeyFrameSender::send(std::uint8_t type, KeyFrameId keyframe, RunTime captured,
+void WholeKeyFrameSender::send(wire::MessageType type, KeyFrameId keyframe, RunTime captured,
                                JsonLine about) {
   const std::array ids{keyframe};
   wire::KeyFrameMessage message;
@@ -47,7 +48,7 @@ void WholeKeyFrameSender::work(Worker& worker) {
     const std::size_t own_bytes = own.size();
     Bytes filled = wire::fill_up(std::move(own), filled_);
     item->about.add("bytes_own", own_bytes).add("bytes", filled.size());
-    last_sequence_ = channel_.send(item->type, std::move(filled));
+    last_sequence_ = slambed::send(channel_, item->type, std::move(filled));
     node_.log().write(item->about);
     --open_;
     written_->notify();

@@ -19,7 +19,7 @@ class WholeKeyFrameSender {
 
   void start();
   /// type: wire::MessageType; about: fields of the event, which gets the sizes.
-  void send(std::uint8_t type, KeyFrameId keyframe, RunTime captured, JsonLine about);
+  void send(wire::MessageType type, KeyFrameId keyframe, RunTime captured, JsonLine about);
   /// All that was given is with the channel.
   Completion written();
   /// Of the last message on the channel, 0 when there was none.
@@ -27,7 +27,7 @@ class WholeKeyFrameSender {
 
  private:
   struct Item {
-    std::uint8_t type;
+    wire::MessageType type;
     wire::KeyFrameMessage message;
     JsonLine about;
   };

@@ -225,6 +225,7 @@ TextReader open(std::span<const std::uint8_t> bytes, std::string_view what) {
 
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
                   const Vocabulary& vocabulary) {
+  require_one_keyframe(message);
   TextWriter out;
   out.word("KEYFRAME");
   put_id(out, message.keyframe);

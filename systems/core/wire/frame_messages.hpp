@@ -7,11 +7,13 @@
 #include "features/instances.hpp"
 #include "geometry/se3.hpp"
 #include "wire/byte_io.hpp"
+#include "wire/message_type.hpp"
 
 namespace slambed::wire {
 
 /// A picture that the edge is to track.
 struct FrameImage {
+  static constexpr MessageType kType = MessageType::kFrameImage;
   std::uint64_t frame_index = 0;  ///< in the sequence
   double timestamp_s = 0;         ///< sequence time
   RunTime captured{};             ///< offered by the camera
@@ -38,6 +40,7 @@ enum class FrameState : std::uint8_t { kNotInitialised, kOk, kLost };
 
 /// What became of it.
 struct FrameResult {
+  static constexpr MessageType kType = MessageType::kFrameResult;
   std::uint64_t sequence = 0;  ///< of the FRAME_IMAGE that it answers
   std::uint64_t frame_index = 0;
   FrameState state = FrameState::kNotInitialised;

@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "wire/message_type.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::wire {
@@ -10,6 +11,7 @@ namespace slambed::wire {
 /// STATE, mobile -> edge: where mapping runs now. Repeated while nothing changes; the edge answers
 /// each with an ACK, so both know that the other is alive.
 struct StateMessage {
+  static constexpr MessageType kType = MessageType::kState;
   std::uint8_t state = 0;  ///< the system's own number
   std::uint64_t epoch = 0;
   RunTime time{};
@@ -18,17 +20,20 @@ struct StateMessage {
 
 /// STOP, mobile -> edge: mapping rests; what the edge sends of an older epoch is worthless.
 struct StopMessage {
+  static constexpr MessageType kType = MessageType::kStop;
   std::uint64_t epoch = 0;
 };
 
 /// START, mobile -> edge: map again on the map as it is. Answered by a HANDOVER_ACK.
 struct StartMessage {
+  static constexpr MessageType kType = MessageType::kStart;
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;  ///< shared with MAP_HANDOVER, counts from 1
 };
 
 /// MAP_HANDOVER, mobile -> edge: START with what has changed since the edge knew the map last.
 struct MapHandover {
+  static constexpr MessageType kType = MessageType::kMapHandover;
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
   bool whole = false;  ///< needs no earlier map at the edge
@@ -38,6 +43,7 @@ struct MapHandover {
 /// HANDOVER_ACK, edge -> mobile. With number 0 and not accepted it follows a STATE: the edge has no
 /// map at all.
 struct HandoverAck {
+  static constexpr MessageType kType = MessageType::kHandoverAck;
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
   bool accepted = false;  ///< false: the edge has no map to change, it needs a whole one

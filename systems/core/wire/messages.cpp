@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "wire/messages.hpp"
 
+#include <string>
+
+#include "base/error.hpp"
 #include "wire/delta_codec.hpp"
 #include "wire/feature_codec.hpp"
 #include "wire/id_codec.hpp"
@@ -19,7 +22,15 @@ auto whole(std::span<const std::uint8_t> bytes, Get get) {
 
 }  // namespace
 
+void require_one_keyframe(const KeyFrameMessage& message) {
+  if (message.delta.keyframes.size() == 1) return;
+  throw Error(ExitCode::kInternal, "wire: a KEYFRAME cannot hold " +
+                                       std::to_string(message.delta.keyframes.size()) +
+                                       " keyframes");
+}
+
 Bytes encode(const KeyFrameMessage& message) {
+  require_one_keyframe(message);
   ByteWriter out;
   IdStream().put(out, message.keyframe);
   out.time(message.captured);

@@ -9,6 +9,7 @@
 #include "base/time.hpp"
 #include "map/map_delta.hpp"
 #include "wire/byte_io.hpp"
+#include "wire/message_type.hpp"
 
 namespace slambed::wire {
 
@@ -56,6 +57,7 @@ struct MapUpdate {
 
 /// FRAME, mobile -> edge: where am I?
 struct FrameMessage {
+  static constexpr MessageType kType = MessageType::kFrame;
   std::uint64_t frame_index = 0;
   double timestamp_s = 0;
   std::shared_ptr<const FeatureSet> features;
@@ -63,12 +65,14 @@ struct FrameMessage {
 
 /// ACK: the message with this sequence on the same channel arrived.
 struct AckMessage {
+  static constexpr MessageType kType = MessageType::kAck;
   std::uint64_t sequence = 0;
 };
 
 /// ANNOUNCE: goes ahead of a message that waits to be acknowledged, and says what of it the
 /// transport below would get wrong.
 struct AnnounceMessage {
+  static constexpr MessageType kType = MessageType::kAnnounce;
   std::uint64_t sequence = 0;
   RunTime queued{};  ///< when it began to wait
   std::uint64_t bytes = 0;
@@ -77,10 +81,14 @@ struct AnnounceMessage {
 /// BYE on the control channel. The mobile names the last KEYFRAME it sent, so that the edge can
 /// take in what is still under way; the edge answers with its final counts.
 struct ByeMessage {
+  static constexpr MessageType kType = MessageType::kBye;
   std::uint64_t last_keyframe_sequence = 0;
   std::uint64_t keyframes = 0, points = 0;  ///< of the global map
 };
 
+/// A KEYFRAME holds one keyframe, whatever its form: throws Error where it holds none, or two, as
+/// the beginning of a single camera's map does.
+void require_one_keyframe(const KeyFrameMessage& message);
 Bytes encode(const KeyFrameMessage& message);
 Bytes encode(const MapUpdate& message);
 Bytes encode(const FrameMessage& message);

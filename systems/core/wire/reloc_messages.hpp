@@ -4,12 +4,14 @@
 #include <utility>
 
 #include "features/vocabulary.hpp"
+#include "wire/message_type.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::wire {
 
 /// RELOC_REQUEST, mobile -> edge: a lost frame, to be found in the global map.
 struct RelocRequest {
+  static constexpr MessageType kType = MessageType::kRelocRequest;
   std::uint64_t number = 0;          ///< counts from 1
   std::uint64_t applied_update = 0;  ///< newest update the mobile had taken over, 0: none
   FrameMessage frame;
@@ -29,6 +31,7 @@ enum class RelocFailure : std::uint8_t {
 
 /// RELOC_FAIL, edge -> mobile.
 struct RelocFail {
+  static constexpr MessageType kType = MessageType::kRelocFail;
   std::uint64_t number = 0;
   RelocTimes times;
   RelocFailure reason = RelocFailure::kNotFound;
@@ -37,6 +40,7 @@ struct RelocFail {
 
 /// RELOC_OK, edge -> mobile: where the frame of the request was taken.
 struct RelocOk {
+  static constexpr MessageType kType = MessageType::kRelocOk;
   std::uint64_t number = 0;
   RelocTimes times;
   std::uint64_t update = 0;  ///< counts as an update with this number: which jumps the map knows of
@@ -49,11 +53,13 @@ struct RelocOk {
 
 /// SUSPEND, mobile -> edge: a loss begins. What waits to be sent waits until RESUME.
 struct SuspendMessage {
+  static constexpr MessageType kType = MessageType::kSuspend;
   std::uint64_t loss = 0;  ///< counts from 1
 };
 
 /// RESUME, mobile -> edge: the loss has ended.
 struct ResumeMessage {
+  static constexpr MessageType kType = MessageType::kResume;
   std::uint64_t loss = 0;
   KeyFrameId reference{};  ///< keyframe at which the camera was found
 };

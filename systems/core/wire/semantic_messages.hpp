@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "features/instances.hpp"
+#include "wire/message_type.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::wire {
@@ -14,6 +15,7 @@ inline constexpr int kMostSemanticKeyFrames = 5;
 
 /// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to be mapped, and its picture to be segmented.
 struct SemanticKeyFrame {
+  static constexpr MessageType kType = MessageType::kSemanticKeyFrame;
   /// The newer of the two keyframes that its map began with: answers about another map are worth
   /// nothing.
   KeyFrameId world;
@@ -35,6 +37,7 @@ struct SemanticKeyFrame {
 /// OPT_RESULT, edge -> mobile: what mapping a keyframe came to, as what has changed in the part of
 /// the map that the mobile keeps since the slice before.
 struct OptResult {
+  static constexpr MessageType kType = MessageType::kOptResult;
   KeyFrameId world;
   std::uint64_t number = 0;  ///< of slices in this map, from 1
   KeyFrameId keyframe;
@@ -50,6 +53,7 @@ struct OptResult {
 
 /// MASK, edge -> mobile: what moves in a keyframe's picture.
 struct MaskMessage {
+  static constexpr MessageType kType = MessageType::kMask;
   KeyFrameId world;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival

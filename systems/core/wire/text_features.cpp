@@ -84,7 +84,7 @@ void put_grid(TextWriter& out, const FeatureSet& features) {
     const int column = static_cast<int>(std::lround((point.u - bounds.min_x) * per_column));
     const int row = static_cast<int>(std::lround((point.v - bounds.min_y) * per_row));
     if (column < 0 || column >= kColumns || row < 0 || row >= kRows) continue;
-    cells[static_cast<std::size_t>(column * kRows + row)].push_back(i);
+    cells[column * kRows + row].push_back(i);
   }
   out.real(per_column);
   out.real(per_row);

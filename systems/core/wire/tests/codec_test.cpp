@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/error.hpp"
 #include "wire/delta_codec.hpp"
 #include "wire/feature_codec.hpp"
 #include "wire/message_type.hpp"
@@ -254,6 +255,18 @@ TEST_F(Codec, MessagesComeBack) {
   EXPECT_EQ(announce.bytes, 7u);
   const auto bye = decode_bye(encode(ByeMessage{1, 2, 3}));
   EXPECT_EQ(bye.last_keyframe_sequence + bye.keyframes * 10 + bye.points * 100, 321u);
+}
+
+TEST_F(Codec, TheTwoKeyFramesThatASingleCamerasMapBeginsWithAreNoKeyFrameMessage) {
+  KeyFrameMessage two;
+  two.keyframe = keyframe_id(40);
+  two.delta = example_keyframe(random, sensor, 50, 10, 10);
+  EXPECT_NO_THROW(encode(two));
+  two.delta.keyframes.push_back(two.delta.keyframes.front());
+  two.delta.keyframes.back().id = keyframe_id(41);
+  EXPECT_THROW(encode(two), Error);
+  two.delta.keyframes.clear();
+  EXPECT_THROW(encode(two), Error);
 }
 
 TEST_F(Codec, MessagesThatContradictThemselvesAreRefused) {
