@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What segments, live: each variant of edgeslam_semantic with a segmenter beside its edge, and with
-one that is killed in the middle."""
+one that is killed or hangs in the middle."""
 
 import json
 import os
 import signal
+import subprocess
 import threading
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +30,7 @@ PEOPLE = ("--sensor", "mono", "--trajectory", "xyz", "--people", "2", "--activit
           "--width", "320", "--height", "240", "--texel-scale", "4")  # fmt: skip
 VARIANTS = ("adaptive", "no_adapt", "maskslam_offloaded")
 FLOOR_MS = 150
-KILL_AFTER_S = 2.0
+FAULT_AFTER_S = 2.0
 AT_ITS_END = 2
 """Pictures of edgeSLAM that are still to be segmented when the mobile says goodbye."""
 pytestmark = [
@@ -41,13 +43,16 @@ pytestmark = [
 ]
 
 
-def play(folder: Path, engine: str, *variants: str) -> dict[str, Run]:
+def play(
+    folder: Path, engine: str, *variants: str, faults: Sequence[dict[str, Any]] = ()
+) -> dict[str, Run]:
     """By variant, what may be judged: on a busy host not every run."""
     experiment = {
         "id": "segmented",
         "title": "People cross the picture",
         "systems": [
-            {"system": "edgeslam_semantic", "variant": name, "label": name} for name in variants
+            {"system": "edgeslam_semantic", "variant": name, "label": name, "faults": list(faults)}
+            for name in variants
         ],
         "datasets": [str(make_sequence(folder / "walk", SECONDS, *PEOPLE))],
         "playback": {"mode": "realtime", "fps": FPS},
@@ -99,23 +104,25 @@ def test_every_picture_that_came_is_segmented_and_none_besides(engine: str, tmp_
             assert run.summary["coverage"] > 0.5, variant
 
 
-class Killer(threading.Thread):
-    """Kills each segmenter in this folder in the middle of its run."""
+class Fault(threading.Thread):
+    """Does this to the segmenter of each run in this folder, in the middle of the run."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, meet: Callable[[psutil.Process], None]) -> None:
         super().__init__(daemon=True)
-        self.folder, self.over, self.killed = folder, threading.Event(), 0
+        self.folder, self.meet = folder, meet
+        self.over, self.met = threading.Event(), 0
 
     def run(self) -> None:
-        began: dict[int, float] = {}
+        began: dict[Path, float] = {}
         while not self.over.wait(0.05):
             for process in segmenters(self.folder):
-                if (_run_of(process) / "start.json").exists():
-                    since = began.setdefault(process.pid, time.monotonic())
-                    if time.monotonic() - since > KILL_AFTER_S:
-                        process.send_signal(signal.SIGKILL)
-                        began[process.pid] = float("inf")
-                        self.killed += 1
+                run = _run_of(process)
+                if not (run / "start.json").exists():
+                    continue
+                if time.monotonic() - began.setdefault(run, time.monotonic()) > FAULT_AFTER_S:
+                    self.meet(process)
+                    began[run] = float("inf")
+                    self.met += 1
 
 
 def _run_of(process: psutil.Process) -> Path:
@@ -123,15 +130,50 @@ def _run_of(process: psutil.Process) -> Path:
     return Path(socket).parents[1]
 
 
-def test_tracking_goes_on_without_its_segmenter(tmp_path: Path) -> None:
-    killer = Killer(tmp_path)
-    killer.start()
+def kill(process: psutil.Process) -> None:
+    process.send_signal(signal.SIGKILL)
+
+
+def hang(process: psutil.Process) -> None:
+    process.send_signal(signal.SIGSTOP)
+
+
+def kill_container(process: psutil.Process) -> None:
+    ask = ["docker", "ps", "--quiet", "--filter", f"volume={_run_of(process) / FOLDER}"]
+    found = subprocess.run(ask, capture_output=True, text=True, check=True).stdout.split()
+    assert len(found) == 1, found
+    subprocess.run(["docker", "kill", *found], capture_output=True, check=True)
+
+
+@pytest.mark.parametrize(
+    ("engine", "meet", "variants", "uploads"),
+    [
+        ("local", kill, ("no_adapt", "maskslam_offloaded"), 3),
+        # Full offload waits for each mask, so it tracks next to nothing then.
+        ("local", hang, ("no_adapt",), 1),
+        ("docker", kill_container, ("no_adapt", "maskslam_offloaded"), 3),
+    ],
+    ids=["killed", "hung", "container killed"],
+)
+def test_tracking_goes_on_without_its_segmenter(
+    engine: str,
+    meet: Callable[[psutil.Process], None],
+    variants: tuple[str, ...],
+    uploads: int,
+    tmp_path: Path,
+) -> None:
+    """`uploads`: of edgeSLAM, that nobody can segment any more; each waits for no more than word of
+    the last one, that there is no mask."""
+    if engine == "docker" and not image_is_built():
+        pytest.skip("needs the node image ('make images')")
+    fault = Fault(tmp_path, meet)
+    fault.start()
     try:
-        runs: dict[str, Any] = play(tmp_path, "local", "no_adapt", "maskslam_offloaded")
+        runs: dict[str, Any] = play(tmp_path, engine, *variants)
     finally:
-        killer.over.set()
-        killer.join()
-    assert killer.killed >= 2
+        fault.over.set()
+        fault.join()
+    assert fault.met >= len(variants)
     for variant, run in runs.items():
         failed = run.of("segment_failed")
         assert len(failed) > 0, variant
@@ -142,3 +184,26 @@ def test_tracking_goes_on_without_its_segmenter(tmp_path: Path) -> None:
         after = tracked[tracked["t_ns"] > dead_ns]
         assert (after["state"] == "ok").sum() > FPS, variant
         assert run.summary["frames_total"] == SECONDS * FPS
+        if variant == "no_adapt":
+            assert (run.of("keyframe_sent")["t_ns"] > dead_ns).sum() >= uploads, variant
+            missing = run.of("mask_missing")
+            assert len(missing) >= len(failed) - 1, variant
+            assert (missing["reason"] == "not segmented").all(), variant
+
+
+def test_an_edge_that_is_started_again_maps_and_segments_again(tmp_path: Path) -> None:
+    faults = [{"at_s": 2.0, "edge": "kill"}, {"at_s": 3.5, "edge": "restart"}]
+    for variant, run in play(tmp_path, "local", "adaptive", "no_adapt", faults=faults).items():
+        assert len(run.of("node_restarted")) == 1, variant
+        restarted = run.of("edge_restarted")
+        assert len(restarted) == 1, variant
+        since = restarted["t_ns"].iloc[0]
+        killed, back = run.of("fault_began")["t_ns"].iloc[0], run.of("fault_ended")["t_ns"].iloc[0]
+        assert killed < back < since, variant
+        for kind in ("keyframe_sent", "keyframe_mapped", "slice_applied", "mask_applied"):
+            assert (run.of(kind)["t_ns"] >= since).sum() >= 2, (variant, kind)
+        # Nothing of the new edge is of another map than the mobile's.
+        assert not (run.of("slice_declined")["t_ns"] > since).any(), variant
+        tracked = run.of("frame_tracked")
+        away = tracked[(tracked["t_ns"] > killed) & (tracked["t_ns"] < back)]
+        assert (away["state"] == "ok").sum() > FPS / 2, variant
