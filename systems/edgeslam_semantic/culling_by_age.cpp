@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam_semantic/culling_by_age.hpp"
+
+#include "edgeslam_semantic/labels.hpp"
+
+namespace slambed::edgeslam_semantic {
+namespace {
+
+/// What is known of a frame, whatever is culled in it.
+struct Known {
+  std::shared_ptr<const FeatureSet> features;
+  std::vector<std::uint8_t> on_mover, near_mover;
+};
+
+void count(const Known& frame, const std::vector<std::uint8_t>& free, CullingCounts& counts) {
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const bool culled = !free[i];
+    counts.culled += culled;
+    counts.rightly += culled && frame.near_mover[i];
+    counts.on_movers += frame.on_mover[i];
+    counts.found += culled && frame.on_mover[i];
+  }
+}
+
+}  // namespace
+
+std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
+                                          const CullingOptions& options) {
+  std::vector<Known> frames;
+  for (std::uint64_t i = 0; i < sequence.frames; ++i) {
+    Known known{.features = sequence.features(i), .on_mover = {}, .near_mover = {}};
+    const FrameMasks truth = sequence.truth(i);
+    known.on_mover = features_on_masks(*known.features, truth, 0);
+    known.near_mover = features_on_masks(*known.features, truth, options.border_px);
+    frames.push_back(std::move(known));
+  }
+  std::vector<CullingCounts> by_age(static_cast<std::size_t>(options.oldest) + 1);
+  const std::size_t step = static_cast<std::size_t>(options.every);
+  for (std::size_t first = 0; first < frames.size(); first += step) {
+    FeatureChains chains(options.chains);
+    const Known& masked = frames[first];
+    const auto ids = chains.follow(*masked.features);
+    const std::vector<ChainId> named(ids.begin(), ids.end());
+    chains.label(named,
+                 features_on_masks(*masked.features, sequence.masks(first), options.border_px),
+                 chains.frame());
+    for (std::size_t age = 0; age < by_age.size() && first + age < frames.size(); ++age) {
+      if (age > 0) chains.follow(*frames[first + age].features);
+      count(frames[first + age], chains.free(), by_age[age]);
+    }
+  }
+  return by_age;
+}
+
+}  // namespace slambed::edgeslam_semantic
