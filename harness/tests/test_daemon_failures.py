@@ -43,6 +43,19 @@ def away() -> Iterator[int]:
 
 
 @contextmanager
+def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
+    """The port; a test that fails must not leave a thread that never ends."""
+    with HTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server.server_port
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@contextmanager
 def answers(code: int) -> Iterator[int]:
     """To every request with this code."""
 
@@ -58,12 +71,8 @@ def answers(code: int) -> Iterator[int]:
 
         def log_message(self, format: str, *args: object) -> None: ...
 
-    with HTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield server.server_port
-        server.shutdown()
-        thread.join()
+    with served(Handler) as port:
+        yield port
 
 
 @contextmanager
@@ -92,12 +101,8 @@ def with_a_leftover(told: int | None) -> Iterator[int]:
 
         def log_message(self, format: str, *args: object) -> None: ...
 
-    with HTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield server.server_port
-        server.shutdown()
-        thread.join()
+    with served(Handler) as port:
+        yield port
 
 
 @pytest.mark.parametrize("told", [None, 404, 409], ids=["goes-away", "gone", "being-removed"])

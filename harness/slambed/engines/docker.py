@@ -145,7 +145,8 @@ class DockerEngine:
     ) -> None:
         self._client = client or connect()
         self.unprivileged = not is_root()
-        self._parent = None if self.unprivileged else parent_group(self._client)
+        self._parent: str | None = None
+        """The control group of all nodes, once the daemon has said that it can make it."""
         self._program = program
         self._nodes: dict[Role, DockerNode] = {}
         self._ids: dict[str, str] = {}
@@ -277,6 +278,8 @@ class DockerEngine:
 
     def _create(self, plan: NodePlan, keeper: Any | None) -> Any:
         assert self._image is not None
+        if self._parent is None and not self.unprivileged:
+            self._parent = parent_group(self._client)
         parent: dict[str, Any] = {"cgroup_parent": self._parent} if self._parent else {}
         return self._client.containers.create(
             **(self._our_program(plan) if plan.runtime is None else self._foreign_program(plan)),

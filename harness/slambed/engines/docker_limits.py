@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node's limits in the daemon's words."""
 
+import contextlib
 from typing import Any
 
 import docker
 
 from slambed.engines.base import LABEL, NodePlan
-from slambed.engines.docker_errors import daemon_failures
+from slambed.engines.docker_errors import DAEMON_ERRORS
 
 
 def limits_of(plan: NodePlan) -> dict[str, Any]:
@@ -32,6 +33,11 @@ def as_options(limits: dict[str, Any]) -> list[str]:
 def parent_group(client: docker.DockerClient) -> str | None:
     """The group of engine `local`, where the daemon makes groups itself: what all nodes together
     get against the rest of the host is settled there, and in the daemon's own it would be what one
-    process gets. Where systemd makes them, containers stay in its slices."""
-    with daemon_failures("ask for its control groups"):
-        return f"/{LABEL}" if client.info().get("CgroupDriver") == "cgroupfs" else None
+    process gets. Where systemd makes them, containers stay in its slices.
+
+    A daemon that does not answer will say so when it is to make the container.
+    """
+    with contextlib.suppress(*DAEMON_ERRORS):
+        if client.info().get("CgroupDriver") == "cgroupfs":
+            return f"/{LABEL}"
+    return None

@@ -30,7 +30,7 @@ from slambed.metrics.update_round import (
 from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
 from slambed.records.kept_spec import KeptSpec
 
-METRICS_VERSION = 5
+METRICS_VERSION = 6
 """Counted up with every change of a value's computation: old summaries are known by it, and
 `slambed report --again` makes them anew. A test compares a kept run with kept values."""
 
