@@ -2,6 +2,7 @@
 """What a campaign can decide, what it costs, and whether results keep to their plan."""
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,20 @@ def test_runs_that_keep_to_their_plan(dynnetslam: Paper) -> None:
     assert plan.digest in lines[0].text
     assert plan_words(lines, plan).endswith("kept")
     assert plan_words([], None) == "no plan"
+
+
+def test_runs_that_two_experiments_have_in_common_count_for_both(dynnetslam: Paper) -> None:
+    both = [
+        PlannedRuns(experiment=name, runs=10, seed=1, decides=["dynnet.O04"])
+        for name in ("made_up", "made_up_too")
+    ]
+    plan = plan_of(dynnetslam, runs=both)
+    first = results(plan=plan)
+    second = replace(first, folder=first.folder.with_name("made_up_too"))
+    column = compare_paper(dynnetslam, pool_of([first, second]), []).columns[0]
+    assert len(column.runs) == len(first.runs)
+    lines = plan_lines(dynnetslam, plan, column, [first, second])
+    assert [line.text for line in lines if line.bad] == []
 
 
 def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:

@@ -56,7 +56,8 @@ def plan_lines(
         if seed is not None and seed != item.seed:
             text = f"{results.name}: seed {seed}, {item.seed} was planned."
             found.append(PlanLine(text, bad=True))
-        runs = column.runs[column.runs["experiment_folder"] == results.name]
+        # A run that several experiments have in common is in the column once, under one of them.
+        runs = results.runs[results.runs["run_key"].isin(column.runs["run_key"])]
         fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
         if fewest < item.runs:
             there = f"{fewest} run{'' if fewest == 1 else 's'} in a cell"
