@@ -173,8 +173,8 @@ def _data() -> Finding:
         catalog = Catalog.load()
         real = [d for d in catalog.datasets.values() if not d.synthetic and not d.first_of]
         here = [d.id for d in real if catalog.available(d)]
-        for error in catalog.broken.values():
-            raise error
+        if catalog.broken:
+            raise next(iter(catalog.broken.values()))
     except SlambedError as error:
         return Finding("data", "missing", str(error), "see 'slambed data list'")
     if not here:

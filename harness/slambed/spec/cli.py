@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed systems`, `devices` and `experiments`: what there is to name in an experiment's file."""
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, TypeVar
 
 import typer
 from pydantic import BaseModel
@@ -20,7 +21,27 @@ devices = typer.Typer(help="Devices that a node may be, live by limits, virtuall
 experiments = typer.Typer(help="Experiments that have a file.")
 
 JsonOption = Annotated[bool, typer.Option("--json", help="All of it, for a script.")]
-NOT_FOR_A_LIST = "not usable: "
+Named = TypeVar("Named")
+
+
+def _list(
+    headings: tuple[str, ...],
+    names: list[str],
+    load: Callable[[str], Named],
+    row: Callable[[Named], tuple[str, ...]],
+    further: str,
+) -> None:
+    """A line for each, its title last; a file that cannot be read says why there."""
+    table = Table(*headings, "title", box=None)
+    for name in names:
+        try:
+            cells = row(load(name))
+        except SlambedError as error:
+            cells = (*[""] * (len(headings) - 1), f"not usable: {error}")
+        table.add_row(name, *cells)
+    screen = console()
+    screen.print(table)
+    screen.print(further)
 
 
 @systems.callback(invoke_without_command=True)
@@ -29,19 +50,15 @@ def list_systems(context: typer.Context) -> None:
     if context.invoked_subcommand is not None:
         return
     library = Library()
-    table = Table("system", "nodes", "sensors", "variants", "title", box=None)
-    for name in library.systems():
-        try:
-            system = library.system(name)
-        except SlambedError as error:
-            table.add_row(name, "", "", "", f"{NOT_FOR_A_LIST}{error}")
-            continue
-        variants = ", ".join(system.variants) or "-"
-        row = ", ".join(system.roles), ", ".join(system.sensors), variants, system.title
-        table.add_row(name, *row)
-    screen = console()
-    screen.print(table)
-    screen.print("parameters, ranges, sources: 'slambed systems show NAME'")
+    _list(
+        ("system", "nodes", "sensors", "variants"),
+        library.systems(),
+        library.system,
+        lambda s: (
+            ", ".join(s.roles), ", ".join(s.sensors), ", ".join(s.variants) or "-", s.title
+        ),
+        "parameters, ranges, sources: 'slambed systems show NAME'",
+    )  # fmt: skip
 
 
 @systems.command("show")
@@ -98,17 +115,13 @@ def list_devices(context: typer.Context) -> None:
     if context.invoked_subcommand is not None:
         return
     library = Library()
-    table = Table("device", "live", "virtual", "title", box=None)
-    for name in library.devices():
-        try:
-            device = library.device(name)
-        except SlambedError as error:
-            table.add_row(name, "", "", f"{NOT_FOR_A_LIST}{error}")
-            continue
-        table.add_row(name, _live(device), _virtual(device), device.title)
-    screen = console()
-    screen.print(table)
-    screen.print("limits, costs of stages, how they were fitted: 'slambed devices show NAME'")
+    _list(
+        ("device", "live", "virtual"),
+        library.devices(),
+        library.device,
+        lambda device: (_live(device), _virtual(device), device.title),
+        "limits, costs of stages, how they were fitted: 'slambed devices show NAME'",
+    )
 
 
 def _live(device: Device) -> str:
@@ -155,17 +168,13 @@ def list_experiments(context: typer.Context) -> None:
     if context.invoked_subcommand is not None:
         return
     library = Library()
-    table = Table("experiment", "reproduces", "title", box=None)
-    for name in library.experiments():
-        try:
-            experiment, _ = library.experiment(name)
-        except SlambedError as error:
-            table.add_row(name, "", f"{NOT_FOR_A_LIST}{error}")
-            continue
-        table.add_row(name, ", ".join(experiment.reproduces) or "-", experiment.title)
-    screen = console()
-    screen.print(table)
-    screen.print("one of them: 'slambed experiments show NAME', then 'slambed run NAME'")
+    _list(
+        ("experiment", "reproduces"),
+        library.experiments(),
+        lambda name: library.experiment(name)[0],
+        lambda experiment: (", ".join(experiment.reproduces) or "-", experiment.title),
+        "one of them: 'slambed experiments show NAME', then 'slambed run NAME'",
+    )
 
 
 @experiments.command("show")
