@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup setup-dev build experiment paper plots shell check smoke test test-asan test-tsan fuzz bench test-netem data images doctor clean
+.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-asan test-tsan fuzz bench test-netem data images doctor clean
 # The Python environment and the C++ programs are made side by side: one loads, the other computes.
 MAKEFLAGS += -j2
 
@@ -54,11 +54,15 @@ shell: setup ## A shell in which `slambed` is a command
 check: setup-dev ## For a change of Python only: ruff, mypy, import contracts, tests without programs
 	@tools/check.sh
 
+tidy: setup-dev ## clang-tidy on the C++ of the product: [ONLY=systems/core/map]
+	@tools/setup.sh build test
+	@tools/tidy.sh $(BUILD) $(ONLY)
+
 smoke: setup ## Three seconds of one run of every experiment, in virtual time
 	@tools/build.sh virtual
 	@tools/smoke.sh
 
-test: setup-dev ## All tests and checks: ctest, pytest, ruff, mypy, import contracts, smoke
+test: setup-dev ## All tests and checks: ctest, pytest, lint and format of both languages, mypy, import contracts, smoke
 	@tools/setup.sh build test
 	@tools/test.sh $(BUILD)
 

@@ -31,10 +31,10 @@ Workload::Workload()
   for (int i = 0; i < kSize; ++i) {
     for (int j = 0; j < i; ++j) {
       const auto value = static_cast<double>(random.next() % 16);
-      matrix_[static_cast<std::size_t>(i * kSize + j)] = value;
-      matrix_[static_cast<std::size_t>(j * kSize + i)] = value;
+      matrix_[static_cast<std::size_t>(i) * kSize + static_cast<std::size_t>(j)] = value;
+      matrix_[static_cast<std::size_t>(j) * kSize + static_cast<std::size_t>(i)] = value;
     }
-    matrix_[static_cast<std::size_t>(i * kSize + i)] = 16.0 * kSize;
+    matrix_[static_cast<std::size_t>(i) * kSize + static_cast<std::size_t>(i)] = 16.0 * kSize;
   }
 }
 

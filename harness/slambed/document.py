@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of docs/ that follow from the list of metrics and from records.
+"""Writes what docs/ say that follows from the list of metrics, from records and from CMake.
 
     python -m slambed.document
 
@@ -13,9 +13,11 @@ from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
 from slambed.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
+from slambed.spec.linked import below, floors_of
 
 COMMAND = "python -m slambed.document"
 TABLES = {
+    "architecture.md": ("floors",),
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
 }
@@ -26,7 +28,7 @@ def table(name: str) -> str:
     """One table as Markdown."""
     if name == "lines" or name in RECORDS:
         return _lines(*record_table(name))
-    return {"summary": _summary, "own": _own, "gate": _gate}[name]()
+    return {"summary": _summary, "own": _own, "gate": _gate, "floors": _floors}[name]()
 
 
 def _lines(headings: list[str], rows: list[list[str]]) -> str:
@@ -47,6 +49,17 @@ def _own() -> str:
         for key, item in library.system(name).metrics.items()
     ]
     return _lines(["key", "system", "type", "unit", "meaning"], rows)
+
+
+def _floors() -> str:
+    """Floors and systems, an arrow to each that is used and not reached over another one."""
+    floors = floors_of(repository_root())
+    lines = ["```mermaid", "flowchart TD"]
+    for name in floors:
+        used = floors[name][1]
+        over = below([deeper for item in used for deeper in floors[item][1]], floors)
+        lines += [f"  {name} --> {item}" for item in used if item not in over]
+    return "\n".join([*lines, "```", ""])
 
 
 def _gate() -> str:

@@ -13,6 +13,7 @@ from wall_walk import write_walk
 from slambed.errors import ExitCode
 from slambed.metrics.events import EventLog
 from slambed.metrics.losses import Cause, losses_of, sentence
+from slambed.report.losses import LostRun, all_by_cause, by_cause
 
 
 def frame(t_s: float, state: str = "ok", **more: Any) -> dict[str, Any]:
@@ -93,7 +94,34 @@ def test_who_was_never_found_loses_nothing() -> None:
     assert losses_of(EventLog()) == []
 
 
-def test_the_command_counts_first_losses_by_cause(tmp_path: Path) -> None:
+def test_every_loss_of_a_run_is_sorted_not_the_first_alone() -> None:
+    update = event(3.4, "update_applied", gap_keyframes=2, pause_ms=2.0)
+    events = [*walk(2.0), frame(2.0, "lost"), event(2.3, "relocalised"), frame(2.3), frame(3.3)]
+    events += [update, frame(3.5, "lost"), event(5.0, "relocalised"), frame(5.0)]
+    run = LostRun("edge", "key", 0, losses_of(log_of(*events, frame(5.4, "lost", inliers=41))))
+    quiet = LostRun("edge", "other", 1, [])
+    (first,), (every,) = by_cause([run, quiet]).rows, all_by_cause([run, quiet]).rows
+    named = dict(zip(all_by_cause([run]).headings, every, strict=True))
+    assert first[1] == "1/2"
+    assert named["losses"] == "3" and named["per run"] == "1.5 (0 to 3)"
+    causes = [named.get(str(cause), "") for cause in Cause]
+    assert causes == ["1", "", "1", "1"]
+    # The last came 0.4 s after a recovery, and no update since: it does not count.
+    assert named["behind an update"] == "1" and named["after a recovery"] == "1"
+
+
+def test_an_update_before_the_recovery_took_nothing_of_it_away() -> None:
+    update = event(2.2, "update_applied", gap_keyframes=2, pause_ms=2.0)
+    events = [*walk(2.0), frame(2.0, "lost"), update, event(2.3, "relocalised"), frame(2.3)]
+    losses = losses_of(log_of(*events, frame(2.5, "lost")))
+    (row,) = all_by_cause([LostRun("edge", "key", 0, losses)]).rows
+    assert row[-2:] == ["1", "0"]
+
+
+def test_the_command_counts_losses_by_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     lost = RawRun(duration_s=8, lost_at_s=((3.0, 3.6), (6.0, 6.4)), seed=3)
     folder = write_experiment(
         tmp_path, [(spec_of("edgeslam", "static", "none", 0), lost),
@@ -104,9 +132,10 @@ def test_the_command_counts_first_losses_by_cause(tmp_path: Path) -> None:
         "losses", folder.name, "--results", str(folder.parent), "-o", str(table)
     )
     assert code == ExitCode.OK, err
-    assert "1/1" in out and "0/1" in out and "1 later losses" in out
+    assert "1/1" in out and "0/1" in out and "2 (2 to 2)" in out
+    assert "view change" in out and "standstill" not in out
     rows = table.read_text().splitlines()
-    assert rows[0].startswith("cell,run,repetition,number,seq_s,cause")
+    assert rows[0].startswith("cell,run,repetition,number,seq_s,cause,missing_frames,found_s")
     assert len(rows) == 3
     line = refused(ExitCode.BAD_INPUT, "losses", "none", "--results", str(tmp_path))
     assert "no results in" in line

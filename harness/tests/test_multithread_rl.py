@@ -90,6 +90,8 @@ def test_a_requests_parts_are_what_its_messages_took(results: Path) -> None:
     extra = events.loc[events["type"] == "reloc_reply", "extra"].map(json.loads)
     replies = [reply for reply in extra if "number" in reply]
     assert replies
+    sizes = set(events.loc[events["type"] == "reloc_request", "bytes"])
+    assert {reply["request_bytes"] for reply in replies} <= sizes
     of_messages = {
         part: took_ms(events[events["message"].isin(names)])
         for part, names in {"up": ["RELOC_REQUEST"], "down": ["RELOC_OK", "RELOC_FAIL"]}.items()

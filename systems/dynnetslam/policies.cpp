@@ -135,7 +135,7 @@ void DynNetSlamMobile::settle_handover(Worker& worker) {
 
 void DynNetSlamMobile::send_held(Worker& worker) {
   if (held_.empty() || offload_.channels().keyframe.path().unacknowledged_bytes > 0) return;
-  Held next = std::move(held_.front());
+  HeldKeyFrame next = std::move(held_.front());
   held_.pop_front();
   send(worker, next.frame, std::move(next.made), next.need);
 }

@@ -25,7 +25,7 @@ class DynNetSlamMobile final : public MobilePolicy {
 
  private:
   /// A keyframe that waits for the edge to take the map over.
-  struct Held {
+  struct HeldKeyFrame {
     TrackedFrame frame;
     MapDelta made;
     KeyFrameNeed need;
@@ -53,7 +53,7 @@ class DynNetSlamMobile final : public MobilePolicy {
   bool decided_ = false;  ///< the first decision was made
   std::uint64_t epoch_ = 0;
   RunTime last_decision_{};
-  std::deque<Held> held_;
+  std::deque<HeldKeyFrame> held_;
 };
 
 /// Edge-SLAM's edge node that rests and takes maps over when it is told to.

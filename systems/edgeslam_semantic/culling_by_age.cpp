@@ -31,22 +31,20 @@ std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
     Known known{.features = sequence.features(i), .on_mover = {}, .near_mover = {}};
     const FrameMasks truth = sequence.truth(i);
     known.on_mover = features_on_masks(*known.features, truth, 0);
-    known.near_mover = features_on_masks(*known.features, truth, options.border_px);
+    known.near_mover = features_on_masks(*known.features, truth, options.labels.border_px);
     frames.push_back(std::move(known));
   }
   std::vector<CullingCounts> by_age(static_cast<std::size_t>(options.oldest) + 1);
   const std::size_t step = static_cast<std::size_t>(options.every);
   for (std::size_t first = 0; first < frames.size(); first += step) {
-    FeatureChains chains(options.chains);
-    const Known& masked = frames[first];
-    const auto ids = chains.follow(*masked.features);
-    const std::vector<ChainId> named(ids.begin(), ids.end());
-    chains.label(named,
-                 features_on_masks(*masked.features, sequence.masks(first), options.border_px),
-                 chains.frame());
+    MaskTransfer transfer(options.labels, options.chains);
+    const KeyFrameId id{first + 1};
     for (std::size_t age = 0; age < by_age.size() && first + age < frames.size(); ++age) {
-      if (age > 0) chains.follow(*frames[first + age].features);
-      count(frames[first + age], chains.free(), by_age[age]);
+      const Known& frame = frames[first + age];
+      transfer.follow(frame.features);
+      if (age == 0) transfer.keep(id);
+      if (age == static_cast<std::size_t>(options.late)) transfer.apply(id, sequence.masks(first));
+      count(frame, transfer.free(), by_age[age]);
     }
   }
   return by_age;

@@ -4,8 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "edgeslam_semantic/feature_chains.hpp"
-#include "features/instances.hpp"
+#include "edgeslam_semantic/mask_transfer.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -20,10 +19,11 @@ struct CullingCounts {
 };
 
 struct CullingOptions {
+  LabelOptions labels{};
   ChainOptions chains{};
-  int border_px = 3;
   int oldest = 40;  ///< ages of masks from 0, in frames
   int every = 10;   ///< frames from one mask that is tried to the next
+  int late = 0;     ///< frames after its own that a mask comes
 };
 
 /// What a sequence shows.

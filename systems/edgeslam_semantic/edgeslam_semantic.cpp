@@ -34,6 +34,8 @@ System edgeslam_semantic_system() {
       ParameterSpec::integer("local_neighbours", 1, 100),
       ParameterSpec::choice("table_n_m", {"0.8 0.7 0.6"}),
       ParameterSpec::integer("label_frames", 1, 10'000),
+      ParameterSpec::integer("label_neighbours", 0, 100),
+      ParameterSpec::real("label_reach_px", 1, 1000),
   };
   system.orb = orb_options;
   system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };

@@ -64,35 +64,7 @@ std::span<const ChainId> FeatureChains::follow(const FeatureSet& features) {
   for (const Chain& chain : chains_)
     if (chain.id != 0 && frame_ - chain.seen <= options_.missing_frames) seen.push_back(chain);
   chains_ = std::move(seen);
-  std::erase_if(labels_,
-                [&](const auto& entry) { return frame_ - entry.second > options_.label_frames; });
   return ids_;
-}
-
-void FeatureChains::label(std::span<const ChainId> chains, std::span<const std::uint8_t> moves,
-                          int of_frame) {
-  newest_mask_ = std::max(newest_mask_, of_frame);
-  for (std::size_t i = 0; i < chains.size(); ++i) {
-    const auto known = labels_.find(chains[i]);
-    if (known != labels_.end() && known->second > of_frame) continue;
-    if (moves[i]) {
-      labels_[chains[i]] = of_frame;
-    } else if (known != labels_.end()) {
-      labels_.erase(known);
-    }
-  }
-}
-
-bool FeatureChains::labelled(ChainId chain) const {
-  const auto found = labels_.find(chain);
-  return found != labels_.end() && frame_ - found->second <= options_.label_frames;
-}
-
-std::vector<std::uint8_t> FeatureChains::free() const {
-  std::vector<std::uint8_t> keep(ids_.size());
-  std::transform(ids_.begin(), ids_.end(), keep.begin(),
-                 [&](ChainId chain) { return labelled(chain) ? 0 : 1; });
-  return keep;
 }
 
 int FeatureChains::shared(const std::unordered_set<ChainId>& chains) const {

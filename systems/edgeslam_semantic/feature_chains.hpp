@@ -2,9 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <span>
-#include <unordered_map>
 #include <unordered_set>
 #include <vector>
 
@@ -19,11 +17,9 @@ struct ChainOptions {
   float radius_px = 20;    ///< around where a feature is expected
   float ratio = 0.9f;      ///< of the best distance to the second best
   int missing_frames = 3;  ///< that a chain outlives
-  int label_frames = 120;  ///< that a label lasts
 };
 
-/// Matches all features of each frame with those of the frames just before, and carries the labels
-/// of a mask along: what lay on something that moves in a keyframe does so in later frames too.
+/// Matches all features of each frame with those of the frames just before.
 class FeatureChains {
  public:
   explicit FeatureChains(ChainOptions options) : options_(options) {}
@@ -34,14 +30,6 @@ class FeatureChains {
   int frame() const { return frame_; }
   std::span<const ChainId> ids() const { return ids_; }
 
-  /// A mask of an earlier frame has come: moves says for each of that frame's chains whether it lay
-  /// on something that moves. Newer masks win over older ones.
-  void label(std::span<const ChainId> chains, std::span<const std::uint8_t> moves, int of_frame);
-  bool labelled(ChainId chain) const;
-  /// Per feature of the newest frame: 1 where it is free of labels.
-  std::vector<std::uint8_t> free() const;
-  /// Age of the mask that the newest frame stands on, in frames; negative without one.
-  int mask_age() const { return newest_mask_ > 0 ? frame_ - newest_mask_ : -1; }
   /// How many of these chains the newest frame still has.
   int shared(const std::unordered_set<ChainId>& chains) const;
 
@@ -59,10 +47,8 @@ class FeatureChains {
   RotationCheck rotation_;
   std::vector<Chain> chains_;
   std::vector<ChainId> ids_;
-  std::unordered_map<ChainId, int>
-      labels_;  ///< frame of the mask; looked up only, never walked in order
   ChainId next_ = 1;
-  int frame_ = 0, newest_mask_ = 0;
+  int frame_ = 0;
 };
 
 }  // namespace slambed::edgeslam_semantic

@@ -1,26 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam_semantic/mask_transfer.hpp"
 
+#include <algorithm>
+
 namespace slambed::edgeslam_semantic {
 namespace {
 
 /// Frames after which a keyframe's mask is not waited for any more: labels of it would have ended.
 constexpr int kKeptFrames = 150;
 
+/// Frames that a mask may be late and still reach whatever began meanwhile.
+constexpr std::size_t kPastFrames = 60;
+
 }  // namespace
 
 void MaskTransfer::follow(std::shared_ptr<const FeatureSet> features) {
-  features_ = std::move(features);
-  chains_.follow(*features_);
-  free_ = chains_.free();
+  const auto ids = chains_.follow(*features);
+  past_.push_back(std::make_shared<ChainFrame>(
+      ChainFrame{chains_.frame(), std::move(features), {ids.begin(), ids.end()}}));
+  if (past_.size() > kPastFrames) past_.pop_front();
+  labels_.forget(chains_.frame());
+  labels_.place(*past_.back());
+  set_free();
+}
+
+void MaskTransfer::set_free() {
+  const auto ids = chains_.ids();
+  free_.resize(ids.size());
+  std::transform(ids.begin(), ids.end(), free_.begin(), [this](ChainId chain) {
+    return labels_.moves(chain, chains_.frame()) ? std::uint8_t{0} : std::uint8_t{1};
+  });
 }
 
 void MaskTransfer::keep(KeyFrameId id) {
   const auto ids = chains_.ids();
-  Kept kept{.frame = chains_.frame(),
-            .features = features_,
-            .chains = {ids.begin(), ids.end()},
-            .own_chains = {}};
+  Kept kept{.frame = past_.back(), .own_chains = {}};
   for (std::size_t i = 0; i < ids.size(); ++i)
     if (free_[i]) kept.own_chains.push_back(ids[i]);
   kept_[id] = std::move(kept);
@@ -36,8 +50,13 @@ void MaskTransfer::keep_for_comparison(KeyFrameId id) {
 bool MaskTransfer::apply(KeyFrameId id, const FrameMasks& masks) {
   const auto found = kept_.find(id);
   if (found == kept_.end()) return false;
-  const Kept& kept = found->second;
-  chains_.label(kept.chains, features_on_masks(*kept.features, masks, border_px_), kept.frame);
+  const ChainFrame& masked = *found->second.frame;
+  labels_.judge(masked, masks);
+  if (labels_.newest() == masked.number) {
+    for (const auto& frame : past_)
+      if (frame->number > masked.number) labels_.place(*frame);
+  }
+  set_free();
   return true;
 }
 
@@ -46,14 +65,15 @@ Labels MaskTransfer::labels() const {
   for (const auto& [id, kept] : kept_) {
     std::vector<std::uint8_t>& moves = labels[id];
     moves.reserve(kept.own_chains.size());
-    for (const ChainId chain : kept.own_chains) moves.push_back(chains_.labelled(chain));
+    for (const ChainId chain : kept.own_chains)
+      moves.push_back(labels_.moves(chain, chains_.frame()));
   }
   return labels;
 }
 
 void MaskTransfer::forget_old() {
   std::erase_if(kept_, [this](const auto& entry) {
-    return chains_.frame() - entry.second.frame > kKeptFrames;
+    return chains_.frame() - entry.second.frame->number > kKeptFrames;
   });
 }
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
 #include <map>
 #include <memory>
 #include <unordered_set>
 
-#include "edgeslam_semantic/feature_chains.hpp"
+#include "edgeslam_semantic/chain_labels.hpp"
 #include "edgeslam_semantic/labels.hpp"
-#include "features/instances.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -15,7 +15,8 @@ namespace slambed::edgeslam_semantic {
 /// points.
 class MaskTransfer {
  public:
-  MaskTransfer(ChainOptions options, int border_px) : chains_(options), border_px_(border_px) {}
+  explicit MaskTransfer(LabelOptions labels, ChainOptions chains = {})
+      : chains_(chains), labels_(labels) {}
 
   /// Follows the chains into the next frame.
   void follow(std::shared_ptr<const FeatureSet> features);
@@ -26,12 +27,13 @@ class MaskTransfer {
   /// The same of one that others are compared with (isKeyFrame).
   void keep_for_comparison(KeyFrameId id);
 
-  int features() const { return features_ ? features_->size() : 0; }
   int compared_features() const { return static_cast<int>(compared_.size()); }
   int matched() const { return chains_.shared(compared_); }
-  int mask_age() const { return chains_.mask_age(); }
+  /// Age of the mask that the newest frame stands on, in frames; negative without one.
+  int mask_age() const { return labels_.newest() > 0 ? chains_.frame() - labels_.newest() : -1; }
 
-  /// A keyframe's mask. False when the keyframe is not known (any longer).
+  /// A keyframe's mask, however late: the frames since then, up to 60, are labelled as if it had
+  /// come at once. False when the keyframe is not known (any longer).
   bool apply(KeyFrameId id, const FrameMasks& masks);
   /// The labels as they are now of the keyframes kept.
   Labels labels() const;
@@ -40,17 +42,16 @@ class MaskTransfer {
 
  private:
   struct Kept {
-    int frame = 0;
-    std::shared_ptr<const FeatureSet> features;  ///< of the whole frame
-    std::vector<ChainId> chains;                 ///< of the whole frame
-    std::vector<ChainId> own_chains;             ///< of the keyframe's features
+    std::shared_ptr<const ChainFrame> frame;
+    std::vector<ChainId> own_chains;  ///< of the keyframe's features
   };
   /// Keyframes that are older than any label go, whether or not a mask has ever come.
   void forget_old();
+  void set_free();
 
   FeatureChains chains_;
-  int border_px_;
-  std::shared_ptr<const FeatureSet> features_;
+  ChainLabels labels_;
+  std::deque<std::shared_ptr<const ChainFrame>> past_;  ///< the newest frames, the last is now
   std::vector<std::uint8_t> free_;
   std::unordered_set<ChainId> compared_;
   std::map<KeyFrameId, Kept> kept_;

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "offload/message_codec.hpp"
+#include "node/messaging.hpp"
 #include "offload/rtt_monitor.hpp"
 #include "wire/message_type.hpp"
 
@@ -16,8 +16,11 @@ constexpr Duration kPatience = std::chrono::seconds(5);
 /// Why a keyframe goes up with all its points: another edge process knows nothing of this map.
 constexpr std::string_view kEdgeRestarted = "restart";
 
-ChainOptions chain_options(const Parameters& parameters) {
-  return {.label_frames = parameters.integer("label_frames")};
+LabelOptions label_options(const Parameters& parameters) {
+  return {.frames = parameters.integer("label_frames"),
+          .border_px = parameters.integer("mask_border_px"),
+          .neighbours = parameters.integer("label_neighbours"),
+          .reach_px = static_cast<float>(parameters.real("label_reach_px"))};
 }
 
 }  // namespace
@@ -40,10 +43,11 @@ SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
                 .one_way = parameters.boolean("delay_one_way"),
                 .probe_period_s = parameters.real("probe_period_s")}),
       map_(node, parameters.integer("local_neighbours")),
-      transfer_(chain_options(parameters), parameters.integer("mask_border_px")),
+      transfer_(label_options(parameters)),
       results_(node.runtime()),
       arrived_masks_(node.runtime()),
-      missing_masks_(node.runtime()) {
+      missing_masks_(node.runtime()),
+      refusals_(node.runtime()) {
   configure();
 }
 
@@ -55,41 +59,39 @@ void SemanticMobile::start() {
 }
 
 void SemanticMobile::receive_results(Worker& worker) {
-  while (const auto message = frames_.receive(worker, kNever)) {
-    try {
-      if (message->type == wire::type_of(wire::MessageType::kAck)) uploads_.acknowledged(*message);
-      if (message->type != wire::type_of(wire::MessageType::kOptResult)) continue;
-      results_.put(worker.stage("parse", [&](StageUnits& units) {
-        units.n1 = kilobytes(message->payload);
-        return wire::decode_opt_result(message->payload);
-      }));
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("OPT_RESULT refused: ") + error.what());
-    }
-  }
+  Inbox inbox(node_.log());
+  inbox.on<wire::AckMessage>(wire::decode_ack, [this](const auto& ack, const Message& message) {
+    uploads_.acknowledged(ack, message.received);
+  });
+  inbox.on<wire::KeyFrameRefused>(
+      wire::decode_keyframe_refused,
+      [this](const auto& refused, const Message&) { refusals_.put(refused.sequence); });
+  inbox.on(wire::OptResult::kType, [this, &worker](const Message& message) {
+    if (auto result = read(worker, "parse", node_.log(), message, wire::decode_opt_result))
+      results_.put(std::move(*result));
+  });
+  while (auto message = frames_.receive(worker, kNever)) inbox.take(std::move(*message));
 }
 
 void SemanticMobile::receive_masks(Worker& worker) {
-  while (const auto message = masks_.receive(worker, kNever)) {
-    try {
-      if (message->type == wire::type_of(wire::MessageType::kNoMask))
-        missing_masks_.put(wire::decode_no_mask(message->payload));
-      if (message->type != wire::type_of(wire::MessageType::kMask)) continue;
-      arrived_masks_.put(worker.stage("parse", [&](StageUnits& units) {
-        units.n1 = kilobytes(message->payload);
-        return wire::decode_mask(message->payload, node_.sensor());
-      }));
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string(wire::message_name(message->type)) +
-                          " refused: " + error.what());
-    }
-  }
+  Inbox inbox(node_.log());
+  inbox.on<wire::NoMaskMessage>(
+      wire::decode_no_mask,
+      [this](const wire::NoMaskMessage& missing, const Message&) { missing_masks_.put(missing); });
+  inbox.on(wire::MaskMessage::kType, [this, &worker](const Message& message) {
+    auto mask = read(worker, "parse", node_.log(), message, [this](const Bytes& bytes) {
+      return wire::decode_mask(bytes, node_.sensor());
+    });
+    if (mask) arrived_masks_.put(std::move(*mask));
+  });
+  while (auto message = masks_.receive(worker, kNever)) inbox.take(std::move(*message));
 }
 
 void SemanticMobile::before_frame(Worker& worker, const OfferedFrame&) {
   while (const auto result = results_.try_take()) take(worker, *result);
   while (const auto mask = arrived_masks_.try_take()) take(worker, *mask);
   while (const auto missing = missing_masks_.try_take()) take(*missing);
+  while (const auto sequence = refusals_.try_take()) refused(*sequence);
   settled(worker.now());
   moments_.updated = worker.now();
 }
@@ -114,12 +116,23 @@ void SemanticMobile::no_longer_waits_for_mask(KeyFrameId keyframe) {
 /// Labels of earlier masks go on, as long as those last.
 void SemanticMobile::take(const wire::NoMaskMessage& missing) {
   if (missing.world != map_.world()) return;
-  no_longer_waits_for_mask(missing.keyframe);
   const bool mapped = missing.reason != wire::NoMaskReason::kNotMapped;
+  if (mapped) {
+    no_longer_waits_for_mask(missing.keyframe);
+  } else {
+    waiting_.erase(missing.keyframe);
+  }
   node_.log().write(JsonLine("mask_missing")
                         .add("keyframe", missing.keyframe.value)
                         .add("reason", mapped ? "not segmented" : "not mapped")
                         .add_ms("nrcc_ms", missing.took));
+}
+
+/// The edge could not read an upload: neither slice nor mask will come of it.
+void SemanticMobile::refused(std::uint64_t sequence) {
+  const auto keyframe = uploads_.keyframe_of(sequence);
+  if (!keyframe || waiting_.erase(*keyframe) == 0) return;
+  node_.log().write(JsonLine("keyframe_refused").add("keyframe", keyframe->value));
 }
 
 void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {

@@ -44,6 +44,7 @@ class SemanticMobile final : public MobilePolicy {
   void take(Worker& worker, const wire::OptResult& result);
   void take(Worker& worker, const wire::MaskMessage& mask);
   void take(const wire::NoMaskMessage& missing);
+  void refused(std::uint64_t sequence);
   void no_longer_waits_for_mask(KeyFrameId keyframe);
   void settled(RunTime now);
   void report(Worker& worker, const TrackedFrame& frame);
@@ -66,6 +67,7 @@ class SemanticMobile final : public MobilePolicy {
   Mailbox<wire::OptResult> results_;
   Mailbox<wire::MaskMessage> arrived_masks_;
   Mailbox<wire::NoMaskMessage> missing_masks_;
+  Mailbox<std::uint64_t> refusals_;  ///< of uploads, by their numbers
 
   int row_ = kRows;
   Configuration configuration_;

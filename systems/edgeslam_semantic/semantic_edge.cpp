@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
+#include "node/messaging.hpp"
 #include "offload/admission.hpp"
-#include "offload/message_codec.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -74,13 +74,22 @@ void SemanticEdge::start() {
 }
 
 void SemanticEdge::receive(Worker& worker) {
-  while (const auto message = frames_.receive(worker, kNever)) {
-    if (message->type == wire::type_of(wire::MessageType::kSemanticKeyFrame)) {
-      frames_.send(wire::type_of(wire::MessageType::kAck),
-                   encode(wire::AckMessage{message->sequence}));
-      take(worker, *message);
+  Inbox inbox(node_.log());
+  inbox.on(wire::SemanticKeyFrame::kType, [this, &worker](const Message& message) {
+    send(frames_, wire::AckMessage{message.sequence});
+    auto keyframe = read(worker, "parse", node_.log(), message, [this](const Bytes& bytes) {
+      return wire::decode_semantic_keyframe(bytes, node_.peer().sensor());
+    });
+    if (keyframe) {
+      take(worker, std::move(*keyframe), message);
+    } else {
+      send(frames_, wire::KeyFrameRefused{message.sequence});
     }
-    received_sequence_ = message->sequence;
+  });
+  while (auto message = frames_.receive(worker, kNever)) {
+    const std::uint64_t sequence = message->sequence;
+    inbox.take(std::move(*message));
+    received_sequence_ = sequence;
     received_->notify();
   }
 }
@@ -93,23 +102,12 @@ std::optional<std::string_view> SemanticEdge::objection(
   return std::nullopt;
 }
 
-void SemanticEdge::take(Worker& worker, const Message& raw) {
-  wire::SemanticKeyFrame message;
-  try {
-    message = worker.stage("parse", [&](StageUnits& units) {
-      units.n1 = kilobytes(raw.payload);
-      return wire::decode_semantic_keyframe(raw.payload, node_.peer().sensor());
-    });
-  } catch (const wire::DecodeError& error) {
-    node_.log().warning(std::string("SEMANTIC_KEYFRAME refused: ") + error.what());
-    return;
-  }
+void SemanticEdge::take(Worker& worker, wire::SemanticKeyFrame message, const Message& raw) {
   const KeyFrameId id = message.keyframe();
   if (const auto reason = objection(message)) {
     node_.log().write(
         JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *reason));
-    if (!message.jpeg.empty())
-      tell_no_mask(message.world, id, worker.now() - raw.received, wire::NoMaskReason::kNotMapped);
+    tell_no_mask(message.world, id, worker.now() - raw.received, wire::NoMaskReason::kNotMapped);
     return;
   }
   last_ = id;
@@ -134,9 +132,7 @@ void SemanticEdge::take(Worker& worker, const Message& raw) {
 
 void SemanticEdge::answer_probes(Worker& worker) {
   while (const auto message = probes_.receive(worker, kNever))
-    if (message->type == wire::type_of(wire::MessageType::kProbe))
-      probes_.send(wire::type_of(wire::MessageType::kAck),
-                   encode(wire::AckMessage{message->sequence}));
+    if (is(*message, wire::MessageType::kProbe)) send(probes_, wire::AckMessage{message->sequence});
 }
 
 void SemanticEdge::segment(Worker& worker) {
@@ -150,11 +146,10 @@ void SemanticEdge::segment(Worker& worker) {
     // The mobile culls: it needs neither what stands still nor anybody's joints.
     std::erase_if(masks->instances, [](const Instance& instance) { return !instance.moves; });
     for (Instance& instance : masks->instances) instance.body.reset();
-    masks_.send(wire::type_of(wire::MessageType::kMask),
-                encode(wire::MaskMessage{.world = picture->world,
-                                         .keyframe = picture->keyframe,
-                                         .took = worker.now() - picture->arrived,
-                                         .masks = *masks}));
+    send(masks_, wire::MaskMessage{.world = picture->world,
+                                   .keyframe = picture->keyframe,
+                                   .took = worker.now() - picture->arrived,
+                                   .masks = *masks});
     segmented_.put({picture->world, picture->keyframe, std::move(*masks)});
     mapper_.wake();
   }
@@ -162,9 +157,8 @@ void SemanticEdge::segment(Worker& worker) {
 
 void SemanticEdge::tell_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
                                 wire::NoMaskReason reason) {
-  masks_.send(wire::type_of(wire::MessageType::kNoMask),
-              encode(wire::NoMaskMessage{
-                  .world = world, .keyframe = keyframe, .took = took, .reason = reason}));
+  send(masks_,
+       wire::NoMaskMessage{.world = world, .keyframe = keyframe, .took = took, .reason = reason});
 }
 
 /// On the mapping side: what was known of a map that is gone goes too.
@@ -273,7 +267,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
                         .add("points_set", result.changes.positions.size())
                         .add("labelled_keyframes", labels_.size())
                         .add("bytes", bytes.size()));
-  frames_.send(wire::type_of(wire::MessageType::kOptResult), std::move(bytes));
+  send(frames_, wire::OptResult::kType, std::move(bytes));
 }
 
 void SemanticEdge::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,

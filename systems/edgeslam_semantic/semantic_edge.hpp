@@ -37,7 +37,7 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   };
 
   void receive(Worker& worker);
-  void take(Worker& worker, const Message& raw);
+  void take(Worker& worker, wire::SemanticKeyFrame message, const Message& raw);
   std::optional<std::string_view> objection(const wire::SemanticKeyFrame& message) const;
   void answer_probes(Worker& worker);
   void segment(Worker& worker);

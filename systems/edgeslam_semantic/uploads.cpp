@@ -2,6 +2,7 @@
 #include "edgeslam_semantic/uploads.hpp"
 
 #include "node/completion.hpp"
+#include "node/messaging.hpp"
 #include "offload/message_codec.hpp"
 #include "wire/message_type.hpp"
 
@@ -9,6 +10,8 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 constexpr std::size_t kProbeBytes = 64;
+/// Uploads that a refusal may still be about.
+constexpr std::size_t kNumbersKept = 64;
 /// The run is over; what still is not sent by then is left behind.
 constexpr Duration kDrainPatience = std::chrono::seconds(5);
 
@@ -68,37 +71,45 @@ void Uploads::send(Worker& worker) {
     node_.log().write(event);
     delay_.going(size, worker.now());
     const std::uint64_t sequence =
-        frames_.send(wire::type_of(wire::MessageType::kSemanticKeyFrame), std::move(bytes));
+        slambed::send(frames_, wire::SemanticKeyFrame::kType, std::move(bytes));
     delay_.numbered(sequence);
+    remember(sequence, keyframe.id);
     last_sequence_ = sequence;
     ++sent_;
     gone_->notify();
   }
 }
 
-void Uploads::acknowledged(const Message& message) {
-  const auto ack = wire::decode_ack(message.payload);
-  delay_.acknowledged(ack.sequence, message.received);
+void Uploads::acknowledged(const wire::AckMessage& ack, RunTime when) {
+  delay_.acknowledged(ack.sequence, when);
+}
+
+void Uploads::remember(std::uint64_t sequence, KeyFrameId keyframe) {
+  const std::scoped_lock lock(numbers_mutex_);
+  numbers_.emplace_back(sequence, keyframe);
+  if (numbers_.size() > kNumbersKept) numbers_.pop_front();
+}
+
+std::optional<KeyFrameId> Uploads::keyframe_of(std::uint64_t sequence) const {
+  const std::scoped_lock lock(numbers_mutex_);
+  for (const auto& [number, keyframe] : numbers_)
+    if (number == sequence) return keyframe;
+  return std::nullopt;
 }
 
 void Uploads::probe(Worker& worker) {
-  const auto type = wire::type_of(wire::MessageType::kProbe);
   RunTime next = worker.now(), asked{};
   std::uint64_t waiting = 0;
   while (!worker.stopping()) {
     if (worker.now() >= next) {
       asked = worker.now();
-      waiting = probes_.send(type, Bytes(kProbeBytes));
+      waiting = slambed::send(probes_, wire::MessageType::kProbe, Bytes(kProbeBytes));
       next = asked + from_seconds(options_.probe_period_s);
     }
     const auto answer = probes_.receive(worker, next);
-    if (!answer || answer->type != wire::type_of(wire::MessageType::kAck)) continue;
-    try {
-      if (wire::decode_ack(answer->payload).sequence != waiting) continue;
-    } catch (const wire::DecodeError& error) {
-      node_.log().warning(std::string("ACK refused: ") + error.what());
-      continue;
-    }
+    if (!answer || !is(*answer, wire::MessageType::kAck)) continue;
+    const auto ack = read(node_.log(), *answer, wire::decode_ack);
+    if (!ack || ack->sequence != waiting) continue;
     delay_.probed(answer->received - asked);
     node_.log().write(JsonLine("rtt_sample")
                           .add("source", "probe")

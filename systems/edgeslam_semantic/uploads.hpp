@@ -2,7 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
 
 #include "edgeslam_semantic/link_delay.hpp"
 #include "node/mobile_node.hpp"
@@ -32,7 +36,9 @@ class Uploads {
   /// From the tracking worker, which does not wait.
   void put(wire::SemanticKeyFrame message, Note note);
   /// The edge has told that an upload came.
-  void acknowledged(const Message& message);
+  void acknowledged(const wire::AckMessage& ack, RunTime when);
+  /// Which keyframe went up under this number, where it is one of the newest.
+  std::optional<KeyFrameId> keyframe_of(std::uint64_t sequence) const;
   std::optional<Duration> delay() const { return delay_.delay(); }
   /// Waits until all that was put is handed to the channel.
   void drain(Worker& worker);
@@ -45,6 +51,7 @@ class Uploads {
   };
   void send(Worker& worker);
   void probe(Worker& worker);
+  void remember(std::uint64_t sequence, KeyFrameId keyframe);
 
   MobileNode& node_;
   Channel &frames_, &probes_;
@@ -52,6 +59,8 @@ class Uploads {
   LinkDelay delay_;
   Mailbox<Item> queue_;
   std::unique_ptr<Signal> gone_;
+  mutable std::mutex numbers_mutex_;
+  std::deque<std::pair<std::uint64_t, KeyFrameId>> numbers_;  ///< of the newest uploads
   std::atomic<std::uint64_t> put_{0}, sent_{0}, last_sequence_{0};
 };
 

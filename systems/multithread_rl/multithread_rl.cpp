@@ -18,6 +18,12 @@ std::vector<ParameterSpec> parameters() {
 System multithread_rl_system() {
   System system = offload_system("multithread_rl", parameters());
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
+  system.tracker = [usual = system.tracker](const Parameters& parameters) {
+    TrackerOptions options = usual(parameters);
+    options.follow_recovery =
+        parameters.text("relocalisation") == "edge" && parameters.boolean("keep_recovery_keyframe");
+    return options;
+  };
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<EdgeSlamMobile>(node, parameters);
   };

@@ -7,9 +7,9 @@
 #include <string_view>
 
 #include "node/playback.hpp"
-#include "node/prepared_sequence.hpp"
 #include "play/client/slambed_client.h"
 #include "runtime/live/socket.hpp"
+#include "sequence/prepared_sequence.hpp"
 
 namespace slambed {
 

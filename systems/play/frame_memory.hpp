@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "node/prepared_sequence.hpp"
 #include "runtime/live/socket.hpp"
+#include "sequence/prepared_sequence.hpp"
 
 namespace slambed {
 

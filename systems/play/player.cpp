@@ -6,16 +6,16 @@
 #include <optional>
 
 #include "base/error.hpp"
-#include "node/json_reader.hpp"
+#include "base/json_reader.hpp"
 #include "node/mobile_node.hpp"
-#include "node/node_files.hpp"
-#include "node/prepared_sequence.hpp"
 #include "play/command.hpp"
 #include "play/conversation.hpp"
 #include "play/frame_memory.hpp"
 #include "play/frame_record.hpp"
+#include "run/node_files.hpp"
 #include "runtime/live/live_runtime.hpp"
 #include "runtime/live/stop_signals.hpp"
+#include "sequence/prepared_sequence.hpp"
 
 namespace slambed {
 namespace {

@@ -5,8 +5,8 @@
 #include <thread>
 
 #include "base/program.hpp"
-#include "node/node_files.hpp"
 #include "play/player.hpp"
+#include "run/node_files.hpp"
 
 namespace slambed {
 namespace {

@@ -4,9 +4,9 @@
 #include <iostream>
 
 #include "base/program.hpp"
-#include "node/live_node.hpp"
-#include "node/node_files.hpp"
 #include "programs/systems.hpp"
+#include "run/live_node.hpp"
+#include "run/node_files.hpp"
 
 namespace slambed {
 namespace {

@@ -6,11 +6,11 @@
 #include "base/error.hpp"
 #include "base/machine.hpp"
 #include "base/program.hpp"
-#include "node/image_source.hpp"
-#include "node/message_trace.hpp"
-#include "node/node_files.hpp"
-#include "node/virtual_run.hpp"
 #include "programs/systems.hpp"
+#include "run/message_trace.hpp"
+#include "run/node_files.hpp"
+#include "run/virtual_run.hpp"
+#include "sequence/image_source.hpp"
 
 namespace slambed {
 namespace {

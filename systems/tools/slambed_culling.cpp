@@ -7,8 +7,8 @@
 
 #include "base/program.hpp"
 #include "edgeslam_semantic/culling_by_age.hpp"
-#include "node/feature_source.hpp"
-#include "node/mask_cache.hpp"
+#include "sequence/feature_source.hpp"
+#include "sequence/mask_cache.hpp"
 #include "wire/hello.hpp"
 
 namespace slambed {
@@ -37,8 +37,16 @@ int run(int argc, char** argv) {
   app.add_option("--every", options.every, "frames from one mask to the next that is tried")
       ->check(CLI::Range(1, 10000));
   app.add_option("--oldest", options.oldest, "largest age, frames")->check(CLI::Range(0, 10000));
-  app.add_option("--border", options.border_px, "px around masks")->check(CLI::Range(0, 100));
+  app.add_option("--border", options.labels.border_px, "px around masks")
+      ->check(CLI::Range(0, 100));
   app.add_option("--features", features, "ORB features per image")->check(CLI::Range(50, 10000));
+  app.add_option("--late", options.late, "frames after its own that a mask comes")
+      ->check(CLI::Range(0, 60));
+  app.add_option("--neighbours", options.labels.neighbours,
+                 "features that say where one without a label was; 0: by matches alone")
+      ->check(CLI::Range(0, 100));
+  app.add_option("--reach", options.labels.reach_px, "px, as far off as those may be")
+      ->check(CLI::Range(1, 1000));
   CLI11_PARSE(app, argc, argv);
 
   const PreparedSequence sequence(folder);

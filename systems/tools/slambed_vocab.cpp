@@ -7,7 +7,7 @@
 
 #include "base/program.hpp"
 #include "features/default_vocabulary.hpp"
-#include "node/feature_source.hpp"
+#include "sequence/feature_source.hpp"
 #include "tools/retrieval.hpp"
 
 namespace slambed {

@@ -45,7 +45,7 @@ CACHE_BYTES = 4 << 30
 CACHES = (".features", ".images")
 NICE = 10
 """A tenth of an ordinary process's share: with less, thirty jobs on a busy core would stall."""
-AUTOGROUP_TRIES, AUTOGROUP_PAUSE_S = 8, 0.06
+AUTOGROUP_TRIES, AUTOGROUP_PAUSE_S = 60, 0.05
 PR_SET_PDEATHSIG = 1
 QUALITY = "jpeg_quality"
 """Parameter of systems that send pictures; what the edge extracts from depends on it."""
@@ -222,7 +222,8 @@ def go_behind() -> None:
         try:
             Path("/proc/self/autogroup").write_text(str(NICE))
         except BlockingIOError:
-            # Who is not root may do that once in 0.1 s on the whole host.
+            # Who is not root may do that once in 0.1 s on the whole host, and root, who may always,
+            # begins these 0.1 s anew: beside a campaign of root's that takes its time.
             time.sleep(AUTOGROUP_PAUSE_S)
             continue
         except OSError:

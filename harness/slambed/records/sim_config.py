@@ -55,9 +55,9 @@ class SimConfig(Record):
     too; what arrives waits in its kernel, which acknowledges it."""
     feature_cache: CacheFile | None
     """Features of every frame; of a system that extracts on the edge those of the pictures as they
-    were coded (`node/feature_cache.hpp`). Made where it is missing or has another key."""
+    were coded (`sequence/feature_cache.hpp`). Made where it is missing or has another key."""
     image_cache: CacheFile | None = None
     """Only of systems with a `jpeg_quality`: the JPEG of every frame; without it each picture is
-    coded when it is sent (`node/image_source.hpp`). Made likewise."""
+    coded when it is sent (`sequence/image_source.hpp`). Made likewise."""
     mask_caches: list[MaskFile] | None = None
     """Only of systems that segment: what the segmentation says of those pictures."""

@@ -75,14 +75,14 @@ def losses(
         Path | None, typer.Option("-o", "--output", help="Every loss, one a row: .csv or .md.")
     ] = None,
 ) -> None:
-    """Sort the losses of an experiment by cause, with their times.
+    """Sort the losses of an experiment by cause: the first of each run, and all of them.
 
     relocalisation failed: found again less than a second before; standstill: frames are missing
     right before it; gap behind an update: an update took newer keyframes away at most half a
     second before; view change: none of these.
     """
     from slambed.report.load import load
-    from slambed.report.losses import by_cause, every_loss, lost_runs
+    from slambed.report.losses import all_by_cause, by_cause, every_loss, lost_runs
 
     if output is not None and output.suffix not in (".csv", ".md"):
         raise SlambedError(f"unknown table format {output}; known: .csv, .md")
@@ -90,11 +90,9 @@ def losses(
     runs = lost_runs(found)
     if not runs:
         raise SlambedError(f"no run of {experiment} counts; 'slambed status {experiment}' says why")
-    console().print(by_cause(runs).rich())
-    later = sum(max(0, len(run.losses) - 1) for run in runs)
-    typer.echo(
-        f"{later} later losses; 'slambed explain RUN --around loss' shows the first of a run"
-    )
+    for table in (by_cause(runs), all_by_cause(runs)):
+        console().print(table.rich())
+    typer.echo("'slambed explain RUN --around loss' shows the first of a run")
     for problem in found.problems:
         typer.echo(f"note: {problem}")
     if output is not None:

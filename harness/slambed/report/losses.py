@@ -2,6 +2,7 @@
 """All losses of an experiment by cause: `slambed losses`."""
 
 from dataclasses import dataclass
+from statistics import median
 
 from slambed.metrics.losses import BEHIND_UPDATE_S, EVENTS, Cause, Loss, losses_of, sentence
 from slambed.metrics.statistics import wilson
@@ -9,6 +10,8 @@ from slambed.report.load import Results
 from slambed.report.tables import Table
 
 MOST_TIMES = 12
+AFTER_RECOVERY_S = 2.0
+"""So long after it was found a camera that an update loses was found in vain (IJNC)."""
 
 
 @dataclass(frozen=True)
@@ -33,21 +36,36 @@ def lost_runs(results: Results) -> list[LostRun]:
     return runs
 
 
+def _behind_update(loss: Loss) -> bool:
+    return loss.update_s is not None and loss.update_s <= BEHIND_UPDATE_S
+
+
+def _takes_recovery_away(loss: Loss) -> bool:
+    """The update came after the camera was found, and soon."""
+    if loss.update_s is None or loss.found_s is None or not _behind_update(loss):
+        return False
+    return loss.update_s < loss.found_s <= AFTER_RECOVERY_S
+
+
+def _causes_of(losses: list[Loss]) -> list[Cause]:
+    """A table has no column for a cause that is nowhere in it."""
+    return [cause for cause in Cause if any(loss.cause is cause for loss in losses)]
+
+
 def by_cause(runs: list[LostRun]) -> Table:
     """Per cell: runs that lost track, and what the first loss of each followed from."""
+    causes = _causes_of([run.losses[0] for run in runs if run.losses])
     table = Table(
         "losses",
         "What the first loss of each run followed from, and when (sequence time in s).",
-        ["cell", "lost", "95 %", *(str(cause) for cause in Cause), "behind an update", "first at"],
+        ["cell", "lost", "95 %", *map(str, causes), "behind an update", "first at"],
     )
     for cell in dict.fromkeys(run.cell for run in runs):
         own = [run for run in runs if run.cell == cell]
         firsts = [run.losses[0] for run in own if run.losses]
         share = wilson(len(firsts), len(own))
-        behind = sum(
-            loss.update_s is not None and loss.update_s <= BEHIND_UPDATE_S for loss in firsts
-        )
-        counts = [str(sum(loss.cause is cause for loss in firsts) or "") for cause in Cause]
+        behind = sum(map(_behind_update, firsts))
+        counts = [str(sum(loss.cause is cause for loss in firsts) or "") for cause in causes]
         table.rows.append(
             [
                 cell,
@@ -56,6 +74,33 @@ def by_cause(runs: list[LostRun]) -> Table:
                 *counts,
                 f"{behind}/{len(firsts)}" if firsts else "",
                 _times([loss.seq_s for loss in firsts]),
+            ]
+        )
+    return table
+
+
+def all_by_cause(runs: list[LostRun]) -> Table:
+    """Per cell: every loss of its runs, first ones and later ones."""
+    causes = _causes_of([loss for run in runs for loss in run.losses])
+    table = Table(
+        "all_losses",
+        "What every loss followed from; after a recovery: "
+        f"within {AFTER_RECOVERY_S:g} s of it, behind an update that came since.",
+        ["cell", "losses", "per run", *map(str, causes), "behind an update", "after a recovery"],
+    )
+    for cell in dict.fromkeys(run.cell for run in runs):
+        each = [run.losses for run in runs if run.cell == cell]
+        every = [loss for losses in each for loss in losses]
+        numbers = [len(losses) for losses in each]
+        counts = [str(sum(loss.cause is cause for loss in every) or "") for cause in causes]
+        table.rows.append(
+            [
+                cell,
+                str(len(every)),
+                f"{median(numbers):g} ({min(numbers)} to {max(numbers)})",
+                *counts,
+                str(sum(map(_behind_update, every))),
+                str(sum(map(_takes_recovery_away, every))),
             ]
         )
     return table
@@ -80,6 +125,7 @@ def every_loss(runs: list[LostRun]) -> Table:
             "seq_s",
             "cause",
             "missing_frames",
+            "found_s",
             "update_s",
             "update_pause_ms",
             "gap_keyframes",
@@ -94,8 +140,9 @@ def every_loss(runs: list[LostRun]) -> Table:
     for run in runs:
         for number, loss in enumerate(run.losses, 1):
             known = (
-                loss.missing_frames, loss.update_s, loss.update_pause_ms, loss.gap_keyframes,
-                loss.inliers, loss.motion_matches, loss.word_matches, loss.reference_matches,
+                loss.missing_frames, loss.found_s, loss.update_s, loss.update_pause_ms,
+                loss.gap_keyframes, loss.inliers, loss.motion_matches, loss.word_matches,
+                loss.reference_matches,
             )  # fmt: skip
             table.rows.append(
                 [

@@ -15,6 +15,8 @@ ALWAYS = (
     "systems/CMakeLists.txt", "systems/core/CMakeLists.txt", "systems/programs",
 )  # fmt: skip
 """How everything is built, the programs around the system, and what every live run starts."""
+AROUND = "run"
+"""The floor that builds nodes out of a system; no system names it."""
 LEFT_OUT_FOLDERS = {"tests", "bench", "fuzz", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 CPP_SUFFIXES = {".cpp", ".hpp", ".inl", ".h"}
@@ -34,11 +36,11 @@ def linked_hash(system: str, root: Path | None = None) -> str | None:
     """SHA-256 (12 hex digits) over names and code of what a node of this system is built from,
     comments and blank lines left out; None for a system without sources here."""
     base = root or repository_root()
-    floors = _floors(base)
+    floors = floors_of(base)
     if system not in floors:
         return None
     relay = (base / "harness" / "relay" / "CMakeLists.txt").read_text(encoding="utf-8")
-    wanted = _below([system, *LIBRARY.findall(relay)], floors)
+    wanted = below([system, AROUND, *LIBRARY.findall(relay)], floors)
     starts = [base / name for name in ALWAYS] + [floors[name][0] for name in wanted]
     digest = hashlib.sha256()
     for path in sorted({file for start in starts for file in _files(start, base)}):
@@ -47,7 +49,7 @@ def linked_hash(system: str, root: Path | None = None) -> str | None:
     return digest.hexdigest()[:12]
 
 
-def _floors(base: Path) -> dict[str, tuple[Path, list[str]]]:
+def floors_of(base: Path) -> dict[str, tuple[Path, list[str]]]:
     """Name -> its folder and the floors that it names as dependencies."""
     found: dict[str, tuple[Path, list[str]]] = {}
     for path in sorted((base / "systems").rglob("CMakeLists.txt")):
@@ -56,7 +58,7 @@ def _floors(base: Path) -> dict[str, tuple[Path, list[str]]]:
     return found
 
 
-def _below(names: list[str], floors: dict[str, tuple[Path, list[str]]]) -> set[str]:
+def below(names: list[str], floors: dict[str, tuple[Path, list[str]]]) -> set[str]:
     """These floors and all that they stand on."""
     found: set[str] = set()
     while names:

@@ -27,22 +27,6 @@ std::string defect_of(const Instance& instance, std::uint64_t pixels) {
   return {};
 }
 
-/// 1 for pixels that something moving covers.
-std::vector<std::uint8_t> moving_pixels(const FrameMasks& masks) {
-  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(masks.width) *
-                                   static_cast<std::size_t>(masks.height));
-  for (const Instance& instance : masks.instances) {
-    if (!instance.moves) continue;
-    auto at = pixels.begin();
-    for (std::size_t i = 0; i < instance.runs.size(); ++i) {
-      const auto end = at + instance.runs[i];
-      if (i % 2 == 1) std::fill(at, end, std::uint8_t{1});
-      at = end;
-    }
-  }
-  return pixels;
-}
-
 }  // namespace
 
 std::string defect(const FrameMasks& masks) {
@@ -54,31 +38,53 @@ std::string defect(const FrameMasks& masks) {
   return {};
 }
 
-std::vector<std::uint8_t> features_off_masks(const FeatureSet& features, const FrameMasks& masks,
-                                             int border_px) {
-  const Camera& camera = features.sensor().camera;
+MovingArea::MovingArea(const FrameMasks& masks) : width_(masks.width), height_(masks.height) {
+  for (const Instance& instance : masks.instances) {
+    if (!instance.moves) continue;
+    pixels_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
+    auto at = pixels_.begin();
+    for (std::size_t i = 0; i < instance.runs.size(); ++i) {
+      const auto end = at + instance.runs[i];
+      if (i % 2 == 1) std::fill(at, end, std::uint8_t{1});
+      at = end;
+    }
+  }
+}
+
+bool MovingArea::covers(double x, double y, int border_px) const {
+  if (empty() || !std::isfinite(x) || !std::isfinite(y)) return false;
+  if (std::abs(x) > 1e6 || std::abs(y) > 1e6) return false;
+  const int u = static_cast<int>(std::lround(x)), v = static_cast<int>(std::lround(y));
+  const int left = std::max(0, u - border_px), right = std::min(width_ - 1, u + border_px);
+  const int low = std::min(height_ - 1, v + border_px);
+  if (left > right) return false;
+  for (int row = std::max(0, v - border_px); row <= low; ++row) {
+    const auto* line = pixels_.data() + static_cast<std::ptrdiff_t>(row) * width_;
+    if (std::find(line + left, line + right + 1, 1) != line + right + 1) return true;
+  }
+  return false;
+}
+
+void check_size(const FrameMasks& masks, const Camera& camera) {
   if (masks.width != camera.width || masks.height != camera.height) {
     throw bad_input("masks are " + std::to_string(masks.width) + "x" +
                     std::to_string(masks.height) + " px, the camera has " +
                     std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                     "; segment pictures of this camera");
   }
+}
+
+std::vector<std::uint8_t> features_off_masks(const FeatureSet& features, const FrameMasks& masks,
+                                             int border_px) {
+  const Camera& camera = features.sensor().camera;
+  check_size(masks, camera);
   std::vector<std::uint8_t> keep(static_cast<std::size_t>(features.size()), 1);
-  const bool any = std::any_of(masks.instances.begin(), masks.instances.end(),
-                               [](const Instance& instance) { return instance.moves; });
-  if (!any) return keep;
-  const auto moving = moving_pixels(masks);
+  const MovingArea moving(masks);
+  if (moving.empty()) return keep;
   for (int i = 0; i < features.size(); ++i) {
     const KeyPoint& seen = features.keypoint(i);
     const Eigen::Vector2d at = camera.distort(seen.u, seen.v);
-    const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
-    const int left = std::max(0, x - border_px), right = std::min(masks.width - 1, x + border_px);
-    const int low = std::min(masks.height - 1, y + border_px);
-    for (int row = std::max(0, y - border_px); row <= low && keep[i] != 0; ++row) {
-      const auto* line = moving.data() + static_cast<std::ptrdiff_t>(row) * masks.width;
-      if (left <= right && std::find(line + left, line + right + 1, 1) != line + right + 1)
-        keep[i] = 0;
-    }
+    if (moving.covers(at.x(), at.y(), border_px)) keep[i] = 0;
   }
   return keep;
 }

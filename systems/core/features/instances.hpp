@@ -40,6 +40,24 @@ struct FrameMasks {
 /// What is wrong with masks that came from outside, in one line; empty for none.
 std::string defect(const FrameMasks& masks);
 
+/// The pixels of a picture that moving instances cover.
+class MovingArea {
+ public:
+  MovingArea() = default;
+  explicit MovingArea(const FrameMasks& masks);
+  bool empty() const { return pixels_.empty(); }
+  /// Whether the place (raw pixels) is covered, or nearer to one that is than the border (in either
+  /// axis).
+  bool covers(double x, double y, int border_px) const;
+
+ private:
+  int width_ = 0, height_ = 0;
+  std::vector<std::uint8_t> pixels_;  ///< none where nothing moves
+};
+
+/// bad_input for masks of another size than the camera's pictures.
+void check_size(const FrameMasks& masks, const Camera& camera);
+
 /// Which features carry nothing that moves: 0 for those in the mask of a moving instance, or nearer
 /// to one than the border (in either axis), 1 for the others. Masks lie in raw pixels. bad_input
 /// for masks of another size than the camera's pictures.

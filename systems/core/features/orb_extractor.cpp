@@ -47,7 +47,7 @@ std::vector<int> level_quotas(const OrbOptions& o) {
   return quotas;
 }
 
-const OrbOptions& checked(const OrbOptions& options) {
+OrbOptions checked(const OrbOptions& options) {
   check(options);
   return options;
 }
@@ -92,7 +92,7 @@ struct OrbExtractor::Impl {
   ImagePyramid pyramid;
   CornerDetector detector;
   CornerSelector selector;
-  PatternPoints pattern;
+  PatternPoints pattern{};
   std::vector<Corner> corners;
   PaddedPlane blurred;  ///< of the level at hand
   std::vector<std::uint8_t> blur_scratch;

@@ -165,7 +165,7 @@ Edit MapState::put(const NewKeyFrame& edit) {
     return move(KeyFramePose{edit.id, edit.T_cw, edit.version});
   }
   KeyFrameSlot* slot = keyframes_.make(edit.id);
-  if (!slot || slot->remains) return Edit::kUnknown;
+  if (!slot || slot->tombstone) return Edit::kUnknown;
   slot->live = std::make_unique<Node>();
   Node& keyframe = *slot->live;
   keyframe.id = edit.id;
@@ -178,7 +178,7 @@ Edit MapState::put(const NewKeyFrame& edit) {
   ++keyframe_count_;
   journal_.changes.push_back(edit.id);
   if (!origin_) origin_ = edit.id;
-  wished_parents_.push_back({edit.id, edit.parent});
+  requested_parents_.push_back({edit.id, edit.parent});
   touch(keyframe);
   for (std::size_t feature = 0; feature < edit.points.size(); ++feature) {
     // The sender may not know yet that a point was fused; two features can become the same point.
@@ -294,7 +294,7 @@ void MapState::clear() {
   journal_ = {};
   touched_points_ = {};
   touched_keyframes_ = {};
-  wished_parents_ = {};
+  requested_parents_ = {};
 }
 
 }  // namespace slambed

@@ -53,13 +53,13 @@ class MapState final : public MapView {
     bool touched = false;  ///< connected changed in this commit
   };
   /// What stays of a culled keyframe: its pose relative to the parent it had, or to the world.
-  struct Remains {
+  struct Tombstone {
     KeyFrameId parent;
     SE3 T_cp;
   };
   struct KeyFrameSlot {
     std::unique_ptr<Node> live;
-    std::unique_ptr<Remains> remains;
+    std::unique_ptr<Tombstone> tombstone;
   };
   struct PointSlot {
     std::unique_ptr<MapPoint> live;
@@ -104,10 +104,10 @@ class MapState final : public MapView {
 
   std::vector<Touch> touched_points_;
   std::vector<KeyFrameId> touched_keyframes_;
-  struct Wish {
+  struct ParentRequest {
     KeyFrameId child, parent;
   };
-  std::vector<Wish> wished_parents_;  ///< of new keyframes, none: to be chosen
+  std::vector<ParentRequest> requested_parents_;  ///< of new keyframes, none: to be chosen
 
   DescriptorChooser chooser_;
   std::vector<const Descriptor*> seen_as_;

@@ -12,9 +12,9 @@ std::optional<SE3> MapState::pose_of(KeyFrameId id) const {
     const KeyFrameSlot* slot = keyframes_.find(id);
     if (!slot) return std::nullopt;
     if (slot->live) return T_ci * slot->live->T_cw;
-    if (!slot->remains) return std::nullopt;
-    T_ci = T_ci * slot->remains->T_cp;
-    id = slot->remains->parent;
+    if (!slot->tombstone) return std::nullopt;
+    T_ci = T_ci * slot->tombstone->T_cp;
+    id = slot->tombstone->parent;
     if (!id) return T_ci;
   }
 }
@@ -35,13 +35,13 @@ void MapState::set_parent(Node& keyframe, KeyFrameId parent) {
 }
 
 void MapState::adopt_orphans() {
-  for (const Wish& wish : wished_parents_) {
-    Node* child = node(wish.child);
-    const Node* parent = node(wish.parent);
+  for (const ParentRequest& request : requested_parents_) {
+    Node* child = node(request.child);
+    const Node* parent = node(request.parent);
     if (child && parent && !child->parent && !descends_from(*parent, child->id))
       set_parent(*child, parent->id);
   }
-  wished_parents_.clear();
+  requested_parents_.clear();
   // Ids decide the order, not the history of edits that led here.
   std::sort(touched_keyframes_.begin(), touched_keyframes_.end());
   for (const KeyFrameId id : touched_keyframes_) {
@@ -96,16 +96,16 @@ Edit MapState::cull(KeyFrameId id) {
 
   const std::vector<KeyFrameId> children = gone->children;
   hand_on_children(*gone);
-  auto remains = std::make_unique<Remains>();
-  remains->parent = gone->parent;
-  if (!remains->parent && !children.empty()) remains->parent = children.front();
-  remains->T_cp = gone->T_cw;
-  if (const Node* parent = node(remains->parent))
-    remains->T_cp = gone->T_cw * parent->T_cw.inverse();
+  auto tombstone = std::make_unique<Tombstone>();
+  tombstone->parent = gone->parent;
+  if (!tombstone->parent && !children.empty()) tombstone->parent = children.front();
+  tombstone->T_cp = gone->T_cw;
+  if (const Node* parent = node(tombstone->parent))
+    tombstone->T_cp = gone->T_cw * parent->T_cw.inverse();
   set_parent(*gone, {});
 
   KeyFrameSlot& slot = *keyframes_.find(id);
-  slot.remains = std::move(remains);
+  slot.tombstone = std::move(tombstone);
   slot.live.reset();
   --keyframe_count_;
   journal_.changes.push_back(id);

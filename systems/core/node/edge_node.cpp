@@ -12,7 +12,7 @@ Greeting make_greeting(NodeRole role, const std::string& run_key, const std::str
                          .channel = {},
                          .run_key = run_key,
                          .system = system,
-                         .sensor = std::move(sensor)};
+                         .sensor = sensor};
   const auto on_channel = [ours](const std::string& channel) {
     wire::Hello hello = ours;
     hello.channel = channel;

@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "node/event_log.hpp"
-#include "node/mask_source.hpp"
-#include "node/picture_features.hpp"
 #include "node/policy.hpp"
+#include "sequence/mask_source.hpp"
+#include "sequence/picture_features.hpp"
 #include "wire/hello.hpp"
 
 namespace slambed {

@@ -40,7 +40,7 @@ void EventLog::set_clock(Clock clock) {
 void EventLog::start(Duration shift, const std::function<void()>& change) {
   std::lock_guard lock(mutex_);
   change();
-  for (const Held& held : held_) append(held.when - shift, held.fields);
+  for (const BufferedEvent& held : held_) append(held.when - shift, held.fields);
   held_.clear();
   started_ = true;
 }

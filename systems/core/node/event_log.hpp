@@ -50,7 +50,7 @@ class EventLog final : public Observer {
   void flush();
 
  private:
-  struct Held {
+  struct BufferedEvent {
     RunTime when;
     std::string fields;
   };
@@ -61,7 +61,7 @@ class EventLog final : public Observer {
   std::mutex mutex_;  ///< guards what follows
   Clock clock_;
   bool started_ = false;
-  std::vector<Held> held_;
+  std::vector<BufferedEvent> held_;
   std::string pending_;
   std::atomic<int> refused_{0};  ///< messages
   std::mutex file_mutex_;

@@ -48,9 +48,9 @@ LocalMapping::LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions o
                            std::shared_ptr<Map> map, IdSpace ids, Mode mode, MappingHooks hooks)
     : runtime_(runtime),
       log_(log),
-      map_(map),
+      map_(std::move(map)),
       options_(options),
-      mapper_(options, map, ids),
+      mapper_(options, map_, ids),
       mode_(mode),
       hooks_(std::move(hooks)),
       queue_(runtime),

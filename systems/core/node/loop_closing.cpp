@@ -8,13 +8,13 @@
 namespace slambed {
 
 LoopClosing::LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options,
-                         std::shared_ptr<Map> map, std::shared_ptr<PlaceIndex> places,
+                         std::shared_ptr<Map> map, const std::shared_ptr<PlaceIndex>& places,
                          LocalMapping& mapping, LocalMapping::Mode mode, Commit commit)
     : runtime_(runtime),
       log_(log),
       bundle_options_(options.bundle),
-      map_(map),
-      closer_(options, map, std::move(places)),
+      map_(std::move(map)),
+      closer_(options, map_, places),
       mapping_(mapping),
       mode_(mode),
       commit_(std::move(commit)),

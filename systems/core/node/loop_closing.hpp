@@ -26,8 +26,8 @@ class LoopClosing {
 
   /// commit: in place of Map::commit.
   LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options, std::shared_ptr<Map> map,
-              std::shared_ptr<PlaceIndex> places, LocalMapping& mapping, LocalMapping::Mode mode,
-              Commit commit = {});
+              const std::shared_ptr<PlaceIndex>& places, LocalMapping& mapping,
+              LocalMapping::Mode mode, Commit commit = {});
 
   /// Starts the bundle's worker (not in sequential mode: there the bundle runs at once).
   void start();

@@ -6,7 +6,7 @@
 
 #include "node/playback.hpp"
 #include "node/policy.hpp"
-#include "node/prepared_sequence.hpp"
+#include "sequence/prepared_sequence.hpp"
 #include "wire/hello.hpp"
 
 namespace slambed {

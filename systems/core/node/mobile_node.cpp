@@ -21,7 +21,7 @@ void spawn_log_writer(Runtime& runtime, EventLog& log) {
 }
 
 MobileNode::MobileNode(MobileParts parts, const System& system, const Parameters& parameters)
-    : parts_(parts) {
+    : parts_(std::move(parts)) {
   TrackerOptions options = at_rate(system.tracker(parameters), parts_.sensor, parts_.played_fps);
   places_ = std::make_shared<PlaceIndex>(default_vocabulary());
   const auto map = parts_.prior_map ? parts_.prior_map : std::make_shared<Map>();

@@ -7,10 +7,10 @@
 #include <optional>
 
 #include "node/event_log.hpp"
-#include "node/feature_source.hpp"
-#include "node/image_source.hpp"
 #include "node/policy.hpp"
 #include "node/rtt_table.hpp"
+#include "sequence/feature_source.hpp"
+#include "sequence/image_source.hpp"
 
 namespace slambed {
 

@@ -6,13 +6,14 @@
 namespace slambed {
 
 OnboardMapping::OnboardMapping(Runtime& runtime, EventLog& log, std::shared_ptr<Map> map,
-                               std::shared_ptr<PlaceIndex> places, OnboardMappingOptions options)
+                               const std::shared_ptr<PlaceIndex>& places,
+                               OnboardMappingOptions options)
     : mode_(options.mode),
-      map_(map),
-      mapping_(runtime, log, {}, map, options.ids, mode_,
+      map_(std::move(map)),
+      mapping_(runtime, log, {}, map_, options.ids, mode_,
                options.loop_closing ? loop_hooks() : MappingHooks()) {
   if (!options.loop_closing) return;
-  loops_.emplace(runtime, log, LoopCloserOptions(), map_, std::move(places), mapping_, mode_);
+  loops_.emplace(runtime, log, LoopCloserOptions(), map_, places, mapping_, mode_);
 }
 
 MappingHooks OnboardMapping::loop_hooks() {

@@ -25,7 +25,7 @@ class OnboardMapping {
   };
 
   OnboardMapping(Runtime& runtime, EventLog& log, std::shared_ptr<Map> map,
-                 std::shared_ptr<PlaceIndex> places, OnboardMappingOptions options);
+                 const std::shared_ptr<PlaceIndex>& places, OnboardMappingOptions options);
 
   void start();
   /// On the tracking side: the keyframe decision, and what a reset takes with it.

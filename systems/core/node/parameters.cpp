@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "node/json_reader.hpp"
+#include "base/json_reader.hpp"
 
 namespace slambed {
 namespace {

@@ -9,11 +9,20 @@
 
 #include "base/time.hpp"
 #include "node/event_log.hpp"
-#include "node/run_config.hpp"
 #include "runtime/mailbox.hpp"
 #include "runtime/runtime.hpp"
 
 namespace slambed {
+
+enum class PlaybackMode { kRealtime, kEveryFrame };
+
+struct PlaybackConfig {
+  PlaybackMode mode = PlaybackMode::kRealtime;
+  std::optional<double> fps{};    ///< nothing: as recorded
+  double start_s = 0;             ///< sequence time
+  std::optional<double> end_s{};  ///< nothing: to the last frame
+  bool stop_at_first_loss = false;
+};
 
 /// One frame to play. due: sequence time, counted from the first played frame, which is run time
 /// zero.

@@ -3,7 +3,7 @@
 
 namespace slambed {
 
-EdgeMapping::EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& keyframes,
+EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Channel& keyframes,
                          Channel& map)
     : mapper_(node, options.mapper,
               {.taken = [this] { intake_.look(); },

@@ -17,7 +17,7 @@ struct EdgeMappingOptions {
 /// Edge-SLAM's edge: keyframe intake, mapper and update sender put together.
 class EdgeMapping final : public FarewellSource {
  public:
-  EdgeMapping(EdgeNode& node, EdgeMappingOptions options, Channel& keyframes, Channel& map);
+  EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Channel& keyframes, Channel& map);
 
   void start();
   EdgeMapper& mapper() { return mapper_; }

@@ -10,7 +10,7 @@ namespace slambed {
 void HandoverClient::begin(std::uint64_t epoch, std::shared_ptr<Map> map, bool edge_is_empty) {
   {
     std::lock_guard lock(mutex_);
-    if (edge_is_empty) known_ = {};
+    if (edge_is_empty) acknowledged_ = {};
     map_ = std::move(map);
     handover_ = {};
     handover_.epoch = epoch;
@@ -32,7 +32,7 @@ void HandoverClient::received(std::shared_ptr<const Map> map) {
   auto content = std::make_shared<const MapDelta>(map->read(snapshot));
   const std::uint64_t edge = node_.network().peer().incarnation;
   std::lock_guard lock(mutex_);
-  known_ = {std::move(map), std::move(content), edge};
+  acknowledged_ = {std::move(map), std::move(content), edge};
   handover_.superseded = true;
 }
 
@@ -41,35 +41,35 @@ void HandoverClient::send_if_due(Worker& worker) {
   if (!path.connected) return;  // the channel's signal tells when it is
   const std::uint64_t edge = node_.network().peer().incarnation;
   Handover handover;
-  Known known;
+  AcknowledgedMap base;
   {
     std::lock_guard lock(mutex_);
     if (!map_) return;
-    if (handover_.sent && handover_.known.edge == edge) {
+    if (handover_.sent && handover_.acknowledged.edge == edge) {
       if (handover_.connection != path.connections) send(handover_);
       return;
     }
     handover_.number = ++handovers_;
     handover_.sent = true;
-    handover_.known = {map_, nullptr, edge};
+    handover_.acknowledged = {map_, nullptr, edge};
     handover = handover_;
-    known = known_.edge == edge ? known_ : Known();
+    base = acknowledged_.edge == edge ? acknowledged_ : AcknowledgedMap();
   }
-  prepare(worker, std::move(handover), std::move(known));
+  prepare(worker, std::move(handover), std::move(base));
 }
 
-void HandoverClient::prepare(Worker& worker, Handover handover, Known known) {
+void HandoverClient::prepare(Worker& worker, Handover handover, AcknowledgedMap base) {
   wire::MapHandover message{.epoch = handover.epoch,
                             .number = handover.number,
-                            .whole = known.map != handover.known.map,
+                            .whole = base.map != handover.acknowledged.map,
                             .changes = {}};
   worker.stage("prepare_update", [&](StageUnits& units) {
     const MapDelta none;
-    const MapDelta& earlier = message.whole ? none : *known.content;
-    MapCopy copy =
-        handover.known.map->read([&](const MapView& view) { return copy_of(view, earlier); });
+    const MapDelta& earlier = message.whole ? none : *base.content;
+    MapCopy copy = handover.acknowledged.map->read(
+        [&](const MapView& view) { return copy_of(view, earlier); });
     message.changes = message.whole ? copy.whole : changes_since(earlier, copy);
-    handover.known.content = std::make_shared<const MapDelta>(std::move(copy.whole));
+    handover.acknowledged.content = std::make_shared<const MapDelta>(std::move(copy.whole));
     message.changes.epoch = handover.epoch;
     units.n1 = static_cast<double>(message.changes.keyframes.size());
     units.n2 = static_cast<double>(message.changes.points.size());
@@ -110,16 +110,17 @@ void HandoverClient::acknowledged(const wire::HandoverAck& ack, std::uint64_t ed
   {
     std::lock_guard lock(mutex_);
     const bool current = handover_.sent && ack.number == handover_.number;
-    if (!map_ || ack.epoch != handover_.epoch || edge != handover_.known.edge) {
+    if (!map_ || ack.epoch != handover_.epoch || edge != handover_.acknowledged.edge) {
       event.add("stale", true);
     } else if (ack.accepted) {
       event.add_ms("handover_ms", now - handover_.asked);
-      if (!handover_.superseded) known_ = current ? std::move(handover_.known) : Known();
+      if (!handover_.superseded)
+        acknowledged_ = current ? std::move(handover_.acknowledged) : AcknowledgedMap();
       handover_ = {};
       map_.reset();
       under_way_ = false;
     } else if (current) {
-      known_ = {};  // the edge has lost its map: all of it, at once
+      acknowledged_ = {};  // the edge has lost its map: all of it, at once
       handover_.sent = false;
     }
   }

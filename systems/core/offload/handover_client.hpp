@@ -35,23 +35,23 @@ class HandoverClient {
 
  private:
   /// What an edge knows of a map: that map as it was then.
-  struct Known {
+  struct AcknowledgedMap {
     std::shared_ptr<const Map> map;
     std::shared_ptr<const MapDelta> content;
     std::uint64_t edge = 0;  ///< incarnation of the edge that knows
   };
   struct Handover {
     std::uint64_t epoch = 0, number = 0;
-    Known known;  ///< once it is acknowledged
+    AcknowledgedMap acknowledged;  ///< once it is acknowledged
     RunTime asked{};
     bool sent = false;             ///< and not answered
     bool superseded = false;       ///< the edge has sent another map since
     std::uint64_t connection = 0;  ///< on which it was sent last
-    wire::MessageType type{};
+    wire::MessageType type = wire::MessageType::kMapHandover;
     Bytes payload;  ///< as it was sent: a broken connection may have lost it
   };
 
-  void prepare(Worker& worker, Handover handover, Known known);
+  void prepare(Worker& worker, Handover handover, AcknowledgedMap base);
   void send(Handover& handover);
 
   MobileNode& node_;
@@ -59,7 +59,7 @@ class HandoverClient {
   std::atomic<bool> under_way_{false};
 
   std::mutex mutex_;  ///< guards what follows
-  Known known_;
+  AcknowledgedMap acknowledged_;
   std::shared_ptr<Map> map_;  ///< to be handed over
   Handover handover_;
   std::uint64_t handovers_ = 0;

@@ -8,10 +8,11 @@ namespace slambed {
 MapDownlink::MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions options)
     : node_(node),
       inbox_(node, channel, options.rules, std::move(options.codec)),
-      exchange_(node, inbox_) {
+      exchange_(node, inbox_),
+      keeps_recovery_(options.recovery_keyframes > 0) {
   switch (options.mode) {
     case MapUpdateMode::kSerial:
-      path_ = std::make_unique<SerialUpdates>(node, inbox_, exchange_);
+      path_ = std::make_unique<SerialUpdates>(node, inbox_, exchange_, options.recovery_keyframes);
       break;
     case MapUpdateMode::kParallel:
     case MapUpdateMode::kParallelWaiting:
@@ -19,7 +20,8 @@ MapDownlink::MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions opt
                                                 options.mode == MapUpdateMode::kParallelWaiting);
       break;
     case MapUpdateMode::kStaged:
-      path_ = std::make_unique<StagedUpdates>(node, inbox_, exchange_, options.backup);
+      path_ = std::make_unique<StagedUpdates>(node, inbox_, exchange_, options.backup,
+                                              options.recovery_keyframes);
       break;
   }
 }
@@ -27,6 +29,11 @@ MapDownlink::MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions opt
 void MapDownlink::before_frame(Worker& worker) {
   inbox_.look();
   path_->before_frame(worker);
+}
+
+void MapDownlink::recovered(RunTime when, KeyFrameId reference) {
+  if (keeps_recovery_) inbox_.recovered(when);
+  path_->recovered(when, reference);
 }
 
 void MapDownlink::join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation,

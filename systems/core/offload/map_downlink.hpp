@@ -12,6 +12,7 @@ enum class MapUpdateMode { kSerial, kParallel, kParallelWaiting, kStaged };
 struct DownlinkOptions {
   MapUpdateMode mode = MapUpdateMode::kSerial;
   MapStaging::Backup backup = MapStaging::Backup::kUpdate;  ///< of staged updates
+  int recovery_keyframes = 0;  ///< see RecoveryBackup; of serial and of staged updates
   UpdateRules rules{};
   MessageCodec codec{};
 };
@@ -34,7 +35,7 @@ class MapDownlink {
   void suspend(bool suspended) { path_->suspend(suspended); }
   /// Tracking was lost and goes on, found at this keyframe of the local map. On the tracking
   /// worker.
-  void recovered(RunTime when, KeyFrameId reference) { path_->recovered(when, reference); }
+  void recovered(RunTime when, KeyFrameId reference);
   /// A keyframe of the edge's map with all its points joins the local map, or takes its place;
   /// counts as an update with this number. On the tracking worker.
   void join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation,
@@ -61,6 +62,7 @@ class MapDownlink {
   UpdateInbox inbox_;
   UpdateExchange exchange_;
   std::unique_ptr<UpdatePath> path_;
+  bool keeps_recovery_;
 };
 
 }  // namespace slambed

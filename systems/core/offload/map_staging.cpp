@@ -4,10 +4,15 @@
 #include <algorithm>
 #include <utility>
 
+#include "offload/update_content.hpp"
+
 namespace slambed {
 
-MapStaging::MapStaging(std::shared_ptr<Map> active, Backup backup)
-    : backup_(backup), active_(std::move(active)), staging_(std::make_shared<Map>()) {}
+MapStaging::MapStaging(std::shared_ptr<Map> active, Backup backup, int recovery_keyframes)
+    : backup_(backup),
+      active_(std::move(active)),
+      staging_(std::make_shared<Map>()),
+      recovery_(recovery_keyframes) {}
 
 bool MapStaging::idle() const {
   std::lock_guard lock(mutex_);
@@ -30,30 +35,39 @@ void MapStaging::insert(const MapDelta& update, KeyFrameId newest) {
   staging_->commit(update);
   shared_ = {};
   carried_.clear();
-  if (backup_ != Backup::kUncovered) return;
-  auto uncovered = active_->read([](const MapView& view) { return view.keyframe_ids(); });
+  updated_ = keyframes_of(update);
+  std::vector<KeyFrameId> uncovered;
+  if (backup_ == Backup::kUncovered)
+    uncovered = active_->read([](const MapView& view) { return view.keyframe_ids(); });
   std::erase_if(uncovered, [&](KeyFrameId id) { return id <= newest; });
   std::lock_guard lock(mutex_);
+  std::vector<BackedKeyFrame> backed;
+  for (const KeyFrameId id : uncovered)
+    backed.push_back({id, std::binary_search(provisional_.begin(), provisional_.end(), id)});
+  put_first(std::move(backed));
+  put_first(recovery_.beside(updated_, newest));
+}
+
+void MapStaging::put_first(std::vector<BackedKeyFrame> keyframes) {
   // Those made since the begin wait already, and are the newest.
-  std::erase_if(uncovered, [&](KeyFrameId id) {
-    return std::any_of(backlog_.begin(), backlog_.end(),
-                       [&](const Backed& backed) { return backed.keyframe == id; });
+  std::erase_if(keyframes, [&](const BackedKeyFrame& backed) {
+    return std::any_of(backlog_.begin(), backlog_.end(), [&](const BackedKeyFrame& waiting) {
+      return waiting.keyframe == backed.keyframe;
+    });
   });
-  for (auto id = uncovered.rbegin(); id != uncovered.rend(); ++id) {
-    backlog_.push_front({*id, std::binary_search(provisional_.begin(), provisional_.end(), *id)});
-  }
+  backlog_.insert(backlog_.begin(), keyframes.begin(), keyframes.end());
 }
 
 void MapStaging::relate() { shared_ = SharedKeyFrames(*active_, *staging_); }
 
 std::size_t MapStaging::drain() {
-  std::deque<Backed> backlog;
+  std::deque<BackedKeyFrame> backlog;
   {
     std::lock_guard lock(mutex_);
     backlog = std::exchange(backlog_, {});
   }
   std::size_t carried = 0;
-  for (const Backed& backed : backlog) {
+  for (const BackedKeyFrame& backed : backlog) {
     const MapDelta delta = carry_over(*active_, *staging_, backed.keyframe, shared_);
     if (delta.keyframes.empty()) continue;
     staging_->commit(delta);
@@ -81,18 +95,20 @@ bool MapStaging::ready() const {
 void MapStaging::keyframe_created(KeyFrameId keyframe, bool provisional) {
   std::lock_guard lock(mutex_);
   if (provisional) provisional_.push_back(keyframe);
+  recovery_.keyframe_created(keyframe, provisional);
   if (backup_ != Backup::kNone && phase_ != Phase::kIdle)
     backlog_.push_back({keyframe, provisional});
 }
 
-void MapStaging::back_up(KeyFrameId keyframe) {
+void MapStaging::recovered(KeyFrameId reference) {
   std::lock_guard lock(mutex_);
-  if (phase_ != Phase::kIdle) backlog_.push_back({keyframe, false});
+  recovery_.recovered(reference);
+  if (phase_ != Phase::kIdle) backlog_.push_back({reference, false});
 }
 
 std::vector<KeyFrameId> MapStaging::provisional() const {
   std::vector<KeyFrameId> ids;
-  for (const Backed& backed : carried_) {
+  for (const BackedKeyFrame& backed : carried_) {
     if (backed.provisional) ids.push_back(backed.keyframe);
   }
   std::sort(ids.begin(), ids.end());
@@ -103,6 +119,7 @@ void MapStaging::swap() {
   std::swap(active_, staging_);
   std::lock_guard lock(mutex_);
   provisional_ = provisional();
+  recovery_.taken_over(updated_);
 }
 
 void MapStaging::release() {

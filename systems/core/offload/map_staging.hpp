@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "offload/keyframe_backup.hpp"
+#include "offload/recovery_backup.hpp"
 
 namespace slambed {
 
@@ -21,7 +22,8 @@ class MapStaging {
     kUpdate,     ///< what is made from the update's begin on
     kUncovered,  ///< also what was made before and the update does not cover
   };
-  MapStaging(std::shared_ptr<Map> active, Backup backup);
+  /// recovery_keyframes: see RecoveryBackup.
+  MapStaging(std::shared_ptr<Map> active, Backup backup, int recovery_keyframes = 0);
 
   // The worker's. It may begin when idle, and prepare until it says ready.
   bool idle() const;
@@ -43,8 +45,8 @@ class MapStaging {
   // Tracking's.
   bool ready() const;
   void keyframe_created(KeyFrameId keyframe, bool provisional);
-  /// A keyframe of the active map is to be carried over, whatever the backup is.
-  void back_up(KeyFrameId keyframe);
+  /// The camera was found at this keyframe, which is to be carried over, whatever the backup is.
+  void recovered(KeyFrameId reference);
   const std::shared_ptr<Map>& active() const { return active_; }
   const std::shared_ptr<Map>& staging() const { return staging_; }
   /// Of what was carried over: keyframes that the edge may still decline, ascending.
@@ -59,20 +61,20 @@ class MapStaging {
 
  private:
   enum class Phase { kIdle, kUpdating, kReady };
-  struct Backed {
-    KeyFrameId keyframe;
-    bool provisional = false;
-  };
+  /// Carries these over before what waits already.
+  void put_first(std::vector<BackedKeyFrame> keyframes);
 
   Backup backup_;
   std::shared_ptr<Map> active_, staging_;
-  SharedKeyFrames shared_;       ///< the preparing side's
-  std::vector<Backed> carried_;  ///< the same; in order
+  std::vector<KeyFrameId> updated_;      ///< the update's own keyframes
+  SharedKeyFrames shared_;               ///< the preparing side's
+  std::vector<BackedKeyFrame> carried_;  ///< the same; in order
 
   mutable std::mutex mutex_;  ///< guards what follows
   Phase phase_ = Phase::kIdle;
-  std::deque<Backed> backlog_;
+  std::deque<BackedKeyFrame> backlog_;
   std::vector<KeyFrameId> provisional_;  ///< of the active map's own keyframes
+  RecoveryBackup recovery_;
 };
 
 }  // namespace slambed

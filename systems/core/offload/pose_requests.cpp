@@ -58,6 +58,7 @@ void PoseRequests::serialise(Worker& worker, const Request& request) {
                         .add("number", request.message.number)
                         .add("frame", request.message.frame.frame_index)
                         .add("bytes", payload.size()));
+  sent_bytes_ = payload.size();
   send(frames_, wire::MessageType::kRelocRequest, std::move(payload));
   sent_ = worker.now();
 }
@@ -67,6 +68,7 @@ void PoseRequests::parse(Worker& worker, Message message) {
   if (!ok && !is(message, wire::MessageType::kRelocFail)) return;
   Answer answer;
   answer.sent = sent_;
+  answer.request_bytes = sent_bytes_;
   answer.raw = std::move(message);
   answer.bytes = answer.raw.payload.size();
   const bool good = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
@@ -150,6 +152,7 @@ void PoseRequests::record(Worker& worker, const Answer& answer, const wire::Relo
                    total = worker.now() - outstanding_->asked;
     event.add("number", outstanding_->message.number)
         .add("frame", outstanding_->message.frame.frame_index)
+        .add("request_bytes", answer.request_bytes)
         .add_ms("request_ms", request)
         .add_ms("up_ms", up)
         .add_ms("edge_ms", at_edge)

@@ -42,8 +42,9 @@ class PoseRequests {
     std::uint64_t loss = 0;
   };
   struct Answer {
-    Message raw;     ///< without its payload
-    RunTime sent{};  ///< the last request before it, by the clock here
+    Message raw;                    ///< without its payload
+    RunTime sent{};                 ///< the last request before it, by the clock here
+    std::size_t request_bytes = 0;  ///< of that one
     std::size_t bytes = 0;
     std::shared_ptr<const wire::RelocOk> found;  ///< null: it was not
     wire::RelocFail failed;
@@ -67,9 +68,10 @@ class PoseRequests {
   Channel& keyframes_;
   MapDownlink& downlink_;
   MessageCodec codec_;
-  Mailbox<Request> requests_;  ///< to be serialised
-  Mailbox<Answer> answers_;    ///< parsed
-  RunTime sent_{};             ///< the worker's: when the last request was put into the channel
+  Mailbox<Request> requests_;   ///< to be serialised
+  Mailbox<Answer> answers_;     ///< parsed
+  RunTime sent_{};              ///< the worker's: when the last request was put into the channel
+  std::size_t sent_bytes_ = 0;  ///< the same
 
   // The tracking worker's.
   std::optional<Request> outstanding_;

@@ -94,9 +94,20 @@ void RemoteTracking::take(const Message& message) {
   });
   if (!result) return;
   answered_ = std::max<std::uint64_t>(answered_, result->sequence);
-  if (result->state == wire::FrameState::kOk)
-    node_.poses().placed(result->reference, result->T_cr.inverse() * result->T_cw);
-  node_.tracked_elsewhere(result->frame_index, outcome_of(*result));
+  TrackOutcome outcome = outcome_of(*result);
+  const bool ok = result->state == wire::FrameState::kOk;
+  if (ok && edge_ != message.incarnation) {
+    // Another process knows nothing of the map before; its keyframes have the same names.
+    if (edge_ != 0) {
+      outcome.reset_now = true;
+      node_.log().write(JsonLine("edge_restarted")
+                            .add("frame", result->frame_index)
+                            .add("incarnation", message.incarnation));
+    }
+    edge_ = message.incarnation;
+  }
+  node_.tracked_elsewhere(result->frame_index, outcome);
+  if (ok) node_.poses().placed(result->reference, result->T_cr.inverse() * result->T_cw);
   record(*result, message.received, message.payload.size());
 }
 

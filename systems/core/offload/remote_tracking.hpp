@@ -10,7 +10,8 @@
 namespace slambed {
 
 /// Full offload, the mobile's side: each frame goes up as a picture, its pose comes down. Writes
-/// `frame_answered` with the parts of the way, which add up to its length.
+/// `frame_answered` with the parts of the way, which add up to its length. An edge that is started
+/// again begins a map, and the trajectory with it, as after a reset.
 class RemoteTracking {
  public:
   /// window: frames that may be under way at once, the next one is then the newest there is; 0: no
@@ -35,6 +36,7 @@ class RemoteTracking {
   std::uint64_t window_;
   std::uint64_t sent_ = 0;
   std::atomic<std::uint64_t> answered_{0};  ///< or given up
+  std::uint64_t edge_ = 0;  ///< incarnation of the edge whose map poses are in; 0: none yet
   std::unique_ptr<Signal> answer_;
 };
 

@@ -11,6 +11,10 @@ bool compatible(const Parameters& parameters) {
   return parameters.text("codec") == "compatibility";
 }
 
+bool keeps_recovery(const Parameters& parameters) {
+  return relocalises_on_edge(parameters) && parameters.boolean("keep_recovery_keyframe");
+}
+
 }  // namespace
 
 std::vector<ParameterSpec> offload_parameters(std::vector<std::string> map_updates) {
@@ -104,6 +108,7 @@ DownlinkOptions downlink_options(const Parameters& parameters) {
                 .local_map_size = original_behaviour(parameters).local_map_size,
                 .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
       .codec = message_codec(parameters)};
+  if (keeps_recovery(parameters)) options.recovery_keyframes = parameters.integer("n_kf");
   const std::string mode = parameters.text("map_update");
   if (mode == "parallel") options.mode = MapUpdateMode::kParallel;
   if (mode == "parallel_waiting") options.mode = MapUpdateMode::kParallelWaiting;
@@ -130,8 +135,7 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
                                    ? std::nullopt
                                    : std::optional(from_seconds(behaviour.first_update_s)),
                       .poses = parameters.boolean("update_poses"),
-                      .keep_recovery = relocalises_on_edge(parameters) &&
-                                       parameters.boolean("keep_recovery_keyframe"),
+                      .keep_recovery = keeps_recovery(parameters),
                       .codec = message_codec(parameters)},
           .admission_when_idle = behaviour.admission_when_idle};
 }

@@ -12,11 +12,11 @@ constexpr int kRounds = 8;
 }  // namespace
 
 StagedUpdates::StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
-                             MapStaging::Backup backup)
+                             MapStaging::Backup backup, int recovery_keyframes)
     : node_(node),
       inbox_(inbox),
       exchange_(exchange),
-      staging_(node.tracker().map(), backup),
+      staging_(node.tracker().map(), backup, recovery_keyframes),
       prepared_(node.runtime()),
       declined_(node.runtime()) {}
 

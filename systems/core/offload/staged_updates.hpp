@@ -16,7 +16,7 @@ namespace slambed {
 class StagedUpdates final : public UpdatePath {
  public:
   StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
-                MapStaging::Backup backup);
+                MapStaging::Backup backup, int recovery_keyframes);
   void start() override;
   void before_frame(Worker& worker) override;
   void keyframe_created(KeyFrameId keyframe, bool provisional) override {
@@ -24,7 +24,7 @@ class StagedUpdates final : public UpdatePath {
   }
   void suspend(bool suspended) override;
   /// What waits is swapped in with the keyframe at which the camera was found.
-  void recovered(RunTime, KeyFrameId reference) override { staging_.back_up(reference); }
+  void recovered(RunTime, KeyFrameId reference) override { staging_.recovered(reference); }
 
  private:
   void work(Worker& worker);

@@ -23,7 +23,7 @@ wire::FrameState state_of(TrackingState state) {
 TrackingService::TrackingService(EdgeNode& node, Channel& frames, TrackingServiceOptions options)
     : node_(node),
       channel_(frames),
-      options_(std::move(options)),
+      options_(options),
       map_(std::make_shared<Map>()),
       places_(std::make_shared<PlaceIndex>(default_vocabulary())),
       mapping_(node.runtime(), node.log(), map_, places_,

@@ -6,6 +6,13 @@
 
 namespace slambed {
 
+std::vector<KeyFrameId> keyframes_of(const MapDelta& delta) {
+  std::vector<KeyFrameId> ids;
+  for (const NewKeyFrame& keyframe : delta.keyframes) ids.push_back(keyframe.id);
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
 MapDelta extract_keyframes(const MapView& view, std::span<const KeyFrameId> keyframes) {
   const std::set<KeyFrameId> wanted(keyframes.begin(), keyframes.end());
   MapDelta delta;

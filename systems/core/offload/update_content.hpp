@@ -8,6 +8,9 @@
 
 namespace slambed {
 
+/// The delta's own keyframes, ascending.
+std::vector<KeyFrameId> keyframes_of(const MapDelta& delta);
+
 /// These keyframes (those that still exist) with all points they see: a map of its own.
 MapDelta extract_keyframes(const MapView& view, std::span<const KeyFrameId> keyframes);
 

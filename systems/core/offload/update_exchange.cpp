@@ -15,13 +15,6 @@ int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFram
   });
 }
 
-std::vector<KeyFrameId> keyframes_of(const wire::MapUpdate& update) {
-  std::vector<KeyFrameId> ids;
-  for (const NewKeyFrame& keyframe : update.map.keyframes) ids.push_back(keyframe.id);
-  std::sort(ids.begin(), ids.end());
-  return ids;
-}
-
 void UpdateExchange::done(Worker& worker, const UpdateArrival& arrival, const Outcome& outcome) {
   inbox_.taken_over(arrival, outcome.backed_up > 0);
   from_map_ = arrival.relocalisation();

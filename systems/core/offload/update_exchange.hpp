@@ -13,8 +13,6 @@ namespace slambed {
 /// Keyframes of the old map that are newer than the update and not among those kept (ascending):
 /// lost to tracking.
 int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFrameId> kept);
-/// The update's own keyframes, ascending.
-std::vector<KeyFrameId> keyframes_of(const wire::MapUpdate& update);
 
 /// What follows when an update has become the local map, however it came there: the rules hear of
 /// it, the system, the pose book and the event log. On the tracking worker.

@@ -53,6 +53,7 @@ UpdateState UpdateInbox::state_for(Worker& worker, const UpdateArrival& arrival)
   return {.relocalisation = arrival.relocalisation(),
           .lost = lost_,
           .former_edge = arrival.raw.incarnation != edge.incarnation,
+          .before_recovery = arrival.raw.queued < recovered_,
           .behind = arrival.update.newest < expected_,
           .update = arrival.update.update,
           .applied = knows(edge) ? applied_ : 0,
@@ -138,6 +139,11 @@ void UpdateInbox::begin_epoch(std::uint64_t epoch) {
 void UpdateInbox::expect_keyframe(KeyFrameId keyframe) {
   std::lock_guard lock(mutex_);
   expected_ = keyframe;
+}
+
+void UpdateInbox::recovered(RunTime when) {
+  std::lock_guard lock(mutex_);
+  recovered_ = when;
 }
 
 std::uint64_t UpdateInbox::applied_update() const {

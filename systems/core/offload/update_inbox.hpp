@@ -60,6 +60,8 @@ class UpdateInbox {
   void joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation);
   void begin_epoch(std::uint64_t epoch);
   void expect_keyframe(KeyFrameId keyframe);
+  /// Updates that left before this are declined from now on.
+  void recovered(RunTime when);
   std::uint64_t applied_update() const;
   MapPointId newest_edge_point() const;
   KeyFrameId settled() const;
@@ -84,6 +86,7 @@ class UpdateInbox {
   MapPointId newest_edge_point_;
   KeyFrameId settled_{};
   KeyFrameId expected_{};  ///< older ones than this are behind
+  RunTime recovered_ = RunTime::min();
   std::uint64_t epoch_ = 0;
   bool new_keyframe_ = false;
   RunTime last_keyframe_{};

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "offload/keyframe_backup.hpp"
+#include "offload/update_content.hpp"
+
 namespace slambed {
 namespace {
 
@@ -23,7 +26,17 @@ void build(UpdateArrival& arrival, StageUnits& units) {
 }
 
 int gap_of(MobileNode& node, const UpdateArrival& arrival) {
-  return local_map_gap(*node.tracker().map(), arrival.update.newest, keyframes_of(arrival.update));
+  const auto kept = arrival.map->read([](const MapView& view) { return view.keyframe_ids(); });
+  return local_map_gap(*node.tracker().map(), arrival.update.newest, kept);
+}
+
+std::vector<KeyFrameId> provisional_among(std::span<const BackedKeyFrame> backed) {
+  std::vector<KeyFrameId> ids;
+  for (const BackedKeyFrame& keyframe : backed) {
+    if (keyframe.provisional) ids.push_back(keyframe.keyframe);
+  }
+  std::sort(ids.begin(), ids.end());
+  return ids;
 }
 
 }  // namespace
@@ -40,6 +53,7 @@ void SerialUpdates::before_frame(Worker& worker) {
     return inbox_.keep_poses(worker, *arrival);
   }
   worker.stage("insert_keyframes", [&](StageUnits& units) { build(*arrival, units); });
+  const auto carried = keep_recovery(worker, *arrival);
   const double keyframes = static_cast<double>(arrival->update.map.keyframes.size());
   const int gap = worker.stage("update_reference", [&](StageUnits& units) {
     units.n1 = keyframes;
@@ -48,18 +62,40 @@ void SerialUpdates::before_frame(Worker& worker) {
   auto old_map = node_.tracker().map();
   worker.stage("update_last_frame", [&](StageUnits& units) {
     units.n1 = keyframes;
-    node_.replace_map(arrival->map);
+    node_.replace_map(arrival->map, provisional_among(carried));
   });
+  backup_.taken_over(keyframes_of(arrival->update.map));
   worker.stage("clean_map", [&](StageUnits& units) {
     units.n1 = static_cast<double>(count(*old_map).keyframes);
     old_map.reset();
   });
-  exchange_.done(worker, *arrival, {.begin = begin, .gap = gap});
+  const auto backed_up = static_cast<int>(carried.size());
+  exchange_.done(worker, *arrival, {.begin = begin, .gap = gap, .backed_up = backed_up});
+}
+
+std::vector<BackedKeyFrame> SerialUpdates::keep_recovery(Worker& worker,
+                                                         const UpdateArrival& arrival) const {
+  std::vector<BackedKeyFrame> carried;
+  const wire::MapUpdate& update = arrival.update;
+  const auto wanted = backup_.beside(keyframes_of(update.map), update.newest);
+  if (wanted.empty()) return carried;
+  worker.stage("insert_keyframes", [&](StageUnits& units) {
+    const Map& here = *node_.tracker().map();
+    SharedKeyFrames shared(here, *arrival.map);
+    for (const BackedKeyFrame& backed : wanted) {
+      const MapDelta delta = carry_over(here, *arrival.map, backed.keyframe, shared);
+      if (delta.keyframes.empty()) continue;
+      arrival.map->commit(delta);
+      carried.push_back(backed);
+    }
+    units.n1 = static_cast<double>(carried.size());
+  });
+  return carried;
 }
 
 bool SerialUpdates::is_elsewhere(const UpdateArrival& arrival) const {
   if (!recovery_ || arrival.raw.queued >= recovery_->when) return false;
-  const auto kept = keyframes_of(arrival.update);
+  const auto kept = keyframes_of(arrival.update.map);
   return !std::binary_search(kept.begin(), kept.end(), recovery_->reference);
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "base/ids.hpp"
+#include "offload/recovery_backup.hpp"
 #include "offload/update_exchange.hpp"
 #include "runtime/mailbox.hpp"
 
@@ -29,11 +30,19 @@ class UpdatePath {
 /// in Edge-SLAM.
 class SerialUpdates final : public UpdatePath {
  public:
-  SerialUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange)
-      : node_(node), inbox_(inbox), exchange_(exchange) {}
+  /// recovery_keyframes: see RecoveryBackup.
+  SerialUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
+                int recovery_keyframes)
+      : node_(node), inbox_(inbox), exchange_(exchange), backup_(recovery_keyframes) {}
   void before_frame(Worker& worker) override;
+  void keyframe_created(KeyFrameId keyframe, bool provisional) override {
+    backup_.keyframe_created(keyframe, provisional);
+  }
   void suspend(bool suspended) override { suspended_ = suspended; }
-  void recovered(RunTime when, KeyFrameId reference) override { recovery_ = {when, reference}; }
+  void recovered(RunTime when, KeyFrameId reference) override {
+    recovery_ = {when, reference};
+    backup_.recovered(reference);
+  }
 
  private:
   struct Recovery {
@@ -42,12 +51,15 @@ class SerialUpdates final : public UpdatePath {
   };
   /// It was sent before the camera was found again, and shows another place.
   bool is_elsewhere(const UpdateArrival& arrival) const;
+  /// Carries over what the update does not hold of the place where the camera was found.
+  std::vector<BackedKeyFrame> keep_recovery(Worker& worker, const UpdateArrival& arrival) const;
 
   MobileNode& node_;
   UpdateInbox& inbox_;
   UpdateExchange& exchange_;
   bool suspended_ = false;
   std::optional<Recovery> recovery_;
+  RecoveryBackup backup_;
 };
 
 /// A worker parses and builds; tracking judges and swaps; the worker disposes of the old map.

@@ -19,6 +19,7 @@ std::optional<std::string_view> obsolete_reason(const UpdateState& state) {
   if (state.former_edge) return "its edge is gone";
   if (state.epoch < state.current_epoch) return "older epoch";
   if (state.update <= state.applied) return "older than the map";
+  if (state.before_recovery) return "from before the recovery";
   return std::nullopt;
 }
 

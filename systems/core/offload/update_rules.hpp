@@ -29,8 +29,9 @@ inline constexpr Duration kRateWindow = std::chrono::seconds(1);
 struct UpdateState {
   bool relocalisation = false;  ///< RELOC_MAP rather than MAP_UPDATE
   bool lost = false;
-  bool former_edge = false;  ///< the process that sent it is gone
-  bool behind = false;       ///< the edge still catches up with keyframes made before
+  bool former_edge = false;      ///< the process that sent it is gone
+  bool before_recovery = false;  ///< it left before the camera was found, and shows another place
+  bool behind = false;           ///< the edge still catches up with keyframes made before
   std::uint64_t update = 0, applied = 0;
   std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;

@@ -10,6 +10,10 @@
 namespace slambed {
 namespace {
 
+/// So long after a recovery the mobile's own map shows the place better than an update that is
+/// mostly of another one.
+constexpr Duration kRest = std::chrono::seconds(2);
+
 bool same_pose(const SE3& a, const SE3& b) { return a.R == b.R && a.t == b.t; }
 
 }  // namespace
@@ -36,8 +40,9 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
     std::lock_guard lock(mutex_);
     if (!news_ || held_ || stopped_) return kNever;
     const bool first = last_sent_ == RunTime::min();
-    const RunTime due = first ? RunTime::zero() + options_.first.value_or(options_.period)
-                              : last_sent_ + options_.period;
+    RunTime due = first ? RunTime::zero() + options_.first.value_or(options_.period)
+                        : last_sent_ + options_.period;
+    if (recovery_) due = std::max(due, recovery_->found + kRest);
     if (worker.now() < due) return due;
     times = newest_times_;
     if (recovery_) recovery = recovery_->reference;

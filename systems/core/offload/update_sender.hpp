@@ -39,8 +39,8 @@ class UpdateSender {
   /// that it knows again, so that none takes the place of the map that is the answer.
   void hold(RunTime asked);
   /// It knows again, found at this keyframe: updates go on. Until as many keyframes as an update
-  /// carries were made since then and mapped, they carry that one too, so that the first does not
-  /// take the camera's place away.
+  /// carries were made since then and mapped, none leaves for a while, and then they carry that one
+  /// too, so that the first does not take the camera's place away.
   void release(RunTime found, KeyFrameId reference);
   /// A keyframe came: it knows where it is, and which update it has taken over.
   void heard(const wire::KeyFrameMessage& keyframe);

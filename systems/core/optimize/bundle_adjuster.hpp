@@ -39,7 +39,7 @@ struct BundleOptions {
 /// charge each one. The problem always holds the best values so far.
 class BundleAdjuster {
  public:
-  BundleAdjuster(BundleProblem problem, BundleOptions options = {});
+  explicit BundleAdjuster(BundleProblem problem, BundleOptions options = {});
   ~BundleAdjuster();
   BundleAdjuster(BundleAdjuster&&) noexcept;
 

@@ -81,7 +81,7 @@ class SparseBlocks {
         for (std::size_t k = begin_[column]; k < begin_[column + 1]; ++k) {
           for (int r = rows_[k] == column ? c : 0; r < D; ++r) {
             if (first)
-              matrix_.insertBack(static_cast<Eigen::Index>(D * rows_[k] + r),
+              matrix_.insertBack(D * static_cast<Eigen::Index>(rows_[k]) + r,
                                  static_cast<Eigen::Index>(D * column + c)) = blocks_[k](r, c);
             else
               *value++ = blocks_[k](r, c);

@@ -57,11 +57,11 @@ class BundleWindow {
  private:
   struct Pose {
     KeyFrameId id;
-    std::uint32_t version;
+    std::uint32_t version = 0;
   };
   struct Point {
     MapPointId id;
-    std::uint32_t version;
+    std::uint32_t version = 0;
   };
 
   std::vector<Pose> poses_;

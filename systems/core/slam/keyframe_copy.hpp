@@ -27,6 +27,7 @@ inline std::vector<KeyFrameId> best_covisibles(const KeyFrame& keyframe, int cou
   std::vector<KeyFrameId> best;
   const std::size_t n =
       std::min(keyframe.covisibles.size(), static_cast<std::size_t>(std::max(0, count)));
+  best.reserve(n);
   for (std::size_t i = 0; i < n; ++i) best.push_back(keyframe.covisibles[i].id);
   return best;
 }

@@ -29,7 +29,7 @@ struct LoopCloser::Impl {
 };
 
 LoopCloser::LoopCloser(LoopCloserOptions options, std::shared_ptr<Map> map,
-                       std::shared_ptr<PlaceIndex> places)
+                       const std::shared_ptr<PlaceIndex>& places)
     : impl_(std::make_unique<Impl>(options, std::move(map), places)) {}
 LoopCloser::~LoopCloser() = default;
 

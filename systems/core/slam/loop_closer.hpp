@@ -28,7 +28,7 @@ struct LoopCloserOptions {
 class LoopCloser {
  public:
   LoopCloser(LoopCloserOptions options, std::shared_ptr<Map> map,
-             std::shared_ptr<PlaceIndex> places);
+             const std::shared_ptr<PlaceIndex>& places);
   ~LoopCloser();
 
   /// True when the keyframe looks like an old part of the map.

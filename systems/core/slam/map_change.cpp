@@ -19,13 +19,13 @@ void apply(const MapChangeOptions& options, KeyFrameId old_reference, const Map&
 }
 
 MapChange shared_keyframe(const Map& old_map, const Map& new_map, KeyFrameId old_reference) {
-  struct Known {
+  struct KnownPose {
     KeyFrameId id;
     SE3 T_cw;
   };
   // In order of preference: the reference itself, its covisibles, then everything from the newest.
-  const std::vector<Known> known = old_map.read([&](const MapView& view) {
-    std::vector<Known> list;
+  const std::vector<KnownPose> known = old_map.read([&](const MapView& view) {
+    std::vector<KnownPose> list;
     if (const auto pose = view.pose_of(old_reference)) list.push_back({old_reference, *pose});
     if (const KeyFrame* keyframe = view.keyframe(old_reference))
       for (const Covisible& near : keyframe->covisibles)
@@ -37,7 +37,7 @@ MapChange shared_keyframe(const Map& old_map, const Map& new_map, KeyFrameId old
   });
   return new_map.read([&](const MapView& view) {
     MapChange change;
-    for (const Known& old : known) {
+    for (const KnownPose& old : known) {
       const KeyFrame* keyframe = view.keyframe(old.id);
       if (!keyframe) continue;
       change.reference = old.id;

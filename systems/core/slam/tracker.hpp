@@ -38,6 +38,9 @@ struct TrackerOptions {
   /// every other hypothesis, at last all local points without a prediction. False: ORB-SLAM2's
   /// steps alone, which lose such frames.
   bool second_hypotheses = true;
+  /// Of these the one for the frames right after a recovery, also without the others: where only
+  /// keyframes that an edge may still decline see the place, none of it is the reference.
+  bool follow_recovery = false;
   // What Edge-SLAM's code does without; see edgeslam/system.yaml.
   bool descriptor_fallback = true;    ///< too few matches by words: once more by descriptors alone
   bool points_by_observation = true;  ///< fused points are found again in a map that is replaced

@@ -44,8 +44,8 @@ void Tracker::Impl::refresh_last() {
   });
 }
 
-bool Tracker::Impl::track_motion() {
-  const SE3 predicted = (*velocity * last.T_cw).normalized();
+bool Tracker::Impl::track_motion(const SE3& step) {
+  const SE3 predicted = (step * last.T_cw).normalized();
   current.T_cw = predicted;
   int matches = search.match_last_frame(last_points, last.T_cw, options.motion_window_px, current);
   if (matches < kLeastMotionMatches)
@@ -56,6 +56,14 @@ bool Tracker::Impl::track_motion() {
   const int inliers = search.optimise_pose(current);
   current.drop_outliers();
   return inliers >= kLeastPoseInliers;
+}
+
+/// Found a frame ago, perhaps by keyframes that the edge may still decline: these are no reference,
+/// and the one there is may be of another place. What was seen then is still in view.
+bool Tracker::Impl::track_still() {
+  if (!last.has_pose) return false;
+  refresh_last();  // its points made way for the reference keyframe's
+  return track_motion(SE3());
 }
 
 bool Tracker::Impl::track_reference() {
@@ -96,7 +104,7 @@ bool Tracker::Impl::follow(TrackOutcome& outcome) {
   refresh_last();
   doubtful.reset();
   if (velocity && !relocalised) {
-    const bool posed = track_motion();
+    const bool posed = track_motion(*velocity);
     outcome.by_motion_model = posed && agrees(factor, outcome);
     if (outcome.by_motion_model) return true;
     if (posed && !options.second_hypotheses) return false;
@@ -104,6 +112,9 @@ bool Tracker::Impl::follow(TrackOutcome& outcome) {
   }
   reference = around;
   if (track_reference() && agrees(factor, outcome)) return true;
+  reference = around;
+  const bool still = options.second_hypotheses || options.follow_recovery;
+  if (still && relocalised && track_still() && agrees(factor, outcome)) return true;
   if (!options.second_hypotheses) return false;
   reference = around;
   if (track_widely() && agrees(kLocalFactorRelocalised, outcome)) return true;

@@ -26,7 +26,8 @@ struct Tracker::Impl {
   void initialise(TrackOutcome& outcome);
   std::optional<MapDelta> first_keyframe();
   void refresh_last();
-  bool track_motion();
+  bool track_motion(const SE3& step);
+  bool track_still();
   bool track_reference();
   bool track_widely();
   bool relocalise();

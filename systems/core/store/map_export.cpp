@@ -92,7 +92,7 @@ void export_ply(const Map& map, const std::filesystem::path& path) {
 
 void export_tum(const Map& map, double time_origin_s, const std::filesystem::path& path) {
   TextFile file(path);
-  file.print("# timestamp tx ty tz qx qy qz qw (camera to world)\n");
+  file.print("%s", "# timestamp tx ty tz qx qy qz qw (camera to world)\n");
   for (const Stamped& pose : in_time(map)) {
     Eigen::Quaterniond q = pose.T_wc.quaternion();
     if (q.w() < 0) q.coeffs() = -q.coeffs();

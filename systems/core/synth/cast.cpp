@@ -99,7 +99,8 @@ class Casting {
   }
 
   Actor at_the_tables(int number) {
-    const double sign = number % 2 == 0 ? -1 : 1, out = number / 2;
+    const double sign = number % 2 == 0 ? -1 : 1;
+    const int out = number / 2;
     const Vec3 place(sign * (0.55 + 0.8 * out) + random_.uniform(-0.05, 0.05), -1.15, 0);
     const double turned = random_.uniform(20, 50);  // to each other and to the near side
     return Actor::sitting(build_, place, sign < 0 ? -turned : 180 + turned, seed_);

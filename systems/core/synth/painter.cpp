@@ -27,10 +27,10 @@ Interval slab(double a, double b, double dy, double r) {
 enum class Shape { kDisk, kRectangle, kTriangle };
 
 struct Leaf {
-  Shape shape;
-  double x, y, r, aspect;
+  Shape shape = Shape::kDisk;
+  double x = 0, y = 0, r = 0, aspect = 1;
   SinCos turn;
-  std::uint8_t grey;
+  std::uint8_t grey = 0;
 
   Interval row(double dy) const {
     const double c = turn.cos, s = turn.sin;

@@ -101,7 +101,7 @@ void Scene::add_cylinder(const Vec3& base_centre, double radius, double height,
   add_face(base_centre + up - radius * Vec3(1, 1, 0), Vec3(2 * radius, 0, 0),
            Vec3(0, 2 * radius, 0), material);
   for (Vec3& corner : ring) corner += up;
-  faces_.back().corners = ring;
+  faces_.back().corners = std::move(ring);
 }
 
 void Scene::add_polygon(std::span<const Vec3> corners, const Material& material) {

@@ -65,6 +65,8 @@ std::string_view message_name(std::uint8_t type) {
       return "MASK";
     case MessageType::kNoMask:
       return "NO_MASK";
+    case MessageType::kKeyFrameRefused:
+      return "KEYFRAME_REFUSED";
   }
   return "UNKNOWN";
 }

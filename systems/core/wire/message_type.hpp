@@ -7,7 +7,7 @@
 namespace slambed::wire {
 
 /// Version of every payload layout below this folder; both nodes must have the same.
-inline constexpr std::uint16_t kWireVersion = 6;
+inline constexpr std::uint16_t kWireVersion = 7;
 /// Version of put_delta's layout alone, which stored maps have too.
 inline constexpr std::uint16_t kDeltaVersion = 4;
 
@@ -44,9 +44,10 @@ enum class MessageType : std::uint8_t {
   kFrameImage = 64,   ///< mobile -> edge: a picture to be tracked there
   kFrameResult = 65,  ///< edge -> mobile: its pose, what moves in it, and how long each part took
   kSemanticKeyFrame = 66,  ///< mobile -> edge: a keyframe to be mapped, its picture to be segmented
-  kOptResult = 67,  ///< edge -> mobile: its optimised pose, and what changed in the local map
-  kMask = 68,       ///< edge -> mobile: what moves in its picture
-  kNoMask = 69,     ///< edge -> mobile: nobody will ever say
+  kOptResult = 67,        ///< edge -> mobile: its optimised pose, and what changed in the local map
+  kMask = 68,             ///< edge -> mobile: what moves in its picture
+  kNoMask = 69,           ///< edge -> mobile: nobody will ever say
+  kKeyFrameRefused = 70,  ///< edge -> mobile: an upload could not be read
 };
 
 /// As it stands in a message's header.

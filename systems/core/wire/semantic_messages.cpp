@@ -141,4 +141,17 @@ NoMaskMessage decode_no_mask(std::span<const std::uint8_t> bytes) {
   return message;
 }
 
+Bytes encode(const KeyFrameRefused& message) {
+  ByteWriter out;
+  out.varint(message.sequence);
+  return out.take();
+}
+
+KeyFrameRefused decode_keyframe_refused(std::span<const std::uint8_t> bytes) {
+  ByteReader in(bytes);
+  const KeyFrameRefused message{.sequence = in.varint()};
+  in.expect_end();
+  return message;
+}
+
 }  // namespace slambed::wire

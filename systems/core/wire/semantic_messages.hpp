@@ -68,16 +68,25 @@ enum class NoMaskReason : std::uint8_t {
 
 /// NO_MASK, edge -> mobile: in place of a MASK that will not come, so that nobody waits for it.
 struct NoMaskMessage {
+  static constexpr MessageType kType = MessageType::kNoMask;
   KeyFrameId world;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
   NoMaskReason reason = NoMaskReason::kNotSegmented;
 };
 
+/// KEYFRAME_REFUSED, edge -> mobile: what came under this number could not be read, so no answer
+/// will come of it.
+struct KeyFrameRefused {
+  static constexpr MessageType kType = MessageType::kKeyFrameRefused;
+  std::uint64_t sequence = 0;  ///< of the SEMANTIC_KEYFRAME
+};
+
 Bytes encode(const SemanticKeyFrame& message);
 Bytes encode(const OptResult& message);
 Bytes encode(const MaskMessage& message);
 Bytes encode(const NoMaskMessage& message);
+Bytes encode(const KeyFrameRefused& message);
 
 /// All throw DecodeError and nothing else.
 SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
@@ -85,5 +94,6 @@ SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
 OptResult decode_opt_result(std::span<const std::uint8_t> bytes);
 MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 NoMaskMessage decode_no_mask(std::span<const std::uint8_t> bytes);
+KeyFrameRefused decode_keyframe_refused(std::span<const std::uint8_t> bytes);
 
 }  // namespace slambed::wire

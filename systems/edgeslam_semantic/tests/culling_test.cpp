@@ -4,9 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "node/feature_source.hpp"
-#include "node/mask_cache.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
+#include "sequence/feature_source.hpp"
+#include "sequence/mask_cache.hpp"
 #include "synth/generator.hpp"
 #include "wire/hello.hpp"
 
@@ -61,8 +61,19 @@ TEST_F(Culling, TrueMasksCullEverybodyAtOnceAndFewerAsTheyAge) {
   EXPECT_EQ(ages[0].recall(), 1);
   EXPECT_EQ(ages[0].precision(), 1);
   EXPECT_LT(ages[kAges].recall(), ages[1].recall());
-  EXPECT_GT(ages[1].recall(), 0.3);
+  EXPECT_GT(ages[1].recall(), 0.8);
+  EXPECT_GT(ages[7].recall(), 0.6);
   EXPECT_GT(ages[1].precision(), 0.8);
+}
+
+TEST_F(Culling, AMaskThatIsLateCullsAsOneThatCameAtOnce) {
+  const auto at_once = culling_by_age(sequence, {.oldest = kAges});
+  const auto late = culling_by_age(sequence, {.oldest = kAges, .late = 7});
+  EXPECT_EQ(late[6].culled, 0);
+  for (std::size_t age = 7; age <= kAges; ++age) {
+    EXPECT_EQ(late[age].culled, at_once[age].culled) << age;
+    EXPECT_EQ(late[age].found, at_once[age].found) << age;
+  }
 }
 
 TEST_F(Culling, WithoutMasksNobodyIsCulled) {
@@ -75,7 +86,7 @@ TEST_F(Culling, WithoutMasksNobodyIsCulled) {
 
 TEST_F(Culling, LabelsThatEndCullNobody) {
   CullingOptions options{.oldest = 10};
-  options.chains.label_frames = 5;
+  options.labels.frames = 5;
   const auto ages = culling_by_age(sequence, options);
   EXPECT_GT(ages[5].culled, 0);
   EXPECT_EQ(ages[6].culled, 0);

@@ -109,5 +109,25 @@ TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
     EXPECT_GE(id(keyframe), restart);
 }
 
+TEST_F(EdgeRestart, FullyOffloadedTheTrajectoryIsThatOfTheNewEdgesMapAlone) {
+  nlohmann::json chosen = edgeslam(false, false);
+  chosen["full_offload"] = true;
+  // The patience of frames that the dead edge had is 5 s.
+  const EdgeLife life{.dies = 1500ms, .comes_back = 1700ms};
+  const Played run = play_pair(chosen, below, life);
+  const auto restarted = run.of("edge_restarted");
+  ASSERT_EQ(restarted.size(), 1u);
+  EXPECT_EQ(restarted.front()["incarnation"], 2);
+  std::size_t of_new_map = 0, of_old_map = 0;
+  for (const auto& frame : run.of("frame_answered")) {
+    if (!frame["ok"]) continue;
+    ++(when(frame) >= when(restarted.front()) ? of_new_map : of_old_map);
+  }
+  ASSERT_GT(of_old_map, 5u);
+  ASSERT_GT(of_new_map, 5u);
+  const auto lines = std::count(run.trajectory.begin(), run.trajectory.end(), '\n');
+  EXPECT_EQ(lines, static_cast<long>(of_new_map) + 1);
+}
+
 }  // namespace
 }  // namespace slambed

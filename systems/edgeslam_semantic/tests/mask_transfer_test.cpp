@@ -35,7 +35,7 @@ class Walk {
     }
     return std::make_shared<FeatureSet>(sensor_, points, descriptors);
   }
-  static bool walks(int i) { return i % 10 < 5; }
+  static constexpr bool walks(int i) { return i % 10 < 5; }
 
   /// Whatever moves, as it is in frame 1.
   FrameMasks left_half() const {
@@ -57,7 +57,7 @@ int labelled(const MaskTransfer& transfer) {
 
 TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
   const Walk walk;
-  MaskTransfer transfer({}, 3);
+  MaskTransfer transfer({});
   transfer.follow(walk.frame(0));
   transfer.keep_for_comparison(wire::keyframe_id(1));
   for (int n = 1; n <= 10; ++n) transfer.follow(walk.frame(n));
@@ -75,7 +75,7 @@ TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
 
 TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
   const Walk walk;
-  MaskTransfer transfer({.missing_frames = 3}, 3);
+  MaskTransfer transfer({.neighbours = 0}, {.missing_frames = 3});
   transfer.follow(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
@@ -90,7 +90,7 @@ TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
 
 TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
   const Walk walk;
-  MaskTransfer transfer({}, 3);
+  MaskTransfer transfer({});
   transfer.follow(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   transfer.follow(walk.frame(1));
@@ -98,7 +98,75 @@ TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
   transfer.follow(walk.frame(2));
-  EXPECT_EQ(labelled(transfer), kCount / 2) << "nothing was labelled before: an older mask may";
+  EXPECT_EQ(labelled(transfer), 0) << "the newer mask has nobody";
+}
+
+TEST(MaskTransfer, AFresherMaskSetsFree) {
+  const Walk walk;
+  MaskTransfer transfer({});
+  transfer.follow(walk.frame(0));
+  transfer.keep(wire::keyframe_id(1));
+  transfer.follow(walk.frame(1));
+  transfer.keep(wire::keyframe_id(2));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  EXPECT_EQ(labelled(transfer), kCount / 2);
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
+  transfer.follow(walk.frame(2));
+  EXPECT_EQ(labelled(transfer), 0);
+}
+
+constexpr int kWalker = 23, kStander = 26;
+/// Far enough for the features around these.
+constexpr float kReach_px = 130;
+
+TEST(MaskTransfer,
+     AFeatureThatBeganLaterIsLabelledWhereTheMaskCoversTheFrameItsNeighboursCameFrom) {
+  const Walk walk;
+  for (const int late : {kWalker, kStander}) {
+    MaskTransfer transfer({.reach_px = kReach_px});
+    transfer.follow(walk.frame(0, late));
+    transfer.keep(wire::keyframe_id(1));
+    ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+    for (int n = 1; n <= 9; ++n) transfer.follow(walk.frame(n, late));
+    transfer.follow(walk.frame(10));
+    for (int i = 0; i < kCount; ++i) EXPECT_EQ(transfer.free()[i], Walk::walks(i) ? 0 : 1) << i;
+  }
+}
+
+TEST(MaskTransfer, WithoutNeighboursAFeatureThatBeganLaterIsFree) {
+  const Walk walk;
+  MaskTransfer transfer({.neighbours = 0});
+  transfer.follow(walk.frame(0, kWalker));
+  transfer.keep(wire::keyframe_id(1));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  transfer.follow(walk.frame(1));
+  EXPECT_EQ(transfer.free()[kWalker], 1);
+  EXPECT_EQ(labelled(transfer), kCount / 2 - 1);
+}
+
+TEST(MaskTransfer, ALateMaskReachesWhatBeganAndEndedMeanwhile) {
+  const Walk walk;
+  MaskTransfer transfer({.reach_px = kReach_px}, {.missing_frames = 1});
+  transfer.follow(walk.frame(0, kWalker));
+  transfer.keep(wire::keyframe_id(1));
+  transfer.follow(walk.frame(1));
+  transfer.follow(walk.frame(2));
+  transfer.keep(wire::keyframe_id(2));
+  for (int n = 3; n <= 9; ++n) transfer.follow(walk.frame(n, kWalker));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  EXPECT_EQ(transfer.labels().at(wire::keyframe_id(2))[kWalker], 1);
+}
+
+TEST(MaskTransfer, WhatNeighboursSaidEndsWithAMaskThatHasNobody) {
+  const Walk walk;
+  MaskTransfer transfer({.reach_px = kReach_px});
+  transfer.follow(walk.frame(0, kWalker));
+  transfer.keep(wire::keyframe_id(1));
+  transfer.follow(walk.frame(1, kWalker));
+  transfer.keep(wire::keyframe_id(2));
+  transfer.follow(walk.frame(2));
+  ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+  EXPECT_EQ(transfer.free()[kWalker], 0);
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
   transfer.follow(walk.frame(3));
   EXPECT_EQ(labelled(transfer), 0);
@@ -106,7 +174,7 @@ TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
 
 TEST(MaskTransfer, LabelsEnd) {
   const Walk walk;
-  MaskTransfer transfer({.label_frames = 5}, 3);
+  MaskTransfer transfer({.frames = 5});
   transfer.follow(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
@@ -118,7 +186,7 @@ TEST(MaskTransfer, LabelsEnd) {
 
 TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
   const Walk walk;
-  MaskTransfer transfer({}, 3);
+  MaskTransfer transfer({});
   for (int n = 0; n < 500; ++n) {
     transfer.follow(walk.frame(n % 10));
     transfer.keep(wire::keyframe_id(static_cast<std::uint64_t>(n) + 1));
@@ -130,7 +198,7 @@ TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
 
 TEST(MaskTransfer, KnowsNothingOfOtherKeyFrames) {
   const Walk walk;
-  MaskTransfer transfer({}, 3);
+  MaskTransfer transfer({});
   transfer.follow(walk.frame(0));
   EXPECT_FALSE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
   transfer.keep(wire::keyframe_id(1));

@@ -52,5 +52,24 @@ TEST_F(NoMask, AdaptiveSelectionIsNotHeldUpEither) {
   EXPECT_GT(last(run), last(whole) - 1);
 }
 
+TEST_F(NoMask, AnUploadThatCannotBeReadIsNotWaitedFor) {
+  constexpr int kTorn = 5;
+  const auto answer = [](auto) { return nobody(); };
+  const Played whole = play_pair(edgeslam(false), answer);
+  const Played run = play_pair(edgeslam(false), answer, {.torn_upload = kTorn});
+  ASSERT_GT(whole.of("keyframe_sent").size(), 10u);
+  EXPECT_GE(run.of("keyframe_sent").size() + 1, whole.of("keyframe_sent").size());
+  const auto refused = run.of("keyframe_refused");
+  ASSERT_EQ(refused.size(), 1u);
+  EXPECT_EQ(refused[0]["keyframe"], run.of("keyframe_sent")[kTorn - 1]["keyframe"]);
+  const auto warnings = run.of("warning");
+  EXPECT_EQ(std::count_if(warnings.begin(), warnings.end(),
+                          [](const auto& one) {
+                            return one["text"].template get<std::string>().find(
+                                       "SEMANTIC_KEYFRAME refused") == 0;
+                          }),
+            1);
+}
+
 }  // namespace
 }  // namespace slambed

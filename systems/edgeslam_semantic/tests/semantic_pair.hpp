@@ -7,7 +7,7 @@
 #include "edgeslam_semantic/tests/semantic_run.hpp"
 #include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
-#include "node/sim_config.hpp"
+#include "run/sim_config.hpp"
 #include "runtime/virtual/virtual_network.hpp"
 
 namespace slambed {
@@ -29,6 +29,7 @@ class ToldMasks final : public MaskSource {
 /// lost; what the mobile sends waits for the new one.
 struct EdgeLife {
   RunTime dies = kNever, comes_back = kNever;
+  int torn_upload = 0;  ///< which message of the channel `frame` comes torn, from 1; 0: none
 
   bool away(RunTime now) const { return now >= dies && now < comes_back; }
   std::uint64_t incarnation(RunTime now) const { return now >= comes_back ? 2 : 1; }
@@ -69,13 +70,20 @@ class MortalNetwork final : public Network {
       return network_.alive() ? below_.send(type, std::move(payload)) : 0;
     }
     void hold(bool held) override { below_.hold(held); }
-    std::optional<Message> try_receive() override { return network_.take(below_); }
+    std::optional<Message> try_receive() override {
+      auto message = network_.take(below_);
+      if (message && network_.own_ != 0 && options().name == "frame" &&
+          ++received_ == network_.life_.torn_upload)
+        message->payload.resize(message->payload.size() / 2);
+      return message;
+    }
     Signal& signal() override { return below_.signal(); }
     PathStats path() const override { return below_.path(); }
 
    private:
     const MortalNetwork& network_;
     Channel& below_;
+    int received_ = 0;
   };
 
   bool alive() const {
@@ -139,11 +147,13 @@ class SemanticPair : public SemanticRun {
     Network& edge_side = link.edge_side(edge_log);
     MortalNetwork first_network(edge_side, below_edges, first_runtime, life, 1);
     MortalNetwork second_network(edge_side, below_edges, second_runtime, life, 2);
-    const auto parts = [&](VirtualRuntime& runtime, Network& network) {
-      return EdgeParts{runtime, network, edge_log, peer, nullptr, &masks};
+    DecodedPictures first_pictures([&] { return info.make_sensor(); }, orb);
+    DecodedPictures second_pictures([&] { return info.make_sensor(); }, orb);
+    const auto parts = [&](VirtualRuntime& runtime, Network& network, DecodedPictures& decoded) {
+      return EdgeParts{runtime, network, edge_log, peer, &decoded, &masks};
     };
-    EdgeNode first(parts(first_runtime, first_network), system, parameters);
-    EdgeNode second(parts(second_runtime, second_network), system, parameters);
+    EdgeNode first(parts(first_runtime, first_network, first_pictures), system, parameters);
+    EdgeNode second(parts(second_runtime, second_network, second_pictures), system, parameters);
     MobileNode mobile({.runtime = mobile_runtime,
                        .network = &mobile_network,
                        .log = mobile_log,

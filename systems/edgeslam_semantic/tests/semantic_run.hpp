@@ -5,10 +5,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/tests/temporary_folder.hpp"
 #include "edgeslam_semantic/edgeslam_semantic.hpp"
-#include "node/frame_file.hpp"
-#include "node/tests/temporary_folder.hpp"
-#include "node/virtual_run.hpp"
+#include "run/virtual_run.hpp"
+#include "sequence/frame_file.hpp"
 #include "synth/generator.hpp"
 #include "wire/mask_codec.hpp"
 
@@ -83,7 +83,9 @@ class SemanticRun : public ::testing::Test {
             {"local_references", true},
             {"local_keyframes", 10},
             {"local_neighbours", 5},
-            {"label_frames", 120}};
+            {"label_frames", 120},
+            {"label_neighbours", 3},
+            {"label_reach_px", 50.0}};
   }
 
   /// Masks of every frame: something that moves covers all rows below `from_row`.

@@ -73,7 +73,9 @@ class UploadingPolicy final : public MobilePolicy {
         frames_(node.runtime(), "frame", kUploadTook),
         probes_(node.runtime(), "probe", kRoundTrip),
         uploads_(node, frames_, probes_, {.pictures = false}) {
-    frames_.answer_to([this](const Message& answer) { uploads_.acknowledged(answer); });
+    frames_.answer_to([this](const Message& answer) {
+      uploads_.acknowledged(wire::decode_ack(answer.payload), answer.received);
+    });
   }
 
   void start() override { uploads_.start(); }

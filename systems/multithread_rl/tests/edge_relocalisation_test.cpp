@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
+#include <set>
 
 #include "multithread_rl/tests/lost_turn.hpp"
 #include "wire/reloc_messages.hpp"
@@ -22,6 +24,8 @@ using testing::PairResult;
 using testing::same_place;
 using testing::SyntheticWorld;
 using testing::turn;
+
+constexpr int kPerUpdate = 6;  ///< keyframes, where a test says so
 
 double time_of(const nlohmann::json& event) { return event["t_ns"].get<double>(); }
 
@@ -59,6 +63,10 @@ TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
                 reply["request_ms"].get<double>() + reply["boundary_ms"].get<double>(), 0.01);
     EXPECT_LT(reply["parts_error_ms"].get<double>(), 0.01);
     EXPECT_GE(reply["up_ms"].get<double>(), 20);
+    const auto requests = result.of("reloc_request");
+    EXPECT_TRUE(std::any_of(requests.begin(), requests.end(), [&](const auto& request) {
+      return request["number"] == reply["number"] && request["bytes"] == reply["request_bytes"];
+    }));
     EXPECT_GE(reply["down_ms"].get<double>(), 20);
   }
   ASSERT_FALSE(used.is_null());
@@ -120,6 +128,71 @@ TEST_P(EdgeRelocalisation, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
     waited += up && sent == end;
   }
   EXPECT_GT(waited, 0);
+}
+
+/// A slow edge, so that updates come that do not cover what was made before they began.
+PairResult recovery_on_a_slow_edge(const char* map_update, bool keep) {
+  auto params = lost_turn_params(map_update);
+  params.update({{"n_kf", kPerUpdate}, {"sync_period_s", 0.3}, {"keep_recovery_keyframe", keep}});
+  PairLink link{.one_way_ms = {20}};
+  link.edge_device = testing::uniform_device(2000);
+  link.edge_device->stages["insert"].a_us = 250'000;
+  return lost_turn(params, link, same_place, 150);
+}
+
+/// Keyframes of the mobile that updates left behind, of those taken over while the edge had mapped
+/// fewer of the keyframes made after the recovery than an update carries.
+int left_behind(const PairResult& result) {
+  const double resumed = time_of(result.of("resumed").at(0));
+  std::set<std::uint64_t> accepted;
+  for (const auto& keyframe : result.of("keyframe_created"))
+    if (time_of(keyframe) >= resumed) accepted.insert(keyframe["keyframe"].get<std::uint64_t>());
+  for (const auto& declined : result.of("keyframe_declined"))
+    accepted.erase(declined["keyframe"].get<std::uint64_t>());
+  int updates = 0, behind = 0;
+  for (const auto& applied : result.of("update_applied")) {
+    const auto mapped = std::distance(
+        accepted.begin(), accepted.upper_bound(applied["newest_keyframe"].get<std::uint64_t>()));
+    if (time_of(applied) < resumed || mapped >= kPerUpdate) continue;
+    ++updates;
+    behind += applied["gap_keyframes"].get<int>();
+  }
+  EXPECT_GT(updates, 0);
+  return behind;
+}
+
+/// How long after the recovery the first update left, in seconds.
+double first_update_after_s(const PairResult& result) {
+  const double resumed = time_of(result.of("resumed").at(0));
+  double first = std::numeric_limits<double>::infinity();
+  for (const auto& sent : result.of("update_sent"))
+    if (time_of(sent) > resumed) first = std::min(first, time_of(sent) - resumed);
+  return first / 1e9;
+}
+
+TEST_P(EdgeRelocalisation, UpdatesRestAfterARecoveryWhileTheyShowAnotherPlace) {
+  const double kept = first_update_after_s(recovery_on_a_slow_edge(GetParam(), true));
+  EXPECT_GE(kept, 2.0);
+  EXPECT_LT(kept, 2.5);
+  EXPECT_LT(first_update_after_s(recovery_on_a_slow_edge(GetParam(), false)), 1.9);
+}
+
+TEST_P(EdgeRelocalisation, AnUpdateThatLeftBeforeTheRecoveryIsDeclined) {
+  // It comes during the loss.
+  auto params = lost_turn_params(GetParam());
+  params["sync_period_s"] = 0.3;
+  const PairResult result = lost_turn(params, {.one_way_ms = {150}}, same_place);
+  ASSERT_FALSE(result.of("resumed").empty());
+  const double resumed = time_of(result.of("resumed")[0]);
+  const auto declined = result.of("update_declined");
+  EXPECT_TRUE(std::any_of(declined.begin(), declined.end(), [&](const auto& event) {
+    return event["reason"] == "from before the recovery" && time_of(event) >= resumed;
+  }));
+}
+
+TEST_P(EdgeRelocalisation, UpdatesLeaveNothingBehindThatWasMadeSinceTheRecovery) {
+  EXPECT_EQ(left_behind(recovery_on_a_slow_edge(GetParam(), true)), 0);
+  EXPECT_GT(left_behind(recovery_on_a_slow_edge(GetParam(), false)), 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Updates, EdgeRelocalisation, ::testing::Values("serial", "staged"));

@@ -10,7 +10,7 @@
 #include <fstream>
 
 #include "base/error.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "play/conversation.hpp"
 #include "play/frame_record.hpp"
 

@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include "base/error.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "play/command.hpp"
 #include "play/conversation.hpp"
 #include "play/frame_record.hpp"

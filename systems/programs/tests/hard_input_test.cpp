@@ -9,7 +9,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "programs/tests/process.hpp"
 #include "synth/generator.hpp"
 

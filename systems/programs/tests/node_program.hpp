@@ -11,7 +11,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "offload/tests/offload_params.hpp"
 #include "programs/tests/process.hpp"
 #include "synth/generator.hpp"

@@ -3,10 +3,10 @@
 // mapping, places, loops, and maps as bytes.
 #include <benchmark/benchmark.h>
 
+#include "base/tests/temporary_folder.hpp"
 #include "features/default_vocabulary.hpp"
 #include "map/map_snapshot.hpp"
-#include "node/feature_source.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "sequence/feature_source.hpp"
 #include "slam/frame_search.hpp"
 #include "slam/local_mapper.hpp"
 #include "slam/loop_closer.hpp"

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "base/error.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {

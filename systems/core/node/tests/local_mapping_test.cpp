@@ -8,7 +8,7 @@
 #include <atomic>
 #include <vector>
 
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "runtime/live/live_runtime.hpp"
 #include "runtime/virtual/virtual_runtime.hpp"
 

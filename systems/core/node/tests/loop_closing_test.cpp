@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "runtime/virtual/virtual_runtime.hpp"
 #include "slam/tests/drifted_laps.hpp"
 

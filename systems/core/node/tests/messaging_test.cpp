@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::testing {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 #include "runtime/virtual/virtual_runtime.hpp"
 
 namespace slambed {

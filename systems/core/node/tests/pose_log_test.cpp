@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.hpp"
-#include "node/tests/temporary_folder.hpp"
+#include "base/tests/temporary_folder.hpp"
 
 namespace slambed {
 namespace {

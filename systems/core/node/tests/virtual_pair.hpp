@@ -5,10 +5,10 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "base/tests/temporary_folder.hpp"
 #include "map/map_snapshot.hpp"
 #include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
-#include "node/tests/temporary_folder.hpp"
 #include "runtime/virtual/virtual_network.hpp"
 #include "slam/tests/synthetic_world.hpp"
 #include "wire/message_type.hpp"

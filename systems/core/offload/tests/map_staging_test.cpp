@@ -16,6 +16,7 @@ using wire::keyframe_id;
 using Backup = MapStaging::Backup;
 
 constexpr double kSame = 1e-9;
+constexpr int kPerUpdate = 6;  ///< keyframes
 
 void expect_every_point_there(const Map& map) {
   map.read([&](const MapView& view) {
@@ -46,7 +47,7 @@ bool same(const SE3& a, const SE3& b) {
 /// order; a loss holds the swap up.
 class Interleaving {
  public:
-  explicit Interleaving(unsigned seed) : random_(seed), world_(seed) {
+  explicit Interleaving(unsigned seed) : random_(seed), world_(seed, Backup::kUpdate, kPerUpdate) {
     for (int i = 0; i < 8; ++i) world_.make_keyframe(random_() % 2 == 0);
   }
 
@@ -57,9 +58,12 @@ class Interleaving {
           if (lost_) break;
           world_.make_keyframe(random_() % 2 == 0);
           if (step_ > 0) while_updating_.push_back(keyframe_id(world_.made));
+          if (reference_) since_recovery_.push_back(keyframe_id(world_.made));
           break;
         case 1:
           if (random_() % 4 == 0) lost_ = !lost_;
+          if (lost_ || random_() % 2 == 0) break;
+          recover();
           break;
         case 2:
           work();
@@ -69,8 +73,16 @@ class Interleaving {
       }
     }
   }
+  void recover() {
+    const auto known = keyframes_in(*world_.staging.active());
+    if (known.empty()) return;
+    reference_ = known[random_() % known.size()];
+    since_recovery_.clear();
+    world_.staging.recovered(reference_);
+  }
   int swaps() const { return swaps_; }
   std::size_t carried() const { return carried_; }
+  int kept_recoveries() const { return kept_recoveries_; }
 
  private:
   void work() {
@@ -80,7 +92,7 @@ class Interleaving {
         if (!staging.idle()) return;
         staging.begin();
         newest_ = world_.made - random_() % 3;
-        update_ = world_.update(newest_, 6);
+        update_ = world_.update(newest_, kPerUpdate);
         break;
       case 1:
         if (random_() % 8 == 0) return cancel();
@@ -125,6 +137,7 @@ class Interleaving {
       // This edge moved everything alike, so that every keyframe must have moved so.
       EXPECT_TRUE(same(pose_in(now, id), old_poses.at(id) * world_.moved.inverse()));
     }
+    expect_the_recovery_there(there);
     EXPECT_EQ(there.size(), update_.keyframes.size() + world_.staging.carried());
     carried_ += world_.staging.carried();
     EXPECT_TRUE(keyframes_in(*world_.staging.staging()).empty());
@@ -132,6 +145,26 @@ class Interleaving {
     while_updating_.clear();
     step_ = 0;
     ++swaps_;
+  }
+
+  void expect_the_recovery_there(const std::vector<KeyFrameId>& there) {
+    if (!reference_) return;
+    if (!since_recovery_.empty()) {
+      const auto mapped =
+          std::count_if(update_.keyframes.begin(), update_.keyframes.end(),
+                        [&](const NewKeyFrame& k) { return k.id >= since_recovery_.front(); });
+      if (mapped >= kPerUpdate) {
+        reference_ = {};
+        return;
+      }
+    }
+    ++kept_recoveries_;
+    EXPECT_TRUE(std::binary_search(there.begin(), there.end(), reference_)) << reference_.value;
+    for (const KeyFrameId id : since_recovery_) {
+      if (id > keyframe_id(newest_)) {
+        EXPECT_TRUE(std::binary_search(there.begin(), there.end(), id)) << id.value;
+      }
+    }
   }
 
   std::mt19937 random_;
@@ -142,20 +175,25 @@ class Interleaving {
   std::uint64_t newest_ = 0;
   MapDelta update_;
   std::vector<KeyFrameId> while_updating_;
+  KeyFrameId reference_;  ///< of the last recovery, until it is long ago
+  std::vector<KeyFrameId> since_recovery_;
+  int kept_recoveries_ = 0;
 };
 
-TEST(MapStaging, NoKeyframeMadeDuringAnUpdateIsMissingInAnyOrderOfEvents) {
-  int swaps = 0;
+TEST(MapStaging, NoKeyframeMadeDuringAnUpdateOrSinceARecoveryIsMissingInAnyOrderOfEvents) {
+  int swaps = 0, kept_recoveries = 0;
   std::size_t carried = 0;
   for (unsigned seed = 1; seed <= 1000; ++seed) {
     Interleaving interleaving(seed);
     interleaving.run(60);
     swaps += interleaving.swaps();
     carried += interleaving.carried();
+    kept_recoveries += interleaving.kept_recoveries();
     ASSERT_FALSE(HasFailure()) << "seed " << seed;
   }
   EXPECT_GT(swaps, 1000);
   EXPECT_GT(carried, 1000u);
+  EXPECT_GT(kept_recoveries, 1000);
 }
 
 /// What is carried over when two keyframes are made before the update begins and two after.
@@ -181,6 +219,42 @@ TEST(MapStaging, BacksUpAsItIsTold) {
   EXPECT_EQ(carried_with(Backup::kUpdate), (std::vector{keyframe_id(9), keyframe_id(10)}));
   EXPECT_EQ(carried_with(Backup::kUncovered),
             (std::vector{keyframe_id(7), keyframe_id(8), keyframe_id(9), keyframe_id(10)}));
+}
+
+std::vector<KeyFrameId> swapped_in(StagingWorld& world, std::uint64_t newest) {
+  const MapDelta update = world.update(newest, 2);
+  world.staging.begin();
+  world.staging.insert(update, keyframe_id(newest));
+  world.staging.relate();
+  world.staging.drain();
+  world.staging.set_ready();
+  world.swap();
+  return keyframes_in(*world.staging.active());
+}
+
+TEST(MapStaging, TheRecoverysPlaceStaysUntilAnUpdateIsAllFromBehindIt) {
+  for (const int recovery_keyframes : {0, 2}) {
+    StagingWorld world(5, Backup::kUpdate, recovery_keyframes);
+    for (int i = 0; i < 8; ++i) world.make_keyframe(false);
+    world.staging.recovered(keyframe_id(3));
+    world.make_keyframe(true);
+    world.make_keyframe(false);
+    // It does not cover what was made since, and that was made before it began.
+    const auto first = swapped_in(world, 8);
+    if (recovery_keyframes == 0) {
+      EXPECT_EQ(first, (std::vector{keyframe_id(7), keyframe_id(8)}));
+      continue;
+    }
+    EXPECT_EQ(first, (std::vector{keyframe_id(3), keyframe_id(7), keyframe_id(8), keyframe_id(9),
+                                  keyframe_id(10)}));
+    EXPECT_EQ(world.staging.provisional(), std::vector{keyframe_id(9)});
+    // It holds one of two.
+    EXPECT_EQ(swapped_in(world, 9),
+              (std::vector{keyframe_id(3), keyframe_id(8), keyframe_id(9), keyframe_id(10)}));
+    world.make_keyframe(false);
+    // It holds both, and the next is the paper's again.
+    EXPECT_EQ(swapped_in(world, 10), (std::vector{keyframe_id(9), keyframe_id(10)}));
+  }
 }
 
 TEST(MapStaging, WhatTheEdgeMayStillDeclineStaysProvisional) {

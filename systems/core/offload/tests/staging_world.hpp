@@ -26,10 +26,11 @@ class StagingWorld {
  public:
   static constexpr int kFeatures = 24, kNewPoints = 8;
 
-  explicit StagingWorld(unsigned seed, MapStaging::Backup backup = MapStaging::Backup::kUpdate)
+  explicit StagingWorld(unsigned seed, MapStaging::Backup backup = MapStaging::Backup::kUpdate,
+                        int recovery_keyframes = 0)
       : random_(seed),
         features_(wire::example_features(random_, kFeatures, wire::example_camera().make_sensor())),
-        staging(std::make_shared<Map>(), backup) {}
+        staging(std::make_shared<Map>(), backup, recovery_keyframes) {}
 
   /// Half of what it sees is seen by the keyframe before, too.
   void make_keyframe(bool provisional) {

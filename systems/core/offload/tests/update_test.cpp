@@ -37,6 +37,11 @@ TEST(UpdateRules, FollowEdgeSlam) {
   state.former_edge = true;
   EXPECT_EQ(reason(rules, state), "its edge is gone");
   state = usual();
+  state.before_recovery = true;
+  EXPECT_EQ(reason(rules, state), "from before the recovery");
+  EXPECT_EQ(obsolete_reason(state), "from before the recovery");
+  EXPECT_TRUE(tells_poses(state));
+  state = usual();
   state.behind = true;
   EXPECT_EQ(reason(rules, state), "the edge catches up");
   state.relocalisation = state.lost = true;

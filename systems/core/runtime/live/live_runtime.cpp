@@ -171,7 +171,7 @@ void LiveRuntime::dismiss(LiveSignal& signal) {
 void LiveRuntime::fail(std::exception_ptr error) {
   {
     std::lock_guard lock(mutex_);
-    if (!error_) error_ = error;
+    if (!error_) error_ = std::move(error);
   }
   stop();
 }

@@ -33,7 +33,7 @@ StopSignals::~StopSignals() = default;
 void StopSignals::unwatch() { thread_ = {}; }
 
 void StopSignals::watch(std::function<void()> on_stop) {
-  thread_ = std::jthread([on_stop = std::move(on_stop)](std::stop_token token) {
+  thread_ = std::jthread([on_stop = std::move(on_stop)](const std::stop_token& token) {
     pthread_setname_np(pthread_self(), "signals");
     const sigset_t set = stop_set();
     while (!token.stop_requested()) {

@@ -25,8 +25,8 @@ TcpConnection::TcpConnection(FileDescriptor fd, std::size_t max_payload, RunTime
     : fd_(std::move(fd)),
       max_payload_(max_payload),
       opened_(opened),
-      heard_(opened),
-      spoke_(opened) {}
+      last_received_(opened),
+      last_sent_(opened) {}
 
 void TcpConnection::greet(std::uint64_t session, Bytes payload) {
   Message message;
@@ -35,8 +35,8 @@ void TcpConnection::greet(std::uint64_t session, Bytes payload) {
   load([] { return RunTime{}; }, std::move(message), FrameHeader::kGreetingFlag);
 }
 
-void TcpConnection::show_life(const Clock& clock) {
-  if (greeted_ && !sending_ && !parted_) load(clock, {}, FrameHeader::kAliveFlag);
+void TcpConnection::send_heartbeat(const Clock& clock) {
+  if (greeted_ && !sending_ && !close_sent_) load(clock, {}, FrameHeader::kAliveFlag);
 }
 
 void TcpConnection::load(const Clock& clock, Message message, std::uint8_t flags) {
@@ -92,7 +92,7 @@ std::optional<TcpConnection::End> TcpConnection::finish_frame(const FrameHandler
   if (checksum(payload_) != header_->payload_crc) return End{true, "payload checksum is wrong"};
   std::optional<std::string> refused;
   if (header_->farewell()) {
-    peer_parted_ = true;
+    peer_closing_ = true;
   } else if (header_->greeting()) {
     refused = on_greeting(*header_, std::move(payload_));
     if (!refused) greeted_ = true;
@@ -134,7 +134,7 @@ std::optional<TcpConnection::End> TcpConnection::read_some(const FrameHandler& o
     if ((end = finish_frame(on_greeting, on_message))) return end;
   }
   if (taken > 0) {
-    heard_ = monotonic_now();
+    last_received_ = monotonic_now();
     acknowledge_now(fd_.get());
   }
   return end;
@@ -147,9 +147,9 @@ std::optional<TcpConnection::End> TcpConnection::write_some(const Clock& clock,
       if (!greeted_) return std::nullopt;
       if (auto message = next()) {
         load(clock, std::move(*message), 0);
-      } else if (parting_ && !parted_) {
+      } else if (closing_ && !close_sent_) {
         load(clock, {}, FrameHeader::kFarewellFlag);
-        parted_ = true;
+        close_sent_ = true;
       } else {
         return std::nullopt;
       }
@@ -178,7 +178,7 @@ std::optional<TcpConnection::End> TcpConnection::write_some(const Clock& clock,
         return End{false, error_text(errno)};
       }
       sent_ += static_cast<std::size_t>(written);
-      spoke_ = monotonic_now();
+      last_sent_ = monotonic_now();
     }
     sending_.reset();
   }

@@ -38,15 +38,15 @@ class TcpConnection {
   void greet(std::uint64_t session, Bytes payload);
 
   /// Tells the peer that we are there, unless it hears from us anyway.
-  void show_life(const Clock& clock);
+  void send_heartbeat(const Clock& clock);
   /// When bytes last came or went; CLOCK_MONOTONIC.
-  RunTime heard() const { return heard_; }
-  RunTime spoke() const { return spoke_; }
+  RunTime last_received() const { return last_received_; }
+  RunTime last_sent() const { return last_sent_; }
 
   /// Once nothing is left to send, tells the peer that the connection will end.
-  void part() { parting_ = true; }
-  bool parted() const { return parted_; }            ///< ours was handed to the kernel
-  bool peer_parted() const { return peer_parted_; }  ///< what follows is no loss
+  void begin_close() { closing_ = true; }
+  bool close_sent() const { return close_sent_; }      ///< ours was handed to the kernel
+  bool peer_closing() const { return peer_closing_; }  ///< what follows is no loss
 
   std::optional<End> read_some(const FrameHandler& on_greeting, const FrameHandler& on_message);
   std::optional<End> write_some(const Clock& clock, const MessageSource& next);
@@ -63,7 +63,7 @@ class TcpConnection {
   FileDescriptor fd_;
   std::size_t max_payload_;
   RunTime opened_;
-  RunTime heard_, spoke_;
+  RunTime last_received_, last_sent_;
   bool greeted_ = false;
 
   std::array<std::uint8_t, FrameHeader::kSize> header_bytes_{};
@@ -72,7 +72,7 @@ class TcpConnection {
   Bytes payload_;
   std::size_t payload_read_ = 0;
 
-  bool parting_ = false, parted_ = false, peer_parted_ = false;
+  bool closing_ = false, close_sent_ = false, peer_closing_ = false;
   std::optional<Message> sending_;
   std::uint8_t sending_flags_ = 0;
   std::array<std::uint8_t, FrameHeader::kSize> sending_header_{};

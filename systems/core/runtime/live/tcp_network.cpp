@@ -102,7 +102,7 @@ void TcpNetwork::run() {
     }
     if (close_by != kNever) {
       for (auto& link : links_) {
-        if (link->current) link->current->part();
+        if (link->current) link->current->begin_close();
       }
       if (monotonic_now() >= close_by || flushed()) break;
     }
@@ -140,15 +140,15 @@ void TcpNetwork::keep_alive(Link& link) {
   silent_ = false;
   if (link.current) {
     const RunTime now = monotonic_now();
-    if (now - link.current->spoke() >= options_.heartbeat) {
+    if (now - link.current->last_sent() >= options_.heartbeat) {
       const auto clock = [this] { return runtime_.now(); };
-      link.current->show_life(clock);
+      link.current->send_heartbeat(clock);
     }
-    silent_ = now - link.current->heard() > options_.silence;
+    silent_ = now - link.current->last_received() > options_.silence;
     if (silent_ && !was_silent) {
       const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(options_.silence);
       link.channel->record_link("silent",
-                                "no sign of life for " + std::to_string(ms.count()) + " ms");
+                                "nothing received for " + std::to_string(ms.count()) + " ms");
     }
     if (!silent_ && was_silent) link.channel->record_link("heard", "");
   }
@@ -158,7 +158,7 @@ void TcpNetwork::keep_alive(Link& link) {
 bool TcpNetwork::flushed() const {
   for (const auto& link : links_) {
     if (!link->current) continue;  // nobody to send it to
-    if (!link->channel->idle() || !link->current->parted() || link->current->sending() ||
+    if (!link->channel->idle() || !link->current->close_sent() || link->current->sending() ||
         unacknowledged_bytes(link->current->fd()) > 0) {
       return false;
     }

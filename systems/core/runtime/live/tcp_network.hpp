@@ -70,7 +70,7 @@ class TcpNetwork final : public Network {
   Greeting greeting_;
   std::uint64_t session_;  ///< tells a restarted process from a reconnecting one
   std::uint64_t peer_session_ = 0;
-  bool silent_ = false;  ///< connected, but no sign of life
+  bool silent_ = false;  ///< connected, but nothing comes
   FileDescriptor wake_;
   std::vector<std::unique_ptr<Link>> links_;
   std::unique_ptr<Signal> peer_signal_;

@@ -139,7 +139,7 @@ void TcpNetwork::end(Link& link, const TcpConnection& ended, const TcpConnection
     if (auto unfinished = connection->take_unfinished()) {
       link.channel->put_back(std::move(*unfinished));
     }
-    if (!connection->peer_parted()) {
+    if (!connection->peer_closing()) {
       const auto bytes = unacknowledged_bytes(connection->fd());
       link.channel->record_link(
           "lost", why.reason + ", " + std::to_string(bytes) + " bytes unacknowledged");

@@ -39,7 +39,7 @@ class FrozenPeer {
       if (header->flags == 0) return header->sequence;
     }
   }
-  void show_life() { write_frame(fd_, {.flags = FrameHeader::kAliveFlag}, {}); }
+  void send_heartbeat() { write_frame(fd_, {.flags = FrameHeader::kAliveFlag}, {}); }
 
  private:
   bool read_all(std::span<std::uint8_t> into) const {
@@ -86,7 +86,7 @@ TEST(TcpPeer, AFrozenOneIsAwayUntilItShowsLife) {
   EXPECT_TRUE(edge.recorder.saw_link("silent"));
   EXPECT_FALSE(edge.recorder.saw_link("lost"));
   EXPECT_TRUE(edge.channel->path().connected);  // the connection as such still stands
-  a.show_life();
+  a.send_heartbeat();
   EXPECT_TRUE(eventually([&] { return connected(edge); }));
   EXPECT_TRUE(edge.recorder.saw_link("heard"));
   EXPECT_EQ(edge.network->peer().incarnation, 1u);

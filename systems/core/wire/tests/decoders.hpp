@@ -202,6 +202,8 @@ inline std::vector<Target> targets() {
       {"opt_result", encode(example_opt_result()), [](auto b) { decode_opt_result(b); }},
       {"mask", encode(example_mask()), [](auto b) { decode_mask(b, example_frame_camera()); }},
       {"no_mask", encode(example_no_mask()), [](auto b) { decode_no_mask(b); }},
+      {"keyframe_refused", encode(KeyFrameRefused{300}),
+       [](auto b) { decode_keyframe_refused(b); }},
       {"masks", encode_masks(example_masks(40, 30)), [](auto b) { decode_masks(b, 40, 30); }},
       {"segmentation", encode_segmentation(example_masks(40, 30)),
        [](auto b) { decode_segmentation(2, b, 40, 30); }},

@@ -95,6 +95,10 @@ TEST(SemanticMessages, AMaskOfThreePeopleIsSmall) {
   EXPECT_THROW(decode_mask(bytes, nullptr), DecodeError);
 }
 
+TEST(SemanticMessages, ARefusalSaysOfWhichUpload) {
+  EXPECT_EQ(decode_keyframe_refused(encode(KeyFrameRefused{1234567})).sequence, 1234567u);
+}
+
 TEST(SemanticMessages, ThatThereIsNoMaskSaysOfWhatAndWhy) {
   for (const auto reason : {NoMaskReason::kNotSegmented, NoMaskReason::kNotMapped}) {
     NoMaskMessage sent = example_no_mask();

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "features/feature_set.hpp"
+#include "features/orb_extractor.hpp"
+#include "features/stereo_matcher.hpp"
+#include "sequence/prepared_sequence.hpp"
+
+namespace slambed {
+
+/// Where the features of a frame come from: extraction when live, a cache when virtual.
+class FeatureSource {
+ public:
+  virtual ~FeatureSource() = default;
+  virtual std::shared_ptr<const FeatureSet> features(std::uint64_t frame) = 0;
+  virtual std::shared_ptr<const Sensor> sensor() const = 0;
+  /// From the next frame on features come from so many octaves, as many features as before. Of
+  /// sources that know no octaves, nothing.
+  virtual void use_levels(int) {}
+};
+
+/// Extracts from a prepared sequence of any sensor. Owns scratch memory: one per worker.
+class ExtractingSource final : public FeatureSource {
+ public:
+  ExtractingSource(const PreparedSequence& sequence, std::shared_ptr<const Sensor> sensor,
+                   const OrbOptions& options);
+
+  std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override;
+  std::shared_ptr<const Sensor> sensor() const override { return sensor_; }
+  void use_levels(int levels) override;
+
+ private:
+  /// What only a rectified pair needs.
+  struct Right {
+    OrbExtractor extractor;
+    StereoMatcher matcher;
+  };
+
+  const PreparedSequence& sequence_;
+  std::shared_ptr<const Sensor> sensor_;
+  std::unique_ptr<OrbExtractor> extractor_;
+  std::optional<Right> right_;
+};
+
+}  // namespace slambed
