@@ -38,7 +38,8 @@ class Cluster:
         self.file = folder / "scheduler.json"
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._start("scheduler", "scheduler", "--host", "127.0.0.1", "--port", "0")
-        wait_until(self.file.is_file)
+        # The scheduler writes the file in place: there it is before its text is.
+        wait_until(lambda: self.file.is_file() and self.file.read_text().rstrip().endswith("}"))
         self.address = str(json.loads(self.file.read_text())["address"])
 
     def add_worker(self, name: str) -> None:
