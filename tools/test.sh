@@ -62,10 +62,6 @@ recordings() {
   echo "${found#:}"
 }
 
-cpp_lint() {
-  tools/tidy.sh "$build"
-}
-
 cpp_format() {
   git ls-files '*.cpp' '*.hpp' '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
 }
@@ -87,7 +83,7 @@ computing_lane() {
   renice -n 19 -p $BASHPID >/dev/null
   checks
   step "C++ format" cpp_format
-  step "C++ lint" cpp_lint
+  step "C++ lint" tools/tidy.sh "$build"
   step smoke tools/smoke.sh
   if [ -n "$(recordings)" ]; then
     step recordings .venv/bin/pytest -m recordings "--recordings=$(recordings)" --durations=0 -v harness/tests

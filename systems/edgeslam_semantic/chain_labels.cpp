@@ -7,7 +7,7 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 /// Frames between two walks over all labels.
-constexpr int kFramesKept = 16;
+constexpr int kFramesBetweenWalks = 16;
 
 float middle(std::vector<float>& values) {
   const auto half = values.begin() + std::ssize(values) / 2;
@@ -93,7 +93,7 @@ void ChainLabels::place(const ChainFrame& frame) {
 }
 
 void ChainLabels::forget(int frame) {
-  if (frame - forgotten_ < kFramesKept) return;
+  if (frame - forgotten_ < kFramesBetweenWalks) return;
   forgotten_ = frame;
   std::erase_if(judged_, [&](const auto& entry) {
     return frame - entry.second.mask_frame > options_.frames;

@@ -52,6 +52,11 @@ def _causes_of(losses: list[Loss]) -> list[Cause]:
     return [cause for cause in Cause if any(loss.cause is cause for loss in losses)]
 
 
+def _counts(losses: list[Loss], causes: list[Cause]) -> list[str]:
+    """How many followed from each; empty where none did."""
+    return [str(sum(loss.cause is cause for loss in losses) or "") for cause in causes]
+
+
 def by_cause(runs: list[LostRun]) -> Table:
     """Per cell: runs that lost track, and what the first loss of each followed from."""
     causes = _causes_of([run.losses[0] for run in runs if run.losses])
@@ -65,13 +70,12 @@ def by_cause(runs: list[LostRun]) -> Table:
         firsts = [run.losses[0] for run in own if run.losses]
         share = wilson(len(firsts), len(own))
         behind = sum(map(_behind_update, firsts))
-        counts = [str(sum(loss.cause is cause for loss in firsts) or "") for cause in causes]
         table.rows.append(
             [
                 cell,
                 f"{len(firsts)}/{len(own)}",
                 f"{share.low:.0%} to {share.high:.0%}",
-                *counts,
+                *_counts(firsts, causes),
                 f"{behind}/{len(firsts)}" if firsts else "",
                 _times([loss.seq_s for loss in firsts]),
             ]
@@ -92,13 +96,12 @@ def all_by_cause(runs: list[LostRun]) -> Table:
         each = [run.losses for run in runs if run.cell == cell]
         every = [loss for losses in each for loss in losses]
         numbers = [len(losses) for losses in each]
-        counts = [str(sum(loss.cause is cause for loss in every) or "") for cause in causes]
         table.rows.append(
             [
                 cell,
                 str(len(every)),
                 f"{median(numbers):g} ({min(numbers)} to {max(numbers)})",
-                *counts,
+                *_counts(every, causes),
                 str(sum(map(_behind_update, every))),
                 str(sum(map(_takes_recovery_away, every))),
             ]

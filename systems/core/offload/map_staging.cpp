@@ -106,14 +106,7 @@ void MapStaging::recovered(KeyFrameId reference) {
   if (phase_ != Phase::kIdle) backlog_.push_back({reference, false});
 }
 
-std::vector<KeyFrameId> MapStaging::provisional() const {
-  std::vector<KeyFrameId> ids;
-  for (const BackedKeyFrame& backed : carried_) {
-    if (backed.provisional) ids.push_back(backed.keyframe);
-  }
-  std::sort(ids.begin(), ids.end());
-  return ids;
-}
+std::vector<KeyFrameId> MapStaging::provisional() const { return provisional_among(carried_); }
 
 void MapStaging::swap() {
   std::swap(active_, staging_);

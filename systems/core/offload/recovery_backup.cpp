@@ -5,6 +5,15 @@
 
 namespace slambed {
 
+std::vector<KeyFrameId> provisional_among(std::span<const BackedKeyFrame> backed) {
+  std::vector<KeyFrameId> ids;
+  for (const BackedKeyFrame& keyframe : backed) {
+    if (keyframe.provisional) ids.push_back(keyframe.keyframe);
+  }
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
 void RecoveryBackup::recovered(KeyFrameId reference) {
   made_.clear();
   reference_ = wanted_ > 0 ? reference : KeyFrameId{};

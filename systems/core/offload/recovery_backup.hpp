@@ -15,6 +15,9 @@ struct BackedKeyFrame {
   bool provisional = false;
 };
 
+/// Those of them that the edge may still decline, by id.
+std::vector<KeyFrameId> provisional_among(std::span<const BackedKeyFrame> backed);
+
 /// What a mobile keeps of the place where it was found: until an update holds as many keyframes
 /// made after the recovery as an update carries, the recovery's keyframe and those made since
 /// go with it, also where they were made before the update came. Else few points of that place

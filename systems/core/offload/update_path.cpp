@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/update_path.hpp"
 
-#include <algorithm>
-
 #include "offload/keyframe_backup.hpp"
 #include "offload/update_content.hpp"
 
@@ -28,15 +26,6 @@ void build(UpdateArrival& arrival, StageUnits& units) {
 int gap_of(MobileNode& node, const UpdateArrival& arrival) {
   const auto kept = arrival.map->read([](const MapView& view) { return view.keyframe_ids(); });
   return local_map_gap(*node.tracker().map(), arrival.update.newest, kept);
-}
-
-std::vector<KeyFrameId> provisional_among(std::span<const BackedKeyFrame> backed) {
-  std::vector<KeyFrameId> ids;
-  for (const BackedKeyFrame& keyframe : backed) {
-    if (keyframe.provisional) ids.push_back(keyframe.keyframe);
-  }
-  std::sort(ids.begin(), ids.end());
-  return ids;
 }
 
 }  // namespace

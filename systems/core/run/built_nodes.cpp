@@ -32,30 +32,29 @@ BuiltMobile::BuiltMobile(const System& system, const Parameters& parameters,
                          const MobileSurroundings& around)
     : feed_(make_feed(system, parameters, config.playback.mode, played, around)),
       maps_(system, parameters, played.sequence, played.playlist, played.sensor),
-      node_(std::make_unique<MobileNode>(
-          MobileParts{.runtime = around.runtime,
-                      .network = around.network,
-                      .log = around.log,
-                      .features = around.features,
-                      .feed = *feed_,
-                      .sequence = &played.sequence,
-                      .sensor = played.sequence.sensor(),
-                      .played_fps = played.playlist.played_fps(),
-                      .stop_at_first_loss = config.playback.stop_at_first_loss,
-                      .timestamps_ns = played.sequence.timestamps_ns(),
-                      .time_origin_ns = played.sequence.time_origin_ns(),
-                      .prior_map = maps_.prior(),
-                      .profile_rtt = config.network ? config.network->profile_rtt : std::nullopt,
-                      .images = around.images},
-          system, parameters)) {}
+      node_(MobileParts{.runtime = around.runtime,
+                        .network = around.network,
+                        .log = around.log,
+                        .features = around.features,
+                        .feed = *feed_,
+                        .sequence = &played.sequence,
+                        .sensor = played.sequence.sensor(),
+                        .played_fps = played.playlist.played_fps(),
+                        .stop_at_first_loss = config.playback.stop_at_first_loss,
+                        .timestamps_ns = played.sequence.timestamps_ns(),
+                        .time_origin_ns = played.sequence.time_origin_ns(),
+                        .prior_map = maps_.prior(),
+                        .profile_rtt = config.network ? config.network->profile_rtt : std::nullopt,
+                        .images = around.images},
+            system, parameters) {}
 
 NodeEnd BuiltMobile::leave(const std::filesystem::path& folder) {
-  node_->write_trajectories(folder);
-  maps_.save(*node_->tracker().map(), folder);
+  node_.write_trajectories(folder);
+  maps_.save(*node_.tracker().map(), folder);
   NodeEnd end;
-  if (node_->finished()) end.reason = "completed";
+  if (node_.finished()) end.reason = "completed";
   end.frames_total = feed_->offered();
-  end.counts = node_->counts();
+  end.counts = node_.counts();
   return end;
 }
 

@@ -42,14 +42,14 @@ class BuiltMobile {
   BuiltMobile(const System& system, const Parameters& parameters, const RunConfig& config,
               const PlayedSequence& played, const MobileSurroundings& around);
 
-  void start() { node_->start(); }
+  void start() { node_.start(); }
   /// After the runtime has joined: writes trajectories and, where asked for, the map.
   NodeEnd leave(const std::filesystem::path& folder);
 
  private:
   std::unique_ptr<FrameFeed> feed_;
   MapKeeping maps_;
-  std::unique_ptr<MobileNode> node_;
+  MobileNode node_;
 };
 
 /// The same of an edge node: its policy leaves in the folder what it wants to.
