@@ -13,8 +13,9 @@ namespace {
 constexpr int kAllLevels = 8;
 /// An answer that has not come by then is not waited for any more.
 constexpr Duration kPatience = std::chrono::seconds(5);
-/// Why a keyframe goes up with all its points: another edge process knows nothing of this map.
-constexpr std::string_view kEdgeRestarted = "restart";
+/// Why a keyframe goes up with all its points: another edge process knows nothing of this map, or
+/// this one could not read its beginning.
+constexpr std::string_view kEdgeRestarted = "restart", kMapRefused = "refused";
 
 LabelOptions label_options(const Parameters& parameters) {
   return {.frames = parameters.integer("label_frames"),
@@ -120,6 +121,8 @@ void SemanticMobile::take(const wire::NoMaskMessage& missing) {
   if (mapped) {
     no_longer_waits_for_mask(missing.keyframe);
   } else {
+    // Uploads come in order: it never had the first one of this map.
+    edge_lacks_map_ = true;
     waiting_.erase(missing.keyframe);
   }
   node_.log().write(JsonLine("mask_missing")
@@ -131,7 +134,9 @@ void SemanticMobile::take(const wire::NoMaskMessage& missing) {
 /// The edge could not read an upload: neither slice nor mask will come of it.
 void SemanticMobile::refused(std::uint64_t sequence) {
   const auto keyframe = uploads_.keyframe_of(sequence);
-  if (!keyframe || waiting_.erase(*keyframe) == 0) return;
+  if (!keyframe) return;
+  if (*keyframe == map_.world()) edge_lacks_map_ = true;
+  if (waiting_.erase(*keyframe) == 0) return;
   node_.log().write(JsonLine("keyframe_refused").add("keyframe", keyframe->value));
 }
 
@@ -218,14 +223,18 @@ void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
     reset();
     return make_keyframe(worker, frame, "first");
   }
-  if (edge_is_new()) return make_keyframe(worker, frame, kEdgeRestarted);
+  if (const auto reason = begin_anew()) return make_keyframe(worker, frame, reason);
   if (const auto reason = choose()) return make_keyframe(worker, frame, reason);
   if (local_references_ && node_.tracker().wants_keyframe({})) make_keyframe(worker, frame, {});
 }
 
-bool SemanticMobile::edge_is_new() const {
+/// Why the edge's map has to begin with what the mobile has.
+std::optional<std::string_view> SemanticMobile::begin_anew() const {
   const PeerState edge = node_.network().peer();
-  return map_.world() && edge.connected && edge.incarnation != edge_incarnation_;
+  if (!map_.world() || !edge.connected) return std::nullopt;
+  if (edge.incarnation != edge_incarnation_) return kEdgeRestarted;
+  if (edge_lacks_map_) return kMapRefused;
+  return std::nullopt;
 }
 
 /// Why the frame goes up; nothing: it does not.
@@ -278,11 +287,14 @@ void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
   if (!reason) return transfer_.keep(id);
   transfer_.keep_for_comparison(id);
   configure();
-  const bool again = reason == kEdgeRestarted;
+  const bool again = reason == kEdgeRestarted || reason == kMapRefused;
   wire::SemanticKeyFrame message = again ? map_.upload_whole(id) : map_.upload(made);
-  if (message.first()) edge_incarnation_ = node_.network().peer().incarnation;
-  if (again) {
-    waiting_.clear();
+  if (message.first()) {
+    edge_incarnation_ = node_.network().peer().incarnation;
+    edge_lacks_map_ = false;
+  }
+  if (again) waiting_.clear();
+  if (reason == kEdgeRestarted) {
     node_.log().write(
         JsonLine("edge_restarted").add("keyframe", id.value).add("incarnation", edge_incarnation_));
   }

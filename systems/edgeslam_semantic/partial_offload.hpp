@@ -48,7 +48,7 @@ class SemanticMobile final : public MobilePolicy {
   void no_longer_waits_for_mask(KeyFrameId keyframe);
   void settled(RunTime now);
   void report(Worker& worker, const TrackedFrame& frame);
-  bool edge_is_new() const;
+  std::optional<std::string_view> begin_anew() const;
   std::optional<std::string_view> choose();
   void configure();
   void make_keyframe(Worker& worker, const TrackedFrame& frame,
@@ -74,6 +74,7 @@ class SemanticMobile final : public MobilePolicy {
   FrameFacts facts_;
   std::map<KeyFrameId, Waiting> waiting_;  ///< uploads whose answers are not all back
   std::uint64_t edge_incarnation_ = 0;     ///< of the edge that this map went to
+  bool edge_lacks_map_ = false;            ///< it has told that it has no beginning of it
   Moments moments_;
   int features_ = 0;  ///< of the frame at hand, before culling
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A segmentation that fails: nobody waits for masks that will not come.
+// Answers that will not come: of a segmentation that fails, of uploads that cannot be read.
 #include <gtest/gtest.h>
 
 #include "edgeslam_semantic/tests/semantic_pair.hpp"
@@ -69,6 +69,29 @@ TEST_F(NoMask, AnUploadThatCannotBeReadIsNotWaitedFor) {
                                        "SEMANTIC_KEYFRAME refused") == 0;
                           }),
             1);
+}
+
+/// The edge's map would begin with it; without it the edge declines all that follows.
+TEST_F(NoMask, WhereTheFirstUploadCannotBeReadTheMapBeginsAnew) {
+  for (const bool adapt : {true, false}) {
+    const Played run =
+        play_pair(edgeslam(adapt), [](auto) { return nobody(); }, {.torn_upload = 1});
+    const auto refused = run.of("keyframe_refused");
+    ASSERT_EQ(refused.size(), 1u) << adapt;
+    const auto sent = run.of("keyframe_sent");
+    const auto again = std::find_if(sent.begin(), sent.end(),
+                                    [](const auto& one) { return one["reason"] == "refused"; });
+    ASSERT_NE(again, sent.end()) << adapt;
+    EXPECT_GT((*again)["new_points"], 50) << "of the whole local map";
+    EXPECT_EQ(std::count_if(again, sent.end(),
+                            [](const auto& one) { return one["reason"] == "refused"; }),
+              1);
+    for (const auto& declined : run.of("keyframe_declined"))
+      EXPECT_LT(declined["keyframe"], (*again)["keyframe"]) << adapt;
+    EXPECT_GT(run.of("slice_applied").size(), 5u) << adapt;
+    EXPECT_GT(run.of("mask_applied").size(), 5u) << adapt;
+    EXPECT_TRUE(run.of("edge_restarted").empty());
+  }
 }
 
 }  // namespace
