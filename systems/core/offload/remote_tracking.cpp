@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// An edge that was restarted answers nothing of what it was sent before.
+/// So long an edge that is there, or may be, is waited for.
 constexpr Duration kPatience = std::chrono::seconds(5);
 
 TrackOutcome outcome_of(const wire::FrameResult& result) {
@@ -38,6 +38,17 @@ RemoteTracking::RemoteTracking(MobileNode& node, Channel& frames, int window)
 
 void RemoteTracking::start() {
   node_.runtime().spawn("results", [this](Worker& worker) { receive(worker); });
+  node_.runtime().spawn("edge", [this](Worker& worker) { watch_edge(worker); });
+}
+
+/// Whoever waits for an answer looks again when the edge goes or comes.
+void RemoteTracking::watch_edge(Worker& worker) {
+  Signal& changes = node_.network().peer_signal();
+  while (!worker.stopping()) {
+    const auto ticket = changes.ticket();
+    answer_->notify();
+    worker.wait(changes, ticket, kNever);
+  }
 }
 
 void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
@@ -56,7 +67,12 @@ void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
                         .add("frame", index)
                         .add("seq_s", message.timestamp_s)
                         .add("jpeg_bytes", message.jpeg.size()));
+  const PeerState edge = node_.network().peer();
   sent_ = slambed::send(channel_, message);
+  if (edge.connected) {
+    sent_to_ = edge.incarnation;
+    sent_there_ = sent_;
+  }
   if (window_ > 0) wait_for(worker, window_ - 1);
 }
 
@@ -65,16 +81,34 @@ void RemoteTracking::wait_for(Worker& worker, std::uint64_t most_under_way) {
   RunTime deadline = worker.now() + kPatience;
   while (!worker.stopping()) {
     const auto ticket = answer_->ticket();
+    give_up_lost();
     const std::uint64_t answered = answered_;
     if (sent_ <= answered + most_under_way) return;
     if (answered != heard) deadline = worker.now() + kPatience;
     heard = answered;
-    if (worker.now() >= deadline) {
-      node_.log().write(JsonLine("frames_unanswered").add("frames", sent_ - answered));
-      answered_ = sent_;
-      return;
-    }
+    if (worker.now() >= deadline) return give_up(sent_);
     worker.wait(*answer_, ticket, deadline);
+  }
+}
+
+/// Another edge process knows nothing of what the one before was sent; what waited meanwhile goes
+/// to the new one.
+void RemoteTracking::give_up_lost() {
+  const PeerState edge = node_.network().peer();
+  if (edge.connected && edge.incarnation != sent_to_) give_up(sent_there_);
+}
+
+void RemoteTracking::give_up(std::uint64_t last) {
+  const std::uint64_t answered = answered_;
+  if (last <= answered) return;
+  node_.log().write(JsonLine("frames_unanswered").add("frames", last - answered));
+  settle(last);
+}
+
+/// Answers come on another worker than frames are given up on.
+void RemoteTracking::settle(std::uint64_t upto) {
+  std::uint64_t before = answered_;
+  while (before < upto && !answered_.compare_exchange_weak(before, upto)) {
   }
 }
 
@@ -93,7 +127,7 @@ void RemoteTracking::take(const Message& message) {
     return wire::decode_frame_result(bytes, node_.sensor());
   });
   if (!result) return;
-  answered_ = std::max<std::uint64_t>(answered_, result->sequence);
+  settle(result->sequence);
   TrackOutcome outcome = outcome_of(*result);
   const bool ok = result->state == wire::FrameState::kOk;
   if (ok && edge_ != message.incarnation) {

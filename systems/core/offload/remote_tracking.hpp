@@ -26,7 +26,11 @@ class RemoteTracking {
   std::uint64_t last_sequence() const { return sent_; }
 
  private:
+  void watch_edge(Worker& worker);
   void wait_for(Worker& worker, std::uint64_t most_under_way);
+  void give_up_lost();
+  void give_up(std::uint64_t last);
+  void settle(std::uint64_t upto);
   void receive(Worker& worker);
   void take(const Message& message);
   void record(const wire::FrameResult& result, RunTime arrived, std::size_t bytes);
@@ -35,6 +39,8 @@ class RemoteTracking {
   Channel& channel_;
   std::uint64_t window_;
   std::uint64_t sent_ = 0;
+  std::uint64_t sent_there_ = 0;  ///< the last one that went to an edge that was there ...
+  std::uint64_t sent_to_ = 0;     ///< ... and which one that was (incarnation)
   std::atomic<std::uint64_t> answered_{0};  ///< or given up
   std::uint64_t edge_ = 0;  ///< incarnation of the edge whose map poses are in; 0: none yet
   std::unique_ptr<Signal> answer_;

@@ -112,7 +112,6 @@ TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
 TEST_F(EdgeRestart, FullyOffloadedTheTrajectoryIsThatOfTheNewEdgesMapAlone) {
   nlohmann::json chosen = edgeslam(false, false);
   chosen["full_offload"] = true;
-  // The patience of frames that the dead edge had is 5 s.
   const EdgeLife life{.dies = 1500ms, .comes_back = 1700ms};
   const Played run = play_pair(chosen, below, life);
   const auto restarted = run.of("edge_restarted");
@@ -127,6 +126,37 @@ TEST_F(EdgeRestart, FullyOffloadedTheTrajectoryIsThatOfTheNewEdgesMapAlone) {
   ASSERT_GT(of_new_map, 5u);
   const auto lines = std::count(run.trajectory.begin(), run.trajectory.end(), '\n');
   EXPECT_EQ(lines, static_cast<long>(of_new_map) + 1);
+}
+
+/// The frame that the dead edge had is lost; the new connection tells, long before its patience.
+TEST_F(EdgeRestart, FullyOffloadedTheNextFrameGoesAsSoonAsTheNewEdgeIsThere) {
+  nlohmann::json chosen = edgeslam(false, false);
+  chosen["full_offload"] = true;
+  const EdgeLife life{.dies = 1500ms, .comes_back = 3500ms};
+  const Played run = play_pair(chosen, below, life);
+  const auto given_up = run.of("frames_unanswered");
+  ASSERT_EQ(given_up.size(), 1u);
+  EXPECT_EQ(given_up.front()["frames"], 1);
+  EXPECT_EQ(when(given_up.front()), life.comes_back);
+  const auto sent = after(run.of("frame_sent"), life.comes_back);
+  ASSERT_FALSE(sent.empty());
+  EXPECT_LT(when(sent.front()), life.comes_back + 100ms);
+  EXPECT_GT(sent.size(), 30u);
+}
+
+/// What is sent to a link without an edge waits there for the new one, which answers it.
+TEST_F(EdgeRestart, FullyOffloadedWhatWaitedForTheNewEdgeIsWaitedFor) {
+  nlohmann::json chosen = edgeslam(false, false);
+  chosen["full_offload"] = true;
+  chosen["offload_window"] = 0;
+  const EdgeLife life{.dies = 5000ms, .comes_back = 7900ms};
+  const Played run = play_pair(chosen, below, life);
+  std::size_t waited = 0, answered = 0;
+  for (const auto& frame : run.of("frame_sent"))
+    waited += when(frame) >= life.dies && when(frame) < life.comes_back;
+  for (const auto& frame : run.of("frame_answered")) answered += when(frame) >= life.comes_back;
+  ASSERT_GT(waited, 30u);
+  EXPECT_GE(answered, waited);
 }
 
 }  // namespace

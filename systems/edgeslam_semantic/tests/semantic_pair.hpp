@@ -58,7 +58,7 @@ class MortalNetwork final : public Network {
     return {.connected = state.connected && !life_.away(now),
             .incarnation = life_.incarnation(now)};
   }
-  Signal& peer_signal() override { return below_.peer_signal(); }
+  Signal& peer_signal() override { return *changes_; }
 
  private:
   class MortalChannel final : public Channel {
@@ -104,6 +104,7 @@ class MortalNetwork final : public Network {
   Runtime& runtime_;
   EdgeLife life_;
   std::uint64_t own_;
+  std::unique_ptr<Signal> changes_ = runtime_.make_signal();
   std::vector<std::unique_ptr<MortalChannel>> channels_;
 };
 
@@ -171,6 +172,8 @@ class SemanticPair : public SemanticRun {
     if (life.dies != kNever) {
       simulator.at(life.dies, [&] { first_runtime.stop(); });
       simulator.at(life.comes_back, [&] { second.start(); });
+      for (const RunTime change : {life.dies, life.comes_back})
+        simulator.at(change, [&] { mobile_network.peer_signal().notify(); });
     }
     simulator.run();
     for (VirtualRuntime* runtime : {&mobile_runtime, &first_runtime, &second_runtime})
