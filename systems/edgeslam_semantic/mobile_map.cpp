@@ -19,9 +19,10 @@ LocalMapperOptions mapper_options(int neighbours) {
 
 }  // namespace
 
-MobileMap::MobileMap(MobileNode& node, int neighbours)
+MobileMap::MobileMap(MobileNode& node, Options options)
     : node_(node),
-      mapper_(mapper_options(neighbours), node.tracker().map(), IdSpace::kMobileMapper) {}
+      options_(options),
+      mapper_(mapper_options(options.neighbours), node.tracker().map(), IdSpace::kMobileMapper) {}
 
 void MobileMap::note_own(const MapDelta& made) {
   for (const NewKeyFrame& keyframe : made.keyframes)
@@ -155,10 +156,7 @@ bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
       return local_map(view, parts);
     });
     units.n1 = static_cast<double>(local.keyframes.size());
-    auto fresh = std::make_shared<Map>();
-    fresh->commit(local);
-    mapper_.replace_map(fresh);
-    node_.replace_map(fresh);
+    put(local);
     if (parts.S_new_old.scale != 1) node_.tracker().rescale(parts.S_new_old.scale);
     for (const auto& [id, sighted] : window_.keyframes) node_.poses().placed(id, sighted.T_cw);
     forget_left(result.keyframe);
@@ -168,12 +166,41 @@ bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
   return true;
 }
 
+void MobileMap::put(const MapDelta& local) {
+  auto fresh = std::make_shared<Map>();
+  fresh->commit(local);
+  mapper_.replace_map(fresh);
+  node_.replace_map(fresh);
+}
+
+void MobileMap::keep_newest(Worker& worker) {
+  while (std::ssize(uploaded_) > options_.keyframes) uploaded_.erase(uploaded_.begin());
+  if (uploaded_.size() < 2) return;
+  const KeyFrameId oldest = *uploaded_.begin(), before_newest = *std::prev(uploaded_.end(), 2);
+  std::erase_if(own_, [&](const auto& entry) {
+    return entry.first < before_newest && !uploaded_.contains(entry.first);
+  });
+  worker.stage("apply_update", [&](StageUnits& units) {
+    put(node_.tracker().map()->read([&](const MapView& view) {
+      std::vector<KeyFrameId> stay = view.keyframe_ids();
+      std::erase_if(stay, [this](KeyFrameId id) { return !own_.contains(id); });
+      units.n1 = static_cast<double>(stay.size());
+      return extract_keyframes(view, stay);
+    }));
+    forget_ids(oldest);
+    return 0;
+  });
+}
+
 /// Memory is to hang on the window, not on the length of the run.
 void MobileMap::forget_left(KeyFrameId newest) {
   if (window_.keyframes.empty()) return;
   std::erase_if(uploaded_,
                 [&](KeyFrameId id) { return id <= newest && !window_.keyframes.contains(id); });
-  const KeyFrameId oldest = window_.keyframes.begin()->first;
+  forget_ids(window_.keyframes.begin()->first);
+}
+
+void MobileMap::forget_ids(KeyFrameId oldest) {
   node_.tracker().map()->read([&](const MapView& local) {
     const auto left = [&](const auto& entry) {
       return entry.second < oldest && !window_.points.contains(entry.first) &&

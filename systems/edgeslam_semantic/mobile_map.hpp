@@ -15,8 +15,11 @@ namespace slambed::edgeslam_semantic {
 /// triangulation without any bundle. All on the tracking worker, between two frames or behind one.
 class MobileMap {
  public:
-  /// neighbours: keyframes that a new one is triangulated with.
-  MobileMap(MobileNode& node, int neighbours);
+  struct Options {
+    int neighbours = 5;  ///< keyframes that a new one is triangulated with
+    int keyframes = 10;  ///< uploaded ones that stay where no slice comes
+  };
+  MobileMap(MobileNode& node, Options options);
 
   /// A keyframe was made: triangulates its points.
   void extend(Worker& worker, const MapDelta& made);
@@ -28,6 +31,10 @@ class MobileMap {
   wire::SemanticKeyFrame upload_whole(KeyFrameId keyframe);
   /// Takes a slice over. False when it is of another map, or none that follows the last one.
   bool apply(Worker& worker, const wire::OptResult& result);
+  /// No answers come: the newest uploaded keyframes stay, and references since the last but one.
+  /// With fewer the next points are seen too seldom for references to be made, and the camera is
+  /// lost when slices come again.
+  void keep_newest(Worker& worker);
   /// Points and sightings on what moves go, and are not taken from slices again.
   void cull(const Labels& labels);
   void reset();
@@ -40,10 +47,13 @@ class MobileMap {
   void note_own(const MapDelta& made);
   bool known_at_edge(MapPointId point) const;
   void add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta& delta);
+  void put(const MapDelta& local);
   void forget_left(KeyFrameId newest);
+  void forget_ids(KeyFrameId oldest);
   void report(const wire::OptResult& result, double scale, double moved);
 
   MobileNode& node_;
+  Options options_;
   LocalMapper mapper_;
   MapWindow window_;                       ///< as the edge has it, by the last slice
   std::map<KeyFrameId, OwnKeyFrame> own_;  ///< of the window and newer

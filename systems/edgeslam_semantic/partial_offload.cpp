@@ -43,7 +43,8 @@ SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
                {.pictures = nrcc_,
                 .one_way = parameters.boolean("delay_one_way"),
                 .probe_period_s = parameters.real("probe_period_s")}),
-      map_(node, parameters.integer("local_neighbours")),
+      map_(node, {.neighbours = parameters.integer("local_neighbours"),
+                  .keyframes = parameters.integer("local_keyframes")}),
       transfer_(label_options(parameters)),
       results_(node.runtime()),
       arrived_masks_(node.runtime()),
@@ -105,6 +106,7 @@ void SemanticMobile::take(Worker& worker, const wire::OptResult& result) {
     return;
   }
   facts_.frames_since_optimisation = 0;
+  unanswered_ = false;
   for (auto& [id, waiting] : waiting_)
     if (id <= result.keyframe) waiting.result = false;
 }
@@ -163,7 +165,9 @@ void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {
 void SemanticMobile::settled(RunTime now) {
   std::erase_if(waiting_, [&](const auto& entry) {
     const Waiting& waiting = entry.second;
-    return (!waiting.result && !waiting.mask) || now - waiting.since > kPatience;
+    const bool late = now - waiting.since > kPatience;
+    unanswered_ |= late && waiting.result;
+    return (!waiting.result && !waiting.mask) || late;
   });
 }
 
@@ -291,7 +295,7 @@ void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
   wire::SemanticKeyFrame message = again ? map_.upload_whole(id) : map_.upload(made);
   if (message.first()) {
     edge_incarnation_ = node_.network().peer().incarnation;
-    edge_lacks_map_ = false;
+    edge_lacks_map_ = unanswered_ = false;
   }
   if (again) waiting_.clear();
   if (reason == kEdgeRestarted) {
@@ -304,6 +308,7 @@ void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
   facts_.frames_since_keyframe = 0;
   uploads_.put(std::move(message),
                {.reason = *reason, .row = row_, .levels = configuration_.levels});
+  if (unanswered_) map_.keep_newest(worker);
 }
 
 void SemanticMobile::reset() {

@@ -75,6 +75,7 @@ class SemanticMobile final : public MobilePolicy {
   std::map<KeyFrameId, Waiting> waiting_;  ///< uploads whose answers are not all back
   std::uint64_t edge_incarnation_ = 0;     ///< of the edge that this map went to
   bool edge_lacks_map_ = false;            ///< it has told that it has no beginning of it
+  bool unanswered_ = false;                ///< an upload had no result in time, and none since
   Moments moments_;
   int features_ = 0;  ///< of the frame at hand, before culling
 };

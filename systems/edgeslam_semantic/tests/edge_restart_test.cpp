@@ -109,6 +109,48 @@ TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
     EXPECT_GE(id(keyframe), restart);
 }
 
+/// While no slice comes, the local map is of the newest uploads and of references since the last
+/// but one.
+TEST_F(EdgeRestart, TheLocalMapDoesNotGrowWhileTheEdgeIsDead) {
+  constexpr int kLong = 330, kKept = 2;
+  sequence = folder.path() / "longer";
+  generate({}, sequence, kLong);
+  nlohmann::json chosen = edgeslam(false, false);
+  chosen["local_keyframes"] = kKept;
+  const EdgeLife life{.dies = 1500ms, .comes_back = 20s};
+  const Played run = play_pair(chosen, below, life);
+  const auto before = [&](const char* type) {
+    std::vector<std::uint64_t> ids;
+    for (const auto& event : run.of(type))
+      if (when(event) < life.comes_back) ids.push_back(event["keyframe"]);
+    return ids;
+  };
+  const auto sent = before("keyframe_sent"), made = before("keyframe_created");
+  ASSERT_GT(sent.size(), 5u);
+  const auto since = std::count_if(
+      made.begin(), made.end(), [&](std::uint64_t id) { return id >= sent[sent.size() - kKept]; });
+  EXPECT_EQ(kept_keyframes, static_cast<std::uint64_t>(since));
+  EXPECT_LT(kept_keyframes, made.size() / 2);
+  // Tracking does not suffer, and the new edge's map begins with it.
+  EXPECT_TRUE(run.of("track_lost").empty());
+  ASSERT_EQ(run.of("edge_restarted").size(), 1u);
+  EXPECT_GT(after(run.of("slice_applied"), life.comes_back).size(), 3u);
+}
+
+/// The edge's window then has keyframes whose features the mobile has no more.
+TEST_F(EdgeRestart, AnEdgeThatStoodStillForLongGoesOn) {
+  world["edge_frozen_s"] = {{1.0, 6.5}};
+  nlohmann::json chosen = edgeslam(false, false);
+  chosen["local_keyframes"] = 2;
+  const Played run = play(chosen);
+  EXPECT_TRUE(run.of("edge_restarted").empty());
+  EXPECT_TRUE(run.of("track_lost").empty());
+  const auto slices = after(run.of("slice_applied"), 6500ms);
+  ASSERT_GT(slices.size(), 3u);
+  EXPECT_GT(slices.back()["edge_points"], 100);
+  EXPECT_LE(slices.back()["kept_keyframes"].get<std::size_t>(), 10u);
+}
+
 TEST_F(EdgeRestart, FullyOffloadedTheTrajectoryIsThatOfTheNewEdgesMapAlone) {
   nlohmann::json chosen = edgeslam(false, false);
   chosen["full_offload"] = true;

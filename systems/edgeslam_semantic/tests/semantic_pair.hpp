@@ -112,6 +112,9 @@ class MortalNetwork final : public Network {
 /// edge that is killed and started again.
 class SemanticPair : public SemanticRun {
  protected:
+  /// Keyframes of the mobile's map when another edge took over.
+  std::uint64_t kept_keyframes = 0;
+
   Played play_pair(const nlohmann::json& chosen, ToldMasks::Tell tell, EdgeLife life = {}) {
     write_world(chosen);
     const SimConfig config = read_sim_config(folder.path() / "sim.json");
@@ -172,6 +175,8 @@ class SemanticPair : public SemanticRun {
     if (life.dies != kNever) {
       simulator.at(life.dies, [&] { first_runtime.stop(); });
       simulator.at(life.comes_back, [&] { second.start(); });
+      simulator.at(life.comes_back,
+                   [&] { kept_keyframes = count(*mobile.tracker().map()).keyframes; });
       for (const RunTime change : {life.dies, life.comes_back})
         simulator.at(change, [&] { mobile_network.peer_signal().notify(); });
     }
