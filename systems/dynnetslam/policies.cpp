@@ -165,6 +165,7 @@ void DynNetSlamMobile::make_keyframe(Worker& worker, const TrackedFrame& frame) 
 }
 
 void DynNetSlamMobile::finish(Worker& worker) {
+  edge_has_the_map_ = state_ != State::kMobile && !contact_.handing_over();
   if (maps_here()) mapping_.drained().wait(worker);
   const RunTime patience = worker.now() + kHeldPatience;
   while (!held_.empty() && !contact_.handing_over() && !worker.stopping() &&
@@ -177,7 +178,7 @@ void DynNetSlamMobile::finish(Worker& worker) {
 
 void DynNetSlamMobile::place_keyframes(PoseBook& book) {
   for (const KeyFramePose& pose : offload_.farewell().poses()) book.placed(pose.id, pose.T_cw);
-  if (state_ != State::kMobile && offload_.farewell().answered()) return;
+  if (edge_has_the_map_ && offload_.farewell().answered()) return;
   // The edge has not seen how the map went on here, or is not there to tell.
   const auto map = node_.tracker().map();
   for (const KeyFrameId id : book.keyframes()) {
@@ -187,7 +188,7 @@ void DynNetSlamMobile::place_keyframes(PoseBook& book) {
 }
 
 MapCounts DynNetSlamMobile::counts() const {
-  return state_ == State::kMobile ? count(*node_.tracker().map()) : offload_.farewell().counts();
+  return edge_has_the_map_ ? offload_.farewell().counts() : count(*node_.tracker().map());
 }
 
 DynNetSlamEdge::DynNetSlamEdge(EdgeNode& node, const Parameters& parameters)

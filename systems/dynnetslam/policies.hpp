@@ -54,6 +54,7 @@ class DynNetSlamMobile final : public MobilePolicy {
   std::uint64_t epoch_ = 0;
   RunTime last_decision_{};
   std::deque<HeldKeyFrame> held_;
+  bool edge_has_the_map_ = false;  ///< at the end of the run, all of it
 };
 
 /// Edge-SLAM's edge node that rests and takes maps over when it is told to.
