@@ -64,8 +64,11 @@ class LocalMapping {
   void correct(Map& map, const Correction& correction);
   /// No keyframe is accepted while the map is being put right.
   void hold(bool held) { held_ = held; }
-  /// Lets the mapping side come round to on_idle. From any worker.
+  /// Lets the mapping side come round to its hook `idle`. From any worker.
   void wake() { queue_.signal().notify(); }
+  /// Notified when a keyframe is done, the map is another or mapping is parked; whatever works
+  /// behind mapping notifies it too when it is done.
+  Signal& settled() { return *settled_; }
 
  private:
   struct Task {

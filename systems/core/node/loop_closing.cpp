@@ -19,8 +19,7 @@ LoopClosing::LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions opti
       mode_(mode),
       commit_(std::move(commit)),
       wanted_(runtime),
-      finished_(runtime),
-      settled_(runtime.make_signal()) {
+      finished_(runtime) {
   if (!commit_) commit_ = [this](const MapDelta& delta) { map_->commit(delta); };
 }
 
@@ -127,7 +126,7 @@ void LoopClosing::idle(Worker& worker) {
     if (finished->bundle && finished->generation == generation_)
       take_over(worker, *finished->bundle);
     --open_;
-    settled_->notify();
+    mapping_.settled().notify();
   }
 }
 
@@ -138,7 +137,7 @@ void LoopClosing::map_changed() {
 
 void LoopClosing::drain(Worker& worker, RunTime deadline) {
   const Completion settled(
-      *settled_, [this] { return open_ == 0; }, [this] { return mapping_.parked(); });
+      mapping_.settled(), [this] { return open_ == 0; }, [this] { return mapping_.parked(); });
   if (!settled.wait(worker, deadline)) ++generation_;
 }
 

@@ -64,7 +64,6 @@ class LoopClosing {
   std::atomic<int> open_{0};        ///< bundles asked for and not yet taken over or dropped
   Mailbox<int> wanted_;             ///< generations to adjust
   Mailbox<Finished> finished_;
-  std::unique_ptr<Signal> settled_;
 };
 
 }  // namespace slambed

@@ -18,11 +18,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-DeviceModel loop_device() {
+DeviceModel loop_device(double bundle_us) {
   DeviceModel model;
   model.cores = 2;
   for (const char* stage : {"loop_detect", "loop_close"}) model.stages[stage] = {.a_us = 1000};
-  model.stages["global_bundle"] = {.a_us = 20'000};
+  model.stages["global_bundle"] = {.a_us = bundle_us};
   return model;
 }
 
@@ -41,7 +41,7 @@ class LoopClosingTest : public ::testing::Test {
       EventLog log(folder.path() / "events.jsonl", NodeRole::kMobile);
       log.set_clock([&simulator] { return simulator.now(); });
       log.start(Duration::zero(), [] {});
-      VirtualRuntime runtime(simulator, loop_device(), 1, log);
+      VirtualRuntime runtime(simulator, loop_device(bundle_us), 1, log);
       LoopClosing* behind = nullptr;
       LocalMapping mapping(runtime, log, {}, laps->map, IdSpace::kMobileMapper, mode,
                            {.take = {},
@@ -56,6 +56,13 @@ class LoopClosingTest : public ::testing::Test {
       behind = &loops;
       mapping.start();
       loops.start();
+      bool draining = false;
+      if (park_while_draining) {
+        runtime.spawn("parker", [&](Worker& worker) {
+          while (!draining) worker.sleep_until(worker.now() + 1ms);
+          mapping.park(true);
+        });
+      }
       runtime.spawn("driver", [&](Worker& worker) {
         int left = limit;
         bool closed = false;
@@ -71,7 +78,10 @@ class LoopClosingTest : public ::testing::Test {
           }
           worker.sleep_until(worker.now() + 100ms);
         }
+        const RunTime begin = worker.now();
+        draining = true;
         loops.drain(worker);
+        drain_took = worker.now() - begin;
         runtime.stop();
       });
       simulator.run();
@@ -97,6 +107,9 @@ class LoopClosingTest : public ::testing::Test {
                       [](const auto& stage) { return stage["worker"] == "mapping"; }));
   }
 
+  double bundle_us = 20'000;  ///< each stage of a global bundle
+  bool park_while_draining = false;
+  Duration drain_took{};
   std::unique_ptr<DriftedLaps> laps;
   std::vector<nlohmann::json> events;
 };
@@ -147,6 +160,15 @@ TEST_F(LoopClosingTest, WhileMappingIsParkedNoBundleIsTakenOver) {
   ASSERT_EQ(of("loop_closed").size(), 1u);
   EXPECT_EQ(parked.t, still.t);
   EXPECT_EQ(taken_over(), 1u) << "once mapping goes on";
+}
+
+TEST_F(LoopClosingTest, NobodyWaitsForABundleOnceMappingIsParked) {
+  bundle_us = 2e6;
+  park_while_draining = true;
+  run(Mode::kWorker, 70);
+  ASSERT_EQ(of("loop_closed").size(), 1u);
+  EXPECT_LE(drain_took, 1ms);
+  EXPECT_EQ(taken_over(), 0u);
 }
 
 TEST_F(LoopClosingTest, ABundleThatIsNotDoneInTimeIsDropped) {
