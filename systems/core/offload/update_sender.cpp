@@ -94,11 +94,13 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
   if (update.map.keyframes.empty()) return;
   if (options_.codec.text()) payload = options_.codec.serialise(worker, update);
   const std::size_t bytes = payload.size();
-  slambed::send(channel_,
-                relocalisation ? wire::MessageType::kRelocMap : wire::MessageType::kMapUpdate,
-                std::move(payload));
   {
     std::lock_guard lock(mutex_);
+    // Preparing took its time: what was asked for since then counts.
+    if (stopped_ || epoch_ != update.map.epoch || (held_ && !relocalisation)) return;
+    slambed::send(channel_,
+                  relocalisation ? wire::MessageType::kRelocMap : wire::MessageType::kMapUpdate,
+                  std::move(payload));
     last_sent_ = worker.now();
     if (!relocalisation) news_ = false;
   }
