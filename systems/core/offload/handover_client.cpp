@@ -7,6 +7,13 @@
 #include "wire/message_type.hpp"
 
 namespace slambed {
+namespace {
+
+/// An edge that declines a whole map gets the next one, of the map as it is then, so much later.
+constexpr Duration kNextWhole = std::chrono::seconds(2);
+
+}  // namespace
+
 void HandoverClient::begin(std::uint64_t epoch, std::shared_ptr<Map> map, bool edge_is_empty) {
   {
     std::lock_guard lock(mutex_);
@@ -49,6 +56,7 @@ void HandoverClient::send_if_due(Worker& worker) {
       if (handover_.connection != path.connections) send(handover_);
       return;
     }
+    if (worker.now() < handover_.not_before) return;
     handover_.number = ++handovers_;
     handover_.sent = true;
     handover_.acknowledged = {map_, nullptr, edge};
@@ -63,6 +71,7 @@ void HandoverClient::prepare(Worker& worker, Handover handover, AcknowledgedMap 
                             .number = handover.number,
                             .whole = base.map != handover.acknowledged.map,
                             .changes = {}};
+  handover.whole = message.whole;
   worker.stage("prepare_update", [&](StageUnits& units) {
     const MapDelta none;
     const MapDelta& earlier = message.whole ? none : *base.content;
@@ -120,8 +129,9 @@ void HandoverClient::acknowledged(const wire::HandoverAck& ack, std::uint64_t ed
       map_.reset();
       under_way_ = false;
     } else if (current) {
-      acknowledged_ = {};  // the edge has lost its map: all of it, at once
+      acknowledged_ = {};  // the edge has lost its map or cannot read this: all of it
       handover_.sent = false;
+      if (handover_.whole) handover_.not_before = now + kNextWhole;
     }
   }
   node_.log().write(event);

@@ -44,7 +44,9 @@ class HandoverClient {
     std::uint64_t epoch = 0, number = 0;
     AcknowledgedMap acknowledged;  ///< once it is acknowledged
     RunTime asked{};
-    bool sent = false;             ///< and not answered
+    bool sent = false;  ///< and not answered
+    bool whole = false;
+    RunTime not_before = RunTime::min();
     bool superseded = false;       ///< the edge has sent another map since
     std::uint64_t connection = 0;  ///< on which it was sent last
     wire::MessageType type = wire::MessageType::kMapHandover;

@@ -66,7 +66,12 @@ void HandoverServer::take_over(Worker& worker, const Message& raw) {
   auto read_well = read(worker, "parse", node_.log(), raw, [this](const Bytes& bytes) {
     return wire::decode_handover(bytes, node_.peer().sensor());
   });
-  if (!read_well) return;
+  if (!read_well) {
+    // Without an answer the mobile would wait for one for ever.
+    if (const auto head = wire::handover_head(raw.payload))
+      answer(head->epoch, head->number, false);
+    return;
+  }
   wire::MapHandover& handover = *read_well;
   if (is_stale(handover.epoch, handover.number)) return;
   // Sent again because a connection broke, but the first one had come; the map has gone on since.

@@ -81,6 +81,18 @@ MapHandover decode_handover(std::span<const std::uint8_t> bytes, const SensorPtr
   return message;
 }
 
+std::optional<StartMessage> handover_head(std::span<const std::uint8_t> bytes) {
+  try {
+    ByteReader in(bytes);
+    StartMessage head;
+    head.epoch = in.varint();
+    head.number = in.varint();
+    return head;
+  } catch (const DecodeError&) {
+    return std::nullopt;
+  }
+}
+
 Bytes encode(const HandoverAck& message) {
   ByteWriter out;
   out.varint(message.epoch);

@@ -46,7 +46,8 @@ struct HandoverAck {
   static constexpr MessageType kType = MessageType::kHandoverAck;
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
-  bool accepted = false;  ///< false: the edge has no map to change, it needs a whole one
+  bool accepted =
+      false;  ///< false: it has no map to change, or cannot read this one; it needs a whole one
 };
 
 Bytes encode(const StateMessage& message);
@@ -61,5 +62,8 @@ StopMessage decode_stop(std::span<const std::uint8_t> bytes);
 StartMessage decode_start(std::span<const std::uint8_t> bytes);
 MapHandover decode_handover(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 HandoverAck decode_handover_ack(std::span<const std::uint8_t> bytes);
+
+/// Which hand-over a MAP_HANDOVER is that cannot be read; nothing where that cannot be read either.
+std::optional<StartMessage> handover_head(std::span<const std::uint8_t> bytes);
 
 }  // namespace slambed::wire

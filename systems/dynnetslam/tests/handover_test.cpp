@@ -61,6 +61,34 @@ TEST_P(DynNetSlam, TwoHundredSwitchesLeaveEverythingInOrder) {
   EXPECT_LT(largest, 2e6);
 }
 
+TEST(DynNetSlamHandover, OneThatTheEdgeCannotReadIsNotWaitedForForEver) {
+  PairLink link = steps({{20, 8}, {80, 10}, {20, 20}});
+  int torn = 0;
+  link.alter_handovers = [&torn](Message& message) {
+    if (message.type == wire::type_of(wire::MessageType::kMapHandover) && torn < 2) {
+      ++torn;
+      message.payload.pop_back();
+    }
+    return true;
+  };
+  const PairResult result = testing::run_pair(
+      dynnetslam_system(), params(false, false), 300, kFps, link,
+      [](SyntheticWorld& world, int frame) { return world.look(pose_at(frame)); });
+  ASSERT_EQ(states(result), "OS MES OS");
+  const auto sent = result.of("handover_sent");
+  const auto answered = result.of("handover_acknowledged");
+  ASSERT_EQ(sent.size(), 3u);
+  ASSERT_EQ(answered.size(), 3u);
+  EXPECT_EQ(sent[0]["whole"], false);
+  EXPECT_EQ(sent[1]["whole"], true);
+  // What was declined whole is not sent over and over.
+  EXPECT_GE(sent[2]["t_ns"].get<double>(), answered[1]["t_ns"].get<double>() + 2e9);
+  EXPECT_EQ(answered[1]["accepted"], false);
+  EXPECT_EQ(answered[2]["accepted"], true);
+  EXPECT_GT(mapped_in(result, result.edge, "OS"), 0);
+  EXPECT_EQ(result.of("warning").size(), 2u) << "two that could not be read";
+}
+
 /// Along a wall without an end, at 3.4 m/s: every metre looks like nothing before it.
 std::shared_ptr<const FeatureSet> along_the_wall(SyntheticWorld& world, int frame) {
   constexpr double kStep_m = 0.34;

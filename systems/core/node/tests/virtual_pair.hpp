@@ -113,7 +113,7 @@ class LosingNetwork final : public Network {
   std::unique_ptr<TappedChannel> losing_;
 };
 
-/// The mobile's network on which messages of one channel pass through a hand of the test's; false:
+/// A network on which messages of one channel pass through a hand of the test's; false:
 /// this one never came.
 class AlteringNetwork final : public Network {
  public:
@@ -197,7 +197,8 @@ struct PairLink {
   std::string lossy_channel = "keyframe";
   std::uint64_t lost = 0;          ///< the first messages on that channel never reach the edge
   std::uint64_t lost_updates = 0;  ///< the first messages on the map channel never reach the mobile
-  AlteringNetwork::Alter alter_frames{};  ///< what the edge answers on the channel "frame"
+  AlteringNetwork::Alter alter_frames{};     ///< what the edge answers on the channel "frame"
+  AlteringNetwork::Alter alter_handovers{};  ///< what the mobile says on the channel "handover"
   RunTime edge_restarts = kNever;
   double edge_bundle_us = 2000;  ///< per stage of a global bundle, on a uniform device
   double mbit_per_s = 100;
@@ -268,7 +269,8 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
               .close_depth_m = sensor->close_depth_m,
               .played_fps = playlist.played_fps()});
     RealtimeFeed feed(mobile_runtime, playlist, mobile_log);
-    LosingNetwork edge_network(link.edge_side(edge_log), path.lossy_channel, path.lost);
+    LosingNetwork losing(link.edge_side(edge_log), path.lossy_channel, path.lost);
+    AlteringNetwork edge_network(losing, "handover", path.alter_handovers);
     LosingNetwork losing_updates(link.mobile_side(mobile_log), "map", path.lost_updates);
     AlteringNetwork altering_frames(losing_updates, "frame", path.alter_frames);
     RestartingNetwork mobile_network(altering_frames, mobile_runtime, path.edge_restarts);
