@@ -9,7 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from slambed.calibrate.fit import fit_stage, fit_stages
-from slambed.calibrate.match import Fit, Seen, look, scaled, solve
+from slambed.calibrate.match import Fit, scaled, solve
+from slambed.calibrate.seen import Seen, look
 from slambed.calibrate.targets import Component, Targets
 from slambed.metrics.events import EventLog
 from slambed.native import repository_root
@@ -31,6 +32,12 @@ def test_a_fit_finds_the_cost_that_made_the_times() -> None:
     assert abs(fit.mean_error_percent) < 0.1
     assert abs(fit.median_error_percent) < 3
     assert fit.p95_error_percent == pytest.approx(100 * (np.exp(1.96 * 0.2) - 1), rel=0.2)
+
+
+def test_a_size_that_never_changes_is_a_fixed_time() -> None:
+    n1 = np.linspace(100, 1000, 50)
+    cost = fit_stage("extract", n1, np.full(50, 3.1), 400 + 3 * n1).cost
+    assert (cost.a_us, cost.b_us, cost.c_us) == (pytest.approx(400, rel=0.01), 3, 0)
 
 
 def test_a_stage_seen_a_few_times_is_not_fitted() -> None:
@@ -135,6 +142,39 @@ def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
             measure="per_attempt", mean_ms={"x": 1.0},
         )  # fmt: skip
         assert look(component, [log]).mean == mean
+
+
+def test_an_answer_takes_from_capture_until_its_pose_is_there() -> None:
+    """Whatever the edge's stages take: transport and waiting are in it, other work is not."""
+    log = updates(
+        {"type": "stage", "node": "edge", "name": "track", "wall_ms": 30.0, "cpu_ms": 30.0},
+        {"type": "frame_answered", "latency_ms": 200.0},
+        {"type": "stage", "node": "edge", "name": "track", "wall_ms": 50.0, "cpu_ms": 50.0},
+        {"type": "frame_answered", "latency_ms": 300.0},
+    )
+    component = Component(
+        name="answer", source="here", node="edge", stages=["track"],
+        measure="per_answer", mean_ms={"x": 1.0},
+    )  # fmt: skip
+    seen = look(component, [log])
+    assert (seen.mean, seen.busy) == (250.0, 40.0)
+
+
+def test_a_device_that_is_fitted_on_keeps_what_the_fit_is_not_about() -> None:
+    """Speed, accelerators and their stages; what goes along has the factor of its component."""
+    source = load_yaml(FITS / "edgesem.yaml")
+    fit = Fit(parse(Targets, source), source, Library())
+    before = Library().device("edge_xeon_titan_v").model
+    fit.scales["answer"].alpha = 2.0
+    after = fit.model("edge")
+    assert before is not None
+    assert (after.speed, after.accelerators) == (before.speed, before.accelerators)
+    for name, factor in (("segment", 1), ("decode_image", 1), ("bundle", 2), ("extract", 2)):
+        old, new = before.stages[name], after.stages[name]
+        assert (new.a_us, new.accelerator) == (
+            pytest.approx(factor * old.a_us, rel=1e-3),
+            old.accelerator,
+        )
 
 
 def ijnc(**changes: object) -> Targets:

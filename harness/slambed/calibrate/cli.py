@@ -10,10 +10,12 @@ from rich.table import Table
 
 from slambed.calibrate.device_file import write_model
 from slambed.calibrate.fit import StageFit, fit_stages
-from slambed.calibrate.match import Fit, Played, Setting
+from slambed.calibrate.match import Fit, Played, Setting, experiment_on
 from slambed.calibrate.measured import stages_of
 from slambed.calibrate.targets import Targets
 from slambed.campaign.datasets import prepare_sequence
+from slambed.campaign.masks import make_masks
+from slambed.campaign.plan import masks_asked
 from slambed.data.places import cache_folder
 from slambed.errors import ExitCode, SlambedError
 from slambed.native import SIMULATION, find_program
@@ -159,6 +161,13 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     sequences = {
         name: prepare_sequence(name) for name in sorted(map(targets.dataset_of, targets.conditions))
     }
+    masks = {
+        entry: made
+        for name, sequence in sequences.items()
+        for entry, made in make_masks(
+            masks_asked(experiment_on(targets, name), library), {name: sequence}, typer.echo
+        ).items()
+    }
     setting = Setting(
         sequences={
             name: Played(sequence.path, sequence.played_s(targets.playback), sequence.checksum)
@@ -168,6 +177,7 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
         features=cache_folder() / "features",
         software=host_software(program=SIMULATION),
         jobs=jobs or len(os.sched_getaffinity(0)),
+        masks=masks,
     )
     fit = Fit(targets, source, library)
     if check:

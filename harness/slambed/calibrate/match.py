@@ -10,7 +10,7 @@ rounds are made.
 
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,15 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from slambed.calibrate.targets import Component, Targets
+from slambed.calibrate.seen import Seen, look
+from slambed.calibrate.targets import Targets
 from slambed.campaign.links import read_profile
 from slambed.engines.virtual import VirtualRun
 from slambed.errors import SlambedError
 from slambed.metrics.events import EventLog, read_events
-from slambed.metrics.stages import delays
 from slambed.spec.device import VIRTUAL, CostModel, Device, StageCost
 from slambed.spec.experiment import DeviceChoice, Experiment
 from slambed.spec.library import Library
+from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.matrix import Circumstances, expand, read_profiles
 from slambed.spec.run_spec import RunSpec
 from slambed.spec.system import Role
@@ -52,18 +53,6 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A component in the runs of one condition, milliseconds."""
-
-    mean: float
-    sd: float
-    busy: float
-    """Charged to its stages, per occurrence."""
-    fixed: float = 1.0
-    """Executions of the stage `fixed_on`, per occurrence."""
-
-
-@dataclass(frozen=True)
 class Played:
     """A prepared sequence of a fit."""
 
@@ -82,6 +71,8 @@ class Setting:
     features: Path
     software: str
     jobs: int
+    masks: Mapping[tuple[str, MasksAsked], Masks]
+    """(dataset, what is asked for) -> masks, where a condition segments."""
 
 
 class Fit:
@@ -132,7 +123,10 @@ class Fit:
                 beta_us = found.beta_us if name == component.fixed_on else None
                 jitter = found.jitter if component.sd_ms else base.stages[name].jitter
                 stages[name] = scaled(base.stages[name], found.alpha, jitter, beta_us)
-        return CostModel(cores=fitted.cores, stages=stages | self._kept[role])
+            for name in component.along:
+                cost = base.stages[name]
+                stages[name] = scaled(cost, found.alpha, cost.jitter)
+        return base.model_copy(update={"cores": fitted.cores, "stages": stages | self._kept[role]})
 
     def error_percent(self, component: str, condition: str) -> float:
         """Mean as last seen against the printed one."""
@@ -208,25 +202,14 @@ class Fit:
         library = _FittedLibrary(self._library, devices)
         found: list[RunSpec] = []
         for dataset, played in setting.sequences.items():
-            experiment = Experiment(
-                id="fit",
-                title=self.targets.title,
-                systems=[
-                    choice.model_copy(update={"label": name})
-                    for name, choice in self.targets.conditions.items()
-                    if self.targets.dataset_of(name) == dataset
-                ],
-                datasets=[dataset],
-                playback=self.targets.playback,
-                link=self.targets.link,
-                devices=DeviceChoice(**{r: f.device for r, f in self.targets.devices.items()}),
-            )
+            experiment = experiment_on(self.targets, dataset)
             profiles = read_profiles(experiment, self._source, read_profile)
             host = Circumstances(
                 VIRTUAL,
                 {profile.name: VIRTUAL for profile in profiles},
                 setting.software,
                 {dataset: (dataset, played.checksum)},
+                masks=setting.masks,
             )
             found += expand(experiment, self._source, library, profiles, host, self.targets.runs)
         return found
@@ -238,6 +221,23 @@ class Fit:
             )
             for role, fitted in self.targets.devices.items()
         }
+
+
+def experiment_on(targets: Targets, dataset: str) -> Experiment:
+    """The conditions of a fit that are played on this sequence."""
+    return Experiment(
+        id="fit",
+        title=targets.title,
+        systems=[
+            choice.model_copy(update={"label": name})
+            for name, choice in targets.conditions.items()
+            if targets.dataset_of(name) == dataset
+        ],
+        datasets=[dataset],
+        playback=targets.playback,
+        link=targets.link,
+        devices=DeviceChoice(**{role: f.device for role, f in targets.devices.items()}),
+    )
 
 
 def solve(base: Values, rate: Values, wanted: Values, most: float) -> tuple[float, float]:
@@ -274,115 +274,9 @@ def scaled(
         b_us=_short(cost.b_us * alpha),
         c_us=_short(cost.c_us * alpha),
         jitter=_short(jitter),
+        accelerator=cost.accelerator,
     )
 
 
 def _short(value: float) -> float:
     return float(f"{value:.4g}")
-
-
-def look(component: Component, logs: list[EventLog]) -> Seen:
-    """A component over all runs of a condition."""
-    busy = 0.0
-    occurrences = fixed = 0
-    values: list[float] = []
-    for log in logs:
-        stages = log.of("stage", node=component.node)
-        busy += sum(e["cpu_ms"] for e in stages if e["name"] in component.stages)
-        fixed += sum(e["name"] == component.fixed_on for e in stages)
-        count, found = MEASURES.get(component.measure, _part)(component, log)
-        occurrences += count
-        values += found
-    if not occurrences or not values:
-        raise SlambedError(f"component {component.name} does not occur in the runs of the fit")
-    if component.measure in WHOLE:
-        busy = sum(values)
-    mean, sd = float(np.mean(values)), float(np.std(values))
-    return Seen(mean, sd, busy / occurrences, fixed / occurrences)
-
-
-def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages in each tracked frame."""
-    spent = 0.0
-    found: list[float] = []
-    for event in log.of("stage", "frame_tracked"):
-        if event["node"] != component.node:
-            continue
-        if event["type"] == "frame_tracked":
-            found.append(spent)
-            spent = 0.0
-        elif event["name"] in component.stages and event["worker"] == TRACKING:
-            spent += event["wall_ms"]
-    return len(found), found
-
-
-def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages in each frame that becomes a keyframe."""
-    spent = 0.0
-    found: list[float] = []
-    for event in log.of("stage", "frame_tracked"):
-        if event["node"] != component.node:
-            continue
-        if event["type"] == "frame_tracked":
-            found += [spent] if spent else []
-            spent = 0.0
-        elif event["name"] in component.stages and event["worker"] == TRACKING:
-            spent += event["wall_ms"]
-    return len(found), found
-
-
-def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages for each update that was taken over, whichever worker did it. A map that a
-    lost frame asked for is another thing: costs decide how many there are, and a fit that counted
-    them went to and fro between many and none."""
-    spent = 0.0
-    found: list[float] = []
-    for event in log.of("stage", "update_applied", "update_declined"):
-        if event["node"] != component.node:
-            continue
-        if event["type"] == "stage":
-            spent += event["wall_ms"] if event["name"] in component.stages else 0.0
-            continue
-        if event["type"] == "update_applied" and not event.get("relocalisation"):
-            found.append(spent)
-        spent = 0.0
-    return len(found), found
-
-
-def _per_attempt(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of each execution of the stages with a candidate that got as far as a pose."""
-    found = [
-        float(event["wall_ms"])
-        for event in log.stages(component.node, *component.stages)
-        if (event.get("n2") or 0) >= 1
-    ]
-    return len(found), found
-
-
-def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """A part of T_Total as applied updates tell it; its stages run for all keyframes."""
-    delay = delays(log).get(component.measure)
-    if delay is None:
-        return 0, []
-    executions = len(log.of(*EXECUTED_FOR[component.measure]))
-    # Two values with the same mean and standard deviation as the many.
-    return executions, [delay.mean_ms - delay.std_ms, delay.mean_ms + delay.std_ms]
-
-
-TRACKING = "tracking"
-EXECUTED_FOR: Mapping[str, tuple[str, ...]] = {
-    "T_Track": ("frame_tracked",),
-    "T_RKF": ("keyframe_received", "keyframe_declined"),
-    "T_LM": ("keyframe_mapped",),
-    "T_PLMU": ("update_sent",),
-    "T_MU": ("update_received",),
-}
-"""Events that come once for each execution of a part's stages."""
-MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
-    "per_frame": _per_frame,
-    "per_keyframe": _per_keyframe,
-    "per_update": _per_update,
-    "per_attempt": _per_attempt,
-}
-WHOLE = ("per_update", "per_attempt")
-"""Measures that leave executions of their stages out: what is seen is what they cost."""

@@ -41,7 +41,10 @@ class Component(BaseModel):
     """A part of T_Total (`T_LM`, ...), or the stages' time on the mobile node in a tracked frame
     (`per_frame`), in one that becomes a keyframe (`per_keyframe`) or in a map update that was taken
     over and not sent for a lost frame (`per_update`); or the time of each of the stages' executions
-    that got as far as a pose, on either node (`per_attempt`)."""
+    that got as far as a pose, on either node (`per_attempt`); or that from capturing a frame until
+    the edge's pose of it is there (`per_answer`)."""
+    along: list[str] = Field(default_factory=list)
+    """Stages that are scaled as these are, and that no printed time is about."""
     fixed_on: str | None = None
     """Stage whose time independent of sizes is found instead of scaled, where one factor cannot
     serve all conditions."""
@@ -100,7 +103,7 @@ class Targets(BaseModel):
                 raise ValueError(f"component {component.name}: no device for {component.node}")
             if self.devices[component.node].given:
                 raise ValueError(f"component {component.name}: its device is given")
-            both = {*component.stages} & {*self.devices[component.node].kept}
+            both = {*component.stages, *component.along} & {*self.devices[component.node].kept}
             if both:
                 raise ValueError(f"component {component.name}: stage {min(both)} is to be kept")
         return self

@@ -209,7 +209,7 @@ def make_plan(
         if judged and sequence.reference:
             references[by_id[sequence.id]] = str(provide(sequence.reference))
     by_name = {by_id[sequence.id]: sequence for sequence in sequences.values()}
-    wanted = _masks_asked(experiment, library)
+    wanted = masks_asked(experiment, library)
     masks = make_masks(wanted, by_name, say) if engine == VIRTUAL else networks_of(wanted, by_name)
     linked = software_of_systems(software, {choice.system for choice in experiment.systems})
     circumstances = Circumstances(
@@ -229,7 +229,7 @@ def make_plan(
     return Plan(experiment, specs, sequences, circumstances, left_out)
 
 
-def _masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
+def masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
     """What the systems of an experiment want segmented, each once."""
     found: dict[MasksAsked, None] = {}
     for choice in experiment.systems:

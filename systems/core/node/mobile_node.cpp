@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "node/mobile_node.hpp"
 
+#include <algorithm>
+
 #include "features/default_vocabulary.hpp"
 #include "slam/place_index.hpp"
 
@@ -8,6 +10,14 @@ namespace slambed {
 namespace {
 
 constexpr Duration kFlushEvery = std::chrono::seconds(1);
+
+/// Pixels of the first so many octaves, in pictures.
+double pixels_of(const ScalePyramid& pyramid, int levels) {
+  double pixels = 0;
+  for (int level = 0; level < std::min(levels, pyramid.levels()); ++level)
+    pixels += 1 / (double{pyramid.scale[level]} * pyramid.scale[level]);
+  return pixels;
+}
 
 }  // namespace
 
@@ -36,6 +46,7 @@ MobileNode::MobileNode(MobileParts parts, const System& system, const Parameters
       return 0;
     });
   }
+  pyramid_pixels_ = pixels_of(sensor()->pyramid, sensor()->pyramid.levels());
   policy_ = system.mobile(*this, parameters);
 }
 
@@ -66,7 +77,7 @@ bool MobileNode::lost_in(Worker& worker, const OfferedFrame& offered) {
       [&](StageUnits& units) {
         auto features = parts_.features.features(index);
         units.n1 = images_per_frame(parts_.sensor) * features->size();
-        units.n2 = pyramid_pixels_;
+        units.n2 = images_per_frame(parts_.sensor) * pyramid_pixels_;
         return features;
       },
       *policy_);
@@ -76,10 +87,7 @@ bool MobileNode::lost_in(Worker& worker, const OfferedFrame& offered) {
 
 void MobileNode::use_levels(int levels) {
   parts_.features.use_levels(levels);
-  const auto& scale = sensor()->pyramid.scale;
-  pyramid_pixels_ = 0;
-  for (int level = 0; level < levels && level < std::ssize(scale); ++level)
-    pyramid_pixels_ += 1 / (double{scale[level]} * scale[level]);
+  pyramid_pixels_ = pixels_of(sensor()->pyramid, levels);
 }
 
 void MobileNode::log_pose(std::uint64_t frame, const TrackOutcome& outcome) {

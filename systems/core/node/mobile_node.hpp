@@ -93,7 +93,7 @@ class MobileNode {
   std::unique_ptr<MobilePolicy> policy_;
   PoseLog pose_log_;
   std::atomic<bool> lost_elsewhere_{false};
-  double pyramid_pixels_ = 0;  ///< of a frame's octaves, in pictures; 0 where they never change
+  double pyramid_pixels_ = 0;  ///< of a frame's octaves, in pictures
   TrackingState elsewhere_ = TrackingState::kNotInitialised;
   bool finished_ = false;
 };

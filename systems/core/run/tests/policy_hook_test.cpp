@@ -114,6 +114,17 @@ TEST(PolicyHook, TrackingSeesWhatThePolicyLeaves) {
   EXPECT_EQ(seen.given[kDark], 0);
   EXPECT_EQ(std::count(seen.given.begin(), seen.given.end(), 0), 1);
   EXPECT_EQ(seen.lost, 1);
+
+  // What extraction costs hangs on the octaves: the stage tells their pixels, in pictures.
+  std::istringstream lines(testing::read_text(folder.path() / "mobile" / "events.jsonl"));
+  int extracted = 0;
+  for (std::string line; std::getline(lines, line);) {
+    const auto event = nlohmann::json::parse(line);
+    if (event["type"] != "stage" || event["name"] != "extract") continue;
+    EXPECT_NEAR(event["n2"].get<double>(), 3.1, 0.1);
+    ++extracted;
+  }
+  EXPECT_EQ(extracted, seen.frames);
 }
 
 }  // namespace

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long the components of a fit take in virtual runs."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from slambed.calibrate.targets import Component
+from slambed.errors import SlambedError
+from slambed.metrics.events import EventLog
+from slambed.metrics.stages import delays
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A component in the runs of one condition, milliseconds."""
+
+    mean: float
+    sd: float
+    busy: float
+    """Charged to its stages, per occurrence."""
+    fixed: float = 1.0
+    """Executions of the stage `fixed_on`, per occurrence."""
+
+
+def look(component: Component, logs: list[EventLog]) -> Seen:
+    """A component over all runs of a condition."""
+    busy = 0.0
+    occurrences = fixed = 0
+    values: list[float] = []
+    for log in logs:
+        stages = log.of("stage", node=component.node)
+        busy += sum(e["cpu_ms"] for e in stages if e["name"] in component.stages)
+        fixed += sum(e["name"] == component.fixed_on for e in stages)
+        count, found = MEASURES.get(component.measure, _part)(component, log)
+        occurrences += count
+        values += found
+    if not occurrences or not values:
+        raise SlambedError(f"component {component.name} does not occur in the runs of the fit")
+    if component.measure in WHOLE:
+        busy = sum(values)
+    mean, sd = float(np.mean(values)), float(np.std(values))
+    return Seen(mean, sd, busy / occurrences, fixed / occurrences)
+
+
+def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of the stages in each tracked frame."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "frame_tracked"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "frame_tracked":
+            found.append(spent)
+            spent = 0.0
+        elif event["name"] in component.stages and event["worker"] == TRACKING:
+            spent += event["wall_ms"]
+    return len(found), found
+
+
+def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of the stages in each frame that becomes a keyframe."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "frame_tracked"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "frame_tracked":
+            found += [spent] if spent else []
+            spent = 0.0
+        elif event["name"] in component.stages and event["worker"] == TRACKING:
+            spent += event["wall_ms"]
+    return len(found), found
+
+
+def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of the stages for each update that was taken over, whichever worker did it. A map that a
+    lost frame asked for is another thing: costs decide how many there are, and a fit that counted
+    them went to and fro between many and none."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "update_applied", "update_declined"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "stage":
+            spent += event["wall_ms"] if event["name"] in component.stages else 0.0
+            continue
+        if event["type"] == "update_applied" and not event.get("relocalisation"):
+            found.append(spent)
+        spent = 0.0
+    return len(found), found
+
+
+def _per_attempt(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Time of each execution of the stages with a candidate that got as far as a pose."""
+    found = [
+        float(event["wall_ms"])
+        for event in log.stages(component.node, *component.stages)
+        if (event.get("n2") or 0) >= 1
+    ]
+    return len(found), found
+
+
+def _per_answer(_: Component, log: EventLog) -> tuple[int, list[float]]:
+    """From capture until the frame's pose is on the mobile node, where the edge answers frames."""
+    found = [float(event["latency_ms"]) for event in log.of("frame_answered")]
+    return len(found), found
+
+
+def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """A part of T_Total as applied updates tell it; its stages run for all keyframes."""
+    delay = delays(log).get(component.measure)
+    if delay is None:
+        return 0, []
+    executions = len(log.of(*EXECUTED_FOR[component.measure]))
+    # Two values with the same mean and standard deviation as the many.
+    return executions, [delay.mean_ms - delay.std_ms, delay.mean_ms + delay.std_ms]
+
+
+TRACKING = "tracking"
+EXECUTED_FOR: Mapping[str, tuple[str, ...]] = {
+    "T_Track": ("frame_tracked",),
+    "T_RKF": ("keyframe_received", "keyframe_declined"),
+    "T_LM": ("keyframe_mapped",),
+    "T_PLMU": ("update_sent",),
+    "T_MU": ("update_received",),
+}
+"""Events that come once for each execution of a part's stages."""
+MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
+    "per_frame": _per_frame,
+    "per_keyframe": _per_keyframe,
+    "per_update": _per_update,
+    "per_attempt": _per_attempt,
+    "per_answer": _per_answer,
+}
+WHOLE = ("per_update", "per_attempt")
+"""Measures that leave executions of their stages out: what is seen is what they cost."""
