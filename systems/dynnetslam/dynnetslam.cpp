@@ -8,6 +8,7 @@ namespace slambed {
 System dynnetslam_system() {
   System system = offload_system("dynnetslam");
   system.channels.push_back("handover");
+  system.sensors = {SensorKind::kRgbd, SensorKind::kMono};
   const std::vector<ParameterSpec> own = {
       ParameterSpec::boolean("hysteresis"),
       ParameterSpec::boolean("safe_zone"),

@@ -154,10 +154,11 @@ void DynNetSlamMobile::make_keyframe(Worker& worker, const TrackedFrame& frame) 
   const bool certain = here || need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
   MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
-  if (here) mapping_.submit(worker, made.keyframes.front().id);
+  if (here)
+    for (const NewKeyFrame& keyframe : made.keyframes) mapping_.submit(worker, keyframe.id);
   if (state_ == State::kMobile) return;
   if (contact_.handing_over() || !held_.empty()) {
-    offload_.downlink().expect_keyframe(made.keyframes.front().id);
+    offload_.downlink().expect_keyframe(made.keyframes.back().id);
     held_.push_back({frame, std::move(made), need});
   } else {
     send(worker, frame, std::move(made), need);

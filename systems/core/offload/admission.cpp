@@ -17,7 +17,7 @@ std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& mess
                                                const AdmissionState& state) {
   if (!state.mapper.accepts) return "mapper stopped";
   const double max_gap_s = state.max_frames > 0 ? state.max_frames / state.played_fps : kMaxGapS;
-  const double time_s = message.delta.keyframes.front().timestamp_s;
+  const double time_s = message.delta.keyframes.back().timestamp_s;
   if (state.last_accepted_s >= 0 && time_s <= state.last_accepted_s) {
     return "older than the last accepted";
   }

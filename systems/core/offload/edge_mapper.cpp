@@ -6,6 +6,7 @@
 #include "features/default_vocabulary.hpp"
 #include "offload/admission.hpp"
 #include "offload/map_sync.hpp"
+#include "offload/update_content.hpp"
 
 namespace slambed {
 
@@ -68,9 +69,10 @@ void EdgeMapper::admit(Worker& worker, AdmittedKeyFrame keyframe) {
   keyframe.times.accepted = worker.now();
   {
     std::lock_guard lock(mutex_);
-    last_admitted_s_ = keyframe.message.delta.keyframes.front().timestamp_s;
-    admitted_.push_back(id);
-    pending_[id] = std::move(keyframe);
+    last_admitted_s_ = keyframe.message.delta.keyframes.back().timestamp_s;
+    auto& pending = pending_[id];
+    pending = {keyframes_of(keyframe.message.delta), std::move(keyframe)};
+    admitted_.insert(admitted_.end(), pending.ids.begin(), pending.ids.end());
   }
   mapping_.submit(worker, id);
 }
@@ -96,9 +98,10 @@ bool EdgeMapper::take(KeyFrameId keyframe) {
     std::lock_guard lock(mutex_);
     const auto found = pending_.find(keyframe);
     if (found == pending_.end()) return false;
-    delta = std::move(found->second.message.delta);
-    applied = found->second.message.applied_update;
-    mapping_.skip(found->second.message.newest_edge_point);
+    wire::KeyFrameMessage& message = found->second.keyframe.message;
+    delta = std::move(message.delta);
+    applied = message.applied_update;
+    mapping_.skip(message.newest_edge_point);
   }
   delta = map_->read([&](const MapView& view) {
     return hooks_.rebase ? hooks_.rebase(view, std::move(delta))
@@ -115,10 +118,11 @@ void EdgeMapper::mapped(Worker& worker, KeyFrameId keyframe) {
     std::lock_guard lock(mutex_);
     const auto found = pending_.find(keyframe);
     if (found == pending_.end()) return;
-    times = found->second.times;
+    times = found->second.keyframe.times;
     times.mapped = worker.now();
+    const auto& ids = found->second.ids;
+    mapped_keyframes_.insert(mapped_keyframes_.end(), ids.begin(), ids.end());
     pending_.erase(found);
-    mapped_keyframes_.push_back(keyframe);
   }
   places_->follow(*map_);
   hooks_.mapped(worker, times);

@@ -86,6 +86,13 @@ class EdgeMapper {
   CommitReport merge(Worker& worker, MapDelta changes);
 
  private:
+  /// Waits for the mapper: one keyframe, or the two that a single camera's map begins with, which
+  /// are committed and mapped as one.
+  struct Pending {
+    std::vector<KeyFrameId> ids;
+    AdmittedKeyFrame keyframe;
+  };
+
   MappingHooks mapping_hooks();
   void clear(Worker& worker);
   bool take(KeyFrameId keyframe);
@@ -102,7 +109,7 @@ class EdgeMapper {
 
   mutable std::mutex mutex_;  ///< guards what follows
   double last_admitted_s_ = -1;
-  std::map<KeyFrameId, AdmittedKeyFrame> pending_;
+  std::map<KeyFrameId, Pending> pending_;
   std::vector<KeyFrameId> admitted_;          ///< in order of arrival
   std::vector<KeyFrameId> mapped_keyframes_;  ///< in order of mapping
 };

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/edge_slam.hpp"
 
-#include <array>
 #include <utility>
 
 #include "node/messaging.hpp"
@@ -43,13 +42,13 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   // The first keyframe of a map is whole as it is made; the next ones lean on points sent before.
   const bool whole = edge_is_new || !edge_has_map_;
   if (whole) {
-    const std::array keyframe{made.keyframes.front().id};
+    const auto keyframes = keyframes_of(made);
     made = node_.tracker().map()->read(
-        [&](const MapView& view) { return extract_keyframes(view, keyframe); });
+        [&](const MapView& view) { return extract_keyframes(view, keyframes); });
   }
   if (edge_is_new) {
     node_.log().write(JsonLine("edge_restarted")
-                          .add("keyframe", made.keyframes.front().id.value)
+                          .add("keyframe", made.keyframes.back().id.value)
                           .add("incarnation", edge.incarnation));
   }
   const bool first = edge_is_new || frame.outcome.initialised_now;

@@ -11,7 +11,7 @@ void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta de
                           const About& about) {
   if (delta.keyframes.empty()) return;
   wire::KeyFrameMessage message;
-  message.keyframe = delta.keyframes.front().id;
+  message.keyframe = delta.keyframes.back().id;
   message.captured = frame.offered.offered;
   message.urgent = about.need == KeyFrameNeed::kUrgent;
   message.first = about.first;

@@ -22,7 +22,8 @@ class KeyFrameUplink {
     std::uint64_t applied_update = 0;
     MapPointId newest_edge_point{};
   };
-  /// The first delta of a map has one keyframe; an empty delta sends nothing.
+  /// A delta of two keyframes (a single camera's map begins with them) is sent as one, named by the
+  /// later; an empty delta sends nothing.
   void send(Worker& worker, const TrackedFrame& frame, MapDelta delta, const About& about);
   /// Of the last message on the channel, 0 when there was none.
   std::uint64_t last_sequence() const { return last_sequence_; }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/message_codec.hpp"
 
-#include <array>
-
 #include "features/default_vocabulary.hpp"
 #include "offload/update_content.hpp"
 #include "wire/compatibility_codec.hpp"
@@ -26,7 +24,7 @@ Bytes MessageCodec::serialise(Worker& worker, const wire::KeyFrameMessage& messa
                               const Map& local) const {
   return staged(worker, [&] {
     if (!text()) return encode(message);
-    const std::array ids{message.keyframe};
+    const auto ids = keyframes_of(message.delta);
     const MapDelta whole =
         local.read([&](const MapView& view) { return extract_keyframes(view, ids); });
     return encode_text(message, whole.points, *vocabulary_);

@@ -6,6 +6,7 @@ namespace slambed {
 /// What the keyframe decision looks at, for one tracked frame.
 struct KeyFrameEvidence {
   bool tracked = false;
+  bool metric = true;  ///< depth is measured: a sighting with it weighs two
   int frames_since_keyframe = 0;
   int frames_since_relocalisation = 0;
   bool relocalised_ever = false;

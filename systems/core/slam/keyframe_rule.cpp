@@ -11,6 +11,7 @@ constexpr int kYoungMap = 2;            ///< keyframes
 }  // namespace
 
 int least_reference_weight(const KeyFrameEvidence& evidence) {
+  if (evidence.keyframes == 1 && !evidence.metric) return 1;
   return evidence.keyframes <= kYoungMap || evidence.unpredicted ? 2 : 3;
 }
 

@@ -100,6 +100,7 @@ void Tracker::Impl::initialise(TrackOutcome& outcome) {
 
 void Tracker::Impl::gather_evidence(int inliers) {
   evidence.tracked = true;
+  evidence.metric = current.features->sensor().metric();
   evidence.frames_since_keyframe = frame_number - keyframe_at;
   evidence.frames_since_relocalisation = frame_number - relocalised_at;
   evidence.relocalised_ever = relocalised_ever;

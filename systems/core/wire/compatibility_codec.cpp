@@ -209,6 +209,11 @@ std::set<MapPointId> ids_of(std::span<const NewPoint> points) {
   return ids;
 }
 
+/// A single camera's map may begin with two keyframes: their number is written only there.
+bool begins_with_two(const KeyFrameMessage& message, const Sensor& sensor) {
+  return message.first && !sensor.metric();
+}
+
 Bytes finish(TextWriter out) {
   out.word("end");
   const std::string text = out.take();
@@ -225,7 +230,7 @@ TextReader open(std::span<const std::uint8_t> bytes, std::string_view what) {
 
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
                   const Vocabulary& vocabulary) {
-  require_one_keyframe(message);
+  require_keyframes(message);
   TextWriter out;
   out.word("KEYFRAME");
   put_id(out, message.keyframe);
@@ -240,7 +245,10 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   PointsById by_value = by_id(message.delta.points);
   by_value.merge(by_id(known));
   const auto fresh = ids_of(message.delta.points);
-  out.text(keyframe_text(message.delta.keyframes.at(0), by_value, fresh, vocabulary));
+  const auto& keyframes = message.delta.keyframes;
+  if (begins_with_two(message, keyframes.back().features->sensor())) out.integer(keyframes.size());
+  for (const NewKeyFrame& keyframe : keyframes)
+    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary));
   put_sightings(out, message.delta.sightings);
   return finish(std::move(out));
 }
@@ -257,13 +265,13 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const 
   message.applied_update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest_edge_point = get_id_or_none<MapPointId>(in);
   message.delta.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
+  if (!sensor) throw DecodeError("keyframe from an unknown camera");
   std::set<MapPointId> seen;
-  take_keyframe(in.text(), sensor, message.delta, seen);
+  for (auto n = begins_with_two(message, *sensor) ? in.integer(1, 2) : 1; n > 0; --n)
+    take_keyframe(in.text(), sensor, message.delta, seen);
   message.delta.sightings = get_sightings(in);
   in.expect_end();
-  if (message.delta.keyframes.front().id != message.keyframe) {
-    throw DecodeError("KEYFRAME does not hold its keyframe");
-  }
+  expect_keyframes(message);
   return message;
 }
 

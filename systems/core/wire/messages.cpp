@@ -20,17 +20,27 @@ auto whole(std::span<const std::uint8_t> bytes, Get get) {
   return message;
 }
 
+bool number_fits(const KeyFrameMessage& message) {
+  const std::size_t keyframes = message.delta.keyframes.size();
+  return keyframes == 1 || (keyframes == 2 && message.first);
+}
+
 }  // namespace
 
-void require_one_keyframe(const KeyFrameMessage& message) {
-  if (message.delta.keyframes.size() == 1) return;
+void require_keyframes(const KeyFrameMessage& message) {
+  if (number_fits(message)) return;
   throw Error(ExitCode::kInternal, "wire: a KEYFRAME cannot hold " +
                                        std::to_string(message.delta.keyframes.size()) +
                                        " keyframes");
 }
 
+void expect_keyframes(const KeyFrameMessage& message) {
+  if (!number_fits(message) || message.delta.keyframes.back().id != message.keyframe)
+    throw DecodeError("KEYFRAME does not hold its keyframe");
+}
+
 Bytes encode(const KeyFrameMessage& message) {
-  require_one_keyframe(message);
+  require_keyframes(message);
   ByteWriter out;
   IdStream().put(out, message.keyframe);
   out.time(message.captured);
@@ -56,10 +66,7 @@ KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const Senso
     message.applied_update = in.varint();
     message.newest_edge_point = IdStream().get_or_none<MapPointId>(in);
     message.delta = get_delta(in, sensor);
-    if (message.delta.keyframes.size() != 1 ||
-        message.delta.keyframes.front().id != message.keyframe) {
-      throw DecodeError("KEYFRAME does not hold its keyframe");
-    }
+    expect_keyframes(message);
     return message;
   });
 }

@@ -86,9 +86,11 @@ struct ByeMessage {
   std::uint64_t keyframes = 0, points = 0;  ///< of the global map
 };
 
-/// A KEYFRAME holds one keyframe, whatever its form: throws Error where it holds none, or two, as
-/// the beginning of a single camera's map does.
-void require_one_keyframe(const KeyFrameMessage& message);
+/// A KEYFRAME holds one keyframe, whatever its form; one that a map starts with may hold two, as a
+/// single camera's map begins with them, and is named by the later. Throws Error for other numbers.
+void require_keyframes(const KeyFrameMessage& message);
+/// Throws DecodeError for other numbers and other names.
+void expect_keyframes(const KeyFrameMessage& message);
 Bytes encode(const KeyFrameMessage& message);
 Bytes encode(const MapUpdate& message);
 Bytes encode(const FrameMessage& message);

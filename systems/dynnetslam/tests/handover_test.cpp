@@ -89,6 +89,30 @@ TEST(DynNetSlamHandover, OneThatTheEdgeCannotReadIsNotWaitedForForEver) {
   EXPECT_EQ(result.of("warning").size(), 2u) << "two that could not be read";
 }
 
+TEST(DynNetSlamSingleCamera, BothKeyFramesOfItsFirstMapAreMappedHereAndGoOver) {
+  for (const double first_rtt_ms : {5, 70}) {
+    auto parameters = params(false, false);
+    parameters.update({{"n_kf", 6}, {"sync_period_s", 0.0}});
+    PairLink link = steps({{first_rtt_ms, 5}, {5, 30}});
+    link.single_camera = true;
+    const PairResult result =
+        run_pair(dynnetslam_system(), parameters, 450, 30, link,
+                 [](SyntheticWorld& world, int frame) { return world.look(stroll_round(frame)); });
+    EXPECT_EQ(states(result), first_rtt_ms > 40 ? "MES OS" : "OS");
+    expect_all_tracked(result, 450);
+    EXPECT_EQ(result.of("initialised").size(), 1u);
+    std::set<std::uint64_t> mapped;
+    for (const auto& event : result.of("keyframe_mapped"))
+      mapped.insert(event["keyframe"].get<std::uint64_t>());
+    const auto created = result.of("keyframe_created");
+    ASSERT_GT(created.size(), 2u);
+    ASSERT_EQ(created[0]["t_ns"], created[1]["t_ns"]);
+    EXPECT_TRUE(mapped.contains(created[1]["keyframe"].get<std::uint64_t>()));
+    EXPECT_EQ(mapped.contains(created[0]["keyframe"].get<std::uint64_t>()), first_rtt_ms > 40);
+    EXPECT_FALSE(result.of("update_applied").empty());
+  }
+}
+
 /// Along a wall without an end, at 3.4 m/s: every metre looks like nothing before it.
 std::shared_ptr<const FeatureSet> along_the_wall(SyntheticWorld& world, int frame) {
   constexpr double kStep_m = 0.34;

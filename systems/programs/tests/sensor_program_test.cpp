@@ -98,9 +98,11 @@ TEST_F(SensorProgram, OneCameraStartsFromTwoFrames) {
 
 TEST_F(SensorProgram, ASystemThatCannotDoWithOneCameraSaysSo) {
   play("mono");
+  use("example_backpressure");
+  config["params"]["backlog_kb"] = 100.0;
   testing::Process mobile = node("mobile");
   EXPECT_EQ(mobile.wait(), 2);
-  expect_error("mobile", "is mono, edgeslam plays rgbd, stereo");
+  expect_error("mobile", "is mono, example_backpressure plays rgbd");
 }
 
 }  // namespace

@@ -19,13 +19,15 @@ namespace slambed::testing {
 class WorldSource final : public FeatureSource {
  public:
   using Look = std::function<std::shared_ptr<const FeatureSet>(SyntheticWorld&, int frame)>;
-  explicit WorldSource(Look look) : look_(std::move(look)) {}
+  WorldSource(Look look, bool single_camera)
+      : world_(kPoints, 1, single_camera), look_(std::move(look)) {}
   std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override {
     return look_(world_, static_cast<int>(frame));
   }
   std::shared_ptr<const Sensor> sensor() const override { return world_.sensor(); }
 
  private:
+  static constexpr int kPoints = 5000;
   SyntheticWorld world_;
   Look look_;
 };
@@ -202,6 +204,7 @@ struct PairLink {
   RunTime edge_restarts = kNever;
   double edge_bundle_us = 2000;  ///< per stage of a global bundle, on a uniform device
   double mbit_per_s = 100;
+  bool single_camera = false;  ///< without depth
   /// Devices to charge in place of the uniform ones.
   std::optional<DeviceModel> mobile_device{}, edge_device{};
 
@@ -262,7 +265,7 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     uniform_edge.stages["global_bundle"].a_us = path.edge_bundle_us;
     VirtualRuntime edge_runtime(simulator, path.edge_device.value_or(uniform_edge), 2, edge_log);
     VirtualLink link(simulator, path.direction(), path.direction(), 1);
-    WorldSource source(std::move(look));
+    WorldSource source(std::move(look), path.single_camera);
     PeerInfo peer;
     const auto sensor = source.sensor();
     peer.set({.camera = sensor->camera,
@@ -280,6 +283,7 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
                        .log = mobile_log,
                        .features = source,
                        .feed = feed,
+                       .sensor = path.single_camera ? SensorKind::kMono : SensorKind::kRgbd,
                        .played_fps = playlist.played_fps(),
                        .timestamps_ns = times,
                        .time_origin_ns = 0,

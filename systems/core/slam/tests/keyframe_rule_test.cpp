@@ -88,6 +88,9 @@ TEST(KeyFrameRule, Table) {
 
 TEST(KeyFrameRule, YoungMapsTrustPointsSooner) {
   EXPECT_EQ(least_reference_weight({.keyframes = 2}), 2);
+  EXPECT_EQ(least_reference_weight({.keyframes = 1}), 2);
+  EXPECT_EQ(least_reference_weight({.metric = false, .keyframes = 1}), 1);
+  EXPECT_EQ(least_reference_weight({.metric = false, .keyframes = 2}), 2);
   EXPECT_EQ(least_reference_weight({.keyframes = 3}), 3);
   EXPECT_EQ(least_reference_weight({.keyframes = 3, .unpredicted = true}), 2);
 }

@@ -11,16 +11,6 @@
 namespace slambed::testing {
 namespace {
 
-/// A walk with more steps than turns: one camera learns depth from steps only.
-SE3 stroll(int frame) {
-  const double s = frame / 30.0;
-  const Eigen::Vector3d centre(1.2 * std::sin(0.9 * s), 0.2 * std::sin(1.3 * s),
-                               -1.0 + 0.3 * std::sin(0.5 * s));
-  const Eigen::Matrix3d R_wc =
-      Eigen::AngleAxisd(0.1 * std::sin(0.7 * s), Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return SE3(R_wc, centre).inverse();
-}
-
 TrackerOptions mono_options() { return suited({}, SensorKind::kMono); }
 
 struct Start {

@@ -136,6 +136,22 @@ inline SE3 walk(int frame) {
   return SE3(R_wc, centre).inverse();
 }
 
+/// A walk with more steps than turns: one camera learns depth from steps only.
+inline SE3 stroll(int frame) {
+  const double s = frame / 30.0;
+  const Eigen::Vector3d centre(1.2 * std::sin(0.9 * s), 0.2 * std::sin(1.3 * s),
+                               -1.0 + 0.3 * std::sin(0.5 * s));
+  const Eigen::Matrix3d R_wc =
+      Eigen::AngleAxisd(0.1 * std::sin(0.7 * s), Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return SE3(R_wc, centre).inverse();
+}
+
+/// The same, and slowly round: after ten seconds nothing of the beginning is in view.
+inline SE3 stroll_round(int frame) {
+  const Eigen::AngleAxisd turn(0.1 * frame / 30.0, Eigen::Vector3d::UnitY());
+  return SE3(turn.toRotationMatrix(), Eigen::Vector3d::Zero()) * stroll(frame);
+}
+
 /// Distance between camera centres, m.
 inline double centre_error(const SE3& a, const SE3& b) {
   return (a.inverse().t - b.inverse().t).norm();

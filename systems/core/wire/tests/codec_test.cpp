@@ -257,16 +257,29 @@ TEST_F(Codec, MessagesComeBack) {
   EXPECT_EQ(bye.last_keyframe_sequence + bye.keyframes * 10 + bye.points * 100, 321u);
 }
 
-TEST_F(Codec, TheTwoKeyFramesThatASingleCamerasMapBeginsWithAreNoKeyFrameMessage) {
+TEST_F(Codec, OnlyAMapThatStartsComesAsTwoKeyFrames) {
+  const auto single = example_single_camera().make_sensor();
   KeyFrameMessage two;
   two.keyframe = keyframe_id(40);
-  two.delta = example_keyframe(random, sensor, 50, 10, 10);
-  EXPECT_NO_THROW(encode(two));
-  two.delta.keyframes.push_back(two.delta.keyframes.front());
-  two.delta.keyframes.back().id = keyframe_id(41);
-  EXPECT_THROW(encode(two), Error);
-  two.delta.keyframes.clear();
-  EXPECT_THROW(encode(two), Error);
+  two.first = true;
+  two.delta = example_start(random, single);
+  const MapDelta back = decode_keyframe(encode(two), single).delta;
+  ASSERT_EQ(back.keyframes.size(), 2u);
+  EXPECT_EQ(back.keyframes[0].id, keyframe_id(39));
+  EXPECT_EQ(back.keyframes[0].points, two.delta.keyframes[0].points);
+  EXPECT_EQ(back.keyframes[1].id, keyframe_id(40));
+  EXPECT_EQ(back.points.size(), two.delta.points.size());
+  KeyFrameMessage other = two;
+  other.first = false;
+  EXPECT_THROW(encode(other), Error);
+  other = two;
+  other.keyframe = keyframe_id(39);  // the earlier one names it
+  EXPECT_THROW(decode_keyframe(encode(other), single), DecodeError);
+  other = two;
+  other.delta.keyframes.push_back(two.delta.keyframes.back());
+  EXPECT_THROW(encode(other), Error);
+  other.delta.keyframes.clear();
+  EXPECT_THROW(encode(other), Error);
 }
 
 TEST_F(Codec, MessagesThatContradictThemselvesAreRefused) {

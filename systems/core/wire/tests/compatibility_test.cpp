@@ -94,6 +94,26 @@ TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   for (std::size_t i = 0; i < 40; ++i) expect_equal(message.delta.points[i], back.delta.points[i]);
 }
 
+TEST_F(Compatibility, TheTwoKeyFramesThatASingleCamerasMapBeginsWithCross) {
+  sensor = example_single_camera().make_sensor();
+  KeyFrameMessage sent;
+  sent.keyframe = keyframe_id(40);
+  sent.first = true;
+  sent.delta = example_start(random, sensor);
+  const auto came = decode_keyframe_text(encode_text(sent, {}, *vocabulary), sensor);
+  EXPECT_EQ(came.keyframe, sent.keyframe);
+  ASSERT_EQ(came.delta.keyframes.size(), 2u);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(came.delta.keyframes[k].id, sent.delta.keyframes[k].id);
+    EXPECT_EQ(came.delta.keyframes[k].points, sent.delta.keyframes[k].points);
+  }
+  ASSERT_EQ(came.delta.points.size(), sent.delta.points.size());  // each once
+  // A map that starts again needs one alone.
+  sent.delta.keyframes.erase(sent.delta.keyframes.begin());
+  EXPECT_EQ(decode_keyframe_text(encode_text(sent, {}, *vocabulary), sensor).delta.keyframes.size(),
+            1u);
+}
+
 TEST_F(Compatibility, ATimeThatCannotBeCalculatedWithIsRefused) {
   KeyFrameMessage message = keyframe(20, 5, 5);
   message.captured = RunTime::max();

@@ -19,6 +19,13 @@ inline SensorInfo example_camera() {
   return info;
 }
 
+inline SensorInfo example_single_camera() {
+  SensorInfo info = example_camera();
+  info.camera.bf = 0;
+  info.close_depth_m = 0;
+  return info;
+}
+
 inline std::shared_ptr<const FeatureSet> example_features(std::mt19937& random, int count,
                                                           std::shared_ptr<const Sensor> sensor) {
   std::uniform_real_distribution<float> unit(0, 1);
@@ -30,7 +37,7 @@ inline std::shared_ptr<const FeatureSet> example_features(std::mt19937& random, 
     k.v = unit(random) * 479;
     k.angle_deg = unit(random) * 359.9f;
     k.octave = static_cast<std::uint8_t>(random() % 8);
-    if (random() % 5 != 0) {
+    if (sensor->metric() && random() % 5 != 0) {
       k.depth_m = 0.4f + unit(random) * 6;
       k.right_u = k.u - static_cast<float>(sensor->camera.bf) / k.depth_m;
     }
@@ -99,6 +106,18 @@ inline MapDelta fresh_keyframe(std::mt19937& random, std::shared_ptr<const Senso
     keyframe.points[static_cast<std::size_t>(i)] = point.id;
     delta.points.push_back(point);
   }
+  return delta;
+}
+
+/// What a single camera's map begins with: two keyframes, and points that say nothing of how they
+/// look.
+inline MapDelta example_start(std::mt19937& random, std::shared_ptr<const Sensor> sensor) {
+  MapDelta delta = example_keyframe(random, sensor, 30, 0, 12);
+  delta.keyframes.push_back(delta.keyframes.front());
+  delta.keyframes.front().id = keyframe_id(39);
+  delta.keyframes.front().parent = {};
+  delta.keyframes.back().parent = keyframe_id(39);
+  for (NewPoint& point : delta.points) point.appearance = {};
   return delta;
 }
 

@@ -32,11 +32,8 @@ TEST(SemanticMessages, AKeyFrameArrivesWithPointsAndPicture) {
 TEST(SemanticMessages, TheBeginningOfAMapOfOneCameraCrosses) {
   std::mt19937 random(6);
   const auto sensor = example_camera().make_sensor();
-  MapDelta begin = fresh_keyframe(random, sensor, 30, 12);
-  begin.keyframes.push_back(begin.keyframes.front());
-  begin.keyframes.back().id = keyframe_id(41);
-  for (NewPoint& point : begin.points) point.appearance = {};
-  const SemanticKeyFrame sent{.world = keyframe_id(41), .delta = begin, .jpeg = {}};
+  const MapDelta begin = example_start(random, sensor);
+  const SemanticKeyFrame sent{.world = keyframe_id(40), .delta = begin, .jpeg = {}};
   const SemanticKeyFrame came = decode_semantic_keyframe(encode(sent), sensor);
   EXPECT_TRUE(came.first());
   ASSERT_EQ(came.delta.keyframes.size(), 2u);
