@@ -92,3 +92,26 @@ def test_a_stall_is_told_with_the_steal_beside_it() -> None:
     quiet = story(stalled_run(0.0))
     assert told in quiet and not any("steal" in line for line in quiet)
     assert not any("stalled" in line for line in story(stalled_run(0.0, virtual=True)))
+
+
+def test_a_stall_of_the_link_is_told_with_its_end() -> None:
+    def link(t_s: float, node: str, channel: str, event: str) -> dict[str, Any]:
+        detail = "nothing acknowledged for 1000 ms" if event == "stalled" else "after 4000 ms"
+        of = {"node": node, "channel": channel, "detail": detail}
+        return {"t_s": t_s, "type": "link", "event": event, **of}
+
+    lines = story(
+        log_of(
+            link(1.0, "mobile", "keyframe", "connected"),
+            link(12.0, "mobile", "keyframe", "stalled"),
+            link(13.0, "edge", "keyframe", "flowing"),
+            link(15.0, "mobile", "keyframe", "flowing"),
+            link(20.0, "edge", "map", "stalled"),
+        )
+    )
+    told = [line for line in lines if "stalled" in line]
+    assert told == [
+        "keyframe stalled at the mobile node: nothing acknowledged for 1000 ms at 12.00 s, "
+        "until 15.00 s",
+        "map stalled at the edge node: nothing acknowledged for 1000 ms at 20.00 s, to the end",
+    ]

@@ -21,6 +21,7 @@ def story(run: RunLog) -> list[str]:
     """One line per fact."""
     return [
         _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run), *_requests(run),
+        *_stalls(run),
         *_states(run), *_losses(run),
     ]  # fmt: skip
 
@@ -100,6 +101,28 @@ def _updates(run: RunLog) -> list[str]:
         declined = run.of(kind)
         for reason, count in declined["reason"].value_counts().items():
             lines.append(f"{_count(int(count), what)} declined: {reason}")
+    return lines
+
+
+def _stalls(run: RunLog) -> list[str]:
+    """Channels with bytes under way of which none was acknowledged: the first ones, how many."""
+    events = run.of("link")
+    told = events[events["event"] == "stalled"] if len(events) else events
+    lines = []
+    for stall in told.head(MOST_LOSSES).to_dict("records"):
+        ends = events[
+            (events["event"] == "flowing")
+            & (events["node"] == stall["node"])
+            & (events["channel"] == stall["channel"])
+            & (events["t_s"] > stall["t_s"])
+        ]
+        until = f"until {ends.iloc[0]['t_s']:.2f} s" if len(ends) else "to the end"
+        lines.append(
+            f"{stall['channel']} stalled at the {stall['node']} node: {stall['detail']} at "
+            f"{stall['t_s']:.2f} s, {until}"
+        )
+    if len(told) > MOST_LOSSES:
+        lines.append(f"and {_count(len(told) - MOST_LOSSES, 'more stall')} of the link")
     return lines
 
 

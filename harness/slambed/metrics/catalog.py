@@ -30,7 +30,7 @@ from slambed.metrics.update_round import (
 from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
 from slambed.records.kept_spec import KeptSpec
 
-METRICS_VERSION = 6
+METRICS_VERSION = 7
 """Counted up with every change of a value's computation: old summaries are known by it, and
 `slambed report --again` makes them anew. A test compares a kept run with kept values."""
 
@@ -75,6 +75,11 @@ def _extract(run: RunData) -> Value:
 def _update_delay(run: RunData) -> Value:
     total = total_ms(run.log)
     return float(np.quantile(total, 0.5)) if run.has_edge and len(total) else None
+
+
+def _stalls(run: RunData) -> Value:
+    links = run.log.of("link")
+    return sum(link["event"] == "stalled" for link in links) if run.has_edge else None
 
 
 def _message(name: str) -> Callable[[RunData], Value]:
@@ -284,6 +289,8 @@ METRICS: tuple[Metric, ...] = (
          use=SHOWN | GATED),
     Cost("link_mbit_s", "both directions together over playback", _both_directions,
          "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
+    Count("link_stalls", "how often a channel had bytes under way of which none was acknowledged "
+          "for 1 s", _stalls, "stalls of the link"),
     Count("updates_applied", "map updates that tracking took over",
           lambda run: len(run.log.of("update_applied")) if run.has_edge else None,
           "map updates applied"),

@@ -24,6 +24,7 @@ from slambed.metrics.older import two_axes
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 from slambed.report.busy_host import held_up, waited
+from slambed.report.link_stalls import stalled_links
 from slambed.report.standing import REMEDY, described, old_version, refused_runs
 
 MOST_PROBLEMS_PER_KIND = 10
@@ -174,7 +175,8 @@ def load(folder: Path) -> Results:
     )
     _refuse_mixtures(results)
     _report_missing(results, planned)
-    for told in (*held_up(results.trusted), *waited(results.trusted)):
+    runs = results.trusted
+    for told in (*held_up(runs), *waited(runs), *stalled_links(runs)):
         results.complain(told)
     return results
 

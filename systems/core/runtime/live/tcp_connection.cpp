@@ -178,6 +178,7 @@ std::optional<TcpConnection::End> TcpConnection::write_some(const Clock& clock,
         return End{false, error_text(errno)};
       }
       sent_ += static_cast<std::size_t>(written);
+      written_ += static_cast<std::uint64_t>(written);
       last_sent_ = monotonic_now();
     }
     sending_.reset();

@@ -42,6 +42,8 @@ class TcpConnection {
   /// When bytes last came or went; CLOCK_MONOTONIC.
   RunTime last_received() const { return last_received_; }
   RunTime last_sent() const { return last_sent_; }
+  /// Bytes that were handed to the kernel and that the peer's has acknowledged.
+  std::uint64_t acknowledged() const { return written_ - unacknowledged_bytes(fd()); }
 
   /// Once nothing is left to send, tells the peer that the connection will end.
   void begin_close() { closing_ = true; }
@@ -76,7 +78,8 @@ class TcpConnection {
   std::optional<Message> sending_;
   std::uint8_t sending_flags_ = 0;
   std::array<std::uint8_t, FrameHeader::kSize> sending_header_{};
-  std::size_t sent_ = 0;
+  std::size_t sent_ = 0;       ///< of the frame being sent
+  std::uint64_t written_ = 0;  ///< of all
 };
 
 }  // namespace slambed

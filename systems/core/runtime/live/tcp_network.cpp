@@ -123,7 +123,10 @@ void TcpNetwork::run() {
     std::uint64_t ignored = 0;
     [[maybe_unused]] const auto drained = ::read(wake_.get(), &ignored, sizeof ignored);
     for (auto& link : links_) serve(*link, polled);
-    for (auto& link : links_) keep_alive(*link);
+    for (auto& link : links_) {
+      keep_alive(*link);
+      watch_stall(*link);
+    }
   }
   for (auto& link : links_) {
     link->channel->set_connection(-1);
@@ -153,6 +156,19 @@ void TcpNetwork::keep_alive(Link& link) {
     if (!silent_ && was_silent) link.channel->record_link("heard", "");
   }
   if (silent_ != was_silent) announce();
+}
+
+void TcpNetwork::watch_stall(Link& link) {
+  const RunTime now = monotonic_now();
+  const std::uint64_t acknowledged = link.current ? link.current->acknowledged() : 0;
+  const bool waits = link.current && unacknowledged_bytes(link.current->fd()) > 0;
+  if (!waits || acknowledged != link.acknowledged) {
+    link.acknowledged = acknowledged;
+    if (const auto lasted = link.stall.progress(now))
+      link.channel->record_link("flowing", StallWatch::told_at_end(*lasted));
+  } else if (link.stall.stalls(now)) {
+    link.channel->record_link("stalled", StallWatch::told_at_begin());
+  }
 }
 
 bool TcpNetwork::flushed() const {

@@ -61,6 +61,7 @@ class TcpNetwork final : public Network {
   void end_current(Link& link, const std::string& reason);
   void meet(Link& link, std::uint64_t session);
   void keep_alive(Link& link);
+  void watch_stall(Link& link);
   bool flushed() const;
   void announce();
 

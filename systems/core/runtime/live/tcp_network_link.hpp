@@ -9,6 +9,7 @@
 
 #include "runtime/live/socket.hpp"
 #include "runtime/live/tcp_network.hpp"
+#include "runtime/stall_watch.hpp"
 
 namespace slambed {
 
@@ -29,7 +30,9 @@ struct TcpNetwork::Link {
   std::uint64_t peer_session = 0;
   std::uint64_t incarnation = 0;
   int rejections = 0;
-  std::string untuned;  ///< socket options that the host refused
+  StallWatch stall;
+  std::uint64_t acknowledged = 0;  ///< bytes, of the current connection when it was looked at last
+  std::string untuned;             ///< socket options that the host refused
 
   void reject(const std::string& reason) {
     if (++rejections <= kMaxRejectionsRecorded) channel->record_link("rejected", reason);

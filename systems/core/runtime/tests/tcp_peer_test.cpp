@@ -92,6 +92,18 @@ TEST(TcpPeer, AFrozenOneIsAwayUntilItShowsLife) {
   EXPECT_EQ(edge.network->peer().incarnation, 1u);
 }
 
+TEST(TcpPeer, BytesThatNobodyAcknowledgesAreAStallUntilSomebodyDoes) {
+  Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
+  FrozenPeer a(edge, "a", 77), b(edge, "b", 77);
+  ASSERT_TRUE(eventually([&] { return connected(edge); }));
+  edge.channel->send(1, Bytes(32'000'000));  // more than both kernels take for who reads nothing
+  ASSERT_TRUE(eventually([&] { return edge.recorder.saw_link("stalled"); }));
+  EXPECT_FALSE(edge.recorder.saw_link("flowing"));
+  a.receive();
+  EXPECT_TRUE(eventually([&] { return edge.recorder.saw_link("flowing"); }));
+  EXPECT_TRUE(connected(edge));
+}
+
 TEST(TcpPeer, ARestartedOneHasANewIncarnation) {
   auto edge = std::make_unique<Node>(true, Node::Ports{{"a", 0}, {"b", 0}}, kWatched);
   const Node::Ports ports = ports_of(*edge);
