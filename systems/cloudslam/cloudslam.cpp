@@ -6,6 +6,7 @@
 
 #include "cloudslam/policies.hpp"
 #include "node/tracking_options.hpp"
+#include "offload/settings.hpp"
 
 namespace slambed {
 namespace cloudslam {
@@ -29,12 +30,6 @@ StrategyOptions strategy_options(const Parameters& parameters) {
           .distance_max_m = parameters.real("distance_max_m")};
 }
 
-MessageCodec codec(const Parameters& parameters) {
-  return MessageCodec(parameters.text("codec") == "compatibility"
-                          ? MessageCodec::Form::kCompatibility
-                          : MessageCodec::Form::kBinary);
-}
-
 RemoteMappingOptions remote_mapping_options(const Parameters& parameters) {
   RemoteMappingOptions options;
   options.prior_map = parameters.text("prior_map");
@@ -42,7 +37,7 @@ RemoteMappingOptions remote_mapping_options(const Parameters& parameters) {
   options.mapper.place_candidates = parameters.integer("place_candidates");
   options.mapper.near_candidates = parameters.integer("near_candidates");
   options.mapper.search_radius_m = parameters.real("search_radius_m");
-  options.codec = codec(parameters);
+  options.codec = message_codec(parameters);
   return options;
 }
 

@@ -15,7 +15,6 @@ namespace cloudslam {
 
 StrategyOptions strategy_options(const Parameters& parameters);
 RemoteMappingOptions remote_mapping_options(const Parameters& parameters);
-MessageCodec codec(const Parameters& parameters);
 
 }  // namespace cloudslam
 }  // namespace slambed

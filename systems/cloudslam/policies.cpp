@@ -4,6 +4,7 @@
 #include "cloudslam/cloudslam.hpp"
 #include "node/messaging.hpp"
 #include "offload/rtt_monitor.hpp"
+#include "offload/settings.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::cloudslam {
@@ -30,9 +31,9 @@ Vehicle::Vehicle(MobileNode& node, const Parameters& parameters)
       poses_(node, mapping_,
              {.window_s = parameters.real("window_s"),
               .graded = parameters.text("back_propagation") == "graded"}),
-      sender_(node, keyframes_, codec(parameters),
+      sender_(node, keyframes_, message_codec(parameters),
               static_cast<std::size_t>(parameters.integer("keyframe_bytes"))),
-      uploader_(node, uploads_, codec(parameters), 0),
+      uploader_(node, uploads_, message_codec(parameters), 0),
       farewell_(node, control_) {}
 
 void Vehicle::start() {
@@ -181,7 +182,7 @@ Edge::Edge(EdgeNode& node, const Parameters& parameters)
       uploads_(node.network().open({.name = "upload"})),
       upload_(parameters.boolean("upload")),
       mapping_(node, keyframes_, remote_mapping_options(parameters)),
-      trip_(node, uploads_, codec(parameters)),
+      trip_(node, uploads_, message_codec(parameters)),
       farewell_(node, control_, mapping_, {.final_poses = false}) {}
 
 void Edge::start() {
