@@ -54,3 +54,14 @@ def test_one_that_is_included_is_found(tmp_path: Path, file: str, line: str) -> 
         copy.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / file).write_text(line + "\n", encoding="utf-8")
     assert wrong_includes(tmp_path) == [f"{file}: {line.split(chr(34))[1].split('/')[0]}"]
+
+
+def test_no_source_is_longer_than_can_be_read_at_once() -> None:
+    most = 350
+    long = [
+        f"{path.relative_to(repository_root())}: {lines}"
+        for folder in ("systems", "harness")
+        for path in sorted((repository_root() / folder).rglob("*.[ch]pp"))
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > most
+    ]
+    assert long == [], f"more than {most} lines"
