@@ -169,3 +169,10 @@ def test_no_command_is_named_where_no_experiment_makes_the_runs(
     html = write_paper_page(read_papers(["cloudslam"])[0], [], tmp_path).html.read_text()
     assert "not run yet, and no experiment makes these runs" in html
     assert "slambed paper cloudslam" not in html
+
+
+def test_one_assumption_of_many_numbers_stands_there_once() -> None:
+    spread = "spread in the paper as ours"
+    told = [f"{spread} (67%)", "n = 5 in the paper", f"{spread} (8%)", f"{spread} (90%)"]
+    assert paper_view.in_short(told) == [f"{spread} (8 to 90 %)", "n = 5 in the paper"]
+    assert paper_view.in_short(told[:2]) == [f"{spread} (67 %)", "n = 5 in the paper"]

@@ -2,6 +2,7 @@
 """What a paper's page shows, computed: claims, bars, twins of tables, reasons, circumstances."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from slambed.errors import SlambedError
@@ -95,6 +96,22 @@ def claims_beside(columns: list[Column]) -> list[list[ClaimLine]]:
     return [list(lines) for lines in zip(*map(claim_lines, columns), strict=True)]
 
 
+def in_short(assumed: Sequence[str]) -> list[str]:
+    """What differs in its percentage alone is one assumption, with the smallest and the largest."""
+    percents: dict[str, list[int]] = {}
+    for text in assumed:
+        what, _, rest = text.partition(" (")
+        percent = rest.removesuffix("%)")
+        percents.setdefault(what if percent.isdigit() else text, []).extend(
+            [int(percent)] if percent.isdigit() else []
+        )
+    return [
+        f"{what} ({min(found)} to {max(found)} %)" if len(found) > 1
+        else f"{what} ({found[0]} %)" if found else what
+        for what, found in percents.items()
+    ]  # fmt: skip
+
+
 def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     ordering = item.ordering
     missing = ordering.why.startswith("not run")
@@ -107,7 +124,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     if ordering.runs_needed and ordering.outcome == "inconclusive":
         notes.append(f"{ordering.runs_needed} runs per cell would decide")
     if ordering.assumed:
-        notes.append(f"assumed: {', '.join(ordering.assumed)}")
+        notes.append(f"assumed: {', '.join(in_short(ordering.assumed))}")
     contrast = item.contrast
     lines = f", {text_lines(contrast.lines)} of its text" if contrast.lines else ""
     return ClaimLine(
