@@ -60,7 +60,7 @@ void EdgeContact::work(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = channel_.signal().ticket();
     while (const auto message = channel_.try_receive()) {
-      link_.heard(message->received);
+      link_.received(message->received);
       inbox_.take(*message);
     }
     handover_.send_if_due(worker);

@@ -25,8 +25,8 @@ struct CommitReport {
 
 /// Which keyframes came and went: lets a follower catch up at the price of what changed.
 struct KeyFrameJournal {
-  /// Of a map between two clears: a follower that keeps it never takes another life for this one.
-  std::shared_ptr<const std::byte> life = std::make_shared<const std::byte>();
+  /// Of a map between two clears: a follower that keeps it never takes another one for this.
+  std::shared_ptr<const std::byte> generation = std::make_shared<const std::byte>();
   std::vector<KeyFrameId> changes;  ///< each coming and each going names the keyframe once more
 };
 

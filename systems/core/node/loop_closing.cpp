@@ -77,7 +77,7 @@ void LoopClosing::close(Worker& worker) {
                  .add("fused", fused)
                  .add("keyframes", size.keyframes));
   if (mode_ == LocalMapping::Mode::kSequential) {
-    if (const auto bundle = adjust(worker, generation_)) take_over(worker, *bundle);
+    if (const auto bundle = adjust(worker, generation_)) commit_bundle(worker, *bundle);
     return;
   }
   ++open_;
@@ -102,7 +102,7 @@ std::unique_ptr<GlobalBundle> LoopClosing::adjust(Worker& worker, int generation
   return bundle;
 }
 
-void LoopClosing::take_over(Worker& worker, const GlobalBundle& bundle) {
+void LoopClosing::commit_bundle(Worker& worker, const GlobalBundle& bundle) {
   worker.stage(
       "global_bundle",
       [&](StageUnits& units) {
@@ -124,7 +124,7 @@ void LoopClosing::work(Worker& worker) {
 void LoopClosing::idle(Worker& worker) {
   while (auto finished = finished_.try_take()) {
     if (finished->bundle && finished->generation == generation_)
-      take_over(worker, *finished->bundle);
+      commit_bundle(worker, *finished->bundle);
     --open_;
     mapping_.settled().notify();
   }

@@ -49,7 +49,7 @@ class LoopClosing {
 
   void close(Worker& worker);
   std::unique_ptr<GlobalBundle> adjust(Worker& worker, int generation);
-  void take_over(Worker& worker, const GlobalBundle& bundle);
+  void commit_bundle(Worker& worker, const GlobalBundle& bundle);
   void work(Worker& worker);
 
   Runtime& runtime_;

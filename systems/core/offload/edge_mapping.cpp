@@ -17,7 +17,10 @@ EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Chan
                .cleared = [this] { updates_.clear(); }}),
       updates_(node, mapper_, options.updates, map),
       intake_(node, keyframes, options.updates.codec,
-              {.heard = [this](const wire::KeyFrameMessage& message) { updates_.heard(message); },
+              {.received =
+                   [this](const wire::KeyFrameMessage& message) {
+                     updates_.keyframe_received(message);
+                   },
                .decline_reason =
                    [this](const wire::KeyFrameMessage& message) {
                      return mapper_.decline_reason(message);

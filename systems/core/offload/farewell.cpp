@@ -31,14 +31,14 @@ void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
   send(control_, wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence});
   if (worker.stopping()) return;  // stopped from outside: the edge hears it, nobody waits
   const RunTime begin = worker.now();
-  RunTime heard = begin;
+  RunTime last_contact = begin;
   while (!worker.stopping() && worker.now() < begin + kAnswerPatience) {
     if (const auto message = control_.receive(worker, worker.now() + kLookEvery)) {
       inbox_.take(*message);
       if (answered_) return;
     }
-    if (control_.path().connected) heard = worker.now();
-    if (worker.now() - heard > kAwayPatience) break;
+    if (control_.path().connected) last_contact = worker.now();
+    if (worker.now() - last_contact > kAwayPatience) break;
   }
   node_.log().warning("the edge did not answer BYE; its last corrections are missing");
 }
@@ -65,9 +65,9 @@ bool EdgeFarewell::answer(Worker& worker, const Message& message) {
   }
   const auto bye = read(node_.log(), message, wire::decode_bye);
   if (!bye) return false;
-  const RunTime heard = worker.now();
-  source_.drain(worker, bye->last_keyframe_sequence, heard + kTransitPatience,
-                heard + kBundlePatience);
+  const RunTime received = worker.now();
+  source_.drain(worker, bye->last_keyframe_sequence, received + kTransitPatience,
+                received + kBundlePatience);
   if (options_.final_poses) {
     send(control_, wire::MessageType::kPoses, wire::encode_poses(source_.all_poses()));
   }

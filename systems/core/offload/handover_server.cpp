@@ -24,7 +24,7 @@ HandoverServer::HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& ch
 
 void HandoverServer::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { listen(worker); });
-  node_.runtime().spawn("merge", [this](Worker& worker) { merge(worker); });
+  node_.runtime().spawn("merge", [this](Worker& worker) { work(worker); });
 }
 
 void HandoverServer::listen(Worker& worker) {
@@ -38,10 +38,10 @@ void HandoverServer::stop(const wire::StopMessage& stop) {
   mapping_.stop();
 }
 
-void HandoverServer::merge(Worker& worker) {
+void HandoverServer::work(Worker& worker) {
   while (const auto message = arrived_.take(worker)) {
     if (is(*message, wire::MessageType::kMapHandover)) {
-      take_over(worker, *message);
+      apply(worker, *message);
     } else if (const auto start = read(node_.log(), *message, wire::decode_start)) {
       begin(*start);
     }
@@ -62,7 +62,7 @@ void HandoverServer::resume(std::uint64_t epoch) {
   mapping_.resume(epoch);
 }
 
-void HandoverServer::take_over(Worker& worker, const Message& raw) {
+void HandoverServer::apply(Worker& worker, const Message& raw) {
   auto read_well = read(worker, "parse", node_.log(), raw, [this](const Bytes& bytes) {
     return wire::decode_handover(bytes, node_.peer().sensor());
   });

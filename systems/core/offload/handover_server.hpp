@@ -22,9 +22,9 @@ class HandoverServer {
   void listen(Worker& worker);
   void stop(const wire::StopMessage& stop);
   /// Taking a map over may last: who listens must not wait for it.
-  void merge(Worker& worker);
+  void work(Worker& worker);
   void begin(const wire::StartMessage& start);
-  void take_over(Worker& worker, const Message& raw);
+  void apply(Worker& worker, const Message& raw);
   void resume(std::uint64_t epoch);
   /// True, and recorded, when the epoch is over.
   bool is_stale(std::uint64_t epoch, std::uint64_t number);

@@ -55,7 +55,7 @@ void KeyFrameIntake::take(Worker& worker, const Message& raw) {
     });
     if (!read_well) return false;
     keyframe.message = std::move(*read_well);
-    if (hooks_.heard) hooks_.heard(keyframe.message);
+    if (hooks_.received) hooks_.received(keyframe.message);
     declined = hooks_.decline_reason(keyframe.message);
     return true;
   });

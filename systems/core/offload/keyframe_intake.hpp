@@ -20,7 +20,7 @@ struct AdmittedKeyFrame {
 /// What becomes of keyframes that come to an edge. On the receiving worker.
 struct IntakeHooks {
   /// Every one that could be read, wanted or not. May be left out.
-  std::function<void(const wire::KeyFrameMessage&)> heard;
+  std::function<void(const wire::KeyFrameMessage&)> received;
   /// Why it is declined; nothing: it is welcome.
   std::function<std::optional<std::string_view>(const wire::KeyFrameMessage&)> decline_reason;
   std::function<void(Worker&, AdmittedKeyFrame)> admit;

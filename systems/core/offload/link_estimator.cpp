@@ -23,7 +23,7 @@ LinkEstimator::LinkEstimator(MobileNode& node, Channel& measured, LinkOptions op
 
 std::optional<Duration> LinkEstimator::rtt(RunTime now) const {
   const bool alive = node_.network().peer().connected;
-  if (!alive && now - RunTime(heard_.load()) > options_.missing) return std::nullopt;
+  if (!alive && now - RunTime(last_received_.load()) > options_.missing) return std::nullopt;
   if (options_.source == RttSource::kProfile) return node_.profile_rtt()->at(now);
   if (options_.source == RttSource::kEcho) {
     const Duration echo = echo_;

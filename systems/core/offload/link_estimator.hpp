@@ -14,7 +14,7 @@ enum class RttSource { kTcpInfo, kEcho, kProfile };
 
 struct LinkOptions {
   RttSource source = RttSource::kTcpInfo;
-  Duration missing = std::chrono::seconds(2);  ///< nothing heard for so long: there is no RTT
+  Duration missing = std::chrono::seconds(2);  ///< nothing received for so long: there is no RTT
   double probe_hz = 10;                        ///< 0: no probes
   int probe_bytes = 64;
 };
@@ -35,7 +35,7 @@ class LinkEstimator {
   /// A message that the edge answers at once has left on some channel.
   void asked(std::uint64_t sequence, RunTime sent);
   /// Something came from the edge.
-  void heard(RunTime received) { heard_ = received; }
+  void received(RunTime now) { last_received_ = now; }
   /// Its answer. Time since asked(); nothing where that was given up or answered before.
   std::optional<Duration> answered(std::uint64_t sequence, RunTime received);
   /// A sample that waited behind nothing: it counts an eighth (RFC 6298, as in the kernel).
@@ -48,9 +48,9 @@ class LinkEstimator {
   MobileNode& node_;
   Channel& measured_;
   LinkOptions options_;
-  std::atomic<Duration> heard_{Duration::zero()};        ///< run time of the last answer
-  std::atomic<Duration> echo_{Duration::min()};          ///< smoothed; min: none yet
-  std::deque<std::pair<std::uint64_t, RunTime>> asked_;  ///< sequence and time, not yet answered
+  std::atomic<Duration> last_received_{Duration::zero()};  ///< run time of the last answer
+  std::atomic<Duration> echo_{Duration::min()};            ///< smoothed; min: none yet
+  std::deque<std::pair<std::uint64_t, RunTime>> asked_;    ///< sequence and time, not yet answered
   RunTime next_probe_{};
 };
 

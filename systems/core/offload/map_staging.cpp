@@ -112,7 +112,7 @@ void MapStaging::swap() {
   std::swap(active_, staging_);
   std::lock_guard lock(mutex_);
   provisional_ = provisional();
-  recovery_.taken_over(updated_);
+  recovery_.applied(updated_);
 }
 
 void MapStaging::release() {

@@ -42,7 +42,7 @@ std::vector<BackedKeyFrame> RecoveryBackup::beside(std::span<const KeyFrameId> u
   return kept;
 }
 
-void RecoveryBackup::taken_over(std::span<const KeyFrameId> updated) {
+void RecoveryBackup::applied(std::span<const KeyFrameId> updated) {
   if (reference_ && is_over(updated)) recovered({});
 }
 

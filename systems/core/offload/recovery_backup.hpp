@@ -32,7 +32,7 @@ class RecoveryBackup {
   /// What goes with this update, in the order in which it was made; updated: its keyframes.
   std::vector<BackedKeyFrame> beside(std::span<const KeyFrameId> updated, KeyFrameId newest) const;
   /// This update has become the local map.
-  void taken_over(std::span<const KeyFrameId> updated);
+  void applied(std::span<const KeyFrameId> updated);
 
  private:
   bool is_over(std::span<const KeyFrameId> updated) const;

@@ -16,7 +16,7 @@ int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFram
 }
 
 void UpdateExchange::done(Worker& worker, const UpdateArrival& arrival, const Outcome& outcome) {
-  inbox_.taken_over(arrival, outcome.backed_up > 0);
+  inbox_.applied(arrival, outcome.backed_up > 0);
   from_map_ = arrival.relocalisation();
   if (on_applied_) on_applied_(arrival.update, arrival.map);
   inbox_.place_keyframes(arrival.update);

@@ -89,7 +89,7 @@ void UpdateInbox::look() {
 }
 
 void UpdateInbox::keep_poses(Worker& worker, const UpdateArrival& arrival) {
-  if (tells_poses(state_for(worker, arrival))) place_keyframes(arrival.update);
+  if (keeps_poses(state_for(worker, arrival))) place_keyframes(arrival.update);
 }
 
 void UpdateInbox::place_keyframes(const wire::MapUpdate& update) {
@@ -106,7 +106,7 @@ void UpdateInbox::keyframe_created(RunTime when) {
   last_keyframe_ = when;
 }
 
-void UpdateInbox::taken_over(const UpdateArrival& arrival, bool newer) {
+void UpdateInbox::applied(const UpdateArrival& arrival, bool newer) {
   std::lock_guard lock(mutex_);
   applied_ = arrival.update.update;
   settled_ = arrival.update.settled;

@@ -55,7 +55,7 @@ class UpdateInbox {
   /// A keyframe was added to the local map.
   void keyframe_created(RunTime when);
   /// The update has become the local map. newer: together with keyframes that it does not cover.
-  void taken_over(const UpdateArrival& arrival, bool newer);
+  void applied(const UpdateArrival& arrival, bool newer);
   /// A keyframe of the edge's map has joined the local one as if by an update with this number.
   void joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation);
   void begin_epoch(std::uint64_t epoch);

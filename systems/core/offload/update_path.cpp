@@ -53,7 +53,7 @@ void SerialUpdates::before_frame(Worker& worker) {
     units.n1 = keyframes;
     node_.replace_map(arrival->map, provisional_among(carried));
   });
-  backup_.taken_over(keyframes_of(arrival->update.map));
+  backup_.applied(keyframes_of(arrival->update.map));
   worker.stage("clean_map", [&](StageUnits& units) {
     units.n1 = static_cast<double>(count(*old_map).keyframes);
     old_map.reset();

@@ -11,7 +11,7 @@ constexpr Duration kShortest = std::chrono::milliseconds(50);
 
 }  // namespace
 
-bool tells_poses(const UpdateState& state) {
+bool keeps_poses(const UpdateState& state) {
   return !state.former_edge && state.epoch >= state.current_epoch && state.update > state.applied;
 }
 

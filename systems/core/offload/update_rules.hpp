@@ -42,7 +42,7 @@ struct UpdateState {
 
 /// Whether the keyframe poses of the update are newer than what is known here, also where its map
 /// is declined.
-bool tells_poses(const UpdateState& state);
+bool keeps_poses(const UpdateState& state);
 
 /// Why no map may be made of the update, whatever the camera does; nothing: it is not too late for
 /// it.

@@ -121,10 +121,10 @@ std::vector<KeyFramePose> UpdateSender::moved_poses(const wire::MapUpdate& updat
   for (const KeyFramePose& pose : poses) {
     const auto inside = std::any_of(update.map.keyframes.begin(), update.map.keyframes.end(),
                                     [&](const NewKeyFrame& k) { return k.id == pose.id; });
-    Told& told = told_.try_emplace(pose.id).first->second;
-    if (told.update == 0 || !same_pose(told.T_cw, pose.T_cw)) told = {pose.T_cw, update.update};
+    SentPose& sent = sent_poses_.try_emplace(pose.id).first->second;
+    if (sent.update == 0 || !same_pose(sent.T_cw, pose.T_cw)) sent = {pose.T_cw, update.update};
     // Until it is confirmed, the update that told it may have been dropped on its way.
-    if (told.update > confirmed_ && !inside) moved.push_back(pose);
+    if (sent.update > confirmed_ && !inside) moved.push_back(pose);
   }
   return moved;
 }
@@ -141,7 +141,7 @@ void UpdateSender::release(RunTime found, KeyFrameId reference) {
     recovery_ = Recovery{.reference = reference, .found = found, .to_come = options_.keyframes};
 }
 
-void UpdateSender::heard(const wire::KeyFrameMessage& keyframe) {
+void UpdateSender::keyframe_received(const wire::KeyFrameMessage& keyframe) {
   std::lock_guard lock(mutex_);
   if (held_ && keyframe.captured >= *held_) held_.reset();
   confirmed_ = std::max(confirmed_, keyframe.applied_update);
@@ -160,7 +160,7 @@ void UpdateSender::resume(std::uint64_t epoch) {
 
 void UpdateSender::clear() {
   std::lock_guard lock(mutex_);
-  told_.clear();
+  sent_poses_.clear();
   recovery_.reset();
   news_ = false;
 }

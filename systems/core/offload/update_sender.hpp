@@ -43,7 +43,7 @@ class UpdateSender {
   /// too, so that the first does not take the camera's place away.
   void release(RunTime found, KeyFrameId reference);
   /// A keyframe came: it knows where it is, and which update it has taken over.
-  void heard(const wire::KeyFrameMessage& keyframe);
+  void keyframe_received(const wire::KeyFrameMessage& keyframe);
   /// No map leaves, of any kind.
   void stop();
   /// Maps that leave carry the epoch.
@@ -52,7 +52,7 @@ class UpdateSender {
   void clear();
 
  private:
-  struct Told {
+  struct SentPose {
     SE3 T_cw;
     std::uint64_t update = 0;  ///< the first that told it
   };
@@ -78,8 +78,8 @@ class UpdateSender {
   bool stopped_ = false;
   std::uint64_t epoch_ = 0;
   RunTime last_sent_ = RunTime::min();
-  std::map<KeyFrameId, Told> told_;  ///< poses the mobile was told last
-  std::uint64_t confirmed_ = 0;      ///< newest update that the mobile is known to have taken over
+  std::map<KeyFrameId, SentPose> sent_poses_;  ///< poses the mobile was told last
+  std::uint64_t confirmed_ = 0;  ///< newest update that the mobile is known to have taken over
 };
 
 }  // namespace slambed

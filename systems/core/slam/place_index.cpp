@@ -83,7 +83,7 @@ void PlaceIndex::follow(const Map& map) {
   const Followed now = map.read([&](const MapView& view) {
     const KeyFrameJournal& journal = view.keyframe_journal();
     std::shared_lock lock(mutex_);
-    const bool further = followed_.life == journal.life;
+    const bool further = followed_.generation == journal.generation;
     if (!further)
       for (const Entry& entry : entries_)
         if (entry.bag && !view.keyframe(entry.keyframe)) gone.push_back(entry.keyframe);
@@ -95,7 +95,7 @@ void PlaceIndex::follow(const Map& map) {
       else if (!find(id))
         fresh.emplace_back(id, keyframe->features);
     }
-    return Followed{journal.life, journal.changes.size()};
+    return Followed{journal.generation, journal.changes.size()};
   });
   std::vector<Bag> bags;
   for (const auto& [id, features] : fresh)

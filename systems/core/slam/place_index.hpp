@@ -57,7 +57,7 @@ class PlaceIndex {
   using SlotNumber = std::uint32_t;
   /// How far into which map's journal we have followed.
   struct Followed {
-    std::shared_ptr<const std::byte> life;
+    std::shared_ptr<const std::byte> generation;
     std::size_t changes = 0;
   };
 

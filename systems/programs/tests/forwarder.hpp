@@ -80,8 +80,8 @@ class Forwarder {
       while (!stop_ && !up.ended && !down.ended) {
         pollfd waiting[] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
         ::poll(waiting, 2, 1);
-        if (waiting[0].revents != 0) take_in(up);
-        if (waiting[1].revents != 0) take_in(down);
+        if (waiting[0].revents != 0) read_from(up);
+        if (waiting[1].revents != 0) read_from(down);
         hand_out(up);
         hand_out(down);
       }
@@ -90,7 +90,7 @@ class Forwarder {
     ::close(server);
   }
 
-  void take_in(Way& way) const {
+  void read_from(Way& way) const {
     std::vector<char> bytes(65536);
     const auto got = ::recv(way.from, bytes.data(), bytes.size(), MSG_DONTWAIT);
     if (got == 0) way.ended = true;

@@ -100,7 +100,7 @@ class LoopClosingTest : public ::testing::Test {
   }
 
   /// Bundles that were taken over: their last stage is the mapping side's.
-  std::size_t taken_over() const {
+  std::size_t bundles_committed() const {
     const auto stages = of("stage", "global_bundle");
     return static_cast<std::size_t>(
         std::count_if(stages.begin(), stages.end(),
@@ -145,7 +145,7 @@ TEST_F(LoopClosingTest, AResetMakesARunningBundleWorthless) {
   });
   ASSERT_EQ(of("loop_closed").size(), 1u);
   EXPECT_LE(of("stage", "global_bundle").size(), 3u);
-  EXPECT_EQ(taken_over(), 0u);
+  EXPECT_EQ(bundles_committed(), 0u);
 }
 
 TEST_F(LoopClosingTest, WhileMappingIsParkedNoBundleIsTakenOver) {
@@ -159,7 +159,7 @@ TEST_F(LoopClosingTest, WhileMappingIsParkedNoBundleIsTakenOver) {
   });
   ASSERT_EQ(of("loop_closed").size(), 1u);
   EXPECT_EQ(parked.t, still.t);
-  EXPECT_EQ(taken_over(), 1u) << "once mapping goes on";
+  EXPECT_EQ(bundles_committed(), 1u) << "once mapping goes on";
 }
 
 TEST_F(LoopClosingTest, NobodyWaitsForABundleOnceMappingIsParked) {
@@ -168,7 +168,7 @@ TEST_F(LoopClosingTest, NobodyWaitsForABundleOnceMappingIsParked) {
   run(Mode::kWorker, 70);
   ASSERT_EQ(of("loop_closed").size(), 1u);
   EXPECT_LE(drain_took, 1ms);
-  EXPECT_EQ(taken_over(), 0u);
+  EXPECT_EQ(bundles_committed(), 0u);
 }
 
 TEST_F(LoopClosingTest, ABundleThatIsNotDoneInTimeIsDropped) {
@@ -181,7 +181,7 @@ TEST_F(LoopClosingTest, ABundleThatIsNotDoneInTimeIsDropped) {
   ASSERT_EQ(of("loop_closed").size(), 1u);
   EXPECT_EQ(drained - asked, 30ms);
   EXPECT_LE(of("stage", "global_bundle").size(), 3u);
-  EXPECT_EQ(taken_over(), 0u);
+  EXPECT_EQ(bundles_committed(), 0u);
 }
 
 TEST_F(LoopClosingTest, WithoutALoopNothingButDetectionIsDone) {

@@ -40,7 +40,7 @@ TEST(UpdateRules, FollowEdgeSlam) {
   state.before_recovery = true;
   EXPECT_EQ(reason(rules, state), "from before the recovery");
   EXPECT_EQ(obsolete_reason(state), "from before the recovery");
-  EXPECT_TRUE(tells_poses(state));
+  EXPECT_TRUE(keeps_poses(state));
   state = usual();
   state.behind = true;
   EXPECT_EQ(reason(rules, state), "the edge catches up");

@@ -59,7 +59,7 @@ class TcpNetwork final : public Network {
   void promote(Link& link, TcpConnection& fresh);
   void end(Link& link, const TcpConnection& ended, const TcpConnection::End& why);
   void end_current(Link& link, const std::string& reason);
-  void meet(Link& link, std::uint64_t session);
+  void note_session(Link& link, std::uint64_t session);
   void keep_alive(Link& link);
   void watch_stall(Link& link);
   bool flushed() const;

@@ -83,7 +83,7 @@ void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
           session = header.sequence;
           auto refused = greeting_.check(link.channel->options().name, payload);
           if (refused) return refused;
-          meet(link, session);
+          note_session(link, session);
           newly_greeted = true;
           return std::nullopt;
         },
@@ -154,7 +154,7 @@ void TcpNetwork::end_current(Link& link, const std::string& reason) {
 }
 
 /// A greeting was accepted: by it a restarted peer is told from one that reconnects.
-void TcpNetwork::meet(Link& link, std::uint64_t session) {
+void TcpNetwork::note_session(Link& link, std::uint64_t session) {
   std::lock_guard lock(mutex_);
   if (session != peer_session_) {
     peer_session_ = session;

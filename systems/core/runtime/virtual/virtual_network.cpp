@@ -27,7 +27,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   /// Joins the two ends; the handshake gives both their first RTT.
   void connect(VirtualChannel& peer, PathModel& outward, PathModel& inward) {
     flow_ = std::make_unique<TcpFlow>(
-        simulator_, outward, inward, [&peer](std::uint64_t upto) { peer.take_in(upto); },
+        simulator_, outward, inward, [&peer](std::uint64_t upto) { peer.receive_upto(upto); },
         [this] { acknowledged(); });
     peer_ = &peer;
     flow_->start(outward.delay_now() + inward.delay_now());
@@ -86,7 +86,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   void freeze(bool frozen) {
     frozen_ = frozen;
     if (frozen) return;
-    take_in(arrived_);
+    receive_upto(arrived_);
     hand_over();
   }
 
@@ -132,7 +132,7 @@ class VirtualLink::VirtualChannel final : public Channel {
     });
   }
 
-  void take_in(std::uint64_t upto) {
+  void receive_upto(std::uint64_t upto) {
     arrived_ = upto;
     bool arrived = false;
     while (!frozen_ && !under_way_.empty() && under_way_.front().first <= upto) {
