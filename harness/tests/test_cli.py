@@ -87,8 +87,8 @@ devices: {mobile: host}
         ("[synthetic_room]", "[synthetic_rom]", "did you mean 'synthetic_room'"),
         (
             "system: orbslam2}]\ndatasets: [synthetic_room]",
-            "system: edgeslam}]\ndatasets: [synthetic_mono_room]",
-            "is mono, system edgeslam",
+            "system: multithread_rl}]\ndatasets: [synthetic_mono_room]",
+            "is mono, system multithread_rl",
         ),
     ],
 )
