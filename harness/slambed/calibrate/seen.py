@@ -61,16 +61,7 @@ def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
 
 def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]]:
     """Time of the stages in each frame that becomes a keyframe."""
-    spent = 0.0
-    found: list[float] = []
-    for event in log.of("stage", "frame_tracked"):
-        if event["node"] != component.node:
-            continue
-        if event["type"] == "frame_tracked":
-            found += [spent] if spent else []
-            spent = 0.0
-        elif event["name"] in component.stages and event["worker"] == TRACKING:
-            spent += event["wall_ms"]
+    found = [spent for spent in _per_frame(component, log)[1] if spent]
     return len(found), found
 
 
