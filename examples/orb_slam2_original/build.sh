@@ -28,6 +28,7 @@ if [ ! -f "$work/source/src/Tracking.cc" ]; then
     die "there is no $source: git clone https://github.com/raulmur/ORB_SLAM2, and git checkout f2e6f51"
   fi
 fi
+echo "builds the copy in $work/source; remove that to take another"
 # The one place that compilers refuse today: an allocator of another type than the map's pairs.
 sed -i -E 's/std::pair<const KeyFrame\*, ?g2o::Sim3>/std::pair<KeyFrame* const, g2o::Sim3>/' "$work/source/include/LoopClosing.h"
 
@@ -38,7 +39,10 @@ install "$work/build/orb_slam2" "$here/bin/orb_slam2"
 if [ -n "${VOCABULARY:-}" ]; then
   install -m 644 "$VOCABULARY" "$here/bin/vocabulary.txt"
 elif [ $# -gt 0 ]; then
-  find "$@" \( -name '*.png' -o -name '*.jpg' \) -print0 | sort -z | xargs -0 "$work/build/train_vocabulary" "$here/bin/vocabulary.txt"
+  # All in one call: xargs would split many into several, and each would write the vocabulary anew.
+  mapfile -d '' pictures < <(find "$@" \( -name '*.png' -o -name '*.jpg' \) -print0 | sort -z)
+  [ ${#pictures[@]} -gt 0 ] || die "no PNG or JPEG file in $*"
+  "$work/build/train_vocabulary" "$here/bin/vocabulary.txt" "${pictures[@]}"
 elif [ ! -f "$here/bin/vocabulary.txt" ]; then
   die "no vocabulary: name folders of pictures to train one from, or VOCABULARY=ORBvoc.txt"
 fi

@@ -1,9 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Links on which nothing moved are told in a report."""
 
-import pandas as pd
+from types import SimpleNamespace
+from typing import Any, cast
 
+import pandas as pd
+import pytest
+
+from slambed.metrics.run_data import RunData
+from slambed.metrics.values import link_stalls
 from slambed.report.link_stalls import stalled_links
+
+
+@pytest.mark.parametrize(
+    ("events", "stalls"),
+    [([], None), (["connected"], 0), (["connected", "stalled", "flowing", "stalled"], 2)],
+)
+def test_stalls_are_counted_where_channels_tell_of_themselves(
+    events: list[str], stalls: int | None
+) -> None:
+    links: list[dict[str, Any]] = [{"type": "link", "event": event} for event in events]
+    log = SimpleNamespace(of=lambda kind: [link for link in links if link["type"] == kind])
+    assert link_stalls(cast(RunData, SimpleNamespace(log=log))) == stalls
 
 
 def test_cells_with_a_stalled_link_are_lines() -> None:

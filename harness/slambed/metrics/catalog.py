@@ -2,11 +2,8 @@
 """The one list of what is known about a run. A new number is one entry: summary.json, summary.csv,
 tables, figures, tests, the gate and the tables of docs/formats.md and docs/metrics.md follow."""
 
-import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-
-import numpy as np
 
 from slambed.errors import SlambedError
 from slambed.metrics.declared import described_by, own_digest, own_metrics
@@ -17,7 +14,7 @@ from slambed.metrics.metric import Metric, Use
 from slambed.metrics.recovery import frames_lost_to_updates, pause_ms_mean
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
 from slambed.metrics.run_data import RunData
-from slambed.metrics.stages import host_stall_ms_max, mapping_ms_per_keyframe, total_ms
+from slambed.metrics.stages import host_stall_ms_max, mapping_ms_per_keyframe
 from slambed.metrics.summary import Value
 from slambed.metrics.tracking import Tracking, mean_of, quantile_of
 from slambed.metrics.update_round import (
@@ -26,6 +23,14 @@ from slambed.metrics.update_round import (
     gap_keyframes_mean,
     median_ms,
     received,
+)
+from slambed.metrics.values import (
+    data_rate_mbit_s,
+    extract_ms,
+    first_loop_s,
+    link_stalls,
+    truth_digest,
+    update_delay_ms,
 )
 from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
 from slambed.records.kept_spec import KeptSpec
@@ -68,20 +73,6 @@ def _frames(share: float) -> Callable[[RunData], Value]:
     return lambda run: quantile_of(run.log.of("frame_tracked"), "track_ms", share)
 
 
-def _extract(run: RunData) -> Value:
-    return quantile_of(run.log.stages("mobile", "extract"), "wall_ms", 0.5)
-
-
-def _update_delay(run: RunData) -> Value:
-    total = total_ms(run.log)
-    return float(np.quantile(total, 0.5)) if run.has_edge and len(total) else None
-
-
-def _stalls(run: RunData) -> Value:
-    links = run.log.of("link")
-    return sum(link["event"] == "stalled" for link in links) if run.has_edge else None
-
-
 def _message(name: str) -> Callable[[RunData], Value]:
     return lambda run: quantile_of(received(run.log, name), "bytes", 0.5) if run.has_edge else None
 
@@ -106,24 +97,6 @@ def _update_work(part: str) -> Metric:
                   "where they are not told by parts",
                   lambda run: share_of_update(run.log, part) if run.has_edge else None,
                   shown="%", scale=100)  # fmt: skip
-
-
-def _first_loop(run: RunData) -> Value:
-    closed = run.log.of("loop_closed")
-    return closed[0]["t_ns"] / 1e9 if closed else None
-
-
-def _both_directions(run: RunData) -> Value:
-    up, down = run.bytes_moved["up"], run.bytes_moved["down"]
-    if up is None or down is None or not run.end_s:
-        return None
-    return 8e-6 * (up + down) / run.end_s
-
-
-def _truth_digest(run: RunData) -> Value:
-    if run.truth_file is None:
-        return None
-    return hashlib.sha256(run.truth_file.read_bytes()).hexdigest()[:16]
 
 
 def _version(run: RunData) -> Value:
@@ -206,11 +179,11 @@ METRICS: tuple[Metric, ...] = (
     Count("loops_closed", "loops closed",
           lambda run: len(run.log.of("loop_closed")) if run.measured else None),
     Metric("first_loop_s", "run time at which the first loop was closed; null when none",
-           _first_loop, "first loop closed", "s"),
+           first_loop_s, "first loop closed", "s"),
     Count("keyframes", "in the global map at the end", _mapped("keyframes")),
     Count("map_points", "in the global map at the end", _mapped("points")),
     Text("groundtruth", "first 16 digits of the SHA-256 of the true path; null without one",
-         _truth_digest),
+         truth_digest),
     Cost("ate_rmse_m", "of `trajectory.txt` after one alignment",
          lambda run: run.accuracy.ate_rmse_m, "ATE RMSE", "m", "cm", 100, 2, relevant_step=0.001,
          use=HEADLINE),
@@ -252,7 +225,7 @@ METRICS: tuple[Metric, ...] = (
          relevant_step=0.5),
     Cost("track_ms_p95", "their 95th percentile", _frames(0.95), "tracking, 95th percentile", "ms",
          relevant_share=0.15, relevant_step=1.0, use=SHOWN | GATED),
-    Cost("extract_ms_median", "feature extraction on the mobile node, wall", _extract,
+    Cost("extract_ms_median", "feature extraction on the mobile node, wall", extract_ms,
          "feature extraction, median", "ms", relevant_step=0.5),
     Cost("local_mapping_ms_mean", "per keyframe, all mapping stages, wall",
          lambda run: mapping_ms_per_keyframe(run.log, "wall_ms"), "mapping per keyframe, wall",
@@ -287,10 +260,10 @@ METRICS: tuple[Metric, ...] = (
     Cost("bytes_down", "the same towards the mobile node", lambda run: run.bytes_moved["down"],
          "sent to the mobile", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
          use=SHOWN | GATED),
-    Cost("link_mbit_s", "both directions together over playback", _both_directions,
+    Cost("link_mbit_s", "both directions together over playback", data_rate_mbit_s,
          "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
     Count("link_stalls", "how often a channel had bytes under way of which none was acknowledged "
-          "for 1 s", _stalls, "stalls of the link"),
+          "for 1 s", link_stalls, "stalls of the link"),
     Count("updates_applied", "map updates that tracking took over",
           lambda run: len(run.log.of("update_applied")) if run.has_edge else None,
           "map updates applied"),
@@ -305,7 +278,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("update_wait_ms_median", "T_Wait: the pacing of updates (`sync_period_s`)",
            lambda run: median_ms(run.rounds, lambda r: r.parts_ms["T_Wait"]),
            "pacing of map updates, median", "ms", digits=0, use=SHOWN),
-    Cost("update_delay_ms_median", "T_Total: both together", _update_delay,
+    Cost("update_delay_ms_median", "T_Total: both together", update_delay_ms,
          "map update delay with pacing, median", "ms", digits=0, relevant_step=5.0),
     Cost("update_gap_keyframes_mean", "keyframes that the local map loses by an update",
          lambda run: gap_keyframes_mean(run.rounds), "local map gap per update", "keyframes",

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values of a run that take more than one expression of the list of metrics."""
+
+import hashlib
+
+import numpy as np
+
+from slambed.metrics.run_data import RunData
+from slambed.metrics.stages import total_ms
+from slambed.metrics.summary import Value
+from slambed.metrics.tracking import quantile_of
+
+
+def extract_ms(run: RunData) -> Value:
+    """Median time of extraction on the mobile node."""
+    return quantile_of(run.log.stages("mobile", "extract"), "wall_ms", 0.5)
+
+
+def update_delay_ms(run: RunData) -> Value:
+    """Median of T_Total."""
+    total = total_ms(run.log)
+    return float(np.quantile(total, 0.5)) if run.has_edge and len(total) else None
+
+
+def link_stalls(run: RunData) -> Value:
+    """How often a channel stalled; null where none tells of itself, as of foreign programs."""
+    links = run.log.of("link")
+    return sum(link["event"] == "stalled" for link in links) if links else None
+
+
+def first_loop_s(run: RunData) -> Value:
+    """When the first loop was closed."""
+    closed = run.log.of("loop_closed")
+    return closed[0]["t_ns"] / 1e9 if closed else None
+
+
+def data_rate_mbit_s(run: RunData) -> Value:
+    """Both directions together over playback."""
+    up, down = run.bytes_moved["up"], run.bytes_moved["down"]
+    if up is None or down is None or not run.end_s:
+        return None
+    return 8e-6 * (up + down) / run.end_s
+
+
+def truth_digest(run: RunData) -> Value:
+    """Of the true path that judged the run."""
+    if run.truth_file is None:
+        return None
+    return hashlib.sha256(run.truth_file.read_bytes()).hexdigest()[:16]
