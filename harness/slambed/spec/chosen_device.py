@@ -5,7 +5,8 @@ from slambed.errors import SlambedError
 from slambed.spec.device import VIRTUAL, Device, DeviceChange
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
-from slambed.spec.system import Role
+from slambed.spec.stages import costs_with
+from slambed.spec.system import Role, System
 from slambed.yaml_source import Location, YamlSource
 
 
@@ -15,10 +16,12 @@ def chosen_device(
     source: YamlSource,
     library: Library,
     engine: str,
+    system: System,
     role: Role,
 ) -> Device:
-    """Of the system where it has its own for this role, else of the experiment. Raises a complaint
-    of its place in the file where there can be no such device on this engine."""
+    """Of the system where it has its own for this role, else of the experiment; for virtual runs
+    with the costs of the system's own stages. Raises a complaint of its place in the file where
+    there can be no such device on this engine."""
     place: Location = ("systems", index, "devices", role)
     asked: str | DeviceChange | None = getattr(experiment.systems[index].devices, role)
     if asked is None:
@@ -35,8 +38,15 @@ def chosen_device(
             device = asked.applied_to(library.device(asked.device))
     except (SlambedError, ValueError) as error:
         raise source.complaint(str(error), place) from None
-    if engine == VIRTUAL and device.model is None:
+    if engine != VIRTUAL:
+        return device
+    if device.model is None:
         raise source.complaint(
             f"device {device.name} has no cost model", place, "fit one: slambed calibrate --stages"
         )
-    return device
+    try:
+        costs = costs_with(system.stages, device.model.stages, role)
+    except ValueError as error:
+        line = f"device {device.name}, system {system.name}: {error}"
+        raise source.complaint(line, place) from None
+    return device.model_copy(update={"model": device.model.model_copy(update={"stages": costs})})

@@ -66,7 +66,7 @@ def show_system(
     name: Annotated[str, typer.Argument(help="Name, or path of a system.yaml.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Variants and parameters of a system: defaults, ranges, units, where each value is from."""
+    """Variants, parameters and stages of a system: defaults, ranges, units, sources, costs."""
     system = Library().system(name)
     if as_json:
         typer.echo(system.model_dump_json(indent=2))
@@ -77,6 +77,17 @@ def show_system(
     if system.variants:
         screen.print(_variants(system))
     screen.print(_parameters(system))
+    if system.stages:
+        screen.print(_stages(system))
+
+
+def _stages(system: System) -> Table:
+    """What they cost on devices whose files say nothing of them."""
+    table = Table("stage", "costs", "node", "meaning", box=None)
+    for name, stage in system.stages.items():
+        factor = f"{stage.factor:g} of " if stage.factor != 1 else ""
+        table.add_row(name, factor + stage.cost_as, stage.role or "both", stage.doc)
+    return table
 
 
 def _variants(system: System) -> Table:

@@ -118,7 +118,7 @@ def expand(
         if system.has_edge and experiment.link is None:
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
         faults = _faults(experiment, choice, system, source, place, host)
-        of_role = partial(chosen_device, experiment, index, source, library, host.engine)
+        of_role = partial(chosen_device, experiment, index, source, library, host.engine, system)
         mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
         live = host.engine != VIRTUAL
         boards = live and any(d is not None and d.board for d in (mobile, edge))

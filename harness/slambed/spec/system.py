@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.errors import SlambedError
 from slambed.spec.runtime import Runtime
+from slambed.spec.stages import OwnStage, check_stages
 from slambed.suggestion import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -124,6 +125,8 @@ class System(BaseModel):
     variants: dict[str, Variant] = Field(default_factory=dict)
     metrics: dict[str, OwnMetric] = Field(default_factory=dict)
     """By key of summary.json."""
+    stages: dict[str, OwnStage] = Field(default_factory=dict)
+    """Work that its nodes charge and device files need not know."""
     runtime: Runtime | None = None
     """How its programs are started; None: it is one of ours, built into slambed-node."""
     doc: str = ""
@@ -136,6 +139,9 @@ class System(BaseModel):
             raise ValueError("a system with an edge needs the channel 'control'")
         if self.runtime is not None and (self.runtime.edge is not None) != self.has_edge:
             raise ValueError("runtime has an edge where roles have one, and only there")
+        if self.stages and self.runtime is not None:
+            raise ValueError("a program of its own has no stages: it takes the time it takes")
+        check_stages(self.stages)
         networks = [name for name, p in self.params.items() if p.type == "network"]
         if len(networks) > 1 or (networks and not {"jpeg_quality", "n_m"} <= self.params.keys()):
             raise ValueError("a network is one parameter, beside jpeg_quality and n_m")
