@@ -8,6 +8,7 @@
 #include "node/edge_node.hpp"
 #include "node/map_keeping.hpp"
 #include "node/mobile_node.hpp"
+#include "run/built_nodes.hpp"
 #include "run/node_files.hpp"
 #include "run/sim_config.hpp"
 #include "run/virtual_sampler.hpp"
