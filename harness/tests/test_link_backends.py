@@ -14,6 +14,8 @@ from link_parts import again_when_late, needs_root
 from slambed.errors import ExitCode, SlambedError
 from slambed.link import netem
 from slambed.link.backend import choose_backend, open_link
+from slambed.link.bursts import Bursts
+from slambed.link.impairments import GilbertElliott
 from slambed.link.netem import netem_available, why_not_netem
 from slambed.link.netlink import NetemSettings
 from slambed.link.profile import Profile, parse_profile
@@ -156,6 +158,26 @@ class TestNetem:
             samples = one_way(*ends, "10.77.0.2", 1000, 1.0)
         assert samples.reordered == 0
         assert np.isfinite(samples.delay_ms).mean() > 0.99
+
+    @again_when_late
+    def test_bursts_lose_what_comes_in_them_and_nothing_else(
+        self, ends: Ends, tmp_path: Path
+    ) -> None:
+        chain = GilbertElliott(good_s=0.4, bad_s=0.15)
+        loss = {"gilbert_elliott": chain.model_dump(exclude_none=True)}
+        profile = parse_profile({"rtt_ms": 10, "up": {"loss": loss}}, "test")
+        with open_link("netem", *ends, profile, 3, tmp_path, probe_hz=0) as link:
+            t0_ns = time.monotonic_ns()
+            link.start(t0_ns)
+            samples = one_way(*ends, "10.77.0.2", 500, 3.0)
+        bursts, wanted, near = Bursts(chain, 3, 0), [], []
+        for at_s in (samples.sent_ns - t0_ns) / 1e9:
+            wanted.append(bursts.lost_at(at_s))
+            near.append(bursts.turns_s - at_s < 0.02)
+        apart = ~np.array(near)
+        agree = np.isnan(samples.delay_ms) == np.array(wanted)
+        assert 0.05 < np.mean(wanted) < 0.8
+        assert agree[apart].mean() > 0.95
 
     @again_when_late
     def test_tcp_sees_the_delay(self, ends: Ends, tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ class ShaperFactory(Protocol):
 
 
 def choose_backend(asked: str, profile: Profile) -> Literal["relay", "netem", "none"]:
-    """`auto` is netem where the kernel has it and nothing random is asked for, else the relay."""
+    """`auto` is netem where the kernel has it and nothing random is asked for, else the relay: it
+    begins and ends bursts to the microsecond, too."""
     from slambed.link.netem import netem_available, why_not_netem
 
     if asked not in BACKENDS:
@@ -32,7 +33,8 @@ def choose_backend(asked: str, profile: Profile) -> Literal["relay", "netem", "n
         raise SlambedError(f"backend none adds nothing, but profile '{profile.name}' does")
     if asked != "auto":
         return cast(Literal["relay", "netem", "none"], asked)
-    return "relay" if why_not_netem(profile) or not netem_available() else "netem"
+    random = any(side.loss for side in (profile.up, profile.down)) or why_not_netem(profile)
+    return "relay" if random or not netem_available() else "netem"
 
 
 def open_link(

@@ -3,6 +3,7 @@
 
 import contextlib
 import functools
+import math
 import os
 import threading
 import time
@@ -13,6 +14,7 @@ import numpy as np
 from pyroute2.netlink.exceptions import NetlinkError
 
 from slambed.errors import SlambedError, environment_error
+from slambed.link.bursts import Bursts, all_or_none
 from slambed.link.impairments import Side
 from slambed.link.namespaces import by_netlink
 from slambed.link.netlink import (
@@ -51,11 +53,12 @@ def netem_available() -> bool:
 
 
 def why_not_netem(profile: Profile) -> str | None:
-    """What of the profile netem cannot do the way the profile means it; None when it can."""
+    """What of the profile netem cannot do the way the profile means it; None when it can. Bursts in
+    time that lose everything are switched on and off: no packet needs a random number."""
     for side in (profile.up, profile.down):
         if side.jitter:
             return "its jitter reorders packets and has no seed; use backend relay"
-        if side.loss:
+        if side.loss and not all_or_none(side):
             return "its losses have no seed; use backend relay"
         if side.rate and side.rate.trace:
             return "it has no rate traces; use backend relay"
@@ -160,10 +163,16 @@ class NetemShaper:
         self._mobile, self._edge = mobile, edge
         self._rates = [_bytes_per_s(side) for side in (profile.up, profile.down)]
         self._limits = _limits(profile)
+        chains = [all_or_none(side) for side in (profile.up, profile.down)]
+        self._bursts = [
+            Bursts(chain, seed, direction) if chain else None
+            for direction, chain in enumerate(chains)
+        ]
         self._real_time = o.real_time
         self._pair = VethPair(mobile, edge, o)
         self._ends: list[NetemControl] = []
-        self._applied: list[tuple[int, float, float]] = []
+        self._applied: list[tuple[int, list[float]]] = []
+        """Monotonic time, delays up and down [ms], losses up and down (0 or 1)."""
         self._failure: str | None = None
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
@@ -176,20 +185,21 @@ class NetemShaper:
             raise
 
     def apply(self) -> None:
-        """From adding nothing to the profile's value at time 0."""
-        self._set(0.0)
+        """From adding nothing to the profile's value at time 0; no burst before the run."""
+        self._set(0.0, -1.0)
 
-    def _set(self, run_time_s: float) -> None:
+    def _set(self, run_time_s: float, burst_time_s: float) -> None:
         delays = self._profile.delays_ms(run_time_s)
-        for end, delay_ms, limit, rate in zip(
-            self._ends, delays, self._limits, self._rates, strict=True
+        lost = [bursts is not None and bursts.lost_at(burst_time_s) for bursts in self._bursts]
+        for end, delay_ms, limit, rate, all_lost in zip(
+            self._ends, delays, self._limits, self._rates, lost, strict=True
         ):
-            end.set(NetemSettings(delay_ms, limit, rate))
-        self._applied.append((time.monotonic_ns(), *delays))
+            end.set(NetemSettings(delay_ms, limit, rate, all_lost))
+        self._applied.append((time.monotonic_ns(), [*delays, *map(float, lost)]))
 
     def start(self, t0_ns: int) -> None:
-        """Follows the profile from `t0_ns` on; a constant one needs nothing more."""
-        if self._profile.duration == 0.0:
+        """Follows the profile from `t0_ns` on; a constant one without bursts needs nothing more."""
+        if self._profile.duration == 0.0 and not any(self._bursts):
             return
         self._thread = threading.Thread(
             target=self._follow, args=(t0_ns,), name="netem", daemon=True
@@ -207,11 +217,15 @@ class NetemShaper:
             while not self._stopped.is_set():
                 # The middle of the step to come: on a slope the error is half a step either way.
                 now_s = (time.monotonic_ns() - t0_ns) / 1e9
-                self._set(max(0.0, now_s + STEP_S / 2))
-                if end_s is not None and now_s > end_s:
+                self._set(max(0.0, now_s + STEP_S / 2), now_s)
+                if now_s >= step * STEP_S:
+                    step = max(step + 1, int(now_s / STEP_S) + 1)
+                next_s = min((b.turns_s for b in self._bursts if b), default=math.inf)
+                if end_s is None or now_s <= end_s:
+                    next_s = min(next_s, step * STEP_S)
+                if next_s == math.inf:
                     return
-                step = max(step + 1, int(now_s / STEP_S) + 1)
-                self._stopped.wait(max(0.0, t0_ns / 1e9 + step * STEP_S - time.monotonic()))
+                self._stopped.wait(max(0.0, t0_ns / 1e9 + next_s - time.monotonic()))
         except SlambedError as error:
             self._failure = str(error)
 
@@ -225,14 +239,18 @@ class NetemShaper:
         """Removes the pair; reports what was set when, and what the kernel dropped."""
         drops = {"up": _dropped(self._mobile), "down": _dropped(self._edge)}
         self.abort()
-        times = np.array([(at - t0_ns) / 1e9 for at, _, _ in self._applied])
+        times = np.array([(at - t0_ns) / 1e9 for at, _ in self._applied])
+        applied = np.array([values for _, values in self._applied]).reshape(-1, 4)
         series = {
-            "applied_up_ms": (times, np.array([up for _, up, _ in self._applied])),
-            "applied_down_ms": (times, np.array([down for _, _, down in self._applied])),
+            "applied_up_ms": (times, applied[:, 0]),
+            "applied_down_ms": (times, applied[:, 1]),
             "drops_up": (times[-1:], np.array([float(drops["up"])])),
             "drops_down": (times[-1:], np.array([float(drops["down"])])),
         }
-        steps = np.diff(times[times >= 0]) * 1e3
+        if any(self._bursts):
+            series |= {"lost_up": (times, applied[:, 2]), "lost_down": (times, applied[:, 3])}
+        end_s = math.inf if self._profile.duration is None else self._profile.duration
+        steps = np.diff(times[(times >= 0) & (times <= end_s)]) * 1e3
         details = LinkDetails(updates=len(self._applied))
         if len(steps):
             longest_ms = round(float(steps.max()), 2)
@@ -269,7 +287,7 @@ def _limits(profile: Profile) -> list[int]:
 
 
 def _dropped(namespace: Path) -> int:
-    """Packets that netem threw away because its queue was full."""
+    """Packets that netem threw away: its queue was full, or a burst."""
 
     def work(netlink: Any) -> int:
         (index,) = netlink.link_lookup(ifname=DEVICE)

@@ -41,10 +41,12 @@ class NetemSettings:
     limit_packets: int
     rate_bytes_per_s: int
     """Always given, however high: with a rate netem keeps packets in order when the delay falls."""
+    lost: bool = False
+    """All packets that come are lost."""
 
     def options(self) -> bytes:
         """struct tc_netem_qopt and its attributes."""
-        plain = struct.pack("=6I", 0, self.limit_packets, 0, 0, 0, 0)
+        plain = struct.pack("=6I", 0, self.limit_packets, LONGEST_U32 * self.lost, 0, 0, 0)
         short = min(self.rate_bytes_per_s, LONGEST_U32)
         rate = _attribute(TCA_NETEM_RATE, struct.pack("=IiIi", short, 0, 0, 0))
         rate64 = _attribute(TCA_NETEM_RATE64, struct.pack("=Q", self.rate_bytes_per_s))

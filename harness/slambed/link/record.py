@@ -15,6 +15,7 @@ from slambed.spec.device import VIRTUAL
 SERIES = [
     "asked_rtt_ms", "applied_up_ms", "applied_down_ms", "probe_rtt_ms", "probe_error_ms",
     "drops_up", "drops_down", "queue_bytes_up", "queue_bytes_down",
+    "lost_up", "lost_down",
 ]  # fmt: skip
 """Series of link.parquet (docs/formats.md, "Link log")."""
 ASKED_STEP_S = 0.1
