@@ -41,11 +41,11 @@ class Relay {
   TunDevice edge_;
   Pipe up_;
   Pipe down_;
-  Descriptor epoll_;
-  Descriptor timer_;
-  Descriptor signals_;
-  Descriptor parent_;    ///< readable once the harness has ended, after kill -9 too
-  std::string command_;  ///< what came of the next line so far
+  FileDescriptor epoll_;
+  FileDescriptor timer_;
+  FileDescriptor signals_;
+  FileDescriptor parent_;  ///< readable once the harness has ended, after kill -9 too
+  std::string command_;    ///< what came of the next line so far
   bool real_time_ = false;
   bool started_ = false;
   bool stopped_ = false;

@@ -41,11 +41,11 @@ class NamespaceVisit {
   NamespaceVisit& operator=(const NamespaceVisit&) = delete;
 
  private:
-  Descriptor home_;
+  FileDescriptor home_;
 };
 
-Descriptor open_namespace(const EndOptions& end) {
-  Descriptor fd(open(end.network_namespace.c_str(), O_RDONLY | O_CLOEXEC));
+FileDescriptor open_namespace(const EndOptions& end) {
+  FileDescriptor fd(open(end.network_namespace.c_str(), O_RDONLY | O_CLOEXEC));
   if (fd.get() < 0) {
     refuse("cannot open the network namespace", end.network_namespace,
            "start the node first and run as root");
@@ -82,7 +82,7 @@ void disable_ipv6(const std::string& name) {
 }
 
 void configure(const EndOptions& end, const RelayOptions& options) {
-  const Descriptor control(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const FileDescriptor control(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (control.get() < 0) refuse("cannot open a socket", "device " + end.device, "run as root");
   disable_ipv6(end.device);
   ifreq request = request_for(end.device);
@@ -106,20 +106,11 @@ void configure(const EndOptions& end, const RelayOptions& options) {
 
 }  // namespace
 
-Descriptor::~Descriptor() {
-  if (fd_ >= 0) close(fd_);
-}
-
-Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
 TunDevice::TunDevice(const EndOptions& end, const RelayOptions& options)
     : name_(end.device), namespace_(open_namespace(end)) {
   const NamespaceVisit visit(namespace_.get());
   // After setns: a TUN file belongs to the namespace it was opened in.
-  tun_ = Descriptor(open("/dev/net/tun", O_RDWR | O_NONBLOCK | O_CLOEXEC));
+  tun_ = FileDescriptor(open("/dev/net/tun", O_RDWR | O_NONBLOCK | O_CLOEXEC));
   if (tun_.get() < 0) {
     refuse("cannot open /dev/net/tun", end.network_namespace,
            "load the tun module and run as root, or use link backend netem");

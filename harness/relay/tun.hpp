@@ -4,24 +4,10 @@
 #include <cstdint>
 #include <string>
 
+#include "base/fd.hpp"
 #include "config.hpp"
 
 namespace slambed::relay {
-
-/// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor();
-  Descriptor(Descriptor&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
-  Descriptor& operator=(Descriptor&& other) noexcept;
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 /// What the kernel threw away between a socket and us, counted by the device.
 struct DeviceDrops {
@@ -42,8 +28,8 @@ class TunDevice {
 
  private:
   std::string name_;
-  Descriptor namespace_;
-  Descriptor tun_;
+  FileDescriptor namespace_;
+  FileDescriptor tun_;
 };
 
 }  // namespace slambed::relay

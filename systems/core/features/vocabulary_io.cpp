@@ -13,6 +13,7 @@
 #include <string>
 
 #include "base/error.hpp"
+#include "base/files.hpp"
 #include "features/vocabulary.hpp"
 
 namespace slambed {
@@ -84,31 +85,14 @@ void Vocabulary::save(const std::filesystem::path& path) const {
   header.nodes = static_cast<std::uint32_t>(nodes_.size());
   header.words = static_cast<std::uint32_t>(words_);
   header.crc = crc_of(records);
-  std::filesystem::path part = path;
-  part += ".part";
-  {
-    std::ofstream out(part, std::ios::binary);
-    out.write(reinterpret_cast<const char*>(&header), sizeof header);
-    out.write(reinterpret_cast<const char*>(records.data()),
-              static_cast<std::streamsize>(records.size() * sizeof(Record)));
-    out.flush();
-    if (!out) throw environment_error("vocabulary " + path.string() + ": cannot be written");
-  }
-  std::filesystem::rename(part, path);
+  write_whole(path, {{reinterpret_cast<const std::uint8_t*>(&header), sizeof header},
+                     {reinterpret_cast<const std::uint8_t*>(records.data()),
+                      records.size() * sizeof(Record)}});
 }
 
 Vocabulary Vocabulary::load(const std::filesystem::path& path) {
-  const std::string source = path.string();
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw bad_input("vocabulary " + source + ": cannot be opened; check the path");
-  std::error_code error;
-  const auto size = std::filesystem::file_size(path, error);
-  if (error || size > sizeof(Header) + std::uintmax_t{kMaxNodes} * sizeof(Record))
-    throw damaged(source, "impossible size");
-  std::vector<std::uint8_t> bytes(size);
-  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-  if (!in) throw damaged(source, "cannot be read");
-  return parse(bytes, source);
+  const auto most = sizeof(Header) + std::uintmax_t{kMaxNodes} * sizeof(Record);
+  return parse(read_whole(path, "vocabulary", most), path.string());
 }
 
 Vocabulary Vocabulary::parse(std::span<const std::uint8_t> bytes, const std::string& source) {

@@ -1,22 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "node/pose_log.hpp"
 
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <memory>
-
-#include "base/error.hpp"
+#include "base/files.hpp"
 
 namespace slambed {
 namespace {
 
 class TumFile {
  public:
-  explicit TumFile(const std::filesystem::path& path)
-      : path_(path), file_(std::fopen(path.c_str(), "w"), &std::fclose) {
-    check(file_ != nullptr);
-    check(std::fprintf(file_.get(), "# timestamp tx ty tz qx qy qz qw (camera to world)\n") > 0);
+  explicit TumFile(const std::filesystem::path& path) : file_(path) {
+    file_.print("# timestamp tx ty tz qx qy qz qw (camera to world)\n");
   }
 
   void add(std::int64_t ns, const SE3& T_cw) {
@@ -24,22 +17,15 @@ class TumFile {
     Eigen::Quaterniond q = T_wc.quaternion();
     if (q.w() < 0) q.coeffs() = -q.coeffs();
     constexpr std::int64_t kSecond = 1'000'000'000;
-    check(std::fprintf(file_.get(), "%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
-                       static_cast<long long>(ns / kSecond), static_cast<long long>(ns % kSecond),
-                       T_wc.t.x(), T_wc.t.y(), T_wc.t.z(), q.x(), q.y(), q.z(), q.w()) > 0);
+    file_.print("%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
+                static_cast<long long>(ns / kSecond), static_cast<long long>(ns % kSecond),
+                T_wc.t.x(), T_wc.t.y(), T_wc.t.z(), q.x(), q.y(), q.z(), q.w());
   }
 
-  void close() { check(std::fclose(file_.release()) == 0); }
+  void close() { file_.close(); }
 
  private:
-  void check(bool good) const {
-    if (!good) {
-      throw environment_error(path_.string() + ": " + std::strerror(errno) +
-                              "; check the output folder's rights and the free space");
-    }
-  }
-  std::filesystem::path path_;
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+  TextFile file_;
 };
 
 }  // namespace

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "run/node_files.hpp"
 
-#include <fstream>
 #include <thread>
 
 #include "base/error.hpp"
+#include "base/files.hpp"
 #include "base/json_reader.hpp"
 #include "runtime/live/live_runtime.hpp"
 
@@ -69,16 +69,7 @@ fs::path prepare_node_folder(const fs::path& output, NodeRole role) {
 }
 
 void write_by_rename(const fs::path& path, const nlohmann::json& content) {
-  const fs::path partial = path.string() + ".partial";
-  {
-    std::ofstream file(partial);
-    file << content.dump(1) << '\n';
-    if (!file.flush()) {
-      throw environment_error(
-          path.string() + ": cannot be written; check the output folder's rights and free space");
-    }
-  }
-  fs::rename(partial, path);
+  write_whole(path, content.dump(1) + "\n");
 }
 
 std::optional<Duration> await_start(const fs::path& output, Duration peer_patience,

@@ -5,13 +5,12 @@
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <stdexcept>
 
+#include "base/fd.hpp"
 #include "sequence/frame_file.hpp"
 #include "wire/byte_io.hpp"
 #include "wire/mask_codec.hpp"
@@ -28,27 +27,23 @@ struct Failure : std::runtime_error {
 };
 
 [[noreturn]] void fail_with_errno(const std::string& what) {
-  throw Failure(what + ": " + std::strerror(errno));
+  throw Failure(what + ": " + error_text(errno));
 }
 
 /// Connects without waiting; what the kernel said. The path goes through the folder's descriptor,
 /// as a socket's address has room for 107 characters and run folders lie deep.
 bool connect_to(int fd, const std::filesystem::path& socket) {
-  const int folder = ::open(socket.parent_path().c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
-  if (folder < 0) return false;
+  const FileDescriptor folder(
+      ::open(socket.parent_path().c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+  if (!folder) return false;
   const std::string path =
-      "/proc/self/fd/" + std::to_string(folder) + "/" + socket.filename().string();
+      "/proc/self/fd/" + std::to_string(folder.get()) + "/" + socket.filename().string();
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   const bool fits = path.size() < sizeof address.sun_path;
   std::copy_n(path.c_str(), fits ? path.size() : 0, address.sun_path);
   errno = ENAMETOOLONG;
-  const bool connected =
-      fits && ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-  const int error = errno;
-  ::close(folder);
-  errno = error;
-  return connected;
+  return fits && ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
 }
 
 }  // namespace
@@ -59,10 +54,10 @@ Segmentation SegmenterClient::masks(std::uint64_t, std::span<const std::uint8_t>
   try {
     return {answered(jpeg, threshold), {}};
   } catch (const Failure& failure) {
-    hang_up();
+    fd_.reset();
     return {std::nullopt, failure.what()};
   } catch (const wire::DecodeError& error) {
-    hang_up();
+    fd_.reset();
     return {std::nullopt, std::string("nonsense was answered: ") + error.what()};
   }
 }
@@ -70,7 +65,7 @@ Segmentation SegmenterClient::masks(std::uint64_t, std::span<const std::uint8_t>
 FrameMasks SegmenterClient::answered(std::span<const std::uint8_t> jpeg, double threshold) {
   const auto sensor = sensor_();
   if (!sensor) throw Failure("the camera is unknown");
-  if (fd_ < 0) call();
+  if (!fd_) call();
   wire::ByteWriter question;
   question.u32(static_cast<std::uint32_t>(sizeof(float) + jpeg.size()));
   question.f32(static_cast<float>(threshold));
@@ -89,19 +84,14 @@ FrameMasks SegmenterClient::answered(std::span<const std::uint8_t> jpeg, double 
 }
 
 void SegmenterClient::call() {
-  fd_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (fd_ < 0) fail_with_errno("no socket");
-  if (!connect_to(fd_, options_.socket)) fail_with_errno("no segmenter answers");
-}
-
-void SegmenterClient::hang_up() {
-  if (fd_ >= 0) ::close(fd_);
-  fd_ = -1;
+  fd_ = FileDescriptor(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!fd_) fail_with_errno("no socket");
+  if (!connect_to(fd_.get(), options_.socket)) fail_with_errno("no segmenter answers");
 }
 
 void SegmenterClient::send(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
-    const ssize_t sent = ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    const ssize_t sent = ::send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     if (sent > 0) {
       bytes = bytes.subspan(static_cast<std::size_t>(sent));
     } else if (errno == EAGAIN) {
@@ -116,7 +106,7 @@ std::vector<std::uint8_t> SegmenterClient::receive(std::size_t size) {
   std::vector<std::uint8_t> bytes(size);
   std::size_t have = 0;
   while (have < size) {
-    const ssize_t came = ::recv(fd_, bytes.data() + have, size - have, 0);
+    const ssize_t came = ::recv(fd_.get(), bytes.data() + have, size - have, 0);
     if (came > 0) {
       have += static_cast<std::size_t>(came);
     } else if (came == 0) {
@@ -132,7 +122,7 @@ std::vector<std::uint8_t> SegmenterClient::receive(std::size_t size) {
 
 void SegmenterClient::wait_for(short what) const {
   const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline_ - Clock::now());
-  pollfd polled{.fd = fd_, .events = what, .revents = 0};
+  pollfd polled{.fd = fd_.get(), .events = what, .revents = 0};
   if (left.count() <= 0 || ::poll(&polled, 1, static_cast<int>(left.count())) == 0)
     throw Failure("the segmenter took longer than " +
                   std::to_string(std::chrono::milliseconds(

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/fd.hpp"
 #include "base/time.hpp"
 #include "features/feature_set.hpp"
 #include "sequence/mask_source.hpp"
@@ -26,9 +27,6 @@ class SegmenterClient final : public MaskSource {
   /// sensor: asked for each picture, as the peer's camera is not known at first.
   SegmenterClient(SegmenterOptions options, SensorOf sensor)
       : options_(std::move(options)), sensor_(std::move(sensor)) {}
-  ~SegmenterClient() override { hang_up(); }
-  SegmenterClient(const SegmenterClient&) = delete;
-  SegmenterClient& operator=(const SegmenterClient&) = delete;
 
   Segmentation masks(std::uint64_t frame, std::span<const std::uint8_t> jpeg,
                      double threshold) override;
@@ -39,14 +37,13 @@ class SegmenterClient final : public MaskSource {
 
   FrameMasks answered(std::span<const std::uint8_t> jpeg, double threshold);
   void call();
-  void hang_up();
   void send(std::span<const std::uint8_t> bytes);
   std::vector<std::uint8_t> receive(std::size_t size);
   void wait_for(short what) const;
 
   SegmenterOptions options_;
   SensorOf sensor_;
-  int fd_ = -1;
+  FileDescriptor fd_;
   Clock::time_point deadline_{};
 };
 

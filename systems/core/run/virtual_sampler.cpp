@@ -1,28 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "run/virtual_sampler.hpp"
 
-#include "base/error.hpp"
-
 namespace slambed {
 namespace {
 
 constexpr Duration kPeriod = std::chrono::milliseconds(100);
 
-Error refused(const std::filesystem::path& path) {
-  return environment_error(path.string() +
-                           ": cannot be written; check the output folder's rights and free space");
-}
-
 }  // namespace
 
 VirtualSampler::VirtualSampler(Simulator& simulator, std::vector<SampledNode> nodes,
                                const std::filesystem::path& path)
-    : simulator_(simulator),
-      nodes_(std::move(nodes)),
-      last_cpu_(nodes_.size()),
-      path_(path),
-      file_(std::fopen(path.c_str(), "w"), &std::fclose) {
-  if (!file_) throw refused(path_);
+    : simulator_(simulator), nodes_(std::move(nodes)), last_cpu_(nodes_.size()), file_(path) {
   plan();
 }
 
@@ -39,10 +27,10 @@ void VirtualSampler::sample() {
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Duration cpu = nodes_[i].runtime->cpu_time();
     const double percent = 100 * to_seconds(cpu - last_cpu_[i]) / to_seconds(now - last_);
-    std::fprintf(file_.get(),
-                 "{\"t_s\": %.9f, \"node\": \"%s\", \"cpu_s\": %.9f, \"cpu_percent\": %.6f, "
-                 "\"memory_mb\": null, \"throttled_s\": null, \"throttled_periods\": null}\n",
-                 to_seconds(now), nodes_[i].name.c_str(), to_seconds(cpu), percent);
+    file_.print(
+        "{\"t_s\": %.9f, \"node\": \"%s\", \"cpu_s\": %.9f, \"cpu_percent\": %.6f, "
+        "\"memory_mb\": null, \"throttled_s\": null, \"throttled_periods\": null}\n",
+        to_seconds(now), nodes_[i].name.c_str(), to_seconds(cpu), percent);
     last_cpu_[i] = cpu;
   }
   last_ = now;
@@ -50,7 +38,7 @@ void VirtualSampler::sample() {
 
 void VirtualSampler::finish() {
   sample();
-  if (std::fflush(file_.get()) != 0) throw refused(path_);
+  file_.flush();
 }
 
 }  // namespace slambed

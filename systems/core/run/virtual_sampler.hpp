@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdio>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
+#include "base/files.hpp"
 #include "runtime/virtual/virtual_runtime.hpp"
 
 namespace slambed {
@@ -33,8 +32,7 @@ class VirtualSampler {
   std::vector<SampledNode> nodes_;
   std::vector<Duration> last_cpu_;
   RunTime last_{};
-  std::filesystem::path path_;
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+  TextFile file_;
 };
 
 }  // namespace slambed

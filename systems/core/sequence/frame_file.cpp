@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sequence/frame_file.hpp"
 
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -45,13 +42,6 @@ void write(std::ofstream& file, std::span<const std::uint8_t> bytes) {
 FrameFile::FrameFile(Kind kind, std::filesystem::path path, std::uint64_t frames)
     : kind_(std::move(kind)), path_(std::move(path)), frames_(frames) {}
 
-FrameFile::~FrameFile() { close(); }
-
-void FrameFile::close() {
-  if (file_.data()) ::munmap(const_cast<std::uint8_t*>(file_.data()), file_.size());
-  file_ = {};
-}
-
 void FrameFile::open_or_make(const std::string& key, const Make& make) {
   if (open(key)) return;
   make_all(key, make);
@@ -89,25 +79,16 @@ void FrameFile::make_all(const std::string& key, const Make& make) const {
   std::error_code error;
   if (file) std::filesystem::rename(part, path_, error);
   if (!file || error) {
+    const Error refused = cannot_write(path_);
     std::filesystem::remove(part, error);
-    throw environment_error(kind_.name + " " + path_.string() +
-                            ": cannot be written; check the folder's rights and free space");
+    throw refused;
   }
 }
 
 bool FrameFile::open(const std::string& key) {
-  const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return false;
-  struct stat status {};
-  void* data = MAP_FAILED;
-  std::size_t size = 0;
-  if (::fstat(fd, &status) == 0 && status.st_size > 0) {
-    size = static_cast<std::size_t>(status.st_size);
-    data = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd, 0);
-  }
-  ::close(fd);
-  if (data == MAP_FAILED) return false;
-  file_ = {static_cast<const std::uint8_t*>(data), size};
+  mapped_ = MappedFile::open(path_);
+  file_ = mapped_.bytes();
+  const std::size_t size = file_.size();
   offsets_at_ = (kHeaderBytes + key.size() + 7) / 8 * 8;
   const std::size_t table_bytes = (frames_ + 1) * sizeof(std::uint64_t);
   const bool good = size >= offsets_at_ + table_bytes &&
@@ -117,8 +98,10 @@ bool FrameFile::open(const std::string& key) {
                     read_at<std::uint32_t>(file_, 16) == key.size() &&
                     std::memcmp(file_.data() + kHeaderBytes, key.data(), key.size()) == 0 &&
                     offset(frames_) == size;
-  if (!good) close();
-  return good;
+  if (good) return true;
+  file_ = {};
+  mapped_ = {};
+  return false;
 }
 
 std::uint64_t FrameFile::offset(std::uint64_t frame) const {

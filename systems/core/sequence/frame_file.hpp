@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "base/files.hpp"
+
 namespace slambed {
 
 /// A file with one block of bytes per frame of a sequence, made once and mapped by all later runs.
@@ -37,9 +39,6 @@ class FrameFile {
   static std::optional<Block> parse(std::span<const std::uint8_t> bytes);
 
   FrameFile(Kind kind, std::filesystem::path path, std::uint64_t frames);
-  ~FrameFile();
-  FrameFile(const FrameFile&) = delete;
-  FrameFile& operator=(const FrameFile&) = delete;
 
   /// Maps the file; false when there is none for these frames and this key (everything that the
   /// blocks depend on).
@@ -53,14 +52,14 @@ class FrameFile {
   [[noreturn]] void refuse(std::uint64_t frame, const std::string& what) const;
 
  private:
-  void close();
   void make_all(const std::string& key, const Make& make) const;
   std::uint64_t offset(std::uint64_t frame) const;
 
   Kind kind_;
   std::filesystem::path path_;
   std::uint64_t frames_ = 0;
-  std::span<const std::uint8_t> file_;
+  MappedFile mapped_;
+  std::span<const std::uint8_t> file_;  ///< its bytes
   std::size_t offsets_at_ = 0;
 };
 

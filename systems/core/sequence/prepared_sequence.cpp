@@ -1,17 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sequence/prepared_sequence.hpp"
 
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <bit>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 
 #include "base/error.hpp"
+#include "base/fd.hpp"
 #include "base/json_reader.hpp"
 #include "runtime/frame_header.hpp"
 
@@ -58,10 +55,6 @@ PreparedSequence::PreparedSequence(std::filesystem::path folder) : folder_(std::
   read_index();
   map_frames();
   verify(0);
-}
-
-PreparedSequence::~PreparedSequence() {
-  if (data_) ::munmap(const_cast<std::uint8_t*>(data_), data_bytes_);
 }
 
 void PreparedSequence::read_header() {
@@ -141,27 +134,21 @@ void PreparedSequence::read_index() {
 
 void PreparedSequence::map_frames() {
   const auto path = folder_ / "frames.bin";
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) {
-    throw bad_input(path.string() + ": " + std::strerror(errno) + "; prepare the sequence again");
+  file_ = MappedFile::open(path);
+  if (!file_ && errno == ENOMEM) {
+    throw environment_error(path.string() + ": cannot be mapped: " + error_text(errno) +
+                            "; raise the limit of address space");
   }
-  struct stat info {};
-  const bool known = ::fstat(fd, &info) == 0;
-  const auto size = static_cast<std::uint64_t>(info.st_size);
-  if (!known || size != frame_count_ * stride_bytes_) {
-    ::close(fd);
+  if (!file_) {
+    throw bad_input(path.string() + ": " + error_text(errno) + "; prepare the sequence again");
+  }
+  const std::uint64_t size = file_.bytes().size();
+  if (size != frame_count_ * stride_bytes_) {
     throw bad_input(path.string() + ": has " + std::to_string(size) + " bytes, not " +
                     std::to_string(frame_count_ * stride_bytes_) + "; prepare the sequence again");
   }
-  void* data = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd, 0);
-  ::close(fd);
-  if (data == MAP_FAILED) {
-    throw environment_error(path.string() + ": cannot be mapped: " + std::strerror(errno) +
-                            "; raise the limit of address space");
-  }
-  data_ = static_cast<const std::uint8_t*>(data);
-  data_bytes_ = size;
-  ::madvise(data, data_bytes_, MADV_SEQUENTIAL);
+  data_ = file_.bytes().data();
+  file_.read_ahead();
 }
 
 PreparedSequence::Frame PreparedSequence::frame(std::uint64_t index) const {

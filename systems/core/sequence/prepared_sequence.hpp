@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/files.hpp"
 #include "features/feature_set.hpp"
 #include "features/image.hpp"
 #include "geometry/camera.hpp"
@@ -31,7 +32,6 @@ class PreparedSequence {
   /// Checks header, sizes, time stamps and the first frame's checksum. bad_input when the folder is
   /// no such sequence or is damaged.
   explicit PreparedSequence(std::filesystem::path folder);
-  ~PreparedSequence();
   PreparedSequence(const PreparedSequence&) = delete;
   PreparedSequence& operator=(const PreparedSequence&) = delete;
 
@@ -67,8 +67,8 @@ class PreparedSequence {
   std::size_t stride_bytes_ = 0;
   std::vector<std::int64_t> timestamps_ns_;
   std::vector<std::uint32_t> checksums_;
-  const std::uint8_t* data_ = nullptr;
-  std::size_t data_bytes_ = 0;
+  MappedFile file_;
+  const std::uint8_t* data_ = nullptr;  ///< its bytes
 };
 
 }  // namespace slambed

@@ -2,37 +2,13 @@
 #include "store/map_export.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <functional>
-#include <memory>
 #include <vector>
 
-#include "base/error.hpp"
+#include "base/files.hpp"
 
 namespace slambed {
 namespace {
-
-class TextFile {
- public:
-  explicit TextFile(std::filesystem::path path)
-      : path_(std::move(path)), file_(std::fopen(path_.c_str(), "w"), &std::fclose) {
-    check(file_ != nullptr);
-  }
-  template <typename... Values>
-  void print(const char* format, Values... values) {
-    check(std::fprintf(file_.get(), format, values...) >= 0);
-  }
-  void close() { check(std::fclose(file_.release()) == 0); }
-
- private:
-  void check(bool good) const {
-    if (!good)
-      throw environment_error(path_.string() +
-                              ": cannot be written; check the folder's rights and the free space");
-  }
-  std::filesystem::path path_;
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
-};
 
 struct Stamped {
   double timestamp_s;

@@ -6,10 +6,10 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <fstream>
 #include <vector>
 
 #include "base/error.hpp"
+#include "base/files.hpp"
 #include "map/map_snapshot.hpp"
 #include "wire/delta_codec.hpp"
 #include "wire/message_type.hpp"
@@ -121,31 +121,11 @@ StoredMap decode_map(std::span<const std::uint8_t> bytes, const std::string& sou
 
 void save_map(const Map& map, const MapInfo& info, const std::filesystem::path& path) {
   const wire::Bytes bytes = encode_map(map, info);
-  std::filesystem::path part = path;
-  part += ".part";
-  {
-    std::ofstream out(part, std::ios::binary);
-    out.write(reinterpret_cast<const char*>(bytes.data()),
-              static_cast<std::streamsize>(bytes.size()));
-    out.flush();
-    if (!out)
-      throw environment_error("map " + path.string() +
-                              ": cannot be written; check the folder's rights and the free space");
-  }
-  std::filesystem::rename(part, path);
+  write_whole(path, {bytes});
 }
 
 StoredMap load_map(const std::filesystem::path& path) {
-  const std::string source = path.string();
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw bad_input("map " + source + ": cannot be opened; check the path");
-  std::error_code error;
-  const auto size = std::filesystem::file_size(path, error);
-  if (error || size > kMaxBytes) throw damaged(source, "has an impossible size");
-  wire::Bytes bytes(size);
-  in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-  if (!in) throw damaged(source, "cannot be read");
-  return decode_map(bytes, source);
+  return decode_map(read_whole(path, "map", kMaxBytes), path.string());
 }
 
 }  // namespace slambed

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
+#include "base/files.hpp"
 #include "synth/sha256.hpp"
 
 namespace slambed::synth {
@@ -19,13 +20,6 @@ using nlohmann::json;
 
 constexpr std::size_t kAlignment_bytes = 4096;
 constexpr std::uint32_t kDuplicate = 1;
-
-void write_file(const fs::path& file, const std::string& content) {
-  std::ofstream out(file, std::ios::binary);
-  out << content;
-  out.close();
-  if (!out) throw environment_error(file.string() + " cannot be written; is the disk full?");
-}
 
 template <typename Value>
 void append_value(std::string& bytes, Value value) {
@@ -90,7 +84,7 @@ void SequenceWriter::add(std::int64_t timestamp_ns, const FrameBlock& block, con
 }
 
 void SequenceWriter::add_file(const std::string& name, const std::string& content) {
-  write_file(partial_ / name, content);
+  write_whole(partial_ / name, content);
 }
 
 void SequenceWriter::finish(const json& source) {
@@ -102,8 +96,8 @@ void SequenceWriter::finish(const json& source) {
     append_value(index, entry.crc32);
     append_value(index, entry.flags);
   }
-  write_file(partial_ / "index.bin", index);
-  write_file(partial_ / "groundtruth.txt", groundtruth_);
+  write_whole(partial_ / "index.bin", index);
+  write_whole(partial_ / "groundtruth.txt", groundtruth_);
   const Camera& c = header_.camera;
   json header = {
       {"format", "slambed-sequence"},
@@ -129,7 +123,7 @@ void SequenceWriter::finish(const json& source) {
   };
   header["checksum"] = sha256_hex(index + header.dump());
   header["source"] = source;
-  write_file(partial_ / "sequence.json", header.dump(2) + "\n");
+  write_whole(partial_ / "sequence.json", header.dump(2) + "\n");
   std::error_code refused;
   fs::remove_all(folder_, refused);
   fs::rename(partial_, folder_, refused);

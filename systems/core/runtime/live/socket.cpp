@@ -11,7 +11,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <system_error>
 
 #include "base/error.hpp"
 
@@ -63,13 +62,6 @@ bool set_int(int fd, int level, int name, int value) {
 }
 
 }  // namespace
-
-void FileDescriptor::reset() {
-  if (fd_ >= 0) ::close(fd_);
-  fd_ = -1;
-}
-
-std::string error_text(int error_number) { return std::system_category().message(error_number); }
 
 void check_address(const Endpoint& endpoint) { parse(endpoint); }
 

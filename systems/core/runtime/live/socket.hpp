@@ -4,34 +4,11 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <utility>
 
+#include "base/fd.hpp"
 #include "base/time.hpp"
 
 namespace slambed {
-
-/// Owns one file descriptor.
-class FileDescriptor {
- public:
-  FileDescriptor() = default;
-  explicit FileDescriptor(int fd) : fd_(fd) {}
-  FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
-    if (this != &other) {
-      reset();
-      fd_ = std::exchange(other.fd_, -1);
-    }
-    return *this;
-  }
-  ~FileDescriptor() { reset(); }
-
-  int get() const { return fd_; }
-  explicit operator bool() const { return fd_ >= 0; }
-  void reset();
-
- private:
-  int fd_ = -1;
-};
 
 struct Endpoint {
   std::string address;  ///< IPv4 or IPv6 in numbers
@@ -60,7 +37,5 @@ void acknowledge_now(int fd);
 std::optional<Duration> smoothed_rtt(int fd);
 /// Bytes handed to the kernel that the peer has not acknowledged.
 std::uint64_t unacknowledged_bytes(int fd);
-
-std::string error_text(int error_number);
 
 }  // namespace slambed
