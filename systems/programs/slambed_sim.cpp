@@ -24,10 +24,10 @@ int simulate(int argc, char** argv) {
   app.add_flag_callback(
       "--machine",
       [] {
-        std::cout << machine_json() << std::endl;
+        std::cout << machine_json(SLAMBED_LIBRARIES) << std::endl;
         throw CLI::Success();
       },
-      "what results hang on besides the inputs, as JSON");
+      "what results hang on besides inputs and sources, as JSON: it is in the run key");
   std::filesystem::path config;
   std::filesystem::path messages;
   auto* source = app.add_option_group("source")->require_option(1);

@@ -5,12 +5,16 @@ What builds the programs calls this before there are any packages: the standard 
 """
 
 import hashlib
+import json
+import re
+import subprocess
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 from slambed import __version__
 from slambed.errors import environment_error
-from slambed.native import find_program, repository_root
+from slambed.native import SIMULATION, find_program, repository_root
 from slambed.spec.linked import linked_hash
 
 ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", "docker")
@@ -18,6 +22,8 @@ ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", 
 LEFT_OUT_FOLDERS = {"tests", "bench", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 STAMP = "sources.sha256"
+MACHINE = "@"
+"""Between sources and machine in the tag of a virtual run's software."""
 
 
 def source_hash(root: Path | None = None) -> str:
@@ -52,6 +58,8 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
 
     `make build` leaves a stamp beside the programs. A stamp of other sources means the programs
     are stale; programs without one (a developer's own build) are named by their own bytes.
+    A virtual run's tag goes on with what the simulation was compiled for, by what and with which
+    libraries: the same sources give the same bytes where these are the same (docs/virtual.md).
     """
     path = find_program(program)
     stamp = path.parent / STAMP
@@ -59,7 +67,21 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
         return f"{__version__}+bin.{hashlib.sha256(path.read_bytes()).hexdigest()[:12]}"
     if stamp.read_text().strip() != source_hash(root):
         raise environment_error(f"{path} is older than the sources; run 'make build'")
-    return image_software(root)
+    machine = _machine(path, path.stat().st_mtime_ns) if program == SIMULATION else ""
+    return image_software(root) + machine
+
+
+@cache
+def _machine(simulation: Path, _mtime_ns: int) -> str:
+    """`@x86_64-sse2-gcc12.2.0-...`, as the program says it. Once for a campaign, not for a run."""
+    try:
+        done = subprocess.run([simulation, "--machine"], capture_output=True, check=True)
+        facts: dict[str, str] = json.loads(done.stdout)
+    except (OSError, subprocess.CalledProcessError, ValueError):
+        line = f"{simulation} does not say what it was compiled for; run 'make build'"
+        raise environment_error(line) from None
+    words = (word for text in facts.values() for word in text.split(","))
+    return MACHINE + "-".join(re.sub(r"[^\w.]", "", word) for word in words)
 
 
 def software_of_systems(
@@ -67,10 +89,13 @@ def software_of_systems(
 ) -> dict[str, str]:
     """System -> tag of the sources that it links, where `software` is that of this checkout; for
     programs of unknown sources nothing more is known than their own name."""
-    if software != image_software(root):
+    sources, at, machine = software.partition(MACHINE)
+    if sources != image_software(root):
         return {}
     linked = {system: linked_hash(system, root) for system in systems}
-    return {name: f"{__version__}+{tag}" for name, tag in linked.items() if tag is not None}
+    return {
+        name: f"{__version__}+{tag}{at}{machine}" for name, tag in linked.items() if tag is not None
+    }
 
 
 if __name__ == "__main__":
