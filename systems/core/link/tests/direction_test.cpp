@@ -199,6 +199,22 @@ TEST(Direction, BurstsInTimeComeAndGoWhateverIsSent) {
   EXPECT_NEAR(burst_ms, 200, 3 * 200 / std::sqrt(909.0));
 }
 
+TEST(Direction, BurstsInTimeAreThoseOfTheHarness) {
+  // Backend netem is switched by the harness at these times: test_link_bursts.py has the same.
+  constexpr std::int64_t kTurns_ns[2][6] = {
+      {80'247'019, 180'761'820, 1'320'400'379, 1'457'263'917, 1'673'072'515, 1'851'620'767},
+      {889'268'368, 1'483'319'504, 4'201'529'243, 4'355'098'889, 6'842'238'566, 7'003'469'677}};
+  for (const std::uint64_t direction : {0u, 1u}) {
+    LossModel model({.mean_good_ns = 2.0 * kSecond, .mean_bad_ns = 0.2 * kSecond}, 3, direction);
+    bool lost = false;
+    for (const std::int64_t turn_ns : kTurns_ns[direction]) {
+      EXPECT_EQ(model.drop(turn_ns - 2), lost) << turn_ns;
+      lost = !lost;
+      EXPECT_EQ(model.drop(turn_ns + 2), lost) << turn_ns;
+    }
+  }
+}
+
 TEST(Direction, BurstsInTimeBeginWithTheRun) {
   DirectionOptions options = delays({0});
   options.loss = LossOptions{.mean_good_ns = 1e-6, .mean_bad_ns = 1e18};
