@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what docs/ say that follows from the list of metrics, from records and from CMake.
+"""Writes what docs/ say that follows from the list of metrics, from records and from CMake, and
+what the C++ of each system takes from its system.yaml.
 
     python -m slambed.document
 
-Each stands between two comments; a test fails when they are not what the code says.
+In docs/ each stands between two comments; a test fails when something is not what its source says.
 """
 
 from pathlib import Path
@@ -14,6 +15,7 @@ from slambed.native import repository_root
 from slambed.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
 from slambed.spec.linked import below, floors_of
+from slambed.spec.parameter_header import HEADER, parameter_header
 
 COMMAND = "python -m slambed.document"
 TABLES = {
@@ -96,8 +98,21 @@ def renewed(text: str, names: tuple[str, ...]) -> str:
     return text
 
 
+def headers() -> dict[Path, str]:
+    """The C++ of each of our systems' parameters, and where it stands."""
+    library = Library()
+    found = ((name, library.system(name)) for name in library.systems())
+    return {
+        library.system_file(name).parent / HEADER: parameter_header(system)
+        for name, system in found
+        if system.runtime is None
+    }
+
+
 def main() -> None:
-    """Renews every page."""
+    """Renews every page and header."""
+    for path, text in headers().items():
+        path.write_text(text, encoding="utf-8")
     docs: Path = repository_root() / "docs"
     for page, names in TABLES.items():
         path = docs / page

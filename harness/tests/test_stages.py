@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A system's own stages cost what those cost that it names; no device file has to know them."""
 
+import threading
 from pathlib import Path
 
 import pytest
 from harness_parts import EXPERIMENT, write_library
+from virtual_parts import make_sequence, needs_programs, plan_of, played_of, write_experiment
 
-from slambed.engines.virtual import sim_config
+from slambed.engines.virtual import VirtualRun, sim_config
 from slambed.errors import SlambedError
+from slambed.metrics.events import read_events
+from slambed.native import find_program
 from slambed.spec.device import Accelerator, CostModel, StageCost
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, NamedProfile, expand
@@ -22,6 +26,17 @@ model:
   stages:
     extract: {a_us: 1000}
     track: {a_us: 100, b_us: 2, c_us: 0.5, jitter: 0.2}
+"""
+EXAMPLE = """\
+id: walk
+title: The example, whose edge is slow
+systems: [{{system: example_backpressure, label: example}}]
+datasets: [{sequence}]
+playback: {{mode: realtime, fps: 10}}
+link: {{profiles: [none]}}
+devices: {{mobile: host, edge: {{device: host, name: slow, cores: 1, speed: 0.03}}}}
+engine: virtual
+runs: {{default: {runs}}}
 """
 WEIGH = "stages: {weigh: {doc: the queue, cost_as: track, factor: 0.5}}\n"
 
@@ -119,3 +134,24 @@ def test_every_stage_of_ours_has_a_cost_on_the_devices_that_know_its_base() -> N
     for name in library.systems():
         stages = library.system(name).stages
         assert {stage.cost_as for stage in stages.values()} <= known | stages.keys(), name
+
+
+@needs_programs
+def test_the_examples_own_stage_is_charged_though_no_device_file_knows_it(tmp_path: Path) -> None:
+    library = Library()
+    for name in library.devices():
+        model = library.device(name).model
+        assert model is None or "tell_backlog" not in model.stages
+    plan = plan_of(write_experiment(tmp_path, make_sequence(tmp_path / "walk"), 1, EXAMPLE))
+    (spec,) = plan.specs
+    ((path, played_s),) = played_of(plan).values()
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    run = VirtualRun(spec, path, played_s, raw, find_program("slambed-sim"), None)
+    result = run.execute(threading.Event())
+    assert result.outcome == "completed", result.reason
+    log = read_events(raw)
+    charged = [e for e in log.stages("edge", "tell_backlog")]
+    told = [e for e in log.of("message", node="mobile") if e["channel"] == "backlog"]
+    assert charged and {e["message"] for e in told} == {"BACKLOG"}
+    assert all(0 < e["wall_ms"] < 1 for e in charged)

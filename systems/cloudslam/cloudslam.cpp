@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "cloudslam/parameters.hpp"
 #include "cloudslam/policies.hpp"
 #include "node/tracking_options.hpp"
 #include "offload/settings.hpp"
@@ -31,14 +32,14 @@ StrategyOptions strategy_options(const Parameters& parameters) {
 }
 
 RemoteMappingOptions remote_mapping_options(const Parameters& parameters) {
-  RemoteMappingOptions options;
-  options.prior_map = parameters.text("prior_map");
-  options.queue = parameters.integer("remote_queue");
-  options.mapper.place_candidates = parameters.integer("place_candidates");
-  options.mapper.near_candidates = parameters.integer("near_candidates");
-  options.mapper.search_radius_m = parameters.real("search_radius_m");
-  options.codec = message_codec(parameters);
-  return options;
+  RemoteMapperOptions mapper;
+  mapper.place_candidates = parameters.integer("place_candidates");
+  mapper.near_candidates = parameters.integer("near_candidates");
+  mapper.search_radius_m = parameters.real("search_radius_m");
+  return {.prior_map = parameters.text("prior_map"),
+          .queue = parameters.integer("remote_queue"),
+          .mapper = mapper,
+          .codec = message_codec(parameters)};
 }
 
 }  // namespace cloudslam
@@ -48,31 +49,7 @@ System cloudslam_system() {
   system.name = "cloudslam";
   system.sensors = {SensorKind::kStereo, SensorKind::kRgbd};
   system.channels = {"control", "keyframe", "upload"};
-  system.parameters = {
-      ParameterSpec::integer("n_orb", 50, 10'000),
-      ParameterSpec::choice("strategy", cloudslam::kStrategies),
-      ParameterSpec::real("period_s", 0, 600),
-      ParameterSpec::real("distance_m", 0, 10'000),
-      ParameterSpec::real("correction_threshold_m", 0, 1000),
-      ParameterSpec::real("decrease", 0, 10),
-      ParameterSpec::real("increase", 0, 10),
-      ParameterSpec::real("distance_min_m", 0, 10'000),
-      ParameterSpec::real("distance_max_m", 0, 10'000),
-      ParameterSpec::real("window_s", 0, 600),
-      ParameterSpec::choice("back_propagation", {"graded", "rigid"}),
-      ParameterSpec::real("align_rate_hz", 0.1, 100),
-      ParameterSpec::real("align_timeout_s", 0, 600),
-      ParameterSpec::path("prior_map"),
-      ParameterSpec::real("search_radius_m", 0, 10'000),
-      ParameterSpec::integer("place_candidates", 0, 100),
-      ParameterSpec::integer("near_candidates", 0, 100),
-      ParameterSpec::integer("remote_queue", 1, 1000),
-      ParameterSpec::integer("keyframe_queue", 1, 1000),
-      ParameterSpec::integer("keyframe_bytes", 0, 50'000'000),
-      ParameterSpec::choice("codec", {"binary", "compatibility"}),
-      ParameterSpec::boolean("upload"),
-      ParameterSpec::boolean("second_hypotheses"),
-  };
+  system.parameters = cloudslam::parameter_specs();
   system.orb = orb_options;
   system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };
   system.sequential = [](const Parameters&) { return false; };

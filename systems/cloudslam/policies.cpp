@@ -60,8 +60,8 @@ void Vehicle::tell_distance(double seq_s) {
 void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
   const double seq_s = frame.played.seq_s();
   while (const auto message = keyframes_.try_receive()) {
-    const bool initial = is(*message, wire::MessageType::kInitialPose);
-    if (!initial && !is(*message, wire::MessageType::kPoseUpdate)) continue;
+    const bool initial = is(*message, wire::kInitialPose);
+    if (!initial && !is(*message, wire::kPoseUpdate)) continue;
     // Several keyframes were under way to be placed: the first answer says it.
     if (initial != (state_ == State::kAlign) || align_failed_) continue;
     if (const auto correction = poses_.apply(worker, *message, initial, seq_s))
@@ -122,7 +122,7 @@ void Vehicle::send_if_due(const TrackedFrame& frame, KeyFrameId keyframe) {
     first_s_ = moment.seq_s;
     align_failed_ = false;
   }
-  auto type = wire::MessageType::kKeyFrame;
+  auto type = wire::kKeyFrame;
   std::string_view reason = "strategy";
   if (state_ == State::kAlign) {
     if (!first && moment.seq_s - *first_s_ > align_timeout_s_ && !align_failed_) {
@@ -131,7 +131,7 @@ void Vehicle::send_if_due(const TrackedFrame& frame, KeyFrameId keyframe) {
     }
     if (align_failed_ || (!first && moment.seq_s - align_sent_s_ < align_gap_s_)) return;
     align_sent_s_ = moment.seq_s;
-    type = wire::MessageType::kTripStart;
+    type = wire::kTripStart;
     reason = first ? "trip_start" : "align";
   } else if (!strategy_.next(sending_, moment)) {
     return;
@@ -158,13 +158,13 @@ void Vehicle::upload(Worker& worker) {
   const auto keyframes =
       node_.tracker().map()->read([](const MapView& view) { return view.keyframe_ids(); });
   for (const KeyFrameId id : keyframes)
-    uploader_.send(wire::MessageType::kKeyFrame, id, worker.now(),
+    uploader_.send(wire::kKeyFrame, id, worker.now(),
                    JsonLine("keyframe_uploaded").add("keyframe", id.value));
   uploader_.written().wait(worker);
-  send(uploads_, wire::MessageType::kTripUpload);
+  send(uploads_, wire::kTripUpload);
   const RunTime deadline = worker.now() + kUploadPatience;
   while (const auto message = uploads_.receive(worker, deadline))
-    if (is(*message, wire::MessageType::kTripUpload)) return;
+    if (is(*message, wire::kTripUpload)) return;
   node_.log().warning("the edge did not say that the whole trip came");
 }
 

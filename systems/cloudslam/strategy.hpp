@@ -8,12 +8,12 @@ namespace slambed::cloudslam {
 enum class StrategyKind { kAll, kPeriodic, kDistance, kAdaptive, kNone };
 
 struct StrategyOptions {
-  StrategyKind kind = StrategyKind::kDistance;
-  double period_s = 5;
-  double distance_m = 20;             ///< adaptive: what it begins with
-  double correction_threshold_m = 2;  ///< adaptive: tau, the error that the user tolerates
-  double decrease = 0.9, increase = 1.01;
-  double distance_min_m = 1, distance_max_m = 500;
+  StrategyKind kind;
+  double period_s;
+  double distance_m;              ///< adaptive: what it begins with
+  double correction_threshold_m;  ///< adaptive: tau, the error that the user tolerates
+  double decrease, increase;
+  double distance_min_m, distance_max_m;
 };
 
 /// A keyframe as the strategies see it.

@@ -5,14 +5,12 @@ namespace slambed::dynnetslam {
 namespace {
 
 StrategyOptions strategy_options(const Parameters& parameters) {
-  StrategyOptions options;
-  options.hysteresis = parameters.boolean("hysteresis");
-  options.safe_zone = parameters.boolean("safe_zone");
-  options.limit_ms = parameters.real("l_ol_ms");
-  options.band_ms = parameters.real("b_ms");
   const double safe_ms = parameters.real("l_sz_ms");
-  if (safe_ms >= 0) options.safe_limit_ms = safe_ms;
-  return options;
+  return {.hysteresis = parameters.boolean("hysteresis"),
+          .safe_zone = parameters.boolean("safe_zone"),
+          .limit_ms = parameters.real("l_ol_ms"),
+          .band_ms = parameters.real("b_ms"),
+          .safe_limit_ms = safe_ms >= 0 ? std::optional(safe_ms) : std::nullopt};
 }
 
 LinkOptions link_options(const Parameters& parameters) {

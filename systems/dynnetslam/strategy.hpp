@@ -28,11 +28,11 @@ struct Thresholds {
 
 /// The paper's own parameters.
 struct StrategyOptions {
-  bool hysteresis = true;
-  bool safe_zone = true;
-  double limit_ms = 40;                 ///< L_OL
-  double band_ms = 10;                  ///< B, whole width of the hysteresis
-  std::optional<double> safe_limit_ms;  ///< L_SZ; absent: L_OL - B/2
+  bool hysteresis;
+  bool safe_zone;
+  double limit_ms;                        ///< L_OL
+  double band_ms;                         ///< B, whole width of the hysteresis
+  std::optional<double> safe_limit_ms{};  ///< L_SZ; absent: L_OL - B/2
 };
 
 /// Derives the limits of the four strategies (README.md has the table).

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam/edgeslam.hpp"
 
+#include "edgeslam/parameters.hpp"
 #include "offload/edge_slam.hpp"
-#include "offload/original_behaviour.hpp"
 
 namespace slambed {
 
 System edgeslam_system() {
-  auto specs = offload_parameters({"serial", "parallel", "parallel_waiting"});
-  for (ParameterSpec& one : original_parameters()) specs.push_back(std::move(one));
-  System system = offload_system("edgeslam", std::move(specs));
+  System system = offload_system("edgeslam", edgeslam::parameter_specs());
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo, SensorKind::kMono};
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<EdgeSlamMobile>(node, parameters);

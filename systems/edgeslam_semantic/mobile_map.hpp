@@ -16,8 +16,8 @@ namespace slambed::edgeslam_semantic {
 class MobileMap {
  public:
   struct Options {
-    int neighbours = 5;  ///< keyframes that a new one is triangulated with
-    int keyframes = 10;  ///< uploaded ones that stay where no slice comes
+    int neighbours;  ///< keyframes that a new one is triangulated with
+    int keyframes;   ///< uploaded ones that stay where no slice comes
   };
   MobileMap(MobileNode& node, Options options);
 

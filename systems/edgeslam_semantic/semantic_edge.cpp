@@ -10,10 +10,11 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
+/// Keyframes that may wait for the mapper: Edge-SLAM's, as the paper says none.
+constexpr int kQueueLimit = 3;
+
 EdgeMapperOptions mapper_options(const Parameters& parameters) {
-  EdgeMapperOptions options;
-  options.loop_closing = parameters.boolean("loop_closing");
-  return options;
+  return {.queue_limit = kQueueLimit, .loop_closing = parameters.boolean("loop_closing")};
 }
 
 }  // namespace
@@ -132,7 +133,7 @@ void SemanticEdge::take(Worker& worker, wire::SemanticKeyFrame message, const Me
 
 void SemanticEdge::answer_probes(Worker& worker) {
   while (const auto message = probes_.receive(worker, kNever))
-    if (is(*message, wire::MessageType::kProbe)) send(probes_, wire::AckMessage{message->sequence});
+    if (is(*message, wire::kProbe)) send(probes_, wire::AckMessage{message->sequence});
 }
 
 void SemanticEdge::segment(Worker& worker) {

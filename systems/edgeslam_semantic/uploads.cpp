@@ -103,11 +103,11 @@ void Uploads::probe(Worker& worker) {
   while (!worker.stopping()) {
     if (worker.now() >= next) {
       asked = worker.now();
-      waiting = slambed::send(probes_, wire::MessageType::kProbe, Bytes(kProbeBytes));
+      waiting = slambed::send(probes_, wire::kProbe, Bytes(kProbeBytes));
       next = asked + from_seconds(options_.probe_period_s);
     }
     const auto answer = probes_.receive(worker, next);
-    if (!answer || !is(*answer, wire::MessageType::kAck)) continue;
+    if (!answer || !is(*answer, wire::AckMessage::kType)) continue;
     const auto ack = read(node_.log(), *answer, wire::decode_ack);
     if (!ack || ack->sequence != waiting) continue;
     delay_.probed(answer->received - asked);

@@ -20,9 +20,9 @@ namespace slambed::edgeslam_semantic {
 class Uploads {
  public:
   struct Options {
-    bool pictures = true;
-    bool one_way = true;  ///< see LinkDelay
-    double probe_period_s = 1;
+    bool pictures;
+    bool one_way;  ///< see LinkDelay
+    double probe_period_s;
   };
   /// What is told of a keyframe when it goes.
   struct Note {

@@ -1,20 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "example_backpressure/example_backpressure.hpp"
 
+#include "example_backpressure/backlog_message.hpp"
+#include "example_backpressure/parameters.hpp"
 #include "offload/sides.hpp"
 
 namespace slambed {
+namespace example_backpressure {
 namespace {
+
+constexpr const char* kChannel = "backlog";
+constexpr Duration kLookEvery = std::chrono::milliseconds(50);
 
 class BackpressureMobile final : public MobilePolicy {
  public:
   BackpressureMobile(MobileNode& node, const Parameters& parameters)
       : node_(node),
         offload_(node, parameters),
-        limit_bytes_(static_cast<std::uint64_t>(1000 * parameters.real("backlog_kb"))) {}
+        backlog_(node.network().open({.name = kChannel})),
+        inbox_(node.log()),
+        limit_bytes_(static_cast<std::uint64_t>(1000 * parameters.real("backlog_kb"))),
+        limit_keyframes_(parameters.integer("backlog_keyframes")) {
+    inbox_.on<BacklogMessage>(decode_backlog, [this](const BacklogMessage& told, const Message&) {
+      waiting_ = static_cast<int>(told.keyframes);
+    });
+  }
 
   void start() override { offload_.start(); }
-  void before_frame(Worker& worker, const OfferedFrame&) override { offload_.before_frame(worker); }
+  void before_frame(Worker& worker, const OfferedFrame&) override {
+    while (auto message = backlog_.try_receive()) inbox_.take(std::move(*message));
+    offload_.before_frame(worker);
+  }
 
   void after_frame(Worker& worker, const TrackedFrame& frame) override {
     offload_.note(frame);
@@ -42,31 +58,62 @@ class BackpressureMobile final : public MobilePolicy {
  private:
   bool withhold() {
     const std::uint64_t backlog = offload_.channels().keyframe.path().unacknowledged_bytes;
-    if (backlog <= limit_bytes_) return false;
-    node_.log().write(JsonLine("keyframe_withheld").add("backlog_bytes", backlog));
+    if (backlog <= limit_bytes_ && waiting_ <= limit_keyframes_) return false;
+    node_.log().write(JsonLine("keyframe_withheld")
+                          .add("backlog_bytes", backlog)
+                          .add("backlog_keyframes", waiting_));
     return true;
   }
 
   MobileNode& node_;
   OffloadMobile offload_;
+  Channel& backlog_;
+  Inbox inbox_;
   std::uint64_t limit_bytes_;
+  int limit_keyframes_;
+  int waiting_ = 0;  ///< keyframes that the edge has not mapped yet, as it last said
 };
 
 class BackpressureEdge final : public EdgePolicy {
  public:
-  BackpressureEdge(EdgeNode& node, const Parameters& parameters) : offload_(node, parameters) {}
-  void start() override { offload_.start(); }
+  BackpressureEdge(EdgeNode& node, const Parameters& parameters)
+      : node_(node),
+        offload_(node, parameters),
+        backlog_(node.network().open({.name = kChannel})) {}
+
+  void start() override {
+    offload_.start();
+    node_.runtime().spawn("backlog", [this](Worker& worker) { tell(worker); });
+  }
   std::shared_ptr<const Map> map() const override { return offload_.map(); }
 
  private:
+  /// A stage of this system's own: system.yaml says what it costs (`stages`).
+  void tell(Worker& worker) {
+    for (std::uint32_t told = 0; !worker.stopping();
+         worker.sleep_until(worker.now() + kLookEvery)) {
+      const MapperStatus mapper = offload_.mapping().mapper().status();
+      const auto waiting = static_cast<std::uint32_t>(mapper.queued + (mapper.idle ? 0 : 1));
+      if (waiting == told) continue;
+      told = waiting;
+      worker.stage("tell_backlog",
+                   [&](StageUnits&) { send(backlog_, BacklogMessage{.keyframes = waiting}); });
+    }
+  }
+
+  EdgeNode& node_;
   OffloadEdge offload_;
+  Channel& backlog_;
 };
 
 }  // namespace
+}  // namespace example_backpressure
 
 System example_backpressure_system() {
-  System system = offload_system("example_backpressure");
-  system.parameters.push_back(ParameterSpec::real("backlog_kb", 0, 1'000'000));
+  using namespace example_backpressure;
+  System system = offload_system("example_backpressure", parameter_specs());
+  system.channels.emplace_back(kChannel);
+  system.messages = {kMessages};
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<BackpressureMobile>(node, parameters);
   };

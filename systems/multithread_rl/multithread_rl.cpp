@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "multithread_rl/multithread_rl.hpp"
 
+#include "multithread_rl/parameters.hpp"
 #include "offload/edge_slam.hpp"
 
 namespace slambed {
-namespace {
-
-std::vector<ParameterSpec> parameters() {
-  auto all = offload_parameters({"serial", "staged"});
-  for (auto& own : {staging_parameters(), edge_relocalisation_parameters()})
-    all.insert(all.end(), own.begin(), own.end());
-  return all;
-}
-
-}  // namespace
-
 System multithread_rl_system() {
-  System system = offload_system("multithread_rl", parameters());
+  System system = offload_system("multithread_rl", multithread_rl::parameter_specs());
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
   system.tracker = [usual = system.tracker](const Parameters& parameters) {
     TrackerOptions options = usual(parameters);

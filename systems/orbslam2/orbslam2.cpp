@@ -4,6 +4,7 @@
 #include "node/mobile_node.hpp"
 #include "node/onboard_mapping.hpp"
 #include "node/tracking_options.hpp"
+#include "orbslam2/parameters.hpp"
 
 namespace slambed {
 namespace {
@@ -36,12 +37,7 @@ System orbslam2_system() {
   System system;
   system.name = "orbslam2";
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo, SensorKind::kMono};
-  system.parameters = {ParameterSpec::integer("n_orb", 50, 10'000),
-                       ParameterSpec::boolean("loop_closing"),
-                       ParameterSpec::boolean("second_hypotheses"),
-                       ParameterSpec::boolean("sequential"),
-                       ParameterSpec::path("prior_map"),
-                       ParameterSpec::boolean("save_map")};
+  system.parameters = orbslam2::parameter_specs();
   system.orb = orb_options;
   system.tracker = [](const Parameters& parameters) { return tracker_options(parameters); };
   system.sequential = [](const Parameters& parameters) { return parameters.boolean("sequential"); };

@@ -7,15 +7,25 @@
 #include "programs/systems.hpp"
 #include "run/live_node.hpp"
 #include "run/node_files.hpp"
+#include "wire/message_names.hpp"
 
 namespace slambed {
 namespace {
 
+nlohmann::json describe(const System& system) {
+  const wire::MessageNames all(system.messages);  // refuses numbers that others have
+  auto own = nlohmann::json::object();
+  for (const wire::MessageRange& range : system.messages) {
+    for (std::size_t i = 0; i < range.count(); ++i) own[range.name(i)] = range.first() + i;
+  }
+  return {{"params", describe(system.parameters)},
+          {"channels", system.channels},
+          {"messages", std::move(own)}};
+}
+
 nlohmann::json describe_all(const std::vector<System>& systems) {
   auto all = nlohmann::json::object();
-  for (const System& system : systems) {
-    all[system.name] = {{"params", describe(system.parameters)}, {"channels", system.channels}};
-  }
+  for (const System& system : systems) all[system.name] = describe(system);
   return all;
 }
 
@@ -32,7 +42,8 @@ int run(int argc, char** argv) {
       app.add_option("--role", role, "mobile or edge")->check(CLI::IsMember({"mobile", "edge"}));
   auto* config_option = app.add_option("--config", options.config, "path of run.json");
   app.add_flag("--verify", options.verify, "check every frame of the sequence before the run");
-  app.add_flag("--describe", describe_only, "print the systems and their parameters as JSON");
+  app.add_flag("--describe", describe_only,
+               "print the systems, their parameters and own messages as JSON");
   if (const auto code = parse(app, argc, argv)) return *code;
   const auto systems = all_systems();
   if (describe_only) {

@@ -11,6 +11,21 @@ namespace slambed::cloudslam {
 namespace {
 
 /// Times of the keyframes that are sent, one metre per second travelled unless said otherwise.
+StrategyOptions options_of(StrategyKind kind, double period_s = 5, double distance_m = 20) {
+  return {.kind = kind,
+          .period_s = period_s,
+          .distance_m = distance_m,
+          .correction_threshold_m = 2,
+          .decrease = 0.9,
+          .increase = 1.01,
+          .distance_min_m = 1,
+          .distance_max_m = 500};
+}
+
+StrategyOptions by_distance(StrategyKind kind, double distance_m) {
+  return options_of(kind, 5, distance_m);
+}
+
 std::vector<double> sent_at(const StrategyOptions& options, const std::vector<Moment>& keyframes) {
   const Strategy strategy(options);
   StrategyState state = strategy.begin();
@@ -31,25 +46,24 @@ std::vector<Moment> driven(const std::vector<double>& times, double m_per_s = 1)
 
 TEST(Strategy, APeriodIsAMaximumRate) {
   const auto keyframes = driven({0, 0.4, 0.9, 1.0, 1.9, 2.1});
-  EXPECT_EQ(sent_at({.kind = StrategyKind::kPeriodic, .period_s = 1}, keyframes),
+  EXPECT_EQ(sent_at(options_of(StrategyKind::kPeriodic, 1), keyframes),
             (std::vector<double>{0, 1.0, 2.1}));
-  EXPECT_EQ(sent_at({.kind = StrategyKind::kAll}, keyframes).size(), keyframes.size());
-  EXPECT_TRUE(sent_at({.kind = StrategyKind::kNone}, keyframes).empty());
+  EXPECT_EQ(sent_at(options_of(StrategyKind::kAll), keyframes).size(), keyframes.size());
+  EXPECT_TRUE(sent_at(options_of(StrategyKind::kNone), keyframes).empty());
 }
 
 TEST(Strategy, ADistanceIsOfThePathAndNotOfTime) {
-  const StrategyOptions options{.kind = StrategyKind::kDistance, .distance_m = 5};
+  const StrategyOptions options = by_distance(StrategyKind::kDistance, 5);
   EXPECT_EQ(sent_at(options, driven({0, 1, 2, 3, 4, 5, 6}, 2.5)),
             (std::vector<double>{0, 2, 4, 6}));
   // Standing still nothing is sent, however long; a period goes on.
   const std::vector<Moment> standing{{0, 7}, {10, 7}, {1000, 7}};
   EXPECT_EQ(sent_at(options, standing), (std::vector<double>{0}));
-  EXPECT_EQ(sent_at({.kind = StrategyKind::kPeriodic, .period_s = 5}, standing).size(), 3u);
+  EXPECT_EQ(sent_at(options_of(StrategyKind::kPeriodic), standing).size(), 3u);
 }
 
 TEST(Strategy, LargeCorrectionsShortenTheDistanceAndSmallOnesLengthenIt) {
-  const Strategy strategy(
-      {.kind = StrategyKind::kAdaptive, .distance_m = 40, .correction_threshold_m = 2});
+  const Strategy strategy(by_distance(StrategyKind::kAdaptive, 40));
   StrategyState state = strategy.begin();
   std::vector<double> distances;
   for (const double magnitude_m : {3.0, 3.0, 0.5, 2.0}) {
@@ -59,12 +73,12 @@ TEST(Strategy, LargeCorrectionsShortenTheDistanceAndSmallOnesLengthenIt) {
   const std::vector<double> expected{36, 32.4, 32.724, 33.05124};
   for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(distances[i], expected[i], 1e-9);
   // The others keep theirs.
-  const Strategy fixed({.kind = StrategyKind::kDistance, .distance_m = 40});
+  const Strategy fixed(by_distance(StrategyKind::kDistance, 40));
   EXPECT_EQ(fixed.answered(fixed.begin(), 3).distance_m, 40);
 }
 
 TEST(Strategy, TheDistanceStaysWithinItsBounds) {
-  const Strategy strategy({.kind = StrategyKind::kAdaptive, .distance_m = 40});
+  const Strategy strategy(by_distance(StrategyKind::kAdaptive, 40));
   StrategyState state = strategy.begin();
   for (int i = 0; i < 100; ++i) state = strategy.answered(state, 10);
   EXPECT_EQ(state.distance_m, 1);
@@ -73,15 +87,14 @@ TEST(Strategy, TheDistanceStaysWithinItsBounds) {
 }
 
 TEST(Strategy, RefusesWhatMakesNoSense) {
-  const StrategyOptions adaptive{.kind = StrategyKind::kAdaptive};
+  const StrategyOptions adaptive = options_of(StrategyKind::kAdaptive);
   const auto with = [](StrategyOptions options, auto change) {
     change(options);
     return options;
   };
   EXPECT_NO_THROW(Strategy{adaptive});
   for (const StrategyOptions& bad :
-       {StrategyOptions{.kind = StrategyKind::kPeriodic, .period_s = 0},
-        StrategyOptions{.kind = StrategyKind::kDistance, .distance_m = 0},
+       {options_of(StrategyKind::kPeriodic, 0), by_distance(StrategyKind::kDistance, 0),
         with(adaptive, [](auto& o) { o.correction_threshold_m = 0; }),
         with(adaptive, [](auto& o) { o.decrease = 1.1; }),
         with(adaptive, [](auto& o) { o.increase = 0.99; }),

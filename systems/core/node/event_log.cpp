@@ -1,25 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "node/event_log.hpp"
 
-#include <cerrno>
-#include <cstring>
-
-#include "base/error.hpp"
-#include "wire/message_type.hpp"
+#include "base/files.hpp"
 
 namespace slambed {
-namespace {
-
-Error cannot_write(const std::filesystem::path& path) {
-  return environment_error(path.string() + ": " + std::strerror(errno) +
-                           "; check the output folder's rights and the free space");
-}
-
-}  // namespace
-
-EventLog::EventLog(const std::filesystem::path& path, NodeRole role, Open open)
+EventLog::EventLog(const std::filesystem::path& path, NodeRole role, Open open,
+                   const wire::MessageNames& names)
     : path_(path),
       role_(role),
+      names_(names),
       file_(std::fopen(path.c_str(), open == Open::kAppend ? "a" : "w"), &std::fclose) {
   if (!file_) throw cannot_write(path);
   if (open == Open::kAppend) pending_.push_back('\n');  // a killed one may leave half a line
@@ -78,7 +67,7 @@ void EventLog::message(const MessageRecord& record) {
   JsonLine line("message");
   line.add("channel", record.channel)
       .add("direction", up ? "up" : "down")
-      .add("message", wire::message_name(record.type))
+      .add("message", names_[record.type])
       .add("bytes", record.bytes)
       .add("sequence", record.sequence)
       .add_ns("queued_ns", record.queued);
@@ -94,9 +83,9 @@ void EventLog::link(const LinkRecord& record) {
             .add("detail", record.detail));
 }
 
-void EventLog::refused(std::string_view name, std::string_view why) {
+void EventLog::refused(std::uint8_t type, std::string_view why) {
   ++refused_;
-  warning(std::string(name) + " refused: " + std::string(why));
+  warning(std::string(names_[type]) + " refused: " + std::string(why));
 }
 
 void EventLog::flush() {

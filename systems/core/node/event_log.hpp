@@ -13,6 +13,7 @@
 #include "base/ids.hpp"
 #include "node/json_line.hpp"
 #include "runtime/observer.hpp"
+#include "wire/message_names.hpp"
 
 namespace slambed {
 
@@ -26,7 +27,8 @@ class EventLog final : public Observer {
   enum class Open { kAnew, kAppend };
   /// Creates the file, or goes on behind what an earlier process of the same run left in it;
   /// environment_error when that is refused.
-  EventLog(const std::filesystem::path& path, NodeRole role, Open open = Open::kAnew);
+  EventLog(const std::filesystem::path& path, NodeRole role, Open open = Open::kAnew,
+           const wire::MessageNames& names = wire::MessageNames());
   ~EventLog() override;
   EventLog(const EventLog&) = delete;
   EventLog& operator=(const EventLog&) = delete;
@@ -38,8 +40,8 @@ class EventLog final : public Observer {
 
   void write(const JsonLine& line);
   void warning(std::string_view text) { write(JsonLine("warning").add("text", text)); }
-  /// A message of this name could not be read: counted, and a warning.
-  void refused(std::string_view name, std::string_view why);
+  /// A message of this type could not be read: counted, and a warning.
+  void refused(std::uint8_t type, std::string_view why);
   int refused() const { return refused_; }
 
   void stage(const StageRecord& record) override;
@@ -58,6 +60,7 @@ class EventLog final : public Observer {
 
   std::filesystem::path path_;
   NodeRole role_;
+  wire::MessageNames names_;
   std::mutex mutex_;  ///< guards what follows
   Clock clock_;
   bool started_ = false;

@@ -12,6 +12,7 @@
 #include "node/frame_tracking.hpp"
 #include "node/parameters.hpp"
 #include "runtime/network.hpp"
+#include "wire/message_type.hpp"
 
 namespace slambed {
 
@@ -54,6 +55,8 @@ struct System {
   std::string name;
   std::vector<ParameterSpec> parameters;
   std::vector<std::string> channels;  ///< none: everything runs on the mobile
+  /// Types of its own messages, beside the core's: from 128 on (docs/systems.md).
+  std::vector<wire::MessageRange> messages;
   std::vector<SensorKind> sensors{SensorKind::kRgbd};
   std::function<OrbOptions(const Parameters&)> orb;
   std::function<TrackerOptions(const Parameters&)> tracker;

@@ -15,9 +15,9 @@
 namespace slambed {
 
 struct EdgeMapperOptions {
-  int queue_limit = 3;       ///< keyframes that may wait for the mapper
-  bool loop_closing = true;  ///< look for loops in the global map and close them
-  int max_frames = 0;        ///< ORB-SLAM2's mMaxFrames; 0: a second at the played rate
+  int queue_limit;     ///< keyframes that may wait for the mapper
+  bool loop_closing;   ///< look for loops in the global map and close them
+  int max_frames = 0;  ///< ORB-SLAM2's mMaxFrames; 0: a second at the played rate
   LocalMapperOptions mapping{};
 };
 

@@ -18,7 +18,7 @@ EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters)
 void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
   offload_.before_frame(worker);
   while (const auto message = offload_.channels().keyframe.try_receive()) {
-    if (!is(*message, wire::MessageType::kKeyFrameWanted)) continue;
+    if (!is(*message, wire::kKeyFrameWanted)) continue;
     // Several come when several keyframes were under way: one answer is enough.
     if (std::exchange(edge_has_map_, false)) keyframe_wanted_ = true;
   }

@@ -17,7 +17,7 @@ constexpr Duration kLookEvery = std::chrono::milliseconds(200);
 
 MobileFarewell::MobileFarewell(MobileNode& node, Channel& control)
     : node_(node), control_(control), inbox_(node.log()) {
-  inbox_.on(wire::MessageType::kPoses, [this](const Message& message) {
+  inbox_.on(wire::kPoses, [this](const Message& message) {
     if (auto poses = read(node_.log(), message, wire::decode_poses)) poses_ = std::move(*poses);
   });
   inbox_.on<wire::ByeMessage>(wire::decode_bye,
@@ -59,7 +59,7 @@ void EdgeFarewell::listen(Worker& worker) {
 }
 
 bool EdgeFarewell::answer(Worker& worker, const Message& message) {
-  if (!is(message, wire::MessageType::kBye)) {
+  if (!is(message, wire::ByeMessage::kType)) {
     if (options_.other) options_.other(message);
     return false;
   }
@@ -69,7 +69,7 @@ bool EdgeFarewell::answer(Worker& worker, const Message& message) {
   source_.drain(worker, bye->last_keyframe_sequence, received + kTransitPatience,
                 received + kBundlePatience);
   if (options_.final_poses) {
-    send(control_, wire::MessageType::kPoses, wire::encode_poses(source_.all_poses()));
+    send(control_, wire::kPoses, wire::encode_poses(source_.all_poses()));
   }
   const MapCounts counts = source_.counts();
   send(control_, wire::ByeMessage{.keyframes = counts.keyframes, .points = counts.points});

@@ -85,7 +85,7 @@ void HandoverClient::prepare(Worker& worker, Handover handover, AcknowledgedMap 
     return 0;
   });
   const bool start = !message.whole && message.changes.empty();
-  handover.type = start ? wire::MessageType::kStart : wire::MessageType::kMapHandover;
+  handover.type = start ? wire::StartMessage::kType : wire::MapHandover::kType;
   handover.payload = worker.stage("serialise", [&](StageUnits& units) {
     Bytes bytes =
         start ? encode(wire::StartMessage{handover.epoch, handover.number}) : encode(message);

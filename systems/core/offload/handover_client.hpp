@@ -49,7 +49,7 @@ class HandoverClient {
     RunTime not_before = RunTime::min();
     bool superseded = false;       ///< the edge has sent another map since
     std::uint64_t connection = 0;  ///< on which it was sent last
-    wire::MessageType type = wire::MessageType::kMapHandover;
+    wire::MessageType type = wire::MapHandover::kType;
     Bytes payload;  ///< as it was sent: a broken connection may have lost it
   };
 

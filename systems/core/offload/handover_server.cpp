@@ -19,7 +19,7 @@ HandoverServer::HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& ch
                                 });
   inbox_.on<wire::StopMessage>(wire::decode_stop, [this](const wire::StopMessage& message,
                                                          const Message&) { stop(message); });
-  inbox_.on(wire::MessageType::kStart, later).on(wire::MessageType::kMapHandover, later);
+  inbox_.on(wire::StartMessage::kType, later).on(wire::MapHandover::kType, later);
 }
 
 void HandoverServer::start() {
@@ -40,7 +40,7 @@ void HandoverServer::stop(const wire::StopMessage& stop) {
 
 void HandoverServer::work(Worker& worker) {
   while (const auto message = arrived_.take(worker)) {
-    if (is(*message, wire::MessageType::kMapHandover)) {
+    if (is(*message, wire::MapHandover::kType)) {
       apply(worker, *message);
     } else if (const auto start = read(node_.log(), *message, wire::decode_start)) {
       begin(*start);

@@ -21,7 +21,7 @@ void KeyFrameIntake::start() {
 
 void KeyFrameIntake::receive(Worker& worker) {
   while (const auto message = next(worker)) {
-    if (is(*message, wire::MessageType::kKeyFrame)) take(worker, *message);
+    if (is(*message, wire::kKeyFrame)) take(worker, *message);
     received_sequence_ = message->sequence;
     received_->notify();
   }
@@ -65,7 +65,7 @@ void KeyFrameIntake::take(Worker& worker, const Message& raw) {
                           .add("keyframe", keyframe.message.keyframe.value)
                           .add("reason", *declined));
     if (asks_ && *declined == kNoMap) {
-      send(channel_, wire::MessageType::kKeyFrameWanted);
+      send(channel_, wire::kKeyFrameWanted);
     }
     return;
   }

@@ -21,7 +21,7 @@ void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta de
   message.newest_edge_point = about.newest_edge_point;
   message.delta = std::move(delta);
   Bytes payload = codec_.serialise(worker, message, *node_.tracker().map());
-  last_sequence_ = slambed::send(channel_, wire::MessageType::kKeyFrame, std::move(payload));
+  last_sequence_ = slambed::send(channel_, wire::kKeyFrame, std::move(payload));
   node_.log().write(JsonLine("keyframe_sent").add("keyframe", message.keyframe.value));
 }
 

@@ -3,7 +3,7 @@
 
 #include "base/error.hpp"
 #include "node/messaging.hpp"
-#include "wire/message_type.hpp"
+#include "wire/messages.hpp"
 
 namespace slambed {
 namespace {
@@ -57,8 +57,7 @@ RunTime LinkEstimator::probe(RunTime now) {
     next_probe_ = now + from_seconds(1 / options_.probe_hz);
     // What is under way gives a sample too; probes must not crowd messages out of their queue.
     if (measured_.path().unacknowledged_bytes == 0) {
-      send(measured_, wire::MessageType::kProbe,
-           Bytes(static_cast<std::size_t>(options_.probe_bytes)));
+      send(measured_, wire::kProbe, Bytes(static_cast<std::size_t>(options_.probe_bytes)));
     }
   }
   return next_probe_;

@@ -13,10 +13,10 @@ namespace slambed {
 enum class RttSource { kTcpInfo, kEcho, kProfile };
 
 struct LinkOptions {
-  RttSource source = RttSource::kTcpInfo;
-  Duration missing = std::chrono::seconds(2);  ///< nothing received for so long: there is no RTT
-  double probe_hz = 10;                        ///< 0: no probes
-  int probe_bytes = 64;
+  RttSource source;
+  Duration missing;  ///< nothing received for so long: there is no RTT
+  double probe_hz;   ///< 0: no probes
+  int probe_bytes;
 };
 
 /// The RTT that a mobile node decides with: as the transport measures it, from the answers to

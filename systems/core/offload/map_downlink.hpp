@@ -13,8 +13,8 @@ struct DownlinkOptions {
   MapUpdateMode mode = MapUpdateMode::kSerial;
   MapStaging::Backup backup = MapStaging::Backup::kUpdate;  ///< of staged updates
   int recovery_keyframes = 0;  ///< see RecoveryBackup; of serial and of staged updates
-  UpdateRules rules{};
-  MessageCodec codec{};
+  UpdateRules rules;
+  MessageCodec codec;
 };
 
 /// Takes map updates over on the mobile: the received map replaces the local one between two

@@ -3,21 +3,6 @@
 
 namespace slambed {
 
-std::vector<ParameterSpec> original_parameters() {
-  return {
-      ParameterSpec::choice("reference_fallback", {"descriptors", "words"}),
-      ParameterSpec::choice("point_identity", {"observations", "tracker_ids"}),
-      ParameterSpec::choice("reference_after_update", {"known", "newest"}),
-      ParameterSpec::boolean("reanchor_last"),
-      ParameterSpec::choice("admission", {"on_arrival", "when_idle"}),
-      ParameterSpec::choice("cull_age", {"mapped", "keyframe_ids"}),
-      ParameterSpec::integer("local_map_size", 1, 100),
-      ParameterSpec::integer("max_frames", 0, 1000),
-      ParameterSpec::real("first_update_s", -1, 600),
-      ParameterSpec::choice("update_poll", {"before_extraction", "after_extraction"}),
-  };
-}
-
 OriginalBehaviour original_behaviour(const Parameters& parameters) {
   OriginalBehaviour behaviour;
   if (!parameters.has("reference_fallback")) return behaviour;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <vector>
-
 #include "node/policy.hpp"
 #include "offload/update_rules.hpp"
 
@@ -20,8 +18,6 @@ struct OriginalBehaviour {
   TrackerOptions tracker;                  ///< of which only the switches are set
 };
 
-/// For systems that offer the switches.
-std::vector<ParameterSpec> original_parameters();
 /// What the parameters ask for; ours where the system does not offer the switches.
 OriginalBehaviour original_behaviour(const Parameters& parameters);
 

@@ -9,9 +9,9 @@
 namespace slambed {
 
 struct PictureMasksOptions {
-  double threshold = 0.8;  ///< n_m
-  int border_px = 3;       ///< features so near to a mask lie on it
-  Duration floor{};        ///< live, no mask comes sooner after its picture
+  double threshold;  ///< n_m
+  int border_px;     ///< features so near to a mask lie on it
+  Duration floor;    ///< live, no mask comes sooner after its picture
 };
 
 /// NRCC ("non-rigid context culling") on a worker of its own, so that a picture is segmented (stage

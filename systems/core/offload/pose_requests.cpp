@@ -59,13 +59,13 @@ void PoseRequests::serialise(Worker& worker, const Request& request) {
                         .add("frame", request.message.frame.frame_index)
                         .add("bytes", payload.size()));
   sent_bytes_ = payload.size();
-  send(frames_, wire::MessageType::kRelocRequest, std::move(payload));
+  send(frames_, wire::RelocRequest::kType, std::move(payload));
   sent_ = worker.now();
 }
 
 void PoseRequests::parse(Worker& worker, Message message) {
-  const bool ok = is(message, wire::MessageType::kRelocOk);
-  if (!ok && !is(message, wire::MessageType::kRelocFail)) return;
+  const bool ok = is(message, wire::RelocOk::kType);
+  if (!ok && !is(message, wire::RelocFail::kType)) return;
   Answer answer;
   answer.sent = sent_;
   answer.request_bytes = sent_bytes_;

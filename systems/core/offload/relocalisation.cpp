@@ -13,7 +13,7 @@ void RelocalisationRequests::after_frame(Worker& worker, const TrackedFrame& fra
   const RunTime now = worker.now();
   if (last_ != RunTime::min() && now - last_ < period_) return;
   last_ = now;
-  send(channel_, wire::MessageType::kFrame,
+  send(channel_, wire::FrameMessage::kType,
        codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
                                                    .timestamp_s = frame.offered.played.seq_s(),
                                                    .features = frame.features}));
@@ -26,7 +26,7 @@ void RelocalisationService::start() {
 void RelocalisationService::serve(Worker& worker) {
   RunTime last = RunTime::min();
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (!is(*message, wire::MessageType::kFrame)) continue;
+    if (!is(*message, wire::FrameMessage::kType)) continue;
     relocaliser_.asked(*message);
     // The mobile has just sent the newest of its frames; older answers would come too late for it.
     if (last != RunTime::min() && worker.now() - last < options_.map_period) continue;

@@ -38,10 +38,10 @@ class RelocalisationHelp {
 };
 
 struct RelocalisationOptions {
-  Duration map_period = std::chrono::seconds(1);  ///< between two answers
-  int max_candidates = 5;
-  int covisibles = 2;  ///< sent beside each candidate
-  MessageCodec codec{};
+  Duration map_period;  ///< between two answers
+  int max_candidates;
+  int covisibles;  ///< sent beside each candidate
+  MessageCodec codec;
 };
 
 /// The edge's side: receives frames of a lost mobile and has them answered.

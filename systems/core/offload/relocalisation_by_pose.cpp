@@ -55,7 +55,7 @@ void RelocalisationByPose::start() {
 
 void RelocalisationByPose::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (is(*message, wire::MessageType::kRelocRequest)) answer(worker, *message);
+    if (is(*message, wire::RelocRequest::kType)) answer(worker, *message);
   }
 }
 
@@ -95,7 +95,7 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
   }
   found->times = failed.times;
   Bytes payload = options_.codec.serialise(worker, *found, request.frame);
-  send(channel_, wire::MessageType::kRelocOk, std::move(payload));
+  send(channel_, wire::RelocOk::kType, std::move(payload));
 }
 
 bool RelocalisationByPose::locate(Worker& worker, Frame& frame) {

@@ -12,8 +12,8 @@
 namespace slambed {
 
 struct PoseRelocalisationOptions {
-  MessageCodec codec{};
-  std::uint64_t fail_bytes = 0;  ///< size of a RELOC_FAIL, at least; as text
+  MessageCodec codec;
+  std::uint64_t fail_bytes;  ///< size of a RELOC_FAIL, at least; as text
 };
 
 /// The edge's side of relocalisation on the edge: looks for lost frames in the global map and says

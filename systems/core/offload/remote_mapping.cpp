@@ -60,7 +60,7 @@ void RemoteMapping::start() {
 
 void RemoteMapping::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (is(*message, wire::MessageType::kKeyFrame) || is(*message, wire::MessageType::kTripStart)) {
+    if (is(*message, wire::kKeyFrame) || is(*message, wire::kTripStart)) {
       check_rig();
       take(worker, *message);
     }
@@ -71,7 +71,7 @@ void RemoteMapping::receive(Worker& worker) {
 
 void RemoteMapping::take(Worker& worker, const Message& raw) {
   Received item{.message = {},
-                .estimated = is(raw, wire::MessageType::kKeyFrame),
+                .estimated = is(raw, wire::kKeyFrame),
                 .sent = raw.sent,
                 .received = raw.received};
   const bool parsed = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
@@ -129,9 +129,7 @@ void RemoteMapping::answer(Worker& worker, Received received) {
                           .bundle = worker.now() - matched};
   if (match.matched)
     answer.T_cw = map_->read([&](const MapView& view) { return view.keyframe(id)->T_cw; });
-  send(channel_,
-       received.estimated ? wire::MessageType::kPoseUpdate : wire::MessageType::kInitialPose,
-       encode(answer));
+  send(channel_, received.estimated ? wire::kPoseUpdate : wire::kInitialPose, encode(answer));
   node_.log().write(JsonLine("remote_matched")
                         .add("keyframe", id.value)
                         .add("candidates", match.tried)

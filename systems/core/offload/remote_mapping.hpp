@@ -15,7 +15,7 @@ namespace slambed {
 
 struct RemoteMappingOptions {
   std::filesystem::path prior_map;  ///< of earlier trips
-  int queue = 8;                    ///< keyframes that may wait; the oldest is dropped
+  int queue;                        ///< keyframes that may wait; the oldest is dropped
   RemoteMapperOptions mapper;
   MessageCodec codec;
 };

@@ -116,7 +116,7 @@ void RemoteTracking::drain(Worker& worker) { wait_for(worker, 0); }
 
 void RemoteTracking::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (!is(*message, wire::MessageType::kFrameResult)) continue;
+    if (!is(*message, wire::FrameResult::kType)) continue;
     take(*message);
     answer_->notify();
   }

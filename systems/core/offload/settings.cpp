@@ -17,40 +17,6 @@ bool keeps_recovery(const Parameters& parameters) {
 
 }  // namespace
 
-std::vector<ParameterSpec> offload_parameters(std::vector<std::string> map_updates) {
-  return {
-      ParameterSpec::integer("n_orb", 50, 10'000),
-      ParameterSpec::integer("n_kf", 1, 100),
-      ParameterSpec::real("sync_period_s", 0, 600),
-      ParameterSpec::choice("map_update", std::move(map_updates)),
-      ParameterSpec::integer("update_neighbours", 0, 100),
-      ParameterSpec::integer("min_local_keyframes", 0, 100),
-      ParameterSpec::real("fast_motion_ms", 0, 10'000),
-      ParameterSpec::real("decline_kf_rate_hz", 0, 1000),
-      ParameterSpec::choice("codec", {"binary", "compatibility"}),
-      ParameterSpec::integer("keyframe_queue", 1, 1000),
-      ParameterSpec::integer("edge_queue", 1, 1000),
-      ParameterSpec::boolean("update_poses"),
-      ParameterSpec::boolean("final_poses"),
-      ParameterSpec::boolean("loop_closing"),
-      ParameterSpec::boolean("second_hypotheses"),
-      ParameterSpec::real("reloc_request_ms", 0, 60'000),
-      ParameterSpec::real("reloc_map_period_s", 0, 600),
-      ParameterSpec::integer("reloc_candidates", 1, 100),
-      ParameterSpec::integer("reloc_covisibles", 0, 100),
-  };
-}
-
-std::vector<ParameterSpec> staging_parameters() {
-  return {ParameterSpec::choice("keyframe_backup", {"none", "update", "uncovered"})};
-}
-
-std::vector<ParameterSpec> edge_relocalisation_parameters() {
-  return {ParameterSpec::choice("relocalisation", {"map", "edge"}),
-          ParameterSpec::boolean("keep_recovery_keyframe"),
-          ParameterSpec::integer("reloc_fail_bytes", 0, 10'000'000)};
-}
-
 System offload_system(std::string name, std::vector<ParameterSpec> specs) {
   System system;
   system.name = std::move(name);

@@ -12,17 +12,9 @@
 
 namespace slambed {
 
-/// What every system with Edge-SLAM's offloading has alike: parameters (documented in each
-/// system.yaml), channels and options made of them. map_updates: the choices of `map_update`.
-std::vector<ParameterSpec> offload_parameters(std::vector<std::string> map_updates = {"serial",
-                                                                                      "parallel"});
-/// Of systems whose updates may be staged, and of those that may relocalise on the edge.
-std::vector<ParameterSpec> staging_parameters();
-std::vector<ParameterSpec> edge_relocalisation_parameters();
-
-/// A system with these parameters and channels, ORB and tracking options; policies are missing.
-System offload_system(std::string name,
-                      std::vector<ParameterSpec> parameters = offload_parameters());
+/// A system with Edge-SLAM's offloading: its channels, ORB and tracking options. The parameters are
+/// those of params.yaml and its own; policies are missing.
+System offload_system(std::string name, std::vector<ParameterSpec> parameters);
 
 /// The channels of Edge-SLAM, with its drop-oldest queues on both sides. With the compatibility
 /// codec all but control also send as Edge-SLAM does: they wait for acknowledgements.

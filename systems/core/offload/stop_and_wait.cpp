@@ -96,8 +96,8 @@ void StopAndWaitChannel::take(Message message) {
     announced_.reset();
   }
   try {
-    if (is(message, wire::MessageType::kAck)) return acknowledged(message);
-    if (is(message, wire::MessageType::kAnnounce)) {
+    if (is(message, wire::AckMessage::kType)) return acknowledged(message);
+    if (is(message, wire::AnnounceMessage::kType)) {
       announced_ = wire::decode_announce(message.payload);
       return acknowledge(announced_->sequence, false);
     }

@@ -42,7 +42,7 @@ void TrackingService::start() {
 
 void TrackingService::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (is(*message, wire::MessageType::kFrameImage)) answer(worker, *message);
+    if (is(*message, wire::FrameImage::kType)) answer(worker, *message);
     answered_ = message->sequence;
     settled_->notify();
   }

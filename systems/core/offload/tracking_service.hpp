@@ -15,7 +15,7 @@ namespace slambed {
 
 struct TrackingServiceOptions {
   TrackerOptions tracker;
-  bool loop_closing = true;
+  bool loop_closing;
   std::optional<PictureMasksOptions> masks;  ///< none: nothing is segmented
 };
 

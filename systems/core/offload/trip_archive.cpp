@@ -81,11 +81,11 @@ void TripUpload::start() {
 
 void TripUpload::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
-    if (is(*message, wire::MessageType::kKeyFrame)) {
+    if (is(*message, wire::kKeyFrame)) {
       take(worker, *message);
-    } else if (is(*message, wire::MessageType::kTripUpload)) {
+    } else if (is(*message, wire::kTripUpload)) {
       whole_ = true;
-      send(channel_, wire::MessageType::kTripUpload);
+      send(channel_, wire::kTripUpload);
     }
   }
 }

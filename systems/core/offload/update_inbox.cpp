@@ -9,10 +9,10 @@
 namespace slambed {
 namespace {
 
-bool is_relocalisation(const Message& message) { return is(message, wire::MessageType::kRelocMap); }
+bool is_relocalisation(const Message& message) { return is(message, wire::kRelocMap); }
 
 bool is_update(const Message& message) {
-  return is_relocalisation(message) || is(message, wire::MessageType::kMapUpdate);
+  return is_relocalisation(message) || is(message, wire::kMapUpdate);
 }
 
 bool made_by_edge(MapPointId id) { return space_of(id) == IdSpace::kEdgeMapper; }

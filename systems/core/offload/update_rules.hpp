@@ -14,8 +14,8 @@ inline constexpr int kKeyframesPerStep = 6;
 
 /// When the mobile takes over a map update.
 struct UpdateRules {
-  int min_local_keyframes = 6;  ///< declined while the local map has fewer
-  Duration fast_motion{};       ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
+  int min_local_keyframes;  ///< declined while the local map has fewer
+  Duration fast_motion{};   ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
   int local_map_size =
       kKeyframesPerStep;  ///< each so many local keyframes make fast motion matter less
   /// DynNetSLAM's: declined while more keyframes per second are made; 0: never for that.

@@ -98,8 +98,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
     std::lock_guard lock(mutex_);
     // Preparing took its time: what was asked for since then counts.
     if (stopped_ || epoch_ != update.map.epoch || (held_ && !relocalisation)) return;
-    slambed::send(channel_,
-                  relocalisation ? wire::MessageType::kRelocMap : wire::MessageType::kMapUpdate,
+    slambed::send(channel_, relocalisation ? wire::kRelocMap : wire::kMapUpdate,
                   std::move(payload));
     last_sent_ = worker.now();
     if (!relocalisation) news_ = false;

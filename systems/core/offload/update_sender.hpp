@@ -11,14 +11,14 @@
 namespace slambed {
 
 struct UpdateSenderOptions {
-  int keyframes = 6;   ///< n_KF: the latest mapped keyframes that an update carries
-  int neighbours = 0;  ///< best covisibles of the newest one besides
-  Duration period{};   ///< at least so long between two updates; 0: after each keyframe
+  int keyframes;    ///< n_KF: the latest mapped keyframes that an update carries
+  int neighbours;   ///< best covisibles of the newest one besides
+  Duration period;  ///< at least so long between two updates; 0: after each keyframe
   std::optional<Duration>
-      first{};                 ///< when the first one is due; nothing: one period after the start
-  bool poses = true;           ///< an update also says where other keyframes moved
-  bool keep_recovery = false;  ///< see UpdateSender::release
-  MessageCodec codec{};
+      first{};         ///< when the first one is due; nothing: one period after the start
+  bool poses;          ///< an update also says where other keyframes moved
+  bool keep_recovery;  ///< see UpdateSender::release
+  MessageCodec codec;
 };
 
 /// Sends parts of the global map to the mobile: the latest keyframes when they are due, on the

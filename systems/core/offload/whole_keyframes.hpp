@@ -27,7 +27,7 @@ class WholeKeyFrameSender {
 
  private:
   struct Item {
-    wire::MessageType type = wire::MessageType::kKeyFrame;
+    wire::MessageType type = wire::kKeyFrame;
     wire::KeyFrameMessage message;
     JsonLine about;
   };

@@ -30,7 +30,8 @@ class LiveNode {
         restarted_(succeeds_a_dead_edge(config_.output, role_)),
         folder_(prepare_node_folder(config_.output, role_)),
         log_(folder_ / "events.jsonl", role_,
-             restarted_ ? EventLog::Open::kAppend : EventLog::Open::kAnew),
+             restarted_ ? EventLog::Open::kAppend : EventLog::Open::kAnew,
+             wire::MessageNames(system_.messages)),
         runtime_(log_) {
     log_.set_clock([this] { return runtime_.now(); });
     if (restarted_) log_.write(JsonLine("node_restarted"));

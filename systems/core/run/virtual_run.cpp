@@ -24,10 +24,12 @@ namespace fs = std::filesystem;
 
 /// What both nodes have; destroyed in the reverse order.
 struct NodeWorld {
-  NodeWorld(Simulator& simulator, const SimConfig& config, NodeRole node_role, DeviceModel device)
+  NodeWorld(Simulator& simulator, const SimConfig& config, const System& system, NodeRole node_role,
+            DeviceModel device)
       : role(node_role),
         folder(prepare_node_folder(config.run.output, node_role)),
-        log(folder / "events.jsonl", node_role),
+        log(folder / "events.jsonl", node_role, EventLog::Open::kAnew,
+            wire::MessageNames(system.messages)),
         runtime(simulator, std::move(device),
                 mix(config.run.seed) ^ hash_name(role_name(node_role)), log) {
     log.set_clock([&simulator] { return simulator.now(); });
@@ -55,9 +57,9 @@ class VirtualRun {
         parameters_(config_.run.params, system_.parameters, path.string() + ": params."),
         played_(system_, parameters_, config_.run),
         link_(simulator_, config_.link.up, config_.link.down, config_.run.seed),
-        mobile_(simulator_, config_, NodeRole::kMobile, config_.mobile) {
+        mobile_(simulator_, config_, system_, NodeRole::kMobile, config_.mobile) {
     check_network(system_, config_.run, path.string());
-    if (config_.edge) edge_.emplace(simulator_, config_, NodeRole::kEdge, *config_.edge);
+    if (config_.edge) edge_.emplace(simulator_, config_, system_, NodeRole::kEdge, *config_.edge);
     make_nodes();
   }
 

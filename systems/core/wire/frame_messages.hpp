@@ -11,9 +11,12 @@
 
 namespace slambed::wire {
 
+/// Pictures that are tracked on the edge.
+inline constexpr MessageRange kFrameMessages(64, {"FRAME_IMAGE", "FRAME_RESULT"});
+
 /// A picture that the edge is to track.
 struct FrameImage {
-  static constexpr MessageType kType = MessageType::kFrameImage;
+  static constexpr MessageType kType = kFrameMessages["FRAME_IMAGE"];
   std::uint64_t frame_index = 0;  ///< in the sequence
   double timestamp_s = 0;         ///< sequence time
   RunTime captured{};             ///< offered by the camera
@@ -40,7 +43,7 @@ enum class FrameState : std::uint8_t { kNotInitialised, kOk, kLost };
 
 /// What became of it.
 struct FrameResult {
-  static constexpr MessageType kType = MessageType::kFrameResult;
+  static constexpr MessageType kType = kFrameMessages["FRAME_RESULT"];
   std::uint64_t sequence = 0;  ///< of the FRAME_IMAGE that it answers
   std::uint64_t frame_index = 0;
   FrameState state = FrameState::kNotInitialised;

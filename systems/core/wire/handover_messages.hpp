@@ -8,10 +8,14 @@
 
 namespace slambed::wire {
 
+/// Where mapping runs, and the map on its way there.
+inline constexpr MessageRange kHandoverMessages(16, {"STATE", "START", "STOP", "MAP_HANDOVER",
+                                                     "HANDOVER_ACK"});
+
 /// STATE, mobile -> edge: where mapping runs now. Repeated while nothing changes; the edge answers
 /// each with an ACK, so both know that the other is alive.
 struct StateMessage {
-  static constexpr MessageType kType = MessageType::kState;
+  static constexpr MessageType kType = kHandoverMessages["STATE"];
   std::uint8_t state = 0;  ///< the system's own number
   std::uint64_t epoch = 0;
   RunTime time{};
@@ -20,20 +24,20 @@ struct StateMessage {
 
 /// STOP, mobile -> edge: mapping rests; what the edge sends of an older epoch is worthless.
 struct StopMessage {
-  static constexpr MessageType kType = MessageType::kStop;
+  static constexpr MessageType kType = kHandoverMessages["STOP"];
   std::uint64_t epoch = 0;
 };
 
 /// START, mobile -> edge: map again on the map as it is. Answered by a HANDOVER_ACK.
 struct StartMessage {
-  static constexpr MessageType kType = MessageType::kStart;
+  static constexpr MessageType kType = kHandoverMessages["START"];
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;  ///< shared with MAP_HANDOVER, counts from 1
 };
 
 /// MAP_HANDOVER, mobile -> edge: START with what has changed since the edge knew the map last.
 struct MapHandover {
-  static constexpr MessageType kType = MessageType::kMapHandover;
+  static constexpr MessageType kType = kHandoverMessages["MAP_HANDOVER"];
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
   bool whole = false;  ///< needs no earlier map at the edge
@@ -43,7 +47,7 @@ struct MapHandover {
 /// HANDOVER_ACK, edge -> mobile. With number 0 and not accepted it follows a STATE: the edge has no
 /// map at all.
 struct HandoverAck {
-  static constexpr MessageType kType = MessageType::kHandoverAck;
+  static constexpr MessageType kType = kHandoverMessages["HANDOVER_ACK"];
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
   bool accepted =

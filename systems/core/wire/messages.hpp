@@ -13,6 +13,21 @@
 
 namespace slambed::wire {
 
+/// What every system with an edge sends.
+inline constexpr MessageRange kOffloadMessages(1, {"KEYFRAME", "MAP_UPDATE", "FRAME", "RELOC_MAP",
+                                                   "ACK", "PROBE", "BYE", "POSES", "ANNOUNCE",
+                                                   "KEYFRAME_WANTED"});
+inline constexpr MessageType kKeyFrame = kOffloadMessages["KEYFRAME"];
+inline constexpr MessageType kMapUpdate = kOffloadMessages["MAP_UPDATE"];
+/// edge -> mobile: MAP_UPDATE with the candidates.
+inline constexpr MessageType kRelocMap = kOffloadMessages["RELOC_MAP"];
+/// Keeps RTT samples coming; content is ignored.
+inline constexpr MessageType kProbe = kOffloadMessages["PROBE"];
+/// edge -> mobile: where all keyframes ended up.
+inline constexpr MessageType kPoses = kOffloadMessages["POSES"];
+/// edge -> mobile: there is no map yet that a keyframe could join.
+inline constexpr MessageType kKeyFrameWanted = kOffloadMessages["KEYFRAME_WANTED"];
+
 using SensorPtr = std::shared_ptr<const Sensor>;
 
 /// KEYFRAME, mobile -> edge.
@@ -57,7 +72,7 @@ struct MapUpdate {
 
 /// FRAME, mobile -> edge: where am I?
 struct FrameMessage {
-  static constexpr MessageType kType = MessageType::kFrame;
+  static constexpr MessageType kType = kOffloadMessages["FRAME"];
   std::uint64_t frame_index = 0;
   double timestamp_s = 0;
   std::shared_ptr<const FeatureSet> features;
@@ -65,14 +80,14 @@ struct FrameMessage {
 
 /// ACK: the message with this sequence on the same channel arrived.
 struct AckMessage {
-  static constexpr MessageType kType = MessageType::kAck;
+  static constexpr MessageType kType = kOffloadMessages["ACK"];
   std::uint64_t sequence = 0;
 };
 
 /// ANNOUNCE: goes ahead of a message that waits to be acknowledged, and says what of it the
 /// transport below would get wrong.
 struct AnnounceMessage {
-  static constexpr MessageType kType = MessageType::kAnnounce;
+  static constexpr MessageType kType = kOffloadMessages["ANNOUNCE"];
   std::uint64_t sequence = 0;
   RunTime queued{};  ///< when it began to wait
   std::uint64_t bytes = 0;
@@ -81,7 +96,7 @@ struct AnnounceMessage {
 /// BYE on the control channel. The mobile names the last KEYFRAME it sent, so that the edge can
 /// take in what is still under way; the edge answers with its final counts.
 struct ByeMessage {
-  static constexpr MessageType kType = MessageType::kBye;
+  static constexpr MessageType kType = kOffloadMessages["BYE"];
   std::uint64_t last_keyframe_sequence = 0;
   std::uint64_t keyframes = 0, points = 0;  ///< of the global map
 };

@@ -9,9 +9,13 @@
 
 namespace slambed::wire {
 
+/// Relocalisation on the edge.
+inline constexpr MessageRange kRelocMessages(32, {"RELOC_REQUEST", "RELOC_FAIL", "RELOC_OK",
+                                                  "SUSPEND", "RESUME"});
+
 /// RELOC_REQUEST, mobile -> edge: a lost frame, to be found in the global map.
 struct RelocRequest {
-  static constexpr MessageType kType = MessageType::kRelocRequest;
+  static constexpr MessageType kType = kRelocMessages["RELOC_REQUEST"];
   std::uint64_t number = 0;          ///< counts from 1
   std::uint64_t applied_update = 0;  ///< newest update the mobile had taken over, 0: none
   FrameMessage frame;
@@ -31,7 +35,7 @@ enum class RelocFailure : std::uint8_t {
 
 /// RELOC_FAIL, edge -> mobile.
 struct RelocFail {
-  static constexpr MessageType kType = MessageType::kRelocFail;
+  static constexpr MessageType kType = kRelocMessages["RELOC_FAIL"];
   std::uint64_t number = 0;
   RelocTimes times;
   RelocFailure reason = RelocFailure::kNotFound;
@@ -40,7 +44,7 @@ struct RelocFail {
 
 /// RELOC_OK, edge -> mobile: where the frame of the request was taken.
 struct RelocOk {
-  static constexpr MessageType kType = MessageType::kRelocOk;
+  static constexpr MessageType kType = kRelocMessages["RELOC_OK"];
   std::uint64_t number = 0;
   RelocTimes times;
   std::uint64_t update = 0;  ///< counts as an update with this number: which jumps the map knows of
@@ -53,13 +57,13 @@ struct RelocOk {
 
 /// SUSPEND, mobile -> edge: a loss begins. What waits to be sent waits until RESUME.
 struct SuspendMessage {
-  static constexpr MessageType kType = MessageType::kSuspend;
+  static constexpr MessageType kType = kRelocMessages["SUSPEND"];
   std::uint64_t loss = 0;  ///< counts from 1
 };
 
 /// RESUME, mobile -> edge: the loss has ended.
 struct ResumeMessage {
-  static constexpr MessageType kType = MessageType::kResume;
+  static constexpr MessageType kType = kRelocMessages["RESUME"];
   std::uint64_t loss = 0;
   KeyFrameId reference{};  ///< keyframe at which the camera was found
 };

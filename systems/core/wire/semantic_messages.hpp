@@ -9,13 +9,17 @@
 
 namespace slambed::wire {
 
+/// Keyframes whose pictures are segmented.
+inline constexpr MessageRange kSemanticMessages(66, {"SEMANTIC_KEYFRAME", "OPT_RESULT", "MASK",
+                                                     "NO_MASK", "KEYFRAME_REFUSED"});
+
 /// A map begins with two; that of a restarted edge with some more, so that its bundle keeps the
 /// scale.
 inline constexpr int kMostSemanticKeyFrames = 5;
 
 /// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to be mapped, and its picture to be segmented.
 struct SemanticKeyFrame {
-  static constexpr MessageType kType = MessageType::kSemanticKeyFrame;
+  static constexpr MessageType kType = kSemanticMessages["SEMANTIC_KEYFRAME"];
   /// The newer of the two keyframes that its map began with: answers about another map are worth
   /// nothing.
   KeyFrameId world;
@@ -37,7 +41,7 @@ struct SemanticKeyFrame {
 /// OPT_RESULT, edge -> mobile: what mapping a keyframe came to, as what has changed in the part of
 /// the map that the mobile keeps since the slice before.
 struct OptResult {
-  static constexpr MessageType kType = MessageType::kOptResult;
+  static constexpr MessageType kType = kSemanticMessages["OPT_RESULT"];
   KeyFrameId world;
   std::uint64_t number = 0;  ///< of slices in this map, from 1
   KeyFrameId keyframe;
@@ -53,7 +57,7 @@ struct OptResult {
 
 /// MASK, edge -> mobile: what moves in a keyframe's picture.
 struct MaskMessage {
-  static constexpr MessageType kType = MessageType::kMask;
+  static constexpr MessageType kType = kSemanticMessages["MASK"];
   KeyFrameId world;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
@@ -68,7 +72,7 @@ enum class NoMaskReason : std::uint8_t {
 
 /// NO_MASK, edge -> mobile: in place of a MASK that will not come, so that nobody waits for it.
 struct NoMaskMessage {
-  static constexpr MessageType kType = MessageType::kNoMask;
+  static constexpr MessageType kType = kSemanticMessages["NO_MASK"];
   KeyFrameId world;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
@@ -78,7 +82,7 @@ struct NoMaskMessage {
 /// KEYFRAME_REFUSED, edge -> mobile: what came under this number could not be read, so no answer
 /// will come of it.
 struct KeyFrameRefused {
-  static constexpr MessageType kType = MessageType::kKeyFrameRefused;
+  static constexpr MessageType kType = kSemanticMessages["KEYFRAME_REFUSED"];
   std::uint64_t sequence = 0;  ///< of the SEMANTIC_KEYFRAME
 };
 

@@ -4,9 +4,22 @@
 #include <optional>
 #include <string_view>
 
+#include "wire/message_type.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::wire {
+
+/// A trip through the map of earlier ones.
+inline constexpr MessageRange kTripMessages(48, {"TRIP_START", "INITIAL_POSE", "POSE_UPDATE",
+                                                 "TRIP_UPLOAD"});
+/// mobile -> edge: KEYFRAME of a trip whose place is not known yet.
+inline constexpr MessageType kTripStart = kTripMessages["TRIP_START"];
+/// edge -> mobile: where it is.
+inline constexpr MessageType kInitialPose = kTripMessages["INITIAL_POSE"];
+/// edge -> mobile: where a later keyframe is.
+inline constexpr MessageType kPoseUpdate = kTripMessages["POSE_UPDATE"];
+/// mobile -> edge: a keyframe that stayed here during the trip.
+inline constexpr MessageType kTripUpload = kTripMessages["TRIP_UPLOAD"];
 
 /// INITIAL_POSE and POSE_UPDATE, edge -> mobile: where a keyframe is in the map of earlier trips,
 /// and when it passed each place. 59 bytes.

@@ -3,6 +3,7 @@
 #include <random>
 
 #include "dynnetslam/tests/switching_pair.hpp"
+#include "wire/handover_messages.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -65,7 +66,7 @@ TEST(DynNetSlamHandover, OneThatTheEdgeCannotReadIsNotWaitedForForEver) {
   PairLink link = steps({{20, 8}, {80, 10}, {20, 20}});
   int torn = 0;
   link.alter_handovers = [&torn](Message& message) {
-    if (message.type == wire::type_of(wire::MessageType::kMapHandover) && torn < 2) {
+    if (message.type == wire::type_of(wire::MapHandover::kType) && torn < 2) {
       ++torn;
       message.payload.pop_back();
     }

@@ -15,13 +15,13 @@ namespace {
 
 using Rtts = std::vector<std::optional<double>>;
 
-Thresholds limits(bool hysteresis, bool safe_zone, double limit_ms = 40, double band_ms = 10) {
-  StrategyOptions options;
-  options.hysteresis = hysteresis;
-  options.safe_zone = safe_zone;
-  options.limit_ms = limit_ms;
-  options.band_ms = band_ms;
-  return thresholds(options);
+Thresholds limits(bool hysteresis, bool safe_zone, double limit_ms = 40, double band_ms = 10,
+                  std::optional<double> safe_limit_ms = {}) {
+  return thresholds({.hysteresis = hysteresis,
+                     .safe_zone = safe_zone,
+                     .limit_ms = limit_ms,
+                     .band_ms = band_ms,
+                     .safe_limit_ms = safe_limit_ms});
 }
 
 /// States after each RTT, the first one giving the initial state.
@@ -96,9 +96,7 @@ TEST(Strategy, RefusesLimitsOutOfOrder) {
   EXPECT_THROW(limits(true, true, 40, -1), Error);
   EXPECT_THROW(limits(true, true, 4, 10), Error);
   EXPECT_THROW(limits(true, true, std::numeric_limits<double>::quiet_NaN()), Error);
-  StrategyOptions options;
-  options.safe_limit_ms = 50;
-  EXPECT_THROW(thresholds(options), Error);
+  EXPECT_THROW(limits(true, true, 40, 10, 50), Error);
 }
 
 }  // namespace

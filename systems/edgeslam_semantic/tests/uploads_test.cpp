@@ -3,7 +3,7 @@
 #include "edgeslam_semantic/uploads.hpp"
 
 #include "edgeslam_semantic/tests/semantic_run.hpp"
-#include "wire/message_type.hpp"
+#include "wire/messages.hpp"
 
 namespace slambed::edgeslam_semantic {
 namespace {
@@ -24,7 +24,7 @@ class AnsweringChannel final : public Channel {
   std::uint64_t send(std::uint8_t, Bytes payload) override {
     ++sent_;
     largest_ = std::max(largest_, payload.size());
-    Message answer{.type = wire::type_of(wire::MessageType::kAck),
+    Message answer{.type = wire::type_of(wire::AckMessage::kType),
                    .received = runtime_.now() + after_,
                    .payload = encode(wire::AckMessage{sent_})};
     if (take_) {
@@ -72,7 +72,8 @@ class UploadingPolicy final : public MobilePolicy {
       : told_(told),
         frames_(node.runtime(), "frame", kUploadTook),
         probes_(node.runtime(), "probe", kRoundTrip),
-        uploads_(node, frames_, probes_, {.pictures = false}) {
+        uploads_(node, frames_, probes_,
+                 {.pictures = false, .one_way = true, .probe_period_s = 1}) {
     frames_.answer_to([this](const Message& answer) {
       uploads_.acknowledged(wire::decode_ack(answer.payload), answer.received);
     });

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "edgeslam/edgeslam.hpp"
+#include "example_backpressure/backlog_message.hpp"
 #include "offload/tests/turning_pair.hpp"
 
 namespace slambed {
@@ -15,11 +16,15 @@ using testing::PairResult;
 
 constexpr int kFrames = 80;
 
-PairResult run(double backlog_kb, double mbit_per_s) {
+PairResult run(double backlog_kb, double mbit_per_s, int backlog_keyframes = 1000,
+               double edge_stage_us = 2000) {
   auto params = conventional();
   params["backlog_kb"] = backlog_kb;
+  params["backlog_keyframes"] = backlog_keyframes;
+  DeviceModel edge = testing::uniform_device(edge_stage_us);
+  edge.stages["tell_backlog"] = {.a_us = 10};
   return testing::run_pair(example_backpressure_system(), params, kFrames, 10,
-                           {.mbit_per_s = mbit_per_s}, testing::turn);
+                           {.mbit_per_s = mbit_per_s, .edge_device = edge}, testing::turn);
 }
 
 TEST(ExampleBackpressure, WithoutABacklogItIsEdgeSlamByteForByte) {
@@ -43,6 +48,36 @@ TEST(ExampleBackpressure, ASlowLinkIsGivenNoMoreThanItHasCarried) {
   }
   EXPECT_LT(waits.keyframes.size(), run(1e6, 1).keyframes.size());
   EXPECT_EQ(waits.of("frame_tracked").size(), static_cast<std::size_t>(kFrames));
+}
+
+TEST(ExampleBackpressure, ASlowMapperIsGivenNoMoreThanItHasMapped) {
+  constexpr double kSlow_us = 60'000;
+  const PairResult waits = run(1e6, 100, 0, kSlow_us);
+  const auto withheld = waits.of("keyframe_withheld");
+  ASSERT_FALSE(withheld.empty());
+  for (const auto& event : withheld) EXPECT_GT(event["backlog_keyframes"].get<int>(), 0);
+  EXPECT_LT(waits.keyframes.size(), run(1e6, 100, 1000, kSlow_us).keyframes.size());
+}
+
+TEST(ExampleBackpressure, ItsOwnMessageHasItsNameInTheEvents) {
+  const PairResult pair = run(1e6, 100, 0, 60'000);
+  int told = 0;
+  for (const auto& event : pair.mobile) {
+    if (event["type"] != "message" || event["channel"] != "backlog") continue;
+    EXPECT_EQ(event["message"], "BACKLOG");
+    EXPECT_EQ(event["direction"], "down");
+    ++told;
+  }
+  EXPECT_GT(told, 0);
+  EXPECT_EQ(pair.mobile_text.find("UNKNOWN"), std::string::npos);
+}
+
+TEST(ExampleBackpressure, ItsOwnMessageIsReadWholeOrNotAtAll) {
+  using namespace example_backpressure;
+  const Bytes sent = encode(BacklogMessage{.keyframes = 3});
+  EXPECT_EQ(decode_backlog(sent).keyframes, 3u);
+  EXPECT_THROW(decode_backlog(std::span(sent).first(3)), wire::DecodeError);
+  EXPECT_THROW(decode_backlog(Bytes(5)), wire::DecodeError);
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ using testing::pose_at;
 using testing::SyntheticWorld;
 
 bool is_found(const Message& message) {
-  return message.type == wire::type_of(wire::MessageType::kRelocOk);
+  return message.type == wire::type_of(wire::RelocOk::kType);
 }
 
 wire::RelocOk read(const Message& message) {

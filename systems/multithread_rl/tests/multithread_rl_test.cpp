@@ -7,6 +7,7 @@
 
 #include <set>
 
+#include "edgeslam/parameters.hpp"
 #include "offload/edge_slam.hpp"
 #include "offload/tests/turning_pair.hpp"
 
@@ -40,7 +41,7 @@ PairResult run_staged(const nlohmann::json& params, const PairLink& link = {},
 
 /// Edge-SLAM as its own folder puts it together.
 System edge_slam() {
-  System system = offload_system("edgeslam");
+  System system = offload_system("edgeslam", edgeslam::parameter_specs());
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
     return std::make_unique<EdgeSlamMobile>(node, parameters);
   };
@@ -54,6 +55,7 @@ class BothCodecs : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(BothCodecs, WithBothSwitchesOffItIsConventionalEdgeSlam) {
   auto theirs = conventional(), ours = switches("serial");
+  theirs.update(testing::ours());
   for (const char* same : {"sync_period_s", "fast_motion_ms"}) theirs[same] = ours[same];
   theirs["codec"] = ours["codec"] = GetParam();
   const PairLink link{.one_way_ms = {5}};

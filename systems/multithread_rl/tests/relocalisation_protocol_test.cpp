@@ -29,7 +29,7 @@ PairLink with(AlteringNetwork::Alter alter) {
 }
 
 bool fail(Message& message) {
-  message.type = wire::type_of(wire::MessageType::kRelocFail);
+  message.type = wire::type_of(wire::RelocFail::kType);
   wire::RelocFail failed;
   failed.number = 1;
   message.payload = encode(failed);

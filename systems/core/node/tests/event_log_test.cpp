@@ -9,7 +9,7 @@
 
 #include "base/error.hpp"
 #include "base/tests/temporary_folder.hpp"
-#include "wire/message_type.hpp"
+#include "wire/messages.hpp"
 
 namespace slambed {
 namespace {
@@ -57,7 +57,7 @@ TEST(EventLog, WritesTheDocumentedFields) {
   log.message(message);
   message.incoming = false;
   message.dropped = true;
-  message.type = wire::type_of(wire::MessageType::kMapUpdate);
+  message.type = wire::type_of(wire::kMapUpdate);
   log.message(message);
   log.link({.channel = "map", .event = "rejected", .detail = "because"});
   log.warning("careful");

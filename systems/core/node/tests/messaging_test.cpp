@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/tests/temporary_folder.hpp"
+#include "wire/handover_messages.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::testing {
@@ -40,14 +41,14 @@ TEST_F(Messaging, EachMessageComesToWhoAskedForItsType) {
                                                    const Message& raw) {
     heard.push_back("ack " + std::to_string(ack.sequence) + " in " + std::to_string(raw.sequence));
   });
-  inbox.on(wire::MessageType::kMapHandover, [&](Message& raw) {
+  inbox.on(wire::MapHandover::kType, [&](Message& raw) {
     const Bytes taken = std::move(raw.payload);
     heard.push_back("map of " + std::to_string(taken.size()));
   });
-  EXPECT_TRUE(inbox.take(message(wire::MessageType::kMapHandover, Bytes(5))));
+  EXPECT_TRUE(inbox.take(message(wire::MapHandover::kType, Bytes(5))));
   EXPECT_TRUE(
-      inbox.take(message(wire::MessageType::kAck, encode(wire::AckMessage{.sequence = 3}))));
-  EXPECT_FALSE(inbox.take(message(wire::MessageType::kBye, {})));
+      inbox.take(message(wire::AckMessage::kType, encode(wire::AckMessage{.sequence = 3}))));
+  EXPECT_FALSE(inbox.take(message(wire::ByeMessage::kType, {})));
   EXPECT_EQ(heard, (std::vector<std::string>{"map of 5", "ack 3 in 7"}));
   EXPECT_EQ(log.refused(), 0);
 }
@@ -57,8 +58,8 @@ TEST_F(Messaging, WhatCannotBeReadIsCountedAndSaidOnce) {
   int heard = 0;
   inbox.on<wire::ByeMessage>(wire::decode_bye,
                              [&](const wire::ByeMessage&, const Message&) { ++heard; });
-  EXPECT_TRUE(inbox.take(message(wire::MessageType::kBye, Bytes(1))));
-  EXPECT_FALSE(read(log, message(wire::MessageType::kAck, {}), wire::decode_ack));
+  EXPECT_TRUE(inbox.take(message(wire::ByeMessage::kType, Bytes(1))));
+  EXPECT_FALSE(read(log, message(wire::AckMessage::kType, {}), wire::decode_ack));
   EXPECT_EQ(heard, 0);
   EXPECT_EQ(log.refused(), 2);
   const std::string events = written();

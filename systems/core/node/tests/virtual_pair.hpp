@@ -11,7 +11,7 @@
 #include "node/mobile_node.hpp"
 #include "runtime/virtual/virtual_network.hpp"
 #include "slam/tests/synthetic_world.hpp"
-#include "wire/message_type.hpp"
+#include "wire/messages.hpp"
 
 namespace slambed::testing {
 
@@ -173,7 +173,7 @@ class RestartingNetwork final : public Network {
   bool restarted() const { return runtime_.now() >= when_; }
   std::optional<Message> take(Channel& below, bool keyframes) {
     if (keyframes && restarted() && !std::exchange(asked_, true)) {
-      return Message{.type = wire::type_of(wire::MessageType::kKeyFrameWanted),
+      return Message{.type = wire::type_of(wire::kKeyFrameWanted),
                      .incarnation = below_.peer().incarnation + 1,
                      .payload = {}};
     }
@@ -253,8 +253,10 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
   PairResult result;
   {
     Simulator simulator;
-    EventLog mobile_log(folder.path() / "mobile.jsonl", NodeRole::kMobile);
-    EventLog edge_log(folder.path() / "edge.jsonl", NodeRole::kEdge);
+    const wire::MessageNames names(system.messages);
+    EventLog mobile_log(folder.path() / "mobile.jsonl", NodeRole::kMobile, EventLog::Open::kAnew,
+                        names);
+    EventLog edge_log(folder.path() / "edge.jsonl", NodeRole::kEdge, EventLog::Open::kAnew, names);
     for (EventLog* log : {&mobile_log, &edge_log}) {
       log->set_clock([&simulator] { return simulator.now(); });
       log->start(Duration::zero(), [] {});

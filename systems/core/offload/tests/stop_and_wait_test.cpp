@@ -6,7 +6,7 @@
 
 #include "runtime/tests/tcp_nodes.hpp"
 #include "runtime/virtual/virtual_network.hpp"
-#include "wire/message_type.hpp"
+#include "wire/messages.hpp"
 
 namespace slambed {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::Node;
 
-constexpr auto kKeyFrame = wire::type_of(wire::MessageType::kKeyFrame);
+constexpr auto kKeyFrame = wire::type_of(wire::kKeyFrame);
 
 /// Two nodes 10 ms apart, in virtual time.
 struct Pair {

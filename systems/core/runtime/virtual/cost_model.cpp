@@ -33,7 +33,7 @@ const StageCost& DeviceModel::cost(std::string_view stage) const {
   const auto found = stages.find(stage);
   if (found == stages.end()) {
     throw bad_input("device: no cost for stage '" + std::string(stage) +
-                    "'; add it to the device file's stages");
+                    "'; add it to the device file's stages, or to the system's (cost_as)");
   }
   return found->second;
 }

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// Numbers and names of messages: the core's stand, a system's own join them, and nobody's clash.
+#include "wire/message_names.hpp"
+
+#include <gtest/gtest.h>
+
+#include "base/error.hpp"
+#include "wire/handover_messages.hpp"
+#include "wire/messages.hpp"
+#include "wire/semantic_messages.hpp"
+#include "wire/trip_messages.hpp"
+
+namespace slambed::wire {
+namespace {
+
+constexpr MessageRange kOwn(128, {"HELLO", "", "GOODBYE"});
+
+std::string complaint(const MessageRange& range) {
+  try {
+    MessageNames names(std::array{kOwn, range});
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::kInternal);
+    return error.what();
+  }
+  return "";
+}
+
+TEST(MessageNames, TheCoresNumbersStayWhatTheyAreOnTheWire) {
+  EXPECT_EQ(type_of(kKeyFrame), 1);
+  EXPECT_EQ(type_of(AckMessage::kType), 5);
+  EXPECT_EQ(type_of(kKeyFrameWanted), 10);
+  EXPECT_EQ(type_of(HandoverAck::kType), 20);
+  EXPECT_EQ(type_of(kTripUpload), 51);
+  EXPECT_EQ(type_of(SemanticKeyFrame::kType), 66);
+  EXPECT_EQ(type_of(KeyFrameRefused::kType), 70);
+  const MessageNames names;
+  EXPECT_EQ(names[1], "KEYFRAME");
+  EXPECT_EQ(names[20], "HANDOVER_ACK");
+  EXPECT_EQ(names[70], "KEYFRAME_REFUSED");
+  for (const int nobodys : {0, 11, 71, 128, 255}) EXPECT_EQ(names[nobodys], "UNKNOWN") << nobodys;
+}
+
+TEST(MessageNames, ASystemsOwnJoinThem) {
+  const MessageNames names(std::array{kOwn});
+  EXPECT_EQ(type_of(kOwn["GOODBYE"]), 130);
+  EXPECT_EQ(names[128], "HELLO");
+  EXPECT_EQ(names[129], "UNKNOWN");  // one that is no longer sent
+  EXPECT_EQ(names[130], "GOODBYE");
+  EXPECT_EQ(names[1], "KEYFRAME");
+}
+
+TEST(MessageNames, NeitherANumberNorANameIsGivenTwice) {
+  EXPECT_EQ(complaint({130, {"MORE"}}), "message MORE, type 130: the number is that of GOODBYE");
+  EXPECT_EQ(complaint({200, {"HELLO"}}), "message HELLO, type 200: the name is taken");
+  EXPECT_EQ(complaint({3, {"WHERE"}}), "message WHERE, type 3: the number is that of FRAME");
+  EXPECT_EQ(complaint({255, {"LAST", "MORE"}}), "message MORE, type 256: the last number is 255");
+  EXPECT_EQ(complaint({129, {"BETWEEN"}}), "");
+}
+
+}  // namespace
+}  // namespace slambed::wire
