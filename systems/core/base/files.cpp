@@ -40,10 +40,11 @@ void write_whole(const std::filesystem::path& path,
   const std::filesystem::path part = path.string() + "." + std::to_string(::getpid()) + ".part";
   errno = 0;
   if (write_all(part, parts) && ::rename(part.c_str(), path.c_str()) == 0) return;
-  const Error error = cannot_write(path);
+  const int told = errno;
   std::error_code ignored;
   std::filesystem::remove(part, ignored);
-  throw error;
+  errno = told;
+  throw cannot_write(path);
 }
 
 void write_whole(const std::filesystem::path& path, const std::string& text) {

@@ -4,6 +4,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include <cerrno>
 #include <cstring>
 #include <fstream>
 
@@ -79,9 +80,10 @@ void FrameFile::make_all(const std::string& key, const Make& make) const {
   std::error_code error;
   if (file) std::filesystem::rename(part, path_, error);
   if (!file || error) {
-    const Error refused = cannot_write(path_);
+    const int told = errno;
     std::filesystem::remove(part, error);
-    throw refused;
+    errno = told;
+    throw cannot_write(path_);
   }
 }
 
