@@ -168,13 +168,7 @@ void Vehicle::upload(Worker& worker) {
   node_.log().warning("the edge did not say that the whole trip came");
 }
 
-void Vehicle::place_keyframes(PoseBook& book) {
-  const auto map = node_.tracker().map();
-  for (const KeyFrameId id : book.keyframes()) {
-    const auto pose = map->read([&](const MapView& view) { return view.pose_of(id); });
-    if (pose) book.placed(id, *pose);
-  }
-}
+void Vehicle::place_keyframes(PoseBook& book) { book.placed_in(*node_.tracker().map()); }
 
 Edge::Edge(EdgeNode& node, const Parameters& parameters)
     : control_(node.network().open({.name = "control", .heartbeat = true})),

@@ -14,7 +14,7 @@ System dynnetslam_system() {
     return std::make_unique<dynnetslam::DynNetSlamMobile>(node, parameters);
   };
   system.edge = [](EdgeNode& node, const Parameters& parameters) {
-    return std::make_unique<dynnetslam::DynNetSlamEdge>(node, parameters);
+    return std::make_unique<SwitchedMappingEdge>(node, parameters);
   };
   return system;
 }

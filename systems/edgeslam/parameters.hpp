@@ -19,6 +19,7 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::integer("max_frames", 0, 1000),
       ParameterSpec::real("first_update_s", -1, 600),
       ParameterSpec::choice("update_poll", {"before_extraction", "after_extraction"}),
+      ParameterSpec::path("prior_map"),
       ParameterSpec::integer("n_orb", 50, 10000),
       ParameterSpec::integer("n_kf", 1, 100),
       ParameterSpec::real("sync_period_s", 0, 600),

@@ -42,9 +42,7 @@ void OffloadedMobile::finish(Worker& worker) {
   farewell_.say(worker, tracking_.last_sequence());
 }
 
-void OffloadedMobile::place_keyframes(PoseBook& book) {
-  for (const KeyFramePose& pose : farewell_.poses()) book.placed(pose.id, pose.T_cw);
-}
+void OffloadedMobile::place_keyframes(PoseBook& book) { farewell_.place_keyframes(book); }
 
 OffloadedEdge::OffloadedEdge(EdgeNode& node, const Parameters& parameters,
                              const TrackerOptions& tracker)

@@ -323,8 +323,6 @@ void SemanticMobile::finish(Worker& worker) {
   farewell_.say(worker, uploads_.last_sequence());
 }
 
-void SemanticMobile::place_keyframes(PoseBook& book) {
-  for (const KeyFramePose& pose : farewell_.poses()) book.placed(pose.id, pose.T_cw);
-}
+void SemanticMobile::place_keyframes(PoseBook& book) { farewell_.place_keyframes(book); }
 
 }  // namespace slambed::edgeslam_semantic

@@ -50,9 +50,7 @@ class BackpressureMobile final : public MobilePolicy {
     return offload_.relocalised_by(frame);
   }
   void finish(Worker& worker) override { offload_.say_goodbye(worker); }
-  void place_keyframes(PoseBook& book) override {
-    for (const KeyFramePose& pose : offload_.farewell().poses()) book.placed(pose.id, pose.T_cw);
-  }
+  void place_keyframes(PoseBook& book) override { offload_.farewell().place_keyframes(book); }
   MapCounts counts() const override { return offload_.farewell().counts(); }
 
  private:

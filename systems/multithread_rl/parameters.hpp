@@ -13,6 +13,7 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::boolean("keep_recovery_keyframe"),
       ParameterSpec::integer("reloc_fail_bytes", 0, 10000000),
       ParameterSpec::choice("keyframe_backup", {"none", "update", "uncovered"}),
+      ParameterSpec::path("prior_map"),
       ParameterSpec::integer("n_orb", 50, 10000),
       ParameterSpec::integer("n_kf", 1, 100),
       ParameterSpec::real("sync_period_s", 0, 600),

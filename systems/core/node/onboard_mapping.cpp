@@ -59,11 +59,6 @@ void OnboardMapping::drain(Worker& worker) {
   if (loops_) loops_->drain(worker);
 }
 
-void OnboardMapping::place(PoseBook& book) const {
-  for (const KeyFrameId id : book.keyframes()) {
-    const auto pose = map_->read([&](const MapView& view) { return view.pose_of(id); });
-    if (pose) book.placed(id, *pose);
-  }
-}
+void OnboardMapping::place(PoseBook& book) const { book.placed_in(*map_); }
 
 }  // namespace slambed

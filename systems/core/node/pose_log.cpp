@@ -2,6 +2,7 @@
 #include "node/pose_log.hpp"
 
 #include "base/files.hpp"
+#include "map/map.hpp"
 
 namespace slambed {
 namespace {
@@ -39,6 +40,13 @@ void PoseBook::placed(KeyFrameId keyframe, const SE3& T_cw) {
   Entry& entry = entries_[keyframe];
   entry.T_cw = T_cw;
   entry.placed = true;
+}
+
+void PoseBook::placed_in(const Map& map) {
+  for (const KeyFrameId id : keyframes()) {
+    const auto pose = map.read([&](const MapView& view) { return view.pose_of(id); });
+    if (pose) placed(id, *pose);
+  }
 }
 
 std::vector<KeyFrameId> PoseBook::keyframes() const {

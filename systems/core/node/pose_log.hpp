@@ -13,6 +13,8 @@
 
 namespace slambed {
 
+class Map;
+
 /// What is known of where keyframes are, also of those that are no longer in any map here. A
 /// keyframe that nobody placed since its creation stays where it was relative to the keyframe that
 /// the camera was tracked against then.
@@ -21,6 +23,8 @@ class PoseBook {
   void created(KeyFrameId keyframe, KeyFrameId reference, const SE3& T_cr, const SE3& T_cw);
   /// A pose that a map holds now; newer knowledge replaces older.
   void placed(KeyFrameId keyframe, const SE3& T_cw);
+  /// Every keyframe that is in the book and that the map knows of.
+  void placed_in(const Map& map);
   std::optional<SE3> pose(KeyFrameId keyframe) const;
   std::vector<KeyFrameId> keyframes() const;  ///< ascending
   void clear() { entries_.clear(); }

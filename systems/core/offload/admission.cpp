@@ -23,7 +23,7 @@ std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& mess
   }
   if (message.first) return std::nullopt;
   if (state.last_accepted_s < 0) {
-    if (message.whole) return std::nullopt;
+    if (message.whole || state.keyframes > 0) return std::nullopt;
     return kNoMap;
   }
   if (message.after_relocalisation &&

@@ -9,14 +9,31 @@
 #include "offload/update_content.hpp"
 
 namespace slambed {
+namespace {
+
+/// Fills up with what is seen together with the newest of them: where the stored map ends the
+/// camera need not be.
+void add_covisibles(const MapView& view, int count, std::vector<KeyFrameId>& found) {
+  for (const Covisible& near : view.keyframe(found.front())->covisibles) {
+    if (std::ssize(found) == count) return;
+    if (std::find(found.begin(), found.end(), near.id) == found.end()) found.push_back(near.id);
+  }
+}
+
+}  // namespace
 
 EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHooks hooks)
     : node_(node),
-      options_(options),
+      options_(std::move(options)),
       hooks_(std::move(hooks)),
+      map_(options_.prior ? options_.prior : std::make_shared<Map>()),
       places_(std::make_shared<PlaceIndex>(default_vocabulary())),
       mapping_(node.runtime(), node.log(), options_.mapping, map_, IdSpace::kEdgeMapper,
                LocalMapping::Mode::kWorker, mapping_hooks()) {
+  places_->follow(*map_);
+  admitted_ = map_->read([](const MapView& view) { return view.keyframe_ids(); });
+  mapped_keyframes_ = admitted_;
+  begun_with_ = admitted_.size();
   if (!options_.loop_closing) return;
   loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), map_, places_, mapping_,
                  LocalMapping::Mode::kWorker,
@@ -87,6 +104,7 @@ void EdgeMapper::clear(Worker& worker) {
     pending_.clear();
     admitted_.clear();
     mapped_keyframes_.clear();
+    begun_with_ = 0;
   }
   hooks_.cleared();
 }
@@ -149,14 +167,20 @@ std::vector<KeyFramePose> EdgeMapper::all_poses() const {
 
 std::vector<KeyFrameId> EdgeMapper::latest(int count) const {
   std::vector<KeyFrameId> mapped;
+  std::size_t begun_with = 0;
   {
     std::lock_guard lock(mutex_);
     mapped = mapped_keyframes_;
+    begun_with = begun_with_;
   }
   return map_->read([&](const MapView& view) {
     std::vector<KeyFrameId> found;
-    for (auto id = mapped.rbegin(); id != mapped.rend() && std::ssize(found) < count; ++id) {
-      if (view.keyframe(*id)) found.push_back(*id);
+    for (std::size_t i = mapped.size(); i > 0 && std::ssize(found) < count; --i) {
+      if (i == begun_with && !found.empty()) {
+        add_covisibles(view, count, found);
+        break;
+      }
+      if (view.keyframe(mapped[i - 1])) found.push_back(mapped[i - 1]);
     }
     return found;
   });

@@ -19,6 +19,7 @@ struct EdgeMapperOptions {
   bool loop_closing;   ///< look for loops in the global map and close them
   int max_frames = 0;  ///< ORB-SLAM2's mMaxFrames; 0: a second at the played rate
   LocalMapperOptions mapping{};
+  std::shared_ptr<Map> prior{};  ///< what the global map begins with; null: nothing
 };
 
 /// What others do on the mapping worker of an edge.
@@ -67,7 +68,8 @@ class EdgeMapper {
   std::uint64_t jumps() const { return jumps_.count(); }
   /// Where every keyframe that was ever admitted is now, culled ones through their parents.
   std::vector<KeyFramePose> all_poses() const;
-  /// The latest mapped keyframes that still exist, newest first, at most count.
+  /// The latest mapped keyframes that still exist, newest first, at most count; those of the prior
+  /// map only while there is no other, or to fill up: then the newest one's covisibles.
   std::vector<KeyFrameId> latest(int count) const;
   /// The last keyframe that was mapped or merged; none before the first.
   KeyFrameId newest() const;
@@ -101,7 +103,7 @@ class EdgeMapper {
   EdgeNode& node_;
   EdgeMapperOptions options_;
   EdgeMapperHooks hooks_;
-  std::shared_ptr<Map> map_ = std::make_shared<Map>();
+  std::shared_ptr<Map> map_;
   std::shared_ptr<PlaceIndex> places_;
   LocalMapping mapping_;
   std::optional<LoopClosing> loops_;
@@ -110,8 +112,9 @@ class EdgeMapper {
   mutable std::mutex mutex_;  ///< guards what follows
   double last_admitted_s_ = -1;
   std::map<KeyFrameId, Pending> pending_;
-  std::vector<KeyFrameId> admitted_;          ///< in order of arrival
-  std::vector<KeyFrameId> mapped_keyframes_;  ///< in order of mapping
+  std::vector<KeyFrameId> admitted_;          ///< in order of arrival, those of the prior map first
+  std::vector<KeyFrameId> mapped_keyframes_;  ///< in order of mapping, likewise
+  std::size_t begun_with_ = 0;                ///< the first so many of both are the prior map's
 };
 
 }  // namespace slambed

@@ -3,9 +3,25 @@
 
 namespace slambed {
 
+namespace {
+
+std::optional<PriorMap> prior_of(const EdgeMappingOptions& options) {
+  if (options.prior_map.empty()) return std::nullopt;
+  return open_prior_map(options.prior_map, IdSpace::kTracker);
+}
+
+EdgeMapperOptions with(EdgeMapperOptions options, const std::optional<PriorMap>& prior) {
+  if (prior) options.prior = prior->map;
+  return options;
+}
+
+}  // namespace
+
 EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Channel& keyframes,
                          Channel& map)
-    : mapper_(node, options.mapper,
+    : node_(node),
+      prior_(prior_of(options)),
+      mapper_(node, with(options.mapper, prior_),
               {.taken = [this] { intake_.look(); },
                .mapped = [this](Worker& worker,
                                 const wire::UpdateTimes& times) { updates_.mapped(worker, times); },
@@ -36,6 +52,20 @@ EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Chan
 void EdgeMapping::start() {
   mapper_.start();
   intake_.start();
+  if (!prior_) return;
+  check_rig(*prior_, node_.peer());
+  node_.runtime().spawn("prior-map", [this](Worker& worker) { check_prior(worker); });
+}
+
+/// As soon as the mobile has shown its camera.
+void EdgeMapping::check_prior(Worker& worker) {
+  Signal& greeted = node_.network().peer_signal();
+  while (!worker.stopping()) {
+    const auto ticket = greeted.ticket();
+    check_rig(*prior_, node_.peer());
+    if (node_.peer().info()) return;
+    worker.wait(greeted, ticket, kNever);
+  }
 }
 
 void EdgeMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,

@@ -4,6 +4,7 @@
 #include "offload/edge_mapper.hpp"
 #include "offload/farewell.hpp"
 #include "offload/keyframe_intake.hpp"
+#include "offload/prior_map.hpp"
 #include "offload/update_sender.hpp"
 
 namespace slambed {
@@ -11,12 +12,15 @@ namespace slambed {
 struct EdgeMappingOptions {
   EdgeMapperOptions mapper;
   UpdateSenderOptions updates;
-  bool admission_when_idle = false;  ///< keyframes wait unread until the mapper looks for one
+  std::filesystem::path prior_map{};  ///< what the global map begins with; empty: nothing
+  bool admission_when_idle = false;   ///< keyframes wait unread until the mapper looks for one
 };
 
 /// Edge-SLAM's edge: keyframe intake, mapper and update sender put together.
 class EdgeMapping final : public FarewellSource {
  public:
+  /// bad_input for a prior map that is missing, damaged, empty, or of another camera than the
+  /// mobile's.
   EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Channel& keyframes, Channel& map);
 
   void start();
@@ -38,6 +42,10 @@ class EdgeMapping final : public FarewellSource {
   void resume(std::uint64_t epoch);
 
  private:
+  void check_prior(Worker& worker);
+
+  EdgeNode& node_;
+  std::optional<PriorMap> prior_;
   EdgeMapper mapper_;
   UpdateSender updates_;
   KeyFrameIntake intake_;

@@ -11,8 +11,13 @@ namespace slambed {
 
 EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters)
     : node_(node), offload_(node, parameters) {
-  offload_.downlink().on_applied(
-      [this](const wire::MapUpdate&, const std::shared_ptr<Map>&) { edge_has_map_ = true; });
+  offload_.downlink().on_applied([this, begins_there = !edge_prior_map(parameters).empty()](
+                                     const wire::MapUpdate&, const std::shared_ptr<Map>&) {
+    edge_has_map_ = true;
+    // Found in the map that the edge began with: it needs none of ours.
+    if (begins_there && edge_incarnation_ == 0)
+      edge_incarnation_ = node_.network().peer().incarnation;
+  });
 }
 
 void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
@@ -57,8 +62,6 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   keyframe_wanted_ = false;
 }
 
-void EdgeSlamMobile::place_keyframes(PoseBook& book) {
-  for (const KeyFramePose& pose : offload_.farewell().poses()) book.placed(pose.id, pose.T_cw);
-}
+void EdgeSlamMobile::place_keyframes(PoseBook& book) { offload_.farewell().place_keyframes(book); }
 
 }  // namespace slambed

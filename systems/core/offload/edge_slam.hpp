@@ -30,7 +30,8 @@ class EdgeSlamMobile final : public MobilePolicy {
  private:
   MobileNode& node_;
   OffloadMobile offload_;
-  std::uint64_t edge_incarnation_ = 0;  ///< of the edge whose map began with one of our keyframes
+  std::uint64_t edge_incarnation_ =
+      0;  ///< of the edge whose map began with one of our keyframes, or ours in it
   bool edge_has_map_ = true;      ///< false: it said that it has none, and has sent none since
   bool keyframe_wanted_ = false;  ///< at the next frame
 };

@@ -43,6 +43,10 @@ void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
   node_.log().warning("the edge did not answer BYE; its last corrections are missing");
 }
 
+void MobileFarewell::place_keyframes(PoseBook& book) const {
+  for (const KeyFramePose& pose : poses_) book.placed(pose.id, pose.T_cw);
+}
+
 void EdgeFarewell::start() {
   node_.runtime().spawn("control", [this](Worker& worker) { listen(worker); });
 }

@@ -18,7 +18,8 @@ class MobileFarewell {
 
   void say(Worker& worker, std::uint64_t last_keyframe_sequence);
   const MapCounts& counts() const { return counts_; }  ///< of the global map; zero when unheard
-  const std::vector<KeyFramePose>& poses() const { return poses_; }
+  /// Enters the edge's final poses, as far as they came.
+  void place_keyframes(PoseBook& book) const;
   bool answered() const { return answered_; }
 
  private:

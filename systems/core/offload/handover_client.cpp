@@ -115,13 +115,14 @@ void HandoverClient::send(Handover& handover) {
 
 void HandoverClient::acknowledged(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {
   JsonLine event("handover_acknowledged");
-  event.add("epoch", ack.epoch).add("number", ack.number).add("accepted", ack.accepted);
+  const bool accepted = ack.answer == wire::HandoverAnswer::kAccepted;
+  event.add("epoch", ack.epoch).add("number", ack.number).add("accepted", accepted);
   {
     std::lock_guard lock(mutex_);
     const bool current = handover_.sent && ack.number == handover_.number;
     if (!map_ || ack.epoch != handover_.epoch || edge != handover_.acknowledged.edge) {
       event.add("stale", true);
-    } else if (ack.accepted) {
+    } else if (accepted) {
       event.add_ms("handover_ms", now - handover_.asked);
       if (!handover_.superseded)
         acknowledged_ = current ? std::move(handover_.acknowledged) : AcknowledgedMap();

@@ -23,7 +23,8 @@ class HandoverClient {
   void begin(std::uint64_t epoch, std::shared_ptr<Map> map, bool edge_is_empty);
   /// Mapping on the edge ends, a hand-over under way is worth nothing any more.
   void stop(std::uint64_t epoch);
-  /// The edge has sent this map.
+  /// The edge has sent this map. Live, copying it is a part of the pause for the update; in virtual
+  /// time it is free: a stage of its own would be one more cost to fit for each device.
   void received(std::shared_ptr<const Map> map);
   /// True from begin() until the edge has taken the map over.
   bool under_way() const { return under_way_; }

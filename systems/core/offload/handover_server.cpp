@@ -13,9 +13,8 @@ HandoverServer::HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& ch
   inbox_.on<wire::StateMessage>(wire::decode_state,
                                 [this](const wire::StateMessage& state, const Message& raw) {
                                   send(channel_, wire::AckMessage{.sequence = raw.sequence});
-                                  // Number 0 answers no hand-over: it says that one is needed.
                                   if (count(*mapping_.mapper().map()).keyframes == 0)
-                                    answer(state.epoch, 0, false);
+                                    answer(state.epoch, 0, wire::HandoverAnswer::kNoMap);
                                 });
   inbox_.on<wire::StopMessage>(wire::decode_stop, [this](const wire::StopMessage& message,
                                                          const Message&) { stop(message); });
@@ -52,7 +51,8 @@ void HandoverServer::begin(const wire::StartMessage& start) {
   if (is_stale(start.epoch, start.number)) return;
   const bool possible = count(*mapping_.mapper().map()).keyframes > 0;
   if (possible) resume(start.epoch);
-  answer(start.epoch, start.number, possible);
+  answer(start.epoch, start.number,
+         possible ? wire::HandoverAnswer::kAccepted : wire::HandoverAnswer::kDeclined);
 }
 
 void HandoverServer::resume(std::uint64_t epoch) {
@@ -69,15 +69,16 @@ void HandoverServer::apply(Worker& worker, const Message& raw) {
   if (!read_well) {
     // Without an answer the mobile would wait for one for ever.
     if (const auto head = wire::handover_head(raw.payload))
-      answer(head->epoch, head->number, false);
+      answer(head->epoch, head->number, wire::HandoverAnswer::kDeclined);
     return;
   }
   wire::MapHandover& handover = *read_well;
   if (is_stale(handover.epoch, handover.number)) return;
   // Sent again because a connection broke, but the first one had come; the map has gone on since.
-  if (handover.number == applied_) return answer(handover.epoch, handover.number, true);
+  if (handover.number == applied_)
+    return answer(handover.epoch, handover.number, wire::HandoverAnswer::kAccepted);
   if (!handover.whole && count(*mapping_.mapper().map()).keyframes == 0) {
-    return answer(handover.epoch, handover.number, false);
+    return answer(handover.epoch, handover.number, wire::HandoverAnswer::kDeclined);
   }
   mapping_.stop();
   const std::size_t keyframes = handover.changes.keyframes.size();
@@ -93,7 +94,7 @@ void HandoverServer::apply(Worker& worker, const Message& raw) {
                         .add("unknown", report.unknown));
   applied_ = handover.number;
   resume(handover.epoch);
-  answer(handover.epoch, handover.number, true);
+  answer(handover.epoch, handover.number, wire::HandoverAnswer::kAccepted);
 }
 
 bool HandoverServer::is_stale(std::uint64_t epoch, std::uint64_t number) {
@@ -108,8 +109,9 @@ bool HandoverServer::is_stale(std::uint64_t epoch, std::uint64_t number) {
   return true;
 }
 
-void HandoverServer::answer(std::uint64_t epoch, std::uint64_t number, bool accepted) {
-  send(channel_, wire::HandoverAck{epoch, number, accepted});
+void HandoverServer::answer(std::uint64_t epoch, std::uint64_t number,
+                            wire::HandoverAnswer answer) {
+  send(channel_, wire::HandoverAck{epoch, number, answer});
 }
 
 }  // namespace slambed

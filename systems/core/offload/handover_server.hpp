@@ -28,7 +28,7 @@ class HandoverServer {
   void resume(std::uint64_t epoch);
   /// True, and recorded, when the epoch is over.
   bool is_stale(std::uint64_t epoch, std::uint64_t number);
-  void answer(std::uint64_t epoch, std::uint64_t number, bool accepted);
+  void answer(std::uint64_t epoch, std::uint64_t number, wire::HandoverAnswer answer);
 
   EdgeNode& node_;
   EdgeMapping& mapping_;

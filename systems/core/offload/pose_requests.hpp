@@ -8,6 +8,7 @@
 #include "node/mobile_node.hpp"
 #include "offload/map_downlink.hpp"
 #include "offload/message_codec.hpp"
+#include "offload/relocalisation.hpp"
 #include "runtime/mailbox.hpp"
 #include "wire/reloc_messages.hpp"
 
@@ -16,22 +17,18 @@ namespace slambed {
 /// The mobile's side of relocalisation on the edge: a lost frame goes up before the local attempt
 /// at it, at most one at a time; what comes back takes effect between two frames. From loss to
 /// recovery the edge sends no updates, and none is taken over.
-class PoseRequests {
+class PoseRequests final : public MobileRelocalisation {
  public:
   PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
                MapDownlink& downlink, MessageCodec codec);
 
-  void start();
-  // On the tracking worker.
-  /// Between two frames: an answer may say where the camera is.
-  void before_frame(Worker& worker);
-  /// Before the local attempt at a frame.
+  void start() override;
+  void before_frame(Worker& worker) override;
   void before_tracking(Worker& worker, const OfferedFrame& frame,
-                       const std::shared_ptr<const FeatureSet>& features);
+                       const std::shared_ptr<const FeatureSet>& features) override;
   /// Whether a loss begins or ends with this frame.
-  void after_frame(Worker& worker, const TrackedFrame& frame);
-  /// Playback is over: a loss that has not ended holds nothing back any more.
-  void finish();
+  void after_frame(Worker& worker, const TrackedFrame& frame) override;
+  void finish() override;
 
  private:
   /// A frame on its way to the edge.

@@ -1,46 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/relocalisation.hpp"
 
-#include "node/messaging.hpp"
+#include "offload/pose_requests.hpp"
+#include "offload/relocalisation_by_map.hpp"
+#include "offload/relocalisation_by_pose.hpp"
+#include "offload/settings.hpp"
 
 namespace slambed {
 
-void RelocalisationRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
-  if (frame.outcome.state != TrackingState::kLost) {
-    last_ = RunTime::min();
-    return;
-  }
-  const RunTime now = worker.now();
-  if (last_ != RunTime::min() && now - last_ < period_) return;
-  last_ = now;
-  send(channel_, wire::FrameMessage::kType,
-       codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
-                                                   .timestamp_s = frame.offered.played.seq_s(),
-                                                   .features = frame.features}));
+std::unique_ptr<MobileRelocalisation> make_relocalisation(MobileNode& node,
+                                                          const Parameters& parameters,
+                                                          OffloadChannels& channels,
+                                                          MapDownlink& downlink) {
+  MessageCodec codec = message_codec(parameters);
+  if (relocalises_on_edge(parameters))
+    return std::make_unique<PoseRequests>(node, channels.frame, channels.control, channels.keyframe,
+                                          downlink, std::move(codec));
+  return std::make_unique<MapRequests>(
+      channels.frame, from_seconds(parameters.real("reloc_request_ms") / 1000), std::move(codec));
 }
 
-void RelocalisationService::start() {
-  node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
-}
-
-void RelocalisationService::serve(Worker& worker) {
-  RunTime last = RunTime::min();
-  while (const auto message = channel_.receive(worker, kNever)) {
-    if (!is(*message, wire::FrameMessage::kType)) continue;
-    relocaliser_.asked(*message);
-    // The mobile has just sent the newest of its frames; older answers would come too late for it.
-    if (last != RunTime::min() && worker.now() - last < options_.map_period) continue;
-    const auto answer = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
-      units.n1 = kilobytes(message->payload);
-      const auto frame = read(node_.log(), *message, [this](const Bytes& bytes) {
-        return options_.codec.frame(bytes, node_.peer().sensor());
-      });
-      return frame ? relocaliser_.find(*message, *frame) : RelocalisationHelp::Answer();
-    });
-    if (!answer) continue;
-    const RunTime found = worker.now();
-    if (answer(worker)) last = found;
-  }
+std::unique_ptr<EdgeRelocalisation> make_relocalisation(EdgeNode& node,
+                                                        const Parameters& parameters,
+                                                        OffloadChannels& channels,
+                                                        EdgeMapping& mapping) {
+  if (relocalises_on_edge(parameters))
+    return std::make_unique<RelocalisationByPose>(
+        node, channels.frame, channels.map, mapping.mapper(), mapping.updates(),
+        PoseRelocalisationOptions{
+            .codec = message_codec(parameters),
+            .fail_bytes = static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))});
+  return std::make_unique<RelocalisationByMap>(
+      node, channels.frame, mapping.mapper(), mapping.updates(),
+      MapRelocalisationOptions{.period = from_seconds(parameters.real("reloc_map_period_s")),
+                               .max_candidates = parameters.integer("reloc_candidates"),
+                               .covisibles = parameters.integer("reloc_covisibles"),
+                               .latest = parameters.integer("n_kf"),
+                               .codec = message_codec(parameters)});
 }
 
 }  // namespace slambed

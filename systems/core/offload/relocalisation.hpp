@@ -1,64 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <functional>
 #include <memory>
 
-#include "node/edge_node.hpp"
-#include "node/mobile_node.hpp"
-#include "offload/message_codec.hpp"
+#include "node/frame_tracking.hpp"
+#include "runtime/channel.hpp"
 
 namespace slambed {
 
-/// The mobile's side: while tracking is lost, asks the edge where it is, at most once per period.
-class RelocalisationRequests {
+class EdgeMapping;
+class EdgeNode;
+class MapDownlink;
+class MobileNode;
+class OffloadChannels;
+class Parameters;
+
+/// How a lost camera is found with the edge's help: by a map in which the mobile finds itself
+/// (Edge-SLAM), or by a pose that the edge has found (Relocate). This is the mobile's side, on the
+/// tracking worker.
+class MobileRelocalisation {
  public:
-  RelocalisationRequests(Channel& frames, Duration period, MessageCodec codec = {})
-      : channel_(frames), period_(period), codec_(std::move(codec)) {}
-  void after_frame(Worker& worker, const TrackedFrame& frame);
-
- private:
-  Channel& channel_;
-  Duration period_;
-  MessageCodec codec_;
-  RunTime last_ = RunTime::min();
+  virtual ~MobileRelocalisation() = default;
+  virtual void start() {}
+  /// Between two frames: an answer may take effect.
+  virtual void before_frame(Worker&) {}
+  /// Between extraction and tracking: before the local attempt at a lost frame.
+  virtual void before_tracking(Worker&, const OfferedFrame&,
+                               const std::shared_ptr<const FeatureSet>&) {}
+  virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
+  /// Playback is over: a loss that has not ended holds nothing back any more.
+  virtual void finish() {}
 };
 
-/// How an edge tells a lost mobile where it is.
-class RelocalisationHelp {
+/// The edge's side.
+class EdgeRelocalisation {
  public:
-  /// Tells the mobile; false when there was nothing to tell after all.
-  using Answer = std::function<bool(Worker&)>;
-
-  virtual ~RelocalisationHelp() = default;
-  /// The mobile has asked, whether or not it will be looked for.
-  virtual void asked(const Message&) {}
-  /// Looks for the frame. Within the stage that parsed it; empty: not found.
-  virtual Answer find(const Message& raw, const wire::FrameMessage& frame) = 0;
+  virtual ~EdgeRelocalisation() = default;
+  virtual void start() = 0;
+  /// What comes on the control channel and is not the mobile's farewell. On any worker.
+  virtual void listen(const Message&) {}
 };
 
-struct RelocalisationOptions {
-  Duration map_period;  ///< between two answers
-  int max_candidates;
-  int covisibles;  ///< sent beside each candidate
-  MessageCodec codec;
-};
-
-/// The edge's side: receives frames of a lost mobile and has them answered.
-class RelocalisationService {
- public:
-  RelocalisationService(EdgeNode& node, Channel& frames, RelocalisationHelp& relocaliser,
-                        RelocalisationOptions options)
-      : node_(node), channel_(frames), relocaliser_(relocaliser), options_(std::move(options)) {}
-  void start();
-
- private:
-  void serve(Worker& worker);
-
-  EdgeNode& node_;
-  Channel& channel_;
-  RelocalisationHelp& relocaliser_;
-  RelocalisationOptions options_;
-};
+/// Both sides as the parameters have it; all else outlives what is made.
+std::unique_ptr<MobileRelocalisation> make_relocalisation(MobileNode& node,
+                                                          const Parameters& parameters,
+                                                          OffloadChannels& channels,
+                                                          MapDownlink& downlink);
+std::unique_ptr<EdgeRelocalisation> make_relocalisation(EdgeNode& node,
+                                                        const Parameters& parameters,
+                                                        OffloadChannels& channels,
+                                                        EdgeMapping& mapping);
 
 }  // namespace slambed

@@ -3,16 +3,47 @@
 
 #include <algorithm>
 
+#include "node/messaging.hpp"
 #include "offload/update_content.hpp"
 
 namespace slambed {
 
-RelocalisationHelp::Answer RelocalisationByMap::find(const Message& raw,
-                                                     const wire::FrameMessage& frame) {
-  auto found = alike(frame);
-  if (found.empty()) return {};
-  return [this, queued = raw.queued, received = raw.received, found = std::move(found)](
-             Worker& worker) { return send(worker, queued, received, found); };
+void MapRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
+  if (frame.outcome.state != TrackingState::kLost) {
+    last_ = RunTime::min();
+    return;
+  }
+  const RunTime now = worker.now();
+  if (last_ != RunTime::min() && now - last_ < period_) return;
+  last_ = now;
+  send(channel_, wire::FrameMessage::kType,
+       codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
+                                                   .timestamp_s = frame.offered.played.seq_s(),
+                                                   .features = frame.features}));
+}
+
+void RelocalisationByMap::start() {
+  node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
+}
+
+void RelocalisationByMap::serve(Worker& worker) {
+  RunTime last = RunTime::min();
+  while (const auto message = channel_.receive(worker, kNever)) {
+    if (!is(*message, wire::FrameMessage::kType)) continue;
+    updates_.hold(message->queued);
+    // The mobile has just sent the newest of its frames; older answers would come too late for it.
+    if (last != RunTime::min() && worker.now() - last < options_.period) continue;
+    auto found = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
+      units.n1 = kilobytes(message->payload);
+      const auto frame = read(node_.log(), *message, [this](const Bytes& bytes) {
+        return options_.codec.frame(bytes, node_.peer().sensor());
+      });
+      return frame ? alike(*frame) : std::vector<KeyFrameId>();
+    });
+    if (found.empty()) continue;
+    const RunTime when = worker.now();
+    if (send(worker, *message, std::move(found))) last = when;
+  }
 }
 
 std::vector<KeyFrameId> RelocalisationByMap::alike(const wire::FrameMessage& frame) const {
@@ -28,17 +59,16 @@ std::vector<KeyFrameId> RelocalisationByMap::alike(const wire::FrameMessage& fra
   });
 }
 
-bool RelocalisationByMap::send(Worker& worker, RunTime queued, RunTime received,
-                               std::vector<KeyFrameId> found) {
-  const auto latest = mapper_.latest(latest_);
+bool RelocalisationByMap::send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found) {
+  const auto latest = mapper_.latest(options_.latest);
   if (latest.empty()) return false;
   for (const KeyFrameId id : latest) {
     if (std::find(found.begin(), found.end(), id) == found.end()) found.push_back(id);
   }
   const RunTime now = worker.now();
-  const wire::UpdateTimes times{.captured = queued,
-                                .queued = queued,
-                                .received = received,
+  const wire::UpdateTimes times{.captured = raw.queued,
+                                .queued = raw.queued,
+                                .received = raw.received,
                                 .accepted = now,
                                 .mapped = now,
                                 .due = now};

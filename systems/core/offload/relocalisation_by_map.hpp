@@ -3,31 +3,59 @@
 
 #include <vector>
 
+#include "offload/message_codec.hpp"
 #include "offload/relocalisation.hpp"
 #include "offload/update_sender.hpp"
 
 namespace slambed {
 
-/// Edge-SLAM's way: keyframes that look like the frame and the latest ones become the mobile's map,
-/// in which it finds itself.
-class RelocalisationByMap final : public RelocalisationHelp {
+/// Edge-SLAM's way, the mobile's side: while tracking is lost, asks the edge where it is, at most
+/// once per period. The answer comes as a map update.
+class MapRequests final : public MobileRelocalisation {
  public:
-  /// latest: so many of the latest keyframes go along.
-  RelocalisationByMap(EdgeMapper& mapper, UpdateSender& updates, int latest,
-                      RelocalisationOptions options)
-      : mapper_(mapper), updates_(updates), latest_(latest), options_(std::move(options)) {}
-
-  void asked(const Message& raw) override { updates_.hold(raw.queued); }
-  Answer find(const Message& raw, const wire::FrameMessage& frame) override;
+  MapRequests(Channel& frames, Duration period, MessageCodec codec)
+      : channel_(frames), period_(period), codec_(std::move(codec)) {}
+  void after_frame(Worker& worker, const TrackedFrame& frame) override;
 
  private:
-  std::vector<KeyFrameId> alike(const wire::FrameMessage& frame) const;
-  bool send(Worker& worker, RunTime queued, RunTime received, std::vector<KeyFrameId> found);
+  Channel& channel_;
+  Duration period_;
+  MessageCodec codec_;
+  RunTime last_ = RunTime::min();
+};
 
+struct MapRelocalisationOptions {
+  Duration period;  ///< between two answers
+  int max_candidates;
+  int covisibles;  ///< sent beside each candidate
+  int latest;      ///< so many of the latest keyframes go along
+  MessageCodec codec;
+};
+
+/// The edge's side: keyframes that look like the frame and the latest ones become the mobile's map,
+/// in which it finds itself.
+class RelocalisationByMap final : public EdgeRelocalisation {
+ public:
+  RelocalisationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
+                      MapRelocalisationOptions options)
+      : node_(node),
+        channel_(frames),
+        mapper_(mapper),
+        updates_(updates),
+        options_(std::move(options)) {}
+  void start() override;
+
+ private:
+  void serve(Worker& worker);
+  std::vector<KeyFrameId> alike(const wire::FrameMessage& frame) const;
+  /// False when there was nothing to send after all.
+  bool send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found);
+
+  EdgeNode& node_;
+  Channel& channel_;
   EdgeMapper& mapper_;
   UpdateSender& updates_;
-  int latest_;
-  RelocalisationOptions options_;
+  MapRelocalisationOptions options_;
 };
 
 }  // namespace slambed

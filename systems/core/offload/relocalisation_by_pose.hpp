@@ -5,6 +5,7 @@
 
 #include "node/edge_node.hpp"
 #include "offload/edge_mapper.hpp"
+#include "offload/relocalisation.hpp"
 #include "offload/update_sender.hpp"
 #include "slam/relocaliser.hpp"
 #include "wire/reloc_messages.hpp"
@@ -19,13 +20,13 @@ struct PoseRelocalisationOptions {
 /// The edge's side of relocalisation on the edge: looks for lost frames in the global map and says
 /// where they were taken, with the keyframe to go on from. The mobile has at most one request under
 /// way.
-class RelocalisationByPose {
+class RelocalisationByPose final : public EdgeRelocalisation {
  public:
   RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
                        UpdateSender& updates, PoseRelocalisationOptions options);
-  void start();
-  /// SUSPEND and RESUME, which come on another channel. On any worker.
-  void listen(const Message& message) { inbox_.take(message); }
+  void start() override;
+  /// SUSPEND and RESUME.
+  void listen(const Message& message) override { inbox_.take(message); }
 
  private:
   void serve(Worker& worker);

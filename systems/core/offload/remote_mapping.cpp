@@ -4,56 +4,29 @@
 #include <algorithm>
 #include <limits>
 
-#include "base/error.hpp"
 #include "features/default_vocabulary.hpp"
 #include "node/completion.hpp"
-#include "node/map_keeping.hpp"
 #include "node/messaging.hpp"
-#include "store/archive.hpp"
 #include "wire/message_type.hpp"
 #include "wire/trip_messages.hpp"
 
 namespace slambed {
-namespace {
-
-StoredMap open(const std::filesystem::path& path) {
-  if (path.empty()) {
-    throw bad_input("params: prior_map is empty; the edge needs the map of an earlier trip");
-  }
-  StoredMap stored = load_map(path);
-  if (count(*stored.map).keyframes == 0) {
-    throw bad_input("map " + path.string() + ": has no keyframes that a trip could be found in");
-  }
-  return stored;
-}
-
-}  // namespace
 
 RemoteMapping::RemoteMapping(EdgeNode& node, Channel& keyframes, RemoteMappingOptions options)
     : node_(node),
       channel_(keyframes),
       options_(std::move(options)),
-      map_([this] {
-        const StoredMap stored = open(options_.prior_map);
-        info_ = stored.info;
-        return archive(*stored.map);
-      }()),
+      prior_(open_prior_map(options_.prior_map, IdSpace::kEdgeMapper)),
       places_(std::make_shared<PlaceIndex>(default_vocabulary())),
-      mapper_(options_.mapper, map_, places_),
+      mapper_(options_.mapper, prior_.map, places_),
       queue_(node.runtime(), static_cast<std::size_t>(options_.queue)),
       settled_(node.runtime().make_signal()) {
-  places_->follow(*map_);  // and never again: it knows the earlier trips alone
-  check_rig();
-}
-
-/// As soon as the mobile has shown its camera.
-void RemoteMapping::check_rig() const {
-  if (const auto played = node_.peer().info())
-    require_same_rig(info_.sensor, *played, options_.prior_map);
+  places_->follow(*prior_.map);  // and never again: it knows the earlier trips alone
+  check_rig(prior_, node_.peer());
 }
 
 void RemoteMapping::start() {
-  check_rig();
+  check_rig(prior_, node_.peer());
   node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
   node_.runtime().spawn("remote-mapping", [this](Worker& worker) { work(worker); });
 }
@@ -61,7 +34,7 @@ void RemoteMapping::start() {
 void RemoteMapping::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (is(*message, wire::kKeyFrame) || is(*message, wire::kTripStart)) {
-      check_rig();
+      check_rig(prior_, node_.peer());
       take(worker, *message);
     }
     received_sequence_ = message->sequence;
@@ -115,7 +88,7 @@ void RemoteMapping::answer(Worker& worker, Received received) {
         units.n2 = received.message.delta.keyframes.front().features->size();
         return 0;
       },
-      [&](int) { map_->commit(match.delta); });
+      [&](int) { prior_.map->commit(match.delta); });
   const RunTime matched = worker.now();
   if (match.matched) bundle(worker, id);
   constexpr int kMost = std::numeric_limits<std::uint16_t>::max();
@@ -128,7 +101,7 @@ void RemoteMapping::answer(Worker& worker, Received received) {
                           .match = matched - begun,
                           .bundle = worker.now() - matched};
   if (match.matched)
-    answer.T_cw = map_->read([&](const MapView& view) { return view.keyframe(id)->T_cw; });
+    answer.T_cw = prior_.map->read([&](const MapView& view) { return view.keyframe(id)->T_cw; });
   send(channel_, received.estimated ? wire::kPoseUpdate : wire::kInitialPose, encode(answer));
   node_.log().write(JsonLine("remote_matched")
                         .add("keyframe", id.value)
@@ -156,7 +129,7 @@ void RemoteMapping::bundle(Worker& worker, KeyFrameId keyframe) {
         units.n2 = size();
         return mapper_.finish_bundle();
       },
-      [&](const MapDelta& delta) { map_->commit(delta); });
+      [&](const MapDelta& delta) { prior_.map->commit(delta); });
 }
 
 void RemoteMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,

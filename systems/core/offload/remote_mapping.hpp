@@ -7,9 +7,9 @@
 #include "node/edge_node.hpp"
 #include "offload/farewell.hpp"
 #include "offload/message_codec.hpp"
+#include "offload/prior_map.hpp"
 #include "runtime/mailbox.hpp"
 #include "slam/remote_mapper.hpp"
-#include "store/map_file.hpp"
 
 namespace slambed {
 
@@ -29,14 +29,14 @@ class RemoteMapping final : public FarewellSource {
 
   void start();
   /// The map of earlier trips, with the keyframes of this one that were found in it.
-  const std::shared_ptr<Map>& map() const { return map_; }
-  const MapInfo& info() const { return info_; }
+  const std::shared_ptr<Map>& map() const { return prior_.map; }
+  const MapInfo& info() const { return prior_.info; }
   const std::shared_ptr<PlaceIndex>& places() const { return places_; }
 
   void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
              RunTime deadline) override;
   std::vector<KeyFramePose> all_poses() const override { return {}; }
-  MapCounts counts() const override { return count(*map_); }
+  MapCounts counts() const override { return count(*prior_.map); }
 
  private:
   struct Received {
@@ -45,7 +45,6 @@ class RemoteMapping final : public FarewellSource {
     RunTime sent{}, received{};
   };
 
-  void check_rig() const;
   void receive(Worker& worker);
   void take(Worker& worker, const Message& raw);
   void work(Worker& worker);
@@ -55,8 +54,7 @@ class RemoteMapping final : public FarewellSource {
   EdgeNode& node_;
   Channel& channel_;
   RemoteMappingOptions options_;
-  MapInfo info_;
-  std::shared_ptr<Map> map_;
+  PriorMap prior_;  ///< its map grows by the keyframes that are found in it
   std::shared_ptr<PlaceIndex> places_;
   RemoteMapper mapper_;
   Mailbox<Received> queue_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/settings.hpp"
 
+#include "base/error.hpp"
 #include "node/tracking_options.hpp"
 #include "offload/original_behaviour.hpp"
 
@@ -32,6 +33,7 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
     }
     // The local map is small by design: being lost in it is a case for relocalisation.
     options.reset_below_keyframes = 0;
+    options.begins_lost = !edge_prior_map(parameters).empty();
     return options;
   };
   system.sequential = [](const Parameters&) { return false; };
@@ -103,27 +105,22 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
                       .poses = parameters.boolean("update_poses"),
                       .keep_recovery = keeps_recovery(parameters),
                       .codec = message_codec(parameters)},
+          .prior_map = edge_prior_map(parameters),
           .admission_when_idle = behaviour.admission_when_idle};
+}
+
+std::string edge_prior_map(const Parameters& parameters) {
+  if (!parameters.has("prior_map")) return {};
+  const std::string path = parameters.text("prior_map");
+  // RELOC_OK has one keyframe, from which the mobile could not tell which ids the map has taken.
+  if (!path.empty() && relocalises_on_edge(parameters))
+    throw bad_input(
+        "params: prior_map needs relocalisation: map, by which the mobile begins in it");
+  return path;
 }
 
 bool relocalises_on_edge(const Parameters& parameters) {
   return parameters.has("relocalisation") && parameters.text("relocalisation") == "edge";
-}
-
-PoseRelocalisationOptions pose_relocalisation_options(const Parameters& parameters) {
-  return {.codec = message_codec(parameters),
-          .fail_bytes = static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))};
-}
-
-RelocalisationOptions relocalisation_options(const Parameters& parameters) {
-  return {.map_period = from_seconds(parameters.real("reloc_map_period_s")),
-          .max_candidates = parameters.integer("reloc_candidates"),
-          .covisibles = parameters.integer("reloc_covisibles"),
-          .codec = message_codec(parameters)};
-}
-
-Duration relocalisation_period(const Parameters& parameters) {
-  return from_seconds(parameters.real("reloc_request_ms") / 1000);
 }
 
 }  // namespace slambed

@@ -6,8 +6,6 @@
 #include "node/policy.hpp"
 #include "offload/edge_mapping.hpp"
 #include "offload/map_downlink.hpp"
-#include "offload/relocalisation.hpp"
-#include "offload/relocalisation_by_pose.hpp"
 #include "offload/stop_and_wait.hpp"
 
 namespace slambed {
@@ -39,8 +37,8 @@ DownlinkOptions downlink_options(const Parameters& parameters);
 EdgeMappingOptions mapping_options(const Parameters& parameters);
 /// False where the system has no such parameter.
 bool relocalises_on_edge(const Parameters& parameters);
-PoseRelocalisationOptions pose_relocalisation_options(const Parameters& parameters);
-RelocalisationOptions relocalisation_options(const Parameters& parameters);
-Duration relocalisation_period(const Parameters& parameters);
+/// The stored map that the edge begins with and the mobile is to be found in; empty: none, also
+/// where the system has no such parameter.
+std::string edge_prior_map(const Parameters& parameters);
 
 }  // namespace slambed

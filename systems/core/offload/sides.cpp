@@ -21,43 +21,34 @@ OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters)
       downlink_(node, channels_.map, downlink_options(parameters)),
       farewell_(node, channels_.control),
       uplink_(node, channels_.keyframe, message_codec(parameters)),
-      relocalisation_(channels_.frame, relocalisation_period(parameters),
-                      message_codec(parameters)),
+      relocalisation_(make_relocalisation(node, parameters, channels_, downlink_)),
       after_relocalisation_s_(after_relocalisation_s(parameters, node.played_fps())),
-      looks_after_extraction_(original_behaviour(parameters).updates_after_extraction) {
-  if (relocalises_on_edge(parameters))
-    poses_.emplace(node, channels_.frame, channels_.control, channels_.keyframe, downlink_,
-                   message_codec(parameters));
-}
+      looks_after_extraction_(original_behaviour(parameters).updates_after_extraction) {}
 
 void OffloadMobile::start() {
   channels_.start();
   downlink_.start();
-  if (poses_) poses_->start();
+  relocalisation_->start();
   spawn_rtt_monitor(node_.runtime(), node_.log(), channels_.keyframe);
 }
 
 void OffloadMobile::before_frame(Worker& worker) {
-  if (poses_) poses_->before_frame(worker);
+  relocalisation_->before_frame(worker);
   if (!looks_after_extraction_) downlink_.before_frame(worker);
 }
 
 void OffloadMobile::before_tracking(Worker& worker, const OfferedFrame& frame,
                                     const std::shared_ptr<const FeatureSet>& features) {
   if (looks_after_extraction_) downlink_.before_frame(worker);
-  if (poses_) poses_->before_tracking(worker, frame, features);
+  relocalisation_->before_tracking(worker, frame, features);
 }
 
 void OffloadMobile::ask(Worker& worker, const TrackedFrame& frame) {
-  if (poses_) {
-    poses_->after_frame(worker, frame);
-  } else {
-    relocalisation_.after_frame(worker, frame);
-  }
+  relocalisation_->after_frame(worker, frame);
 }
 
 void OffloadMobile::say_goodbye(Worker& worker) {
-  if (poses_) poses_->finish();
+  relocalisation_->finish();
   farewell_.say(worker, uplink_.last_sequence());
 }
 
@@ -105,27 +96,15 @@ void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta mad
 OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
     : channels_(node.runtime(), node.network(), node.log(), parameters),
       mapping_(node, mapping_options(parameters), channels_.keyframe, channels_.map),
-      relocaliser_(mapping_.mapper(), mapping_.updates(), parameters.integer("n_kf"),
-                   relocalisation_options(parameters)),
-      relocalisation_(node, channels_.frame, relocaliser_, relocalisation_options(parameters)),
+      relocalisation_(make_relocalisation(node, parameters, channels_, mapping_)),
       farewell_(node, channels_.control, mapping_,
                 {.final_poses = parameters.boolean("final_poses"),
-                 .other = [this](const Message& message) {
-                   if (poses_) poses_->listen(message);
-                 }}) {
-  if (relocalises_on_edge(parameters))
-    poses_.emplace(node, channels_.frame, channels_.map, mapping_.mapper(), mapping_.updates(),
-                   pose_relocalisation_options(parameters));
-}
+                 .other = [this](const Message& message) { relocalisation_->listen(message); }}) {}
 
 void OffloadEdge::start() {
   channels_.start();
   mapping_.start();
-  if (poses_) {
-    poses_->start();
-  } else {
-    relocalisation_.start();
-  }
+  relocalisation_->start();
   farewell_.start();
 }
 

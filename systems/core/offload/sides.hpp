@@ -5,9 +5,7 @@
 #include "offload/farewell.hpp"
 #include "offload/keyframe_uplink.hpp"
 #include "offload/map_downlink.hpp"
-#include "offload/pose_requests.hpp"
-#include "offload/relocalisation_by_map.hpp"
-#include "offload/relocalisation_by_pose.hpp"
+#include "offload/relocalisation.hpp"
 #include "offload/settings.hpp"
 
 namespace slambed {
@@ -50,8 +48,7 @@ class OffloadMobile {
   MapDownlink downlink_;
   MobileFarewell farewell_;
   KeyFrameUplink uplink_;
-  RelocalisationRequests relocalisation_;
-  std::optional<PoseRequests> poses_;  ///< in its place, with relocalisation on the edge
+  std::unique_ptr<MobileRelocalisation> relocalisation_;
   double after_relocalisation_s_;  ///< so long keyframes say that a relocalisation was before them
   bool looks_after_extraction_;    ///< for an update, not before
   double relocalised_s_ = -1;      ///< sequence time of the last relocalisation; negative: none
@@ -69,9 +66,7 @@ class OffloadEdge {
  private:
   OffloadChannels channels_;
   EdgeMapping mapping_;
-  RelocalisationByMap relocaliser_;
-  RelocalisationService relocalisation_;
-  std::optional<RelocalisationByPose> poses_;  ///< in its place, with relocalisation on the edge
+  std::unique_ptr<EdgeRelocalisation> relocalisation_;
   EdgeFarewell farewell_;
 };
 

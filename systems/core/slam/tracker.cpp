@@ -237,7 +237,7 @@ void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
   local.clear();
   provisional.assign(still_provisional.begin(), still_provisional.end());
   first_delta_waiting = false;
-  if (state == TrackingState::kNotInitialised) find_in_foreign_map();
+  if (!reference) find_in_foreign_map();  // nothing was made of the former map
   if (!change.reference) {
     start_over();
     return;

@@ -34,6 +34,9 @@ struct TrackerOptions {
   float urgent_ratio = 0.25f;     ///< of the reference's points; fewer: not to be put off
   int busy_queue = 3;             ///< fewer keyframes than this may wait for a busy mapper
   int reset_below_keyframes = 6;  ///< lost with fewer keyframes: start over
+  /// Without a map too: it will come from elsewhere (Tracker::replace_map). False: the first frames
+  /// make one.
+  bool begins_lost = false;
   /// Where the camera moved far between two frames: doubts poses that few matches agree with, tries
   /// every other hypothesis, at last all local points without a prediction. False: ORB-SLAM2's
   /// steps alone, which lose such frames.

@@ -20,6 +20,7 @@ struct Tracker::Impl {
   Impl(TrackerOptions o, std::shared_ptr<Map> m, IdSpace space, std::shared_ptr<PlaceIndex> places)
       : options(o), map(std::move(m)), ids(space), relocaliser(std::move(places)) {
     find_in_foreign_map();
+    if (options.begins_lost) state = TrackingState::kLost;
   }
 
   TrackOutcome track(std::uint64_t index, double time_s, std::shared_ptr<const FeatureSet> set);

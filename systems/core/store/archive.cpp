@@ -13,8 +13,8 @@ namespace {
 template <typename IdType>
 class Renumbering {
  public:
-  explicit Renumbering(const std::vector<IdType>& ids) {
-    IdSource<IdType> source(IdSpace::kEdgeMapper);
+  Renumbering(const std::vector<IdType>& ids, IdSpace space) {
+    IdSource<IdType> source(space);
     for (const IdType id : ids) renamed_.emplace(id, source.next());
   }
   /// None for an id that names nothing any more.
@@ -29,7 +29,7 @@ class Renumbering {
 
 }  // namespace
 
-std::shared_ptr<Map> archive(const Map& map) {
+std::shared_ptr<Map> archive(const Map& map, IdSpace keyframes) {
   struct Copy {
     MapDelta delta;
     std::vector<KeyFrameId> keyframes;
@@ -38,8 +38,8 @@ std::shared_ptr<Map> archive(const Map& map) {
   Copy copy = map.read([](const MapView& view) {
     return Copy{snapshot(view), view.keyframe_ids(), view.point_ids()};
   });
-  const Renumbering<KeyFrameId> keyframe(copy.keyframes);
-  const Renumbering<MapPointId> point(copy.points);
+  const Renumbering<KeyFrameId> keyframe(copy.keyframes, keyframes);
+  const Renumbering<MapPointId> point(copy.points, IdSpace::kEdgeMapper);
   for (NewKeyFrame& k : copy.delta.keyframes) {
     k.id = keyframe(k.id);
     k.parent = keyframe(k.parent);

@@ -97,7 +97,7 @@ Bytes encode(const HandoverAck& message) {
   ByteWriter out;
   out.varint(message.epoch);
   out.varint(message.number);
-  out.u8(message.accepted);
+  out.u8(static_cast<std::uint8_t>(message.answer));
   return out.take();
 }
 
@@ -106,7 +106,10 @@ HandoverAck decode_handover_ack(std::span<const std::uint8_t> bytes) {
   HandoverAck message;
   message.epoch = in.varint();
   message.number = in.varint();
-  message.accepted = in.flag();
+  const std::uint8_t answer = in.u8();
+  if (answer > static_cast<std::uint8_t>(HandoverAnswer::kNoMap))
+    throw DecodeError("HANDOVER_ACK holds an unknown answer");
+  message.answer = static_cast<HandoverAnswer>(answer);
   in.expect_end();
   return message;
 }

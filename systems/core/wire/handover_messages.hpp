@@ -44,14 +44,18 @@ struct MapHandover {
   MapDelta changes;
 };
 
-/// HANDOVER_ACK, edge -> mobile. With number 0 and not accepted it follows a STATE: the edge has no
-/// map at all.
+enum class HandoverAnswer : std::uint8_t {
+  kDeclined,  ///< there is no map to change, or this one cannot be read: a whole one is needed
+  kAccepted,
+  kNoMap,  ///< to STATE, which no number goes with: the edge has no map at all
+};
+
+/// HANDOVER_ACK, edge -> mobile.
 struct HandoverAck {
   static constexpr MessageType kType = kHandoverMessages["HANDOVER_ACK"];
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
-  bool accepted =
-      false;  ///< false: it has no map to change, or cannot read this one; it needs a whole one
+  HandoverAnswer answer = HandoverAnswer::kDeclined;
 };
 
 Bytes encode(const StateMessage& message);

@@ -119,7 +119,8 @@ TEST(Original, TracksAnEasyWalkWithAllSwitchesTogether) {
                  {"local_map_size", 6},
                  {"max_frames", 30},
                  {"first_update_s", 0.0},
-                 {"update_poll", "after_extraction"}});
+                 {"update_poll", "after_extraction"},
+                 {"prior_map", ""}});
   const PairResult result = run_original(params, {.one_way_ms = {10}});
   EXPECT_TRUE(result.finished);
   EXPECT_EQ(result.end_reason, "bye");

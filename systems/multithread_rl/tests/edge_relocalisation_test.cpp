@@ -32,9 +32,9 @@ int count_of(const PairResult& result, const std::string& message) {
   return found;
 }
 
-class EdgeRelocalisation : public ::testing::TestWithParam<const char*> {};
+class FoundOnTheEdge : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
+TEST_P(FoundOnTheEdge, FindsALostCameraByItsPose) {
   const PairResult result = lost_turn(lost_turn_params(GetParam()), {.one_way_ms = {20}});
   ASSERT_EQ(result.of("track_lost").size(), 1u);
   const auto relocalised = result.of("relocalised");
@@ -81,7 +81,7 @@ TEST_P(EdgeRelocalisation, FindsALostCameraByItsPose) {
   }
 }
 
-TEST_P(EdgeRelocalisation, HoldsUpdatesFromLossToRecovery) {
+TEST_P(FoundOnTheEdge, HoldsUpdatesFromLossToRecovery) {
   const PairResult result = lost_turn(lost_turn_params(GetParam()), {.one_way_ms = {20}});
   const auto suspended = result.of("suspended"), resumed = result.of("resumed");
   ASSERT_EQ(suspended.size(), 1u);
@@ -104,7 +104,7 @@ TEST_P(EdgeRelocalisation, HoldsUpdatesFromLossToRecovery) {
   EXPECT_EQ(result.of("track_lost").size(), 1u);
 }
 
-TEST_P(EdgeRelocalisation, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
+TEST_P(FoundOnTheEdge, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
   // As text over this link a keyframe takes longer than making the next: some always wait.
   const PairResult result = lost_turn(lost_turn_params(GetParam(), "compatibility"),
                                       {.one_way_ms = {20}, .mbit_per_s = 4});
@@ -167,14 +167,14 @@ double first_update_after_s(const PairResult& result) {
   return first / 1e9;
 }
 
-TEST_P(EdgeRelocalisation, UpdatesRestAfterARecoveryWhileTheyShowAnotherPlace) {
+TEST_P(FoundOnTheEdge, UpdatesRestAfterARecoveryWhileTheyShowAnotherPlace) {
   const double kept = first_update_after_s(recovery_on_a_slow_edge(GetParam(), true));
   EXPECT_GE(kept, 2.0);
   EXPECT_LT(kept, 2.5);
   EXPECT_LT(first_update_after_s(recovery_on_a_slow_edge(GetParam(), false)), 1.9);
 }
 
-TEST_P(EdgeRelocalisation, AnUpdateThatLeftBeforeTheRecoveryIsDeclined) {
+TEST_P(FoundOnTheEdge, AnUpdateThatLeftBeforeTheRecoveryIsDeclined) {
   // It comes during the loss.
   auto params = lost_turn_params(GetParam());
   params["sync_period_s"] = 0.3;
@@ -187,12 +187,12 @@ TEST_P(EdgeRelocalisation, AnUpdateThatLeftBeforeTheRecoveryIsDeclined) {
   }));
 }
 
-TEST_P(EdgeRelocalisation, UpdatesLeaveNothingBehindThatWasMadeSinceTheRecovery) {
+TEST_P(FoundOnTheEdge, UpdatesLeaveNothingBehindThatWasMadeSinceTheRecovery) {
   EXPECT_EQ(left_behind(recovery_on_a_slow_edge(GetParam(), true)), 0);
   EXPECT_GT(left_behind(recovery_on_a_slow_edge(GetParam(), false)), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Updates, EdgeRelocalisation, ::testing::Values("serial", "staged"));
+INSTANTIATE_TEST_SUITE_P(Updates, FoundOnTheEdge, ::testing::Values("serial", "staged"));
 
 /// A lap and a bit through a lens that hides some of the turning, darkness, and what was seen in
 /// the middle of the lap. The only update comes before the edge can know that it was a lap.

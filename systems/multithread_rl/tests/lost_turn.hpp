@@ -14,6 +14,7 @@ inline nlohmann::json lost_turn_params(const std::string& map_update,
   auto all = conventional();
   all.update({{"map_update", map_update},
               {"keyframe_backup", "update"},
+              {"prior_map", ""},
               {"relocalisation", "edge"},
               {"keep_recovery_keyframe", true},
               {"reloc_fail_bytes", 75'000},

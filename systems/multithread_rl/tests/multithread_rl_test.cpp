@@ -26,6 +26,7 @@ nlohmann::json switches(const std::string& map_update, const std::string& backup
   auto params = conventional();
   params.update({{"map_update", map_update},
                  {"keyframe_backup", backup},
+                 {"prior_map", ""},
                  {"relocalisation", relocalisation},
                  {"keep_recovery_keyframe", true},
                  {"reloc_fail_bytes", 75'000},

@@ -59,7 +59,8 @@ class MultithreadRlProgram : public HelpProgram, public ::testing::WithParamInte
     use("multithread_rl");
     config["params"].update({{"keep_recovery_keyframe", true},
                              {"reloc_fail_bytes", 75'000},
-                             {"keyframe_backup", "update"}});
+                             {"keyframe_backup", "update"},
+                             {"prior_map", ""}});
   }
 };
 

@@ -34,6 +34,8 @@ class Admission : public ::testing::Test {
 
 TEST_F(Admission, TheFirstKeyframeIsWelcomeAndNothingBeforeIt) {
   state.last_accepted_s = -1;
+  EXPECT_EQ(reason(), "welcome") << "the map began with a stored one";
+  state.keyframes = 0;
   EXPECT_EQ(reason(), "not the first keyframe");
   message.whole = true;
   EXPECT_EQ(reason(), "welcome");

@@ -28,7 +28,8 @@ inline nlohmann::json conventional() {
           {"second_hypotheses", false}};
 }
 
-/// Edge-SLAM's switches (original_behaviour.hpp) as our own systems behave.
+/// What only edgeslam has: the switches of original_behaviour.hpp as our own systems behave, and no
+/// prior map.
 inline nlohmann::json ours() {
   return {{"reference_fallback", "descriptors"},
           {"point_identity", "observations"},
@@ -39,7 +40,8 @@ inline nlohmann::json ours() {
           {"local_map_size", 6},
           {"max_frames", 0},
           {"first_update_s", -1.0},
-          {"update_poll", "before_extraction"}};
+          {"update_poll", "before_extraction"},
+          {"prior_map", ""}};
 }
 
 inline nlohmann::json enhanced() {

@@ -35,12 +35,16 @@ TEST(HandoverMessages, StopStartAndAckComeBack) {
   const StartMessage start = decode_start(encode(StartMessage{8, 9}));
   EXPECT_EQ(start.epoch, 8u);
   EXPECT_EQ(start.number, 9u);
-  for (const bool accepted : {false, true}) {
-    const HandoverAck ack = decode_handover_ack(encode(HandoverAck{10, 11, accepted}));
+  for (const auto answer :
+       {HandoverAnswer::kDeclined, HandoverAnswer::kAccepted, HandoverAnswer::kNoMap}) {
+    const HandoverAck ack = decode_handover_ack(encode(HandoverAck{10, 11, answer}));
     EXPECT_EQ(ack.epoch, 10u);
     EXPECT_EQ(ack.number, 11u);
-    EXPECT_EQ(ack.accepted, accepted);
+    EXPECT_EQ(ack.answer, answer);
   }
+  Bytes unknown = encode(HandoverAck{10, 11, HandoverAnswer::kNoMap});
+  ++unknown.back();
+  EXPECT_THROW(decode_handover_ack(unknown), DecodeError);
 }
 
 TEST(HandoverMessages, HandoverComesBackWithItsChanges) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynnetslam/edge_contact.hpp"
+#include "offload/edge_contact.hpp"
 
 #include <algorithm>
 
-namespace slambed::dynnetslam {
+namespace slambed {
 namespace {
 
 constexpr std::uint64_t kMaxUnanswered = 4096;  ///< bytes
@@ -13,14 +13,25 @@ constexpr Duration kKeyframesStopped = std::chrono::seconds(1);
 
 }  // namespace
 
+ContactOptions contact_options(const Parameters& parameters) {
+  const std::string source = parameters.text("rtt_source");
+  return {.link = {.source = source == "echo"      ? RttSource::kEcho
+                             : source == "profile" ? RttSource::kProfile
+                                                   : RttSource::kTcpInfo,
+                   .missing = from_seconds(parameters.real("rtt_missing_s")),
+                   .probe_hz = parameters.real("mes_probe_hz"),
+                   .probe_bytes = parameters.integer("mes_probe_bytes")},
+          .echo_hz = parameters.real("echo_hz")};
+}
+
 EdgeContact::EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
-                         const LinkOptions& link, double echo_hz)
+                         const ContactOptions& options)
     : node_(node),
       channel_(handover),
-      link_(node, keyframe, link),
+      link_(node, keyframe, options.link),
       handover_(node, handover),
       inbox_(node.log()),
-      echo_period_(from_seconds(1 / echo_hz)) {
+      echo_period_(from_seconds(1 / options.echo_hz)) {
   inbox_.on<wire::AckMessage>(wire::decode_ack,
                               [this](const wire::AckMessage& ack, const Message& raw) {
                                 take_echo(ack.sequence, raw.received);
@@ -35,11 +46,11 @@ void EdgeContact::start() {
   node_.runtime().spawn("handover", [this](Worker& worker) { work(worker); });
 }
 
-void EdgeContact::announce(State state, std::uint64_t epoch, std::optional<Duration> rtt) {
+void EdgeContact::announce(const wire::StateMessage& state, bool probed) {
   {
     std::lock_guard lock(mutex_);
-    state_ = {.state = static_cast<std::uint8_t>(state), .epoch = epoch, .time = {}, .rtt = rtt};
-    probing_ = state == State::kMobile;
+    state_ = state;
+    probing_ = probed;
   }
   changed_ = true;
   channel_.signal().notify();  // the worker says it
@@ -108,10 +119,10 @@ void EdgeContact::take_echo(std::uint64_t sequence, RunTime received) {
 }
 
 void EdgeContact::take_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {
-  if (ack.number != 0) return handover_.acknowledged(ack, edge, now);
+  if (ack.answer != wire::HandoverAnswer::kNoMap) return handover_.acknowledged(ack, edge, now);
   std::lock_guard lock(mutex_);
   const RunTime first = RunTime(first_keyframe_.load());
   edge_is_empty_ = !handing_over() && ack.epoch == state_.epoch && now - link_.missing() > first;
 }
 
-}  // namespace slambed::dynnetslam
+}  // namespace slambed

@@ -6,12 +6,19 @@
 #include <mutex>
 #include <optional>
 
-#include "dynnetslam/strategy.hpp"
 #include "node/messaging.hpp"
 #include "offload/handover_client.hpp"
 #include "offload/link_estimator.hpp"
 
-namespace slambed::dynnetslam {
+namespace slambed {
+
+struct ContactOptions {
+  LinkOptions link;
+  double echo_hz;  ///< STATEs a second while nothing changes
+};
+
+/// Of the parameters rtt_source, rtt_missing_s, mes_probe_hz, mes_probe_bytes and echo_hz.
+ContactOptions contact_options(const Parameters& parameters);
 
 /// The mobile's talk with the edge on the channel "handover": says where mapping runs, keeps the
 /// RTT measured while no keyframes flow, notices that the edge does not answer or has no map, and
@@ -19,16 +26,16 @@ namespace slambed::dynnetslam {
 /// are tracking's.
 class EdgeContact {
  public:
-  /// echo_hz: STATEs a second while nothing changes.
-  EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe, const LinkOptions& link,
-              double echo_hz);
+  EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
+              const ContactOptions& options);
 
   void start();
   /// RTT to decide with; nothing when the edge or the path is silent.
   std::optional<Duration> rtt(RunTime now) const { return link_.rtt(now); }
 
-  /// The state is another one now.
-  void announce(State state, std::uint64_t epoch, std::optional<Duration> rtt);
+  /// Mapping runs elsewhere now: the edge is told; probed: no keyframes will flow, so the RTT is
+  /// measured without them.
+  void announce(const wire::StateMessage& state, bool probed);
   /// Mapping on the edge ends.
   void stop(std::uint64_t epoch) { handover_.stop(epoch); }
   /// The edge gets what this map has that it does not know of, and maps again.
@@ -66,4 +73,4 @@ class EdgeContact {
   bool probing_ = false;
 };
 
-}  // namespace slambed::dynnetslam
+}  // namespace slambed

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// The edge's stored map with updates that are put together beside tracking.
+#include <gtest/gtest.h>
+
+#include "base/error.hpp"
+#include "multithread_rl/tests/lost_turn.hpp"
+#include "offload/tests/prior_trip.hpp"
+
+namespace slambed::testing {
+namespace {
+
+nlohmann::json params(const std::string& relocalisation) {
+  auto all = lost_turn_params("staged");
+  all.update({{"relocalisation", relocalisation}, {"n_kf", 6}});
+  return all;
+}
+
+TEST(MultithreadPriorMap, AMobileIsFoundInItUnlessPosesAreAskedFor) {
+  const PriorTrip prior(lost_turn(params("map"), {}, turn, 120).edge_map);
+  auto later = params("map");
+  later["prior_map"] = prior.map();
+  expect_found_in(prior, lost_turn(later, {}, later_trip));
+  later["relocalisation"] = "edge";
+  EXPECT_THROW(lost_turn(later, {}, later_trip), Error);
+}
+
+}  // namespace
+}  // namespace slambed::testing
