@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// The global map of an edge: which keyframes it has taken in, which are mapped, when it begins
+// anew.
+#include "offload/edge_mapper.hpp"
+
+#include <gtest/gtest.h>
+
+#include "offload/tests/two_nodes.hpp"
+
+namespace slambed::testing {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Mapper : public ::testing::Test {
+ protected:
+  EdgeMapperHooks hooks() {
+    return {.taken = [this] { ++taken; },
+            .mapped = [this](Worker&, const wire::UpdateTimes& times) { mapped.push_back(times); },
+            .idle = [](Worker&) { return kNever; },
+            .cleared = [this] { ++cleared; }};
+  }
+  void admit(EdgeMapper& mapper, Worker& worker, std::size_t place) {
+    mapper.admit(worker, {.message = turn.messages[place], .times = {}});
+  }
+
+  TwoNodes nodes;
+  SentTurn turn{6};
+  int taken = 0, cleared = 0;
+  std::vector<wire::UpdateTimes> mapped;
+};
+
+TEST_F(Mapper, KeyframesAreMappedInTheOrderOfTheirAdmission) {
+  EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false}, hooks());
+  mapper.start();
+  EXPECT_TRUE(mapper.latest(3).empty());
+  EXPECT_FALSE(mapper.newest());
+  nodes.on_edge([&](Worker& worker) {
+    for (std::size_t i = 0; i < 3; ++i) admit(mapper, worker, i);
+    EXPECT_EQ(mapper.all_poses().size(), 0u) << "none is in the map yet";
+    mapper.drain(worker, 10s);
+  });
+  nodes.run_until(20s);
+  EXPECT_EQ(taken, 3);
+  ASSERT_EQ(mapped.size(), 3u);
+  EXPECT_LT(mapped[0].mapped, mapped[1].mapped);
+  EXPECT_EQ(mapper.newest(), turn.id(2));
+  EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(2), turn.id(1)}));
+  EXPECT_EQ(mapper.all_poses().size(), 3u);
+  EXPECT_EQ(mapper.settled(), KeyFrameId{}) << "points of the last keyframes are still counted";
+}
+
+TEST_F(Mapper, ASecondFirstKeyframeBeginsANewMap) {
+  EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false}, hooks());
+  mapper.start();
+  nodes.on_edge([&](Worker& worker) {
+    for (std::size_t i = 0; i < 3; ++i) admit(mapper, worker, i);
+    mapper.drain(worker, 10s);
+    admit(mapper, worker, 0);
+    mapper.drain(worker, 10s);
+  });
+  nodes.run_until(20s);
+  EXPECT_EQ(cleared, 1);
+  EXPECT_EQ(mapper.latest(5), std::vector<KeyFrameId>{turn.id(0)});
+  EXPECT_EQ(mapper.all_poses().size(), 1u);
+}
+
+TEST_F(Mapper, WhatIsMergedTakesThePlaceOfWhatWaited) {
+  EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false}, hooks());
+  mapper.start();
+  nodes.on_edge([&](Worker& worker) {
+    admit(mapper, worker, 0);
+    mapper.drain(worker, 10s);
+    mapper.park(true);
+    EXPECT_EQ(mapper.decline_reason(turn.messages[1]), "mapper stopped");
+    admit(mapper, worker, 1);  // had come before mapping was to rest
+    MapDelta changes = turn.map->read(snapshot);
+    EXPECT_EQ(mapper.merge(worker, std::move(changes)).unknown, 0);
+    mapper.park(false);
+    mapper.drain(worker, 10s);
+  });
+  nodes.run_until(20s);
+  EXPECT_EQ(mapped.size(), 1u) << "the one that waited came with the changes";
+  EXPECT_EQ(mapper.newest(), turn.id(5));
+  EXPECT_EQ(mapper.all_poses().size(), 6u);
+  EXPECT_EQ(count(*mapper.map()).keyframes, 6u);
+  EXPECT_EQ(mapper.decline_reason(turn.messages[2]), "older than the last accepted");
+}
+
+TEST_F(Mapper, OneThatBeginsWithAMapTakesKeyframesThatJoinIt) {
+  const auto begun = std::make_shared<Map>();
+  for (std::size_t i = 0; i < 3; ++i) begun->commit(turn.messages[i].delta);
+  EdgeMapper empty(nodes.edge, {.queue_limit = 3, .loop_closing = false}, hooks());
+  EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = begun}, hooks());
+  mapper.start();
+  EXPECT_NE(empty.decline_reason(turn.messages[3]), std::nullopt);
+  EXPECT_EQ(mapper.decline_reason(turn.messages[3]), std::nullopt);
+  EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(2), turn.id(1)}));
+  nodes.on_edge([&](Worker& worker) {
+    admit(mapper, worker, 3);
+    mapper.drain(worker, 10s);
+  });
+  nodes.run_until(20s);
+  EXPECT_EQ(cleared, 0);
+  EXPECT_EQ(mapper.newest(), turn.id(3));
+  const auto covisible = begun->read(
+      [&](const MapView& view) { return view.keyframe(turn.id(3))->covisibles.front().id; });
+  EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(3), covisible}));
+  EXPECT_EQ(mapper.all_poses().size(), 4u);
+  EXPECT_EQ(begun->read(
+                [&](const MapView& view) { return view.keyframe(turn.id(3))->covisibles.empty(); }),
+            false)
+      << "it sees points that were there";
+}
+
+}  // namespace
+}  // namespace slambed::testing

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// Map updates as they come to the mobile, and what is known of the last one.
+#include "offload/update_inbox.hpp"
+
+#include <gtest/gtest.h>
+
+#include "node/messaging.hpp"
+#include "offload/tests/two_nodes.hpp"
+#include "offload/update_content.hpp"
+
+namespace slambed::testing {
+namespace {
+
+using namespace std::chrono_literals;
+
+class UpdatesReceived : public ::testing::Test {
+ protected:
+  wire::MapUpdate update(std::uint64_t number, std::size_t newest) {
+    wire::MapUpdate made;
+    made.update = number;
+    made.newest = turn.id(newest);
+    const std::vector<KeyFrameId> ids{turn.id(newest)};
+    made.map = turn.map->read([&](const MapView& view) { return extract_keyframes(view, ids); });
+    return made;
+  }
+  UpdateArrival arrival(const wire::MapUpdate& update, std::uint64_t incarnation = 0) {
+    UpdateArrival made{.raw = {}, .update = update, .map = nullptr};
+    made.raw.type = wire::type_of(wire::kMapUpdate);
+    made.raw.incarnation = incarnation;
+    return made;
+  }
+  /// Does it on the mobile while it is connected.
+  void run(std::function<void(Worker&)> act) {
+    nodes.on_mobile([act = std::move(act)](Worker& worker) {
+      worker.sleep_until(1s);
+      act(worker);
+    });
+    nodes.run_until(3s);
+  }
+  std::uint64_t edge() { return nodes.mobile.network().peer().incarnation; }
+
+  TwoNodes nodes;
+  std::pair<Channel&, Channel&> ends = nodes.open({.name = "map"});
+  SentTurn turn{4};
+  UpdateInbox inbox{nodes.mobile, ends.first, {.min_local_keyframes = 0}, {}};
+};
+
+TEST_F(UpdatesReceived, OnlyUpdatesAreTakenAndWhatCannotBeReadIsRefused) {
+  nodes.on_edge([&](Worker&) {
+    send(ends.second, wire::kProbe, Bytes(64));
+    send(ends.second, wire::kMapUpdate, encode(update(1, 2)));
+    send(ends.second, wire::kRelocMap, encode(update(2, 3)));
+    send(ends.second, wire::kMapUpdate, Bytes(50, 9));
+  });
+  run([&](Worker& worker) {
+    const auto regular = inbox.read(worker, inbox.take().value());
+    ASSERT_TRUE(regular);
+    EXPECT_EQ(regular->update.update, 1u);
+    EXPECT_EQ(regular->update.newest, turn.id(2));
+    EXPECT_FALSE(regular->relocalisation());
+    EXPECT_TRUE(regular->raw.payload.empty());
+    EXPECT_TRUE(inbox.read(worker, inbox.take().value())->relocalisation());
+    EXPECT_FALSE(inbox.read(worker, inbox.take().value()));
+    EXPECT_FALSE(inbox.take());
+  });
+  EXPECT_EQ(nodes.events("update_received").size(), 2u);
+  EXPECT_EQ(nodes.events("warning").size(), 1u);
+}
+
+TEST_F(UpdatesReceived, OneThatIsNoNewerThanTheMapIsDeclined) {
+  run([&](Worker& worker) {
+    inbox.keyframe_created(worker.now());
+    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(5, 2), edge())), std::nullopt);
+    inbox.applied(arrival(update(5, 2), edge()), false);
+    EXPECT_EQ(inbox.applied_update(), 5u);
+    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(5, 2), edge())), "older than the map");
+    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(6, 3), edge())), "up to date")
+        << "no keyframe since";
+    inbox.keyframe_created(worker.now());
+    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(6, 3), edge())), std::nullopt);
+  });
+}
+
+TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
+  run([&](Worker& worker) {
+    inbox.keyframe_created(worker.now());
+    auto told = update(5, 3);
+    told.settled = turn.id(1);
+    inbox.applied(arrival(told, edge()), true);
+    EXPECT_EQ(inbox.settled(), turn.id(1));
+    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
+    inbox.applied(arrival(told, edge() + 1), true);  // of an edge that is not there
+    EXPECT_EQ(inbox.applied_update(), 0u);
+    EXPECT_EQ(inbox.settled(), KeyFrameId{});
+    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
+  });
+}
+
+TEST_F(UpdatesReceived, EpochsRecoveriesAndKeyframesSentLateMakeOneObsolete) {
+  run([&](Worker& worker) {
+    inbox.keyframe_created(worker.now());
+    auto older = arrival(update(3, 2), edge());
+    older.raw.queued = worker.now();
+    EXPECT_EQ(inbox.obsolete_reason(worker, older), std::nullopt);
+    inbox.recovered(worker.now() + 1ms);
+    EXPECT_EQ(inbox.obsolete_reason(worker, older), "from before the recovery");
+    older.raw.queued = worker.now() + 1ms;
+    inbox.expect_keyframe(turn.id(3));
+    EXPECT_EQ(inbox.decline_reason(worker, older), "the edge catches up");
+    inbox.expect_keyframe(turn.id(2));
+    EXPECT_EQ(inbox.decline_reason(worker, older), std::nullopt);
+    inbox.applied(older, true);
+    inbox.begin_epoch(1);
+    EXPECT_EQ(inbox.applied_update(), 0u);
+    EXPECT_EQ(inbox.decline_reason(worker, older), "older epoch");
+  });
+}
+
+TEST_F(UpdatesReceived, PosesOfADeclinedOneAreKept) {
+  run([&](Worker& worker) {
+    auto told = update(3, 2);
+    SE3 T_cw = told.map.keyframes[0].T_cw;
+    T_cw.t.x() += 1;
+    told.poses.push_back({turn.id(0), T_cw, 1});
+    inbox.keep_poses(worker, arrival(told, edge() + 1));
+    EXPECT_FALSE(nodes.mobile.poses().pose(turn.id(0))) << "of an edge that is gone";
+    inbox.keep_poses(worker, arrival(told, edge()));
+    EXPECT_EQ(nodes.mobile.poses().pose(turn.id(0))->t, T_cw.t);
+    EXPECT_TRUE(nodes.mobile.poses().pose(turn.id(2)));
+  });
+}
+
+}  // namespace
+}  // namespace slambed::testing
