@@ -27,6 +27,7 @@ struct Thresholds {
 };
 
 /// The paper's own parameters.
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
 struct StrategyOptions {
   bool hysteresis;
   bool safe_zone;

@@ -10,7 +10,7 @@ namespace {
 class TumFile {
  public:
   explicit TumFile(const std::filesystem::path& path) : file_(path) {
-    file_.print("# timestamp tx ty tz qx qy qz qw (camera to world)\n");
+    file_.print("%s\n", "# timestamp tx ty tz qx qy qz qw (camera to world)");
   }
 
   void add(std::int64_t ns, const SE3& T_cw) {

@@ -13,6 +13,7 @@
 
 namespace slambed {
 
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
 struct TrackingServiceOptions {
   TrackerOptions tracker;
   bool loop_closing;
