@@ -20,7 +20,9 @@ bool same_pose(const SE3& a, const SE3& b) { return a.R == b.R && a.t == b.t; }
 
 UpdateSender::UpdateSender(EdgeNode& node, EdgeMapper& mapper, UpdateSenderOptions options,
                            Channel& channel)
-    : node_(node), mapper_(mapper), options_(std::move(options)), channel_(channel) {}
+    : node_(node), mapper_(mapper), options_(std::move(options)), channel_(channel) {
+  for (const KeyFramePose& stored : mapper.all_poses()) sent_poses_[stored.id] = {stored.T_cw, 0};
+}
 
 void UpdateSender::mapped(Worker& worker, const wire::UpdateTimes& times) {
   {
@@ -120,8 +122,10 @@ std::vector<KeyFramePose> UpdateSender::moved_poses(const wire::MapUpdate& updat
   for (const KeyFramePose& pose : poses) {
     const auto inside = std::any_of(update.map.keyframes.begin(), update.map.keyframes.end(),
                                     [&](const NewKeyFrame& k) { return k.id == pose.id; });
-    SentPose& sent = sent_poses_.try_emplace(pose.id).first->second;
-    if (sent.update == 0 || !same_pose(sent.T_cw, pose.T_cw)) sent = {pose.T_cw, update.update};
+    const SentPose now{pose.T_cw, update.update};
+    const auto [known, fresh] = sent_poses_.try_emplace(pose.id, now);
+    SentPose& sent = known->second;
+    if (!fresh && !same_pose(sent.T_cw, pose.T_cw)) sent = now;
     // Until it is confirmed, the update that told it may have been dropped on its way.
     if (sent.update > confirmed_ && !inside) moved.push_back(pose);
   }

@@ -23,7 +23,8 @@ struct UpdateSenderOptions {
 };
 
 /// Sends parts of the global map to the mobile: the latest keyframes when they are due, on the
-/// mapping worker, and whatever relocalisation asks for, on its own.
+/// mapping worker, and whatever relocalisation asks for, on its own. Of keyframes that the global
+/// map begins with an update tells only where they moved since then.
 class UpdateSender {
  public:
   UpdateSender(EdgeNode& node, EdgeMapper& mapper, UpdateSenderOptions options, Channel& channel);
@@ -55,7 +56,7 @@ class UpdateSender {
  private:
   struct SentPose {
     SE3 T_cw;
-    std::uint64_t update = 0;  ///< the first that told it
+    std::uint64_t update = 0;  ///< the first that told it; 0: none had to
   };
 
   /// Of keyframes outside the update: what the mobile may not know yet.

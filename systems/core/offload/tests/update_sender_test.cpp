@@ -142,28 +142,48 @@ TEST_F(Sender, NothingLeavesWhileMappingRestsAndThenUnderTheNewEpoch) {
 TEST_F(Sender, PosesOfOtherKeyframesAreToldUntilAnUpdateWithThemIsConfirmed) {
   begin(carrying(1));
   const auto news = [this](Worker& worker) { sender->mapped(worker, {}); };
-  at(1s, news);
-  at(2s, news);
-  at(3s, [&](Worker& worker) {
-    sender->keyframe_received(keyframe(0s, 1));
-    news(worker);
-  });
-  at(4s, [&](Worker& worker) {
+  const auto move = [this](std::size_t place, std::uint32_t version) {
     MapDelta moved;
     moved.epoch = turn.map->read([](const MapView& view) { return view.epoch(); });
-    SE3 T_cw = turn.messages[3].delta.keyframes[0].T_cw;
+    SE3 T_cw = turn.messages[place].delta.keyframes[0].T_cw;
     T_cw.t.x() += 1;
-    moved.poses.push_back({turn.id(3), T_cw, 1000});
+    moved.poses.push_back({turn.id(place), T_cw, version});
     turn.map->commit(moved);
+  };
+  at(1s, news);
+  at(2s, [&](Worker& worker) {
+    move(3, 1000);
+    news(worker);
+  });
+  at(3s, news);
+  at(4s, [&](Worker& worker) {
+    sender->keyframe_received(keyframe(0s, 2));
+    news(worker);
+  });
+  at(5s, [&](Worker& worker) {
+    move(4, 1001);
     news(worker);
   });
   run();
-  ASSERT_EQ(updates.size(), 4u);
+  ASSERT_EQ(updates.size(), 5u);
+  EXPECT_TRUE(updates[0].poses.empty()) << "the map began with them, and none has moved";
+  ASSERT_EQ(updates[1].poses.size(), 1u);
+  EXPECT_EQ(updates[1].poses[0].id, turn.id(3));
+  EXPECT_EQ(updates[2].poses.size(), 1u) << "the one before may have been dropped on its way";
+  EXPECT_TRUE(updates[3].poses.empty());
+  ASSERT_EQ(updates[4].poses.size(), 1u);
+  EXPECT_EQ(updates[4].poses[0].id, turn.id(4));
+}
+
+TEST_F(Sender, PosesAreToldAllWhenTheMapBeginsAnew) {
+  begin(carrying(1));
+  at(1s, [&](Worker& worker) {
+    sender->clear();
+    sender->mapped(worker, {});
+  });
+  run();
+  ASSERT_EQ(updates.size(), 1u);
   EXPECT_EQ(updates[0].poses.size(), 7u);
-  EXPECT_EQ(updates[1].poses.size(), 7u) << "the first may have been dropped on its way";
-  EXPECT_TRUE(updates[2].poses.empty());
-  ASSERT_EQ(updates[3].poses.size(), 1u);
-  EXPECT_EQ(updates[3].poses[0].id, turn.id(3));
 }
 
 TEST_F(Sender, AfterARecoveryItRestsAndThenShowsThatPlaceToo) {
