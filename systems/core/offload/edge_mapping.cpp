@@ -53,7 +53,6 @@ void EdgeMapping::start() {
   mapper_.start();
   intake_.start();
   if (!prior_) return;
-  check_rig(*prior_, node_.peer());
   node_.runtime().spawn("prior-map", [this](Worker& worker) { check_prior(worker); });
 }
 
