@@ -31,7 +31,8 @@ class OffloadMobile {
   /// Makes a keyframe of the frame; the update rules hear of it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
-  /// first: the edge's map begins with it; whole: made has all points that the keyframe sees.
+  /// first: the edge's map begins with it, or this trip in its stored one; whole: made has all
+  /// points that the keyframe sees.
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need, bool first,
             bool whole);
   void say_goodbye(Worker& worker);

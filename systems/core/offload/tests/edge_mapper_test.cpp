@@ -5,7 +5,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "offload/tests/two_nodes.hpp"
+#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -111,6 +114,35 @@ TEST_F(Mapper, OneThatBeginsWithAMapTakesKeyframesThatJoinIt) {
                 [&](const MapView& view) { return view.keyframe(turn.id(3))->covisibles.empty(); }),
             false)
       << "it sees points that were there";
+}
+
+TEST_F(Mapper, AfterARestartTheFirstKeyframeJoinsTheStoredMap) {
+  // As each edge process opens it: nothing of the trip so far is in it.
+  const auto stored = std::make_shared<Map>();
+  for (std::size_t i = 0; i < 3; ++i) stored->commit(turn.messages[i].delta);
+  EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = stored},
+                    hooks());
+  mapper.start();
+  wire::KeyFrameMessage first = turn.messages[5];
+  first.first = first.whole = true;
+  first.delta = turn.map->read(
+      [&](const MapView& view) { return extract_keyframes(view, std::vector{turn.id(5)}); });
+  const std::size_t points = count(*stored).points;
+  nodes.on_edge([&](Worker& worker) {
+    ASSERT_EQ(mapper.decline_reason(first), std::nullopt);
+    mapper.admit(worker, {.message = first, .times = {}});
+    mapper.drain(worker, 10s);
+  });
+  nodes.run_until(20s);
+  EXPECT_EQ(cleared, 0);
+  EXPECT_EQ(count(*stored).keyframes, 4u);
+  EXPECT_GT(count(*stored).points, points) << "it brings those that only the trip had";
+  EXPECT_EQ(mapper.newest(), turn.id(5));
+  const bool joined = stored->read([&](const MapView& view) {
+    return std::ranges::any_of(view.keyframe(turn.id(5))->covisibles,
+                               [&](const Covisible& near) { return near.id == turn.id(2); });
+  });
+  EXPECT_TRUE(joined) << "it sees points of the stored map";
 }
 
 }  // namespace
