@@ -141,7 +141,7 @@ def test_the_examples_own_stage_is_charged_though_no_device_file_knows_it(tmp_pa
     library = Library()
     for name in library.devices():
         model = library.device(name).model
-        assert model is None or "tell_backlog" not in model.stages
+        assert model is None or "report_backlog" not in model.stages
     plan = plan_of(write_experiment(tmp_path, make_sequence(tmp_path / "walk"), 1, EXAMPLE))
     (spec,) = plan.specs
     ((path, played_s),) = played_of(plan).values()
@@ -151,7 +151,7 @@ def test_the_examples_own_stage_is_charged_though_no_device_file_knows_it(tmp_pa
     result = run.execute(threading.Event())
     assert result.outcome == "completed", result.reason
     log = read_events(raw)
-    charged = [e for e in log.stages("edge", "tell_backlog")]
+    charged = [e for e in log.stages("edge", "report_backlog")]
     told = [e for e in log.of("message", node="mobile") if e["channel"] == "backlog"]
     assert charged and {e["message"] for e in told} == {"BACKLOG"}
     assert all(0 < e["wall_ms"] < 1 for e in charged)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "example_backpressure/example_backpressure.hpp"
 
+#include <optional>
+
 #include "example_backpressure/backlog_message.hpp"
 #include "example_backpressure/parameters.hpp"
 #include "offload/sides.hpp"
@@ -21,9 +23,10 @@ class BackpressureMobile final : public MobilePolicy {
         inbox_(node.log()),
         limit_bytes_(static_cast<std::uint64_t>(1000 * parameters.real("backlog_kb"))),
         limit_keyframes_(parameters.integer("backlog_keyframes")) {
-    inbox_.on<BacklogMessage>(decode_backlog, [this](const BacklogMessage& told, const Message&) {
-      waiting_ = static_cast<int>(told.keyframes);
-    });
+    inbox_.on<BacklogMessage>(decode_backlog,
+                              [this](const BacklogMessage& backlog, const Message&) {
+                                waiting_ = static_cast<int>(backlog.keyframes);
+                              });
   }
 
   void start() override { offload_.start(); }
@@ -81,20 +84,21 @@ class BackpressureEdge final : public EdgePolicy {
 
   void start() override {
     offload_.start();
-    node_.runtime().spawn("backlog", [this](Worker& worker) { tell(worker); });
+    node_.runtime().spawn("backlog", [this](Worker& worker) { report(worker); });
   }
   std::shared_ptr<const Map> map() const override { return offload_.map(); }
 
  private:
   /// A stage of this system's own: system.yaml says what it costs (`stages`).
-  void tell(Worker& worker) {
-    for (std::uint32_t told = 0; !worker.stopping();
+  void report(Worker& worker) {
+    // A new edge reports 0 too: what the mobile holds may be of the one before.
+    for (std::optional<std::uint32_t> sent; !worker.stopping();
          worker.sleep_until(worker.now() + kLookEvery)) {
       const MapperStatus mapper = offload_.mapping().mapper().status();
       const auto waiting = static_cast<std::uint32_t>(mapper.queued + (mapper.idle ? 0 : 1));
-      if (waiting == told) continue;
-      told = waiting;
-      worker.stage("tell_backlog",
+      if (waiting == sent) continue;
+      sent = waiting;
+      worker.stage("report_backlog",
                    [&](StageUnits&) { send(backlog_, BacklogMessage{.keyframes = waiting}); });
     }
   }

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "edgeslam/edgeslam.hpp"
 #include "example_backpressure/backlog_message.hpp"
 #include "offload/tests/turning_pair.hpp"
@@ -22,7 +24,7 @@ PairResult run(double backlog_kb, double mbit_per_s, int backlog_keyframes = 100
   params["backlog_kb"] = backlog_kb;
   params["backlog_keyframes"] = backlog_keyframes;
   DeviceModel edge = testing::uniform_device(edge_stage_us);
-  edge.stages["tell_backlog"] = {.a_us = 10};
+  edge.stages["report_backlog"] = {.a_us = 10};
   return testing::run_pair(example_backpressure_system(), params, kFrames, 10,
                            {.mbit_per_s = mbit_per_s, .edge_device = edge}, testing::turn);
 }
@@ -57,6 +59,15 @@ TEST(ExampleBackpressure, ASlowMapperIsGivenNoMoreThanItHasMapped) {
   ASSERT_FALSE(withheld.empty());
   for (const auto& event : withheld) EXPECT_GT(event["backlog_keyframes"].get<int>(), 0);
   EXPECT_LT(waits.keyframes.size(), run(1e6, 100, 1000, kSlow_us).keyframes.size());
+}
+
+TEST(ExampleBackpressure, ANewEdgeReportsThatNothingWaits) {
+  const PairResult pair = run(1e6, 100);
+  const auto reported = std::find_if(pair.mobile.begin(), pair.mobile.end(), [](const auto& event) {
+    return event["type"] == "message" && event["channel"] == "backlog";
+  });
+  ASSERT_NE(reported, pair.mobile.end());
+  EXPECT_LT((*reported)["queued_ns"], pair.of("keyframe_created").front()["t_ns"]);
 }
 
 TEST(ExampleBackpressure, ItsOwnMessageHasItsNameInTheEvents) {
