@@ -23,6 +23,13 @@ def described() -> dict[str, dict[str, object]]:
     return content
 
 
+def test_own_messages_are_told_with_their_numbers(
+    described: dict[str, dict[str, object]],
+) -> None:
+    own = {name: system["messages"] for name, system in described.items() if system["messages"]}
+    assert own == {"example_backpressure": {"BACKLOG": 128}}
+
+
 def test_every_system_is_in_the_programs(described: dict[str, dict[str, object]]) -> None:
     assert sorted(described) == sorted(OURS)
 

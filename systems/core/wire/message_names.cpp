@@ -18,10 +18,10 @@ MessageNames::MessageNames(std::span<const MessageRange> own) {
                                     kTripMessages, kFrameMessages, kSemanticMessages}) {
     add(range);
   }
-  for (const MessageRange& range : own) add(range);
+  for (const MessageRange& range : own) add(range, kFirstOwnType);
 }
 
-void MessageNames::add(const MessageRange& range) {
+void MessageNames::add(const MessageRange& range, std::size_t least) {
   for (std::size_t i = 0; i < range.count(); ++i) {
     const std::string_view name = range.name(i);
     const std::size_t type = range.first() + i;
@@ -29,6 +29,7 @@ void MessageNames::add(const MessageRange& range) {
       throw Error(ExitCode::kInternal,
                   "message " + std::string(name) + ", type " + std::to_string(type) + ": " + why);
     };
+    if (type < least) refuse("numbers below " + std::to_string(least) + " are the core's");
     if (type >= names_.size()) refuse("the last number is 255");
     if (name.empty()) continue;
     if (!names_[type].empty()) refuse("the number is that of " + std::string(names_[type]));

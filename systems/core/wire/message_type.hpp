@@ -21,9 +21,11 @@ enum class MessageType : std::uint8_t {};
 /// As it stands in a message's header.
 constexpr std::uint8_t type_of(MessageType type) { return static_cast<std::uint8_t>(type); }
 
+/// From here on types are the systems' own (System::messages), below the core's.
+inline constexpr std::uint8_t kFirstOwnType = 128;
+
 /// Types that belong together, declared where their structs are: numbers from the first on, one for
-/// each name. Numbers are never reused: a type that goes leaves an empty name behind. From 128 on
-/// they are the systems' own (System::messages), below the core's.
+/// each name. Numbers are never reused: a type that goes leaves an empty name behind.
 class MessageRange {
  public:
   static constexpr std::size_t kMost = 16;

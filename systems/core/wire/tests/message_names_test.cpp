@@ -52,9 +52,12 @@ TEST(MessageNames, ASystemsOwnJoinThem) {
 TEST(MessageNames, NeitherANumberNorANameIsGivenTwice) {
   EXPECT_EQ(complaint({130, {"MORE"}}), "message MORE, type 130: the number is that of GOODBYE");
   EXPECT_EQ(complaint({200, {"HELLO"}}), "message HELLO, type 200: the name is taken");
-  EXPECT_EQ(complaint({3, {"WHERE"}}), "message WHERE, type 3: the number is that of FRAME");
   EXPECT_EQ(complaint({255, {"LAST", "MORE"}}), "message MORE, type 256: the last number is 255");
   EXPECT_EQ(complaint({129, {"BETWEEN"}}), "");
+}
+
+TEST(MessageNames, NumbersBelow128AreTheCoresEvenWhereNothingHasThem) {
+  EXPECT_EQ(complaint({80, {"MORE"}}), "message MORE, type 80: numbers below 128 are the core's");
 }
 
 }  // namespace
