@@ -3,15 +3,14 @@
 # that name libraries of other packages, so it is looked for by name.
 find_path(TurboJpeg_INCLUDE_DIR turbojpeg.h)
 find_library(TurboJpeg_LIBRARY turbojpeg)
-# Neither header nor library say which version they are.
+# Neither header nor library say which version they are, and it is part of a virtual run's key.
 get_filename_component(TurboJpeg_folder "${TurboJpeg_LIBRARY}" DIRECTORY)
-set(TurboJpeg_VERSION unknown)
 if(EXISTS "${TurboJpeg_folder}/pkgconfig/libturbojpeg.pc")
   file(STRINGS "${TurboJpeg_folder}/pkgconfig/libturbojpeg.pc" TurboJpeg_VERSION REGEX "^Version:")
   string(REGEX REPLACE "^Version: *" "" TurboJpeg_VERSION "${TurboJpeg_VERSION}")
 endif()
 include(FindPackageHandleStandardArgs)
-find_package_handle_standard_args(TurboJpeg REQUIRED_VARS TurboJpeg_LIBRARY TurboJpeg_INCLUDE_DIR
+find_package_handle_standard_args(TurboJpeg REQUIRED_VARS TurboJpeg_LIBRARY TurboJpeg_INCLUDE_DIR TurboJpeg_VERSION
   REASON_FAILURE_MESSAGE "install libturbojpeg0-dev (tools/setup.sh build)")
 if(TurboJpeg_FOUND AND NOT TARGET TurboJpeg::TurboJpeg)
   add_library(TurboJpeg::TurboJpeg UNKNOWN IMPORTED)

@@ -17,8 +17,8 @@ from slambed.spec.software import (
 )
 
 GCC = '{"architecture": "x86_64", "floating_point": "sse2", "compiler": "gcc 12.2.0", ' \
-    '"libraries": "eigen 3.4.0, turbojpeg 2.1.5"}'  # fmt: skip
-MACHINE = "@x86_64-sse2-gcc12.2.0-eigen3.4.0-turbojpeg2.1.5"
+    '"standard_library": "libstdcxx 12", "libraries": "eigen 3.4.0, turbojpeg 2.1.5"}'  # fmt: skip
+MACHINE = "@x86_64-sse2-gcc12.2.0-libstdcxx12-eigen3.4.0-turbojpeg2.1.5"
 
 
 @pytest.fixture
@@ -48,6 +48,8 @@ def test_architecture_compiler_and_libraries_are_in_a_virtual_runs_software(
     assert host_software(program=SIMULATION) == image_software() + MACHINE
     for other in ("gcc 13.1.0", "Clang 14.0.6"):
         assert rebuilt(programs, GCC.replace("gcc 12.2.0", other)) != image_software() + MACHINE
+    newer = GCC.replace("libstdcxx 12", "libstdcxx 13")  # the same clang with other headers
+    assert rebuilt(programs, newer) != image_software() + MACHINE
     arm = GCC.replace("x86_64", "aarch64").replace("sse2", "neon, fused")
     assert "@aarch64-neon-fused-gcc12.2.0-" in rebuilt(programs, arm)
 

@@ -79,7 +79,8 @@ def test_the_program_says_what_its_results_hang_on() -> None:
     )
     machine = json.loads(done.stdout)
     assert machine["architecture"] in (os.uname().machine, "other")
-    assert machine.keys() == {"architecture", "floating_point", "compiler", "libraries"}
+    facts = {"architecture", "floating_point", "compiler", "standard_library", "libraries"}
+    assert machine.keys() == facts
     assert "unknown" not in machine.values() and re.search(r"eigen \d.*turbojpeg \d", done.stdout)
 
 

@@ -21,8 +21,16 @@ inline std::string machine_json(const std::string& libraries) {
 #else
   const std::string compiler = std::string("gcc ") + __VERSION__;
 #endif
+#if defined(_GLIBCXX_RELEASE)  // clang has it too
+  const std::string standard_library = "libstdcxx " + std::to_string(_GLIBCXX_RELEASE);
+#elif defined(_LIBCPP_VERSION)
+  const std::string standard_library = "libcxx " + std::to_string(_LIBCPP_VERSION);
+#else
+  const std::string standard_library = "unknown";
+#endif
   return R"({"architecture": ")" + architecture + R"(", "floating_point": ")" + floating_point +
-         R"(", "compiler": ")" + compiler + R"(", "libraries": ")" + libraries + "\"}";
+         R"(", "compiler": ")" + compiler + R"(", "standard_library": ")" + standard_library +
+         R"(", "libraries": ")" + libraries + "\"}";
 }
 
 }  // namespace slambed
