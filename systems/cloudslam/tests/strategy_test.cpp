@@ -10,7 +10,6 @@
 namespace slambed::cloudslam {
 namespace {
 
-/// Times of the keyframes that are sent, one metre per second travelled unless said otherwise.
 StrategyOptions options_of(StrategyKind kind, double period_s = 5, double distance_m = 20) {
   return {.kind = kind,
           .period_s = period_s,
@@ -26,6 +25,7 @@ StrategyOptions by_distance(StrategyKind kind, double distance_m) {
   return options_of(kind, 5, distance_m);
 }
 
+/// Times of the keyframes that are sent.
 std::vector<double> sent_at(const StrategyOptions& options, const std::vector<Moment>& keyframes) {
   const Strategy strategy(options);
   StrategyState state = strategy.begin();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/switched_mapping.hpp"
 
+#include <utility>
+
 namespace slambed {
 namespace {
 

@@ -52,6 +52,7 @@ void FrameFile::open_or_make(const std::string& key, const Make& make) {
 }
 
 void FrameFile::make_all(const std::string& key, const Make& make) const {
+  errno = 0;
   const std::filesystem::path part = path_.string() + "." + std::to_string(::getpid());
   std::ofstream file(part, std::ios::binary);
   std::vector<std::uint8_t> head;
