@@ -116,6 +116,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
         epoch_of[event["t_ns"].get<std::int64_t>()] = origin["epoch"].get<std::int64_t>();
       }
     }
+    EXPECT_FALSE(epoch_of.empty()) << "no update was taken over";
     for (const auto& [applied, epoch] : epoch_of) {
       if (ended.contains(epoch)) {
         EXPECT_LE(applied, ended[epoch]);
