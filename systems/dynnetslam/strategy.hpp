@@ -27,7 +27,7 @@ struct Thresholds {
 };
 
 /// The paper's own parameters.
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct StrategyOptions {
   bool hysteresis;
   bool safe_zone;

@@ -24,7 +24,7 @@ class MapRequests final : public MobileRelocalisation {
   RunTime last_ = RunTime::min();
 };
 
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct MapRelocalisationOptions {
   Duration period;  ///< between two answers
   int max_candidates;

@@ -12,7 +12,7 @@
 
 namespace slambed {
 
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct PoseRelocalisationOptions {
   MessageCodec codec;
   std::uint64_t fail_bytes;  ///< size of a RELOC_FAIL, at least; as text

@@ -13,7 +13,7 @@
 
 namespace slambed {
 
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct RemoteMappingOptions {
   std::filesystem::path prior_map;  ///< of earlier trips
   int queue;                        ///< keyframes that may wait; the oldest is dropped

@@ -13,7 +13,7 @@
 
 namespace slambed {
 
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct TrackingServiceOptions {
   TrackerOptions tracker;
   bool loop_closing;

@@ -13,7 +13,7 @@ namespace slambed {
 inline constexpr int kKeyframesPerStep = 6;
 
 /// When the mobile takes over a map update.
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateRules {
   int min_local_keyframes;  ///< declined while the local map has fewer
   Duration fast_motion{};   ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
