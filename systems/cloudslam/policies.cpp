@@ -41,7 +41,7 @@ void Vehicle::start() {
   sender_.start();
   if (upload_) uploader_.start();
   spawn_rtt_monitor(node_.runtime(), node_.log(), keyframes_);
-  if (strategy_.adapts()) tell_distance(0);
+  if (strategy_.adapts()) report_distance(0);
 }
 
 void Vehicle::change(State state) {
@@ -52,7 +52,7 @@ void Vehicle::change(State state) {
   state_ = state;
 }
 
-void Vehicle::tell_distance(double seq_s) {
+void Vehicle::report_distance(double seq_s) {
   node_.log().write(
       JsonLine("distance_threshold").add("seq_s", seq_s).add("distance_m", sending_.distance_m));
 }
@@ -79,7 +79,7 @@ void Vehicle::corrected(const PoseCorrection& correction, bool aligned, double s
     change(State::kTrip);
   } else if (strategy_.adapts()) {
     sending_ = strategy_.answered(sending_, correction.magnitude_m);
-    tell_distance(seq_s);
+    report_distance(seq_s);
   }
 }
 

@@ -32,7 +32,7 @@ class Vehicle final : public MobilePolicy {
   void travel(const TrackedFrame& frame);
   void corrected(const PoseCorrection& correction, bool aligned, double seq_s);
   void send_if_due(const TrackedFrame& frame, KeyFrameId keyframe);
-  void tell_distance(double seq_s);
+  void report_distance(double seq_s);
   void upload(Worker& worker);
 
   MobileNode& node_;

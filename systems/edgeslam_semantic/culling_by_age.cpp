@@ -7,12 +7,13 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 /// What is known of a frame, whatever is culled in it.
-struct Known {
+struct LabelledFrame {
   std::shared_ptr<const FeatureSet> features;
   std::vector<std::uint8_t> on_mover, near_mover;
 };
 
-void count(const Known& frame, const std::vector<std::uint8_t>& free, CullingCounts& counts) {
+void count(const LabelledFrame& frame, const std::vector<std::uint8_t>& free,
+           CullingCounts& counts) {
   for (std::size_t i = 0; i < free.size(); ++i) {
     const bool culled = !free[i];
     counts.culled += culled;
@@ -26,9 +27,9 @@ void count(const Known& frame, const std::vector<std::uint8_t>& free, CullingCou
 
 std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
                                           const CullingOptions& options) {
-  std::vector<Known> frames;
+  std::vector<LabelledFrame> frames;
   for (std::uint64_t i = 0; i < sequence.frames; ++i) {
-    Known known{.features = sequence.features(i), .on_mover = {}, .near_mover = {}};
+    LabelledFrame known{.features = sequence.features(i), .on_mover = {}, .near_mover = {}};
     const FrameMasks truth = sequence.truth(i);
     known.on_mover = features_on_masks(*known.features, truth, 0);
     known.near_mover = features_on_masks(*known.features, truth, options.labels.border_px);
@@ -40,7 +41,7 @@ std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
     MaskTransfer transfer(options.labels, options.chains);
     const KeyFrameId id{first + 1};
     for (std::size_t age = 0; age < by_age.size() && first + age < frames.size(); ++age) {
-      const Known& frame = frames[first + age];
+      const LabelledFrame& frame = frames[first + age];
       transfer.follow(frame.features);
       if (age == 0) transfer.keep(id);
       if (age == static_cast<std::size_t>(options.late)) transfer.apply(id, sequence.masks(first));

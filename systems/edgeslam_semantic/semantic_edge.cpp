@@ -108,7 +108,7 @@ void SemanticEdge::take(Worker& worker, wire::SemanticKeyFrame message, const Me
   if (const auto reason = objection(message)) {
     node_.log().write(
         JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *reason));
-    tell_no_mask(message.world, id, worker.now() - raw.received, wire::NoMaskReason::kNotMapped);
+    report_no_mask(message.world, id, worker.now() - raw.received, wire::NoMaskReason::kNotMapped);
     return;
   }
   last_ = id;
@@ -140,8 +140,8 @@ void SemanticEdge::segment(Worker& worker) {
   while (const auto picture = pictures_.take(worker)) {
     auto masks = segmentation_->run(worker, picture->frame, picture->jpeg, picture->n_m);
     if (!masks) {
-      tell_no_mask(picture->world, picture->keyframe, worker.now() - picture->arrived,
-                   wire::NoMaskReason::kNotSegmented);
+      report_no_mask(picture->world, picture->keyframe, worker.now() - picture->arrived,
+                     wire::NoMaskReason::kNotSegmented);
       continue;
     }
     // The mobile culls: it needs neither what stands still nor anybody's joints.
@@ -156,8 +156,8 @@ void SemanticEdge::segment(Worker& worker) {
   }
 }
 
-void SemanticEdge::tell_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
-                                wire::NoMaskReason reason) {
+void SemanticEdge::report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
+                                  wire::NoMaskReason reason) {
   send(masks_,
        wire::NoMaskMessage{.world = world, .keyframe = keyframe, .took = took, .reason = reason});
 }
@@ -168,14 +168,14 @@ void SemanticEdge::forget_old_map() {
   labels_.clear();
   window_ = {};
   oldest_ = {};
-  number_ = told_jumps_ = 0;
+  number_ = sent_jumps_ = 0;
 }
 
 RunTime SemanticEdge::idle(Worker& worker) {
   forget_old_map();
   cull_labelled(worker);
   // A closed loop or a global bundle moves what the mobile stands on.
-  if (number_ > 0 && mapper_.jumps() != told_jumps_) send_slice(worker, times_);
+  if (number_ > 0 && mapper_.jumps() != sent_jumps_) send_slice(worker, times_);
   return kNever;
 }
 
@@ -236,7 +236,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
   result.keyframe = mapper_.newest();
   result.times = times;
   result.times.due = worker.now();
-  told_jumps_ = mapper_.jumps();
+  sent_jumps_ = mapper_.jumps();
   const bool prepared = worker.stage("prepare_update", [&](StageUnits& units) {
     const auto keyframes = local_keyframes();
     return mapper_.read_for_update([&](std::uint64_t number) {

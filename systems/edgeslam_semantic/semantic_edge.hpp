@@ -41,8 +41,8 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   std::optional<std::string_view> objection(const wire::SemanticKeyFrame& message) const;
   void answer_probes(Worker& worker);
   void segment(Worker& worker);
-  void tell_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
-                    wire::NoMaskReason reason);
+  void report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
+                      wire::NoMaskReason reason);
   void forget_old_map();
   RunTime idle(Worker& worker);
   void mapped(Worker& worker, const wire::UpdateTimes& times);
@@ -75,7 +75,7 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   Labels labels_;
   MapWindow window_;   ///< as the last slice told it
   KeyFrameId oldest_;  ///< no keyframe comes back into the window
-  std::uint64_t number_ = 0, told_jumps_ = 0;
+  std::uint64_t number_ = 0, sent_jumps_ = 0;
   wire::UpdateTimes times_;  ///< of the keyframe mapped last
 };
 

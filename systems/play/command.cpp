@@ -19,7 +19,7 @@ namespace {
 
 constexpr Duration kGrace = std::chrono::seconds(2);
 
-[[noreturn]] void become(const CommandOptions& options, char** argv, int told_fd) {
+[[noreturn]] void become(const CommandOptions& options, char** argv, int error_fd) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   setpgid(0, 0);
   sigset_t none;
@@ -29,7 +29,7 @@ constexpr Duration kGrace = std::chrono::seconds(2);
   for (const int fd : options.inherited) fcntl(fd, F_SETFD, 0);
   if (options.directory.empty() || chdir(options.directory.c_str()) == 0) execvp(argv[0], argv);
   const int error = errno;
-  [[maybe_unused]] const auto written = write(told_fd, &error, sizeof error);
+  [[maybe_unused]] const auto written = write(error_fd, &error, sizeof error);
   _exit(127);
 }
 

@@ -42,12 +42,12 @@ void add_search(JsonLine& event, const TrackOutcome& outcome) {
   const PoseSearch& search = outcome.search;
   if (outcome.by_motion_model || (!search.motion_matches && !search.word_matches)) return;
   event.add("by_motion_model", false);
-  const auto tell = [&](std::string_view name, std::optional<int> matches) {
+  const auto add = [&](std::string_view name, std::optional<int> matches) {
     if (matches) event.add(name, *matches);
   };
-  tell("motion_matches", search.motion_matches);
-  tell("word_matches", search.word_matches);
-  tell("reference_matches", search.reference_matches);
+  add("motion_matches", search.motion_matches);
+  add("word_matches", search.word_matches);
+  add("reference_matches", search.reference_matches);
 }
 
 JsonLine frame_event(std::string_view type, const OfferedFrame& frame) {

@@ -14,7 +14,7 @@
 
 namespace slambed {
 
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct EdgeMapperOptions {
   int queue_limit;     ///< keyframes that may wait for the mapper
   bool loop_closing;   ///< look for loops in the global map and close them

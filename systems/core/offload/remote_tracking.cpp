@@ -77,15 +77,15 @@ void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
 }
 
 void RemoteTracking::wait_for(Worker& worker, std::uint64_t most_under_way) {
-  std::uint64_t heard = answered_;
+  std::uint64_t answered_before = answered_;
   RunTime deadline = worker.now() + kPatience;
   while (!worker.stopping()) {
     const auto ticket = answer_->ticket();
     give_up_lost();
     const std::uint64_t answered = answered_;
     if (sent_ <= answered + most_under_way) return;
-    if (answered != heard) deadline = worker.now() + kPatience;
-    heard = answered;
+    if (answered != answered_before) deadline = worker.now() + kPatience;
+    answered_before = answered;
     if (worker.now() >= deadline) return give_up(sent_);
     worker.wait(*answer_, ticket, deadline);
   }

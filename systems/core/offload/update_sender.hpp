@@ -10,7 +10,7 @@
 
 namespace slambed {
 
-// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): who leaves one out does not compile
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateSenderOptions {
   int keyframes;    ///< n_KF: the latest mapped keyframes that an update carries
   int neighbours;   ///< best covisibles of the newest one besides

@@ -30,7 +30,7 @@ struct MessageRecord {
 };
 
 /// A change of a connection: connected, lost, reconnected, rejected; on the channel with the
-/// heartbeat also silent and heard.
+/// heartbeat also silent and alive.
 struct LinkRecord {
   std::string_view channel, event, detail;
 };

@@ -29,10 +29,10 @@ class StallWatch {
   /// When to look again.
   RunTime due() const { return progress_ + kStall; }
 
-  static std::string told_at_begin() {
+  static std::string begin_detail() {
     return "nothing acknowledged for " + std::to_string(static_cast<int>(to_ms(kStall))) + " ms";
   }
-  static std::string told_at_end(Duration lasted) {
+  static std::string end_detail(Duration lasted) {
     return "after " + std::to_string(static_cast<std::int64_t>(to_ms(lasted))) + " ms";
   }
 

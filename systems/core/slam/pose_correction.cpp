@@ -39,7 +39,7 @@ class PartialMove {
 
 std::optional<PoseCorrection> correct_pose(const MapView& view, KeyFrameId id, const SE3& T_cw,
                                            const CorrectionWindow& window) {
-  const KeyFrame* told = view.keyframe(id);
+  const KeyFrame* corrected = view.keyframe(id);
   const auto now = view.pose_of(id);
   if (!now) return std::nullopt;
   const PartialMove move(*now, T_cw);
@@ -50,16 +50,17 @@ std::optional<PoseCorrection> correct_pose(const MapView& view, KeyFrameId id, c
   correction.rotation_deg = move.rotation_deg();
   correction.delta.epoch = view.epoch() + 1;
   // One that was culled meanwhile has no time any more: whatever is newer by its id is newer.
-  double told_s = -std::numeric_limits<double>::infinity();
+  double corrected_s = -std::numeric_limits<double>::infinity();
   for (const KeyFrameId other : view.keyframe_ids())
-    if (other <= id) told_s = std::max(told_s, view.keyframe(other)->timestamp_s);
-  if (told) told_s = told->timestamp_s;
-  correction.since_s = told_s - window.window_s;
+    if (other <= id) corrected_s = std::max(corrected_s, view.keyframe(other)->timestamp_s);
+  if (corrected) corrected_s = corrected->timestamp_s;
+  correction.since_s = corrected_s - window.window_s;
 
   const auto share_at = [&](double time_s) {
-    if (time_s >= told_s) return 1.0;
+    if (time_s >= corrected_s) return 1.0;
     if (time_s < correction.since_s) return 0.0;
-    return window.graded && window.window_s > 0 ? 1 - (told_s - time_s) / window.window_s : 1.0;
+    return window.graded && window.window_s > 0 ? 1 - (corrected_s - time_s) / window.window_s
+                                                : 1.0;
   };
   for (const KeyFrameId other : view.keyframe_ids()) {
     const KeyFrame& keyframe = *view.keyframe(other);

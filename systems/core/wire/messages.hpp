@@ -35,7 +35,7 @@ struct KeyFrameMessage {
   KeyFrameId keyframe;
   RunTime captured{};                 ///< when playback offered its frame
   bool urgent = false;                ///< Edge-SLAM's flag 2: c1c holds, the edge need not agree
-  bool first = false;                 ///< the map starts (again) with it
+  bool first = false;                 ///< a map begins with it, or the trip in a stored one
   bool whole = false;                 ///< holds all points it sees: a map can start with it
   bool after_relocalisation = false;  ///< within a second of one: Edge-SLAM's passedF is false
   std::uint64_t applied_update = 0;   ///< newest update the mobile had taken over, 0: none

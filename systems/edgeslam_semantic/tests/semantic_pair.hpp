@@ -13,16 +13,16 @@
 namespace slambed {
 
 /// A segmentation that does as the test says. Nothing: it fails.
-class ToldMasks final : public MaskSource {
+class GivenMasks final : public MaskSource {
  public:
-  using Tell = std::function<std::optional<FrameMasks>(std::uint64_t frame)>;
-  explicit ToldMasks(Tell tell) : tell_(std::move(tell)) {}
+  using MaskOf = std::function<std::optional<FrameMasks>(std::uint64_t frame)>;
+  explicit GivenMasks(MaskOf mask_of) : mask_of_(std::move(mask_of)) {}
   Segmentation masks(std::uint64_t frame, std::span<const std::uint8_t>, double) override {
-    return {tell_(frame), "the segmenter was lost"};
+    return {mask_of_(frame), "the segmenter was lost"};
   }
 
  private:
-  Tell tell_;
+  MaskOf mask_of_;
 };
 
 /// When one edge process ends and another one takes its place. What is on its way meanwhile is
@@ -115,7 +115,7 @@ class SemanticPair : public SemanticRun {
   /// Keyframes of the mobile's map when another edge took over.
   std::uint64_t kept_keyframes = 0;
 
-  Played play_pair(const nlohmann::json& chosen, ToldMasks::Tell tell, EdgeLife life = {}) {
+  Played play_pair(const nlohmann::json& chosen, GivenMasks::MaskOf mask_of, EdgeLife life = {}) {
     write_world(chosen);
     const SimConfig config = read_sim_config(folder.path() / "sim.json");
     const System system = edgeslam_semantic_system();
@@ -141,7 +141,7 @@ class SemanticPair : public SemanticRun {
                                 .played_fps = playlist.played_fps()};
     PeerInfo peer;
     peer.set(info);
-    ToldMasks masks(std::move(tell));
+    GivenMasks masks(std::move(mask_of));
     EncodingSource images(pictures, parameters.integer("jpeg_quality"));
     ExtractingSource features(pictures, info.make_sensor(), orb);
     RealtimeFeed feed(mobile_runtime, playlist, mobile_log);

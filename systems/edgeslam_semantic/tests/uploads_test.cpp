@@ -60,7 +60,7 @@ class AnsweringChannel final : public Channel {
   std::size_t largest_ = 0;
 };
 
-struct Told {
+struct Noted {
   std::optional<Duration> delay;
   std::size_t bytes = 0;
 };
@@ -68,8 +68,8 @@ struct Told {
 /// Uploads every frame, mapped or not.
 class UploadingPolicy final : public MobilePolicy {
  public:
-  UploadingPolicy(MobileNode& node, Told& told)
-      : told_(told),
+  UploadingPolicy(MobileNode& node, Noted& noted)
+      : noted_(noted),
         frames_(node.runtime(), "frame", kUploadTook),
         probes_(node.runtime(), "probe", kRoundTrip),
         uploads_(node, frames_, probes_,
@@ -92,13 +92,13 @@ class UploadingPolicy final : public MobilePolicy {
   }
   void finish(Worker& worker) override {
     uploads_.drain(worker);
-    told_ = {uploads_.delay(), frames_.largest()};
+    noted_ = {uploads_.delay(), frames_.largest()};
   }
   void place_keyframes(PoseBook&) override {}
   MapCounts counts() const override { return {}; }
 
  private:
-  Told& told_;
+  Noted& noted_;
   IdSource<KeyFrameId> ids_{IdSpace::kTracker};
   AnsweringChannel frames_, probes_;
   Uploads uploads_;
@@ -107,7 +107,7 @@ class UploadingPolicy final : public MobilePolicy {
 class UploadsTest : public SemanticRun {};
 
 TEST_F(UploadsTest, AnAnswerThatComesWithinSendIsAnAnswer) {
-  Told told;
+  Noted noted;
   System system;
   system.name = "edgeslam_semantic";
   system.orb = [](const Parameters&) { return OrbOptions{.features = 300}; };
@@ -115,16 +115,16 @@ TEST_F(UploadsTest, AnAnswerThatComesWithinSendIsAnAnswer) {
   system.sequential = [](const Parameters&) { return false; };
   system.sensors = {SensorKind::kMono};
   system.mobile = [&](MobileNode& node, const Parameters&) {
-    return std::make_unique<UploadingPolicy>(node, told);
+    return std::make_unique<UploadingPolicy>(node, noted);
   };
   world["devices"]["edge"] = nullptr;
   world["link"] = nullptr;
   write_world(nlohmann::json::object(), false);
   run_virtually(folder.path() / "sim.json", {&system, 1});
-  ASSERT_GT(told.bytes, 0u);
-  ASSERT_TRUE(told.delay) << "no upload was ever answered";
+  ASSERT_GT(noted.bytes, 0u);
+  ASSERT_TRUE(noted.delay) << "no upload was ever answered";
   // What an upload takes beside a round trip, and half of that one.
-  EXPECT_NEAR(to_seconds(*told.delay), to_seconds(kUploadTook - kRoundTrip / 2), 0.005);
+  EXPECT_NEAR(to_seconds(*noted.delay), to_seconds(kUploadTook - kRoundTrip / 2), 0.005);
 }
 
 }  // namespace

@@ -177,7 +177,7 @@ TEST_F(NodeProgram, AFrozenEdgeIsNoticedAndGoesOn) {
   for (const auto& link : events("mobile", "link")) {
     if (link["event"] != "connected") changes.push_back(link["event"]);
   }
-  EXPECT_EQ(changes, (std::vector<std::string>{"silent", "heard"}));
+  EXPECT_EQ(changes, (std::vector<std::string>{"silent", "alive"}));
   EXPECT_TRUE(events("mobile", "edge_restarted").empty());
 }
 

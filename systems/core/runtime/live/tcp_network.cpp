@@ -153,7 +153,7 @@ void TcpNetwork::keep_alive(Link& link) {
       link.channel->record_link("silent",
                                 "nothing received for " + std::to_string(ms.count()) + " ms");
     }
-    if (!silent_ && was_silent) link.channel->record_link("heard", "");
+    if (!silent_ && was_silent) link.channel->record_link("alive", "");
   }
   if (silent_ != was_silent) announce();
 }
@@ -165,9 +165,9 @@ void TcpNetwork::watch_stall(Link& link) {
   if (!waits || acknowledged != link.acknowledged) {
     link.acknowledged = acknowledged;
     if (const auto lasted = link.stall.progress(now))
-      link.channel->record_link("flowing", StallWatch::told_at_end(*lasted));
+      link.channel->record_link("flowing", StallWatch::end_detail(*lasted));
   } else if (link.stall.stalls(now)) {
-    link.channel->record_link("stalled", StallWatch::told_at_begin());
+    link.channel->record_link("stalled", StallWatch::begin_detail());
   }
 }
 

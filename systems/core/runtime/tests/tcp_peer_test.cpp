@@ -88,7 +88,7 @@ TEST(TcpPeer, AFrozenOneIsAwayUntilItShowsLife) {
   EXPECT_TRUE(edge.channel->path().connected);  // the connection as such still stands
   a.send_heartbeat();
   EXPECT_TRUE(eventually([&] { return connected(edge); }));
-  EXPECT_TRUE(edge.recorder.saw_link("heard"));
+  EXPECT_TRUE(edge.recorder.saw_link("alive"));
   EXPECT_EQ(edge.network->peer().incarnation, 1u);
 }
 

@@ -182,7 +182,7 @@ TEST(VirtualNetwork, ThePeerIsAwayInALongGapForTheSideThatListens) {
   });
   nodes.simulator.run();
   EXPECT_EQ(changes, (std::vector<std::pair<RunTime, bool>>{{6s, false}, {10s, true}}));
-  EXPECT_EQ(nodes.observer.links, 2 + 2);  // both ends connected; silent, heard
+  EXPECT_EQ(nodes.observer.links, 2 + 2);  // both ends connected; silent, alive
 }
 
 TEST(VirtualNetwork, AFrozenEdgesKernelAcknowledgesWhatItsProgramReadsLater) {

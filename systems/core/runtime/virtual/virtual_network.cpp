@@ -111,7 +111,7 @@ class VirtualLink::VirtualChannel final : public Channel {
 
   void acknowledged() {
     if (const auto lasted = stall_.progress(simulator_.now())) {
-      record_link("flowing", StallWatch::told_at_end(*lasted));
+      record_link("flowing", StallWatch::end_detail(*lasted));
     }
     watch_stall();
     hand_over();
@@ -125,7 +125,7 @@ class VirtualLink::VirtualChannel final : public Channel {
       watching_ = false;
       if (flow_->unacknowledged() == 0) return;
       if (stall_.stalls(simulator_.now())) {
-        record_link("stalled", StallWatch::told_at_begin());
+        record_link("stalled", StallWatch::begin_detail());
       } else {
         watch_stall();
       }
@@ -196,7 +196,7 @@ class VirtualLink::Side final : public Network {
     if (before != 0 && silences_ != 0) return;
     peer_signal_.notify();
     for (const auto& [name, channel] : channels_) {
-      if (channel->options().heartbeat) channel->record_link(silent ? "silent" : "heard");
+      if (channel->options().heartbeat) channel->record_link(silent ? "silent" : "alive");
     }
   }
 
@@ -250,10 +250,10 @@ void VirtualLink::freeze_edge(bool frozen) {
     simulator_.at_background(simulator_.now() + kPeerSilence, [this, mine] {
       if (mine == freezes_) {
         hear(0, true);
-        frozen_heard_ = true;
+        frozen_silent_ = true;
       }
     });
-  } else if (std::exchange(frozen_heard_, false)) {
+  } else if (std::exchange(frozen_silent_, false)) {
     hear(0, false);
   }
 }

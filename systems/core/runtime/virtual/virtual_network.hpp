@@ -48,7 +48,7 @@ class VirtualLink {
   PathModel up_, down_;
   std::array<std::unique_ptr<Side>, 2> sides_;  ///< mobile, edge
   int freezes_ = 0;                             ///< beginnings and ends so far
-  bool frozen_heard_ = false;                   ///< the mobile misses the edge's signs of life
+  bool frozen_silent_ = false;                  ///< the mobile misses the edge's signs of life
 };
 
 }  // namespace slambed

@@ -53,7 +53,7 @@ class Trip {
     keyframe.features = world_.look(stand(place));
     keyframe.T_cw = T_cw;
     const FeatureSet& features = *keyframe.features;
-    std::erase_if(known_, [&](const Known& k) { return k.seen < made_ - kMemory; });
+    std::erase_if(known_, [&](const Tracked& k) { return k.seen < made_ - kMemory; });
     std::vector<std::uint8_t> taken(known_.size());
     for (int i = 0; i < features.size(); ++i) {
       const KeyPoint& seen = features.keypoint(i);
@@ -83,7 +83,7 @@ class Trip {
   }
 
  private:
-  struct Known {
+  struct Tracked {
     NewPoint point;
     Eigen::Vector3d p_w;
     int seen;
@@ -91,7 +91,7 @@ class Trip {
   EndlessWorld& world_;
   IdSource<KeyFrameId> keyframes_;
   IdSource<MapPointId> points_;
-  std::vector<Known> known_;
+  std::vector<Tracked> known_;
   int made_ = 0;
 };
 

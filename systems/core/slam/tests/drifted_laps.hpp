@@ -58,7 +58,7 @@ class DriftedLaps {
     keyframe.T_cw = to_se3(S_cw_);
     keyframe.features = look(k);
     for (int i = 0; i < keyframe.features->size(); ++i) {
-      Known& known = known_[world_.seen()[i]];
+      Tracked& known = known_[world_.seen()[i]];
       if (!known.point || known.last_seen < k - kMemory) {
         NewPoint point;
         point.id = {std::uint64_t{1} << 56 | ++points_};
@@ -96,7 +96,7 @@ class DriftedLaps {
  private:
   /// Keyframes for which a thing out of sight is remembered.
   static constexpr int kMemory = 12;
-  struct Known {
+  struct Tracked {
     MapPointId point;
     int last_seen = 0;
   };
@@ -115,7 +115,7 @@ class DriftedLaps {
   Drift drift_;
   SyntheticWorld world_;
   std::shared_ptr<const Sensor> sensor_;
-  std::map<int, Known> known_;
+  std::map<int, Tracked> known_;
   Sim3 S_cw_;
   int count_ = 0;
   std::uint64_t points_ = 0;

@@ -20,8 +20,8 @@ class MapperTest : public ::testing::Test {
  protected:
   /// Adds a keyframe at the frame's true pose. Features whose thing satisfies known(thing) are
   /// matched to the point of that thing, which is made at its true place when new.
-  template <typename Known>
-  KeyFrameId add(int frame, Known&& known, const Seeing& view = {}) {
+  template <typename Predicate>
+  KeyFrameId add(int frame, Predicate&& known, const Seeing& view = {}) {
     MapDelta delta;
     NewKeyFrame keyframe;
     keyframe.id = kf(++keyframes_);
