@@ -44,7 +44,7 @@ class SwitchedMapping {
   struct HeldKeyFrame {
     TrackedFrame frame;
     MapDelta made;
-    KeyFrameNeed need;
+    KeyFrameNeed need = KeyFrameNeed::kNone;
   };
 
   bool maps_here() const { return place_ != MappingPlace::kEdge || contact_.handing_over(); }
