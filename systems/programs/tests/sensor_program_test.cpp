@@ -100,6 +100,7 @@ TEST_F(SensorProgram, ASystemThatCannotDoWithOneCameraSaysSo) {
   play("mono");
   use("example_backpressure");
   config["params"]["backlog_kb"] = 100.0;
+  config["params"]["backlog_keyframes"] = 1;
   testing::Process mobile = node("mobile");
   EXPECT_EQ(mobile.wait(), 2);
   expect_error("mobile", "is mono, example_backpressure plays rgbd");
