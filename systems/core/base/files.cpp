@@ -8,6 +8,7 @@
 
 #include <cerrno>
 #include <fstream>
+#include <utility>
 
 #include "base/fd.hpp"
 
@@ -40,10 +41,10 @@ void write_whole(const std::filesystem::path& path,
   const std::filesystem::path part = path.string() + "." + std::to_string(::getpid()) + ".part";
   errno = 0;
   if (write_all(part, parts) && ::rename(part.c_str(), path.c_str()) == 0) return;
-  const int told = errno;
+  const int reason = errno;
   std::error_code ignored;
   std::filesystem::remove(part, ignored);
-  errno = told;
+  errno = reason;
   throw cannot_write(path);
 }
 
