@@ -11,7 +11,7 @@ ExtractingSource::ExtractingSource(const PreparedSequence& sequence,
       sensor_(std::move(sensor)),
       extractor_(std::make_unique<OrbExtractor>(options)) {
   if (sequence_.sensor() == SensorKind::kStereo)
-    right_.emplace(OrbExtractor(options), StereoMatcher(sensor_));
+    right_.emplace(Right{OrbExtractor(options), StereoMatcher(sensor_)});
 }
 
 void ExtractingSource::use_levels(int levels) {

@@ -102,12 +102,15 @@ inline void expect_no_stale_update(const PairResult& result) {
     epoch_of[event["update"].get<std::uint64_t>()] = event["epoch"].get<std::uint64_t>();
   EXPECT_FALSE(epoch_ends.empty());
   EXPECT_FALSE(result.of("update_applied").empty());
+  int compared = 0;
   for (const auto& event : result.of("update_applied")) {
     const auto end = epoch_ends.find(epoch_of.at(event["update"].get<std::uint64_t>()));
     if (end != epoch_ends.end()) {
       EXPECT_LE(event["t_ns"].get<double>(), end->second);
+      ++compared;
     }
   }
+  EXPECT_GT(compared, 0) << "no update of an epoch that ended was taken over: nothing was asked";
 }
 
 /// Keyframes mapped on a node while the state was this one, a second after it began.

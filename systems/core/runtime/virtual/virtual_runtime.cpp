@@ -129,7 +129,7 @@ bool VirtualRuntime::wait(Task& task, VirtualSignal* signal, std::uint64_t ticke
                           RunTime deadline) {
   if (signal && signal->count_ != ticket) return true;
   if (stopping_ || deadline <= now()) return false;
-  auto waiter = std::make_shared<VirtualSignal::Waiter>(*this, task);
+  auto waiter = std::make_shared<VirtualSignal::Waiter>(VirtualSignal::Waiter{*this, task});
   if (signal) {
     std::erase_if(signal->waiters_, [](const auto& old) { return old->done; });
     signal->waiters_.push_back(waiter);
