@@ -12,6 +12,7 @@ from slambed.calibrate.fit import fit_stage, fit_stages
 from slambed.calibrate.match import Fit, scaled, solve
 from slambed.calibrate.seen import Seen, look
 from slambed.calibrate.targets import Component, Targets
+from slambed.errors import SlambedError
 from slambed.metrics.events import EventLog
 from slambed.native import repository_root
 from slambed.spec.device import StageCost
@@ -240,3 +241,13 @@ def test_a_fit_with_a_stage_that_is_not_its_own_is_refused() -> None:
         Component(
             name="x", source="x", node="edge", stages=["bundle"], fixed_on="fuse", mean_ms={"c": 1}
         )
+
+
+def test_a_component_on_a_stage_without_a_cost_is_refused() -> None:
+    source = load_yaml(FITS / "ijnc.yaml")
+    targets = ijnc()
+    component = targets.components[0]
+    named = component.model_copy(update={"stages": [*component.stages, "no_such_stage"]})
+    changed = targets.model_copy(update={"components": [named, *targets.components[1:]]})
+    with pytest.raises(SlambedError, match=f"component {component.name}: .* no_such_stage"):
+        Fit(changed, source, Library())

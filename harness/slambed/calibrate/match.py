@@ -90,9 +90,21 @@ class Fit:
             if device.model is None:
                 raise SlambedError(f"device {device.name} of {role} has no cost model to scale")
         self._kept = {role: self._stages_kept(role) for role in targets.devices}
+        self._demand_stages()
         self.scales = {c.name: Scale(targets.devices[c.node].factor) for c in targets.components}
         self.seen: dict[tuple[str, str], Seen] = {}
         """(component, condition) as the last round showed it."""
+
+    def _demand_stages(self) -> None:
+        """Error for a component with a stage whose cost nobody wrote: there is nothing to scale."""
+        for component in self.targets.components:
+            device = self._base[component.node]
+            stages = device.model.stages if device.model else {}
+            if missing := {*component.stages, *component.along} - set(stages):
+                raise SlambedError(
+                    f"component {component.name}: device {device.name} has no stage "
+                    f"{min(missing)} to scale; write its cost first"
+                )
 
     def _stages_kept(self, role: Role) -> dict[str, StageCost]:
         fitted = self.targets.devices[role]
