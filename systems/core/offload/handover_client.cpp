@@ -75,8 +75,7 @@ void HandoverClient::prepare(Worker& worker, Handover handover, AcknowledgedMap 
   worker.stage("prepare_update", [&](StageUnits& units) {
     const MapDelta none;
     const MapDelta& earlier = message.whole ? none : *base.content;
-    MapCopy copy = handover.acknowledged.map->read(
-        [&](const MapView& view) { return copy_of(view, earlier); });
+    MapCopy copy = copy_of(*handover.acknowledged.map, earlier);
     message.changes = message.whole ? copy.whole : changes_since(earlier, copy);
     handover.acknowledged.content = std::make_shared<const MapDelta>(std::move(copy.whole));
     message.changes.epoch = handover.epoch;

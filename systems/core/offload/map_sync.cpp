@@ -54,20 +54,22 @@ void add_to_known(const MapView& map, const KeyFrame& known, const NewKeyFrame& 
 
 }  // namespace
 
-MapCopy copy_of(const MapView& map, const MapDelta& earlier) {
-  MapCopy copy{.whole = snapshot(map), .gone = {}};
-  for (const NewPoint& point : earlier.points) {
-    if (map.point(point.id)) continue;
-    if (const MapPointId survivor = map.resolve(point.id)) {
-      copy.gone.fusions.push_back({point.id, survivor});
-    } else {
-      copy.gone.culled_points.push_back(point.id);
+MapCopy copy_of(const Map& map, const MapDelta& earlier) {
+  return map.read([&](const MapView& view) {
+    MapCopy copy{.whole = snapshot(view), .gone = {}};
+    for (const NewPoint& point : earlier.points) {
+      if (view.point(point.id)) continue;
+      if (const MapPointId survivor = view.resolve(point.id)) {
+        copy.gone.fusions.push_back({point.id, survivor});
+      } else {
+        copy.gone.culled_points.push_back(point.id);
+      }
     }
-  }
-  for (const NewKeyFrame& keyframe : earlier.keyframes) {
-    if (!map.keyframe(keyframe.id)) copy.gone.culled_keyframes.push_back(keyframe.id);
-  }
-  return copy;
+    for (const NewKeyFrame& keyframe : earlier.keyframes) {
+      if (!view.keyframe(keyframe.id)) copy.gone.culled_keyframes.push_back(keyframe.id);
+    }
+    return copy;
+  });
 }
 
 MapDelta changes_since(const MapDelta& earlier, const MapCopy& later) {

@@ -10,8 +10,8 @@ struct MapCopy {
   MapDelta whole;
   MapDelta gone;  ///< what of an earlier copy was not there any more: fusions and removals
 };
-/// To be made while the map is held, which it is no longer than copying takes.
-MapCopy copy_of(const MapView& map, const MapDelta& earlier);
+/// Holds the map, and no longer than copying takes: what is compared are copies.
+MapCopy copy_of(const Map& map, const MapDelta& earlier);
 
 /// What has happened to a map between two copies, of which the later one knows the earlier: new
 /// elements whole, moved ones by position, changed observations, fusions and removals. Sightings

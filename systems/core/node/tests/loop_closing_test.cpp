@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops closed behind a mapper, in virtual time: order of work, the bundle in the background,
-// resets.
+// Loops closed behind a mapper: order of work, the bundle in the background and resets in virtual
+// time, and the same once with threads.
 #include "node/loop_closing.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/tests/temporary_folder.hpp"
+#include "runtime/live/live_runtime.hpp"
 #include "runtime/virtual/virtual_runtime.hpp"
 #include "slam/tests/drifted_laps.hpp"
 
@@ -188,6 +190,60 @@ TEST_F(LoopClosingTest, WithoutALoopNothingButDetectionIsDone) {
   run(Mode::kWorker, 30);
   EXPECT_TRUE(of("loop_closed").empty());
   EXPECT_EQ(of("stage").size(), of("stage", "loop_detect").size());
+}
+
+/// The same with threads: the bundle computes beside a mapper that goes on.
+TEST(LoopClosingLive, LoopsAreClosedAndTheLastBundleIsTakenOverBeforeTheEnd) {
+  TemporaryFolder folder;
+  DriftedLaps laps{DriftedLaps::Drift()};
+  EventLog log(folder.path() / "events.jsonl", NodeRole::kMobile);
+  log.set_clock([] { return RunTime(); });
+  log.start(Duration::zero(), [] {});
+  {
+    LiveRuntime runtime(log);
+    LoopClosing* behind = nullptr;
+    std::atomic<int> maps_changed{0};
+    LocalMapping mapping(runtime, log, {}, laps.map, IdSpace::kMobileMapper,
+                         LocalMapping::Mode::kWorker,
+                         {.take =
+                              [&](Worker& worker, KeyFrameId keyframe) {
+                                behind->mapped(worker, keyframe);
+                                return false;  // no work of its own
+                              },
+                          .done = {},
+                          .idle =
+                              [&](Worker& worker) {
+                                behind->idle(worker);
+                                return kNever;
+                              },
+                          .changed = [&] { ++maps_changed; }});
+    LoopClosing loops(runtime, log, {}, laps.map, laps.places, mapping,
+                      LocalMapping::Mode::kWorker);
+    behind = &loops;
+    mapping.start();
+    loops.start();
+    runtime.spawn("driver", [&](Worker& worker) {
+      for (int left = 70; left-- > 0;) {
+        mapping.submit(worker, laps.add()).wait(worker);
+      }
+      mapping.drained().wait(worker);
+      loops.drain(worker);
+      runtime.stop();
+    });
+    runtime.join();
+    EXPECT_EQ(maps_changed, 0);
+  }
+  log.flush();
+  int closed = 0, taken_over = 0;
+  std::istringstream lines(read_text(folder.path() / "events.jsonl"));
+  for (std::string line; std::getline(lines, line);) {
+    const auto event = nlohmann::json::parse(line);
+    closed += event["type"] == "loop_closed";
+    taken_over += event["type"] == "stage" && event["name"] == "global_bundle" &&
+                  event["worker"] == "mapping";
+  }
+  EXPECT_GE(closed, 1) << "how many hangs on how far keyframes are when the first is closed";
+  EXPECT_GE(taken_over, 1) << "no newer loop made the last bundle worthless";
 }
 
 }  // namespace

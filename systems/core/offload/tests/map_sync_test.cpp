@@ -7,6 +7,7 @@
 #include <set>
 
 #include "map/map_snapshot.hpp"
+#include "map/tests/busy_writer.hpp"
 #include "map/tests/map_fixture.hpp"
 
 namespace slambed {
@@ -27,10 +28,7 @@ class MapSync : public ::testing::Test {
     edge.commit(delta);
     base = mobile.read(snapshot);
   }
-  MapDelta changes() const {
-    return changes_since(base,
-                         mobile.read([&](const MapView& view) { return copy_of(view, base); }));
-  }
+  MapDelta changes() const { return changes_since(base, copy_of(mobile, base)); }
   CommitReport hand_over() {
     const MapDelta delta = changes();
     return edge.commit(edge.read([&](const MapView& view) { return rebase_changes(view, delta); }));
@@ -43,6 +41,27 @@ class MapSync : public ::testing::Test {
   Map mobile, edge;
   MapDelta base;
 };
+
+TEST_F(MapSync, TheMapMayBeWorkedAtWhileItsCopiesAreCompared) {
+  // Two points always move together, and a fusion comes with its survivor's place.
+  testing::BusyWriter writer(mobile, [](std::uint32_t number) {
+    MapDelta delta;
+    const Eigen::Vector3d place(number, 0, 2);
+    delta.positions = {{pt(1), place, number}, {pt(30), place, number}};
+    return delta;
+  });
+  int compared = 0;
+  EXPECT_TRUE(testing::BusyWriter::until([&] {
+    const MapCopy copy = copy_of(mobile, base);
+    const int then = writer.commits();
+    if (!testing::BusyWriter::until([&] { return writer.commits() > then + 1; })) return false;
+    const MapDelta delta = changes_since(base, copy);  // of the moment of the copy, not of now
+    if (delta.positions.size() != 2) return false;     // the writer had not begun
+    EXPECT_EQ(delta.positions[0].p_w.x(), delta.positions[1].p_w.x());
+    EXPECT_LE(delta.positions[0].version, static_cast<std::uint32_t>(then) + 1);
+    return ++compared >= 20;
+  }));
+}
 
 TEST_F(MapSync, NothingHasChangedAtFirst) { EXPECT_TRUE(changes().empty()); }
 
