@@ -72,7 +72,7 @@ void SemanticMobile::receive_results(Worker& worker) {
     if (auto result = read(worker, "parse", node_.log(), message, wire::decode_opt_result))
       results_.put(std::move(*result));
   });
-  while (auto message = frames_.receive(worker, kNever)) inbox.take(std::move(*message));
+  while (auto message = frames_.receive(worker, kNever)) inbox.dispatch(std::move(*message));
 }
 
 void SemanticMobile::receive_masks(Worker& worker) {
@@ -86,7 +86,7 @@ void SemanticMobile::receive_masks(Worker& worker) {
     });
     if (mask) arrived_masks_.put(std::move(*mask));
   });
-  while (auto message = masks_.receive(worker, kNever)) inbox.take(std::move(*message));
+  while (auto message = masks_.receive(worker, kNever)) inbox.dispatch(std::move(*message));
 }
 
 void SemanticMobile::before_frame(Worker& worker, const OfferedFrame&) {

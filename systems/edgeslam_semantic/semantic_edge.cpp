@@ -89,7 +89,7 @@ void SemanticEdge::receive(Worker& worker) {
   });
   while (auto message = frames_.receive(worker, kNever)) {
     const std::uint64_t sequence = message->sequence;
-    inbox.take(std::move(*message));
+    inbox.dispatch(std::move(*message));
     received_sequence_ = sequence;
     received_->notify();
   }

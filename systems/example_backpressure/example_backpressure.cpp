@@ -31,7 +31,7 @@ class BackpressureMobile final : public MobilePolicy {
 
   void start() override { offload_.start(); }
   void before_frame(Worker& worker, const OfferedFrame&) override {
-    while (auto message = backlog_.try_receive()) inbox_.take(std::move(*message));
+    while (auto message = backlog_.try_receive()) inbox_.dispatch(std::move(*message));
     offload_.before_frame(worker);
   }
 

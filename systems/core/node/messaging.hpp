@@ -67,7 +67,7 @@ class Inbox {
   /// take(Message&): as it came, and may be moved from.
   template <typename Take>
   Inbox& on(wire::MessageType type, Take take) {
-    takers_[wire::type_of(type)] = std::move(take);
+    handlers_[wire::type_of(type)] = std::move(take);
     return *this;
   }
   /// take(M, message) of what decode(payload) made of it.
@@ -79,16 +79,16 @@ class Inbox {
               });
   }
   /// False for a type that nobody asked for.
-  bool take(Message message) const {
-    const auto taker = takers_.find(message.type);
-    if (taker == takers_.end()) return false;
-    taker->second(message);
+  bool dispatch(Message message) const {
+    const auto handler = handlers_.find(message.type);
+    if (handler == handlers_.end()) return false;
+    handler->second(message);
     return true;
   }
 
  private:
   EventLog& log_;
-  std::map<std::uint8_t, std::function<void(Message&)>> takers_;
+  std::map<std::uint8_t, std::function<void(Message&)>> handlers_;
 };
 
 }  // namespace slambed

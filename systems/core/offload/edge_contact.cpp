@@ -34,11 +34,11 @@ EdgeContact::EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
       echo_period_(from_seconds(1 / options.echo_hz)) {
   inbox_.on<wire::AckMessage>(wire::decode_ack,
                               [this](const wire::AckMessage& ack, const Message& raw) {
-                                take_echo(ack.sequence, raw.received);
+                                on_echo(ack.sequence, raw.received);
                               });
   inbox_.on<wire::HandoverAck>(wire::decode_handover_ack,
                                [this](const wire::HandoverAck& ack, const Message& raw) {
-                                 take_ack(ack, raw.incarnation, node_.runtime().now());
+                                 on_ack(ack, raw.incarnation, node_.runtime().now());
                                });
 }
 
@@ -72,7 +72,7 @@ void EdgeContact::work(Worker& worker) {
     const auto ticket = channel_.signal().ticket();
     while (const auto message = channel_.try_receive()) {
       link_.received(message->received);
-      inbox_.take(*message);
+      inbox_.dispatch(*message);
     }
     handover_.send_if_due(worker);
     const RunTime probe_due = probe(worker.now());
@@ -108,7 +108,7 @@ RunTime EdgeContact::probe(RunTime now) {
   return link_.probe(now);
 }
 
-void EdgeContact::take_echo(std::uint64_t sequence, RunTime received) {
+void EdgeContact::on_echo(std::uint64_t sequence, RunTime received) {
   const auto sample = link_.answered(sequence, received);
   if (!sample || handing_over()) return;  // what waits behind the map tells nothing of the link
   link_.count(*sample);
@@ -118,7 +118,7 @@ void EdgeContact::take_echo(std::uint64_t sequence, RunTime received) {
                         .add_ms("rtt_ms", *sample));
 }
 
-void EdgeContact::take_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {
+void EdgeContact::on_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now) {
   if (ack.answer != wire::HandoverAnswer::kNoMap) return handover_.acknowledged(ack, edge, now);
   std::lock_guard lock(mutex_);
   const RunTime first = RunTime(first_keyframe_.load());

@@ -52,8 +52,8 @@ class EdgeContact {
 
  private:
   void work(Worker& worker);
-  void take_echo(std::uint64_t sequence, RunTime received);
-  void take_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now);
+  void on_echo(std::uint64_t sequence, RunTime received);
+  void on_ack(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now);
   void send_state(RunTime now, bool changed);
   RunTime probe(RunTime now);
 

@@ -34,7 +34,7 @@ void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
   RunTime last_contact = begin;
   while (!worker.stopping() && worker.now() < begin + kAnswerPatience) {
     if (const auto message = control_.receive(worker, worker.now() + kLookEvery)) {
-      inbox_.take(*message);
+      inbox_.dispatch(*message);
       if (answered_) return;
     }
     if (control_.path().connected) last_contact = worker.now();

@@ -27,7 +27,7 @@ void HandoverServer::start() {
 }
 
 void HandoverServer::listen(Worker& worker) {
-  while (auto message = channel_.receive(worker, kNever)) inbox_.take(std::move(*message));
+  while (auto message = channel_.receive(worker, kNever)) inbox_.dispatch(std::move(*message));
 }
 
 void HandoverServer::stop(const wire::StopMessage& stop) {

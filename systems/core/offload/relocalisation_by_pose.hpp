@@ -27,7 +27,7 @@ class RelocalisationByPose final : public EdgeRelocalisation {
                        UpdateSender& updates, PoseRelocalisationOptions options);
   void start() override;
   /// SUSPEND and RESUME.
-  void listen(const Message& message) override { inbox_.take(message); }
+  void listen(const Message& message) override { inbox_.dispatch(message); }
 
  private:
   void serve(Worker& worker);

@@ -45,10 +45,10 @@ TEST_F(Messaging, EachMessageComesToWhoAskedForItsType) {
     const Bytes taken = std::move(raw.payload);
     heard.push_back("map of " + std::to_string(taken.size()));
   });
-  EXPECT_TRUE(inbox.take(message(wire::MapHandover::kType, Bytes(5))));
+  EXPECT_TRUE(inbox.dispatch(message(wire::MapHandover::kType, Bytes(5))));
   EXPECT_TRUE(
-      inbox.take(message(wire::AckMessage::kType, encode(wire::AckMessage{.sequence = 3}))));
-  EXPECT_FALSE(inbox.take(message(wire::ByeMessage::kType, {})));
+      inbox.dispatch(message(wire::AckMessage::kType, encode(wire::AckMessage{.sequence = 3}))));
+  EXPECT_FALSE(inbox.dispatch(message(wire::ByeMessage::kType, {})));
   EXPECT_EQ(heard, (std::vector<std::string>{"map of 5", "ack 3 in 7"}));
   EXPECT_EQ(log.refused(), 0);
 }
@@ -58,7 +58,7 @@ TEST_F(Messaging, WhatCannotBeReadIsCountedAndSaidOnce) {
   int heard = 0;
   inbox.on<wire::ByeMessage>(wire::decode_bye,
                              [&](const wire::ByeMessage&, const Message&) { ++heard; });
-  EXPECT_TRUE(inbox.take(message(wire::ByeMessage::kType, Bytes(1))));
+  EXPECT_TRUE(inbox.dispatch(message(wire::ByeMessage::kType, Bytes(1))));
   EXPECT_FALSE(read(log, message(wire::AckMessage::kType, {}), wire::decode_ack));
   EXPECT_EQ(heard, 0);
   EXPECT_EQ(log.refused(), 2);

@@ -26,7 +26,7 @@ class Handover : public ::testing::Test {
     nodes.on_mobile([this](Worker& worker) {
       while (!worker.stopping()) {
         const auto ticket = ends.first.signal().ticket();
-        while (const auto message = ends.first.try_receive()) inbox.take(*message);
+        while (const auto message = ends.first.try_receive()) inbox.dispatch(*message);
         client.send_if_due(worker);
         worker.wait(ends.first.signal(), ticket, worker.now() + 100ms);
       }
