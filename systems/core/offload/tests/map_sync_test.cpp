@@ -43,7 +43,7 @@ class MapSync : public ::testing::Test {
 };
 
 TEST_F(MapSync, TheMapMayBeWorkedAtWhileItsCopiesAreCompared) {
-  // Two points always move together, and a fusion comes with its survivor's place.
+  // Two points always move together.
   testing::BusyWriter writer(mobile, [](std::uint32_t number) {
     MapDelta delta;
     const Eigen::Vector3d place(number, 0, 2);
