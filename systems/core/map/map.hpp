@@ -55,7 +55,8 @@ class MapView {
 };
 
 /// Keyframes, points and covisibility. Changes only through commit(); readers run under a shared
-/// lock and copy what they need, nobody computes while holding it.
+/// lock and copy what they need, whoever computes for long works on the copy. Corrections of
+/// the whole map (a loop, a jump) are computed while it is held.
 ///
 /// What commit() derives, once per commit and only for elements that were touched: covisibility and
 /// its order, parents, weights, and of points whose observations or position changed the
