@@ -118,7 +118,7 @@ def run(
         check_asked(found, source)
         plan.check(found, source, library, engine or found.engine)
         typer.echo(f"{source.path}: good")
-        for line in plan.notes(found):
+        for line in plan.notes(found, library):
             typer.echo(f"note: {line}")
         return
     screen = console()

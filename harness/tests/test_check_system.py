@@ -39,7 +39,7 @@ def red_lines(system: Path) -> list[str]:
     return red
 
 
-@pytest.mark.parametrize("name", ["system.yaml", "remote_odometry.yaml"])
+@pytest.mark.parametrize("name", ["system.yaml", "remote_odometry.yaml", "folder_odometry.yaml"])
 def test_the_examples_keep_the_contract(name: str) -> None:
     assert red_lines(EXAMPLES / name) == []
 
@@ -72,12 +72,47 @@ def test_a_planted_defect_is_red(system: Path, defect: str) -> None:
     assert red and told in red[0]
 
 
-def test_inverted_poses_are_red(tmp_path: Path) -> None:
-    """World to camera instead of camera to world: the mistake that everybody makes once."""
+def copied_examples(tmp_path: Path) -> Path:
     folder = tmp_path / "visual_odometry"
     folder.mkdir()
-    for path in EXAMPLES.iterdir():
+    for path in filter(Path.is_file, EXAMPLES.iterdir()):
         (folder / path.name).write_bytes(path.read_bytes())
+    return folder
+
+
+WRITES = "trajectory.write_text("
+READERS_DEFECTS = {
+    "no trajectory": (WRITES, "str(", "left no such trajectory"),
+    "no poses": ('"\\n".join(lines)', '""', "no pose in it"),
+    "frame numbers for times": ("join([stamp,", "join([str(len(lines)),", "time of no frame"),
+    "nanoseconds": ("join([stamp,", "join([str(1e9 * float(stamp)),", "in seconds"),
+    "no rotations": ("*quaternion(T_wc[:3, :3])]", "*(2 * quaternion(T_wc[:3, :3]))]",
+                     "is no rotation"),
+    "fails": ("    lines = []\n", "    lines = [1 / 0]\n", "ZeroDivisionError"),
+    "never ends": (WRITES, "import time; time.sleep(600)\n    " + WRITES, "had to be killed"),
+    "is deaf": ("    lines = []\n", "    lines = []\n    import signal, time\n"
+                "    signal.signal(15, signal.SIG_IGN)\n    time.sleep(3)\n", None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("defect", READERS_DEFECTS)
+def test_a_planted_defect_of_a_system_that_reads_a_folder_is_red(
+    tmp_path: Path, defect: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slambed.campaign.check_system.END_PATIENCE_S", 8.0)
+    good, bad, told = READERS_DEFECTS[defect]
+    folder = copied_examples(tmp_path)
+    program = folder / "read_folder.py"
+    assert good in program.read_text()
+    program.write_text(program.read_text().replace(good, bad))
+    red = red_lines(folder / "folder_odometry.yaml")
+    # One that does not hear SIGTERM is killed 2 s later, as the contract says.
+    assert red == [] if told is None else red and told in red[0], red
+
+
+def test_inverted_poses_are_red(tmp_path: Path) -> None:
+    """World to camera instead of camera to world: the mistake that everybody makes once."""
+    folder = copied_examples(tmp_path)
     text = (folder / "vo.py").read_text()
     assert "client.pose(frame, T_wc," in text
     inverted = text.replace("client.pose(frame, T_wc,", "client.pose(frame, np.linalg.inv(T_wc),")

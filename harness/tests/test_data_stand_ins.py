@@ -43,7 +43,7 @@ def test_every_experiment_has_something_to_play(name: str, tmp_path: Path) -> No
     else:
         assert here == datasets
     plan.check(experiment, source, library, experiment.engine)
-    told = "\n".join(plan.notes(experiment))
+    told = "\n".join(plan.notes(experiment, Library()))
     for dataset in experiment.datasets:
         if wanted := catalog.stands_in_for(dataset, tmp_path):
             assert f"stands in for {wanted.id}" in told

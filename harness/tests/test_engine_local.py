@@ -228,7 +228,7 @@ def test_a_link_that_dies_is_an_outcome(bench: Bench) -> None:
 def test_a_run_that_does_not_end_is_a_timeout(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("slambed.engines.live_run.DRAIN_S", 0.5)
+    monkeypatch.setattr("slambed.engines.result.DRAIN_S", 0.5)
     monkeypatch.setattr("slambed.engines.live_run.STOP_GRACE_S", 0.2)
     result = bench.run(run_spec(params={"mobile_act": "hang"}))
     assert result.outcome == "timed_out"
@@ -363,7 +363,7 @@ def test_an_edge_frozen_at_the_end_may_still_end(bench: Bench) -> None:
 def test_a_frozen_edge_can_end_when_the_run_takes_too_long(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("slambed.engines.live_run.DRAIN_S", 0.5)
+    monkeypatch.setattr("slambed.engines.result.DRAIN_S", 0.5)
     result, _ = run_with(
         bench, Fault(at_s=0.4, edge="freeze", for_s=60), params={"mobile_act": "hang"}
     )

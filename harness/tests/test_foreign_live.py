@@ -22,6 +22,7 @@ title: Systems that are programs of their own
 systems:
   - {{system: {examples}/system.yaml, label: odometry}}
   - {{system: {examples}/remote_odometry.yaml, label: remote, {faults}}}
+  - {{system: {examples}/folder_odometry.yaml, label: reader}}
 datasets: [{sequence}]
 playback: {{mode: realtime, fps: 5}}
 link:
@@ -59,7 +60,7 @@ def run_them(
     for run in (folder / "results" / "theirs" / "runs").iterdir():
         summary = json.loads((run / "summary.json").read_text())
         found[summary["system"]] = summary, json.loads((run / "manifest.json").read_text())
-    assert sorted(found) == ["remote_odometry", "visual_odometry"], out + err
+    assert sorted(found) == ["folder_odometry", "remote_odometry", "visual_odometry"], out + err
     return found
 
 
@@ -69,7 +70,7 @@ def judge(found: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> None:
             continue
         assert summary["outcome"] == "completed", summary["outcome_reason"]
         assert summary["frames_total"] == 20 and summary["frames_tracked"] >= 1
-        assert summary["frames_tracked"] + summary["frames_dropped"] <= 20
+        assert summary["frames_tracked"] + (summary["frames_dropped"] or 0) <= 20
         assert summary["ate_rmse_m"] < 0.1
         # Player and program: every thread of both has the cap of one core of the device.
         names = {thread["name"] for thread in manifest["limits"]["mobile"]["threads"]}
@@ -79,6 +80,16 @@ def judge(found: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> None:
         assert remote["bytes_up"] > 20 * remote["bytes_down"] > 0
         assert remote["rtt_error_ms_median"] < 50
     assert found["visual_odometry"][0]["bytes_up"] is None
+    reader, manifest = found["folder_odometry"]
+    if reader["trusted"]:
+        # It saw the frames that were played, and nobody saw when.
+        assert reader["frames_total"] == reader["frames_tracked"] == 20
+        assert reader["coverage"] == 1.0 and reader["track_losses"] == 0
+        assert reader["mobile_cpu_percent_mean"] > 1 and reader["mobile_mem_mb_peak"] > 20
+        assert 0.3 < reader["wall_s"] < 30
+        for unknown in ("frames_dropped", "track_ms_median", "coverage_processed"):
+            assert reader[unknown] is None, unknown
+    assert manifest["spec"]["runtime"]["reads"] == "tum"
 
 
 def test_programs_of_others_run_under_limits_and_over_the_link(

@@ -17,9 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from slambed.atomic import replacing
+from slambed.campaign.left_poses import frames_of, rotated, take_poses, told
+from slambed.campaign.recordings import Recording
+from slambed.data.prepared import PreparedSequence
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.engines.base import NodePlan, last_line
 from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
+from slambed.engines.result import RunResult
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.accuracy import absolute_error
@@ -33,6 +37,8 @@ from slambed.spec.system import Role, System
 
 FRAMES, FPS = 20, 5.0
 STOPPED_AFTER_S = 1.0
+READER_STOPPED_AFTER_S = 0.1
+"""Nobody keeps a system that reads a folder from being done sooner."""
 STOP_PATIENCE_S, END_PATIENCE_S = 15.0, 30.0
 INVERSE_IS_BETTER = 0.5
 """A path whose inverse fits the truth in less than this share of its error was sent inverted."""
@@ -64,6 +70,8 @@ class Trial:
     """Of the system."""
     sequence: Path
     run_dir: Path
+    recording: Recording | None = None
+    """Of a system that reads a folder."""
     nodes: dict[Role, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     @contextmanager
@@ -105,12 +113,14 @@ class Trial:
             self.system.runtime, self.folder,
         )  # fmt: skip
         (self.run_dir / role).mkdir()
-        arguments = player_arguments(plan, str(self.run_dir / "run.json"), str(self.folder))
+        config = str(self.run_dir / "run.json")
+        frames = "" if self.recording is None else str(self.recording.folder())
+        arguments = player_arguments(plan, config, str(self.folder), frames)
         with self._log(role).open("wb") as log:
             return subprocess.Popen(
                 [str(find_program(PLAYER)), *arguments],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                env=environment(plan, str(clients_folder()), host_path()),
+                env=environment(plan, str(clients_folder()), host_path(), config, frames),
                 start_new_session=True,
             )  # fmt: skip
 
@@ -165,11 +175,18 @@ def check_system(named: str, library: Library) -> Checked:
     found.tell(True, f"system.yaml: {system.name}, {' and '.join(system.roles)}")
     with tempfile.TemporaryDirectory(prefix="slambed-check-") as place:
         sequence = _generate(system.sensors[0], Path(place) / "sequence")
-        trial = Trial(system, folder, sequence, Path(place) / "run")
+        reads = system.runtime.reads
+        recording = None
+        if reads is not None:
+            prepared = PreparedSequence.open(sequence)
+            recording = Recording.of(prepared, Playback(), reads, Path(place))
+            recording.folder()
+            found.tell(True, f"is given {FRAMES} frames as a folder of layout {reads}")
+        trial = Trial(system, folder, sequence, Path(place) / "run", recording)
         with trial.started():
             if _begins(trial, found):
                 _plays(trial, found)
-        again = Trial(system, folder, sequence, Path(place) / "stopped")
+        again = Trial(system, folder, sequence, Path(place) / "stopped", recording)
         if found.good:
             with again.started():
                 _stops(again, found)
@@ -180,6 +197,8 @@ def _begins(trial: Trial, found: Checked) -> bool:
     assert trial.system.runtime is not None
     ready = trial.ready()
     for role in sorted(trial.nodes):
+        if not trial.system.runtime.has_client(role):
+            continue
         said = (trial.run_dir / role / "ready.json").exists()
         why = "" if said else f" within {trial.system.runtime.ready_s:g} s: {trial.said(role)}"
         found.tell(said, f"{role}: starts and says that it is ready{why}")
@@ -189,7 +208,8 @@ def _begins(trial: Trial, found: Checked) -> bool:
 def _plays(trial: Trial, found: Checked) -> None:
     trial.start_clock()
     code = trial.code("mobile", FRAMES / FPS + END_PATIENCE_S)
-    ends = "mobile: plays to the end and then ends by itself, exit code 0"
+    does = "plays" if trial.recording is None else "reads the folder"
+    ends = f"mobile: {does} to the end and then ends by itself, exit code 0"
     if code != 0:
         how = "it had to be killed" if code is None else f"exit code {code}"
         found.tell(False, f"{ends}: {how}, {trial.said('mobile')}")
@@ -199,7 +219,7 @@ def _plays(trial: Trial, found: Checked) -> None:
         edge = trial.code("edge", END_PATIENCE_S)
         found.tell(edge == 0, f"edge: ends with the run{'' if edge == 0 else ': ' + str(edge)}")
     _answers(trial, found)
-    if code == 0:
+    if code == 0 and (trial.recording is None or _leaves(trial, found)):
         _path(trial, found)
     for key, item in trial.system.metrics.items():
         role: Role = item.node or "mobile"
@@ -210,7 +230,7 @@ def _plays(trial: Trial, found: Checked) -> None:
 
 def _answers(trial: Trial, found: Checked) -> None:
     assert trial.system.runtime is not None
-    if not trial.system.runtime.mobile.client:
+    if not trial.system.runtime.has_client("mobile"):
         return
     frames = [e for e in trial.events() if e["type"] == "frame_tracked"]
     found.tell(len(frames) == FRAMES, f"takes every frame: {len(frames)} of {FRAMES}")
@@ -219,6 +239,27 @@ def _answers(trial: Trial, found: Checked) -> None:
     if found.tell(bool(answered) and len(answered) == len(frames), line):
         median = float(np.median([e["track_ms"] for e in answered]))
         found.tell(True, f"a frame takes {median:.1f} ms (median, without limits)")
+
+
+def _leaves(trial: Trial, found: Checked) -> bool:
+    """Whether the file that it left behind is what a run takes its frames and poses from."""
+    runtime, recording = trial.system.runtime, trial.recording
+    assert runtime is not None and recording is not None
+    path = trial.run_dir / "mobile" / runtime.trajectory
+    line = f"leaves {path.name} in $SLAMBED_OUTPUT, as {runtime.trajectory_format} has it"
+    try:
+        poses = told(path, runtime, recording)
+        found.tell(True, line)
+        line = "its poses are rotations"
+        rotated(path, poses)
+        found.tell(True, line)
+        line = "its time stamps are those of the frames"
+        frames_of(path, poses, recording)
+        found.tell(True, f"{line}: {len(poses)} of {FRAMES} have a pose")
+    except SlambedError as error:
+        return found.tell(False, f"{line}: {error}")
+    result = take_poses(RunResult("completed", None), runtime, recording, trial.run_dir)
+    return result.outcome == "completed"
 
 
 def _path(trial: Trial, found: Checked) -> None:
@@ -247,13 +288,17 @@ def _stops(trial: Trial, found: Checked) -> None:
         found.tell(False, "starts a second time")
         return
     trial.start_clock()
-    trial.wait(lambda: False, STOPPED_AFTER_S)
+    trial.wait(
+        lambda: False, STOPPED_AFTER_S if trial.recording is None else READER_STOPPED_AFTER_S
+    )
     for node in trial.nodes.values():
         node.send_signal(signal.SIGTERM)
     codes = {role: trial.code(role, STOP_PATIENCE_S) for role in trial.nodes}
-    told = object_or_empty(trial.run_dir / "mobile" / "node.json").get("stopped")
-    good = set(codes.values()) == {0} and told is True
-    found.tell(good, f"stops when told{'' if good else f': {codes}'}")
+    stopped = object_or_empty(trial.run_dir / "mobile" / "node.json").get("stopped")
+    over = trial.recording is not None and stopped is False
+    good = set(codes.values()) == {0} and (stopped is True or over)
+    how = ": it had ended before" if over else ("" if good else f": {codes}")
+    found.tell(good, f"stops when told{how}")
 
 
 def _inverted(path: Trajectory) -> Trajectory:

@@ -7,11 +7,10 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import numpy as np
-
 from slambed.campaign.ledger import utc_now
+from slambed.campaign.left_poses import take_poses
 from slambed.campaign.manifest import manifest
-from slambed.data.playlist import offered_frames
+from slambed.campaign.recordings import Recording, played_frames
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.engines.result import RunResult
 from slambed.metrics.digest import digest
@@ -43,6 +42,9 @@ def execute_run(
         shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
     started, load = utc_now(), os.getloadavg()[0]
     result = execute()
+    if spec.runtime is not None and spec.runtime.reads is not None:
+        recording = recording_of(spec, sequence)
+        result = take_poses(result, spec.runtime, recording, raw)
     offered = frames_offered(spec, sequence)
     facts = manifest(spec, engine, command, result, started, load, attempt, offered)
     truth = sequence / "groundtruth.txt"
@@ -59,10 +61,13 @@ def frames_offered(spec: RunSpec, sequence: Path) -> int | None:
     """How many frames playback offers by its plan; None for what is no prepared sequence."""
     if not (sequence / SEQUENCE_FILE).is_file():
         return None
-    prepared = PreparedSequence.open(sequence)
-    play = spec.playback
-    times_ns = prepared.index["timestamp_ns"].astype(np.int64)
-    return len(offered_frames(times_ns, prepared.info.fps, play.fps, play.start_s, play.end_s))
+    return len(played_frames(PreparedSequence.open(sequence), spec.playback))
+
+
+def recording_of(spec: RunSpec, sequence: Path) -> Recording:
+    """What a system that reads a folder is given."""
+    assert spec.runtime is not None and spec.runtime.reads is not None
+    return Recording.of(PreparedSequence.open(sequence), spec.playback, spec.runtime.reads)
 
 
 def _write(path: Path, content: Mapping[str, object]) -> None:

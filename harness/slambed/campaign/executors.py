@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from slambed.campaign.execution import execute_run
+from slambed.campaign.execution import execute_run, recording_of
 from slambed.engines.base import Engine
 from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.live_run import LinkOpener, LiveRun
@@ -49,7 +49,11 @@ class LiveExecutor:
         host = load_host_speed()
         if spec.host_speed not in (None, host.speed):
             raise SlambedError("the host was calibrated since the campaign began; start it again")
-        run = LiveRun(spec, self.engine, sequence, played_s, raw, self.open_link, stop, host)
+        reads = spec.runtime is not None and spec.runtime.reads is not None
+        frames = recording_of(spec, sequence).folder() if reads else None
+        run = LiveRun(
+            spec, self.engine, sequence, played_s, raw, self.open_link, stop, host, frames
+        )
         with daemon_failures("keep the nodes of a run"):
             engine = self.engine.describe()
             return execute_run(spec, raw, sequence, engine, sys.argv, run.execute, attempt)

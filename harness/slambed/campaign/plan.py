@@ -38,6 +38,7 @@ from slambed.spec.matrix import (
 )
 from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import software_of_systems
+from slambed.spec.system import System
 from slambed.yaml_source import YamlSource
 
 Provider = Callable[[str], Path]
@@ -75,6 +76,7 @@ def check(
     """Finds what is wrong with an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
     _expand_unprepared(experiment, source, library, profiles, engine)
+    _check_readers(experiment, source, library)
     kept: dict[str, Sequence] = {}
     for index, name in enumerate(experiment.datasets):
         try:
@@ -91,10 +93,32 @@ def check(
     return profiles
 
 
-def notes(experiment: Experiment) -> list[str]:
-    """What is played instead of datasets that are not on this machine, and how to get those; and
-    what the experiment leaves to a default."""
-    return assumed(experiment) + [line for line in map(stand_in, experiment.datasets) if line]
+def notes(experiment: Experiment, library: Library) -> list[str]:
+    """What is played instead of datasets that are not on this machine, and how to get those; what
+    the experiment leaves to a default; and what nobody can measure of its systems."""
+    stand_ins = [line for line in map(stand_in, experiment.datasets) if line]
+    return assumed(experiment) + stand_ins + [
+        f"{system.name} reads a recorded folder at its own speed, whatever playback.mode says: "
+        "frames dropped, tracking times and live poses are not known, and left empty"
+        for system in _readers(experiment, library)
+    ]  # fmt: skip
+
+
+def _readers(experiment: Experiment, library: Library) -> list[System]:
+    """Its systems that read a recorded folder, each once."""
+    named = dict.fromkeys(choice.system for choice in experiment.systems)
+    systems = [library.system(name) for name in named]
+    return [s for s in systems if s.runtime is not None and s.runtime.reads is not None]
+
+
+def _check_readers(experiment: Experiment, source: YamlSource, library: Library) -> None:
+    for system in _readers(experiment, library):
+        if experiment.playback.stop_at_first_loss:
+            raise source.complaint(
+                f"system {system.name} reads a recorded folder, so nobody sees when it loses "
+                "track; leave stop_at_first_loss out",
+                ("playback", "stop_at_first_loss"),
+            )
 
 
 def planned_runs(experiment: Experiment, source: YamlSource, library: Library) -> int:

@@ -199,7 +199,7 @@ def _run_plan(
     experiment = plan.experiment
     for line in plan.left_out:
         _say(console, f"left out: {line}")
-    for line in notes(experiment):
+    for line in notes(experiment, Library()):
         _say(console, line)
     folder = ResultFolder(options.results / experiment.id)
     about = chosen(plan.specs, options.only)

@@ -3,30 +3,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.data.layouts import SENSORS
+from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, move_into_place, partial_folder
 from slambed.data.trajectory import Trajectory, write_tum
 from slambed.errors import SlambedError, environment_error
 
 Progress = Callable[[int, int], None]
-SENSORS = {"tum": ("rgbd",), "euroc": ("stereo",), "kitti": ("stereo", "mono")}
-"""Format -> sensors whose sequences it can hold."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What of a sequence is written."""
+
+    sequence: PreparedSequence
+    indices: NDArray[np.intp]
+    """Of its frames, in their order."""
+    with_truth: bool
+    progress: Progress | None
+
+    def frames(self) -> Iterator[Frame]:
+        """One after the other; who waits hears of each."""
+        for done, index in enumerate(self.indices, start=1):
+            yield self.sequence[int(index)]
+            if self.progress is not None:
+                self.progress(done, len(self.indices))
+
+    @property
+    def fps(self) -> float:
+        """Of what is left of the recorded frames."""
+        steps = np.diff(self.indices)
+        return self.sequence.info.fps / (float(np.median(steps)) if len(steps) else 1.0)
+
+    def truth(self) -> Trajectory | None:
+        """The true path, where there is one that shall be told."""
+        return self.sequence.groundtruth() if self.with_truth else None
 
 
 def export(
-    sequence: PreparedSequence, layout: str, path: Path, progress: Progress | None = None
+    sequence: PreparedSequence,
+    layout: str,
+    path: Path,
+    progress: Progress | None = None,
+    *,
+    indices: NDArray[np.intp] | None = None,
+    with_truth: bool = True,
 ) -> Path:
     """Writes `path` whole or not at all: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/),
     kitti (image_0, image_1, times.txt, calib.txt, poses.txt).
 
-    Grey pictures, as they are played. Raises SlambedError for a layout that cannot hold the
-    sequence, and where something is there already.
+    Grey pictures, as they are played; of the frames at `indices`, or of all. Raises SlambedError
+    for a layout that cannot hold the sequence, and where something is there already.
     """
     if layout not in SENSORS:
         raise SlambedError(f"unknown format '{layout}'; known: {', '.join(SENSORS)}")
@@ -41,48 +76,55 @@ def export(
     partial = partial_folder(path)
     try:
         partial.mkdir(parents=True)
-        {"tum": _tum, "euroc": _euroc, "kitti": _kitti}[layout](sequence, partial, progress)
+        every = np.arange(len(sequence))
+        part = Part(sequence, every if indices is None else indices, with_truth, progress)
+        {"tum": _tum, "euroc": _euroc, "kitti": _kitti}[layout](part, partial)
         move_into_place(partial, path)
     except OSError as error:
         raise environment_error(f"{path}: {error.strerror}; choose another folder") from None
     return path
 
 
-def _tum(sequence: PreparedSequence, folder: Path, progress: Progress | None) -> None:
+def told_times_ns(sequence: PreparedSequence, layout: str) -> NDArray[np.int64]:
+    """The time stamp of every frame, in ns, as a folder of this layout names it."""
+    times_ns = sequence.index["timestamp_ns"].astype(np.int64)
+    # KITTI's times begin with the sequence.
+    return times_ns if layout == "kitti" else times_ns + round(sequence.info.time_origin_s * 1e9)
+
+
+def _tum(part: Part, folder: Path) -> None:
     lists = {kind: ["# timestamp filename"] for kind in ("rgb", "depth")}
     for kind in lists:
         (folder / kind).mkdir()
-    for index, frame in enumerate(sequence):
+    for frame in part.frames():
         stamp = _seconds(frame.timestamp_ns, 6)
         assert frame.second is not None
         for kind, image in (("rgb", frame.grey), ("depth", frame.second)):
             _write(folder / kind / f"{stamp}.png", image)
             lists[kind].append(f"{stamp} {kind}/{stamp}.png")
-        _tell(progress, index, sequence)
     for kind, lines in lists.items():
         (folder / f"{kind}.txt").write_text("\n".join(lines) + "\n")
-    if (truth := sequence.groundtruth()) is not None:
+    if (truth := part.truth()) is not None:
         write_tum(folder / "groundtruth.txt", truth)
-    camera = sequence.info.camera
+    info, camera = part.sequence.info, part.sequence.info.camera
     (folder / "camera.txt").write_text(
         "# fx fy cx cy k1 k2 p1 p2 k3 bf, depth steps per metre\n"
         + " ".join(map(repr, (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)))
-        + f" {camera.bf!r} {1 / sequence.info.depth_unit_m:g}\n"
+        + f" {camera.bf!r} {1 / info.depth_unit_m:g}\n"
     )
 
 
-def _euroc(sequence: PreparedSequence, folder: Path, progress: Progress | None) -> None:
-    camera, info = sequence.info.camera, sequence.info
+def _euroc(part: Part, folder: Path) -> None:
+    info, camera = part.sequence.info, part.sequence.info.camera
     rows: list[str] = []
     for side in (0, 1):
         (folder / "mav0" / f"cam{side}" / "data").mkdir(parents=True)
-    for index, frame in enumerate(sequence):
+    for frame in part.frames():
         assert frame.second is not None
         name = f"{frame.timestamp_ns}.png"
         for side, image in enumerate((frame.grey, frame.second)):
             _write(folder / "mav0" / f"cam{side}" / "data" / name, image)
         rows.append(f"{frame.timestamp_ns},{name}")
-        _tell(progress, index, sequence)
     for side in (0, 1):
         place = folder / "mav0" / f"cam{side}"
         (place / "data.csv").write_text("\n".join(["#timestamp [ns],filename", *rows]) + "\n")
@@ -92,12 +134,12 @@ def _euroc(sequence: PreparedSequence, folder: Path, progress: Progress | None) 
             "sensor_type: camera\n"
             "T_BS:\n  cols: 4\n  rows: 4\n"
             f"  data: [1, 0, 0, {x_m!r}, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
-            f"rate_hz: {info.fps:g}\nresolution: [{info.width}, {info.height}]\n"
+            f"rate_hz: {part.fps:g}\nresolution: [{info.width}, {info.height}]\n"
             "camera_model: pinhole\n"
             f"intrinsics: [{camera.fx!r}, {camera.fy!r}, {camera.cx!r}, {camera.cy!r}]\n"
             "distortion_model: radial-tangential\ndistortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n"
         )
-    if (truth := sequence.groundtruth()) is not None:
+    if (truth := part.truth()) is not None:
         place = folder / "mav0" / "state_groundtruth_estimate0"
         place.mkdir()
         lines = ["#timestamp,p_x,p_y,p_z,q_w,q_x,q_y,q_z"]
@@ -106,18 +148,16 @@ def _euroc(sequence: PreparedSequence, folder: Path, progress: Progress | None) 
         (place / "data.csv").write_text("\n".join(lines) + "\n")
 
 
-def _kitti(sequence: PreparedSequence, folder: Path, progress: Progress | None) -> None:
-    camera = sequence.info.camera
-    stereo = sequence.info.sensor == "stereo"
+def _kitti(part: Part, folder: Path) -> None:
+    camera = part.sequence.info.camera
+    stereo = part.sequence.info.sensor == "stereo"
     for side in (0, 1) if stereo else (0,):
         (folder / f"image_{side}").mkdir()
-    times = []
-    for index, frame in enumerate(sequence):
+    for index, frame in enumerate(part.frames()):
         _write(folder / "image_0" / f"{index:06d}.png", frame.grey)
         if frame.second is not None:
             _write(folder / "image_1" / f"{index:06d}.png", frame.second)
-        times.append(_seconds(int(sequence.index["timestamp_ns"][index]), 9))
-        _tell(progress, index, sequence)
+    times = [_seconds(int(t), 9) for t in told_times_ns(part.sequence, "kitti")[part.indices]]
     (folder / "times.txt").write_text("\n".join(times) + "\n")
     rows = [
         f"P{side}: {camera.fx!r} 0 {camera.cx!r} {-side * camera.bf!r} "
@@ -125,16 +165,17 @@ def _kitti(sequence: PreparedSequence, folder: Path, progress: Progress | None) 
         for side in (0, 1)
     ]
     (folder / "calib.txt").write_text("\n".join(rows) + "\n")
-    if (truth := sequence.groundtruth()) is not None:
-        poses = _at_frames(sequence, truth)
+    if (truth := part.truth()) is not None:
+        poses = _at_frames(part, truth)
         np.savetxt(folder / "poses.txt", poses.reshape(-1, 12), fmt="%.9e")
 
 
-def _at_frames(sequence: PreparedSequence, truth: Trajectory) -> NDArray[np.float64]:
+def _at_frames(part: Part, truth: Trajectory) -> NDArray[np.float64]:
     """(n, 3, 4): the true pose of every frame, between those that were measured."""
     from scipy.spatial.transform import Slerp
 
-    times_s = sequence.info.time_origin_s + sequence.times_s
+    sequence = part.sequence
+    times_s = sequence.info.time_origin_s + sequence.times_s[part.indices]
     inside = np.clip(times_s, truth.stamps_s[0], truth.stamps_s[-1])
     poses = np.zeros((len(times_s), 3, 4))
     poses[:, :, :3] = Slerp(truth.stamps_s, truth.rotations())(inside).as_matrix()
@@ -154,8 +195,3 @@ def _seconds(time_ns: int, digits: int) -> str:
     unit = 10 ** (9 - digits)
     whole, rest = divmod((time_ns + unit // 2) // unit, 10**digits)
     return f"{whole}.{rest:0{digits}d}"
-
-
-def _tell(progress: Progress | None, index: int, sequence: PreparedSequence) -> None:
-    if progress is not None:
-        progress(index + 1, len(sequence))

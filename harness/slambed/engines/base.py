@@ -40,6 +40,8 @@ class NodePlan:
     """Of a system that is a program of its own."""
     system_folder: Path | None = None
     """Where that lies on the host."""
+    frames: Path | None = None
+    """The recorded folder, on the host, of a system that reads one."""
 
 
 EDGE_CONFIG = "run_edge.json"

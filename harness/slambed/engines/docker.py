@@ -25,12 +25,12 @@ from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.docker_limits import limits_of, parent_group
 from slambed.engines.docker_segmenter import start_segmenter
-from slambed.engines.foreign import PLAYER, environment, player_arguments, player_volumes
+from slambed.engines.foreign import container_options, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupReader, paths_of
-from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER, Runtime
+from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
 OUTPUT, SEQUENCE = "/out", "/sequence"
@@ -306,20 +306,11 @@ class DockerEngine:
         }
 
     def _foreign_program(self, plan: NodePlan) -> dict[str, Any]:
-        """The player waits at the gate by itself: an image may have no shell."""
         assert plan.runtime is not None
-        part = plan.runtime.of(plan.role)
         name = plan.runtime.image_of(plan.role)
         config = f"{OUTPUT}/{config_name(plan)}"
-        return {
-            "image": self._ids.get(name, name),
-            "entrypoint": [f"{PLAYER_IN_CONTAINER}/{PLAYER}"],
-            "command": ["--gate", GATE, *player_arguments(plan, config, SYSTEM_IN_CONTAINER)],
-            "user": part.user or f"{NODE_UID}:{NODE_UID}",
-            "environment": environment(plan, f"{PLAYER_IN_CONTAINER}/client", None),
-            "tmpfs": {place: f"size={size}m" for place, size in part.tmpfs.items()},
-            "volumes": _volumes(plan) | player_volumes(plan),
-        }
+        program = container_options(plan, self._ids.get(name, name), config, GATE)
+        return program | {"volumes": _volumes(plan) | player_volumes(plan)}
 
 
 def _volumes(plan: NodePlan) -> dict[str, dict[str, str]]:

@@ -3,14 +3,16 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
-from slambed.engines.base import NodePlan
+from slambed.engines.base import NODE_UID, NodePlan
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
 from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
 
 PLAYER = "slambed-play"
 PATH = "/usr/local/bin:/usr/bin:/bin"
+FRAMES_IN_CONTAINER = "/frames"
 ELF_INTERPRETER = 3
 """PT_INTERP of a program header: the program needs libraries of its host."""
 
@@ -20,19 +22,35 @@ def clients_folder() -> Path:
     return repository_root() / "systems" / "play" / "client"
 
 
-def player_arguments(plan: NodePlan, config: str, folder: str) -> list[str]:
-    """What slambed-play gets; `folder` is the system's as the node sees it."""
+def player_arguments(plan: NodePlan, config: str, folder: str, frames: str = "") -> list[str]:
+    """What slambed-play gets. `folder` is the system's, `frames` the recorded one, where it reads
+    one; both, and `config`, as the node sees them."""
     assert plan.runtime is not None
-    part = plan.runtime.of(plan.role)
-    own = [word.replace("{folder}", folder) for word in part.command]
-    flags = [] if part.client else ["--no-client"]
+    places = {"folder": folder, **_recorded(plan, config, frames)}
+    own = list(plan.runtime.of(plan.role).command)
+    for name, place in places.items():
+        own = [word.replace("{" + name + "}", place) for word in own]
+    flags = [] if plan.runtime.has_client(plan.role) else ["--no-client"]
+    if "trajectory" in places:
+        flags += ["--trajectory", plan.runtime.trajectory]
     return [
         *("--role", plan.role, "--config", config, "--directory", folder),
         *(*flags, "--", *own),
     ]
 
 
-def environment(plan: NodePlan, clients: str, path: str | None) -> dict[str, str]:
+def _recorded(plan: NodePlan, config: str, frames: str) -> dict[str, str]:
+    """Where a system that reads a folder finds it, and where it leaves its poses."""
+    assert plan.runtime is not None
+    if plan.runtime.reads is None or plan.role != "mobile":
+        return {}
+    left = Path(config).parent / plan.role / plan.runtime.trajectory
+    return {"frames": frames, "trajectory": str(left)}
+
+
+def environment(
+    plan: NodePlan, clients: str, path: str | None, config: str = "", frames: str = ""
+) -> dict[str, str]:
     """What the program finds in its environment besides what slambed-play tells it, whatever the
     shell of who started the campaign holds. `path`: none where the image has its own."""
     assert plan.runtime is not None
@@ -41,12 +59,31 @@ def environment(plan: NodePlan, clients: str, path: str | None) -> dict[str, str
     if path is not None:
         usual["PATH"] = path
     python = [clients, *filter(None, [own.get("PYTHONPATH")])]
-    return usual | own | {"PYTHONPATH": ":".join(python)}
+    recorded = _recorded(plan, config, frames)
+    told = {f"SLAMBED_{name.upper()}": place for name, place in recorded.items()}
+    return usual | own | told | {"PYTHONPATH": ":".join(python)}
 
 
 def host_path() -> str:
     """Programs of slambed's own environment first: its python3 has numpy and OpenCV."""
     return f"{Path(sys.executable).parent}:{PATH}"
+
+
+def container_options(plan: NodePlan, image: str, config: str, gate: str) -> dict[str, Any]:
+    """How a container of somebody else's image starts. The player waits at the gate by itself: an
+    image may have no shell."""
+    assert plan.runtime is not None
+    part = plan.runtime.of(plan.role)
+    clients = f"{PLAYER_IN_CONTAINER}/client"
+    arguments = player_arguments(plan, config, SYSTEM_IN_CONTAINER, FRAMES_IN_CONTAINER)
+    return {
+        "image": image,
+        "entrypoint": [f"{PLAYER_IN_CONTAINER}/{PLAYER}"],
+        "command": ["--gate", gate, *arguments],
+        "user": part.user or f"{NODE_UID}:{NODE_UID}",
+        "environment": environment(plan, clients, None, config, FRAMES_IN_CONTAINER),
+        "tmpfs": {place: f"size={size}m" for place, size in part.tmpfs.items()},
+    }
 
 
 def player_volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
@@ -58,11 +95,14 @@ def player_volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
             f"{player} needs libraries of this host, which no image of others has; "
             "run 'make images'"
         )
-    return {
+    volumes = {
         str(player): {"bind": f"{PLAYER_IN_CONTAINER}/{PLAYER}", "mode": "ro"},
         str(clients_folder()): {"bind": f"{PLAYER_IN_CONTAINER}/client", "mode": "ro"},
         str(plan.system_folder): {"bind": SYSTEM_IN_CONTAINER, "mode": "ro"},
     }
+    if plan.frames is not None and plan.role == "mobile":
+        volumes[str(plan.frames.resolve())] = {"bind": FRAMES_IN_CONTAINER, "mode": "ro"}
+    return volumes
 
 
 def _is_static(program: Path) -> bool:

@@ -28,10 +28,12 @@ from slambed.engines.base import (
 from slambed.engines.faults import FaultDriver, RunEdge
 from slambed.engines.node_ends import at_gate, from_outside, how_it_died, node_report
 from slambed.engines.result import (
+    START_AHEAD_S,
     InterruptedRunError,
     Outcome,
     RunResult,
     run_config,
+    time_limit_s,
 )
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.record import LinkFacts
@@ -48,15 +50,10 @@ from slambed.spec.run_spec import RunSpec
 from slambed.spec.system import Role
 
 READY_TIMEOUT_S = 30.0
-START_AHEAD_S = 0.5
 WATCH_PERIOD_S = 0.02
 # After BYE the edge has this long to finish its mapping and write.
 EDGE_GRACE_S = 20.0
 STOP_GRACE_S = 10.0
-# A mobile node may drain its work after the last frame.
-DRAIN_S = 30.0
-# every_frame waits for tracking: a slow device may take several times the recorded time.
-EVERY_FRAME_FACTOR = 10.0
 
 
 class OpenLink(Protocol):
@@ -84,20 +81,25 @@ class LiveRun:
         open_link: LinkOpener,
         stop: threading.Event,
         host: HostSpeed = UNKNOWN,
+        frames: Path | None = None,
     ) -> None:
+        """`frames`: the recorded folder of a system that reads one."""
         self._spec = spec
         self._engine = engine
         self._sequence = sequence
-        self._played_s = played_s
+        self._limit_s = time_limit_s(spec, played_s)
         self._run_dir = run_dir
         self._open_link = open_link
         self._stop = stop
         self._host = host
+        self._frames = frames
         self._limits: dict[Role, Limits] = {}
         self._cpus: dict[Role, list[int]] = {}
         self._nodes: dict[Role, Node] = {}
         self._plans: dict[Role, NodePlan] = {}
         self._link: OpenLink | None = None
+        self._mobile_seen_ns = 0
+        """When the mobile node was last seen running."""
         self._problems: list[str] = []
         """Why the circumstances are not as asked."""
 
@@ -108,7 +110,7 @@ class LiveRun:
             self._spec,
             self._engine.sequence_path(self._sequence),
             self._engine.output_path(self._run_dir),
-            self._time_limit_s(),
+            self._limit_s,
         )
         if self._spec.edge_inputs or self._spec.masks is not None:
             own = config
@@ -137,14 +139,14 @@ class LiveRun:
                         self._nodes["mobile"].namespace,
                         self._nodes["edge"].namespace,
                         log_dir,
-                        self._time_limit_s() + EDGE_GRACE_S,
+                        self._limit_s + EDGE_GRACE_S,
                     )
                 cleanup.callback(self._close_link)
             for node in self._nodes.values():
                 node.release()
             if (ended := self._await_ready()) is not None:
                 return RunResult(*ended, distrust=self._problems, limits=limits)
-            faults.start(self._start_clock(attendant))
+            faults.start(t0_ns := self._start_clock(attendant))
             outcome, reason = self._watch(faults)
             faults.write()
             self._problems += faults.problems
@@ -175,6 +177,7 @@ class LiveRun:
             },
             link=link,
             beside=beside,
+            mobile_until_s=(self._mobile_seen_ns - t0_ns) / 1e9,
         )
 
     def _start_nodes(self, cleanup: ExitStack) -> dict[str, NodeLimits]:
@@ -195,8 +198,9 @@ class LiveRun:
             key, own = self._spec.run_key, cpus[role]
             runtime, folder = self._spec.runtime, Path(self._spec.system_folder)
             plan = NodePlan(
-                role, key, self._run_dir, self._sequence, asked, own, dies, runtime, folder
-            )
+                role, key, self._run_dir, self._sequence, asked, own, dies, runtime, folder,
+                self._frames,
+            )  # fmt: skip
             node = self._engine.start(plan)
             cleanup.callback(node.remove)
             self._nodes[role], self._plans[role] = node, plan
@@ -265,18 +269,15 @@ class LiveRun:
             start.chmod(0o644)
         return t0_ns
 
-    def _time_limit_s(self) -> float:
-        factor = EVERY_FRAME_FACTOR if self._spec.playback.mode == "every_frame" else 1.0
-        return START_AHEAD_S + self._played_s * factor + DRAIN_S
-
     def _watch(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
         """Until the mobile node has ended. A dead edge or link does not end the run: what the
         mobile node makes of it is the result."""
-        deadline = time.monotonic() + self._time_limit_s()
+        deadline = time.monotonic() + self._limit_s
         ended: tuple[Outcome, str] | None = None
         link_died = False
         mobile = self._nodes["mobile"]
         while (code := mobile.exit_code()) is None:
+            self._mobile_seen_ns = time.monotonic_ns()
             faults.act()
             edge = self._nodes.get("edge")
             if self._stop.wait(faults.wait_s(WATCH_PERIOD_S)):
@@ -286,7 +287,7 @@ class LiveRun:
             if time.monotonic() > deadline:
                 faults.finish()
                 self._end_nodes()
-                return "timed_out", f"not finished after {self._time_limit_s():.0f} s"
+                return "timed_out", f"not finished after {self._limit_s:.0f} s"
             missed = ended is None and not faults.edge_is_dead
             if missed and edge is not None and self._ended_early(edge):
                 ended = self._died("edge", edge.exit_code() or 0)

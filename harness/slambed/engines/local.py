@@ -218,8 +218,15 @@ class LocalEngine:
         config = str(plan.run_dir.resolve() / config_name(plan))
         if plan.runtime is None:
             return [str(self._program), "--role", plan.role, "--config", config]
-        player = str(find_program(PLAYER))
-        return [player, *player_arguments(plan, config, str(plan.system_folder))]
+        player, frames = str(find_program(PLAYER)), str(plan.frames or "")
+        return [player, *player_arguments(plan, config, str(plan.system_folder), frames)]
+
+    @staticmethod
+    def _environment_of(plan: NodePlan) -> dict[str, str] | None:
+        if plan.runtime is None:
+            return None
+        config = str(plan.run_dir.resolve() / config_name(plan))
+        return environment(plan, str(clients_folder()), host_path(), config, str(plan.frames or ""))
 
     def _launch(self, plan: NodePlan, dead: LocalNode | None) -> LocalNode:
         network_fd = -1 if dead is None else os.open(dead.namespace, os.O_RDONLY)
@@ -229,9 +236,6 @@ class LocalEngine:
         role_dir.mkdir(parents=True, exist_ok=True)
         os.chown(role_dir, NODE_UID, NODE_UID)
         command = [*self._launcher(ready_write, network_fd, paths), *self._program_of(plan)]
-        own = (
-            None if plan.runtime is None else environment(plan, str(clients_folder()), host_path())
-        )
         try:
             with (role_dir / "log.txt").open("wb" if dead is None else "ab") as log:
                 process = subprocess.Popen(
@@ -241,7 +245,7 @@ class LocalEngine:
                     stderr=subprocess.STDOUT,
                     pass_fds=[fd for fd in (ready_write, network_fd) if fd >= 0],
                     cwd="/",
-                    env=own,
+                    env=self._environment_of(plan),
                     # Ctrl-C reaches the harness alone; it ends the nodes in its own order.
                     start_new_session=True,
                 )

@@ -18,6 +18,12 @@ Outcome = Literal["completed", "died", "timed_out", "refused"]
 NETWORK_EDGE_ADDRESS = "10.77.0.2"
 FIRST_PORT = 47000
 CONNECT_TIMEOUT_S = 20.0
+START_AHEAD_S = 0.5
+DRAIN_S = 30.0
+"""A mobile node may drain its work after the last frame."""
+OWN_PACE_FACTOR = 10.0
+"""every_frame waits for tracking, and who reads a folder waits for nobody: a slow device may take
+several times the recorded time."""
 RTT_STEP_S = 0.1
 """DynNetSLAM's specification: profiles change every 100 ms."""
 
@@ -41,6 +47,15 @@ class RunResult:
     link: LinkFacts | None = None
     beside: Beside | None = None
     """What sampler and metronome took themselves."""
+    mobile_until_s: float | None = None
+    """Run time until which the mobile node ran, to a period of the watch; None: not known."""
+
+
+def time_limit_s(spec: RunSpec, played_s: float) -> float:
+    """How long a live run may take that plays for `played_s` at recorded speed."""
+    reads = spec.runtime is not None and spec.runtime.reads is not None
+    factor = OWN_PACE_FACTOR if reads or spec.playback.mode == "every_frame" else 1.0
+    return START_AHEAD_S + played_s * factor + DRAIN_S
 
 
 def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:

@@ -28,6 +28,7 @@ from slambed.metrics.values import (
     data_rate_mbit_s,
     extract_ms,
     first_loop_s,
+    frames_dropped,
     link_stalls,
     truth_digest,
     update_delay_ms,
@@ -144,15 +145,16 @@ METRICS: tuple[Metric, ...] = (
           lambda run: run.frames_offered),
     Count("frames_tracked", "with a pose (state ok; of a system without frame events: in its "
           "trajectory)", lambda run: run.frames_tracked, better="higher"),
-    Count("frames_dropped", "replaced by a newer one before tracking took them",
-          _tracking(lambda t: t.frames_dropped), better="lower", relevant_step=5.0),
+    Count("frames_dropped", "replaced by a newer one before tracking took them; null of a system "
+          "that reads a folder", frames_dropped, better="lower", relevant_step=5.0),
     Flag("lost", "whether track was lost at least once", _tracking(lambda t: t.track_losses > 0),
          "runs with a track loss", better="lower", use=HEADLINE),
     Metric("coverage", "frames_tracked / frames_total, 0..1; 0 unless `completed`",
            lambda run: run.coverage,
            shown="%", scale=100, better="higher", relevant_share=0.0, relevant_step=0.02,
            use=HEADLINE),
-    Metric("coverage_processed", "frames that tracking took / frames_total, with a pose or without",
+    Metric("coverage_processed", "frames that tracking took / frames_total, with a pose or "
+           "without; null of a system that reads a folder",
            lambda run: run.coverage_processed, "frames processed", shown="%", scale=100,
            better="higher", relevant_share=0.0, relevant_step=0.02),
     Flag("failed", f"whether coverage is below {LEAST_COVERAGE:g}",

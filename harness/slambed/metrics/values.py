@@ -11,6 +11,11 @@ from slambed.metrics.summary import Value
 from slambed.metrics.tracking import quantile_of
 
 
+def frames_dropped(run: RunData) -> Value:
+    """By the player; of a folder a system leaves out what it likes, and nobody sees why."""
+    return run.tracking.frames_dropped if run.measured and not run.spec.reads_folder else None
+
+
 def extract_ms(run: RunData) -> Value:
     """Median time of extraction on the mobile node."""
     return quantile_of(run.log.stages("mobile", "extract"), "wall_ms", 0.5)

@@ -35,6 +35,12 @@ class KeptPlayback(Record):
     stop_at_first_loss: bool = False
 
 
+class KeptRuntime(Record):
+    """Of how a program of its own is started."""
+
+    reads: str | None = None
+
+
 class KeptTolerances(Record):
     """What a run is judged by; null: by nothing."""
 
@@ -57,6 +63,7 @@ class KeptSpec(Record):
     variant: str | None = None
     params: dict[str, JsonValue] | None = None
     system_folder: str | None = None
+    runtime: KeptRuntime | None = None
     dataset: str | None = None
     playback: KeptPlayback | None = None
     device_mobile: KeptDevice | str | None = None
@@ -76,6 +83,11 @@ class KeptSpec(Record):
     def is_virtual(self) -> bool:
         """True in virtual time."""
         return self.engine == VIRTUAL
+
+    @property
+    def reads_folder(self) -> bool:
+        """True where nobody saw when the system took which frame."""
+        return self.runtime is not None and self.runtime.reads is not None
 
     def device_name(self, role: Role) -> str | None:
         """The name of a node's device; None without the node."""

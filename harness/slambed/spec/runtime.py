@@ -8,9 +8,11 @@ import hashlib
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from slambed.data.layouts import Layout
 from slambed.errors import SlambedError
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -19,6 +21,12 @@ DIGEST_DIGITS = 12
 LEFT_OUT_FOLDERS = {"__pycache__", ".git"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml", ".yml", ".pyc"}
 SYSTEM_IN_CONTAINER, PLAYER_IN_CONTAINER = "/system", "/slambed"
+PLAYERS_FILES = {
+    "events.jsonl", "log.txt", "map.slm", "node.json", "ready.json", "trajectory.txt",
+    "trajectory_live.txt",
+}  # fmt: skip
+"""Of a node's output folder."""
+OF_A_FOLDER = {"reads", "trajectory", "trajectory_format"}
 
 
 class RoleRuntime(BaseModel):
@@ -50,14 +58,38 @@ class Runtime(BaseModel):
     """Files outside of the folder that belong to the software: a binary, a vocabulary."""
     ready_s: float = Field(default=30.0, gt=0, le=3600)
     """Longest time from its start until it says that it is ready."""
+    reads: Layout | None = None
+    """The mobile role reads a recorded folder of this layout, instead of frames of the player."""
+    trajectory: str = Field(default="", pattern=r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$")
+    """Where it reads a folder: the file with its poses that it leaves in $SLAMBED_OUTPUT."""
+    trajectory_format: Literal["tum", "kitti"] = "tum"
+    """`time tx ty tz qx qy qz qw`, or twelve numbers for each frame, camera to world."""
     mobile: RoleRuntime
     edge: RoleRuntime | None = None
 
     @model_validator(mode="after")
-    def _is_offered_frames(self) -> "Runtime":
-        if not self.mobile.client:
-            raise ValueError("the mobile role takes its frames by a client; client: true")
+    def _has_one_way_to_its_frames(self) -> "Runtime":
+        told = self.model_fields_set & (OF_A_FOLDER - {"reads"})
+        if self.reads is None and told:
+            raise ValueError(f"{min(told)} belongs to a system that reads a folder; write reads")
+        if self.reads is None and not self.mobile.client:
+            raise ValueError(
+                "the mobile role takes its frames by a client (client: true), or reads a folder "
+                "(reads: tum, euroc or kitti)"
+            )
+        if self.reads is None:
+            return self
+        if "client" in self.mobile.model_fields_set and self.mobile.client:
+            raise ValueError("a mobile role that reads a folder has no client; leave one out")
+        if not self.trajectory:
+            raise ValueError("a system that reads a folder leaves its poses in a file: trajectory")
+        if self.trajectory in PLAYERS_FILES:
+            raise ValueError(f"trajectory: {self.trajectory} is the player's; take another name")
         return self
+
+    def has_client(self, role: str) -> bool:
+        """Whether the role's program speaks to slambed-play."""
+        return self.of(role).client and not (role == "mobile" and self.reads is not None)
 
     def of(self, role: str) -> RoleRuntime:
         """The role's part."""
@@ -74,7 +106,9 @@ def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) ->
     """SHA-256 (12 hex digits) of a system's software: its runtime section, the files of its folder,
     those that it names, its programs, and the ids of its images. Raises SlambedError for files that
     are not there."""
-    digest = hashlib.sha256(runtime.model_dump_json(exclude={"ready_s"}).encode())
+    # Runs of systems that read no folder keep the keys they had before any did.
+    unused = OF_A_FOLDER if runtime.reads is None else set()
+    digest = hashlib.sha256(runtime.model_dump_json(exclude={"ready_s", *unused}).encode())
     named = [Path(name) if Path(name).is_absolute() else folder / name for name in runtime.files]
     parts = [("folder", path.relative_to(folder).as_posix(), path) for path in _files(folder)]
     parts += [("file", path.name, path) for path in named]

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from slambed.data.layouts import SENSORS
 from slambed.errors import SlambedError
 from slambed.spec.runtime import Runtime
 from slambed.spec.stages import OwnStage, check_stages
@@ -139,6 +140,7 @@ class System(BaseModel):
             raise ValueError("a system with an edge needs the channel 'control'")
         if self.runtime is not None and (self.runtime.edge is not None) != self.has_edge:
             raise ValueError("runtime has an edge where roles have one, and only there")
+        self._can_be_read()
         if self.stages and self.runtime is not None:
             raise ValueError("a program of its own has no stages: it takes the time it takes")
         check_stages(self.stages)
@@ -151,6 +153,15 @@ class System(BaseModel):
             except SlambedError as error:
                 raise ValueError(f"variant {name} of {list(variant.params)}: {error}") from None
         return self
+
+    def _can_be_read(self) -> None:
+        layout = None if self.runtime is None else self.runtime.reads
+        others = [s for s in self.sensors if layout is not None and s not in SENSORS[layout]]
+        if others:
+            raise ValueError(
+                f"a folder of layout {layout} holds no {others[0]} sequence; take it out of "
+                "sensors, or read another layout"
+            )
 
     @property
     def file_params(self) -> list[str]:

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded folders for systems that read one: what is played of a sequence, exported once and kept
+in the cache."""
+
+import fcntl
+import hashlib
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.data.export import export, told_times_ns
+from slambed.data.places import cache_folder, no_cache
+from slambed.data.playlist import offered_frames
+from slambed.data.prepared import PreparedSequence
+from slambed.errors import environment_error
+from slambed.spec.experiment import Playback
+
+EXPORT_VERSION = 1
+"""Counted up with every change of what `export` writes: older folders are not taken then."""
+FOLDERS = "recorded"
+_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The frames of a sequence that are played, as a folder of a layout tells them."""
+
+    sequence: PreparedSequence
+    layout: str
+    indices: NDArray[np.intp]
+    """Of the prepared sequence."""
+    cache: Path
+    """Where folders are kept."""
+
+    @classmethod
+    def of(
+        cls, sequence: PreparedSequence, playback: Playback, layout: str, cache: Path | None = None
+    ) -> "Recording":
+        """What this playback offers; its mode says nothing to a system that reads a folder."""
+        indices = played_frames(sequence, playback)
+        return cls(sequence, layout, indices, cache or cache_folder())
+
+    @property
+    def told_s(self) -> NDArray[np.float64]:
+        """The time stamps in the folder."""
+        told_ns = told_times_ns(self.sequence, self.layout)[self.indices]
+        return np.asarray(told_ns / 1e9, dtype=np.float64)
+
+    @property
+    def recorded_s(self) -> NDArray[np.float64]:
+        """Recorded time, in which trajectories are kept."""
+        return self.sequence.info.time_origin_s + self.sequence.times_s[self.indices]
+
+    @property
+    def seq_s(self) -> NDArray[np.float64]:
+        """Sequence time since the first frame played."""
+        times_s = self.sequence.times_s[self.indices]
+        return np.asarray(times_s - times_s[0], dtype=np.float64)
+
+    def folder(self) -> Path:
+        """In the cache, written now where it is not there. It holds no true path: a system under
+        test shall not find one. Raises SlambedError where the cache cannot be written."""
+        place = self.cache / FOLDERS
+        path = place / self._name()
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            with (place / ".lock").open("w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                if not path.is_dir():
+                    self._write(path)
+        except OSError as refused:
+            raise no_cache(place, refused) from refused
+        return path
+
+    def _write(self, path: Path) -> None:
+        for killed in path.parent.glob(".*.partial-*"):
+            shutil.rmtree(killed, ignore_errors=True)
+        # PNG is never much larger than the pixels.
+        needed = len(self.indices) * self.sequence.info.frame_stride_bytes
+        free = shutil.disk_usage(path.parent).free
+        if needed > free:
+            raise environment_error(
+                f"{path.parent}: up to {needed / 1e9:.1f} GB needed, {free / 1e9:.1f} GB free; "
+                "free some or set SLAMBED_CACHE to another disk"
+            )
+        export(self.sequence, self.layout, path, indices=self.indices, with_truth=False)
+
+    def _name(self) -> str:
+        frames = np.asarray(self.indices, dtype="<i8").tobytes()
+        content = f"{EXPORT_VERSION} {self.layout} {self.sequence.checksum} ".encode() + frames
+        digest = hashlib.sha256(content).hexdigest()[:_DIGITS]
+        return f"{self.sequence.info.id}-{self.layout}-{digest}"
+
+
+def played_frames(sequence: PreparedSequence, playback: Playback) -> NDArray[np.intp]:
+    """Indices of the frames that a playback offers."""
+    times_ns = sequence.index["timestamp_ns"].astype(np.int64)
+    return offered_frames(
+        times_ns, sequence.info.fps, playback.fps, playback.start_s, playback.end_s
+    )
