@@ -113,4 +113,4 @@ def test_the_same_in_containers_of_their_own_image(tmp_path: Path, sequence: Pat
     subprocess.run([EXAMPLES / "build_image.sh"], check=True, stdout=subprocess.DEVNULL)
     found = run_them(tmp_path, sequence, "docker")
     judge(found)
-    assert len({manifest["spec"]["software"] for _, manifest in found.values()}) == 2
+    assert len({manifest["spec"]["software"] for _, manifest in found.values()}) == len(found)
