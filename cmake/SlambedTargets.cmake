@@ -181,6 +181,24 @@ function(slambed_fuzzer name)
   add_dependencies(fuzz_targets ${name})
 endfunction()
 
+# slambed_decoder_fuzzers(prefix TARGETS source DEPENDS ... DECODERS ...): a libFuzzer program for each
+# decoder that fuzzed_targets() in the source names (core/wire/fuzz).
+function(slambed_decoder_fuzzers prefix)
+  if(NOT SLAMBED_FUZZ)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "TARGETS" "DEPENDS;DECODERS" ${ARGN})
+  set(shared ${PROJECT_SOURCE_DIR}/systems/core/wire/fuzz)
+  add_library(${prefix}_decoder_fuzz OBJECT ${shared}/decoder_fuzz.cpp ${ARG_TARGETS})
+  target_link_libraries(${prefix}_decoder_fuzz PRIVATE ${ARG_DEPENDS})
+  foreach(decoder ${ARG_DECODERS})
+    slambed_fuzzer(${prefix}_${decoder}_fuzz
+      SOURCES ${shared}/decoder_name.cpp $<TARGET_OBJECTS:${prefix}_decoder_fuzz>
+      DEPENDS ${ARG_DEPENDS})
+    target_compile_definitions(${prefix}_${decoder}_fuzz PRIVATE SLAMBED_DECODER="${decoder}")
+  endforeach()
+endfunction()
+
 function(slambed_benchmark name)
   if(NOT SLAMBED_BENCHMARKS)
     return()

@@ -2,6 +2,7 @@
 #include "edgeslam_semantic/edgeslam_semantic.hpp"
 
 #include "edgeslam_semantic/full_offload.hpp"
+#include "edgeslam_semantic/messages.hpp"
 #include "edgeslam_semantic/parameters.hpp"
 #include "edgeslam_semantic/partial_offload.hpp"
 #include "edgeslam_semantic/semantic_edge.hpp"
@@ -13,6 +14,7 @@ System edgeslam_semantic_system() {
   System system;
   system.name = "edgeslam_semantic";
   system.channels = {"control", "frame", "mask", "probe"};
+  system.messages = {edgeslam_semantic::kMessages};
   system.sensors = {SensorKind::kMono};
   system.parameters = edgeslam_semantic::parameter_specs();
   system.orb = orb_options;

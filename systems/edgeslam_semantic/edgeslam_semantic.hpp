@@ -5,7 +5,7 @@
 
 namespace slambed {
 
-/// Semantic edgeSLAM (INFOCOM 2020): so far the two systems that it is compared with, ORB-SLAM and
+/// Semantic edgeSLAM (INFOCOM 2020), and the two systems that it is compared with: ORB-SLAM and
 /// Mask-SLAM with everything on the edge.
 System edgeslam_semantic_system();
 

@@ -61,8 +61,8 @@ bool MobileMap::known_at_edge(MapPointId point) const {
          window_.points.contains(point);
 }
 
-wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
-  wire::SemanticKeyFrame message;
+SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
+  SemanticKeyFrame message;
   const KeyFrameId id = made.keyframes.back().id;
   if (!world_) {
     world_ = id;
@@ -92,18 +92,18 @@ wire::SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
   return message;
 }
 
-wire::SemanticKeyFrame MobileMap::upload_whole(KeyFrameId id) {
+SemanticKeyFrame MobileMap::upload_whole(KeyFrameId id) {
   window_ = {};
   uploaded_.clear();
   sent_.clear();
   on_movers_.clear();
   applied_ = 0;
   world_ = id;
-  wire::SemanticKeyFrame message;
+  SemanticKeyFrame message;
   message.world = world_;
   message.newest_edge_point = newest_edge_point_;
   message.delta = node_.tracker().map()->read([&](const MapView& view) {
-    return extract_keyframes(view, with_covisibles(view, {id}, wire::kMostSemanticKeyFrames - 1));
+    return extract_keyframes(view, with_covisibles(view, {id}, kMostSemanticKeyFrames - 1));
   });
   for (const NewKeyFrame& keyframe : message.delta.keyframes) uploaded_.insert(keyframe.id);
   for (const NewPoint& point : message.delta.points) sent_[point.id] = id;
@@ -133,7 +133,7 @@ void MobileMap::add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta&
   }
 }
 
-bool MobileMap::apply(Worker& worker, const wire::OptResult& result) {
+bool MobileMap::apply(Worker& worker, const OptResult& result) {
   if (!world_ || result.world != world_ || result.number <= applied_) return false;
   worker.stage("apply_update", [&](StageUnits& units) {
     applied_ = result.number;
@@ -212,7 +212,7 @@ void MobileMap::forget_ids(KeyFrameId oldest) {
   });
 }
 
-void MobileMap::report(const wire::OptResult& result, double scale, double moved) {
+void MobileMap::report(const OptResult& result, double scale, double moved) {
   const MapDelta& changes = result.changes;
   const std::size_t points = count(*node_.tracker().map()).points;
   node_.log().write(

@@ -5,9 +5,9 @@
 
 #include "edgeslam_semantic/labels.hpp"
 #include "edgeslam_semantic/local_map.hpp"
+#include "edgeslam_semantic/messages.hpp"
 #include "node/mobile_node.hpp"
 #include "slam/local_mapper.hpp"
-#include "wire/semantic_messages.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -25,12 +25,12 @@ class MobileMap {
   void extend(Worker& worker, const MapDelta& made);
   /// What goes up of it, its points with earlier sightings of theirs that the edge knows of.
   /// `made`: of the beginning of a map.
-  wire::SemanticKeyFrame upload(const MapDelta& made);
+  SemanticKeyFrame upload(const MapDelta& made);
   /// What goes up to an edge that knows nothing: its map begins with this keyframe and those that
   /// see most of the same, with all their points. Slices count anew.
-  wire::SemanticKeyFrame upload_whole(KeyFrameId keyframe);
+  SemanticKeyFrame upload_whole(KeyFrameId keyframe);
   /// Takes a slice over. False when it is of another map, or none that follows the last one.
-  bool apply(Worker& worker, const wire::OptResult& result);
+  bool apply(Worker& worker, const OptResult& result);
   /// No answers come: the newest uploaded keyframes stay, and references since the last but one.
   /// With fewer the next points are seen too seldom for references to be made, and the camera is
   /// lost when slices come again.
@@ -50,7 +50,7 @@ class MobileMap {
   void put(const MapDelta& local);
   void forget_left(KeyFrameId newest);
   void forget_ids(KeyFrameId oldest);
-  void report(const wire::OptResult& result, double scale, double moved);
+  void report(const OptResult& result, double scale, double moved);
 
   MobileNode& node_;
   Options options_;

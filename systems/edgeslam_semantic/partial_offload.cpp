@@ -65,11 +65,11 @@ void SemanticMobile::receive_results(Worker& worker) {
   inbox.on<wire::AckMessage>(wire::decode_ack, [this](const auto& ack, const Message& message) {
     uploads_.acknowledged(ack, message.received);
   });
-  inbox.on<wire::KeyFrameRefused>(
-      wire::decode_keyframe_refused,
-      [this](const auto& refused, const Message&) { refusals_.put(refused.sequence); });
-  inbox.on(wire::OptResult::kType, [this, &worker](const Message& message) {
-    if (auto result = read(worker, "parse", node_.log(), message, wire::decode_opt_result))
+  inbox.on<KeyFrameRefused>(decode_keyframe_refused, [this](const auto& refused, const Message&) {
+    refusals_.put(refused.sequence);
+  });
+  inbox.on(OptResult::kType, [this, &worker](const Message& message) {
+    if (auto result = read(worker, "parse", node_.log(), message, decode_opt_result))
       results_.put(std::move(*result));
   });
   while (auto message = frames_.receive(worker, kNever)) inbox.dispatch(std::move(*message));
@@ -77,28 +77,27 @@ void SemanticMobile::receive_results(Worker& worker) {
 
 void SemanticMobile::receive_masks(Worker& worker) {
   Inbox inbox(node_.log());
-  inbox.on<wire::NoMaskMessage>(
-      wire::decode_no_mask,
-      [this](const wire::NoMaskMessage& missing, const Message&) { missing_masks_.put(missing); });
-  inbox.on(wire::MaskMessage::kType, [this, &worker](const Message& message) {
-    auto mask = read(worker, "parse", node_.log(), message, [this](const Bytes& bytes) {
-      return wire::decode_mask(bytes, node_.sensor());
-    });
+  inbox.on<NoMaskMessage>(decode_no_mask, [this](const NoMaskMessage& missing, const Message&) {
+    missing_masks_.put(missing);
+  });
+  inbox.on(MaskMessage::kType, [this, &worker](const Message& message) {
+    auto mask = read(worker, "parse", node_.log(), message,
+                     [this](const Bytes& bytes) { return decode_mask(bytes, node_.sensor()); });
     if (mask) arrived_masks_.put(std::move(*mask));
   });
   while (auto message = masks_.receive(worker, kNever)) inbox.dispatch(std::move(*message));
 }
 
 void SemanticMobile::before_frame(Worker& worker, const OfferedFrame&) {
-  while (const auto result = results_.try_take()) take(worker, *result);
-  while (const auto mask = arrived_masks_.try_take()) take(worker, *mask);
-  while (const auto missing = missing_masks_.try_take()) take(*missing);
+  while (const auto result = results_.try_take()) on_result(worker, *result);
+  while (const auto mask = arrived_masks_.try_take()) on_mask(worker, *mask);
+  while (const auto missing = missing_masks_.try_take()) on_no_mask(*missing);
   while (const auto sequence = refusals_.try_take()) refused(*sequence);
   settled(worker.now());
   moments_.updated = worker.now();
 }
 
-void SemanticMobile::take(Worker& worker, const wire::OptResult& result) {
+void SemanticMobile::on_result(Worker& worker, const OptResult& result) {
   if (!map_.apply(worker, result)) {
     node_.log().write(JsonLine("slice_declined")
                           .add("number", result.number)
@@ -117,9 +116,9 @@ void SemanticMobile::no_longer_waits_for_mask(KeyFrameId keyframe) {
 }
 
 /// Labels of earlier masks go on, as long as those last.
-void SemanticMobile::take(const wire::NoMaskMessage& missing) {
+void SemanticMobile::on_no_mask(const NoMaskMessage& missing) {
   if (missing.world != map_.world()) return;
-  const bool mapped = missing.reason != wire::NoMaskReason::kNotMapped;
+  const bool mapped = missing.reason != NoMaskReason::kNotMapped;
   if (mapped) {
     no_longer_waits_for_mask(missing.keyframe);
   } else {
@@ -142,7 +141,7 @@ void SemanticMobile::refused(std::uint64_t sequence) {
   node_.log().write(JsonLine("keyframe_refused").add("keyframe", keyframe->value));
 }
 
-void SemanticMobile::take(Worker& worker, const wire::MaskMessage& mask) {
+void SemanticMobile::on_mask(Worker& worker, const MaskMessage& mask) {
   no_longer_waits_for_mask(mask.keyframe);
   if (mask.world != map_.world() || !transfer_.apply(mask.keyframe, mask.masks)) {
     node_.log().write(JsonLine("mask_declined").add("keyframe", mask.keyframe.value));
@@ -193,8 +192,8 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
 
 void SemanticMobile::report(Worker& worker, const TrackedFrame& frame) {
   const RunTime now = worker.now(), offered = frame.offered.offered;
-  const Duration wait = frame.offered.taken - offered;
-  const Duration update = moments_.updated - frame.offered.taken;
+  const Duration wait = frame.offered.dequeued - offered;
+  const Duration update = moments_.updated - frame.offered.dequeued;
   const Duration extract = moments_.extracted - moments_.updated;
   const Duration match = moments_.culled - moments_.extracted, track = now - moments_.culled;
   const Duration parts = wait + update + extract + match + track, whole = now - offered;
@@ -292,7 +291,7 @@ void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
   transfer_.keep_for_comparison(id);
   configure();
   const bool again = reason == kEdgeRestarted || reason == kMapRefused;
-  wire::SemanticKeyFrame message = again ? map_.upload_whole(id) : map_.upload(made);
+  SemanticKeyFrame message = again ? map_.upload_whole(id) : map_.upload(made);
   if (message.first()) {
     edge_incarnation_ = node_.network().peer().incarnation;
     edge_lacks_map_ = unanswered_ = false;

@@ -13,7 +13,7 @@
 namespace slambed::edgeslam_semantic {
 
 /// edgeSLAM's mobile: tracks every frame against a rough local map, never waits for the edge, and
-/// takes over what comes from it between two frames.
+/// applies what comes from it between two frames.
 class SemanticMobile final : public MobilePolicy {
  public:
   SemanticMobile(MobileNode& node, const Parameters& parameters);
@@ -41,9 +41,9 @@ class SemanticMobile final : public MobilePolicy {
 
   void receive_results(Worker& worker);
   void receive_masks(Worker& worker);
-  void take(Worker& worker, const wire::OptResult& result);
-  void take(Worker& worker, const wire::MaskMessage& mask);
-  void take(const wire::NoMaskMessage& missing);
+  void on_result(Worker& worker, const OptResult& result);
+  void on_mask(Worker& worker, const MaskMessage& mask);
+  void on_no_mask(const NoMaskMessage& missing);
   void refused(std::uint64_t sequence);
   void no_longer_waits_for_mask(KeyFrameId keyframe);
   void settled(RunTime now);
@@ -64,9 +64,9 @@ class SemanticMobile final : public MobilePolicy {
   Uploads uploads_;
   MobileMap map_;
   MaskTransfer transfer_;
-  Mailbox<wire::OptResult> results_;
-  Mailbox<wire::MaskMessage> arrived_masks_;
-  Mailbox<wire::NoMaskMessage> missing_masks_;
+  Mailbox<OptResult> results_;
+  Mailbox<MaskMessage> arrived_masks_;
+  Mailbox<NoMaskMessage> missing_masks_;
   Mailbox<std::uint64_t> refusals_;  ///< of uploads, by their numbers
 
   int row_ = kRows;

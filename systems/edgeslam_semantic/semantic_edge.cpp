@@ -48,7 +48,7 @@ SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
       masks_(node.network().open({.name = "mask"})),
       probes_(node.network().open({.name = "probe"})),
       mapper_(node, mapper_options(parameters),
-              {.taken = [] {},
+              {.begun = [] {},
                .mapped = [this](Worker& worker,
                                 const wire::UpdateTimes& times) { mapped(worker, times); },
                .idle = [this](Worker& worker) { return idle(worker); },
@@ -76,15 +76,15 @@ void SemanticEdge::start() {
 
 void SemanticEdge::receive(Worker& worker) {
   Inbox inbox(node_.log());
-  inbox.on(wire::SemanticKeyFrame::kType, [this, &worker](const Message& message) {
+  inbox.on(SemanticKeyFrame::kType, [this, &worker](const Message& message) {
     send(frames_, wire::AckMessage{message.sequence});
     auto keyframe = read(worker, "parse", node_.log(), message, [this](const Bytes& bytes) {
-      return wire::decode_semantic_keyframe(bytes, node_.peer().sensor());
+      return decode_semantic_keyframe(bytes, node_.peer().sensor());
     });
     if (keyframe) {
-      take(worker, std::move(*keyframe), message);
+      on_keyframe(worker, std::move(*keyframe), message);
     } else {
-      send(frames_, wire::KeyFrameRefused{message.sequence});
+      send(frames_, KeyFrameRefused{message.sequence});
     }
   });
   while (auto message = frames_.receive(worker, kNever)) {
@@ -95,20 +95,19 @@ void SemanticEdge::receive(Worker& worker) {
   }
 }
 
-std::optional<std::string_view> SemanticEdge::objection(
-    const wire::SemanticKeyFrame& message) const {
+std::optional<std::string_view> SemanticEdge::objection(const SemanticKeyFrame& message) const {
   if (message.first()) return std::nullopt;
   if (message.world != last_world_) return "of another map";
   if (message.keyframe() <= last_) return "older than the last";
   return std::nullopt;
 }
 
-void SemanticEdge::take(Worker& worker, wire::SemanticKeyFrame message, const Message& raw) {
+void SemanticEdge::on_keyframe(Worker& worker, SemanticKeyFrame message, const Message& raw) {
   const KeyFrameId id = message.keyframe();
   if (const auto reason = objection(message)) {
     node_.log().write(
         JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *reason));
-    report_no_mask(message.world, id, worker.now() - raw.received, wire::NoMaskReason::kNotMapped);
+    report_no_mask(message.world, id, worker.now() - raw.received, NoMaskReason::kNotMapped);
     return;
   }
   last_ = id;
@@ -141,25 +140,24 @@ void SemanticEdge::segment(Worker& worker) {
     auto masks = segmentation_->run(worker, picture->frame, picture->jpeg, picture->n_m);
     if (!masks) {
       report_no_mask(picture->world, picture->keyframe, worker.now() - picture->arrived,
-                     wire::NoMaskReason::kNotSegmented);
+                     NoMaskReason::kNotSegmented);
       continue;
     }
     // The mobile culls: it needs neither what stands still nor anybody's joints.
     std::erase_if(masks->instances, [](const Instance& instance) { return !instance.moves; });
     for (Instance& instance : masks->instances) instance.body.reset();
-    send(masks_, wire::MaskMessage{.world = picture->world,
-                                   .keyframe = picture->keyframe,
-                                   .took = worker.now() - picture->arrived,
-                                   .masks = *masks});
+    send(masks_, MaskMessage{.world = picture->world,
+                             .keyframe = picture->keyframe,
+                             .took = worker.now() - picture->arrived,
+                             .masks = *masks});
     segmented_.put({picture->world, picture->keyframe, std::move(*masks)});
     mapper_.wake();
   }
 }
 
 void SemanticEdge::report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
-                                  wire::NoMaskReason reason) {
-  send(masks_,
-       wire::NoMaskMessage{.world = world, .keyframe = keyframe, .took = took, .reason = reason});
+                                  NoMaskReason reason) {
+  send(masks_, NoMaskMessage{.world = world, .keyframe = keyframe, .took = took, .reason = reason});
 }
 
 /// On the mapping side: what was known of a map that is gone goes too.
@@ -231,7 +229,7 @@ std::vector<KeyFrameId> SemanticEdge::local_keyframes() {
 }
 
 void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
-  wire::OptResult result;
+  OptResult result;
   result.world = KeyFrameId{world_};
   result.keyframe = mapper_.newest();
   result.times = times;
@@ -268,7 +266,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
                         .add("points_set", result.changes.positions.size())
                         .add("labelled_keyframes", labels_.size())
                         .add("bytes", bytes.size()));
-  send(frames_, wire::OptResult::kType, std::move(bytes));
+  send(frames_, OptResult::kType, std::move(bytes));
 }
 
 void SemanticEdge::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,

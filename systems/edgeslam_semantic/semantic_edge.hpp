@@ -7,10 +7,10 @@
 
 #include "edgeslam_semantic/labels.hpp"
 #include "edgeslam_semantic/map_window.hpp"
+#include "edgeslam_semantic/messages.hpp"
 #include "offload/edge_mapper.hpp"
 #include "offload/farewell.hpp"
 #include "offload/segmentation_stage.hpp"
-#include "wire/semantic_messages.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -37,12 +37,11 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   };
 
   void receive(Worker& worker);
-  void take(Worker& worker, wire::SemanticKeyFrame message, const Message& raw);
-  std::optional<std::string_view> objection(const wire::SemanticKeyFrame& message) const;
+  void on_keyframe(Worker& worker, SemanticKeyFrame message, const Message& raw);
+  std::optional<std::string_view> objection(const SemanticKeyFrame& message) const;
   void answer_probes(Worker& worker);
   void segment(Worker& worker);
-  void report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
-                      wire::NoMaskReason reason);
+  void report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took, NoMaskReason reason);
   void forget_old_map();
   RunTime idle(Worker& worker);
   void mapped(Worker& worker, const wire::UpdateTimes& times);

@@ -31,14 +31,14 @@ void Uploads::start() {
   node_.runtime().spawn("probe", [this](Worker& worker) { probe(worker); });
 }
 
-void Uploads::put(wire::SemanticKeyFrame message, Note note) {
+void Uploads::put(SemanticKeyFrame message, Note note) {
   ++put_;
   queue_.put({std::move(message), note});
 }
 
 void Uploads::send(Worker& worker) {
   while (auto item = queue_.take(worker)) {
-    wire::SemanticKeyFrame& message = item->message;
+    SemanticKeyFrame& message = item->message;
     const NewKeyFrame& keyframe = message.delta.keyframes.back();
     if (options_.pictures) {
       message.jpeg = worker.stage("encode_image", [&](StageUnits& units) {
@@ -71,7 +71,7 @@ void Uploads::send(Worker& worker) {
     node_.log().write(event);
     delay_.going(size, worker.now());
     const std::uint64_t sequence =
-        slambed::send(frames_, wire::SemanticKeyFrame::kType, std::move(bytes));
+        slambed::send(frames_, SemanticKeyFrame::kType, std::move(bytes));
     delay_.numbered(sequence);
     remember(sequence, keyframe.id);
     last_sequence_ = sequence;

@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "edgeslam_semantic/link_delay.hpp"
+#include "edgeslam_semantic/messages.hpp"
 #include "node/mobile_node.hpp"
 #include "runtime/mailbox.hpp"
-#include "wire/semantic_messages.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -34,7 +34,7 @@ class Uploads {
 
   void start();
   /// From the tracking worker, which does not wait.
-  void put(wire::SemanticKeyFrame message, Note note);
+  void put(SemanticKeyFrame message, Note note);
   /// The edge has told that an upload came.
   void acknowledged(const wire::AckMessage& ack, RunTime when);
   /// Which keyframe went up under this number, where it is one of the newest.
@@ -46,7 +46,7 @@ class Uploads {
 
  private:
   struct Item {
-    wire::SemanticKeyFrame message;
+    SemanticKeyFrame message;
     Note note;
   };
   void send(Worker& worker);

@@ -62,7 +62,7 @@ JsonLine system_event(std::string_view text) {
   return line;
 }
 
-void FrameRecord::taken(const OfferedFrame& frame, std::int64_t recorded_ns) {
+void FrameRecord::dequeued(const OfferedFrame& frame, std::int64_t recorded_ns) {
   waiting_[frame.played.index] = {frame, recorded_ns};
 }
 
@@ -76,10 +76,10 @@ void FrameRecord::tracked(const slambed_pose& pose, RunTime now) {
   std::optional<SE3> T_cw;
   if (pose.state == SLAMBED_OK) T_cw = camera_pose(pose);
   while (waiting_.begin()->first != pose.index) {
-    const Taken passed = waiting_.extract(waiting_.begin()).mapped();
+    const Dequeued passed = waiting_.extract(waiting_.begin()).mapped();
     record(passed, had_pose_ ? SLAMBED_LOST : SLAMBED_NOT_INITIALISED, now, nullptr);
   }
-  const Taken frame = waiting_.extract(waiting_.begin()).mapped();
+  const Dequeued frame = waiting_.extract(waiting_.begin()).mapped();
   if (T_cw) {
     live_[pose.index] = *T_cw;
     recorded_ns_[pose.index] = frame.recorded_ns;
@@ -87,7 +87,7 @@ void FrameRecord::tracked(const slambed_pose& pose, RunTime now) {
   record(frame, pose.state, now, &pose);
 }
 
-void FrameRecord::record(const Taken& frame, std::uint32_t state, RunTime now,
+void FrameRecord::record(const Dequeued& frame, std::uint32_t state, RunTime now,
                          const slambed_pose* pose) {
   const OfferedFrame& offered = frame.offered;
   if (state_ == SLAMBED_OK && state != SLAMBED_OK) {
@@ -105,8 +105,8 @@ void FrameRecord::record(const Taken& frame, std::uint32_t state, RunTime now,
   JsonLine line = frame_event("frame_tracked", offered).add("state", kStates[state]);
   if (pose != nullptr && pose->features >= 0) line.add("features", pose->features);
   if (pose != nullptr && pose->inliers >= 0) line.add("inliers", pose->inliers);
-  if (pose != nullptr) line.add_ms("track_ms", now - offered.taken);
-  log_.write(line.add_ms("wait_ms", offered.taken - offered.offered));
+  if (pose != nullptr) line.add_ms("track_ms", now - offered.dequeued);
+  log_.write(line.add_ms("wait_ms", offered.dequeued - offered.offered));
 }
 
 void FrameRecord::placed(const slambed_pose& pose) {

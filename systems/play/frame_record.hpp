@@ -24,7 +24,7 @@ class FrameRecord {
  public:
   explicit FrameRecord(EventLog& log) : log_(log) {}
 
-  void taken(const OfferedFrame& frame, std::int64_t recorded_ns);
+  void dequeued(const OfferedFrame& frame, std::int64_t recorded_ns);
   /// bad_input for a frame that is not waiting for its pose, or numbers that are none.
   void tracked(const slambed_pose& pose, RunTime now);
   /// bad_input for a frame that was never tracked, or numbers that are none.
@@ -37,14 +37,14 @@ class FrameRecord {
   void write_trajectories(const std::filesystem::path& folder) const;
 
  private:
-  struct Taken {
+  struct Dequeued {
     OfferedFrame offered;
     std::int64_t recorded_ns = 0;
   };
-  void record(const Taken& frame, std::uint32_t state, RunTime now, const slambed_pose* pose);
+  void record(const Dequeued& frame, std::uint32_t state, RunTime now, const slambed_pose* pose);
 
   EventLog& log_;
-  std::map<std::uint64_t, Taken> waiting_;
+  std::map<std::uint64_t, Dequeued> waiting_;
   std::map<std::uint64_t, std::int64_t> recorded_ns_;  ///< of every frame with a pose
   std::map<std::uint64_t, SE3> live_, final_;          ///< T_cw
   std::uint32_t state_ = SLAMBED_NOT_INITIALISED;

@@ -197,7 +197,7 @@ class Player {
                         .index = offered->played.index,
                         .recorded_ns = sequence_->time_origin_ns() + picture.timestamp_ns,
                         .seq_s = offered->played.seq_s()};
-    record_.taken(*offered, frame.recorded_ns);
+    record_.dequeued(*offered, frame.recorded_ns);
     conversation_.send_frame(frame);
   }
 

@@ -10,9 +10,9 @@ namespace slambed {
 
 void FileDescriptor::reset() {
   if (fd_ < 0) return;
-  const int told = errno;  // of what failed before, and is told behind this
+  const int saved = errno;  // of what failed before, and is told behind this
   ::close(fd_);
-  errno = told;
+  errno = saved;
   fd_ = -1;
 }
 

@@ -29,8 +29,8 @@ void EventLog::set_clock(Clock clock) {
 void EventLog::start(Duration shift, const std::function<void()>& change) {
   std::lock_guard lock(mutex_);
   change();
-  for (const BufferedEvent& held : held_) append(held.when - shift, held.fields);
-  held_.clear();
+  for (const BufferedEvent& event : buffered_) append(event.when - shift, event.fields);
+  buffered_.clear();
   started_ = true;
 }
 
@@ -40,7 +40,7 @@ void EventLog::write(const JsonLine& line) {
   if (started_) {
     append(now, line.fields());
   } else {
-    held_.push_back({now, line.fields()});
+    buffered_.push_back({now, line.fields()});
   }
 }
 

@@ -40,13 +40,12 @@ class EventLog final : public Observer {
 
   void write(const JsonLine& line);
   void warning(std::string_view text) { write(JsonLine("warning").add("text", text)); }
-  /// A message of this type could not be read: counted, and a warning.
-  void refused(std::uint8_t type, std::string_view why);
-  int refused() const { return refused_; }
-
   void stage(const StageRecord& record) override;
   void message(const MessageRecord& record) override;
   void link(const LinkRecord& record) override;
+  /// Counts it, and writes a warning.
+  void refused(std::uint8_t type, std::string_view why) override;
+  int refused() const { return refused_; }
 
   /// environment_error when the disk refuses.
   void flush();
@@ -64,7 +63,7 @@ class EventLog final : public Observer {
   std::mutex mutex_;  ///< guards what follows
   Clock clock_;
   bool started_ = false;
-  std::vector<BufferedEvent> held_;
+  std::vector<BufferedEvent> buffered_;
   std::string pending_;
   std::atomic<int> refused_{0};  ///< messages
   std::mutex file_mutex_;

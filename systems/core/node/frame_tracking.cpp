@@ -67,8 +67,8 @@ FrameTracking::FrameTracking(EventLog& log, const TrackerOptions& options, std::
                              std::shared_ptr<PlaceIndex> places)
     : log_(log), tracker_(options, std::move(map), IdSpace::kTracker, std::move(places)) {}
 
-TrackedFrame FrameTracking::take(Worker& worker, const OfferedFrame& offered,
-                                 const Extract& extract, TrackingPolicy& policy) {
+TrackedFrame FrameTracking::track(Worker& worker, const OfferedFrame& offered,
+                                  const Extract& extract, TrackingPolicy& policy) {
   const TrackingState before = tracker_.state();
   const RunTime begin = worker.now();
   TrackedFrame frame{.offered = offered, .outcome = {}, .features = nullptr};
@@ -109,7 +109,7 @@ void FrameTracking::record(const TrackedFrame& frame, Duration spent, TrackingPo
       .add("inliers", outcome.inliers)
       .add("local_points", outcome.local_points)
       .add_ms("track_ms", spent)
-      .add_ms("wait_ms", frame.offered.taken - frame.offered.offered);
+      .add_ms("wait_ms", frame.offered.dequeued - frame.offered.offered);
   add_search(event, outcome);
   const std::size_t place = frame.offered.played.place;
   if (place > next_place_) event.add("missing_frames", place - next_place_);

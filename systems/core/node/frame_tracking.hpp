@@ -52,8 +52,8 @@ class FrameTracking {
   FrameTracking(EventLog& log, const TrackerOptions& options, std::shared_ptr<Map> map,
                 std::shared_ptr<PlaceIndex> places);
 
-  TrackedFrame take(Worker& worker, const OfferedFrame& offered, const Extract& extract,
-                    TrackingPolicy& policy);
+  TrackedFrame track(Worker& worker, const OfferedFrame& offered, const Extract& extract,
+                     TrackingPolicy& policy);
   /// Makes a keyframe of the frame just tracked and records it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
@@ -67,7 +67,7 @@ class FrameTracking {
   EventLog& log_;
   Tracker tracker_;
   PoseBook poses_;
-  std::size_t next_place_ = 0;  ///< of the frame behind the last one taken
+  std::size_t next_place_ = 0;  ///< of the frame behind the last one tracked
 };
 
 }  // namespace slambed

@@ -77,7 +77,7 @@ Completion LocalMapping::submit(Worker& worker, KeyFrameId keyframe) {
 MapperStatus LocalMapping::status() const {
   return {.idle = waiting_ == 0 && !busy_,
           .queued = waiting_,
-          .accepts = !parked_ && !leaving() && !held_};
+          .accepts = !parked_ && !leaving() && accepting_};
 }
 
 Completion LocalMapping::reset(std::shared_ptr<Map> map) {
@@ -166,7 +166,7 @@ void LocalMapping::correct(Map& map, const Correction& correction) {
 }
 
 void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
-  if (hooks_.take && !hooks_.take(worker, keyframe)) return;
+  if (hooks_.prepare && !hooks_.prepare(worker, keyframe)) return;
   {
     const std::lock_guard lock(commit_mutex_);
     mapper_.limit_bundles(limits_);

@@ -18,8 +18,8 @@ namespace slambed {
 struct MappingHooks {
   /// Commits what must be in the map before the stages run; false: the keyframe is not to be mapped
   /// after all.
-  std::function<bool(Worker&, KeyFrameId)> take;
-  /// After a keyframe was worked in, before the next is taken.
+  std::function<bool(Worker&, KeyFrameId)> prepare;
+  /// After a keyframe was worked in, before the next is begun.
   std::function<void(Worker&, KeyFrameId)> done;
   /// When nothing waits, but not while parked; returns when it wants to be called again (kNever:
   /// after the next keyframe).
@@ -62,8 +62,8 @@ class LocalMapping {
   /// mapping commits nothing in between. What a stage that runs computes on the map as it was loses
   /// its poses and positions; bundles keep to the limits from the next keyframe on.
   void correct(Map& map, const Correction& correction);
-  /// No keyframe is accepted while the map is being put right.
-  void hold(bool held) { held_ = held; }
+  /// Off while the map is being put right: no keyframe is asked for then.
+  void set_accepting(bool accepting) { accepting_ = accepting; }
   /// Lets the mapping side come round to its hook `idle`. From any worker.
   void wake() { queue_.signal().notify(); }
   /// Notified when a keyframe is done, the map is another or mapping is parked; whatever works
@@ -102,7 +102,7 @@ class LocalMapping {
   std::unique_ptr<Signal> settled_;               ///< a keyframe is done, or a change of map
   std::atomic<int> waiting_{0};                   ///< keyframes in the queue
   std::atomic<int> submitted_{0}, completed_{0};  ///< keyframes; completed: of the first so many
-  std::atomic<bool> busy_{false}, parked_{false}, held_{false};
+  std::atomic<bool> busy_{false}, parked_{false}, accepting_{true};
   std::atomic<int> changes_asked_{0}, changes_done_{0};  ///< of map
 };
 

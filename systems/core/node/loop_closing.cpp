@@ -38,7 +38,7 @@ void LoopClosing::mapped(Worker& worker, KeyFrameId keyframe) {
 }
 
 void LoopClosing::close(Worker& worker) {
-  mapping_.hold(true);
+  mapping_.set_accepting(false);
   ++generation_;
   const MapCounts size = count(*map_);
   const auto charge = [&](StageUnits& units) {
@@ -68,7 +68,7 @@ void LoopClosing::close(Worker& worker) {
     }
     worker.stage("loop_close", nothing, [&](int) { commit_(closer_.finish_graph()); });
   }
-  mapping_.hold(false);
+  mapping_.set_accepting(true);
   if (!closed) return;
   log_.write(JsonLine("loop_closed")
                  .add("keyframe", closer_.loop().keyframe.value)
@@ -131,14 +131,12 @@ void LoopClosing::idle(Worker& worker) {
 }
 
 void LoopClosing::map_changed() {
-  ++generation_;
+  cancel();
   closer_.replace_map(map_);
 }
 
-void LoopClosing::drain(Worker& worker, RunTime deadline) {
-  const Completion settled(
-      mapping_.settled(), [this] { return open_ == 0; }, [this] { return mapping_.parked(); });
-  if (!settled.wait(worker, deadline)) ++generation_;
+Completion LoopClosing::drained() {
+  return {mapping_.settled(), [this] { return open_ == 0; }, [this] { return mapping_.parked(); }};
 }
 
 }  // namespace slambed

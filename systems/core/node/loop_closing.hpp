@@ -14,7 +14,7 @@
 namespace slambed {
 
 /// Closes loops behind a LocalMapping. Everything that changes the map happens on the mapping side,
-/// between two keyframes; the global bundle computes on a worker of its own and is taken over there
+/// between two keyframes; the global bundle computes on a worker of its own and is committed there
 /// when it is done. While a loop is being closed no keyframe is accepted. A newer loop or a reset
 /// of the mapping makes a running bundle worthless: it stops at its next step.
 ///
@@ -33,13 +33,15 @@ class LoopClosing {
   void start();
   /// On the mapping side, after a keyframe was worked in.
   void mapped(Worker& worker, KeyFrameId keyframe);
-  /// On the mapping side, when nothing waits: takes over a bundle that is done.
+  /// On the mapping side, when nothing waits: commits a bundle that is done.
   void idle(Worker& worker);
   /// On the mapping side, when it goes on with a map: what is under way is worth nothing.
   void map_changed();
-  /// Returns when no bundle runs or waits to be taken over; mapping must have been drained before.
-  /// What is not done by the deadline, or when mapping is parked, is dropped.
-  void drain(Worker& worker, RunTime deadline = kNever);
+  /// Complete when no bundle runs or waits to be committed, hopeless while mapping is parked. To be
+  /// asked when mapping is drained: a keyframe that waits may close another loop.
+  Completion drained();
+  /// What is under way is worth nothing any more. From any worker.
+  void cancel() { ++generation_; }
 
  private:
   struct Finished {
@@ -61,7 +63,7 @@ class LoopClosing {
   LocalMapping::Mode mode_;
   Commit commit_;
   std::atomic<int> generation_{0};  ///< of the map as loops and resets left it
-  std::atomic<int> open_{0};        ///< bundles asked for and not yet taken over or dropped
+  std::atomic<int> open_{0};        ///< bundles asked for and not yet committed or dropped
   Mailbox<int> wanted_;             ///< generations to adjust
   Mailbox<Finished> finished_;
 };

@@ -3,8 +3,8 @@
 
 namespace slambed {
 
-void refuse(EventLog& log, const Message& message, const wire::DecodeError& error) {
-  log.refused(message.type, error.what());
+void refuse(Observer& observer, const Message& message, const wire::DecodeError& error) {
+  observer.refused(message.type, error.what());
 }
 
 }  // namespace slambed

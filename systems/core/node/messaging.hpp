@@ -9,8 +9,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "node/event_log.hpp"
 #include "runtime/channel.hpp"
+#include "runtime/observer.hpp"
 #include "wire/byte_io.hpp"
 #include "wire/message_type.hpp"
 
@@ -34,48 +34,49 @@ std::uint64_t send(Channel& channel, const M& message) {
 }
 
 /// The one place that refuses what cannot be read: counts it, and says what it was and why.
-void refuse(EventLog& log, const Message& message, const wire::DecodeError& error);
+void refuse(Observer& observer, const Message& message, const wire::DecodeError& error);
 
 /// What decode(payload) makes of a message; nothing where that throws DecodeError: then it was
 /// refused.
 template <typename Decode>
-auto read(EventLog& log, const Message& message, Decode&& decode)
+auto read(Observer& observer, const Message& message, Decode&& decode)
     -> std::optional<std::invoke_result_t<Decode, const Bytes&>> {
   try {
     return std::forward<Decode>(decode)(message.payload);
   } catch (const wire::DecodeError& error) {
-    refuse(log, message, error);
+    refuse(observer, message, error);
     return std::nullopt;
   }
 }
 
 /// The same within a stage, whose n1 is the size in kilobytes.
 template <typename Decode>
-auto read(Worker& worker, std::string_view stage, EventLog& log, const Message& message,
+auto read(Worker& worker, std::string_view stage, Observer& observer, const Message& message,
           Decode&& decode) {
   return worker.stage(stage, [&](StageUnits& units) {
     units.n1 = kilobytes(message.payload);
-    return read(log, message, std::forward<Decode>(decode));
+    return read(observer, message, std::forward<Decode>(decode));
   });
 }
 
 /// Hands each message of a channel to whom it is for.
 class Inbox {
  public:
-  explicit Inbox(EventLog& log) : log_(log) {}
+  explicit Inbox(Observer& observer) : observer_(observer) {}
 
-  /// take(Message&): as it came, and may be moved from.
-  template <typename Take>
-  Inbox& on(wire::MessageType type, Take take) {
-    handlers_[wire::type_of(type)] = std::move(take);
+  /// handle(Message&): as it came, and may be moved from.
+  template <typename Handle>
+  Inbox& on(wire::MessageType type, Handle handle) {
+    handlers_[wire::type_of(type)] = std::move(handle);
     return *this;
   }
-  /// take(M, message) of what decode(payload) made of it.
-  template <typename M, typename Decode, typename Take>
-  Inbox& on(Decode decode, Take take) {
+  /// handle(M, message) of what decode(payload) made of it.
+  template <typename M, typename Decode, typename Handle>
+  Inbox& on(Decode decode, Handle handle) {
     return on(M::kType,
-              [this, decode = std::move(decode), take = std::move(take)](Message& message) {
-                if (const auto read_well = read(log_, message, decode)) take(*read_well, message);
+              [this, decode = std::move(decode), handle = std::move(handle)](Message& message) {
+                if (const auto read_well = read(observer_, message, decode))
+                  handle(*read_well, message);
               });
   }
   /// False for a type that nobody asked for.
@@ -87,7 +88,7 @@ class Inbox {
   }
 
  private:
-  EventLog& log_;
+  Observer& observer_;
   std::map<std::uint8_t, std::function<void(Message&)>> handlers_;
 };
 

@@ -72,7 +72,7 @@ void MobileNode::track(Worker& worker) {
 bool MobileNode::lost_in(Worker& worker, const OfferedFrame& offered) {
   if (policy_->offload(worker, offered)) return lost_elsewhere_;
   const std::uint64_t index = offered.played.index;
-  const TrackedFrame frame = tracking_->take(
+  const TrackedFrame frame = tracking_->track(
       worker, offered,
       [&](StageUnits& units) {
         auto features = parts_.features.features(index);

@@ -17,7 +17,7 @@ OnboardMapping::OnboardMapping(Runtime& runtime, EventLog& log, std::shared_ptr<
 }
 
 MappingHooks OnboardMapping::loop_hooks() {
-  return {.take = {},
+  return {.prepare = {},
           .done =
               [this](Worker& worker, KeyFrameId id) {
                 const RunTime begin = worker.now();
@@ -56,7 +56,7 @@ OnboardMapping::Spent OnboardMapping::after_frame(Worker& worker, FrameTracking&
 
 void OnboardMapping::drain(Worker& worker) {
   mapping_.drained().wait(worker);
-  if (loops_) loops_->drain(worker);
+  if (loops_ && !loops_->drained().wait(worker)) loops_->cancel();
 }
 
 void OnboardMapping::place(PoseBook& book) const { book.placed_in(*map_); }

@@ -57,7 +57,7 @@ std::optional<OfferedFrame> RealtimeFeed::next(Worker& worker) {
     const bool over = over_;  // before the look: what was put earlier is seen
     if (worker.stopping()) return std::nullopt;
     if (auto frame = box_.try_take()) {
-      frame->taken = worker.now();
+      frame->dequeued = worker.now();
       return frame;
     }
     if (over) return std::nullopt;

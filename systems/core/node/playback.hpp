@@ -53,7 +53,7 @@ class Playlist {
 struct OfferedFrame {
   PlayedFrame played;
   RunTime offered{};
-  RunTime taken{};
+  RunTime dequeued{};
 };
 
 /// Offers frames to the tracking worker.

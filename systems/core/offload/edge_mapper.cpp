@@ -41,7 +41,7 @@ EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHook
 }
 
 MappingHooks EdgeMapper::mapping_hooks() {
-  return {.take = [this](Worker&, KeyFrameId id) { return take(id); },
+  return {.prepare = [this](Worker&, KeyFrameId id) { return insert_pending(id); },
           .done = [this](Worker& worker, KeyFrameId id) { mapped(worker, id); },
           .idle =
               [this](Worker& worker) {
@@ -109,7 +109,7 @@ void EdgeMapper::clear(Worker& worker) {
   hooks_.cleared();
 }
 
-bool EdgeMapper::take(KeyFrameId keyframe) {
+bool EdgeMapper::insert_pending(KeyFrameId keyframe) {
   MapDelta delta;
   std::uint64_t applied = 0;
   {
@@ -126,7 +126,7 @@ bool EdgeMapper::take(KeyFrameId keyframe) {
                          : rebase_keyframe(view, std::move(delta));
   });
   map_->commit(jumps_.follow(*map_, std::move(delta), applied));
-  hooks_.taken();
+  hooks_.begun();
   return true;
 }
 
@@ -200,7 +200,7 @@ KeyFrameId EdgeMapper::settled() const {
 
 void EdgeMapper::drain(Worker& worker, RunTime deadline) {
   mapping_.drained().wait(worker);
-  if (loops_) loops_->drain(worker, deadline);
+  if (loops_ && !loops_->drained().wait(worker, deadline)) loops_->cancel();
 }
 
 CommitReport EdgeMapper::merge(Worker& worker, MapDelta changes) {

@@ -25,8 +25,8 @@ struct EdgeMapperOptions {
 
 /// What others do on the mapping worker of an edge.
 struct EdgeMapperHooks {
-  /// A keyframe is taken to be worked in.
-  std::function<void()> taken;
+  /// A keyframe is in the map, its stages begin.
+  std::function<void()> begun;
   /// After a keyframe was worked in, before loops are looked for; times: until mapped.
   std::function<void(Worker&, const wire::UpdateTimes&)> mapped;
   /// When no keyframe waits; returns when it wants to be called again.
@@ -98,7 +98,7 @@ class EdgeMapper {
 
   MappingHooks mapping_hooks();
   void clear(Worker& worker);
-  bool take(KeyFrameId keyframe);
+  bool insert_pending(KeyFrameId keyframe);
   void mapped(Worker& worker, KeyFrameId keyframe);
 
   EdgeNode& node_;

@@ -22,7 +22,7 @@ EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Chan
     : node_(node),
       prior_(prior_of(options)),
       mapper_(node, with(options.mapper, prior_),
-              {.taken = [this] { intake_.look(); },
+              {.begun = [this] { intake_.look(); },
                .mapped = [this](Worker& worker,
                                 const wire::UpdateTimes& times) { updates_.mapped(worker, times); },
                .idle =

@@ -21,7 +21,7 @@ void KeyFrameIntake::start() {
 
 void KeyFrameIntake::receive(Worker& worker) {
   while (const auto message = next(worker)) {
-    if (is(*message, wire::kKeyFrame)) take(worker, *message);
+    if (is(*message, wire::kKeyFrame)) on_keyframe(worker, *message);
     received_sequence_ = message->sequence;
     received_->notify();
   }
@@ -45,7 +45,7 @@ void KeyFrameIntake::look() {
   channel_.signal().notify();
 }
 
-void KeyFrameIntake::take(Worker& worker, const Message& raw) {
+void KeyFrameIntake::on_keyframe(Worker& worker, const Message& raw) {
   AdmittedKeyFrame keyframe;
   std::optional<std::string_view> declined;
   const bool parsed = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {

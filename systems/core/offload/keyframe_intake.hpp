@@ -11,7 +11,7 @@
 
 namespace slambed {
 
-/// A keyframe that the edge takes in, and when it passed each place until then.
+/// A keyframe that the edge admits, and when it passed each place until then.
 struct AdmittedKeyFrame {
   wire::KeyFrameMessage message;
   wire::UpdateTimes times;
@@ -45,7 +45,7 @@ class KeyFrameIntake {
  private:
   void receive(Worker& worker);
   std::optional<Message> next(Worker& worker);
-  void take(Worker& worker, const Message& raw);
+  void on_keyframe(Worker& worker, const Message& raw);
 
   EdgeNode& node_;
   Channel& channel_;

@@ -30,7 +30,7 @@ class MapDownlink {
   /// On the tracking worker: these keyframes were added to the local map; provisional: they are no
   /// references until the edge has accepted them.
   void keyframe_created(RunTime when, const MapDelta& made, bool provisional);
-  /// While tracking is lost and the edge is asked for a pose no update is taken over; what comes
+  /// While tracking is lost and the edge is asked for a pose no update is applied; what comes
   /// waits and is judged when tracking goes on. On the tracking worker.
   void suspend(bool suspended) { path_->suspend(suspended); }
   /// Tracking was lost and goes on, found at this keyframe of the local map. On the tracking
@@ -42,9 +42,9 @@ class MapDownlink {
             bool takes_its_place);
   /// Whether the last update was a map for relocalisation; not any more once asked.
   bool came_from_map() { return exchange_.came_from_map(); }
-  /// Number of the last update taken over from the edge that is there now; 0: none.
+  /// Number of the last update applied from the edge that is there now; 0: none.
   std::uint64_t applied_update() const { return inbox_.applied_update(); }
-  /// Newest point of an edge mapper among all updates taken over; none before the first.
+  /// Newest point of an edge mapper among all updates applied; none before the first.
   MapPointId newest_edge_point() const { return inbox_.newest_edge_point(); }
   /// What its last update said of points that need no more counting; none before the first.
   KeyFrameId settled() const { return inbox_.settled(); }

@@ -38,7 +38,7 @@ class MapJumps {
   void commit(Map& map, const MapDelta& delta);
   /// The keyframe and its new points as they fit the map now, when the mobile made them on a map
   /// from before a jump: moved as the old keyframe was that shares most points with it. applied:
-  /// the last update it had taken over.
+  /// the last update it had applied.
   MapDelta follow(const Map& map, MapDelta made, std::uint64_t applied);
   /// The mobile has the map as it is.
   void forget();

@@ -88,7 +88,7 @@ void PoseRequests::parse(Worker& worker, Message message) {
 }
 
 void PoseRequests::before_frame(Worker& worker) {
-  while (const auto answer = answers_.try_take()) take(worker, *answer);
+  while (const auto answer = answers_.try_take()) on_answer(worker, *answer);
   if (!outstanding_) return;
   const PeerState edge = node_.network().peer();
   if (!edge.connected || edge.incarnation != outstanding_->incarnation) return give_up("edge away");
@@ -101,7 +101,7 @@ void PoseRequests::give_up(std::string_view reason) {
   outstanding_.reset();
 }
 
-void PoseRequests::take(Worker& worker, const Answer& answer) {
+void PoseRequests::on_answer(Worker& worker, const Answer& answer) {
   const wire::RelocOk* found = answer.found.get();
   const std::string_view foreign = unwanted(answer, found ? found->number : answer.failed.number);
   const std::string_view dropped = !foreign.empty() ? foreign

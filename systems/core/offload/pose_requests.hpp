@@ -16,7 +16,7 @@ namespace slambed {
 
 /// The mobile's side of relocalisation on the edge: a lost frame goes up before the local attempt
 /// at it, at most one at a time; what comes back takes effect between two frames. From loss to
-/// recovery the edge sends no updates, and none is taken over.
+/// recovery the edge sends no updates, and none is applied.
 class PoseRequests final : public MobileRelocalisation {
  public:
   PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
@@ -50,7 +50,7 @@ class PoseRequests final : public MobileRelocalisation {
   void work(Worker& worker);
   void serialise(Worker& worker, const Request& request);
   void parse(Worker& worker, Message message);
-  void take(Worker& worker, const Answer& answer);
+  void on_answer(Worker& worker, const Answer& answer);
   /// Whether it answers the request under way; else why not.
   std::string_view unwanted(const Answer& answer, std::uint64_t number) const;
   /// Why it is dropped; nothing: tracking goes on from it.

@@ -30,7 +30,7 @@ void RelocalisationByMap::serve(Worker& worker) {
   RunTime last = RunTime::min();
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameMessage::kType)) continue;
-    updates_.hold(message->queued);
+    updates_.suspend(message->queued);
     // The mobile has just sent the newest of its frames; older answers would come too late for it.
     if (last != RunTime::min() && worker.now() - last < options_.period) continue;
     auto found = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {

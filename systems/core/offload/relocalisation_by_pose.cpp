@@ -39,13 +39,13 @@ RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, Chan
       relocaliser_(mapper.places()) {
   inbox_.on<wire::SuspendMessage>(wire::decode_suspend,
                                   [this](const wire::SuspendMessage&, const Message& raw) {
-                                    updates_.hold(raw.queued);
+                                    updates_.suspend(raw.queued);
                                     maps_.hold(true);
                                   });
   inbox_.on<wire::ResumeMessage>(wire::decode_resume,
                                  [this](const wire::ResumeMessage& resume, const Message& raw) {
                                    maps_.hold(false);
-                                   updates_.release(raw.queued, resume.reference);
+                                   updates_.recovered(raw.queued, resume.reference);
                                  });
 }
 

@@ -35,14 +35,14 @@ void RemoteMapping::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (is(*message, wire::kKeyFrame) || is(*message, wire::kTripStart)) {
       check_rig(prior_, node_.peer());
-      take(worker, *message);
+      on_keyframe(worker, *message);
     }
     received_sequence_ = message->sequence;
     settled_->notify();
   }
 }
 
-void RemoteMapping::take(Worker& worker, const Message& raw) {
+void RemoteMapping::on_keyframe(Worker& worker, const Message& raw) {
   Received item{.message = {},
                 .estimated = is(raw, wire::kKeyFrame),
                 .sent = raw.sent,

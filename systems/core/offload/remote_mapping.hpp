@@ -47,7 +47,7 @@ class RemoteMapping final : public FarewellSource {
   };
 
   void receive(Worker& worker);
-  void take(Worker& worker, const Message& raw);
+  void on_keyframe(Worker& worker, const Message& raw);
   void work(Worker& worker);
   void answer(Worker& worker, Received received);
   void bundle(Worker& worker, KeyFrameId keyframe);

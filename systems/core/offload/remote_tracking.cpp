@@ -56,7 +56,7 @@ void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
   wire::FrameImage message{.frame_index = index,
                            .timestamp_s = frame.played.seq_s(),
                            .captured = frame.offered,
-                           .taken = frame.taken,
+                           .dequeued = frame.dequeued,
                            .jpeg = {}};
   message.jpeg = worker.stage("encode_image", [&](StageUnits& units) {
     auto jpeg = node_.images().jpeg(index);
@@ -117,12 +117,12 @@ void RemoteTracking::drain(Worker& worker) { wait_for(worker, 0); }
 void RemoteTracking::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameResult::kType)) continue;
-    take(*message);
+    on_result(*message);
     answer_->notify();
   }
 }
 
-void RemoteTracking::take(const Message& message) {
+void RemoteTracking::on_result(const Message& message) {
   const auto result = read(node_.log(), message, [this](const Bytes& bytes) {
     return wire::decode_frame_result(bytes, node_.sensor());
   });
@@ -156,8 +156,8 @@ void RemoteTracking::record(const wire::FrameResult& result, RunTime arrived, st
                         .add("ok", result.state == wire::FrameState::kOk)
                         .add("instances", result.masks.instances.size())
                         .add("bytes", bytes)
-                        .add_ms("wait_ms", t.taken - t.captured)
-                        .add_ms("encode_ms", t.queued - t.taken)
+                        .add_ms("wait_ms", t.dequeued - t.captured)
+                        .add_ms("encode_ms", t.queued - t.dequeued)
                         .add_ms("transport_ms", t.received - t.queued)
                         .add_ms("edge_wait_ms", t.begun - t.received)
                         .add_ms("upload_ms", upload)

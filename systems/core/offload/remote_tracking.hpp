@@ -32,7 +32,7 @@ class RemoteTracking {
   void give_up(std::uint64_t last);
   void settle(std::uint64_t upto);
   void receive(Worker& worker);
-  void take(const Message& message);
+  void on_result(const Message& message);
   void record(const wire::FrameResult& result, RunTime arrived, std::size_t bytes);
 
   MobileNode& node_;

@@ -89,7 +89,7 @@ void StagedUpdates::insert_backlog(Worker& worker) {
 }
 
 void StagedUpdates::before_frame(Worker& worker) {
-  while (const auto told = declined_.try_take()) inbox_.keep_poses(worker, *told);
+  while (const auto update = declined_.try_take()) inbox_.keep_poses(worker, *update);
   if (!staging_.ready()) return;
   if (suspended_) {
     waited_ = true;

@@ -74,7 +74,7 @@ void StopAndWaitChannel::run(Worker& worker) {
   std::uint64_t connections = 0;
   while (!worker.stopping()) {
     const auto ticket = below_.signal().ticket();
-    while (auto message = below_.try_receive()) take(std::move(*message));
+    while (auto message = below_.try_receive()) on_message(std::move(*message));
     if (phase_ == Phase::kIdle) {
       begin_next();
     } else if (below_.path().connections != connection_) {
@@ -89,27 +89,25 @@ void StopAndWaitChannel::run(Worker& worker) {
   signal_->notify();
 }
 
-void StopAndWaitChannel::take(Message message) {
+void StopAndWaitChannel::on_message(Message message) {
   if (message.incarnation != incarnation_) {  // a restarted peer counts from 1 again
     incarnation_ = message.incarnation;
     last_delivered_ = 0;
     announced_.reset();
   }
-  try {
-    if (is(message, wire::AckMessage::kType)) return acknowledged(message);
-    if (is(message, wire::AnnounceMessage::kType)) {
-      announced_ = wire::decode_announce(message.payload);
-      return acknowledge(announced_->sequence, false);
-    }
-  } catch (const wire::DecodeError& error) {
-    observer_.link({.channel = options_.name, .event = "rejected", .detail = error.what()});
-    return;
+  if (is(message, wire::AckMessage::kType)) {
+    if (const auto ack = read(observer_, message, wire::decode_ack)) on_ack(ack->sequence);
+  } else if (is(message, wire::AnnounceMessage::kType)) {
+    const auto announced = read(observer_, message, wire::decode_announce);
+    if (!announced) return;
+    announced_ = announced;
+    acknowledge(announced->sequence, false);
+  } else {
+    deliver(std::move(message));
   }
-  deliver(std::move(message));
 }
 
-void StopAndWaitChannel::acknowledged(const Message& message) {
-  const std::uint64_t code = wire::decode_ack(message.payload).sequence;
+void StopAndWaitChannel::on_ack(std::uint64_t code) {
   if (phase_ == Phase::kAnnounced && code == ack_code(current_.sequence, false)) {
     phase_ = Phase::kSent;
     below_.send(current_.type, current_.payload);

@@ -37,8 +37,8 @@ class StopAndWaitChannel final : public Channel {
   enum class Phase { kIdle, kAnnounced, kSent };
 
   void run(Worker& worker);
-  void take(Message message);
-  void acknowledged(const Message& message);
+  void on_message(Message message);
+  void on_ack(std::uint64_t code);
   void deliver(Message message);
   void begin_next();
   void announce();

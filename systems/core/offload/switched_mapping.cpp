@@ -68,7 +68,7 @@ std::uint64_t SwitchedMapping::move_to(MappingPlace place, std::optional<Duratio
   if (place == MappingPlace::kMobile) {
     begin_epoch();
     contact_.stop(epoch_);
-    held_.clear();
+    deferred_.clear();
   }
   if (place != MappingPlace::kEdge) {
     mapping_.park(false);
@@ -82,13 +82,13 @@ std::uint64_t SwitchedMapping::move_to(MappingPlace place, std::optional<Duratio
 void SwitchedMapping::settle(Worker& worker) {
   if (contact_.handing_over() || place_ == MappingPlace::kMobile) return;
   if (place_ == MappingPlace::kEdge) mapping_.park(true);
-  send_held(worker);
+  send_deferred(worker);
 }
 
-void SwitchedMapping::send_held(Worker& worker) {
-  if (held_.empty() || offload_.channels().keyframe.path().unacknowledged_bytes > 0) return;
-  HeldKeyFrame next = std::move(held_.front());
-  held_.pop_front();
+void SwitchedMapping::send_deferred(Worker& worker) {
+  if (deferred_.empty() || offload_.channels().keyframe.path().unacknowledged_bytes > 0) return;
+  DeferredKeyFrame next = std::move(deferred_.front());
+  deferred_.pop_front();
   send(worker, next.frame, std::move(next.made), next.need);
 }
 
@@ -114,9 +114,9 @@ void SwitchedMapping::make_keyframe(Worker& worker, const TrackedFrame& frame) {
   if (here)
     for (const NewKeyFrame& keyframe : made.keyframes) mapping_.submit(worker, keyframe.id);
   if (place_ == MappingPlace::kMobile) return;
-  if (contact_.handing_over() || !held_.empty()) {
+  if (contact_.handing_over() || !deferred_.empty()) {
     offload_.downlink().expect_keyframe(made.keyframes.back().id);
-    held_.push_back({frame, std::move(made), need});
+    deferred_.push_back({frame, std::move(made), need});
   } else {
     send(worker, frame, std::move(made), need);
   }
@@ -126,9 +126,9 @@ void SwitchedMapping::finish(Worker& worker) {
   edge_has_the_map_ = place_ != MappingPlace::kMobile && !contact_.handing_over();
   if (maps_here()) mapping_.drained().wait(worker);
   const RunTime patience = worker.now() + kHeldPatience;
-  while (!held_.empty() && !contact_.handing_over() && !worker.stopping() &&
+  while (!deferred_.empty() && !contact_.handing_over() && !worker.stopping() &&
          worker.now() < patience) {
-    send_held(worker);
+    send_deferred(worker);
     worker.sleep_until(worker.now() + kLookEvery);
   }
   offload_.say_goodbye(worker);

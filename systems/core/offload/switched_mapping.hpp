@@ -28,7 +28,8 @@ class SwitchedMapping {
   std::optional<Duration> rtt(RunTime now) const { return contact_.rtt(now); }
   /// Mapping runs there from now on; returns the epoch of the maps that the edge sends then.
   std::uint64_t move_to(MappingPlace place, std::optional<Duration> rtt);
-  /// What waited for the map to go over, once it has: the mapper here rests, held keyframes leave.
+  /// What waited for the map to go over, once it has: the mapper here rests, deferred keyframes
+  /// leave.
   void settle(Worker& worker);
   /// Whether one should be made of the frame that was tracked last.
   bool wants_keyframe();
@@ -41,7 +42,7 @@ class SwitchedMapping {
 
  private:
   /// A keyframe that waits for the edge to take the map over.
-  struct HeldKeyFrame {
+  struct DeferredKeyFrame {
     TrackedFrame frame;
     MapDelta made;
     KeyFrameNeed need = KeyFrameNeed::kNone;
@@ -51,8 +52,9 @@ class SwitchedMapping {
   void begin_epoch();
   void announce(std::optional<Duration> rtt);
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need);
-  /// Sends the oldest held keyframe once the one before has left: the queues on the way hold two.
-  void send_held(Worker& worker);
+  /// Sends the oldest deferred keyframe once the one before has left: the queues on the way hold
+  /// two.
+  void send_deferred(Worker& worker);
 
   MobileNode& node_;
   OffloadMobile offload_;
@@ -60,7 +62,7 @@ class SwitchedMapping {
   LocalMapping mapping_;
   MappingPlace place_ = MappingPlace::kEdge;
   std::uint64_t epoch_ = 0;
-  std::deque<HeldKeyFrame> held_;
+  std::deque<DeferredKeyFrame> deferred_;
   bool edge_has_the_map_ = false;  ///< at the end of the run, all of it
 };
 

@@ -59,7 +59,7 @@ void TrackingService::answer(Worker& worker, const Message& message) {
     const wire::FrameImage image = wire::decode_frame_image(message.payload);
     result.frame_index = image.frame_index;
     result.times.captured = image.captured;
-    result.times.taken = image.taken;
+    result.times.dequeued = image.dequeued;
     if (!sensor) throw wire::DecodeError("its camera is unknown");
     result.masks = {sensor->camera.width, sensor->camera.height, {}};
     track(worker, image, result);
@@ -94,8 +94,8 @@ void TrackingService::track(Worker& worker, const wire::FrameImage& image,
   if (masks_) masks_->ask(image.frame_index, image.jpeg, result.times.begun);
   const OfferedFrame offered{.played = {image.frame_index, from_seconds(image.timestamp_s)},
                              .offered = image.captured,
-                             .taken = result.times.begun};
-  const TrackedFrame frame = tracking().take(
+                             .dequeued = result.times.begun};
+  const TrackedFrame frame = tracking().track(
       worker, offered,
       [&](StageUnits& units) {
         auto features = node_.pictures().extract(image.frame_index);

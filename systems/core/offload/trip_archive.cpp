@@ -82,7 +82,7 @@ void TripUpload::start() {
 void TripUpload::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (is(*message, wire::kKeyFrame)) {
-      take(worker, *message);
+      on_keyframe(worker, *message);
     } else if (is(*message, wire::kTripUpload)) {
       whole_ = true;
       send(channel_, wire::kTripUpload);
@@ -90,7 +90,7 @@ void TripUpload::receive(Worker& worker) {
   }
 }
 
-void TripUpload::take(Worker& worker, const Message& raw) {
+void TripUpload::on_keyframe(Worker& worker, const Message& raw) {
   worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
     auto keyframe = read(node_.log(), raw, [&](const Bytes& filled) {
       const auto own = wire::without_filler(filled);

@@ -40,7 +40,7 @@ class TripUpload {
 
  private:
   void receive(Worker& worker);
-  void take(Worker& worker, const Message& raw);
+  void on_keyframe(Worker& worker, const Message& raw);
 
   EdgeNode& node_;
   Channel& channel_;

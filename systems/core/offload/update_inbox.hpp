@@ -25,7 +25,7 @@ struct UpdateArrival {
 };
 
 /// Map updates as they come to the mobile: read, judged by the rules, and what is known of the last
-/// one that was taken over. A worker of its own may receive and judge while tracking goes on; what
+/// one that was applied. A worker of its own may receive and judge while tracking goes on; what
 /// is not marked as tracking's may be called from any worker.
 class UpdateInbox {
  public:

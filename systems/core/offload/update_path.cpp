@@ -7,7 +7,7 @@
 namespace slambed {
 namespace {
 
-/// True, and recorded, when the update is not taken over.
+/// True, and recorded, when the update is not applied.
 bool declined(Worker& worker, UpdateInbox& inbox, const UpdateArrival& arrival) {
   const auto reason = inbox.decline_reason(worker, arrival);
   if (!reason) return false;

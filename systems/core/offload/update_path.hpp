@@ -20,7 +20,7 @@ class UpdatePath {
   /// On the tracking worker: a keyframe was added to the local map. provisional: it is no reference
   /// until the edge has accepted it.
   virtual void keyframe_created(KeyFrameId, bool /*provisional*/) {}
-  /// On the tracking worker: no update is taken over until it is told otherwise.
+  /// On the tracking worker: no update is applied until it is called again.
   virtual void suspend(bool /*suspended*/) {}
   /// On the tracking worker: tracking was lost and goes on, found at this keyframe.
   virtual void recovered(RunTime, KeyFrameId) {}

@@ -12,7 +12,7 @@ namespace slambed {
 /// Edge-SLAM's LOCAL_MAP_SIZE.
 inline constexpr int kKeyframesPerStep = 6;
 
-/// When the mobile takes over a map update.
+/// When the mobile applies a map update.
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateRules {
   int min_local_keyframes;  ///< declined while the local map has fewer
@@ -36,7 +36,7 @@ struct UpdateState {
   std::uint64_t update = 0, applied = 0;
   std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;
-  bool new_keyframe = false;  ///< one was created since the last update was taken over
+  bool new_keyframe = false;  ///< one was created since the last update was applied
   Duration since_keyframe{};
   int keyframes_in_window = 0;  ///< created within kRateWindow
 };

@@ -40,7 +40,7 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
   KeyFrameId recovery;
   {
     std::lock_guard lock(mutex_);
-    if (!news_ || held_ || stopped_) return kNever;
+    if (!news_ || suspended_ || stopped_) return kNever;
     const bool first = last_sent_ == RunTime::min();
     RunTime due = first ? RunTime::zero() + options_.first.value_or(options_.period)
                         : last_sent_ + options_.period;
@@ -99,7 +99,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
   {
     std::lock_guard lock(mutex_);
     // Preparing took its time: what was asked for since then counts.
-    if (stopped_ || epoch_ != update.map.epoch || (held_ && !relocalisation)) return;
+    if (stopped_ || epoch_ != update.map.epoch || (suspended_ && !relocalisation)) return;
     slambed::send(channel_, relocalisation ? wire::kRelocMap : wire::kMapUpdate,
                   std::move(payload));
     last_sent_ = worker.now();
@@ -132,21 +132,21 @@ std::vector<KeyFramePose> UpdateSender::moved_poses(const wire::MapUpdate& updat
   return moved;
 }
 
-void UpdateSender::hold(RunTime asked) {
+void UpdateSender::suspend(RunTime asked) {
   std::lock_guard lock(mutex_);
-  held_ = asked;
+  suspended_ = asked;
 }
 
-void UpdateSender::release(RunTime found, KeyFrameId reference) {
+void UpdateSender::recovered(RunTime found, KeyFrameId reference) {
   std::lock_guard lock(mutex_);
-  held_.reset();
+  suspended_.reset();
   if (options_.keep_recovery && reference)
     recovery_ = Recovery{.reference = reference, .found = found, .to_come = options_.keyframes};
 }
 
 void UpdateSender::keyframe_received(const wire::KeyFrameMessage& keyframe) {
   std::lock_guard lock(mutex_);
-  if (held_ && keyframe.captured >= *held_) held_.reset();
+  if (suspended_ && keyframe.captured >= *suspended_) suspended_.reset();
   confirmed_ = std::max(confirmed_, keyframe.applied_update);
 }
 

@@ -18,7 +18,7 @@ struct UpdateSenderOptions {
   std::optional<Duration>
       first{};         ///< when the first one is due; nothing: one period after the start
   bool poses;          ///< an update also says where other keyframes moved
-  bool keep_recovery;  ///< see UpdateSender::release
+  bool keep_recovery;  ///< see UpdateSender::recovered
   MessageCodec codec;
 };
 
@@ -39,12 +39,12 @@ class UpdateSender {
 
   /// The mobile asked where it is, at this time: regular updates pause until a later keyframe says
   /// that it knows again, so that none takes the place of the map that is the answer.
-  void hold(RunTime asked);
+  void suspend(RunTime asked);
   /// It knows again, found at this keyframe: updates go on. Until as many keyframes as an update
   /// carries were made since then and mapped, none leaves for a while, and then they carry that one
   /// too, so that the first does not take the camera's place away.
-  void release(RunTime found, KeyFrameId reference);
-  /// A keyframe came: it knows where it is, and which update it has taken over.
+  void recovered(RunTime found, KeyFrameId reference);
+  /// A keyframe came: it knows where it is, and which update it has applied.
   void keyframe_received(const wire::KeyFrameMessage& keyframe);
   /// No map leaves, of any kind.
   void stop();
@@ -69,8 +69,8 @@ class UpdateSender {
 
   std::mutex mutex_;  ///< guards what follows
   wire::UpdateTimes newest_times_;
-  bool news_ = false;            ///< a keyframe was mapped since the last update
-  std::optional<RunTime> held_;  ///< when the mobile asked where it is
+  bool news_ = false;                 ///< a keyframe was mapped since the last update
+  std::optional<RunTime> suspended_;  ///< when the mobile asked where it is
   struct Recovery {
     KeyFrameId reference;
     RunTime found{};
@@ -81,7 +81,7 @@ class UpdateSender {
   std::uint64_t epoch_ = 0;
   RunTime last_sent_ = RunTime::min();
   std::map<KeyFrameId, SentPose> sent_poses_;  ///< poses the mobile was told last
-  std::uint64_t confirmed_ = 0;  ///< newest update that the mobile is known to have taken over
+  std::uint64_t confirmed_ = 0;  ///< newest update that the mobile is known to have applied
 };
 
 }  // namespace slambed

@@ -23,6 +23,7 @@ struct Silent final : Observer {
   void stage(const StageRecord&) override {}
   void message(const MessageRecord&) override {}
   void link(const LinkRecord&) override {}
+  void refused(std::uint8_t, std::string_view) override {}
 };
 
 std::vector<TracedMessage> read_messages(const nlohmann::json& list, JsonReader& in) {

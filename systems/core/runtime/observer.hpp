@@ -42,6 +42,8 @@ class Observer {
   virtual void stage(const StageRecord& record) = 0;
   virtual void message(const MessageRecord& record) = 0;
   virtual void link(const LinkRecord& record) = 0;
+  /// A message of this type could not be read.
+  virtual void refused(std::uint8_t type, std::string_view why) = 0;
 };
 
 }  // namespace slambed

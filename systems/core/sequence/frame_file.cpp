@@ -81,9 +81,9 @@ void FrameFile::make_all(const std::string& key, const Make& make) const {
   std::error_code error;
   if (file) std::filesystem::rename(part, path_, error);
   if (!file || error) {
-    const int told = errno;
+    const int saved = errno;
     std::filesystem::remove(part, error);
-    errno = told;
+    errno = saved;
     throw cannot_write(path_);
   }
 }

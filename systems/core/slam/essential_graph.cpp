@@ -24,7 +24,7 @@ class EdgeCollector {
   }
 
   /// The pair keeps the relative pose it has among these poses.
-  void hold(KeyFrameId from, KeyFrameId to, const std::vector<Sim3>& S_cw) {
+  void add(KeyFrameId from, KeyFrameId to, const std::vector<Sim3>& S_cw) {
     const auto i = place(from), j = place(to);
     if (!i || !j || !taken_.emplace(std::minmax(from, to)).second) return;
     problem_.edges.push_back({*i, *j, S_cw[*j] * S_cw[*i].inverse()});
@@ -47,7 +47,7 @@ bool was_connected(const LoopCorrection::Moved& moved, KeyFrameId id) {
 /// Links that the loop made: between the moved keyframes and what they are connected with only now.
 void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::vector<Sim3>& S_cw,
                     EdgeCollector& edges) {
-  edges.hold(loop.keyframe, loop.matched, S_cw);
+  edges.add(loop.keyframe, loop.matched, S_cw);
   const auto is_moved = [&](KeyFrameId id) {
     return std::any_of(loop.moved.begin(), loop.moved.end(),
                        [&](const LoopCorrection::Moved& m) { return m.id == id; });
@@ -57,7 +57,7 @@ void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::
     if (!keyframe) continue;
     for (const Covisible& near : keyframe->covisibles) {
       if (near.weight < kStrongWeight) break;
-      if (!was_connected(moved, near.id) && !is_moved(near.id)) edges.hold(moved.id, near.id, S_cw);
+      if (!was_connected(moved, near.id) && !is_moved(near.id)) edges.add(moved.id, near.id, S_cw);
     }
   }
 }
@@ -65,12 +65,12 @@ void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::
 void hold_old_links(const MapView& view, const std::vector<KeyFrameId>& ids,
                     const LoopEdges& earlier, const std::vector<Sim3>& S_cw, EdgeCollector& edges) {
   for (const KeyFrameId id : ids)
-    if (const KeyFrameId parent = view.keyframe(id)->parent) edges.hold(id, parent, S_cw);
-  for (const auto& [older, newer] : earlier) edges.hold(newer, older, S_cw);
+    if (const KeyFrameId parent = view.keyframe(id)->parent) edges.add(id, parent, S_cw);
+  for (const auto& [older, newer] : earlier) edges.add(newer, older, S_cw);
   for (const KeyFrameId id : ids) {
     for (const Covisible& near : view.keyframe(id)->covisibles) {
       if (near.weight < kStrongWeight) break;
-      edges.hold(id, near.id, S_cw);
+      edges.add(id, near.id, S_cw);
     }
   }
 }

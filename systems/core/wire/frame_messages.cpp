@@ -10,8 +10,8 @@
 namespace slambed::wire {
 namespace {
 
-constexpr std::array kMoments = {&FrameTimes::captured, &FrameTimes::taken, &FrameTimes::queued,
-                                 &FrameTimes::received, &FrameTimes::begun, &FrameTimes::done};
+constexpr std::array kMoments = {&FrameTimes::captured, &FrameTimes::dequeued, &FrameTimes::queued,
+                                 &FrameTimes::received, &FrameTimes::begun,    &FrameTimes::done};
 constexpr std::array kParts = {&FrameTimes::nrcc, &FrameTimes::extract, &FrameTimes::track,
                                &FrameTimes::local_mapping, &FrameTimes::loop_closing};
 
@@ -23,7 +23,7 @@ Bytes encode(const FrameImage& message) {
   out.varint(message.frame_index);
   out.f64(message.timestamp_s);
   out.time(message.captured);
-  out.time(message.taken);
+  out.time(message.dequeued);
   out.varint(message.jpeg.size());
   Bytes bytes = out.take();
   bytes.insert(bytes.end(), message.jpeg.begin(), message.jpeg.end());
@@ -36,7 +36,7 @@ FrameImage decode_frame_image(std::span<const std::uint8_t> bytes) {
   message.frame_index = in.varint();
   message.timestamp_s = in.f64();
   message.captured = in.time();
-  message.taken = in.time();
+  message.dequeued = in.time();
   const auto jpeg = in.take(in.count(1));
   message.jpeg.assign(jpeg.begin(), jpeg.end());
   in.expect_end();

@@ -20,7 +20,7 @@ struct FrameImage {
   std::uint64_t frame_index = 0;  ///< in the sequence
   double timestamp_s = 0;         ///< sequence time
   RunTime captured{};             ///< offered by the camera
-  RunTime taken{};                ///< taken up by the mobile node
+  RunTime dequeued{};             ///< taken up by the mobile node
   Bytes jpeg;
 };
 
@@ -29,10 +29,10 @@ FrameImage decode_frame_image(std::span<const std::uint8_t> bytes);
 
 /// The times of a frame's way, on the run's clock.
 struct FrameTimes {
-  RunTime captured{}, taken{};  ///< as its FRAME_IMAGE said
-  RunTime queued{};             ///< handed to the channel
-  RunTime received{};           ///< its last byte at the edge
-  RunTime begun{};              ///< taken up there
+  RunTime captured{}, dequeued{};  ///< as its FRAME_IMAGE said
+  RunTime queued{};                ///< handed to the channel
+  RunTime received{};              ///< its last byte at the edge
+  RunTime begun{};                 ///< taken up there
   /// What the parts took: segmentation; decoding and extraction, beside it; tracking; mapping;
   /// loops.
   Duration nrcc{}, extract{}, track{}, local_mapping{}, loop_closing{};

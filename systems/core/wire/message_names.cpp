@@ -8,14 +8,13 @@
 #include "wire/handover_messages.hpp"
 #include "wire/messages.hpp"
 #include "wire/reloc_messages.hpp"
-#include "wire/semantic_messages.hpp"
 #include "wire/trip_messages.hpp"
 
 namespace slambed::wire {
 
 MessageNames::MessageNames(std::span<const MessageRange> own) {
-  for (const MessageRange& range : {kOffloadMessages, kHandoverMessages, kRelocMessages,
-                                    kTripMessages, kFrameMessages, kSemanticMessages}) {
+  for (const MessageRange& range :
+       {kOffloadMessages, kHandoverMessages, kRelocMessages, kTripMessages, kFrameMessages}) {
     add(range);
   }
   for (const MessageRange& range : own) add(range, kFirstOwnType);

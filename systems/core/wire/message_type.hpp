@@ -11,7 +11,7 @@
 namespace slambed::wire {
 
 /// Version of every payload layout below this folder; both nodes must have the same.
-inline constexpr std::uint16_t kWireVersion = 8;
+inline constexpr std::uint16_t kWireVersion = 9;
 /// Version of put_delta's layout alone, which stored maps have too.
 inline constexpr std::uint16_t kDeltaVersion = 4;
 

@@ -38,7 +38,7 @@ struct KeyFrameMessage {
   bool first = false;                 ///< a map begins with it, or the trip in a stored one
   bool whole = false;                 ///< holds all points it sees: a map can start with it
   bool after_relocalisation = false;  ///< within a second of one: Edge-SLAM's passedF is false
-  std::uint64_t applied_update = 0;   ///< newest update the mobile had taken over, 0: none
+  std::uint64_t applied_update = 0;   ///< newest update the mobile had applied, 0: none
   /// Newest point of an edge mapper that the mobile ever saw: a restarted edge counts on behind it.
   MapPointId newest_edge_point{};
   MapDelta delta;

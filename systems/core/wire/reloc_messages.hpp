@@ -17,7 +17,7 @@ inline constexpr MessageRange kRelocMessages(32, {"RELOC_REQUEST", "RELOC_FAIL",
 struct RelocRequest {
   static constexpr MessageType kType = kRelocMessages["RELOC_REQUEST"];
   std::uint64_t number = 0;          ///< counts from 1
-  std::uint64_t applied_update = 0;  ///< newest update the mobile had taken over, 0: none
+  std::uint64_t applied_update = 0;  ///< newest update the mobile had applied, 0: none
   FrameMessage frame;
 };
 

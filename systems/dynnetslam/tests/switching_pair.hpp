@@ -90,7 +90,7 @@ inline void expect_consistent(const MapDelta& map, double speed) {
   EXPECT_EQ(seen.size(), points.size());
 }
 
-/// No map that the edge made in an older epoch was taken over; times in ns. Needs updates to be
+/// No map that the edge made in an older epoch was applied; times in ns. Needs updates to be
 /// worth anything.
 inline void expect_no_stale_update(const PairResult& result) {
   std::map<std::uint64_t, double> epoch_ends;  // when epoch n was over
@@ -110,7 +110,7 @@ inline void expect_no_stale_update(const PairResult& result) {
       ++compared;
     }
   }
-  EXPECT_GT(compared, 0) << "no update of an epoch that ended was taken over: nothing was asked";
+  EXPECT_GT(compared, 0) << "no update of an epoch that ended was applied: nothing was compared";
 }
 
 /// Keyframes mapped on a node while the state was this one, a second after it began.

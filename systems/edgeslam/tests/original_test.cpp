@@ -83,7 +83,7 @@ TEST(Original, TrackingWaitsWhileAnUpdateIsBuiltBesideIt) {
   EXPECT_GT(longest("parallel_waiting"), 45);
 }
 
-/// Names of tracking's stages right before each time an update is taken over.
+/// Names of tracking's stages right before each time an update is applied.
 std::set<std::string> before_updates(const PairResult& result) {
   std::set<std::string> found;
   std::string last;

@@ -6,8 +6,8 @@
 
 #include "edgeslam_semantic/labels.hpp"
 #include "edgeslam_semantic/local_map.hpp"
+#include "edgeslam_semantic/messages.hpp"
 #include "edgeslam_semantic/semantic_edge.hpp"
-#include "wire/semantic_messages.hpp"
 #include "wire/tests/examples.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -171,7 +171,7 @@ TEST_F(LocalMap, TheEdgeKnowsAnOwnPointByTheFeatureItSaw) {
 }
 
 TEST_F(LocalMap, ASightingOfAPointThatTheSliceDeletedGoesWithIt) {
-  wire::OptResult deletes;
+  OptResult deletes;
   deletes.changes.culled_points = {point_id(3)};
   deletes.left_points = {point_id(4)};
   deletes.changes.fusions = {{point_id(5), point_id(6)}};

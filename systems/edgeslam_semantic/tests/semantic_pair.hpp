@@ -123,8 +123,10 @@ class SemanticPair : public SemanticRun {
     const PreparedSequence pictures(sequence);
     const Playlist playlist(pictures.timestamps_ns(), pictures.fps(), {});
     Simulator simulator;
-    EventLog mobile_log(folder.path() / "mobile.jsonl", NodeRole::kMobile);
-    EventLog edge_log(folder.path() / "edge.jsonl", NodeRole::kEdge);
+    const wire::MessageNames names(system.messages);
+    EventLog mobile_log(folder.path() / "mobile.jsonl", NodeRole::kMobile, EventLog::Open::kAnew,
+                        names);
+    EventLog edge_log(folder.path() / "edge.jsonl", NodeRole::kEdge, EventLog::Open::kAnew, names);
     for (EventLog* log : {&mobile_log, &edge_log}) {
       log->set_clock([&simulator] { return simulator.now(); });
       log->start(Duration::zero(), [] {});

@@ -6,8 +6,8 @@
 
 #include "edgeslam_semantic/labels.hpp"
 #include "edgeslam_semantic/local_map.hpp"
+#include "edgeslam_semantic/messages.hpp"
 #include "edgeslam_semantic/semantic_edge.hpp"
-#include "wire/semantic_messages.hpp"
 #include "wire/tests/examples.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -123,25 +123,25 @@ void expect_equal(const MapWindow& found, const MapWindow& wanted, int step) {
 
 TEST(MapSlices, AThousandLaterTheMobileHasWhatTheEdgeHas) {
   RandomEdge edge;
-  MapWindow told, mobile;
+  MapWindow before, mobile;
   std::size_t largest = 0, left = 0;
   for (int step = 0; step < 1000; ++step) {
     for (std::uint64_t changes = 1 + edge.random() % 3; changes > 0; --changes) edge.step();
     const auto [now, sent] = edge.map.read([&](const MapView& view) {
       const MapWindow window = window_of(view, edge.newest(8));
-      MapSlice slice = difference(told, window, view);
-      return std::pair(window, wire::OptResult{.world = keyframe_id(1),
-                                               .number = 1,
-                                               .keyframe = keyframe_id(1),
-                                               .T_cw = {},
-                                               .times = {},
-                                               .changes = slice.changes,
-                                               .left_keyframes = slice.left_keyframes,
-                                               .left_points = slice.left_points});
+      MapSlice slice = difference(before, window, view);
+      return std::pair(window, OptResult{.world = keyframe_id(1),
+                                         .number = 1,
+                                         .keyframe = keyframe_id(1),
+                                         .T_cw = {},
+                                         .times = {},
+                                         .changes = slice.changes,
+                                         .left_keyframes = slice.left_keyframes,
+                                         .left_points = slice.left_points});
     });
-    const wire::OptResult came = wire::decode_opt_result(encode(sent));
+    const OptResult came = decode_opt_result(encode(sent));
     apply(mobile, {came.changes, came.left_keyframes, came.left_points});
-    told = now;
+    before = now;
     expect_equal(mobile, now, step);
     largest = std::max(largest, now.points.size());
     left += came.left_points.size();

@@ -85,7 +85,7 @@ class UploadingPolicy final : public MobilePolicy {
     keyframe.id = ids_.next();
     keyframe.features = frame.features;
     keyframe.points.resize(static_cast<std::size_t>(frame.features->size()));
-    wire::SemanticKeyFrame message;
+    SemanticKeyFrame message;
     message.world = keyframe.id;
     message.delta.keyframes.push_back(std::move(keyframe));
     uploads_.put(std::move(message), {.reason = "test"});

@@ -72,14 +72,14 @@ TEST(ExampleBackpressure, ANewEdgeReportsThatNothingWaits) {
 
 TEST(ExampleBackpressure, ItsOwnMessageHasItsNameInTheEvents) {
   const PairResult pair = run(1e6, 100, 0, 60'000);
-  int told = 0;
+  int announced = 0;
   for (const auto& event : pair.mobile) {
     if (event["type"] != "message" || event["channel"] != "backlog") continue;
     EXPECT_EQ(event["message"], "BACKLOG");
     EXPECT_EQ(event["direction"], "down");
-    ++told;
+    ++announced;
   }
-  EXPECT_GT(told, 0);
+  EXPECT_GT(announced, 0);
   EXPECT_EQ(pair.mobile_text.find("UNKNOWN"), std::string::npos);
 }
 

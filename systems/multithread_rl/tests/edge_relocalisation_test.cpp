@@ -137,7 +137,7 @@ PairResult recovery_on_a_slow_edge(const char* map_update, bool keep) {
   return lost_turn(params, link, same_place, 150);
 }
 
-/// Keyframes of the mobile that updates left behind, of those taken over while the edge had mapped
+/// Keyframes of the mobile that updates left behind, of those applied while the edge had mapped
 /// fewer of the keyframes made after the recovery than an update carries.
 int left_behind(const PairResult& result) {
   const double resumed = time_of(result.of("resumed").at(0));

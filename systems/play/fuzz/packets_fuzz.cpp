@@ -76,7 +76,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   FrameRecord record(log);
   for (std::uint64_t index = 0; index < kFrames; ++index) {
     const PlayedFrame played{index, RunTime(static_cast<std::int64_t>(index))};
-    record.taken({played, played.due, played.due}, static_cast<std::int64_t>(index));
+    record.dequeued({played, played.due, played.due}, static_cast<std::int64_t>(index));
   }
   bool placed = false;
   for (std::span<const std::uint8_t> rest(data, size); !rest.empty();) {

@@ -24,8 +24,8 @@ class RecordTest : public ::testing::Test {
 
   void take(std::uint64_t index) {
     const PlayedFrame played{index, RunTime(static_cast<std::int64_t>(index) * 100'000'000)};
-    record_.taken({played, played.due, played.due + Duration(1'000'000)},
-                  1'000'000'000 + played.due.count());
+    record_.dequeued({played, played.due, played.due + Duration(1'000'000)},
+                     1'000'000'000 + played.due.count());
   }
   void pose(std::uint64_t index, std::uint32_t state = SLAMBED_OK, double x = 0) {
     now_ = RunTime(static_cast<std::int64_t>(index) * 100'000'000 + 5'000'000);

@@ -102,7 +102,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
     EXPECT_TRUE(events("mobile", "track_lost").empty());
     expect_no_stale_update();
   }
-  /// Nothing that was sent in an epoch was taken over after it.
+  /// Nothing that was sent in an epoch was applied after it.
   void expect_no_stale_update() {
     std::map<std::int64_t, std::int64_t> ended;
     for (const auto& event : events("mobile", "state_changed")) {
@@ -116,7 +116,7 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
         epoch_of[event["t_ns"].get<std::int64_t>()] = origin["epoch"].get<std::int64_t>();
       }
     }
-    EXPECT_FALSE(epoch_of.empty()) << "no update was taken over";
+    EXPECT_FALSE(epoch_of.empty()) << "no update was applied";
     for (const auto& [applied, epoch] : epoch_of) {
       if (ended.contains(epoch)) {
         EXPECT_LE(applied, ended[epoch]);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a commit costs: a new keyframe, and a bundle adjustment's result, by map size.
+// What a commit costs (a new keyframe, a bundle adjustment's result) and a copy of the whole map,
+// for which it is held, by map size.
 #include <benchmark/benchmark.h>
 
 #include "../tests/map_fixture.hpp"
+#include "map/map_snapshot.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -57,6 +59,14 @@ void CommitMovedPoints(benchmark::State& state) {
   }
 }
 BENCHMARK(CommitMovedPoints)->Arg(2000)->Unit(benchmark::kMillisecond);
+
+void CopyMap(benchmark::State& state) {
+  const int size = static_cast<int>(state.range(0));
+  Map map;
+  for (int n = 1; n <= size; ++n) map.commit(keyframe_delta(n));
+  for (auto _ : state) benchmark::DoNotOptimize(map.read(snapshot));
+}
+BENCHMARK(CopyMap)->Arg(50)->Arg(200)->Arg(500)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace slambed::testing

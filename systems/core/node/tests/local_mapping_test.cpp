@@ -73,13 +73,13 @@ TEST(LocalMapping, WhoAsksMayWaitOrLook) {
   Simulator simulator;
   VirtualRuntime runtime(simulator, device(), 1, log.get());
   const auto map = std::make_shared<Map>();
-  std::vector<std::uint64_t> taken;
+  std::vector<std::uint64_t> begun;
   LocalMapping mapping(runtime, log.get(), {}, map, IdSpace::kMobileMapper,
                        LocalMapping::Mode::kWorker,
-                       {.take =
+                       {.prepare =
                             [&](Worker& worker, KeyFrameId id) {
                               worker.sleep_until(worker.now() + 1s);
-                              taken.push_back(id.value);
+                              begun.push_back(id.value);
                               return false;
                             },
                         .done = {},
@@ -116,7 +116,7 @@ TEST(LocalMapping, WhoAsksMayWaitOrLook) {
   });
   simulator.run();
   runtime.join();
-  EXPECT_EQ(taken, (std::vector<std::uint64_t>{kKeyFrame.value, kKeyFrame.value + 1}));
+  EXPECT_EQ(begun, (std::vector<std::uint64_t>{kKeyFrame.value, kKeyFrame.value + 1}));
 }
 
 TEST(LocalMapping, DrainMissesNoWakeUp) {

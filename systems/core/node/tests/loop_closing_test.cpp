@@ -46,7 +46,7 @@ class LoopClosingTest : public ::testing::Test {
       VirtualRuntime runtime(simulator, loop_device(bundle_us), 1, log);
       LoopClosing* behind = nullptr;
       LocalMapping mapping(runtime, log, {}, laps->map, IdSpace::kMobileMapper, mode,
-                           {.take = {},
+                           {.prepare = {},
                             .done = {},
                             .idle =
                                 [&](Worker& worker) {
@@ -82,7 +82,7 @@ class LoopClosingTest : public ::testing::Test {
         }
         const RunTime begin = worker.now();
         draining = true;
-        loops.drain(worker);
+        loops.drained().wait(worker);
         drain_took = worker.now() - begin;
         runtime.stop();
       });
@@ -101,7 +101,7 @@ class LoopClosingTest : public ::testing::Test {
     return found;
   }
 
-  /// Bundles that were taken over: their last stage is the mapping side's.
+  /// Bundles that were committed: their last stage is the mapping side's.
   std::size_t bundles_committed() const {
     const auto stages = of("stage", "global_bundle");
     return static_cast<std::size_t>(
@@ -125,7 +125,7 @@ TEST_F(LoopClosingTest, ALoopIsClosedAndTheBundleFollowsInTheBackground) {
   const auto bundle = of("stage", "global_bundle");
   ASSERT_GE(bundle.size(), 3u);
   for (const auto& stage : bundle) EXPECT_GT(stage["t_ns"], closed[0]["t_ns"]);
-  // Computed aside, taken over on the mapping side.
+  // Computed aside, committed on the mapping side.
   for (std::size_t i = 0; i + 1 < bundle.size(); ++i)
     EXPECT_EQ(bundle[i]["worker"], "global-bundle");
   EXPECT_EQ(bundle.back()["worker"], "mapping");
@@ -177,7 +177,8 @@ TEST_F(LoopClosingTest, ABundleThatIsNotDoneInTimeIsDropped) {
   RunTime asked{}, drained{};
   run(Mode::kWorker, 70, [&](Worker& worker, LocalMapping&, LoopClosing& loops) {
     asked = worker.now();
-    loops.drain(worker, asked + 30ms);  // the bundle is at its second step
+    if (!loops.drained().wait(worker, asked + 30ms))
+      loops.cancel();  // the bundle is at its second step
     drained = worker.now();
   });
   ASSERT_EQ(of("loop_closed").size(), 1u);
@@ -205,7 +206,7 @@ TEST(LoopClosingLive, LoopsAreClosedAndTheLastBundleIsTakenOverBeforeTheEnd) {
     std::atomic<int> maps_changed{0};
     LocalMapping mapping(runtime, log, {}, laps.map, IdSpace::kMobileMapper,
                          LocalMapping::Mode::kWorker,
-                         {.take =
+                         {.prepare =
                               [&](Worker& worker, KeyFrameId keyframe) {
                                 behind->mapped(worker, keyframe);
                                 return false;  // no work of its own
@@ -227,7 +228,7 @@ TEST(LoopClosingLive, LoopsAreClosedAndTheLastBundleIsTakenOverBeforeTheEnd) {
         mapping.submit(worker, laps.add()).wait(worker);
       }
       mapping.drained().wait(worker);
-      loops.drain(worker);
+      loops.drained().wait(worker);
       runtime.stop();
     });
     runtime.join();

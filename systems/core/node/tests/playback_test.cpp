@@ -66,8 +66,8 @@ Played play(FrameFeed& (*make)(Runtime&, const Playlist&, EventLog&, std::unique
   runtime.spawn("tracking", [&](Worker& worker) {
     while (const auto frame = feed.next(worker)) {
       played.taken.push_back(frame->played.index);
-      played.taken_ms.push_back(to_ms(frame->taken));
-      played.waited_ms.push_back(to_ms(frame->taken - frame->offered));
+      played.taken_ms.push_back(to_ms(frame->dequeued));
+      played.waited_ms.push_back(to_ms(frame->dequeued - frame->offered));
       worker.sleep_until(worker.now() + tracking);
     }
     runtime.stop();

@@ -18,7 +18,7 @@ using namespace std::chrono_literals;
 class Mapper : public ::testing::Test {
  protected:
   EdgeMapperHooks hooks() {
-    return {.taken = [this] { ++taken; },
+    return {.begun = [this] { ++keyframes_begun; },
             .mapped = [this](Worker&, const wire::UpdateTimes& times) { mapped.push_back(times); },
             .idle = [](Worker&) { return kNever; },
             .cleared = [this] { ++cleared; }};
@@ -29,7 +29,7 @@ class Mapper : public ::testing::Test {
 
   TwoNodes nodes;
   SentTurn turn{6};
-  int taken = 0, cleared = 0;
+  int keyframes_begun = 0, cleared = 0;
   std::vector<wire::UpdateTimes> mapped;
 };
 
@@ -44,7 +44,7 @@ TEST_F(Mapper, KeyframesAreMappedInTheOrderOfTheirAdmission) {
     mapper.drain(worker, 10s);
   });
   nodes.run_until(20s);
-  EXPECT_EQ(taken, 3);
+  EXPECT_EQ(keyframes_begun, 3);
   ASSERT_EQ(mapped.size(), 3u);
   EXPECT_LT(mapped[0].mapped, mapped[1].mapped);
   EXPECT_EQ(mapper.newest(), turn.id(2));

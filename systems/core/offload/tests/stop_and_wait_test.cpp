@@ -20,7 +20,8 @@ constexpr auto kKeyFrame = wire::type_of(wire::kKeyFrame);
 struct Pair {
   explicit Pair(const ChannelOptions& options)
       : link(simulator, path(), path(), 1),
-        near(mobile, recorder, link.mobile_side(recorder).open({.name = "k"}), options),
+        below(link.mobile_side(recorder).open({.name = "k"})),
+        near(mobile, recorder, below, options),
         far(edge, recorder, link.edge_side(recorder).open({.name = "k"}), options) {
     near.start();
     far.start();
@@ -45,6 +46,7 @@ struct Pair {
   Simulator simulator;
   VirtualLink link;
   VirtualRuntime mobile{simulator, {}, 1, recorder}, edge{simulator, {}, 2, recorder};
+  Channel& below;
   StopAndWaitChannel near, far;
 };
 
@@ -121,6 +123,22 @@ TEST(StopAndWait, NoTransferStartsWhileTheChannelIsHeld) {
   });
   pair.run_until(1s);
   EXPECT_EQ(received, (std::vector<RunTime>{30ms, 530ms, 570ms}));
+}
+
+TEST(StopAndWait, WhatCannotBeReadIsRefusedAndTheNextGoesThrough) {
+  Pair pair({.name = "k"});
+  constexpr auto kAnnounce = wire::type_of(wire::AnnounceMessage::kType);
+  constexpr auto kAck = wire::type_of(wire::AckMessage::kType);
+  pair.mobile.spawn("sender", [&](Worker&) {
+    pair.below.send(kAnnounce, {1});
+    pair.below.send(kAck, {});
+    pair.near.send(kKeyFrame, {7});
+  });
+  pair.run_until(1s);
+  EXPECT_EQ(pair.recorder.refused(), (std::vector<std::uint8_t>{kAnnounce, kAck}));
+  const auto message = pair.far.try_receive();
+  ASSERT_TRUE(message);
+  EXPECT_EQ(message->payload, Bytes{7});
 }
 
 TEST(StopAndWait, BeginsAgainWithARestartedPeer) {

@@ -84,12 +84,12 @@ TEST_F(UpdatesReceived, OneThatIsNoNewerThanTheMapIsDeclined) {
 TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
   run([&](Worker& worker) {
     inbox.keyframe_created(worker.now());
-    auto told = update(5, 3);
-    told.settled = turn.id(1);
-    inbox.applied(arrival(told, edge()), true);
+    auto carrier = update(5, 3);
+    carrier.settled = turn.id(1);
+    inbox.applied(arrival(carrier, edge()), true);
     EXPECT_EQ(inbox.settled(), turn.id(1));
     EXPECT_EQ(inbox.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
-    inbox.applied(arrival(told, edge() + 1), true);  // of an edge that is not there
+    inbox.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
     EXPECT_EQ(inbox.applied_update(), 0u);
     EXPECT_EQ(inbox.settled(), KeyFrameId{});
     EXPECT_EQ(inbox.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
@@ -118,13 +118,13 @@ TEST_F(UpdatesReceived, EpochsRecoveriesAndKeyframesSentLateMakeOneObsolete) {
 
 TEST_F(UpdatesReceived, PosesOfADeclinedOneAreKept) {
   run([&](Worker& worker) {
-    auto told = update(3, 2);
-    SE3 T_cw = told.map.keyframes[0].T_cw;
+    auto carrier = update(3, 2);
+    SE3 T_cw = carrier.map.keyframes[0].T_cw;
     T_cw.t.x() += 1;
-    told.poses.push_back({turn.id(0), T_cw, 1});
-    inbox.keep_poses(worker, arrival(told, edge() + 1));
+    carrier.poses.push_back({turn.id(0), T_cw, 1});
+    inbox.keep_poses(worker, arrival(carrier, edge() + 1));
     EXPECT_FALSE(nodes.mobile.poses().pose(turn.id(0))) << "of an edge that is gone";
-    inbox.keep_poses(worker, arrival(told, edge()));
+    inbox.keep_poses(worker, arrival(carrier, edge()));
     EXPECT_EQ(nodes.mobile.poses().pose(turn.id(0))->t, T_cw.t);
     EXPECT_TRUE(nodes.mobile.poses().pose(turn.id(2)));
   });

@@ -96,7 +96,7 @@ TEST_F(Sender, NewsLeavesWhenItIsDueWithTheLatestKeyframes) {
 TEST_F(Sender, WhileTheMobileAsksWhereItIsOnlyTheAnswerLeaves) {
   begin(carrying(1));
   at(1s, [&](Worker& worker) {
-    sender->hold(1s);
+    sender->suspend(1s);
     sender->mapped(worker, {});
     sender->send(worker, {}, turn.id(7), {turn.id(2)}, true);
     sender->keyframe_received(keyframe(999ms));  // made before it asked
@@ -117,7 +117,7 @@ TEST_F(Sender, WhileTheMobileAsksWhereItIsOnlyTheAnswerLeaves) {
 TEST_F(Sender, OneThatIsBeingPreparedWhenTheMobileAsksStays) {
   begin(carrying(1));
   at(1s, [&](Worker& worker) { sender->mapped(worker, {}); });
-  at(1001ms, [&](Worker&) { sender->hold(1001ms); });  // preparing takes 2 ms
+  at(1001ms, [&](Worker&) { sender->suspend(1001ms); });  // preparing takes 2 ms
   run();
   EXPECT_TRUE(updates.empty());
 }
@@ -189,8 +189,8 @@ TEST_F(Sender, PosesAreToldAllWhenTheMapBeginsAnew) {
 TEST_F(Sender, AfterARecoveryItRestsAndThenShowsThatPlaceToo) {
   begin(carrying(2, {}, true));
   at(1s, [&](Worker& worker) {
-    sender->hold(1s);
-    sender->release(1500ms, turn.id(0));
+    sender->suspend(1s);
+    sender->recovered(1500ms, turn.id(0));
     sender->mapped(worker, {.captured = 1200ms});
     EXPECT_EQ(sender->send_if_due(worker), 3500ms);
   });

@@ -27,10 +27,15 @@ class Recorder final : public Observer {
     std::lock_guard lock(mutex_);
     links_.push_back(std::string(record.event) + ": " + std::string(record.detail));
   }
+  void refused(std::uint8_t type, std::string_view) override {
+    std::lock_guard lock(mutex_);
+    refused_.push_back(type);
+  }
 
   std::vector<std::string> stages() const { return copy(stages_); }
   std::vector<MessageRecord> messages() const { return copy(messages_); }
   std::vector<std::string> links() const { return copy(links_); }
+  std::vector<std::uint8_t> refused() const { return copy(refused_); }
   bool saw_link(const std::string& part) const {
     for (const auto& text : links()) {
       if (text.find(part) != std::string::npos) return true;
@@ -50,6 +55,7 @@ class Recorder final : public Observer {
   mutable std::mutex mutex_;
   std::vector<std::string> stages_, links_;
   std::vector<MessageRecord> messages_;
+  std::vector<std::uint8_t> refused_;
   Duration last_wall_{}, last_cpu_{};
 };
 

@@ -19,6 +19,7 @@ struct CountingObserver final : Observer {
       stalls.push_back(std::string(r.event) + " " + std::string(r.detail));
     }
   }
+  void refused(std::uint8_t, std::string_view) override {}
   std::vector<std::string> stalls;
   int taken = 0, dropped = 0, links = 0;
 };

@@ -25,6 +25,7 @@ struct RecordingObserver final : Observer {
   }
   void message(const MessageRecord&) override {}
   void link(const LinkRecord&) override {}
+  void refused(std::uint8_t, std::string_view) override {}
   std::vector<std::string> log;
 };
 

@@ -32,8 +32,8 @@ TcpAck TcpReceiver::take(ByteRange segment, RunTime stamp) {
   for (const std::uint64_t byte : recent_) {
     auto piece = early_.upper_bound(byte);
     if (piece == early_.begin() || (--piece)->second <= byte) continue;
-    const auto told = std::span(ack.sacked).first(static_cast<std::size_t>(ack.blocks));
-    if (std::any_of(told.begin(), told.end(),
+    const auto blocks = std::span(ack.sacked).first(static_cast<std::size_t>(ack.blocks));
+    if (std::any_of(blocks.begin(), blocks.end(),
                     [&](const ByteRange& b) { return b.from == piece->first; }))
       continue;
     if (ack.blocks == static_cast<int>(ack.sacked.size())) break;

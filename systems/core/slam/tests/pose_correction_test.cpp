@@ -83,15 +83,15 @@ class PoseCorrectionTest : public ::testing::Test {
 
 TEST_F(PoseCorrectionTest, PutsTheKeyframeWhereItWasToldAndFadesBackInTime) {
   constexpr int k = 32;
-  const SE3 told = off(car.pose(k));
+  const SE3 answer = off(car.pose(k));
   std::map<int, SE3> before;
   for (int i = 0; i < kKeyFrames; ++i) before[i] = car.pose(i);
-  const double distance_m = centre_error(before[k], told);
-  const PoseCorrection correction = car.correct(k, told);
+  const double distance_m = centre_error(before[k], answer);
+  const PoseCorrection correction = car.correct(k, answer);
   EXPECT_NEAR(correction.magnitude_m, distance_m, 1e-9);
   EXPECT_NEAR(correction.rotation_deg, 4.0, 0.1);
-  EXPECT_LT(centre_error(car.pose(k), told), 1e-3);
-  EXPECT_LT(turn_error_deg(car.pose(k), told), 1e-2);
+  EXPECT_LT(centre_error(car.pose(k), answer), 1e-3);
+  EXPECT_LT(turn_error_deg(car.pose(k), answer), 1e-2);
   const int begin = k - static_cast<int>(kWindow.window_s * kFps / kFramesBetween);
   double last_m = 0;
   for (int i = 0; i < kKeyFrames; ++i) {
@@ -113,8 +113,9 @@ TEST_F(PoseCorrectionTest, PutsTheKeyframeWhereItWasToldAndFadesBackInTime) {
 
 TEST_F(PoseCorrectionTest, RigidMovesTheWindowAlike) {
   constexpr int k = 32;
-  const SE3 told = off(car.pose(k)), first = car.pose(0), inside = car.pose(20), at_k = car.pose(k);
-  car.correct(k, told, {.window_s = 2, .graded = false});
+  const SE3 answer = off(car.pose(k)), first = car.pose(0), inside = car.pose(20),
+            at_k = car.pose(k);
+  car.correct(k, answer, {.window_s = 2, .graded = false});
   EXPECT_TRUE(car.pose(0).t == first.t && car.pose(0).R == first.R);
   EXPECT_LT(centre_error(car.pose(20) * car.pose(k).inverse(), inside * at_k.inverse()), 1e-6);
   car.correct(k, at_k, {.window_s = std::numeric_limits<double>::infinity()});
@@ -136,8 +137,8 @@ TEST_F(PoseCorrectionTest, TheNextFrameKeepsItsInliersAndTheBundlesKeepTheCorrec
   car.drive(1, Car::Mapping::kNone);
   const int inliers = car.outcome.inliers;
   constexpr int k = 37;
-  const SE3 told = off(car.pose(k));
-  const PoseCorrection correction = car.correct(k, told);
+  const SE3 answer = off(car.pose(k));
+  const PoseCorrection correction = car.correct(k, answer);
   car.drive(1, Car::Mapping::kNone);
   EXPECT_GE(car.outcome.inliers, 0.8 * inliers);
   EXPECT_TRUE(car.outcome.by_motion_model);
@@ -150,7 +151,7 @@ TEST_F(PoseCorrectionTest, TheNextFrameKeepsItsInliersAndTheBundlesKeepTheCorrec
   ASSERT_GT(full_m, 0.3);
   EXPECT_LT(centre_error(car.outcome.T_cw, expected), 0.05 * full_m);
   EXPECT_LT(turn_error_deg(car.outcome.T_cw, expected), 0.05 * 4);
-  EXPECT_LT(centre_error(car.pose(k), told), 1e-3) << "bundles hold the keyframe";
+  EXPECT_LT(centre_error(car.pose(k), answer), 1e-3) << "bundles hold the keyframe";
 }
 
 TEST_F(PoseCorrectionTest, ACarThatStoodLongerThanTheWindowIsCorrectedToo) {

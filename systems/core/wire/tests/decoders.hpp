@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <functional>
-
 #include "features/default_vocabulary.hpp"
 #include "wire/compatibility_codec.hpp"
 #include "wire/delta_codec.hpp"
@@ -11,18 +9,11 @@
 #include "wire/mask_codec.hpp"
 #include "wire/message_type.hpp"
 #include "wire/reloc_messages.hpp"
-#include "wire/semantic_messages.hpp"
+#include "wire/tests/decoder_target.hpp"
 #include "wire/tests/examples.hpp"
 #include "wire/trip_messages.hpp"
 
 namespace slambed::wire {
-
-struct Target {
-  const char* name;
-  Bytes valid;
-  std::function<void(std::span<const std::uint8_t>)> decode;
-  std::size_t bit_step = 1;  ///< text is long, and its bits are much alike
-};
 
 inline RelocOk example_found(std::mt19937& random, const SensorPtr& sensor, int features) {
   RelocOk found{.number = 300,
@@ -41,7 +32,7 @@ inline FrameImage example_frame_image() {
   return {.frame_index = 300,
           .timestamp_s = 10,
           .captured = RunTime(5'000'000),
-          .taken = RunTime(6'000'000),
+          .dequeued = RunTime(6'000'000),
           .jpeg = encode_jpeg(example_picture(40, 30).view(), 60)};
 }
 
@@ -60,60 +51,6 @@ inline FrameResult example_frame_result() {
   result.times.captured = RunTime(5'000'000);
   result.times.nrcc = Duration(150'000'000);
   return result;
-}
-
-/// A camera whose pictures are as small as those examples.
-inline SensorPtr example_frame_camera() {
-  SensorInfo info = example_camera();
-  info.camera.width = 40;
-  info.camera.height = 30;
-  return info.make_sensor();
-}
-
-inline SemanticKeyFrame example_semantic_keyframe(std::mt19937& random, const SensorPtr& sensor) {
-  SemanticKeyFrame message{.world = keyframe_id(2),
-                           .captured = RunTime(5'000'000),
-                           .applied_slice = 300,
-                           .newest_edge_point = point_id(77, IdSpace::kEdgeMapper),
-                           .n_m = 0.7,
-                           .delta = fresh_keyframe(random, sensor, 30, 12),
-                           .jpeg = encode_jpeg(example_picture(40, 30).view(), 60)};
-  message.delta.attach = {{keyframe_id(4), 3, message.delta.points.front().id}};
-  return message;
-}
-
-inline OptResult example_opt_result() {
-  OptResult message{.world = keyframe_id(2),
-                    .number = 300,
-                    .keyframe = keyframe_id(9),
-                    .T_cw = SE3::exp(Eigen::Matrix<double, 6, 1>::Constant(0.1)),
-                    .times = {},
-                    .changes = {},
-                    .left_keyframes = {keyframe_id(3), keyframe_id(4)},
-                    .left_points = {point_id(77)}};
-  message.times.mapped = RunTime(5'000'000);
-  message.changes.positions = {{point_id(5), {1, -2, 3.5}, 0}, {point_id(6), {0, 0.25, 4}, 0}};
-  message.changes.poses = {{keyframe_id(9), SE3(), 0}};
-  message.changes.attach = {{keyframe_id(9), 700, point_id(5)}};
-  message.changes.detach = {{keyframe_id(9), 2, point_id(6)}};
-  message.changes.culled_points = {point_id(8)};
-  message.changes.culled_keyframes = {keyframe_id(5)};
-  message.changes.fusions = {{point_id(10), point_id(5)}};
-  return message;
-}
-
-inline MaskMessage example_mask() {
-  return {.world = keyframe_id(2),
-          .keyframe = keyframe_id(9),
-          .took = Duration(150'000'000),
-          .masks = example_masks(40, 30)};
-}
-
-inline NoMaskMessage example_no_mask() {
-  return {.world = keyframe_id(2),
-          .keyframe = keyframe_id(9),
-          .took = Duration(2'000'000'000),
-          .reason = NoMaskReason::kNotMapped};
 }
 
 /// The same messages as text, with few features: the grid alone makes them long.
@@ -198,13 +135,6 @@ inline std::vector<Target> targets() {
       {"frame_image", encode(example_frame_image()), [](auto b) { decode_frame_image(b); }},
       {"frame_result", encode(example_frame_result()),
        [=](auto b) { decode_frame_result(b, example_frame_camera()); }},
-      {"semantic_keyframe", encode(example_semantic_keyframe(random, sensor)),
-       [=](auto b) { decode_semantic_keyframe(b, sensor); }},
-      {"opt_result", encode(example_opt_result()), [](auto b) { decode_opt_result(b); }},
-      {"mask", encode(example_mask()), [](auto b) { decode_mask(b, example_frame_camera()); }},
-      {"no_mask", encode(example_no_mask()), [](auto b) { decode_no_mask(b); }},
-      {"keyframe_refused", encode(KeyFrameRefused{300}),
-       [](auto b) { decode_keyframe_refused(b); }},
       {"masks", encode_masks(example_masks(40, 30)), [](auto b) { decode_masks(b, 40, 30); }},
       {"segmentation", encode_segmentation(example_masks(40, 30)),
        [](auto b) { decode_segmentation(2, b, 40, 30); }},

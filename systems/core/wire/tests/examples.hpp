@@ -19,6 +19,14 @@ inline SensorInfo example_camera() {
   return info;
 }
 
+/// A camera whose pictures are as small as those examples.
+inline SensorPtr example_frame_camera() {
+  SensorInfo info = example_camera();
+  info.camera.width = 40;
+  info.camera.height = 30;
+  return info.make_sensor();
+}
+
 inline SensorInfo example_single_camera() {
   SensorInfo info = example_camera();
   info.camera.bf = 0;

@@ -18,7 +18,7 @@ TEST(FrameMessages, APictureArrivesWithItsTimes) {
   EXPECT_EQ(came.frame_index, sent.frame_index);
   EXPECT_EQ(came.timestamp_s, sent.timestamp_s);
   EXPECT_EQ(came.captured, sent.captured);
-  EXPECT_EQ(came.taken, sent.taken);
+  EXPECT_EQ(came.dequeued, sent.dequeued);
   EXPECT_EQ(came.jpeg, sent.jpeg);
 }
 

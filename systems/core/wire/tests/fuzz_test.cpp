@@ -1,73 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bytes from a hostile or broken peer: a decoder returns a message or throws DecodeError. Run under
-// AddressSanitizer and UBSan these tests also show that nothing is read out of bounds.
 #include <gtest/gtest.h>
 
+#include "wire/tests/decoder_checks.hpp"
 #include "wire/tests/decoders.hpp"
 
 namespace slambed::wire {
 namespace {
 
-/// True when the bytes were refused; any other exception fails the test.
-bool refused(const Target& target, std::span<const std::uint8_t> bytes) {
-  try {
-    target.decode(bytes);
-    return false;
-  } catch (const DecodeError&) {
-    return true;
-  }
-}
-
-TEST(Decoders, AcceptTheValidMessage) {
-  for (const Target& target : targets()) EXPECT_FALSE(refused(target, target.valid)) << target.name;
-}
-
+TEST(Decoders, AcceptTheValidMessage) { accept_the_valid_message(targets()); }
 TEST(Decoders, RefuseEveryTruncationAndExtension) {
-  for (const Target& target : targets()) {
-    for (std::size_t n = 0; n < target.valid.size(); ++n) {
-      ASSERT_TRUE(refused(target, std::span(target.valid).first(n))) << target.name << " " << n;
-    }
-    Bytes longer = target.valid;
-    longer.push_back(0);
-    EXPECT_TRUE(refused(target, longer)) << target.name;
-  }
+  refuse_every_truncation_and_extension(targets());
 }
-
-TEST(Decoders, SurviveEveryFlippedBit) {
-  for (const Target& target : targets()) {
-    Bytes bytes = target.valid;
-    for (std::size_t bit = 0; bit < bytes.size() * 8; bit += target.bit_step) {
-      bytes[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8));
-      ASSERT_NO_THROW(refused(target, bytes)) << target.name << " bit " << bit;
-      bytes[bit / 8] = target.valid[bit / 8];
-    }
-  }
-}
-
-TEST(Decoders, SurviveRandomDamage) {
-  std::mt19937 random(3);
-  for (const Target& target : targets()) {
-    for (int i = 0; i < 3000; ++i) {
-      Bytes bytes = target.valid;
-      for (std::uint32_t n = 1 + random() % 8; n > 0; --n) {
-        bytes[random() % bytes.size()] = static_cast<std::uint8_t>(random());
-      }
-      ASSERT_NO_THROW(refused(target, bytes)) << target.name << " " << i;
-    }
-  }
-}
-
-TEST(Decoders, SurviveRandomBytes) {
-  std::mt19937 random(4);
-  for (const Target& target : targets()) {
-    for (int i = 0; i < 3000; ++i) {
-      Bytes bytes(random() % 300);
-      for (auto& byte : bytes)
-        byte = static_cast<std::uint8_t>(random() % 4 ? random() % 8 : random());
-      ASSERT_NO_THROW(refused(target, bytes)) << target.name << " " << i;
-    }
-  }
-}
+TEST(Decoders, SurviveEveryFlippedBit) { survive_every_flipped_bit(targets()); }
+TEST(Decoders, SurviveRandomDamage) { survive_random_damage(targets()); }
+TEST(Decoders, SurviveRandomBytes) { survive_random_bytes(targets()); }
 
 }  // namespace
 }  // namespace slambed::wire

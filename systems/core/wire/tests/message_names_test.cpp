@@ -5,9 +5,9 @@
 #include <gtest/gtest.h>
 
 #include "base/error.hpp"
+#include "wire/frame_messages.hpp"
 #include "wire/handover_messages.hpp"
 #include "wire/messages.hpp"
-#include "wire/semantic_messages.hpp"
 #include "wire/trip_messages.hpp"
 
 namespace slambed::wire {
@@ -31,13 +31,12 @@ TEST(MessageNames, TheCoresNumbersStayWhatTheyAreOnTheWire) {
   EXPECT_EQ(type_of(kKeyFrameWanted), 10);
   EXPECT_EQ(type_of(HandoverAck::kType), 20);
   EXPECT_EQ(type_of(kTripUpload), 51);
-  EXPECT_EQ(type_of(SemanticKeyFrame::kType), 66);
-  EXPECT_EQ(type_of(KeyFrameRefused::kType), 70);
+  EXPECT_EQ(type_of(FrameResult::kType), 65);
   const MessageNames names;
   EXPECT_EQ(names[1], "KEYFRAME");
   EXPECT_EQ(names[20], "HANDOVER_ACK");
-  EXPECT_EQ(names[70], "KEYFRAME_REFUSED");
-  for (const int nobodys : {0, 11, 71, 128, 255}) EXPECT_EQ(names[nobodys], "UNKNOWN") << nobodys;
+  EXPECT_EQ(names[65], "FRAME_RESULT");
+  for (const int nobodys : {0, 11, 66, 128, 255}) EXPECT_EQ(names[nobodys], "UNKNOWN") << nobodys;
 }
 
 TEST(MessageNames, ASystemsOwnJoinThem) {

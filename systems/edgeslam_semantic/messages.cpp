@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "wire/semantic_messages.hpp"
+#include "edgeslam_semantic/messages.hpp"
 
 #include "wire/delta_codec.hpp"
 #include "wire/id_codec.hpp"
 #include "wire/mask_codec.hpp"
 
-namespace slambed::wire {
+namespace slambed::edgeslam_semantic {
 namespace {
+
+using wire::ByteReader, wire::ByteWriter, wire::DecodeError, wire::IdStream, wire::kUpdateTimes;
+using wire::get_delta, wire::get_masks, wire::get_pose;
+using wire::put_delta, wire::put_masks, wire::put_pose;
 
 template <typename IdType>
 void put_ids(ByteWriter& out, const std::vector<IdType>& ids) {
@@ -154,4 +158,4 @@ KeyFrameRefused decode_keyframe_refused(std::span<const std::uint8_t> bytes) {
   return message;
 }
 
-}  // namespace slambed::wire
+}  // namespace slambed::edgeslam_semantic

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "wire/semantic_messages.hpp"
+#include "edgeslam_semantic/messages.hpp"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
+#include "edgeslam_semantic/tests/message_examples.hpp"
 #include "map/map.hpp"
-#include "wire/tests/decoders.hpp"
+#include "wire/tests/decoder_checks.hpp"
 
-namespace slambed::wire {
+namespace slambed::edgeslam_semantic {
 namespace {
 
 TEST(SemanticMessages, AKeyFrameArrivesWithPointsAndPicture) {
@@ -32,7 +33,7 @@ TEST(SemanticMessages, AKeyFrameArrivesWithPointsAndPicture) {
 TEST(SemanticMessages, TheBeginningOfAMapOfOneCameraCrosses) {
   std::mt19937 random(6);
   const auto sensor = example_camera().make_sensor();
-  const MapDelta begin = example_start(random, sensor);
+  const MapDelta begin = wire::example_start(random, sensor);
   const SemanticKeyFrame sent{.world = keyframe_id(40), .delta = begin, .jpeg = {}};
   const SemanticKeyFrame came = decode_semantic_keyframe(encode(sent), sensor);
   EXPECT_TRUE(came.first());
@@ -82,13 +83,13 @@ TEST(SemanticMessages, AMaskOfThreePeopleIsSmall) {
   }
   const Bytes bytes = encode(sent);
   EXPECT_LE(bytes.size(), 2048u);
-  SensorInfo camera = example_camera();
+  wire::SensorInfo camera = example_camera();
   camera.camera.width = kWidth;
   camera.camera.height = kHeight;
   const MaskMessage came = decode_mask(bytes, camera.make_sensor());
   EXPECT_EQ(came.keyframe, sent.keyframe);
   EXPECT_EQ(came.masks.instances.back().runs, sent.masks.instances.back().runs);
-  EXPECT_THROW(decode_mask(bytes, example_frame_camera()), DecodeError);
+  EXPECT_THROW(decode_mask(bytes, wire::example_frame_camera()), DecodeError);
   EXPECT_THROW(decode_mask(bytes, nullptr), DecodeError);
 }
 
@@ -137,5 +138,13 @@ TEST(SemanticMessages, RefusesWhatMakesNoSense) {
   EXPECT_THROW(decode_opt_result(encode(whole)), DecodeError);
 }
 
+TEST(SemanticMessages, DecodersTakeWhatIsValidAndSurviveTheRest) {
+  accept_the_valid_message(targets());
+  refuse_every_truncation_and_extension(targets());
+  survive_every_flipped_bit(targets());
+  survive_random_damage(targets());
+  survive_random_bytes(targets());
+}
+
 }  // namespace
-}  // namespace slambed::wire
+}  // namespace slambed::edgeslam_semantic

@@ -7,11 +7,14 @@
 #include "wire/message_type.hpp"
 #include "wire/messages.hpp"
 
-namespace slambed::wire {
+namespace slambed::edgeslam_semantic {
+
+using wire::Bytes, wire::SensorPtr;
 
 /// Keyframes whose pictures are segmented.
-inline constexpr MessageRange kSemanticMessages(66, {"SEMANTIC_KEYFRAME", "OPT_RESULT", "MASK",
-                                                     "NO_MASK", "KEYFRAME_REFUSED"});
+inline constexpr wire::MessageRange kMessages(wire::kFirstOwnType,
+                                              {"SEMANTIC_KEYFRAME", "OPT_RESULT", "MASK", "NO_MASK",
+                                               "KEYFRAME_REFUSED"});
 
 /// A map begins with two; that of a restarted edge with some more, so that its bundle keeps the
 /// scale.
@@ -19,7 +22,7 @@ inline constexpr int kMostSemanticKeyFrames = 5;
 
 /// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to be mapped, and its picture to be segmented.
 struct SemanticKeyFrame {
-  static constexpr MessageType kType = kSemanticMessages["SEMANTIC_KEYFRAME"];
+  static constexpr wire::MessageType kType = kMessages["SEMANTIC_KEYFRAME"];
   /// The newer of the two keyframes that its map began with: answers about another map are worth
   /// nothing.
   KeyFrameId world;
@@ -41,12 +44,12 @@ struct SemanticKeyFrame {
 /// OPT_RESULT, edge -> mobile: what mapping a keyframe came to, as what has changed in the part of
 /// the map that the mobile keeps since the slice before.
 struct OptResult {
-  static constexpr MessageType kType = kSemanticMessages["OPT_RESULT"];
+  static constexpr wire::MessageType kType = kMessages["OPT_RESULT"];
   KeyFrameId world;
   std::uint64_t number = 0;  ///< of slices in this map, from 1
   KeyFrameId keyframe;
   SE3 T_cw;  ///< of the keyframe, optimised
-  UpdateTimes times;
+  wire::UpdateTimes times;
   /// Points by position (new ones and moved ones alike), keyframes by pose, observations, what the
   /// edge has deleted. No keyframe is in it whole: the mobile made them all.
   MapDelta changes;
@@ -57,7 +60,7 @@ struct OptResult {
 
 /// MASK, edge -> mobile: what moves in a keyframe's picture.
 struct MaskMessage {
-  static constexpr MessageType kType = kSemanticMessages["MASK"];
+  static constexpr wire::MessageType kType = kMessages["MASK"];
   KeyFrameId world;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
@@ -72,7 +75,7 @@ enum class NoMaskReason : std::uint8_t {
 
 /// NO_MASK, edge -> mobile: in place of a MASK that will not come, so that nobody waits for it.
 struct NoMaskMessage {
-  static constexpr MessageType kType = kSemanticMessages["NO_MASK"];
+  static constexpr wire::MessageType kType = kMessages["NO_MASK"];
   KeyFrameId world;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
@@ -82,7 +85,7 @@ struct NoMaskMessage {
 /// KEYFRAME_REFUSED, edge -> mobile: what came under this number could not be read, so no answer
 /// will come of it.
 struct KeyFrameRefused {
-  static constexpr MessageType kType = kSemanticMessages["KEYFRAME_REFUSED"];
+  static constexpr wire::MessageType kType = kMessages["KEYFRAME_REFUSED"];
   std::uint64_t sequence = 0;  ///< of the SEMANTIC_KEYFRAME
 };
 
@@ -92,7 +95,7 @@ Bytes encode(const MaskMessage& message);
 Bytes encode(const NoMaskMessage& message);
 Bytes encode(const KeyFrameRefused& message);
 
-/// All throw DecodeError and nothing else.
+/// All throw wire::DecodeError and nothing else.
 SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
                                           const SensorPtr& sensor);
 OptResult decode_opt_result(std::span<const std::uint8_t> bytes);
@@ -100,4 +103,4 @@ MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& se
 NoMaskMessage decode_no_mask(std::span<const std::uint8_t> bytes);
 KeyFrameRefused decode_keyframe_refused(std::span<const std::uint8_t> bytes);
 
-}  // namespace slambed::wire
+}  // namespace slambed::edgeslam_semantic

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <span>
+
+#include "wire/byte_io.hpp"
+
+namespace slambed::wire {
+
+/// A decoder and a message that it takes.
+struct Target {
+  const char* name;
+  Bytes valid;
+  std::function<void(std::span<const std::uint8_t>)> decode;
+  std::size_t bit_step = 1;  ///< text is long, and its bits are much alike
+};
+
+}  // namespace slambed::wire
