@@ -27,7 +27,11 @@ def test_own_messages_are_told_with_their_numbers(
     described: dict[str, dict[str, object]],
 ) -> None:
     own = {name: system["messages"] for name, system in described.items() if system["messages"]}
-    assert own == {"example_backpressure": {"BACKLOG": 128}}
+    semantic = ["SEMANTIC_KEYFRAME", "OPT_RESULT", "MASK", "NO_MASK", "KEYFRAME_REFUSED"]
+    assert own == {
+        "edgeslam_semantic": {name: 128 + place for place, name in enumerate(semantic)},
+        "example_backpressure": {"BACKLOG": 128},
+    }
 
 
 def test_every_system_is_in_the_programs(described: dict[str, dict[str, object]]) -> None:
