@@ -208,6 +208,13 @@ def _add_explain() -> None:
 
 
 @cache
+def _add_infer() -> None:
+    from slambed.infer.cli import infer
+
+    app.command()(infer)
+
+
+@cache
 def _add_host() -> None:
     from slambed.host_cli import clean, doctor, images
 
@@ -297,6 +304,7 @@ ELSEWHERE = {
     **dict.fromkeys(("doctor", "images", "clean"), _add_host),
     "calibrate": _add_calibrate,
     "explain": _add_explain,
+    "infer": _add_infer,
     "data": _add_data,
     "inputs": _add_inputs,
     "masks": _add_masks,

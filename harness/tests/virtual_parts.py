@@ -48,10 +48,10 @@ needs_programs = pytest.mark.skipif(
 )
 
 
-def make_sequence(path: Path, seconds: int = 4, *more: str) -> Path:
+def make_sequence(path: Path, seconds: int = 4, *more: str, name: str = "walk") -> Path:
     """A walk through a generated room."""
     command = [find_program("slambed-synth"), "--out", path, "--seconds", seconds, "--fps", 10]
-    subprocess.run([*map(str, command), "--id", "walk", "--seed", "3", *more], check=True)
+    subprocess.run([*map(str, command), "--id", name, "--seed", "3", *more], check=True)
     return path
 
 

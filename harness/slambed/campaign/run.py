@@ -53,7 +53,7 @@ from slambed.yaml_source import YamlSource
 OVERHEAD_S = 3.0
 # A virtual run takes about this share of the played time; only a first guess for the ETA.
 VIRTUAL_SHARE = 0.1
-RESERVED = (STORE, ATTEMPTS, "papers")
+RESERVED = (STORE, ATTEMPTS, "papers", "inference")
 """Folders of `results/` that are no experiments."""
 
 
@@ -172,9 +172,7 @@ def _run_virtually(
     features = cache_folder() / "features"
     if not options.dry_run:
         make_folder(options.results, "--results")
-    provide = _provider(files[2], console)
-    software = host_software(program=SIMULATION)
-    plan = make_plan(*files, VIRTUAL, software, count, provide, say=partial(_say, console))
+    plan = _virtual_plan(files, count, console)
     prune_features(features)
 
     def executor_of(played: Played) -> Executor:
@@ -186,6 +184,23 @@ def _run_virtually(
         return ProcessExecutor(played, program, features, jobs)
 
     return _run_plan(plan, files[1], options, executor_of, console)
+
+
+def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Plan, YamlSource]:
+    """An experiment as virtual runs of this host, one per cell; its datasets are prepared, and
+    nothing is executed."""
+    library = Library()
+    experiment, source = library.experiment(name, settings)
+    profiles = check(experiment, source, library, VIRTUAL)
+    return _virtual_plan((experiment, source, library, profiles), 1, console), source
+
+
+def _virtual_plan(
+    files: tuple[Experiment, YamlSource, Library, list[NamedProfile]], count: int, console: Console
+) -> Plan:
+    provide = _provider(files[2], console)
+    software = host_software(program=SIMULATION)
+    return make_plan(*files, VIRTUAL, software, count, provide, say=partial(_say, console))
 
 
 def _run_plan(
@@ -206,7 +221,9 @@ def _run_plan(
     if options.dry_run:
         jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else 1)
         forced = _forced(plan.specs, options)
-        for line in preview(about, folder.store, _kept(options), _run_s(plan), jobs, forced):
+        for line in preview(
+            about, folder.store, _kept(options), expected_run_s(plan), jobs, forced
+        ):
             _say(console, line)
         return Verdict()
     make_folder(folder.path, "--results")
@@ -261,7 +278,7 @@ def _execute(
     for sequence in plan.sequences.values():
         if (truth := sequence.path / "groundtruth.txt").is_file():
             keep_groundtruth(folder.path, sequence.id, truth)
-    run_s = _run_s(plan)
+    run_s = expected_run_s(plan)
     _say(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
@@ -293,7 +310,7 @@ def _is_virtual(plan: Plan) -> bool:
     return plan.circumstances.engine == VIRTUAL
 
 
-def _run_s(plan: Plan) -> float:
+def expected_run_s(plan: Plan) -> float:
     """A first guess at how long one run takes."""
     playback = plan.experiment.playback
     longest_s = max(sequence.played_s(playback) for sequence in plan.sequences.values())

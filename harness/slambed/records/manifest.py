@@ -17,12 +17,14 @@ OLD_OUTCOMES = {"mobile_died": "died", "edge_died": "died", "timeout": "timed_ou
 
 
 class PlanDigests(Record):
-    """A paper's plan as the campaign began."""
+    """A paper's plan, or an inference's, as the campaign began."""
 
     plan: str | None = None
     """SHA-256 of the registered plan."""
     frozen: str | None = None
     """SHA-256 of what its file said."""
+    commit: str | None = None
+    """Of an inference: that held the plan and its experiments as they were; null: none did."""
 
 
 class EngineFacts(Record):
@@ -98,7 +100,7 @@ class Manifest(Record):
     results_sha256: str | None = None
     """Over what was measured: summary, tables, trajectories; equal for equal virtual runs."""
     plans: dict[str, PlanDigests] | None = None
-    """Paper -> its plan as the campaign began; empty without plans."""
+    """Paper (`inference/<id>` of an inference) -> its plan as the campaign began; empty without."""
     invalid_reason: str | None = None
     """Of runs made before `distrust` was told apart from `outcome`; no longer written."""
 

@@ -267,11 +267,14 @@ def _read_runs(
 
 
 def _plans_of(manifest: Manifest) -> dict[str, str | None]:
-    """`plan.<paper>` and `plan_frozen.<paper>`: what was registered when the run was executed."""
+    """`plan.<paper>`, `plan_frozen.<paper>` and `plan_commit.<paper>`: what was registered when the
+    run was executed."""
     found: dict[str, str | None] = {}
     for paper, digests in (manifest.plans or {}).items():
         found[f"plan.{paper}"] = digests.plan
         found[f"plan_frozen.{paper}"] = digests.frozen
+        if digests.commit is not None:
+            found[f"plan_commit.{paper}"] = digests.commit
     return found
 
 

@@ -70,11 +70,17 @@ def measure(
     """Our values for a metric of the paper at these coordinates."""
     if name not in paper.metrics:
         return Measured(Found(None, "no_metric", f"no number of ours for '{name}'"), NOTHING)
-    metric = paper.metrics[name]
     found = find_runs(paper, pool.runs, system, conditions)
-    if found.runs is None:
+    return values_of(paper, pool, name, found, conditions)
+
+
+def values_of(
+    paper: Paper, pool: Pool, name: str, found: Found, conditions: dict[str, Any]
+) -> Measured:
+    """Our values of runs that were found for a metric that the paper's file maps."""
+    metric, runs = paper.metrics[name], found.runs
+    if runs is None:
         return Measured(found, NOTHING)
-    runs = found.runs
     if (odd := _exposure(paper, metric, runs, conditions)) and not found.stand_in:
         return Measured(Found(None, "too_few_runs", odd), NOTHING)
     if metric.only_without_loss:

@@ -2,7 +2,7 @@
 """devices/*.yaml: what a node may use of this host, and what work costs on the device."""
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import (
     BaseModel,
@@ -189,7 +189,7 @@ VIRTUAL = "virtual"
 
 
 class DeviceChange(BaseModel):
-    """A device of devices/*.yaml with another number of cores or another speed: what if?"""
+    """A device of devices/*.yaml with other cores, another speed or other spreads: what if?"""
 
     model_config = STRICT
 
@@ -198,9 +198,11 @@ class DeviceChange(BaseModel):
     cores: int | None = Field(default=None, ge=1, le=1024)
     speed: float | None = Field(default=None, gt=0)
     """Relative to the device as it is in its file."""
+    jitter: dict[str, Annotated[float, Field(ge=0, le=3)]] = Field(default_factory=dict)
+    """Stage -> another `jitter` of its cost; the median stays."""
 
     def applied_to(self, device: Device) -> Device:
-        """The changed device; ValueError when it has no cost model to change."""
+        """The changed device; ValueError when there is nothing to change."""
         if device.model is None:
             raise ValueError(f"device {device.name} has no cost model to change")
         changes: dict[str, object] = {}
@@ -208,6 +210,12 @@ class DeviceChange(BaseModel):
             changes["cores"] = self.cores
         if self.speed is not None:
             changes["speed"] = device.model.speed * self.speed
+        stages = dict(device.model.stages)
+        for stage, jitter in self.jitter.items():
+            if stage not in stages:
+                raise ValueError(f"device {device.name} has no cost of stage '{stage}'")
+            stages[stage] = stages[stage].model_copy(update={"jitter": jitter})
+        changes["stages"] = stages
         return device.model_copy(
             update={"name": self.name, "model": device.model.model_copy(update=changes)}
         )

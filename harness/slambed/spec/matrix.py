@@ -102,7 +102,7 @@ def expand(
             must_be_playable(system, host.engine)
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
-            label = choice.label or _label(system, variant)
+            label = label_of(choice, system)
             wanted = MasksAsked.of(system, params, label)
             asked = wanted.with_table(params) if wanted else []
             params = system.for_nodes(params)
@@ -195,7 +195,11 @@ def folder_of(system: System, named: str, library: Library) -> str:
     return "" if system.runtime is None else str(library.system_file(named).parent)
 
 
-def _label(system: System, variant: str) -> str:
+def label_of(choice: SystemChoice, system: System) -> str:
+    """What a row is called in tables: as the file says, else by system and variant."""
+    if choice.label:
+        return choice.label
+    variant = system.choose_variant(choice.variant)
     return system.name if not system.variants else f"{system.name}:{variant}"
 
 

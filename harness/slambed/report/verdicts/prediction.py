@@ -6,6 +6,7 @@ The only evidence that a fitted model can earn: what it says of numbers it was n
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,21 +30,38 @@ def share_positions(
     ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike
 ) -> Floats:
     """`share_position` of arrays."""
-    k, n, x = np.asarray(ours_bad), np.asarray(ours_runs), np.asarray(paper_bad)
-    law = stats.betabinom(np.asarray(paper_runs), k + 0.5, n - k + 0.5)
+    law, x = _law(ours_bad, ours_runs, paper_runs), np.asarray(paper_bad)
     return np.asarray(law.cdf(x) - 0.5 * law.pmf(x))
+
+
+def share_log_likelihood(
+    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike
+) -> Floats:
+    """Logarithm of the chance that such a prediction gives just the published count."""
+    return np.asarray(_law(ours_bad, ours_runs, paper_runs).logpmf(np.asarray(paper_bad)))
+
+
+def _law(ours_bad: ArrayLike, ours_runs: ArrayLike, paper_runs: ArrayLike) -> Any:
+    k, n = np.asarray(ours_bad), np.asarray(ours_runs)
+    return stats.betabinom(np.asarray(paper_runs), k + 0.5, n - k + 0.5)
 
 
 def mean_position(ours: Mean, paper: Mean) -> float | None:
     """The same for a mean, by a t predictive with factor sqrt(1/n_ours + 1/n_paper); None without
     a spread. The paper's n must be there (`means.completed`)."""
+    if (spread := mean_spread(ours, paper)) is None or not ours.count:
+        return None
+    if spread == 0:
+        return 0.5 if paper.value == ours.value else float(paper.value > ours.value)
+    return float(stats.t.cdf((paper.value - ours.value) / spread, ours.count - 1))
+
+
+def mean_spread(ours: Mean, paper: Mean) -> float | None:
+    """Standard deviation of what ours predicts of a published mean; None where it is not known."""
     if ours.sd is None or not ours.count or not paper.count:
         return None
     variance = ours.sd**2 * (1 / ours.count + 1 / paper.count) + paper.digit**2 / 12
-    if variance == 0:
-        return 0.5 if paper.value == ours.value else float(paper.value > ours.value)
-    z = (paper.value - ours.value) / np.sqrt(variance)
-    return float(stats.t.cdf(z, ours.count - 1))
+    return float(np.sqrt(variance))
 
 
 def inside(position: float) -> bool:

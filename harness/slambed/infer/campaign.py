@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of points through the campaign engine, and the counts that they come to.
+
+Each stage is written as ordinary experiments (`slambed run` takes them too), so that runs are kept
+by their keys and a second call repeats none.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+from rich.console import Console
+
+from slambed.campaign.run import Options, run_experiment
+from slambed.campaign.runner import Verdict
+from slambed.errors import SlambedError
+from slambed.infer.design import Point
+from slambed.infer.mixture import Counts
+from slambed.infer.rows import Made, Rows
+from slambed.outputs import make_folder
+from slambed.report.load import load
+from slambed.report.lookup import Found, Pool
+from slambed.report.measured import Measured, values_of
+from slambed.report.power import seconds_per_run
+from slambed.spec.device import VIRTUAL
+from slambed.yaml_source import load_yaml
+
+LEFT_OUT = ("grid", "reproduces", "report")
+"""Keys of an experiment's file that one written from it does not have."""
+
+
+class StoppedError(Exception):
+    """Somebody interrupted a stage."""
+
+
+@dataclass
+class Campaign:
+    """Executes stages of one plan. `plans` goes into the manifests of what is executed."""
+
+    rows: Rows
+    name: str
+    """Of the plan and its form: what its experiments begin with."""
+    folder: Path
+    options: Options
+    console: Console
+    asked: set[tuple[Made, int]] = field(default_factory=set)
+    """Every (cell, repetition) of all stages so far."""
+    runs: list[pd.DataFrame] = field(default_factory=list)
+    """What was read, for who asks under which plan it was made."""
+    verdicts: list[Verdict] = field(default_factory=list)
+    stages: int = 0
+
+    def cells_of(self, points: Iterable[Point], cells: Iterable[str]) -> set[Made]:
+        """What has to be run for these numbers at these points."""
+        slots = self.rows.places.slots(cells)
+        return {self.rows.made(slot, point) for point in points for slot in slots}
+
+    def further(self, points: Iterable[Point], cells: Iterable[str], runs: int) -> int:
+        """How many runs these would add to those of the stages so far."""
+        wanted = {(made, k) for made in self.cells_of(points, cells) for k in range(runs)}
+        return len(wanted - self.asked)
+
+    def measure(
+        self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
+    ) -> dict[Point, dict[str, Measured]]:
+        """Our values at every point, of just so many runs. Raises StoppedError where somebody
+        interrupted it, and SlambedError where a cell has no run that counts."""
+        self.stages += 1
+        pools = self._execute(f"{self.stages}-{stage}", points, cells, runs)
+        self.asked |= {(m, k) for m in self.cells_of(points, cells) for k in range(runs)}
+        return {p: {c: self._measured(pools, c, p) for c in cells} for p in points}
+
+    def counts(
+        self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
+    ) -> Mapping[Point, Counts]:
+        """The same as counts."""
+        found = self.measure(stage, points, cells, runs)
+        return {point: {c: m.share for c, m in own.items()} for point, own in found.items()}
+
+    def seconds_per_run(self) -> float:
+        """Of one run, with as many beside it as there may be: as measured in earlier stages, else
+        a first guess."""
+        results = self.options.results
+        ledgers = sorted(results.glob(f"{self.name}.*/ledger.jsonl"))
+        known = [s for path in ledgers if (s := seconds_per_run(path)) is not None]
+        if known:
+            return sum(known) / len(known)
+        guesses = [base.run_s for base in self.rows.places.bases.values()]
+        return max(guesses) / (self.options.jobs or 1)
+
+    def _execute(
+        self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
+    ) -> dict[Made, tuple[Pool, pd.DataFrame]]:
+        found: dict[Made, tuple[Pool, pd.DataFrame]] = {}
+        for path, own in self._written(stage, points, cells, runs):
+            verdict = run_experiment(str(path), self.options, self.console)
+            self.verdicts.append(verdict)
+            if verdict.interrupted:
+                raise StoppedError
+            results = load(self.options.results / path.stem)
+            trusted = results.trusted.assign(experiment_folder=results.name)
+            trusted = trusted[pd.to_numeric(trusted["repetition"]) < runs]
+            self.runs.append(trusted)
+            pool = Pool(trusted, {results.name: results})
+            for made in own:
+                at = trusted["label"].eq(made.label)
+                if made.profile is not None:
+                    at &= trusted["cell"].astype(str).str.endswith(f"/{made.profile}")
+                found[made] = (pool, trusted[at])
+        return found
+
+    def _written(
+        self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
+    ) -> list[tuple[Path, list[Made]]]:
+        """The stage's experiments: one per experiment of the plan and dataset."""
+        groups: dict[tuple[str, str], dict[str, tuple[dict[str, Any], list[Made]]]] = {}
+        for slot in self.rows.places.slots(cells):
+            for point in points:
+                made = self.rows.made(slot, point)
+                group = groups.setdefault((made.experiment, made.dataset), {})
+                _, own = group.setdefault(made.label, (self.rows.entry(slot, point), []))
+                if made not in own:
+                    own.append(made)
+        folder = self.folder / "experiments"
+        make_folder(folder, "--results")
+        found = []
+        for (experiment, dataset), rows in groups.items():
+            parts = [self.name, stage, experiment]
+            if sum(e == experiment for e, _ in groups) > 1:
+                parts.append(dataset.replace("/", "-"))
+            name = ".".join(parts)
+            content = self._experiment(name, experiment, dataset, rows, runs)
+            path = folder / f"{name}.yaml"
+            text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+            if not path.exists() or load_yaml(path).data != content:
+                path.write_text(text, encoding="utf-8")
+            found.append((path, [made for _, own in rows.values() for made in own]))
+        return found
+
+    def _experiment(
+        self, name: str, experiment: str, dataset: str,
+        rows: Mapping[str, tuple[dict[str, Any], list[Made]]], runs: int,
+    ) -> dict[str, Any]:  # fmt: skip
+        base = self.rows.places.bases[experiment]
+        plan, asked = self.rows.plan, base.plan.experiment.link
+        content = {k: v for k, v in base.source.data.items() if k not in LEFT_OUT}
+        content |= {
+            "id": name, "title": f"{plan.title}: {name.removeprefix(f'{self.name}.')}",
+            "datasets": [dataset], "engine": VIRTUAL, "runs": {"default": runs}, "seed": plan.seed,
+        }  # fmt: skip
+        systems = []
+        needed: list[str] = []
+        for entry, own in rows.values():
+            profiles = [m.profile for m in own if m.profile is not None]
+            needed += [p for p in profiles if p not in needed]
+            systems.append({**entry, "profiles": profiles} if profiles else entry)
+        content["systems"] = systems
+        if asked is not None and needed:
+            raw = self._profiles(experiment)
+            content["link"] = {
+                **base.source.data["link"],
+                "profiles": [raw.get(p, p) for p in needed],
+            }
+        else:
+            content.pop("link", None)
+        return content
+
+    def _profiles(self, experiment: str) -> dict[str, Any]:
+        """Profiles of the experiment by name, as its file writes them."""
+        base = self.rows.places.bases[experiment]
+        written = base.source.data["link"]["profiles"]
+        return dict(zip(base.profiles, written, strict=True))
+
+    def _measured(
+        self, pools: Mapping[Made, tuple[Pool, pd.DataFrame]], cell: str, point: Point
+    ) -> Measured:
+        place = self.rows.places.places[cell]
+        parts = [pools[self.rows.made(slot, point)] for slot in place.slots]
+        runs = pd.concat([own for _, own in parts], ignore_index=True)
+        if not len(runs):
+            raise SlambedError(f"no run that counts for {cell} at {point.words()}; see its report")
+        found = Found(runs, dataset=place.dataset, stand_in=place.stand_in)
+        pool = Pool(runs, {n: r for pool, _ in parts for n, r in pool.results.items()})
+        return values_of(
+            self.rows.places.paper, pool, place.cell.metric, found, dict(place.cell.conditions)
+        )

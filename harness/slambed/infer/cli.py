@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed infer`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.campaign.run import Options
+from slambed.errors import ExitCode, SlambedError
+from slambed.failures import INTERRUPTED
+from slambed.infer.campaign import StoppedError
+from slambed.infer.inference import infer as run_inference
+from slambed.infer.inference import prepare, preview
+from slambed.infer.page import headline, write_page
+from slambed.spec.device import VIRTUAL
+from slambed.terminal import console
+
+
+def infer(
+    plan: Annotated[str, typer.Argument(help="Name in inference/, or path of a YAML file.")],
+    quick: Annotated[bool, typer.Option("--quick", help="The plan's quick form.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say how many runs it takes, and how long.")
+    ] = False,
+    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
+        "results"
+    ),
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
+    ] = None,
+) -> None:
+    """Fit what a paper leaves open on some of its numbers, and predict others.
+
+    Virtual runs at points spread over what the plan leaves open; those whose likelihood of the
+    printed counts is near to the best are kept and predict the numbers held out. The page tells
+    fit, profiles, predictions in or out, attribution and what failed. What is there is not
+    executed again: the same call goes on after an interrupt.
+    """
+    screen = console()
+    options = Options(engine=VIRTUAL, results=results, jobs=jobs)
+    session = prepare(plan, quick, options, screen)
+    for line in preview(session):
+        typer.echo(line)
+    if dry_run:
+        return
+    try:
+        outcome = run_inference(session)
+    except StoppedError:
+        again = " ".join(["slambed", *sys.argv[1:]])
+        typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    path = write_page(outcome, session.folder)
+    for line in headline(outcome):
+        typer.echo(line)
+    typer.echo(path)
+    if outcome.fit.unpaid or outcome.predicting < outcome.kept:
+        told = f"{outcome.predicting} of {outcome.kept} kept points predict"
+        raise SlambedError(f"{told}: the budget is spent, raise budget_runs", ExitCode.NOT_ALL_GOOD)
+    if outcome.failures:
+        told = f"{len(outcome.failures)} runs have no result: {outcome.failures[0]}"
+        raise SlambedError(f"{told}; the same command tries again", ExitCode.NOT_ALL_GOOD)

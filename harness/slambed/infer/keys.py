@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an open item may set in an experiment, by the key that names it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["params", "devices", "datasets", "profiles"]
+ROLES = ("mobile", "edge")
+ADVICE = (
+    "set is params.<name>, devices.<mobile|edge>, devices.<role>.<cores|speed|jitter.<stage>>, "
+    "datasets.<name> or profiles.<name>"
+)
+
+
+@dataclass(frozen=True)
+class Key:
+    """`params.n_orb`, `devices.mobile.jitter.track`, `datasets.paper_office`, `profiles.sine`."""
+
+    kind: Kind
+    name: str
+    """Of the parameter, the role, the dataset or the profile."""
+    part: str = ""
+    """Of a device: `cores`, `speed`, `jitter.<stage>`; none: the whole device."""
+
+    @property
+    def of_system(self) -> bool:
+        """Whether it is a system's own, and not the whole experiment's."""
+        return self.kind in ("params", "devices")
+
+
+def split_key(text: str) -> Key:
+    """Raises ValueError for what can not be set."""
+    kind, _, name = text.partition(".")
+    if not name or kind not in ("params", "devices", "datasets", "profiles"):
+        raise ValueError(f"'{text}' cannot be set; {ADVICE}")
+    if kind == "params":
+        return Key("params", name)
+    if kind == "datasets":
+        return Key("datasets", name)
+    if kind == "profiles":
+        return Key("profiles", name)
+    role, _, part = name.partition(".")
+    stage = part.startswith("jitter.") and len(part) > len("jitter.")
+    if role not in ROLES or not (part in ("", "cores", "speed") or stage):
+        raise ValueError(f"'{text}' cannot be set; {ADVICE}")
+    return Key("devices", role, part)

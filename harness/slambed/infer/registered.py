@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a plan was written, and committed, before the runs that it is about.
+
+The digest names all that could be bent to fit a result: the plan, the experiments that it names,
+and the paper's printed numbers and mapping. It goes into the manifest of every run, with the commit
+that held those files unchanged as the run was made.
+"""
+
+import hashlib
+import subprocess
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from slambed.infer.plan import Inference
+from slambed.infer.slots import Places
+from slambed.report.papers import frozen_digest
+from slambed.report.papers.plan import DIGITS
+from slambed.spec.run_spec import canonical_json
+from slambed.yaml_source import YamlSource
+
+SHORT_COMMIT = 10
+"""Letters of a commit in a sentence."""
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What names a plan, and where it is committed."""
+
+    name: str
+    """Under which manifests keep it."""
+    digest: str
+    commit: str | None
+    """HEAD, where it holds the files as they are; None where any is changed, or not in git."""
+    why: str = ""
+    """There is no such commit."""
+
+    @property
+    def told(self) -> dict[str, dict[str, str]]:
+        """For manifests."""
+        commit = {} if self.commit is None else {"commit": self.commit}
+        return {self.name: {"plan": self.digest, **commit}}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One sentence of the page; `bad` where results do not keep to a registered plan."""
+
+    text: str
+    bad: bool = False
+
+
+def register(plan: Inference, source: YamlSource, paper_file: Path, places: Places) -> Registration:
+    """The plan as it is now."""
+    said = {
+        "plan": plan.model_dump(mode="json", exclude_defaults=True),
+        "paper": frozen_digest(places.paper),
+        "experiments": {name: base.source.data for name, base in places.bases.items()},
+    }
+    digest = hashlib.sha256(canonical_json(said).encode()).hexdigest()[:DIGITS]
+    files = [source.path, paper_file]
+    files += [base.source.path for base in places.bases.values()]
+    commit, why = commit_of(files)
+    return Registration(f"inference/{plan.id}", digest, commit, why)
+
+
+def commit_of(files: list[Path]) -> tuple[str | None, str]:
+    """HEAD of the repository of these files, if it holds all of them as they are; else why not."""
+    head = None
+    for path in files:
+        folder = str(path.resolve().parent)
+        # Under sudo the checkout belongs to another user, which git refuses without this.
+        git = ["git", "-c", "safe.directory=*", "-C", folder]
+        name = path.resolve().name
+        try:
+            found = _output([*git, "rev-parse", "HEAD"])
+            tracked = _output([*git, "ls-files", "--", name])
+            changed = _output([*git, "status", "--porcelain", "--", name])
+        except (OSError, subprocess.CalledProcessError):
+            return None, f"{path.name} is in no git repository"
+        if not tracked:
+            return None, f"{path.name} is not committed"
+        if changed:
+            return None, f"{path.name} has changes that are not committed"
+        head = head or found
+    return head, ""
+
+
+def _output(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def registered_lines(registration: Registration, runs: pd.DataFrame) -> list[Line]:
+    """Whether these runs keep to the plan."""
+    name, digest = registration.name, registration.digest
+    total = len(runs)
+    plans = _told(runs, f"plan.{name}")
+    unknown = plans.pop("", 0)
+    own = plans.pop(digest, 0)
+    found = []
+    if registration.commit is None:
+        told = f"Plan {digest} is not registered: {registration.why}."
+        found.append(Line(told, bad=True))
+    if plans:
+        others = ", ".join(sorted(plans))
+        told = f"{sum(plans.values())} of {total} runs were made under another plan: {others}."
+        found.append(Line(told, bad=True))
+    if unknown:
+        told = f"{unknown} of {total} runs do not say that they were made under this plan."
+        found.append(Line(told, bad=True))
+    if own:
+        column = f"plan.{name}"
+        commits = _told(runs[runs[column].eq(digest)], f"plan_commit.{name}")
+        if loose := commits.pop("", 0):
+            told = f"{loose} of {own} runs were made before the plan was committed as it is."
+            found.append(Line(told, bad=True))
+        for commit, count in sorted(commits.items()):
+            told = f"Plan {digest} was committed unchanged ({commit[:SHORT_COMMIT]}) before"
+            found.append(Line(f"{told} {count} of {total} runs were made."))
+    return found
+
+
+def _told(runs: pd.DataFrame, key: str) -> "Counter[str]":
+    values = runs[key] if key in runs else [None] * len(runs)
+    return Counter(value if isinstance(value, str) else "" for value in values)

@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A point of the plan as rows of experiments: what is changed where, and under which name."""
+
+import re
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from typing import Any
+
+from slambed.errors import SlambedError
+from slambed.infer.design import Point, shown
+from slambed.infer.keys import Key, split_key
+from slambed.infer.plan import Change, Inference, OpenItem
+from slambed.infer.slots import Places, Slot
+from slambed.spec.device import DeviceChange
+from slambed.spec.inputs import FROM_DATASET, find_input
+from slambed.spec.library import Library
+from slambed.spec.matrix import label_of
+from slambed.spec.system import Scalar, System
+from slambed.suggestion import suggestion
+from slambed.yaml_source import YamlSource
+
+
+@dataclass(frozen=True)
+class Made:
+    """A slot at a point: a cell of an experiment that is written for it."""
+
+    experiment: str
+    dataset: str
+    label: str
+    profile: str | None
+    """As the written experiment calls it."""
+
+
+@dataclass
+class Rows:
+    """What the items of a plan change in the rows that its cells need."""
+
+    plan: Inference
+    source: YamlSource
+    places: Places
+
+    def check(self) -> None:
+        """Raises SlambedError, in the plan's file, for what cannot be changed anywhere, or may not
+        have one of its values."""
+        for name, item in self.plan.open.items():
+            if not any(self._applies(name, item, slot) for slot in self._all):
+                raise self.source.complaint(*self._idle(name, item))
+            for slot in self._all:
+                if self._applies(name, item, slot):
+                    self._check_values(name, item, slot)
+        for pattern in self.plan.instead:
+            if not any(fnmatchcase(s, pattern) for s in self._systems):
+                told = f"{pattern} is no system of the fitted or held-out cells"
+                raise self.source.complaint(
+                    told, ("instead", pattern), suggestion(pattern, sorted(self._systems))
+                )
+
+    def unfitted(self) -> list[str]:
+        """Open items on which no fitted cell depends: the fit says nothing of them."""
+        slots = self.places.slots(self.plan.fit)
+        return [
+            n for n, i in self.plan.open.items() if not any(self._applies(n, i, s) for s in slots)
+        ]
+
+    def made(self, slot: Slot, point: Point) -> Made:
+        """The cell that has this slot at this point. What an item does not touch is shared by all
+        of its values."""
+        own = [(n, v) for n, v in point.values if self._applies(n, self.plan.open[n], slot)]
+        base = self.places.bases[slot.experiment]
+        row = label_of(base.plan.experiment.systems[slot.row], base.systems[slot.row])
+        words = ", ".join(f"{n} {shown(v)}" for n, v in own)
+        label = f"{row} @ {words}" if words else row
+        dataset = self._instead(own, "datasets", slot.dataset)
+        profile = None if slot.profile is None else self._instead(own, "profiles", slot.profile)
+        return Made(slot.experiment, dataset, label.replace("/", "-"), profile)
+
+    def entry(self, slot: Slot, point: Point) -> dict[str, Any]:
+        """The row as an experiment's file has it, without its profiles."""
+        base = self.places.bases[slot.experiment]
+        written = base.source.data["systems"][slot.row]
+        entry: dict[str, Any] = deepcopy(written)
+        entry["label"] = self.made(slot, point).label
+        for change in (*self._throughout(slot), *self._cases(slot, point)):
+            _change(entry, change)
+        for name, value in point.values:
+            item = self.plan.open[name]
+            if item.set is None or not self._applies(name, item, slot):
+                continue
+            key = split_key(item.set)
+            if key.kind == "params":
+                entry["params"] = {**(entry.get("params") or {}), key.name: value}
+            elif key.kind == "devices":
+                usual = base.source.data.get("devices") or {}
+                own = entry.setdefault("devices", {})
+                own[key.name] = changed_device(own.get(key.name, usual.get(key.name)), key, value)
+        self._anchor(entry, base.source, base.systems[slot.row])
+        return entry
+
+    @cached_property
+    def _all(self) -> list[Slot]:
+        return self.places.slots((*self.plan.fit, *self.plan.held_out))
+
+    @cached_property
+    def _systems(self) -> set[str]:
+        return set().union(*(self._called(slot) for slot in self._all))
+
+    def _called(self, slot: Slot) -> set[str]:
+        return self.places.paper_systems[slot.experiment, slot.row]
+
+    def _about(self, slot: Slot, patterns: list[str] | None) -> bool:
+        return patterns is None or any(
+            fnmatchcase(name, pattern) for name in self._called(slot) for pattern in patterns
+        )
+
+    def _applies(self, name: str, item: OpenItem, slot: Slot) -> bool:
+        if item.cases is not None:
+            patterns = [p for case in item.cases.values() for p in case]
+            return self._about(slot, patterns)
+        assert item.set is not None
+        key = split_key(item.set)
+        system = self.places.bases[slot.experiment].systems[slot.row]
+        if not self._about(slot, item.systems):
+            return False
+        match key.kind:
+            case "params":
+                return key.name in system.params
+            case "devices":
+                return key.name == "mobile" or system.has_edge
+            case "datasets":
+                return key.name == slot.dataset
+            case "profiles":
+                return key.name == slot.profile and system.has_edge
+
+    def _idle(self, name: str, item: OpenItem) -> tuple[str, tuple[str, ...], str]:
+        place = ("open", name, "cases" if item.cases is not None else "set")
+        if item.cases is not None:
+            return f"no system of the cells is changed by {name}", place, ""
+        key = split_key(str(item.set))
+        kind = {"params": "parameter", "devices": "device", "datasets": "dataset",
+                "profiles": "profile"}[key.kind]  # fmt: skip
+        slots = [s for s in self._all if self._about(s, item.systems)]
+        known: set[str] = set()
+        for slot in slots:
+            if key.kind == "params":
+                known |= set(self.places.bases[slot.experiment].systems[slot.row].params)
+            elif key.kind == "datasets":
+                known.add(slot.dataset)
+            elif slot.profile is not None:
+                known.add(slot.profile)
+        told = f"unknown {kind} '{key.name}': none of the fitted or held-out cells has it"
+        return told, place, suggestion(key.name, sorted(known)) if known else ""
+
+    def _check_values(self, name: str, item: OpenItem, slot: Slot) -> None:
+        """Every end and choice of a parameter or device must be one that there is."""
+        if item.set is None or not (key := split_key(item.set)).of_system:
+            return
+        base = self.places.bases[slot.experiment]
+        for value in (*(item.range or item.values or []), item.printed):
+            try:
+                if key.kind == "params":
+                    base.systems[slot.row].params[key.name].check(value)
+                else:
+                    self._device(slot, key, value)
+            except (ValueError, SlambedError) as error:
+                told = str(error).splitlines()[0]
+                raise self.source.complaint(f"{item.set}: {told}", ("open", name)) from None
+
+    def _device(self, slot: Slot, key: Key, value: Scalar) -> None:
+        choice = self.places.bases[slot.experiment].plan.experiment
+        own = getattr(choice.systems[slot.row].devices, key.name)
+        asked = own if own is not None else getattr(choice.devices, key.name)
+        if isinstance(asked, DeviceChange):
+            asked = asked.model_dump(exclude_defaults=True)
+        made, library = changed_device(asked, key, value), Library()
+        if isinstance(made, Mapping):
+            change = DeviceChange.model_validate(made)
+            change.applied_to(library.device(change.device))
+        else:
+            library.device(str(made))
+
+    def _instead(self, own: list[tuple[str, Scalar]], kind: str, name: str) -> str:
+        for item, value in own:
+            asked = self.plan.open[item].set
+            if asked is not None and split_key(asked) == Key(kind, name):  # type: ignore[arg-type]
+                return str(value)
+        return name
+
+    def _throughout(self, slot: Slot) -> list[Change]:
+        return [c for p, c in self.plan.instead.items() if self._about(slot, [p])]
+
+    def _cases(self, slot: Slot, point: Point) -> list[Change]:
+        named = point.named
+        return [
+            change
+            for name, item in self.plan.open.items()
+            for pattern, change in (item.cases or {}).get(str(named[name]), {}).items()
+            if self._about(slot, [pattern])
+        ]
+
+    def _anchor(self, entry: dict[str, Any], source: YamlSource, system: System) -> None:
+        """Files that the experiment finds beside itself are found from elsewhere too."""
+        for name, value in (entry.get("params") or {}).items():
+            if name in system.file_params and value not in ("", FROM_DATASET):
+                try:
+                    entry["params"][name] = str(find_input(str(value), source.path.parent))
+                except SlambedError as error:
+                    raise source.complaint(str(error), ("systems",)) from None
+
+
+def _change(entry: dict[str, Any], change: Change) -> None:
+    if change.variant is not None:
+        entry["variant"] = change.variant
+    if change.params:
+        entry["params"] = {**(entry.get("params") or {}), **change.params}
+
+
+def changed_device(asked: Any, key: Key, value: Scalar) -> Any:
+    """A device as an experiment's file names it, with one thing changed."""
+    if not key.part:
+        return value
+    device: dict[str, Any] = (
+        dict(asked) if isinstance(asked, Mapping) else {"device": asked or "host"}
+    )
+    stage = key.part.removeprefix("jitter.")
+    if stage != key.part:
+        device["jitter"] = {**device.get("jitter", {}), stage: value}
+    else:
+        device[key.part] = value
+    told = [f"{k}{v}" for k, v in device.items() if k in ("cores", "speed")]
+    told += [f"{k}-{v}" for k, v in device.get("jitter", {}).items()]
+    device["name"] = re.sub(r"[^A-Za-z0-9_.-]", "-", "_".join([str(device["device"]), *told]))
+    return device

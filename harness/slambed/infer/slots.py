@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where each published number of a plan is measured: rows, datasets and profiles of experiments."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+
+from slambed.campaign.links import read_profile
+from slambed.campaign.plan import Plan
+from slambed.campaign.run import expected_run_s, plan_virtually
+from slambed.infer.plan import YAML, Inference
+from slambed.report.lookup import find_runs
+from slambed.report.margins import published_of
+from slambed.report.papers import Cell, Paper, cells_of
+from slambed.report.verdicts.model import Mean, Share
+from slambed.spec.library import Library
+from slambed.spec.matrix import label_of, read_profiles
+from slambed.spec.run_spec import RunSpec
+from slambed.spec.system import System
+from slambed.suggestion import suggestion
+from slambed.yaml_source import YamlSource
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One cell of an experiment as it is in its file."""
+
+    experiment: str
+    row: int
+    """Of the experiment's systems, its grid written out."""
+    dataset: str
+    """As the experiment names it."""
+    profile: str | None
+
+
+@dataclass(frozen=True)
+class Place:
+    """A published number with its places among our runs."""
+
+    cell: Cell
+    printed: Share | Mean
+    slots: tuple[Slot, ...]
+    stand_in: bool
+    dataset: str
+    """What is played here."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """An experiment that the plan names."""
+
+    name: str
+    plan: Plan
+    source: YamlSource
+    systems: tuple[System, ...]
+    """Of its rows."""
+    profiles: tuple[str, ...]
+    """Names of its link's profiles, in the order of its file."""
+    run_s: float
+    """A first guess at how long one run takes."""
+
+
+@dataclass
+class Places:
+    """Everything that a plan is about, found in experiments and paper."""
+
+    paper: Paper
+    bases: dict[str, Base]
+    places: dict[str, Place]
+    """Published number -> where it is measured."""
+    paper_systems: dict[tuple[str, int], set[str]] = field(default_factory=dict)
+    """(experiment, row) -> what the paper calls it."""
+
+    def slots(self, cells: Iterable[str]) -> list[Slot]:
+        """Of these numbers, each once."""
+        return list(dict.fromkeys(s for c in cells for s in self.places[c].slots))
+
+
+def find_places(plan: Inference, source: YamlSource, paper: Paper, console: Console) -> Places:
+    """Raises SlambedError, in the plan's file, for a number that the paper does not print, that is
+    nothing to be fitted, or that no experiment of the plan has a cell for."""
+    cells = cells_of(paper)
+    wanted = [("fit", i, c) for i, c in enumerate(plan.fit)]
+    wanted += [("held_out", i, c) for i, c in enumerate(plan.held_out)]
+    printed = {name: _printed(paper, source, cells, kind, name) for kind, _, name in wanted}
+    settings = [f"playback.{key}={json.dumps(value)}" for key, value in plan.playback.items()]
+    near = source.path.parent
+    found_bases = [_base(name, near, settings, console) for name in plan.experiments]
+    bases = {base.name: base for base in found_bases}
+    frames = {name: _frame(base) for name, base in bases.items()}
+    found = Places(paper, bases, {})
+    for kind, _, name in wanted:
+        place = _place(cells[name], printed[name], bases, frames, paper)
+        if isinstance(place, str):
+            raise source.complaint(f"{name}: {place}", (kind,), "name an experiment that has it")
+        found.places[name] = place
+        for slot in place.slots:
+            called = found.paper_systems.setdefault((slot.experiment, slot.row), set())
+            called.add(str(cells[name].system))
+    return found
+
+
+def _printed(
+    paper: Paper, source: YamlSource, cells: dict[str, Cell], kind: str, name: str
+) -> Share | Mean:
+    if name not in cells:
+        told = f"{name} is no number of papers/{paper.id}.yaml"
+        raise source.complaint(told, (kind,), suggestion(name, list(cells)))
+    cell = cells[name]
+    metric = paper.metrics.get(cell.metric)
+    if metric is None or not cell.standing.judged:
+        raise source.complaint(f"{name} is nothing that our runs measure", (kind,))
+    value = published_of(cell, metric.statistic == "share")
+    if value is None:
+        raise source.complaint(f"the paper prints no count or mean at {name}", (kind,))
+    if kind == "fit" and not isinstance(value, Share):
+        raise source.complaint(
+            f"{name} is no count of runs: only counts are fitted", (kind,), "hold it out"
+        )
+    if isinstance(value, Mean) and value.count is None:
+        told = f"the paper prints no number of runs at {name}, so nothing predicts it"
+        raise source.complaint(told, (kind,))
+    return value
+
+
+def _base(name: str, near: Path, settings: list[str], console: Console) -> Base:
+    path = str(near / name) if name.endswith(YAML) else name
+    plan, source = plan_virtually(path, settings, console)
+    library = Library()
+    systems = tuple(library.system(choice.system) for choice in plan.experiment.systems)
+    profiles = tuple(p.name for p in read_profiles(plan.experiment, source, read_profile))
+    return Base(plan.experiment.id, plan, source, systems, profiles, expected_run_s(plan))
+
+
+def _frame(base: Base) -> pd.DataFrame:
+    """The cells of an experiment as runs are looked for."""
+    choices = base.plan.experiment.systems
+    labels = [label_of(c, s) for c, s in zip(choices, base.systems, strict=True)]
+    for label in labels:
+        if labels.count(label) > 1:
+            told = f"two rows of {base.name} are called '{label}'"
+            raise base.source.complaint(told, ("systems",), "give them labels")
+    names = {found: name for name, (found, _) in base.plan.circumstances.datasets.items()}
+    rows = [_row(spec, labels.index(spec.label), names[spec.dataset]) for spec in base.plan.specs]
+    return pd.DataFrame(rows)
+
+
+def _row(spec: RunSpec, row: int, dataset: str) -> dict[str, Any]:
+    return {
+        "system": spec.system, "variant": spec.variant, "dataset": spec.dataset,
+        "profile": spec.profile, "device_mobile": spec.device_mobile.name,
+        "device_edge": spec.device_edge.name if spec.device_edge else None,
+        "engine": spec.engine, "link_backend": spec.link.backend if spec.link else None,
+        "row": row, "named": dataset,
+        **{f"params.{name}": value for name, value in spec.params.items()},
+    }  # fmt: skip
+
+
+def _place(
+    cell: Cell, printed: Share | Mean, bases: dict[str, Base], frames: dict[str, pd.DataFrame],
+    paper: Paper,
+) -> Place | str:  # fmt: skip
+    """Where it is measured, in the first experiment that has it; else why nowhere."""
+    why = f"no experiment of the plan reproduces {cell.source}"
+    for name, base in bases.items():
+        if cell.source not in paper.sources(set(base.plan.experiment.reproduces)):
+            continue
+        found = find_runs(paper, frames[name], cell.system, cell.conditions)
+        if found.runs is None:
+            why = found.reason
+            continue
+        runs = found.runs
+        if runs["link_backend"].isna().all():
+            # Without an edge every profile is the same run.
+            runs = runs.drop_duplicates(["row", "named"])
+        slots = tuple(
+            Slot(name, int(run["row"]), str(run["named"]), run["profile"])
+            for run in runs.to_dict("records")
+        )
+        return Place(cell, printed, slots, found.stand_in, found.dataset)
+    return why

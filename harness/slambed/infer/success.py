@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the plan calls success, put to what came out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy import stats
+
+from slambed.infer.mixture import Prediction
+from slambed.infer.plan import Criterion
+from slambed.report.verdicts.contrasts import Ours, rising
+from slambed.report.verdicts.model import LEVEL, Mean, Share
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A published number with what is predicted of it, and our runs at the best point."""
+
+    cell: str
+    printed: Share | Mean
+    prediction: Prediction | None
+    """None: not run, or without a spread."""
+    ours: Ours | None
+
+    @property
+    def error_points(self) -> float | None:
+        """How far the expected share is off; None of a mean."""
+        if self.prediction is None or not isinstance(self.printed, Share):
+            return None
+        return 100 * abs(self.prediction.expected - self.printed.bad) / self.printed.runs
+
+
+@dataclass(frozen=True)
+class Met:
+    """One criterion with what came out."""
+
+    criterion: Criterion
+    met: bool
+    why: str
+
+
+def judge(criterion: Criterion, fitted: list[Beside], held_out: list[Beside]) -> Met:
+    """Whether a criterion is met. What could not be computed is not met."""
+    match criterion.kind:
+        case "fitted_inside":
+            return _inside(criterion, fitted)
+        case "held_out_inside":
+            return _inside(criterion, held_out)
+        case "mean_error":
+            return _mean_error(criterion, held_out)
+    by_name = {b.cell: b for b in (*fitted, *held_out)}
+    if criterion.kind == "rank":
+        return _rank(criterion, by_name)
+    return _rises(criterion, by_name)
+
+
+def _inside(criterion: Criterion, cells: list[Beside]) -> Met:
+    count = sum(c.prediction is not None and c.prediction.inside for c in cells)
+    least = criterion.at_least or 0.0
+    missing = sum(c.prediction is None for c in cells)
+    why = f"{count} of {len(cells)} inside, {least:.0%} asked for"
+    why += f"; {missing} not predicted count as outside" if missing else ""
+    return Met(criterion, count >= least * len(cells), why)
+
+
+def _mean_error(criterion: Criterion, cells: list[Beside]) -> Met:
+    errors = [e for c in cells if (e := c.error_points) is not None]
+    wanted = sum(isinstance(c.printed, Share) for c in cells)
+    if len(errors) < wanted or not errors:
+        return Met(criterion, False, f"{len(errors)} of {wanted} shares are predicted")
+    error, most = float(np.mean(errors)), criterion.at_most or 0.0
+    why = f"{error:.1f} points over {len(errors)} shares, {most:g} at most"
+    return Met(criterion, error <= most, why)
+
+
+def _rank(criterion: Criterion, cells: Mapping[str, Beside]) -> Met:
+    chain = [cells[name] for name in criterion.cells]
+    if any(c.prediction is None for c in chain):
+        return Met(criterion, False, "one of its cells is not predicted")
+    ours = [c.prediction.expected for c in chain if c.prediction is not None]
+    paper = [_value(c.printed) for c in chain]
+    if len(set(ours)) < 2 or len(set(paper)) < 2:
+        return Met(criterion, False, "nothing varies")
+    rho, least = float(stats.spearmanr(ours, paper).statistic), criterion.at_least or 0.0
+    return Met(criterion, rho >= least, f"rank correlation {rho:.2f}, {least:g} asked for")
+
+
+def _value(printed: Share | Mean) -> float:
+    return printed.value
+
+
+def _rises(criterion: Criterion, cells: Mapping[str, Beside]) -> Met:
+    chain = [cells[name] for name in criterion.cells]
+    ours = [c.ours for c in chain if c.ours is not None]
+    if len(ours) < len(chain):
+        return Met(criterion, False, "one of its cells was not run")
+    steps = [rising(pair) for pair in pairwise(ours)]
+    worst = int(np.argmax(steps))
+    why = f"p {max(steps):.2g} ({chain[worst].cell} to {chain[worst + 1].cell})"
+    return Met(criterion, max(steps) < LEVEL, why)
