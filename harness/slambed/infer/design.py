@@ -44,7 +44,7 @@ def shown(value: Scalar) -> str:
     """A value as tables have it."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"{value:g}" if isinstance(value, int | float) else value
+    return f"{value:.12g}" if isinstance(value, int | float) else value
 
 
 def printed_point(items: Mapping[str, OpenItem]) -> Point:

@@ -9,6 +9,8 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import Any
 
+from slambed.campaign.datasets import sensor_of
+from slambed.campaign.links import read_profile
 from slambed.errors import SlambedError
 from slambed.infer.design import Point, shown
 from slambed.infer.keys import Key, split_key
@@ -51,6 +53,7 @@ class Rows:
             for slot in self._all:
                 if self._applies(name, item, slot):
                     self._check_values(name, item, slot)
+        self._check_changes()
         for pattern in self.plan.instead:
             if not any(fnmatchcase(s, pattern) for s in self._systems):
                 told = f"{pattern} is no system of the fitted or held-out cells"
@@ -153,15 +156,39 @@ class Rows:
         told = f"unknown {kind} '{key.name}': none of the fitted or held-out cells has it"
         return told, place, suggestion(key.name, sorted(known)) if known else ""
 
+    def _check_changes(self) -> None:
+        """Variants and parameters of `instead` and cases must be those of the systems."""
+        changes = [(("instead", p), p, c) for p, c in self.plan.instead.items()]
+        changes += [
+            (("open", name), pattern, change)
+            for name, item in self.plan.open.items()
+            for case in (item.cases or {}).values()
+            for pattern, change in case.items()
+        ]
+        for place, pattern, change in changes:
+            for slot in (s for s in self._all if self._about(s, [pattern])):
+                base = self.places.bases[slot.experiment]
+                system, choice = base.systems[slot.row], base.plan.experiment.systems[slot.row]
+                try:
+                    variant = system.choose_variant(change.variant or choice.variant)
+                    system.resolve(variant, {**choice.params, **change.params})
+                except SlambedError as error:
+                    raise self.source.complaint(str(error), place) from None
+
     def _check_values(self, name: str, item: OpenItem, slot: Slot) -> None:
         """Every end and choice of a parameter or device must be one that there is."""
-        if item.set is None or not (key := split_key(item.set)).of_system:
+        if item.set is None:
             return
+        key = split_key(item.set)
         base = self.places.bases[slot.experiment]
         for value in (*(item.range or item.values or []), item.printed):
             try:
                 if key.kind == "params":
                     base.systems[slot.row].params[key.name].check(value)
+                elif key.kind == "datasets":
+                    sensor_of(str(value))
+                elif key.kind == "profiles":
+                    read_profile(str(value), str(self.source.path))
                 else:
                     self._device(slot, key, value)
             except (ValueError, SlambedError) as error:

@@ -3,7 +3,7 @@
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +115,12 @@ def _printed(
     metric = paper.metrics.get(cell.metric)
     if metric is None or not cell.standing.judged:
         raise source.complaint(f"{name} is nothing that our runs measure", (kind,))
+    erratum = cell.standing.erratum
+    if erratum is not None and isinstance(erratum.judge_as, str):
+        told = f"{name} is printed wrongly, {erratum.judge_as} stands for it"
+        raise source.complaint(told, (kind,), "name that")
+    if erratum is not None and erratum.judge_as is not None:
+        cell = replace(cell, value=float(erratum.judge_as))
     value = published_of(cell, metric.statistic == "share")
     if value is None:
         raise source.complaint(f"the paper prints no count or mean at {name}", (kind,))
