@@ -295,6 +295,7 @@ ELSEWHERE = {
             "diff",
             "paper",
             "gate",
+            "bisect",
             "view",
             "evaluate",
         ),

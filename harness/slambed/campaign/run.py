@@ -53,7 +53,7 @@ from slambed.yaml_source import YamlSource
 OVERHEAD_S = 3.0
 # A virtual run takes about this share of the played time; only a first guess for the ETA.
 VIRTUAL_SHARE = 0.1
-RESERVED = (STORE, ATTEMPTS, "papers", "inference")
+RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
 """Folders of `results/` that are no experiments."""
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about results: report, losses, plots, compare, truth, paper, gate, view, evaluate.
+"""Commands about results: report, losses, plots, compare, truth, paper, gate, bisect, view,
+evaluate, diff.
 
 The main command mounts them with `add_commands`.
 """
@@ -13,6 +14,7 @@ import typer
 from slambed.campaign.runner import Verdict
 from slambed.errors import ExitCode, SlambedError
 from slambed.outputs import PICTURES, make_folder, writing
+from slambed.report.bisect_cli import bisect
 from slambed.terminal import console
 
 ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
@@ -23,7 +25,7 @@ app = typer.Typer(help="Reports, comparisons and gates.", no_args_is_help=True)
 
 def add_commands(main: typer.Typer) -> None:
     """Adds the commands of this module to the main command."""
-    for command in (report, losses, plots, compare, truth, paper, gate, view, evaluate):
+    for command in (report, losses, plots, compare, truth, paper, gate, bisect, view, evaluate):
         main.command()(command)
     main.command("diff")(diff_command)
 

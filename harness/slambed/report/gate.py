@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Did tonight get worse than the baseline? Significant and relevant, or nothing measured: fail."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -83,8 +84,13 @@ def is_relevant(baseline: Floats, tonight: Floats, item: Metric) -> NDArray[np.b
     return relevant
 
 
-def judge(baseline: pd.DataFrame, tonight: pd.DataFrame, alpha: float = ALPHA) -> GateResult:
-    """Compares runs (rows with the summary keys) cell by cell."""
+def judge(
+    baseline: pd.DataFrame,
+    tonight: pd.DataFrame,
+    alpha: float = ALPHA,
+    metrics: Sequence[str] = (),
+) -> GateResult:
+    """Compares runs (rows with the summary keys) cell by cell: the gated metrics, or these."""
     result = GateResult()
     if not len(tonight) or not tonight["trusted"].eq(True).any():
         result.failures.append("nothing was measured tonight: there is no run to be trusted")
@@ -98,7 +104,7 @@ def judge(baseline: pd.DataFrame, tonight: pd.DataFrame, alpha: float = ALPHA) -
     if result.failures:
         return result
     own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
-    gated = keys_for(Use.GATED, own)
+    gated = metrics or keys_for(Use.GATED, own)
     tests: list[Test] = []
     for cell, before in baseline.groupby("cell", sort=False):
         after = tonight[tonight["cell"] == cell]
