@@ -169,7 +169,7 @@ def workshop(clone: Clone, tmp_path: Path) -> Workshop:
 
 
 def search(workshop: Workshop, good: str, bad: str, lines: list[str]) -> Bisected:
-    repository = workshop.repository
+    repository, workshop.say = workshop.repository, lines.append
     first, last = repository.commit(good), repository.commit(bad)
     with workshop.opened():
         return bisect(first, repository.after(first, last), workshop, [METRIC], say=lines.append)
