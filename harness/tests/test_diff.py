@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed diff`: a planted change is found, chance is not taken for one."""
 
+import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,8 @@ from command_line import slambed
 from results_factory import RawRun, spec_of, write_experiment
 
 from slambed.errors import SlambedError
-from slambed.report.diff import Change, diff
+from slambed.report.diff import Change, diff, diff_table
+from slambed.report.diff_page import relative, write_diff_page
 from slambed.report.load import Results
 from slambed.spec.device import VIRTUAL
 
@@ -108,3 +111,49 @@ def test_the_command_compares_two_folders(tmp_path: Path) -> None:
     assert list(rows["verdict"]) == ["worse"] and list(rows["runs"]) == ["8 pairs"]
     code, out, _ = slambed("diff", folders[0], folders[0], *metric)
     assert code == 0 and "0 of 1 comparisons" in out
+    page = tmp_path / "diff.html"
+    assert slambed("diff", *folders, *metric, "--html", str(page))[0] == 1
+    assert_self_contained(text := page.read_text())
+    assert '<td class="word bad">worse</td>' in text and text.count("data:image/svg+xml") == 1
+    code, _, err = slambed("diff", *folders, "--html", str(tmp_path / "no" / "where.html"))
+    assert code == 2 and "choose another --html" in err and err.count("\n") == 1
+
+
+def assert_self_contained(page: str) -> None:
+    loaded = re.findall(r'(?:src|href)="([^"#]*)', page)
+    assert all(address.startswith("data:") for address in loaded), loaded
+    assert "<script" not in page
+
+
+def test_the_page_says_what_the_table_does(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    a, b = results(rng), results(rng, 1.05)
+    for side in (a, b):
+        side.runs["started_utc"], side.runs["run_key"] = None, side.runs.index.astype(str)
+    a.facts["commit"], b.facts["commit"] = Counter({"1" * 40: 9}), Counter({"2" * 40: 9})
+    a.runs["ate_rmse_m"] = 0.0  # no scale: in the table, not in the figure
+    found = diff(a, b, NAMES)
+    path = tmp_path / "page.html"
+    write_diff_page(found, a, b, path)
+    page = path.read_text()
+    assert_self_contained(page)
+    table = diff_table(found, "x", "x")
+    assert page.count("<tr>") >= len(table.rows) + 5
+    assert f'<b class="bad">{sum(c.verdict == "worse" for c in found)}</b>' in page
+    assert "<b>commit</b>" in page and "1" * 40 in page and "<b>engine</b>" not in page
+    drawn = [change for change in found if relative(change) is not None]
+    assert len(found) - len(drawn) == 2 and "2 more are in the table alone" in page
+    for change in found:
+        if change.metric.key == "track_ms_median":
+            ends = relative(change)
+            assert ends is not None and ends[1] < ends[0] < ends[2]
+            assert ends[0] == pytest.approx(5.0, abs=2.0)
+
+
+def test_a_page_of_equal_folders_claims_no_equality(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    a = results(rng)
+    a.runs["started_utc"] = None
+    write_diff_page(diff(a, a, NAMES), a, a, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "no proof that there is none" in page and "What differs is in bold" not in page

@@ -163,6 +163,7 @@ def diff_command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Table to write: .csv or .md.")
     ] = None,
+    html: Annotated[Path | None, typer.Option(help="Page to write, one file.")] = None,
 ) -> None:
     """Compare two results folders: other commits, engines, hosts or systems.
 
@@ -173,13 +174,19 @@ def diff_command(
 
     if output is not None and output.suffix not in (".csv", ".md"):
         raise SlambedError(f"unknown table format {output}; known: .csv, .md")
-    found = diff(load(a), load(b), metrics)
+    before, after = load(a), load(b)
+    found = diff(before, after, metrics)
     table = diff_table(found, str(a), str(b))
     console().print(table.rich())
     if output is not None:
         with writing(output):
             output.write_text(table.markdown() if output.suffix == ".md" else table.csv())
         typer.echo(f"table: {output}")
+    if html is not None:
+        from slambed.report.diff_page import write_diff_page
+
+        write_diff_page(found, before, after, html)
+        typer.echo(f"page: {html}")
     shown = sum(change.shown for change in found)
     typer.echo(f"{shown} of {len(found)} comparisons show a change")
     if shown:
