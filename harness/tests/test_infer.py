@@ -5,6 +5,7 @@ known truth."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -283,12 +284,16 @@ CELLS = [beside("a", 10, 12, 5, 20), beside("b", 50, 60, 55, 70), beside("c", 90
         ({"kind": "mean_error", "at_most": 4.0}, False, "4.7 points"),
         ({"kind": "rank", "at_least": 0.9, "cells": ["a", "b", "c"]}, True, "1.00"),
         ({"kind": "rank", "at_least": 0.9, "cells": ["b", "a", "c"]}, True, "1.00"),
+        ({"kind": "rank", "at_least": 0.9, "cells": list("abcde")}, True, "0.90"),
+        ({"kind": "rank", "at_least": 0.95, "cells": list("abcde")}, False, "0.90"),
         ({"kind": "rises", "cells": ["a", "b", "c"]}, True, "p "),
         ({"kind": "rises", "cells": ["b", "a"]}, False, "b to a"),
     ],
 )
-def test_success_is_what_the_plan_says(asked: dict[str, object], met: bool, why: str) -> None:
-    found = judge(Criterion.model_validate({"says": "", **asked}), [], CELLS)
+def test_success_is_what_the_plan_says(asked: dict[str, Any], met: bool, why: str) -> None:
+    exchanged = [beside("d", 95, 97, 0, 100), beside("e", 99, 92, 0, 100)]
+    cells = [*CELLS, *exchanged] if "d" in asked.get("cells", []) else CELLS
+    found = judge(Criterion.model_validate({"says": "", **asked}), [], cells)
     assert found.met is met and why in found.why
 
 

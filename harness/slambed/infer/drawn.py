@@ -12,12 +12,12 @@ from slambed.infer.success import Beside
 from slambed.report.strip import escaped
 from slambed.report.verdicts.model import Share
 
-WIDTH, LABEL, LANE = 420.0, 132.0, 17.0
+WIDTH, LABEL, LANE = 420.0, 152.0, 17.0
 INSIDE, OUTSIDE = "#009E73", "#D55E00"
 PROFILE_WIDTH, PROFILE_HEIGHT, LEFT, BOTTOM, TOP = 330.0, 190.0, 40.0, 34.0, 10.0
 DEEPEST = 60.0
 """Log units below the best at which a point sits at the lower edge."""
-LETTERS = 26
+LETTERS = 28
 """Of a lane's name."""
 
 

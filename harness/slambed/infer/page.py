@@ -42,7 +42,11 @@ class Row:
 def headline(outcome: Outcome) -> list[str]:
     """What came out, in a few lines."""
     met = sum(item.met for item in outcome.success)
-    said = "reproduced by the plan's own words" if met == len(outcome.success) else "not reproduced"
+    said = "not reproduced"
+    if met == len(outcome.success):
+        said = "reproduced by the plan's own words"
+        if any(place.stand_in for place in outcome.places.places.values()):
+            said = "but on a stand-in of the paper's sequence, so nothing is called reproduced"
     found = [f"{met} of {len(outcome.success)} criteria of the plan are met: {said}"]
     found += [
         f"  {'met' if m.met else 'NOT MET'}: {m.criterion.says} ({m.why})" for m in outcome.success
@@ -106,9 +110,7 @@ def _page(outcome: Outcome) -> str:
         paper_counts=[f"{s.bad}/{s.runs}" for s in fit.printed.values()],
         best_counts=[_count(fit.best, c) for c in cells],
         back=[_back(b, fit.best, cells) for b in outcome.back],
-        printed=_back(
-            Back("all of them", "as above", "as printed", outcome.printed), fit.best, cells
-        ),
+        printed=_back(Back("all of them", "", "", outcome.printed), fit.best, cells),
     )
 
 
@@ -134,6 +136,10 @@ def _failures(outcome: Outcome) -> list[str]:
 
 def _label(outcome: Outcome, cell: str) -> str:
     found = outcome.places.places[cell].cell
+    if found.claim is not None:
+        system = outcome.places.paper.systems.get(str(found.system))
+        at = [str(v) for k, v in found.conditions.items() if k not in ("dataset", "runs")]
+        return ", ".join([system.label if system else str(found.system), *at])
     return f"{found.row}, {found.column}" if found.column else found.row
 
 

@@ -13,6 +13,8 @@ from slambed.infer.plan import Criterion
 from slambed.report.verdicts.contrasts import Ours, rising
 from slambed.report.verdicts.model import LEVEL, Mean, Share
 
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Beside:
@@ -84,7 +86,10 @@ def _rank(criterion: Criterion, cells: Mapping[str, Beside]) -> Met:
     if len(set(ours)) < 2 or len(set(paper)) < 2:
         return Met(criterion, False, "nothing varies")
     rho, least = float(stats.spearmanr(ours, paper).statistic), criterion.at_least or 0.0
-    return Met(criterion, rho >= least, f"rank correlation {rho:.2f}, {least:g} asked for")
+    # Five cells with two of them exchanged are 0.9, or a rounding below it.
+    return Met(
+        criterion, rho >= least - ROUNDING, f"rank correlation {rho:.2f}, {least:g} asked for"
+    )
 
 
 def _value(printed: Share | Mean) -> float:
