@@ -4,6 +4,7 @@
 from pathlib import Path
 
 import pytest
+import yaml
 from command_line import slambed
 
 from slambed.errors import SlambedError
@@ -108,6 +109,45 @@ def test_a_planted_defect_of_a_system_that_reads_a_folder_is_red(
     red = red_lines(folder / "folder_odometry.yaml")
     # One that does not hear SIGTERM is killed 2 s later, as the contract says.
     assert red == [] if told is None else red and told in red[0], red
+
+
+ALONG_A_LINE = {
+    "kitti": (
+        "mono",
+        "ls $SLAMBED_FRAMES/image_0 | awk '{print 1,0,0,NR/99, 0,1,0,0, 0,0,1,0}'",
+    ),
+    "euroc": (
+        "stereo",
+        "awk -F, '!/^#/ {printf \"%.9f %f 0 0 0 0 0 1\\n\", $1 / 1e9, NR / 99}' "
+        "$SLAMBED_FRAMES/mav0/cam0/data.csv",
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", ALONG_A_LINE)
+def test_programs_that_know_nothing_of_slambed_read_the_other_layouts(
+    layout: str, tmp_path: Path
+) -> None:
+    """A line of shell that believes that the camera goes straight on; KITTI's poses have no times,
+    EuRoC's times are nanoseconds."""
+    sensor, line = ALONG_A_LINE[layout]
+    form = "kitti" if layout == "kitti" else "tum"
+    description = {
+        "name": "line", "title": "Straight on", "roles": ["mobile"], "sensors": [sensor],
+        "runtime": {
+            "reads": layout, "trajectory": "poses.txt", "trajectory_format": form,
+            "mobile": {"command": ["sh", "-c", f"{line} >$SLAMBED_TRAJECTORY"]},
+        },
+    }  # fmt: skip
+    (tmp_path / "line").mkdir()
+    system = tmp_path / "line" / "system.yaml"
+    system.write_text(yaml.safe_dump(description))
+    assert red_lines(system) == []
+    description["runtime"]["mobile"]["command"][2] = f"{line} | head -n 7 >$SLAMBED_TRAJECTORY"
+    system.write_text(yaml.safe_dump(description))
+    red = red_lines(system)
+    # Seven poses of twenty frames: KITTI's lines do not say of which.
+    assert [x for x in red if "7 x 12 numbers" in x] == red and bool(red) == (layout == "kitti")
 
 
 def test_inverted_poses_are_red(tmp_path: Path) -> None:
