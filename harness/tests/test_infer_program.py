@@ -77,6 +77,7 @@ def test_what_was_open_is_found_and_predicts(room: Room, tmp_path: Path) -> None
     bright = [p for p in found["points"] if p["values"]["pictures"] == room.walk]
     assert bright and not any(p["kept"] for p in bright)
     assert found["registered"], found["registration"]
+    assert found["stand_ins"] == ["dark"]  # the paper's is the one in the light
     fitted, held_out = found["fitted"], {b["cell"]: b for b in found["held_out"]}
     assert [b["inside"] for b in fitted] == [True]
     assert held_out["small.T1.losses.alone"]["inside"]

@@ -22,7 +22,7 @@ from slambed.infer.mixture import Counts
 from slambed.infer.rows import Made, Rows
 from slambed.outputs import make_folder
 from slambed.report.load import load
-from slambed.report.lookup import Found, Pool
+from slambed.report.lookup import Found, Pool, matching
 from slambed.report.measured import Measured, values_of
 from slambed.report.power import seconds_per_run
 from slambed.spec.device import VIRTUAL
@@ -52,6 +52,8 @@ class Campaign:
     """What was read, for who asks under which plan it was made."""
     verdicts: list[Verdict] = field(default_factory=list)
     stages: int = 0
+    stand_ins: set[str] = field(default_factory=set)
+    """What was played and is not the paper's sequence."""
 
     def cells_of(self, points: Iterable[Point], cells: Iterable[str]) -> set[Made]:
         """What has to be run for these numbers at these points."""
@@ -76,8 +78,13 @@ class Campaign:
     def counts(
         self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
     ) -> Mapping[Point, Counts]:
-        """The same as counts."""
+        """The same as counts. Raises SlambedError where a cell cannot be put beside the paper's."""
         found = self.measure(stage, points, cells, runs)
+        for point, own in found.items():
+            for cell, measured in own.items():
+                if not measured.there:
+                    told = f"nothing is measured for {cell} at {point.words()}"
+                    raise SlambedError(f"{told}: {measured.found.reason}")
         return {point: {c: m.share for c, m in own.items()} for point, own in found.items()}
 
     def seconds_per_run(self) -> float:
@@ -182,8 +189,11 @@ class Campaign:
         runs = pd.concat([own for _, own in parts], ignore_index=True)
         if not len(runs):
             raise SlambedError(f"no run that counts for {cell} at {point.words()}; see its report")
-        found = Found(runs, dataset=place.dataset, stand_in=place.stand_in)
+        # What was played may be an open item: it is the paper's sequence or stands in for it.
+        conditions = dict(place.cell.conditions)
+        where = self.rows.places.paper.datasets[str(conditions["dataset"])]
+        others = set(runs["dataset"]) - set(matching(runs, {"dataset": where.match})["dataset"])
+        self.stand_ins |= {str(name) for name in others}
+        found = Found(runs, dataset=place.dataset, stand_in=bool(others))
         pool = Pool(runs, {n: r for pool, _ in parts for n, r in pool.results.items()})
-        return values_of(
-            self.rows.places.paper, pool, place.cell.metric, found, dict(place.cell.conditions)
-        )
+        return values_of(self.rows.places.paper, pool, place.cell.metric, found, conditions)

@@ -57,6 +57,8 @@ class Outcome:
     predicting: int
     lines: list[Line]
     unfitted: list[str]
+    stand_ins: list[str]
+    """What was played and is not the paper's sequence."""
     spent: int
     failures: list[str] = field(default_factory=list)
     """Runs without a result."""
@@ -204,7 +206,7 @@ def infer(session: Session) -> Outcome:
         success=[judge(c, fitted, held_out) for c in plan.success],
         kept=len(kept), predicting=len(affordable),
         lines=registered_lines(session.registration, runs), unfitted=session.rows.unfitted(),
-        spent=len(campaign.asked),
+        stand_ins=sorted(campaign.stand_ins), spent=len(campaign.asked),
         failures=[line for v in campaign.verdicts for line in v.given_up.values()],
     )  # fmt: skip
 

@@ -45,7 +45,7 @@ def headline(outcome: Outcome) -> list[str]:
     said = "not reproduced"
     if met == len(outcome.success):
         said = "reproduced by the plan's own words"
-        if any(place.stand_in for place in outcome.places.places.values()):
+        if outcome.stand_ins:
             said = "but on a stand-in of the paper's sequence, so nothing is called reproduced"
     found = [f"{met} of {len(outcome.success)} criteria of the plan are met: {said}"]
     found += [
@@ -75,7 +75,6 @@ def write_page(outcome: Outcome, folder: Path) -> Path:
 def _page(outcome: Outcome) -> str:
     plan, fit = outcome.plan, outcome.fit
     fitted, held_out = _rows(outcome, outcome.fitted), _rows(outcome, outcome.held_out)
-    stand_ins = sorted({p.dataset for p in outcome.places.places.values() if p.stand_in})
     cells = list(fit.printed)
     template = environment().get_template("inference.html.j2")
     return template.render(
@@ -92,7 +91,7 @@ def _page(outcome: Outcome) -> str:
         bad=[line.text for line in outcome.lines if line.bad],
         good=[line.text for line in outcome.lines if not line.bad],
         failures=_failures(outcome),
-        stand_ins=stand_ins,
+        stand_ins=outcome.stand_ins,
         open=[(name, described(plan, name), item.says) for name, item in plan.open.items()],
         unfitted=outcome.unfitted,
         profiles=[profile_svg(name, item, fit) for name, item in plan.open.items()],
@@ -229,6 +228,7 @@ def _numbers(outcome: Outcome) -> str:
         "registered": not any(line.bad for line in outcome.lines),
         "registration": [line.text for line in outcome.lines],
         "quick": outcome.quick,
+        "stand_ins": outcome.stand_ins,
         "runs": outcome.spent,
         "points": [{**point(e), "kept": e.point in kept} for e in outcome.fit.ranked],
         "fitted": [beside(b) for b in outcome.fitted],
