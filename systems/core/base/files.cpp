@@ -22,6 +22,7 @@ bool write_all(const std::filesystem::path& path,
   File file(std::fopen(path.c_str(), "wb"), &std::fclose);
   if (!file) return false;
   for (const auto part : parts) {
+    if (part.empty()) continue;  // may be a null pointer, which fwrite must not get
     if (std::fwrite(part.data(), 1, part.size(), file.get()) != part.size()) return false;
   }
   return std::fclose(file.release()) == 0;
