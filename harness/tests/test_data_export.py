@@ -9,7 +9,7 @@ import pytest
 from command_line import slambed
 from data_samples import CAMERA, HEIGHT, WIDTH, grey, trajectory, write_prepared
 
-from slambed.data.export import export, told_times_ns
+from slambed.data.export import export, folder_times_ns
 from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter
 from slambed.data.readers import ReaderOptions, load_reader
@@ -102,7 +102,7 @@ def test_a_part_has_its_frames_its_rate_and_no_truth(tmp_path: Path, layout: str
     folder = export(sequence, layout, tmp_path / "out", indices=np.array([1, 3]), with_truth=False)
     reader = load_reader(layout)(folder, options("stereo"))
     assert [frame.timestamp_ns for frame in reader] == [
-        int(told_times_ns(sequence, layout)[i]) for i in (1, 3)
+        int(folder_times_ns(sequence, layout)[i]) for i in (1, 3)
     ]
     assert np.array_equal(reader[1].grey[2:-2, 2:-2], sequence.grey(3)[2:-2, 2:-2])
     names = {path.name for path in folder.rglob("*")}

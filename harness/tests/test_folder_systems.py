@@ -14,7 +14,12 @@ from harness_parts import run_spec
 from test_data_export import write_stereo
 from test_foreign import MINE, write_system
 
-from slambed.campaign.left_poses import frames_of, rotated, take_poses, told
+from slambed.campaign.left_poses import (
+    check_rotations,
+    frames_of,
+    read_poses,
+    record_poses,
+)
 from slambed.campaign.recordings import Recording
 from slambed.data.trajectory import Trajectory, read_tum, write_tum
 from slambed.engines.base import NodePlan
@@ -120,7 +125,7 @@ def test_poses_belong_to_the_frames_whose_time_they_have(
     tmp_path: Path, recording: Recording
 ) -> None:
     path = tum_file(tmp_path / "poses.txt", [0.1, 0.3004])
-    poses = told(path, runtime(), recording)
+    poses = read_poses(path, runtime(), recording)
     assert list(frames_of(path, poses, recording)) == [1, 3]
 
 
@@ -138,7 +143,7 @@ def test_wrong_time_stamps_are_refused(
 ) -> None:
     path = tum_file(tmp_path / "poses.txt", stamps_s)
     with pytest.raises(SlambedError, match=line):
-        frames_of(path, told(path, runtime(), recording), recording)
+        frames_of(path, read_poses(path, runtime(), recording), recording)
 
 
 def kitti_file(path: Path, count: int, scale: float = 1.0) -> Path:
@@ -152,31 +157,31 @@ def kitti_file(path: Path, count: int, scale: float = 1.0) -> Path:
 def test_a_line_of_kitti_is_a_frame(tmp_path: Path, recording: Recording) -> None:
     kitti = runtime(reads="kitti", trajectory_format="kitti")
     path = kitti_file(tmp_path / "poses.txt", 4)
-    poses = told(path, kitti, recording)
+    poses = read_poses(path, kitti, recording)
     assert np.allclose(poses.stamps_s, [0, 0.1, 0.2, 0.3])
     assert np.allclose(poses.positions_m[:, 0], [0, 1, 2, 3])
     with pytest.raises(SlambedError, match="3 x 12 numbers; KITTI's poses have no times"):
-        told(kitti_file(path, 3), kitti, recording)
+        read_poses(kitti_file(path, 3), kitti, recording)
     with pytest.raises(SlambedError, match="the pose of line 1 is no rotation"):
-        told(kitti_file(path, 4, scale=1.01), kitti, recording)
+        read_poses(kitti_file(path, 4, scale=1.01), kitti, recording)
     with pytest.raises(SlambedError, match="the pose of line 1 is no rotation"):
-        told(kitti_file(path, 4, scale=-1.0), kitti, recording)
+        read_poses(kitti_file(path, 4, scale=-1.0), kitti, recording)
     path.write_text("1 2 three\n")
     with pytest.raises(SlambedError, match=r"poses\.txt: cannot be read as KITTI's poses"):
-        told(path, kitti, recording)
+        read_poses(path, kitti, recording)
 
 
 def test_a_quaternion_that_is_none_is_refused(tmp_path: Path, recording: Recording) -> None:
     path = tmp_path / "poses.txt"
     path.write_text("0.0 0 0 0 0 0 0 1\n0.1 0 0 0 0 0 0 1.1\n")
     with pytest.raises(SlambedError, match=r"at 0\.100000 s is no rotation.*length 1\.1000"):
-        rotated(path, told(path, runtime(), recording))
+        check_rotations(path, read_poses(path, runtime(), recording))
     path.write_text("0.0 0 0 0 0 0 1\n")
     with pytest.raises(SlambedError, match=r"^poses\.txt:1: not a pose"):
-        told(path, runtime(), recording)
+        read_poses(path, runtime(), recording)
     path.write_text("# nothing\n")
     with pytest.raises(SlambedError, match="no pose in it"):
-        told(path, runtime(), recording)
+        read_poses(path, runtime(), recording)
 
 
 def left(tmp_path: Path, stamps_s: list[float]) -> Path:
@@ -193,7 +198,9 @@ def test_frames_losses_and_poses_come_from_the_time_stamps(
     tmp_path: Path, recording: Recording
 ) -> None:
     raw = left(tmp_path, [0.1, 0.3])
-    result = take_poses(RunResult("completed", None, mobile_until_s=7.5), runtime(), recording, raw)
+    result = record_poses(
+        RunResult("completed", None, mobile_until_s=7.5), runtime(), recording, raw
+    )
     assert result.outcome == "completed"
     events = [json.loads(x) for x in (raw / "mobile" / "events.jsonl").read_text().splitlines()]
     assert events[0]["text"] == "before" and {e["t_ns"] for e in events[1:]} == {7_500_000_000}
@@ -219,11 +226,11 @@ def test_a_trajectory_that_is_none_is_how_the_system_died(
     tmp_path: Path, recording: Recording
 ) -> None:
     raw = left(tmp_path, [55.0])
-    result = take_poses(RunResult("completed", None), runtime(), recording, raw)
+    result = record_poses(RunResult("completed", None), runtime(), recording, raw)
     assert result.outcome == "died" and "the time of no frame" in (result.reason or "")
     assert not (raw / "mobile" / "trajectory.txt").exists()
     ended = RunResult("timed_out", "late")
-    assert take_poses(ended, runtime(), recording, raw) is ended
+    assert record_poses(ended, runtime(), recording, raw) is ended
 
 
 def test_a_reader_has_the_time_of_who_waits_for_tracking() -> None:
@@ -253,4 +260,4 @@ def test_poses_are_sorted_by_time(tmp_path: Path, recording: Recording) -> None:
     rows = trajectory([0.3, 0.0, 0.1])
     path = tmp_path / "poses.txt"
     write_tum(path, Trajectory(rows.stamps_s, rows.positions_m, rows.quaternions_xyzw))
-    assert list(frames_of(path, told(path, runtime(), recording), recording)) == [0, 1, 3]
+    assert list(frames_of(path, read_poses(path, runtime(), recording), recording)) == [0, 1, 3]

@@ -17,7 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from slambed.atomic import replacing
-from slambed.campaign.left_poses import frames_of, rotated, take_poses, told
+from slambed.campaign.left_poses import (
+    check_rotations,
+    frames_of,
+    read_poses,
+    record_poses,
+)
 from slambed.campaign.recordings import Recording
 from slambed.data.prepared import PreparedSequence
 from slambed.data.trajectory import Trajectory, read_tum
@@ -248,17 +253,17 @@ def _leaves(trial: Trial, found: Checked) -> bool:
     path = trial.run_dir / "mobile" / runtime.trajectory
     line = f"leaves {path.name} in $SLAMBED_OUTPUT, as {runtime.trajectory_format} has it"
     try:
-        poses = told(path, runtime, recording)
+        poses = read_poses(path, runtime, recording)
         found.tell(True, line)
         line = "its poses are rotations"
-        rotated(path, poses)
+        check_rotations(path, poses)
         found.tell(True, line)
         line = "its time stamps are those of the frames"
         frames_of(path, poses, recording)
         found.tell(True, f"{line}: {len(poses)} of {FRAMES} have a pose")
     except SlambedError as error:
         return found.tell(False, f"{line}: {error}")
-    result = take_poses(RunResult("completed", None), runtime, recording, trial.run_dir)
+    result = record_poses(RunResult("completed", None), runtime, recording, trial.run_dir)
     return result.outcome == "completed"
 
 

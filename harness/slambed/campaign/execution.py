@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from slambed.campaign.ledger import utc_now
-from slambed.campaign.left_poses import take_poses
+from slambed.campaign.left_poses import record_poses
 from slambed.campaign.manifest import manifest
 from slambed.campaign.recordings import Recording, played_frames
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
@@ -44,7 +44,7 @@ def execute_run(
     result = execute()
     if spec.runtime is not None and spec.runtime.reads is not None:
         recording = recording_of(spec, sequence)
-        result = take_poses(result, spec.runtime, recording, raw)
+        result = record_poses(result, spec.runtime, recording, raw)
     offered = frames_offered(spec, sequence)
     facts = manifest(spec, engine, command, result, started, load, attempt, offered)
     truth = sequence / "groundtruth.txt"

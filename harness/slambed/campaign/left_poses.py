@@ -26,8 +26,8 @@ few digits after the point are nearer, as for the poses that the player takes.""
 KITTI_NUMBERS = 12
 
 
-def told(path: Path, runtime: Runtime, recording: Recording) -> Trajectory:
-    """The poses of a file as it tells them, in the folder's time; KITTI's lines are its frames.
+def read_poses(path: Path, runtime: Runtime, recording: Recording) -> Trajectory:
+    """The poses of a file as it has them, in the folder's time; KITTI's lines are its frames.
 
     Raises SlambedError for a file that is not there or not of its format."""
     if runtime.trajectory_format == "tum":
@@ -59,11 +59,11 @@ def told(path: Path, runtime: Runtime, recording: Recording) -> Trajectory:
             f"{path.name}: the pose of line {int(np.argmax(wrong)) + 1} is no rotation; write "
             "[R | t], camera to world, with R of determinant 1"
         )
-    return Trajectory.of_matrices(recording.told_s, matrices)
+    return Trajectory.of_matrices(recording.folder_stamps_s, matrices)
 
 
-def rotated(path: Path, poses: Trajectory) -> Trajectory:
-    """The same poses. Raises SlambedError where a quaternion has not length 1."""
+def check_rotations(path: Path, poses: Trajectory) -> None:
+    """Raises SlambedError where a quaternion has not length 1."""
     lengths = np.linalg.norm(poses.quaternions_xyzw, axis=1)
     wrong = np.abs(lengths - 1) > UNIT_TOLERANCE
     if wrong.any():
@@ -72,35 +72,34 @@ def rotated(path: Path, poses: Trajectory) -> Trajectory:
             f"{path.name}: the pose at {poses.stamps_s[first]:.6f} s is no rotation, its "
             f"quaternion has length {lengths[first]:.4f}; write a unit quaternion x y z w"
         )
-    return poses
 
 
 def frames_of(path: Path, poses: Trajectory, recording: Recording) -> NDArray[np.intp]:
     """For each pose the frame that it is of, as a place in the recording.
 
     Raises SlambedError for a time that is no frame's, and for two poses of one frame."""
-    told_s = recording.told_s
-    right = np.clip(np.searchsorted(told_s, poses.stamps_s), 1, max(1, len(told_s) - 1))
-    right = np.minimum(right, len(told_s) - 1)
+    stamps_s = recording.folder_stamps_s
+    right = np.clip(np.searchsorted(stamps_s, poses.stamps_s), 1, max(1, len(stamps_s) - 1))
+    right = np.minimum(right, len(stamps_s) - 1)
     left = np.maximum(right - 1, 0)
-    nearer = np.abs(told_s[left] - poses.stamps_s) <= np.abs(told_s[right] - poses.stamps_s)
+    nearer = np.abs(stamps_s[left] - poses.stamps_s) <= np.abs(stamps_s[right] - poses.stamps_s)
     places = np.where(nearer, left, right)
-    wrong = np.abs(told_s[places] - poses.stamps_s) > SAME_STAMP_S
+    wrong = np.abs(stamps_s[places] - poses.stamps_s) > SAME_STAMP_S
     if wrong.any():
         raise SlambedError(
             f"{path.name}: {int(wrong.sum())} of {len(poses)} poses have the time of no frame, "
             f"the first one {poses.stamps_s[int(np.argmax(wrong))]:.6f} s; write the time stamps "
-            f"of the folder, in seconds ({told_s[0]:.6f} to {told_s[-1]:.6f})"
+            f"of the folder, in seconds ({stamps_s[0]:.6f} to {stamps_s[-1]:.6f})"
         )
     if (twice := np.flatnonzero(np.diff(places) == 0)).size:
         raise SlambedError(
-            f"{path.name}: two poses of the frame at {told_s[places[int(twice[0])]]:.6f} s; "
+            f"{path.name}: two poses of the frame at {stamps_s[places[int(twice[0])]]:.6f} s; "
             "write one a frame"
         )
     return places
 
 
-def take_poses(result: RunResult, runtime: Runtime, recording: Recording, raw: Path) -> RunResult:
+def record_poses(result: RunResult, runtime: Runtime, recording: Recording, raw: Path) -> RunResult:
     """Writes `mobile/trajectory.txt`, in recorded time, and the frames' events behind those of the
     player. A trajectory that is none is how the system died."""
     if result.outcome != "completed":
@@ -108,7 +107,8 @@ def take_poses(result: RunResult, runtime: Runtime, recording: Recording, raw: P
     folder = raw / "mobile"
     path = folder / runtime.trajectory
     try:
-        poses = rotated(path, told(path, runtime, recording))
+        poses = read_poses(path, runtime, recording)
+        check_rotations(path, poses)
         places = frames_of(path, poses, recording)
     except SlambedError as error:
         (folder / "trajectory.txt").unlink(missing_ok=True)
@@ -127,7 +127,7 @@ def take_poses(result: RunResult, runtime: Runtime, recording: Recording, raw: P
 
 def _events(recording: Recording, places: NDArray[np.intp]) -> Iterator[dict[str, Any]]:
     """As the player writes them of frames with a pose and of those without (frame_record.cpp). They
-    are known at the end: when each frame was tracked, and how long it took, nobody told."""
+    are known at the end: when each frame was tracked, and how long it took, nobody measured."""
     posed = np.zeros(len(recording.indices), dtype=bool)
     posed[places] = True
     before, ever = "not_initialised", False

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.export import export, told_times_ns
+from slambed.data.export import export, folder_times_ns
 from slambed.data.places import cache_folder, no_cache
 from slambed.data.playlist import offered_frames
 from slambed.data.prepared import PreparedSequence
@@ -44,10 +44,10 @@ class Recording:
         return cls(sequence, layout, indices, cache or cache_folder())
 
     @property
-    def told_s(self) -> NDArray[np.float64]:
+    def folder_stamps_s(self) -> NDArray[np.float64]:
         """The time stamps in the folder."""
-        told_ns = told_times_ns(self.sequence, self.layout)[self.indices]
-        return np.asarray(told_ns / 1e9, dtype=np.float64)
+        stamps_ns = folder_times_ns(self.sequence, self.layout)[self.indices]
+        return np.asarray(stamps_ns / 1e9, dtype=np.float64)
 
     @property
     def recorded_s(self) -> NDArray[np.float64]:

@@ -85,7 +85,7 @@ def export(
     return path
 
 
-def told_times_ns(sequence: PreparedSequence, layout: str) -> NDArray[np.int64]:
+def folder_times_ns(sequence: PreparedSequence, layout: str) -> NDArray[np.int64]:
     """The time stamp of every frame, in ns, as a folder of this layout names it."""
     times_ns = sequence.index["timestamp_ns"].astype(np.int64)
     # KITTI's times begin with the sequence.
@@ -157,7 +157,7 @@ def _kitti(part: Part, folder: Path) -> None:
         _write(folder / "image_0" / f"{index:06d}.png", frame.grey)
         if frame.second is not None:
             _write(folder / "image_1" / f"{index:06d}.png", frame.second)
-    times = [_seconds(int(t), 9) for t in told_times_ns(part.sequence, "kitti")[part.indices]]
+    times = [_seconds(int(t), 9) for t in folder_times_ns(part.sequence, "kitti")[part.indices]]
     (folder / "times.txt").write_text("\n".join(times) + "\n")
     rows = [
         f"P{side}: {camera.fx!r} 0 {camera.cx!r} {-side * camera.bf!r} "

@@ -15,12 +15,13 @@ from slambed.infer.campaign import Campaign
 from slambed.infer.design import Point, printed_point, rounds_of, shown, spread
 from slambed.infer.mixture import Counts, predict_mean, predict_share, weights_of
 from slambed.infer.plan import QUICK, Form, Inference, find_plan, read_its_paper
-from slambed.infer.registered import Line, Registration, register, registered_lines
+from slambed.infer.registered import Registration, register, registered_lines
 from slambed.infer.rows import Rows
 from slambed.infer.search import Evaluated, Fit, search
 from slambed.infer.slots import Places, find_places
 from slambed.infer.success import Beside, Met, judge
 from slambed.report.measured import Measured
+from slambed.report.registered import PlanLine
 from slambed.report.verdicts.model import Share
 
 RESULTS = "inference"
@@ -55,7 +56,7 @@ class Outcome:
     kept: int
     """Points that are kept; `predicting` of them were run for the predictions."""
     predicting: int
-    lines: list[Line]
+    lines: list[PlanLine]
     unfitted: list[str]
     stand_ins: list[str]
     """What was played and is not the paper's sequence."""
@@ -98,7 +99,7 @@ def prepare(name: str, quick: bool, options: Options, console: Console) -> Sessi
     rows.check()
     registration = register(plan, source, paper_file, places)
     called = plan.id + (QUICK if quick else "")
-    options = replace(options, plans=registration.told)
+    options = replace(options, plans=registration.entry)
     folder = options.results / RESULTS / called
     campaign = Campaign(rows, called, folder, options, console)
     form = plan.form(quick)

@@ -8,7 +8,6 @@ that held those files unchanged as the run was made.
 
 import hashlib
 import subprocess
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from slambed.infer.plan import Inference
 from slambed.infer.slots import Places
 from slambed.report.papers import frozen_digest
 from slambed.report.papers.plan import DIGITS
+from slambed.report.registered import PlanLine, written_in
 from slambed.spec.run_spec import canonical_json
 from slambed.yaml_source import YamlSource
 
@@ -38,18 +38,10 @@ class Registration:
     """There is no such commit."""
 
     @property
-    def told(self) -> dict[str, dict[str, str]]:
+    def entry(self) -> dict[str, dict[str, str]]:
         """For manifests."""
         commit = {} if self.commit is None else {"commit": self.commit}
         return {self.name: {"plan": self.digest, **commit}}
-
-
-@dataclass(frozen=True)
-class Line:
-    """One sentence of the page; `bad` where results do not keep to a registered plan."""
-
-    text: str
-    bad: bool = False
 
 
 def register(plan: Inference, source: YamlSource, paper_file: Path, places: Places) -> Registration:
@@ -93,36 +85,31 @@ def _output(command: list[str]) -> str:
     return done.stdout.strip()
 
 
-def registered_lines(registration: Registration, runs: pd.DataFrame) -> list[Line]:
+def registered_lines(registration: Registration, runs: pd.DataFrame) -> list[PlanLine]:
     """Whether these runs keep to the plan."""
     name, digest = registration.name, registration.digest
     total = len(runs)
-    plans = _told(runs, f"plan.{name}")
+    plans = written_in(runs, f"plan.{name}")
     unknown = plans.pop("", 0)
     own = plans.pop(digest, 0)
     found = []
     if registration.commit is None:
         told = f"Plan {digest} is not registered: {registration.why}."
-        found.append(Line(told, bad=True))
+        found.append(PlanLine(told, bad=True))
     if plans:
         others = ", ".join(sorted(plans))
         told = f"{sum(plans.values())} of {total} runs were made under another plan: {others}."
-        found.append(Line(told, bad=True))
+        found.append(PlanLine(told, bad=True))
     if unknown:
         told = f"{unknown} of {total} runs do not say that they were made under this plan."
-        found.append(Line(told, bad=True))
+        found.append(PlanLine(told, bad=True))
     if own:
         column = f"plan.{name}"
-        commits = _told(runs[runs[column].eq(digest)], f"plan_commit.{name}")
+        commits = written_in(runs[runs[column].eq(digest)], f"plan_commit.{name}")
         if loose := commits.pop("", 0):
             told = f"{loose} of {own} runs were made before the plan was committed as it is."
-            found.append(Line(told, bad=True))
+            found.append(PlanLine(told, bad=True))
         for commit, count in sorted(commits.items()):
             told = f"Plan {digest} was committed unchanged ({commit[:SHORT_COMMIT]}) before"
-            found.append(Line(f"{told} {count} of {total} runs were made."))
+            found.append(PlanLine(f"{told} {count} of {total} runs were made."))
     return found
-
-
-def _told(runs: pd.DataFrame, key: str) -> "Counter[str]":
-    values = runs[key] if key in runs else [None] * len(runs)
-    return Counter(value if isinstance(value, str) else "" for value in values)

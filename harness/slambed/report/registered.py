@@ -28,7 +28,7 @@ def plan_lines(
     """What is to be known of the plan of these runs, which are those of `used`."""
     own = _own(column, used)
     if plan is None:
-        seen = _told(own, f"plan.{paper.id}")
+        seen = written_in(own, f"plan.{paper.id}")
         found = [PlanLine(f"No plan was written before these runs (papers/{paper.id}.plan.yaml).")]
         if known := {name: count for name, count in seen.items() if name}:
             text = f"{_counted(known, own)} made under a plan that is gone: {', '.join(known)}."
@@ -73,7 +73,7 @@ def _own(column: Column, used: list[Results]) -> pd.DataFrame:
     return column.runs[column.runs["experiment_folder"].isin({r.name for r in used})]
 
 
-def _told(runs: pd.DataFrame, key: str) -> "Counter[str]":
+def written_in(runs: pd.DataFrame, key: str) -> "Counter[str]":
     """What was written into the runs as they were executed; empty where nothing was."""
     values = runs[key] if key in runs else [None] * len(runs)
     return Counter(value if isinstance(value, str) else "" for value in values)
@@ -88,14 +88,14 @@ def _seen(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
     """Under which plan the runs were executed, by what they keep of it: a plan that was rewritten
     after a look at results, with its old date, has another digest."""
     found = []
-    seen = _told(runs, f"plan.{plan.paper}")
+    seen = written_in(runs, f"plan.{plan.paper}")
     if unknown := seen.pop("", 0):
         text = f"{unknown} of {len(runs)} runs do not say under which plan they were made."
         found.append(PlanLine(text, bad=True))
     if other := {name: count for name, count in seen.items() if name != plan.digest}:
         text = f"{_counted(other, runs)} made under another plan: {', '.join(sorted(other))}."
         found.append(PlanLine(text, bad=True))
-    frozen = _told(runs, f"plan_frozen.{plan.paper}")
+    frozen = written_in(runs, f"plan_frozen.{plan.paper}")
     changed = {name: count for name, count in frozen.items() if name not in ("", plan.frozen)}
     if changed:
         text = f"{_counted(changed, runs)} made with another mapping than the plan's: "
