@@ -2,6 +2,7 @@
 #include "features/corner_detector.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 
 namespace slambed {
@@ -9,74 +10,131 @@ namespace slambed {
 CornerDetector::CornerDetector(int threshold, int threshold_min, const Kernels& kernels)
     : threshold_(threshold), threshold_min_(threshold_min), kernels_(kernels) {}
 
-void CornerDetector::detect(GreyView level, std::vector<Corner>& out) {
-  out.clear();
-  const DetectionRegion region(level);
-  if (region.empty()) return;
-  find_peaks(level, region, out);
-  apply_cell_rule(region, out);
+namespace {
+
+int cell_side(int length) {
+  const int cells = std::max(1, length / CornerDetector::kCell);
+  return (length + cells - 1) / cells;
 }
 
-void CornerDetector::find_peaks(GreyView level, const DetectionRegion& region,
-                                std::vector<Corner>& out) {
-  // One more pixel on each side is scored, so that the suppression sees all eight neighbours.
-  const int scored = region.width() + 2;
-  const std::size_t row_bytes = scored + 2 * kKernelSlack;
-  scores_.resize(3 * row_bytes);
-  columns_.resize(region.width());
-  const auto score_row = [&](int y) { return scores_.data() + (y % 3) * row_bytes + kKernelSlack; };
-  for (int y = region.y0 - 1; y <= region.y1; ++y) {
-    std::uint8_t* score = score_row(y);
-    kernels_.fast_row(level.row(y) + region.x0 - 1, level.stride, scored,
-                      static_cast<std::uint8_t>(threshold_min_), score);
-    std::memset(score + scored, 0, kKernelSlack);
-    const int centre = y - 1;
-    if (centre < region.y0) continue;
-    const int count = kernels_.peaks_row(score_row(centre - 1) + 1, score_row(centre) + 1,
-                                         score + 1, region.width(), columns_.data());
-    const std::uint8_t* above = score_row(centre - 1) + 1;
-    const std::uint8_t* value = score_row(centre) + 1;
-    const std::uint8_t* below = score + 1;
-    for (int i = 0; i < count; ++i) {
-      const int column = columns_[i];
+}  // namespace
+
+/// One row of threshold cells: rows [top, bottom) of the level.
+struct CornerDetector::Band {
+  explicit Band(GreyView of)
+      : level(of), region(of), cell_width(cell_side(region.width())), top(region.y0), bottom(top) {}
+  GreyView level;
+  DetectionRegion region;
+  int cell_width, top, bottom;
+
+  int rows() const { return bottom - top; }
+  int words() const { return (region.width() + 31) / 32; }
+  /// One more pixel on each side is scored, so that the suppression sees all eight neighbours.
+  int scored() const { return region.width() + 2; }
+  std::size_t row_bytes() const { return scored() + 2 * kKernelSlack; }
+  /// Where the score of the region's first column in row y lies (y from top - 1 to bottom).
+  std::size_t score_at(int y) const { return (y - top + 1) * row_bytes() + kKernelSlack + 1; }
+  std::size_t peaks_at(int y) const { return static_cast<std::size_t>(y - top) * words(); }
+};
+
+namespace {
+
+/// The bits of columns [begin, end) that lie in a word.
+std::uint32_t columns_in_word(int word, int begin, int end) {
+  const int from = std::max(0, begin - 32 * word), to = std::min(32, end - 32 * word);
+  return from >= to ? 0 : (~std::uint32_t{0} >> (32 - (to - from))) << from;
+}
+
+}  // namespace
+
+void CornerDetector::detect(GreyView level, std::vector<Corner>& out) {
+  out.clear();
+  if (DetectionRegion(level).empty()) return;
+  Band band(level);
+  const DetectionRegion& region = band.region;
+  const int cell_height = cell_side(region.height());
+  scores_.resize((cell_height + 2) * band.row_bytes());
+  for (; band.top < region.y1; band.top = band.bottom) {
+    band.bottom = std::min(band.top + cell_height, region.y1);
+    score(band);
+    find_peaks(band);
+    mark_weak_cells(band);
+    append_corners(band, out);
+    // The last two rows of scores are the first two of the next band.
+    std::memmove(scores_.data(), scores_.data() + band.rows() * band.row_bytes(),
+                 2 * band.row_bytes());
+  }
+}
+
+void CornerDetector::score(const Band& band) {
+  const int first = band.top == band.region.y0 ? band.top - 1 : band.top + 1;
+  for (int y = first; y <= band.bottom; ++y)
+    kernels_.fast_row(band.level.row(y) + band.region.x0 - 1, band.level.stride, band.scored(),
+                      static_cast<std::uint8_t>(threshold_min_),
+                      scores_.data() + band.score_at(y) - 1);
+}
+
+void CornerDetector::find_peaks(const Band& band) {
+  const int words = band.words();
+  peaks_.resize(static_cast<std::size_t>(band.rows()) * words);
+  strong_.resize(peaks_.size());
+  column_strong_.assign(words, 0);
+  const auto bytes = static_cast<std::ptrdiff_t>(band.row_bytes());
+  for (int y = band.top; y < band.bottom; ++y) {
+    const std::uint8_t* row = scores_.data() + band.score_at(y);
+    std::uint32_t* strong = strong_.data() + band.peaks_at(y);
+    kernels_.peaks_row(row - bytes, row, row + bytes, words, static_cast<std::uint8_t>(threshold_),
+                       peaks_.data() + band.peaks_at(y), strong);
+    for (int w = 0; w < words; ++w) column_strong_[w] |= strong[w];
+  }
+}
+
+void CornerDetector::mark_weak_cells(const Band& band) {
+  weak_.assign(band.words(), 0);
+  const int width = band.region.width();
+  for (int begin = 0; begin < width; begin += band.cell_width) {
+    const int end = std::min(begin + band.cell_width, width);
+    std::uint32_t strong = 0;
+    for (int w = begin / 32; 32 * w < end; ++w)
+      strong |= column_strong_[w] & columns_in_word(w, begin, end);
+    if (strong != 0) continue;
+    for (int w = begin / 32; 32 * w < end; ++w) weak_[w] |= columns_in_word(w, begin, end);
+  }
+}
+
+void CornerDetector::append_corners(const Band& band, std::vector<Corner>& out) {
+  const auto bytes = static_cast<std::ptrdiff_t>(band.row_bytes());
+  const int words = band.words();
+  const std::uint32_t last = columns_in_word(words - 1, 0, band.region.width());
+  filled_.resize(peaks_.size());
+  std::size_t filled = 0;
+  for (std::size_t begin = 0; begin < peaks_.size(); begin += words) {
+    std::uint32_t* peaks = peaks_.data() + begin;
+    strong_[begin + words - 1] &= last;
+    for (int w = 0; w < words; ++w) {
+      peaks[w] = (peaks[w] & weak_[w]) | strong_[begin + w];
+      filled_[filled] = static_cast<std::uint32_t>(begin + w);
+      filled += peaks[w] != 0;
+    }
+  }
+  for (std::size_t i = 0; i < filled; ++i) {
+    const int y = band.top + static_cast<int>(filled_[i]) / words;
+    const int first = 32 * (static_cast<int>(filled_[i]) % words);
+    const std::uint8_t* row = scores_.data() + band.score_at(y) + first;
+    for (std::uint32_t rest = peaks_[filled_[i]]; rest != 0; rest &= rest - 1) {
+      const int column = std::countr_zero(rest);
+      const std::uint8_t* value = row + column;
       Corner corner;
-      corner.x = static_cast<std::uint16_t>(region.x0 + column);
-      corner.y = static_cast<std::uint16_t>(centre);
-      corner.response = static_cast<std::uint8_t>(value[column] - 1);
-      corner.left = value[column - 1];
-      corner.right = value[column + 1];
-      corner.above = above[column];
-      corner.below = below[column];
+      corner.x = static_cast<std::uint16_t>(band.region.x0 + first + column);
+      corner.y = static_cast<std::uint16_t>(y);
+      corner.response = static_cast<std::uint8_t>(value[0] - 1);
+      corner.left = value[-1];
+      corner.right = value[1];
+      corner.above = value[-bytes];
+      corner.below = value[bytes];
       out.push_back(corner);
     }
   }
-}
-
-void CornerDetector::apply_cell_rule(const DetectionRegion& region, std::vector<Corner>& corners) {
-  const auto cell_side = [](int length) {
-    const int cells = std::max(1, length / kCell);
-    return (length + cells - 1) / cells;
-  };
-  const int cell_w = cell_side(region.width()), cell_h = cell_side(region.height());
-  cell_of_x_.resize(region.width());
-  for (int x = 0; x < region.width(); ++x) cell_of_x_[x] = static_cast<std::uint16_t>(x / cell_w);
-  const int columns = cell_of_x_.back() + 1;
-  has_strong_.reserve(columns);
-
-  std::size_t kept = 0, begin = 0;
-  while (begin < corners.size()) {  // one row of cells at a time
-    const int row_end = region.y0 + ((corners[begin].y - region.y0) / cell_h + 1) * cell_h;
-    has_strong_.assign(columns, 0);
-    std::size_t end = begin;
-    for (; end < corners.size() && corners[end].y < row_end; ++end)
-      has_strong_[cell_of_x_[corners[end].x - region.x0]] |= corners[end].response >= threshold_;
-    for (; begin < end; ++begin) {
-      const Corner corner = corners[begin];
-      if (corner.response >= threshold_ || !has_strong_[cell_of_x_[corner.x - region.x0]])
-        corners[kept++] = corner;
-    }
-  }
-  corners.resize(kept);
 }
 
 }  // namespace slambed

@@ -58,15 +58,20 @@ class CornerDetector {
   static constexpr int kCell = 30;
 
  private:
-  void find_peaks(GreyView level, const DetectionRegion& region, std::vector<Corner>& out);
-  void apply_cell_rule(const DetectionRegion& region, std::vector<Corner>& corners);
+  struct Band;
+  void score(const Band& band);
+  void find_peaks(const Band& band);
+  void mark_weak_cells(const Band& band);
+  void append_corners(const Band& band, std::vector<Corner>& out);
 
   int threshold_, threshold_min_;
   const Kernels& kernels_;
-  std::vector<std::uint8_t> scores_;      ///< three score rows
-  std::vector<std::uint16_t> columns_;    ///< peaks of one row
-  std::vector<std::uint16_t> cell_of_x_;  ///< cell column of each pixel column of the region
-  std::vector<std::uint8_t> has_strong_;  ///< per cell of one row of cells
+  std::vector<std::uint8_t> scores_;  ///< of one row of cells and the rows beside it
+  /// One bit per pixel column of the region, row by row: corners, and those at the high threshold.
+  std::vector<std::uint32_t> peaks_, strong_;
+  /// The columns with any of the latter; those of the cells that have none.
+  std::vector<std::uint32_t> column_strong_, weak_;
+  std::vector<std::uint32_t> filled_;  ///< those words of peaks_ that hold corners to keep
 };
 
 }  // namespace slambed

@@ -19,47 +19,65 @@ void CornerSelector::select(const DetectionRegion& region, int quota,
 }
 
 void CornerSelector::reserve(std::size_t most_corners, int largest_quota) {
-  for (auto* list : {&order_, &scratch_, &cell_begin_}) list->reserve(most_corners + 1);
+  for (auto* list : {&order_, &scratch_}) list->reserve(most_corners);
   keys_.reserve(most_corners);
+  chosen_.reserve(most_corners);
+  for (auto* list : {&best_, &taken_}) list->reserve(most_corners + 1);
+  column_of_x_.reserve(most_corners);  // fewer columns than there may be corners
   for (auto* list : {&nodes_, &expandable_, &final_}) list->reserve(largest_quota + 4);
 }
 
 /// About as many cells as the quota; first the best corner of every cell, then the second best, and
-/// so on. Where a round has more than are still wanted, its strongest go first.
+/// so on. Where a round has more than are still wanted, its strongest go first. The fewer cells
+/// hold corners, the more rounds there are, but the fewer corners: their product stays below the
+/// number of pixels.
 void CornerSelector::select_by_grid(const DetectionRegion& region, int quota,
                                     std::vector<Corner>& corners) {
   const double side = std::sqrt(static_cast<double>(region.width()) * region.height() / quota);
   const int columns = std::max(1, static_cast<int>(std::lround(region.width() / side)));
   const int rows = std::max(1, static_cast<int>(std::lround(region.height() / side)));
-  const auto cell = [&](const Corner& c) {
-    return (c.y - region.y0) * rows / region.height() * columns +
-           (c.x - region.x0) * columns / region.width();
-  };
-  // Counting sort by cell; within a cell the corners stay in raster order.
-  cell_begin_.assign(static_cast<std::size_t>(columns) * rows + 1, 0);
-  for (const Corner& c : corners) ++cell_begin_[cell(c) + 1];
-  for (std::size_t i = 1; i < cell_begin_.size(); ++i) cell_begin_[i] += cell_begin_[i - 1];
-  order_.resize(corners.size());
-  scratch_.assign(cell_begin_.begin(), cell_begin_.end() - 1);
-  for (std::uint32_t i = 0; i < corners.size(); ++i) order_[scratch_[cell(corners[i])]++] = i;
-
-  keys_.clear();  // rank in the cell, then response downwards, then raster order
-  for (std::size_t k = 0; k + 1 < cell_begin_.size(); ++k) {
-    const auto begin = order_.begin() + cell_begin_[k], end = order_.begin() + cell_begin_[k + 1];
-    std::sort(begin, end, [&](std::uint32_t a, std::uint32_t b) {
-      return std::tuple(corners[b].response, a) < std::tuple(corners[a].response, b);
-    });
-    for (auto it = begin; it != end; ++it) {
-      const std::uint64_t rank = it - begin;
-      keys_.push_back(rank << 40 | std::uint64_t{255u - corners[*it].response} << 32 | *it);
-    }
+  column_of_x_.resize(region.width());
+  for (int x = 0; x < region.width(); ++x)
+    column_of_x_[x] = static_cast<std::uint16_t>(x * columns / region.width());
+  order_.resize(corners.size());  // the cell of each corner
+  for (std::size_t i = 0; i < corners.size();) {
+    const int y = corners[i].y, first = (y - region.y0) * rows / region.height() * columns;
+    for (; i < corners.size() && corners[i].y == y; ++i)
+      order_[i] = first + column_of_x_[corners[i].x - region.x0];
   }
-  std::nth_element(keys_.begin(), keys_.begin() + quota, keys_.end());
-  order_.clear();
-  for (int i = 0; i < quota; ++i) order_.push_back(static_cast<std::uint32_t>(keys_[i]));
-  std::sort(order_.begin(), order_.end());
-  for (int i = 0; i < quota; ++i) corners[i] = corners[order_[i]];
-  corners.resize(quota);
+
+  constexpr std::uint64_t kNone = ~std::uint64_t{0};
+  const auto cells = static_cast<std::size_t>(columns) * rows;
+  taken_.assign(cells, 0);
+  chosen_.assign(corners.size(), 0);
+  for (std::size_t left = quota; left > 0;) {
+    // Response downwards, then raster order. A round takes the least that is not taken yet.
+    best_.assign(cells, kNone);
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const std::uint64_t key = std::uint64_t{256u - corners[i].response} << 32 | i;
+      std::uint64_t& best = best_[order_[i]];
+      if (key > taken_[order_[i]]) best = std::min(best, key);
+    }
+    keys_.clear();
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+      if (best_[cell] == kNone) continue;
+      taken_[cell] = best_[cell];
+      keys_.push_back(best_[cell]);
+    }
+    if (keys_.size() > left) {
+      std::nth_element(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(left),
+                       keys_.end());
+      keys_.resize(left);
+    }
+    for (const std::uint64_t key : keys_) chosen_[static_cast<std::uint32_t>(key)] = 1;
+    left -= keys_.size();
+  }
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    corners[kept] = corners[i];
+    kept += chosen_[i];
+  }
+  corners.resize(kept);
 }
 
 /// Replaces a node by its up to four non-empty quarters (half sizes rounded up), which go to final_

@@ -33,8 +33,10 @@ class CornerSelector {
   void split(const std::vector<Corner>& corners, Node node);
 
   Distribution distribution_;
-  std::vector<std::uint32_t> order_, scratch_, cell_begin_;
-  std::vector<std::uint64_t> keys_;
+  std::vector<std::uint32_t> order_, scratch_;
+  std::vector<std::uint64_t> keys_, best_, taken_;  ///< the latter two per cell of the grid
+  std::vector<std::uint8_t> chosen_;                ///< per corner
+  std::vector<std::uint16_t> column_of_x_;
   std::vector<Node> nodes_, expandable_, final_;
 };
 

@@ -12,14 +12,15 @@ struct ResizeTable {
   int size = 0;
   const std::uint16_t* first = nullptr;
   const std::uint16_t* weight[3] = {};
+  const std::uint16_t* pair_weight = nullptr;  ///< w0 + 256 * w1
   const std::uint16_t* block_first = nullptr;  ///< first input of each block
-  const std::uint8_t* place = nullptr;  ///< 2 bytes per output: its first input in the block, 0x80
-  bool fits_window = true;              ///< every block reads at most kResizeWindow inputs
+  const std::uint8_t* place = nullptr;  ///< of each output's first and second input in the block
+  bool fits_window = true;  ///< every block reads at most kResizeWindow inputs, no weight is 256
 };
 inline constexpr int kResizeBlock = 8;
 inline constexpr int kResizeWindow = 16;
 
-/// The 512 points of the pattern as the descriptor kernel wants them: all a points, then all b.
+/// The 512 points of the pattern as the descriptor kernel wants them: each a point, then its b.
 struct PatternPoints {
   alignas(64) float x[512];
   alignas(64) float y[512];
@@ -36,6 +37,7 @@ inline constexpr int kKernelSlack = 64;
 inline constexpr int kOrientationRadius = 15;
 /// Half width of the Gaussian, px.
 inline constexpr int kBlurRadius = 3;
+inline constexpr int kBlurScratchRows = 2;
 
 /// The inner loops of the extractor. All implementations compute the same bytes. Their files use
 /// nothing inline from elsewhere: the linker might keep the copy only one processor can run.
@@ -51,12 +53,14 @@ struct Kernels {
   /// that is not above the threshold. May write up to kKernelSlack bytes beyond n.
   void (*fast_row)(const std::uint8_t* in, std::ptrdiff_t stride, int n, std::uint8_t threshold,
                    std::uint8_t* score);
-  /// Columns in [0, n) of row whose score is above all eight neighbours; returns how many.
-  int (*peaks_row)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
-                   int n, std::uint16_t* columns);
-  /// 7x7 Gaussian, sigma 2, of n pixels; scratch holds n + 2 * kBlurRadius + kKernelSlack bytes.
-  void (*blur_row)(const std::uint8_t* in, std::ptrdiff_t stride, int n, std::uint8_t* scratch,
-                   std::uint8_t* out);
+  /// The columns of row whose score is above all eight neighbours, and of them those whose score is
+  /// above the floor: column 32 * w + i is bit i of word w.
+  void (*peaks_row)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
+                    int words, std::uint8_t floor, std::uint32_t* peaks, std::uint32_t* strong);
+  /// 7x7 Gaussian, sigma 2, of some rows of n pixels; scratch holds kBlurScratchRows rows of
+  /// n + 2 * kBlurRadius + kKernelSlack bytes.
+  void (*blur)(const std::uint8_t* in, std::ptrdiff_t stride, int n, int rows,
+               std::uint8_t* scratch, std::uint8_t* out, std::ptrdiff_t out_stride);
   /// Moments of the disc around a pixel.
   Moments (*moments)(const std::uint8_t* centre, std::ptrdiff_t stride);
   /// The pattern turned by the angle with this cosine and sine, compared on the blurred image.

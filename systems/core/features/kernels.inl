@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels; see kernels.hpp for what each one computes. Included by each kernels_* file inside its
-// namespace, after vectors.inl and the operations that depend on the instruction set:
+// The kernels; see kernels.hpp for what each one computes. Included by each kernels_* file inside
+// its namespace, after vectors.inl and the operations that depend on the instruction set:
 //   bool any(U8)                    is any byte not 0?
+//   uint32_t nonzero(U8)            which bytes are not 0, the first in bit 0
+//   U8 excess(U8 a, U8 b)           a - b, or 0 where b is greater
 //   U16 widen(const uint8_t*)       half a vector of bytes as 16-bit numbers
 //   void store_narrow(uint8_t*, U16)  the reverse; the numbers are below 256
 
@@ -33,8 +35,8 @@ inline U8 outer(U8 a, U8 b) {
 }
 
 /// The brightest level that nine neighbouring circle pixels reach together (kDarkest = false), or
-/// the darkest (true), over all 16 arcs. An arc of nine is eight pixels k+1..k+8 with one more at either
-/// end, so pairs of arcs share their eight.
+/// the darkest (true), over all 16 arcs. An arc of nine is eight pixels k+1..k+8 with one more at
+/// either end, so pairs of arcs share their eight.
 template <bool kDarkest>
 inline U8 best_arc(const U8 p[16]) {
   U8 two[8], four[8];
@@ -43,16 +45,17 @@ inline U8 best_arc(const U8 p[16]) {
   U8 best = splat(kDarkest ? 255 : 0);
   for (int i = 0; i < 8; ++i) {
     const U8 eight = inner<kDarkest>(four[i], four[(i + 2) & 7]);
-    best = outer<kDarkest>(best, inner<kDarkest>(eight, outer<kDarkest>(p[2 * i], p[(2 * i + 9) & 15])));
+    best = outer<kDarkest>(best,
+                           inner<kDarkest>(eight, outer<kDarkest>(p[2 * i], p[(2 * i + 9) & 15])));
   }
   return best;
 }
 
 void fast_row(const uint8_t* in, ptrdiff_t stride, int n, uint8_t threshold, uint8_t* score) {
-  const ptrdiff_t circle[16] = {3 * stride,      3 * stride + 1,  2 * stride + 2,  stride + 3,
-                                3,               -stride + 3,     -2 * stride + 2, -3 * stride + 1,
-                                -3 * stride,     -3 * stride - 1, -2 * stride - 2, -stride - 3,
-                                -3,              stride - 3,      2 * stride - 2,  3 * stride - 1};
+  const ptrdiff_t circle[16] = {3 * stride,  3 * stride + 1,  2 * stride + 2,  stride + 3,
+                                3,           -stride + 3,     -2 * stride + 2, -3 * stride + 1,
+                                -3 * stride, -3 * stride - 1, -2 * stride - 2, -stride - 3,
+                                -3,          stride - 3,      2 * stride - 2,  3 * stride - 1};
   const U8 limit = splat(threshold);
   for (int x = 0; x < n; x += kBytes) {
     const uint8_t* at = in + x;
@@ -69,33 +72,30 @@ void fast_row(const uint8_t* in, ptrdiff_t stride, int n, uint8_t threshold, uin
     }
     U8 p[16];
     for (int i = 0; i < 16; ++i) p[i] = load<U8>(at + circle[i]);
-    const U8 value =
-        max(excess(best_arc<false>(p), centre), excess(centre, best_arc<true>(p)));
+    const U8 value = max(excess(best_arc<false>(p), centre), excess(centre, best_arc<true>(p)));
     store(score + x, value > limit ? value : U8{});
   }
 }
 
-int peaks_row(const uint8_t* above, const uint8_t* row, const uint8_t* below, int n,
-              uint16_t* columns) {
-  int count = 0;
-  for (int x = 0; x < n; x += kBytes) {
-    const U8 centre = load<U8>(row + x);
-    if (!any(centre)) continue;
-    const U8 beside = max(load<U8>(row + x - 1), load<U8>(row + x + 1));
-    const U8 over = max(max(load<U8>(above + x - 1), load<U8>(above + x + 1)), load<U8>(above + x));
-    const U8 under =
-        max(max(load<U8>(below + x - 1), load<U8>(below + x + 1)), load<U8>(below + x));
-    const U64 peaks = reinterpret_cast<U64>(excess(centre, max(beside, max(over, under))));
-    for (int word = 0; word < kBytes / 8; ++word) {
-      for (uint64_t rest = peaks[word]; rest != 0;) {
-        const int byte = __builtin_ctzll(rest) / 8;
-        rest &= ~(uint64_t{0xff} << (8 * byte));
-        const int column = x + 8 * word + byte;
-        if (column < n) columns[count++] = static_cast<uint16_t>(column);
-      }
+/// No branches: where peaks are can hardly be predicted.
+void peaks_row(const uint8_t* above, const uint8_t* row, const uint8_t* below, int words,
+               uint8_t floor, uint32_t* peaks, uint32_t* strong) {
+  const U8 limit = splat(floor);
+  for (int word = 0; word < words; ++word) {
+    uint32_t found = 0, above_floor = 0;
+    for (int bit = 0; bit < 32; bit += kBytes) {
+      const int x = 32 * word + bit;
+      const U8 centre = load<U8>(row + x);
+      U8 around = max(load<U8>(row + x - 1), load<U8>(row + x + 1));
+      const uint8_t* const beside[2] = {above + x, below + x};
+      for (const uint8_t* at : beside)
+        around = max(around, max(max(load<U8>(at - 1), load<U8>(at + 1)), load<U8>(at)));
+      found |= nonzero(excess(centre, around)) << bit;
+      above_floor |= nonzero(excess(centre, max(around, limit))) << bit;
     }
+    peaks[word] = found;
+    strong[word] = above_floor;
   }
-  return count;
 }
 
 /// Gaussian weights, sigma 2 px, 7 taps, in 128ths: at distance 3, 2, 1, 0.
@@ -111,51 +111,18 @@ inline void blur_line(const uint8_t* in, ptrdiff_t step, int n, uint8_t* out) {
   }
 }
 
-void blur_row(const uint8_t* in, ptrdiff_t stride, int n, uint8_t* scratch, uint8_t* out) {
-  blur_line(in - kBlurRadius, stride, n + 2 * kBlurRadius, scratch);
-  blur_line(scratch + kBlurRadius, 1, n, out);
+void blur(const uint8_t* in, ptrdiff_t stride, int n, int rows, uint8_t* scratch, uint8_t* out,
+          ptrdiff_t out_stride) {
+  for (int y = 0; y < rows; ++y, in += stride, out += out_stride) {
+    blur_line(in - kBlurRadius, stride, n + 2 * kBlurRadius, scratch);
+    blur_line(scratch + kBlurRadius, 1, n, out);
+  }
 }
 
-/// Widest column of the disc in each row: round(sqrt(15^2 - y^2)), as ORB's symmetric quarter circle.
+/// Widest column of the disc in each row: round(sqrt(15^2 - y^2)), as ORB's symmetric quarter
+/// circle.
 constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 14, 13,
                                                         13, 12, 11, 10, 9,  8,  6,  3};
-
-constexpr int kDiscColumns = 32;
-struct DiscMask {
-  alignas(64) uint16_t row[kOrientationRadius + 1][kDiscColumns] = {};
-  constexpr DiscMask() {
-    for (int y = 0; y <= kOrientationRadius; ++y)
-      for (int x = -kDiscHalfWidth[y]; x <= kDiscHalfWidth[y]; ++x)
-        row[y][x + kOrientationRadius] = 0xffff;
-  }
-};
-constexpr DiscMask kDiscMask;
-
-Moments moments(const uint8_t* centre, ptrdiff_t stride) {
-  // Column sums of the disc, plain and times y: at most 31 * 255 and 120 * 255, both within 16 bits.
-  constexpr int kColumns = kDiscColumns, kParts = kColumns / kHalf;
-  const uint8_t* left = centre - kOrientationRadius;
-  alignas(64) int16_t sum[kColumns], turned[kColumns];
-  for (int part = 0; part < kParts; ++part) {
-    const int x = part * kHalf;
-    U16 total = widen(left + x), weighted{};
-    for (uint16_t y = 1; y <= kOrientationRadius; ++y) {
-      const U16 keep = load<U16>(kDiscMask.row[y] + x);
-      const U16 down = widen(left + y * stride + x) & keep;
-      const U16 up = widen(left - y * stride + x) & keep;
-      total += down + up;
-      weighted += (down - up) * y;
-    }
-    store(sum + x, total & load<U16>(kDiscMask.row[0] + x));
-    store(turned + x, weighted);
-  }
-  Moments m;
-  for (int x = 0; x < kColumns; ++x) {
-    m.m10 += (x - kOrientationRadius) * sum[x];
-    m.m01 += turned[x];
-  }
-  return m;
-}
 
 void describe(const uint8_t* centre, ptrdiff_t stride, const PatternPoints& pattern, float cosine,
               float sine, uint64_t* bits) {
@@ -170,11 +137,25 @@ void describe(const uint8_t* centre, ptrdiff_t stride, const PatternPoints& patt
     const S32 row = reinterpret_cast<S32>(x * sine + y * cosine + kRound) - kRoundBits;
     store(offset + i, row * step + column);
   }
+  // The pixels first, eight to a word, so that 256 comparisons are a few of whole vectors.
+  alignas(64) uint64_t a[32], b[32];
+  for (int i = 0; i < 32; ++i) {
+    const int32_t* at = offset + 16 * i;
+    uint64_t pixels = 0, others = 0;
+    for (int byte = 0; byte < 8; ++byte) {
+      pixels |= static_cast<uint64_t>(centre[at[2 * byte]]) << 8 * byte;
+      others |= static_cast<uint64_t>(centre[at[2 * byte + 1]]) << 8 * byte;
+    }
+    a[i] = pixels;
+    b[i] = others;
+  }
   for (int word = 0; word < 4; ++word) {
-    const int32_t* a = offset + 64 * word;
-    const int32_t* b = a + 256;
     uint64_t value = 0;
-    for (int i = 63; i >= 0; --i) value = value + value + (centre[a[i]] < centre[b[i]]);
+    for (int bit = 0; bit < 64; bit += kBytes) {
+      const int at = 8 * word + bit / 8;
+      const U8 darker = excess(load<U8>(b + at), load<U8>(a + at));
+      value |= static_cast<uint64_t>(nonzero(darker)) << bit;
+    }
     bits[word] = value;
   }
 }

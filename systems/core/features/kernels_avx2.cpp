@@ -17,6 +17,13 @@ inline bool any(U8 v) {
   const __m256i bits = reinterpret_cast<__m256i>(v);
   return !_mm256_testz_si256(bits, bits);
 }
+inline U8 excess(U8 a, U8 b) {
+  return reinterpret_cast<U8>(
+      _mm256_subs_epu8(reinterpret_cast<__m256i>(a), reinterpret_cast<__m256i>(b)));
+}
+inline uint32_t nonzero(U8 v) {
+  return static_cast<uint32_t>(_mm256_movemask_epi8(reinterpret_cast<__m256i>(v != U8{})));
+}
 inline U16 widen(const uint8_t* from) {
   return reinterpret_cast<U16>(
       _mm256_cvtepu8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from))));
@@ -29,32 +36,165 @@ inline void store_narrow(uint8_t* to, U16 v) {
 
 #include "features/kernels.inl"
 
+inline __m256i bytes(const uint8_t* from) {
+  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(from));
+}
+inline __m256i words(const uint16_t* from) {
+  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(from));
+}
+inline void put(uint8_t* to, __m256i v) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), v); }
+// Products of pixels and weights, of which the instruction takes one signed: the pixels, less 128.
+inline __m256i lessened(__m256i pixels) { return _mm256_xor_si256(pixels, _mm256_set1_epi8(-128)); }
+/// Pairs of pixels times pairs of weights (first + 256 * second).
+inline __m256i products(__m256i lessened_pixels, __m256i weights) {
+  return _mm256_maddubs_epi16(weights, lessened_pixels);
+}
+/// Sums of such products over weights of 256, divided by 256; still less 128.
+inline __m256i rounded(__m256i sum) { return _mm256_mulhrs_epi16(sum, _mm256_set1_epi16(128)); }
+
+/// The third row counts for little or, mostly, for nothing.
+void blend_rows_by_pairs(const uint8_t* const rows[3], const uint16_t weights[3], int n,
+                         uint8_t* out) {
+  for (int i = 0; i < 3; ++i)
+    if (weights[i] > 255) return blend_rows(rows, weights, n, out);
+  const auto first = _mm256_set1_epi16(static_cast<int16_t>(weights[0] | weights[1] << 8));
+  const auto third = _mm256_set1_epi16(static_cast<int16_t>(weights[2]));
+  for (int x = 0; x < n; x += kBytes) {
+    const __m256i a = lessened(bytes(rows[0] + x)), b = lessened(bytes(rows[1] + x));
+    __m256i low = products(_mm256_unpacklo_epi8(a, b), first);
+    __m256i high = products(_mm256_unpackhi_epi8(a, b), first);
+    if (weights[2] != 0) {
+      const __m256i c = lessened(bytes(rows[2] + x));
+      low = _mm256_add_epi16(low, products(_mm256_unpacklo_epi8(c, c), third));
+      high = _mm256_add_epi16(high, products(_mm256_unpackhi_epi8(c, c), third));
+    }
+    put(out + x, lessened(_mm256_packs_epi16(rounded(low), rounded(high))));
+  }
+}
+
 inline __m128i window(const uint8_t* from) {
   return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
 }
 
-/// Two blocks of eight outputs at a time: a byte shuffle brings each output its input.
+/// Two blocks of eight outputs at a time: byte shuffles bring each output its inputs.
 void resize_row_shuffled(const uint8_t* in, const ResizeTable& axis, uint8_t* out) {
   if (!axis.fits_window) return resize_row(in, axis, out);
-  const __m256i half = _mm256_set1_epi16(128);
   for (int i = 0; i < axis.size; i += 2 * kResizeBlock) {
     const int block = i / kResizeBlock;
-    const __m256i bytes = _mm256_set_m128i(window(in + axis.block_first[block + 1]),
-                                           window(in + axis.block_first[block]));
-    __m256i place = _mm256_loadu_si256(
-        reinterpret_cast<const __m256i*>(axis.place + 2 * static_cast<ptrdiff_t>(i)));
-    __m256i sum = half;
-    for (const uint16_t* weights : axis.weight) {
-      const __m256i w = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(weights + i));
-      sum = _mm256_add_epi16(sum, _mm256_mullo_epi16(_mm256_shuffle_epi8(bytes, place), w));
-      place = _mm256_add_epi8(place, _mm256_set1_epi16(1));
-    }
-    store_narrow(out + i, reinterpret_cast<U16>(_mm256_srli_epi16(sum, 8)));
+    const __m256i pixels = lessened(_mm256_set_m128i(window(in + axis.block_first[block + 1]),
+                                                     window(in + axis.block_first[block])));
+    const __m256i place = bytes(axis.place + 2 * static_cast<ptrdiff_t>(i));
+    const __m256i third = _mm256_add_epi8(place, _mm256_set1_epi8(2));
+    const __m256i sum =
+        _mm256_add_epi16(products(_mm256_shuffle_epi8(pixels, place), words(axis.pair_weight + i)),
+                         products(_mm256_shuffle_epi8(pixels, third), words(axis.weight[2] + i)));
+    const __m256i mean = rounded(sum);
+    const __m256i packed = lessened(_mm256_packs_epi16(mean, mean));
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(out + i),
+                     _mm256_castsi256_si128(_mm256_permute4x64_epi64(packed, 0x08)));
   }
 }
 
-constexpr Kernels kKernels{"avx2",  blend_rows, resize_row_shuffled, fast_row, peaks_row, blur_row,
-                           moments, describe};
+/// Pairs of neighbouring bytes times pairs of weights (both in 128ths), added up in 16 bits.
+inline __m256i weigh(__m256i pixels, int first, int second) {
+  return _mm256_maddubs_epi16(pixels, _mm256_set1_epi16(static_cast<int16_t>(first | second << 8)));
+}
+/// (a + b + c + d + 64) / 128.
+inline __m256i mean(__m256i a, __m256i b, __m256i c, __m256i d) {
+  const __m256i sum = _mm256_add_epi16(_mm256_add_epi16(a, b), _mm256_add_epi16(c, d));
+  return _mm256_mulhrs_epi16(sum, _mm256_set1_epi16(256));
+}
+/// The Gaussian of seven neighbours in four pairs: the first of a pair is the first of the seven,
+/// or the second is.
+inline __m256i gauss_even(const __m256i pair[4]) {
+  return mean(weigh(pair[0], kGauss3, kGauss2), weigh(pair[1], kGauss1, kGauss0),
+              weigh(pair[2], kGauss1, kGauss2), weigh(pair[3], kGauss3, 0));
+}
+inline __m256i gauss_odd(const __m256i pair[4]) {
+  return mean(weigh(pair[0], 0, kGauss3), weigh(pair[1], kGauss2, kGauss1),
+              weigh(pair[2], kGauss0, kGauss1), weigh(pair[3], kGauss2, kGauss3));
+}
+
+/// Two rows at a time, which share their pairs of input rows.
+void blur_two_down(const uint8_t* in, ptrdiff_t stride, int n, uint8_t* out, uint8_t* out_below) {
+  for (int x = 0; x < n; x += kBytes) {
+    const uint8_t* at = in + x - 3 * stride;
+    __m256i low[4], high[4];
+    for (int i = 0; i < 4; ++i, at += 2 * stride) {
+      const __m256i upper = bytes(at), lower = bytes(at + stride);
+      low[i] = _mm256_unpacklo_epi8(upper, lower);
+      high[i] = _mm256_unpackhi_epi8(upper, lower);
+    }
+    put(out + x, _mm256_packus_epi16(gauss_even(low), gauss_even(high)));
+    put(out_below + x, _mm256_packus_epi16(gauss_odd(low), gauss_odd(high)));
+  }
+}
+
+void blur_along(const uint8_t* in, int n, uint8_t* out) {
+  for (int x = 0; x < n; x += kBytes) {
+    const uint8_t* at = in + x - kBlurRadius;
+    const __m256i pair[4] = {bytes(at), bytes(at + 2), bytes(at + 4), bytes(at + 6)};
+    put(out + x, _mm256_or_si256(gauss_even(pair), _mm256_slli_epi16(gauss_odd(pair), 8)));
+  }
+}
+
+void blur_by_pairs(const uint8_t* in, ptrdiff_t stride, int n, int rows, uint8_t* scratch,
+                   uint8_t* out, ptrdiff_t out_stride) {
+  const int wide = n + 2 * kBlurRadius;
+  uint8_t* below = scratch + wide + kKernelSlack;
+  int y = 0;
+  for (; y + 1 < rows; y += 2) {
+    blur_two_down(in + y * stride - kBlurRadius, stride, wide, scratch, below);
+    blur_along(scratch + kBlurRadius, n, out + y * out_stride);
+    blur_along(below + kBlurRadius, n, out + (y + 1) * out_stride);
+  }
+  blur(in + y * stride, stride, n, rows - y, scratch, out + y * out_stride, out_stride);
+}
+
+/// The disc in rows of 32 bytes: which columns belong to it, and how far right each of them is.
+struct DiscBytes {
+  alignas(64) uint8_t inside[kOrientationRadius + 1][kBytes] = {};
+  alignas(64) int8_t right[kOrientationRadius + 1][kBytes] = {};
+  constexpr DiscBytes() {
+    for (int y = 0; y <= kOrientationRadius; ++y)
+      for (int x = -kDiscHalfWidth[y]; x <= kDiscHalfWidth[y]; ++x) {
+        inside[y][x + kOrientationRadius] = 0xff;
+        right[y][x + kOrientationRadius] = static_cast<int8_t>(x);
+      }
+  }
+};
+constexpr DiscBytes kDisc;
+
+inline __m256i times_right(__m256i pixels, int y) {
+  return _mm256_maddubs_epi16(pixels, *reinterpret_cast<const __m256i*>(kDisc.right[y]));
+}
+inline __m256i row_sum(__m256i pixels, int y) {
+  const __m256i inside = *reinterpret_cast<const __m256i*>(kDisc.inside[y]);
+  return _mm256_sad_epu8(_mm256_and_si256(pixels, inside), _mm256_setzero_si256());
+}
+
+Moments moments_by_rows(const uint8_t* centre, ptrdiff_t stride) {
+  const uint8_t* left = centre - kOrientationRadius;
+  const __m256i ones = _mm256_set1_epi16(1);
+  __m256i across = _mm256_madd_epi16(times_right(bytes(left), 0), ones);
+  // Rows from the outermost inwards: each is in the running sum as often as it is far from 0.
+  __m256i running = _mm256_setzero_si256(), down = _mm256_setzero_si256();
+  for (int y = kOrientationRadius; y > 0; --y) {
+    const __m256i lower = bytes(left + y * stride), upper = bytes(left - y * stride);
+    const __m256i both = _mm256_add_epi16(times_right(lower, y), times_right(upper, y));
+    across = _mm256_add_epi32(across, _mm256_madd_epi16(both, ones));
+    running = _mm256_add_epi64(running, _mm256_sub_epi64(row_sum(lower, y), row_sum(upper, y)));
+    down = _mm256_add_epi64(down, running);
+  }
+  const S32 x = reinterpret_cast<S32>(across), y = reinterpret_cast<S32>(down);
+  Moments m;
+  for (int i = 0; i < kFloats; ++i) m.m10 += x[i];
+  for (int i = 0; i < kFloats; i += 2) m.m01 += y[i];  // the lower halves of 64 bits
+  return m;
+}
+
+constexpr Kernels kKernels{"avx2",    blend_rows_by_pairs, resize_row_shuffled, fast_row,
+                           peaks_row, blur_by_pairs,       moments_by_rows,     describe};
 
 }  // namespace
 

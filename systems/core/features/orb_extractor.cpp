@@ -74,10 +74,10 @@ struct OrbExtractor::Impl {
         detector(o.fast_threshold, o.fast_threshold_min, k),
         selector(o.distribution) {
     for (int i = 0; i < 256; ++i) {
-      pattern.x[i] = kOrbPattern[i].ax;
-      pattern.y[i] = kOrbPattern[i].ay;
-      pattern.x[256 + i] = kOrbPattern[i].bx;
-      pattern.y[256 + i] = kOrbPattern[i].by;
+      pattern.x[2 * i] = kOrbPattern[i].ax;
+      pattern.y[2 * i] = kOrbPattern[i].ay;
+      pattern.x[2 * i + 1] = kOrbPattern[i].bx;
+      pattern.y[2 * i + 1] = kOrbPattern[i].by;
     }
   }
 
@@ -103,7 +103,7 @@ void OrbExtractor::Impl::prepare(int w, int h) {
   width = w;
   height = h;
   blurred.resize(w, h);
-  blur_scratch.assign(w + 2 * kBlurRim + 2 * kBlurRadius + kKernelSlack, 0);
+  blur_scratch.assign(kBlurScratchRows * (w + 2 * kBlurRim + 2 * kBlurRadius + kKernelSlack), 0);
   // Suppression leaves at most one corner in any 2x2 pixels.
   const std::size_t most = static_cast<std::size_t>(w / 2 + 1) * (h / 2 + 1);
   corners.reserve(most);
@@ -111,9 +111,9 @@ void OrbExtractor::Impl::prepare(int w, int h) {
 }
 
 void OrbExtractor::Impl::blur(GreyView level) {
-  for (int y = -kBlurRim; y < level.height + kBlurRim; ++y)
-    kernels.blur_row(level.row(y) - kBlurRim, level.stride, level.width + 2 * kBlurRim,
-                     blur_scratch.data(), blurred.row(y) - kBlurRim);
+  kernels.blur(level.row(-kBlurRim) - kBlurRim, level.stride, level.width + 2 * kBlurRim,
+               level.height + 2 * kBlurRim, blur_scratch.data(), blurred.row(-kBlurRim) - kBlurRim,
+               blurred.view().stride);
 }
 
 /// Appends what the corners of one level become. The centre of pixel x of a level lies at

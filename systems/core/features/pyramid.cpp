@@ -46,7 +46,8 @@ ResizeAxis::ResizeAxis(int from, int to) {
   const int padded = static_cast<int>(round_up(to, 2 * kResizeBlock));
   first_.resize(to);
   for (auto& weight : weight_) weight.assign(padded, 0);
-  place_.assign(2 * static_cast<std::size_t>(padded), 0x80);  // 0x80: shuffle in a zero
+  pair_weight_.assign(padded, 0);
+  place_.assign(2 * static_cast<std::size_t>(padded), 0);
   block_first_.assign(padded / kResizeBlock, 0);
   const double step = static_cast<double>(from) / to;
   for (int i = 0; i < to; ++i) {
@@ -63,12 +64,15 @@ ResizeAxis::ResizeAxis(int from, int to) {
       weight_[k][i] =
           static_cast<std::uint16_t>(std::lround(256 * after) - std::lround(256 * before));
       before = after;
+      if (weight_[k][i] > 255) fits_window_ = false;
     }
+    pair_weight_[i] = static_cast<std::uint16_t>((weight_[0][i] & 255) | weight_[1][i] << 8);
     const int block = i / kResizeBlock;
     if (i % kResizeBlock == 0) block_first_[block] = static_cast<std::uint16_t>(first);
     const int place = first - block_first_[block];
     if (place + 3 > kResizeWindow) fits_window_ = false;
     place_[2 * i] = static_cast<std::uint8_t>(place);
+    place_[2 * i + 1] = static_cast<std::uint8_t>(place + 1);
   }
 }
 
@@ -76,6 +80,7 @@ ResizeTable ResizeAxis::table() const {
   return {size(),
           first_.data(),
           {weight_[0].data(), weight_[1].data(), weight_[2].data()},
+          pair_weight_.data(),
           block_first_.data(),
           place_.data(),
           fits_window_};

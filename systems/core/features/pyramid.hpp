@@ -36,7 +36,7 @@ class ResizeAxis {
   ResizeTable table() const;
 
  private:
-  std::vector<std::uint16_t> first_, weight_[3], block_first_;
+  std::vector<std::uint16_t> first_, weight_[3], pair_weight_, block_first_;
   std::vector<std::uint8_t> place_;
   bool fits_window_ = true;
 };

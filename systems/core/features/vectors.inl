@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vectors of kBytes bytes and what all instruction sets do with them alike. Included by each kernels_*
-// file inside its namespace, after kBytes.
+// Vectors of kBytes bytes and what all instruction sets do with them alike. Included by each
+// kernels_* file inside its namespace, after kBytes.
 
 using std::int16_t;
 using std::int32_t;
@@ -32,6 +32,4 @@ inline void store(void* to, V v) {
 }
 inline U8 min(U8 a, U8 b) { return a < b ? a : b; }
 inline U8 max(U8 a, U8 b) { return a > b ? a : b; }
-/// a - b, or 0 where b is greater.
-inline U8 excess(U8 a, U8 b) { return max(a, b) - b; }
 inline U8 splat(uint8_t value) { return U8{} + value; }

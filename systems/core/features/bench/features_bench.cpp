@@ -91,14 +91,15 @@ void Selection(benchmark::State& state) {
 void Blur(benchmark::State& state) {
   ImagePyramid pyramid(ScalePyramid().scale, kernels(state));
   pyramid.build(view());
-  std::vector<std::uint8_t> scratch(kWidth + 2 * kKernelSlack), row(kWidth + kKernelSlack);
+  constexpr int kWide = kWidth + kKernelSlack;
+  std::vector<std::uint8_t> scratch(kBlurScratchRows * (2 * kBlurRadius + kWide));
+  std::vector<std::uint8_t> blurred(kWide * kHeight);
   for (auto _ : state)
     for (int i = 0; i < pyramid.levels(); ++i) {
       const GreyView level = pyramid.level(i);
-      for (int y = 0; y < level.height; ++y)
-        kernels(state).blur_row(level.row(y), level.stride, level.width, scratch.data(),
-                                row.data());
-      benchmark::DoNotOptimize(row.data());
+      kernels(state).blur(level.data, level.stride, level.width, level.height, scratch.data(),
+                          blurred.data(), kWide);
+      benchmark::DoNotOptimize(blurred.data());
     }
 }
 

@@ -3,8 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <map>
 #include <random>
 #include <tuple>
+#include <utility>
+#include <vector>
 
 namespace slambed {
 namespace {
@@ -97,6 +102,45 @@ TEST_P(CornerSelectorTest, WorksOnFlatAndTallRegions) {
     EXPECT_GE(corners.size(), std::min<std::size_t>(found, 40));
     EXPECT_LE(static_cast<int>(corners.size()), 40 + overshoot());
   }
+}
+
+/// The rule of the grid, written out: by rank in the cell, then response, then raster order.
+std::vector<Corner> by_the_rule(const DetectionRegion& r, int quota,
+                                const std::vector<Corner>& corners) {
+  const double side = std::sqrt(static_cast<double>(r.width()) * r.height() / quota);
+  const int columns = std::max(1, static_cast<int>(std::lround(r.width() / side)));
+  const int rows = std::max(1, static_cast<int>(std::lround(r.height() / side)));
+  std::map<std::pair<int, int>, std::vector<std::pair<int, std::size_t>>> cells;
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    cells[{(corners[i].y - r.y0) * rows / r.height(), (corners[i].x - r.x0) * columns / r.width()}]
+        .emplace_back(-corners[i].response, i);
+  std::vector<std::tuple<std::size_t, int, std::size_t>> order;
+  for (auto& [place, members] : cells) {
+    std::sort(members.begin(), members.end());
+    for (std::size_t rank = 0; rank < members.size(); ++rank)
+      order.emplace_back(rank, members[rank].first, members[rank].second);
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<std::size_t> chosen;
+  for (int i = 0; i < quota; ++i) chosen.push_back(std::get<2>(order[i]));
+  std::sort(chosen.begin(), chosen.end());
+  std::vector<Corner> kept;
+  for (const std::size_t i : chosen) kept.push_back(corners[i]);
+  return kept;
+}
+
+TEST(CornerSelector, TheGridTakesRoundsOfTheBestOfEachCell) {
+  CornerSelector selector(Distribution::kGrid);
+  for (const int width : {608, 150, 20})  // corners in a few or in all of the cells
+    for (const int quota : {1, 60, 217}) {
+      const auto all = random_corners(900, width, 100, 6);
+      ASSERT_GT(static_cast<int>(all.size()), quota);
+      auto kept = all;
+      selector.select(region(608, 448), quota, kept);
+      const auto expected = by_the_rule(region(608, 448), quota, all);
+      ASSERT_EQ(kept.size(), expected.size());
+      for (std::size_t i = 0; i < kept.size(); ++i) EXPECT_EQ(place(kept[i]), place(expected[i]));
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(Both, CornerSelectorTest,
