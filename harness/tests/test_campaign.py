@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, specs, stand_in
 
-from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.progress import duration
 from slambed.campaign.runner import Runner, stop_on_signal
 from slambed.engines.host_lock import host_lock

@@ -21,10 +21,10 @@ from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec
 from link_parts import needs_relay
 from virtual_parts import Quiet
 
-from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.links import read_profile
+from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.remote_link import HelperLinks
 from slambed.campaign.runner import Runner
 from slambed.engines.base import NodePlan

@@ -10,11 +10,12 @@ import pytest
 from harness_parts import needs_root, nodes_of_tests, run_spec, stand_in
 from virtual_parts import Quiet
 
-from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.links import RunLink, backend_for, open_for_run, read_profile
+from slambed.campaign.links import backend_for, read_profile
+from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.remote_link import HelperLinks
+from slambed.campaign.run_link import RunLink, open_for_run
 from slambed.campaign.runner import Runner
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine

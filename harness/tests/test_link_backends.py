@@ -13,13 +13,14 @@ from link_parts import again_when_late, needs_root
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link import netem
-from slambed.link.backend import choose_backend, open_link
+from slambed.link.backend import open_link
 from slambed.link.bursts import Bursts
+from slambed.link.choice import choose_backend
 from slambed.link.impairments import GilbertElliott
+from slambed.link.log import LinkRecord
 from slambed.link.netem import netem_available, why_not_netem
 from slambed.link.netlink import NetemSettings
 from slambed.link.profile import Profile, parse_profile
-from slambed.link.record import LinkRecord
 from slambed.link.scratch import two_namespaces
 from slambed.link.traffic import TcpFollower, one_way
 from slambed.namespaces import inside

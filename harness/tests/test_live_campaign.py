@@ -11,9 +11,9 @@ import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, stand_in
 from virtual_parts import Quiet
 
-from slambed.campaign.executors import LiveExecutor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.runner import Runner
 from slambed.engines.attendant import MODULE
 from slambed.engines.local import LocalEngine

@@ -8,8 +8,9 @@ from rich.console import Console
 from slambed.engines.base import Engine
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import build_image, connect, find_image
+from slambed.engines.helper import is_root
 from slambed.engines.local import LocalEngine
-from slambed.errors import ExitCode, SlambedError
+from slambed.errors import ExitCode, SlambedError, environment_error
 from slambed.spec.software import host_software, image_software
 
 
@@ -42,3 +43,20 @@ def _docker(build: Callable[[], None] = build_image) -> tuple[Engine, str]:
     if find_image(client) is None:
         build()
     return DockerEngine(client), image_software()
+
+
+def check_privilege(engine: str) -> None:
+    """A live run needs root, or a Docker daemon that listens to us."""
+    if is_root():
+        return
+    refused = "engine local needs root"
+    if engine != "local":
+        try:
+            connect().close()
+            return
+        except SlambedError as error:
+            refused = str(error)
+    raise environment_error(
+        f"no permission for a live run: not root, and {refused}; run the same command with sudo, "
+        "or with --engine virtual, which needs no privilege"
+    )

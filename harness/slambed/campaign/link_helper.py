@@ -19,7 +19,7 @@ from slambed.campaign.link_messages import (
     StartLink,
     StopLink,
 )
-from slambed.campaign.links import RunLink, open_for_run
+from slambed.campaign.run_link import RunLink, open_for_run
 from slambed.engines.cpu_group import leave_cpu_group
 from slambed.errors import ExitCode, SlambedError
 from slambed.line_protocol import Failure, LineReader, adapter, message_in, tell

@@ -9,7 +9,6 @@ from slambed.campaign.datasets import Sequence
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
 from slambed.segment import TRUTH
-from slambed.segment.masks import is_made, mask_cache, mask_key
 from slambed.segment.network import load_network, network_file
 from slambed.spec import inputs
 from slambed.spec.masks import Masks, MasksAsked
@@ -26,23 +25,29 @@ def make_masks(
 
     Raises SlambedError for a network that is not known, has no file or another checksum, and for
     the truth of a sequence that has none."""
-    made: dict[tuple[str, MasksAsked], Masks] = {}
-    for want in asked:
-        for name, sequence in sequences.items():
-            prepared = PreparedSequence.open(sequence.path)
-            parts = (prepared, want.network, want.quality, want.n_m)
-            title = f"masks of {sequence.id} by {want.network}"
-            if not is_made(mask_key(*parts)):
-                say(f"{title}: {len(prepared)} pictures")
-            path = mask_cache(*parts, partial(_tell, say, title))
-            made[name, want] = Masks(
-                network=want.network,
-                n_m=want.n_m,
-                path=str(path),
-                key=mask_key(*parts),
-                sha256=inputs.sha256_of(path),
-            )
-    return made
+    return {
+        (name, want): _masks(want, sequence, say)
+        for want in asked
+        for name, sequence in sequences.items()
+    }
+
+
+def _masks(want: MasksAsked, sequence: Sequence, say: Say) -> Masks:
+    from slambed.segment.masks import is_made, mask_cache, mask_key  # OpenCV: few runs need it
+
+    prepared = PreparedSequence.open(sequence.path)
+    parts = (prepared, want.network, want.quality, want.n_m)
+    title = f"masks of {sequence.id} by {want.network}"
+    if not is_made(mask_key(*parts)):
+        say(f"{title}: {len(prepared)} pictures")
+    path = mask_cache(*parts, partial(_tell, say, title))
+    return Masks(
+        network=want.network,
+        n_m=want.n_m,
+        path=str(path),
+        key=mask_key(*parts),
+        sha256=inputs.sha256_of(path),
+    )
 
 
 def networks_of(

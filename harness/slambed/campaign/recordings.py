@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.export import export, folder_times_ns
 from slambed.data.places import cache_folder, no_cache
 from slambed.data.playlist import offered_frames
 from slambed.data.prepared import PreparedSequence
@@ -46,6 +45,8 @@ class Recording:
     @property
     def folder_stamps_s(self) -> NDArray[np.float64]:
         """The time stamps in the folder."""
+        from slambed.data.export import folder_times_ns  # OpenCV, which most runs do not need
+
         stamps_ns = folder_times_ns(self.sequence, self.layout)[self.indices]
         return np.asarray(stamps_ns / 1e9, dtype=np.float64)
 
@@ -76,6 +77,8 @@ class Recording:
         return path
 
     def _write(self, path: Path) -> None:
+        from slambed.data.export import export
+
         for killed in path.parent.glob(".*.partial-*"):
             shutil.rmtree(killed, ignore_errors=True)
         # PNG is never much larger than the pixels.

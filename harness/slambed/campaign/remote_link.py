@@ -29,7 +29,7 @@ ALIVE_EVERY_S = 0.2
 
 
 class RemoteLink:
-    """Same life as `links.RunLink`; a helper that ends is a link that went away."""
+    """Same life as `run_link.RunLink`; a helper that ends is a link that went away."""
 
     def __init__(self, process: LineProcess) -> None:
         self._process = process

@@ -12,31 +12,23 @@ from pathlib import Path
 from rich.console import Console
 
 from slambed.caller import give_to_caller
-from slambed.campaign.choose import choose_engine
 from slambed.campaign.cluster import join_cluster, start_on_slurm
-from slambed.campaign.executors import Executor, LiveExecutor, Played
+from slambed.campaign.executors import Executor, Played
 from slambed.campaign.folder import ResultFolder
-from slambed.campaign.foreign import software_of_foreign
 from slambed.campaign.further import further_repetitions
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.links import open_for_run
 from slambed.campaign.order import interleaved
 from slambed.campaign.plan import Plan, check, experiment_json, make_plan, notes, repetitions
 from slambed.campaign.prepared_inputs import prepare_input
 from slambed.campaign.preview import chosen, preview
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.progress import CampaignProgress, duration
-from slambed.campaign.quiet import wait_for_quiet
-from slambed.campaign.remote_link import HelperLinks
 from slambed.campaign.runner import DEFAULT_RETRIES, Runner, Verdict, stop_on_signal
 from slambed.campaign.store import ATTEMPTS, STORE
 from slambed.data.places import cache_folder
-from slambed.engines.docker_image import connect
-from slambed.engines.helper import is_root
 from slambed.engines.host_lock import host_lock
-from slambed.engines.reaper import mark_children, reap
 from slambed.engines.virtual import prune_features
-from slambed.errors import SlambedError, environment_error
+from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.metrics.collect import keep_groundtruth
 from slambed.native import SIMULATION, find_program
@@ -55,6 +47,9 @@ OVERHEAD_S = 3.0
 VIRTUAL_SHARE = 0.1
 RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
 """Folders of `results/` that are no experiments."""
+
+Files = tuple[Experiment, YamlSource, Library, list[NamedProfile]]
+"""An experiment with what was read for it."""
 
 
 @dataclass
@@ -105,6 +100,25 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
     files = (experiment, source, library, profiles)
     if asked == VIRTUAL:
         return _run_virtually(files, options, count, console)
+    return _run_live(files, asked, options, count, console)
+
+
+def _provider(library: Library, console: Console) -> Callable[[str], Path]:
+    return lambda name: prepare_input(name, library, partial(_say, console)).file
+
+
+def _run_live(files: Files, asked: str, options: Options, count: int, console: Console) -> Verdict:
+    """On this host, which is ours alone meanwhile."""
+    # Containers and links take half a second to load, which virtual runs do not need.
+    from slambed.campaign.choose import check_privilege, choose_engine
+    from slambed.campaign.foreign import software_of_foreign
+    from slambed.campaign.live_executor import LiveExecutor
+    from slambed.campaign.quiet import wait_for_quiet
+    from slambed.campaign.remote_link import HelperLinks
+    from slambed.campaign.run_link import open_for_run
+    from slambed.engines.reaper import mark_children, reap
+
+    experiment, source, library, _ = files
     if options.scheduler or options.slurm:
         raise SlambedError(
             "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
@@ -140,33 +154,7 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
         return _run_plan(plan, source, options, executor_of, console)
 
 
-def _provider(library: Library, console: Console) -> Callable[[str], Path]:
-    return lambda name: prepare_input(name, library, partial(_say, console)).file
-
-
-def check_privilege(engine: str) -> None:
-    """A live run needs root, or a Docker daemon that listens to us."""
-    if is_root():
-        return
-    refused = "engine local needs root"
-    if engine != "local":
-        try:
-            connect().close()
-            return
-        except SlambedError as error:
-            refused = str(error)
-    raise environment_error(
-        f"no permission for a live run: not root, and {refused}; run the same command with sudo, "
-        "or with --engine virtual, which needs no privilege"
-    )
-
-
-def _run_virtually(
-    files: tuple[Experiment, YamlSource, Library, list[NamedProfile]],
-    options: Options,
-    count: int,
-    console: Console,
-) -> Verdict:
+def _run_virtually(files: Files, options: Options, count: int, console: Console) -> Verdict:
     """No privilege, no lock on the host: only the result folder is ours alone."""
     program = find_program(SIMULATION)
     features = cache_folder() / "features"
@@ -195,9 +183,7 @@ def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Pl
     return _virtual_plan((experiment, source, library, profiles), 1, console), source
 
 
-def _virtual_plan(
-    files: tuple[Experiment, YamlSource, Library, list[NamedProfile]], count: int, console: Console
-) -> Plan:
+def _virtual_plan(files: Files, count: int, console: Console) -> Plan:
     provide = _provider(files[2], console)
     software = host_software(program=SIMULATION)
     return make_plan(*files, VIRTUAL, software, count, provide, say=partial(_say, console))

@@ -2,14 +2,13 @@
 """Opening a link between the network namespaces of two nodes."""
 
 from pathlib import Path
-from typing import Any, Literal, Protocol, cast
+from typing import Any, Literal, Protocol
 
-from slambed.errors import SlambedError
+from slambed.link.choice import choose_backend
 from slambed.link.profile import Profile
 from slambed.link.session import LinkOptions, LinkSession, Shaper
 
 BackendName = Literal["auto", "relay", "netem", "none"]
-BACKENDS: list[str] = ["auto", "relay", "netem", "none"]
 
 
 class ShaperFactory(Protocol):
@@ -18,23 +17,6 @@ class ShaperFactory(Protocol):
     def __call__(
         self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
     ) -> Shaper: ...
-
-
-def choose_backend(asked: str, profile: Profile) -> Literal["relay", "netem", "none"]:
-    """`auto` is netem where the kernel has it and nothing random is asked for, else the relay: it
-    begins and ends bursts to the microsecond, too."""
-    from slambed.link.netem import netem_available, why_not_netem
-
-    if asked not in BACKENDS:
-        raise SlambedError(f"unknown link backend '{asked}', link; known: {', '.join(BACKENDS)}")
-    if asked == "netem" and (reason := why_not_netem(profile)):
-        raise SlambedError(f"backend netem cannot do profile '{profile.name}': {reason}")
-    if asked == "none" and not profile.is_none:
-        raise SlambedError(f"backend none adds nothing, but profile '{profile.name}' does")
-    if asked != "auto":
-        return cast(Literal["relay", "netem", "none"], asked)
-    random = any(side.loss for side in (profile.up, profile.down)) or why_not_netem(profile)
-    return "relay" if random or not netem_available() else "netem"
 
 
 def open_link(

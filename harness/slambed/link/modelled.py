@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from slambed.link.direction import ModelledLink
+from slambed.link.log import ASKED_STEP_S, series_frame
 from slambed.link.profile import Profile
-from slambed.link.record import ASKED_STEP_S, series_frame
 from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
 
 

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slambed.errors import PassingError, environment_error
+from slambed.link.log import ASKED_STEP_S, LinkRecord, series_frame
 from slambed.link.namespaces import check_privilege, different, tune_tcp
 from slambed.link.probe import Echoes, Probe, measure_base_ms
 from slambed.link.profile import Profile
 from slambed.link.proof import LinkTolerance, Waits, compare, judge
-from slambed.link.record import ASKED_STEP_S, LinkDetails, LinkRecord, series_frame
+from slambed.link.record import LinkDetails
 from slambed.link.route import acknowledge_at_once
 from slambed.namespaces import namespace_path
 

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Absolute and relative trajectory error (Sturm et al., IROS 2012), Umeyama's alignment (1991)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from slambed.data.association import MAX_DIFFERENCE_S, match_nearest
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.metrics.association import Method, associate
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +39,8 @@ class Alignment:
 
     def apply_to(self, trajectory: Trajectory) -> Trajectory:
         """Moves a whole trajectory, orientations too."""
+        from scipy.spatial.transform import Rotation  # takes long to load
+
         turned = Rotation.from_matrix(self.rotation) * trajectory.rotations()
         return Trajectory(trajectory.stamps_s, self.apply(trajectory.positions_m), turned.as_quat())
 
@@ -218,6 +225,8 @@ def _relative_motion(
 
 def product(first: Rotation, second: Rotation) -> Rotation:
     """`first * second` of as many rotations each, as scipy computes it but eight times as fast."""
+    from scipy.spatial.transform import Rotation
+
     x1, y1, z1, w1 = first.as_quat().T
     x2, y2, z2, w2 = second.as_quat().T
     x = w1 * x2 + w2 * x1 + (y1 * z2 - z1 * y2)

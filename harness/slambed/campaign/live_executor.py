@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What executes live runs on this host."""
+
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from slambed.campaign.execution import execute_run, recording_of
+from slambed.campaign.executors import Played
+from slambed.engines.base import Engine
+from slambed.engines.docker_errors import daemon_failures
+from slambed.engines.live_run import LinkOpener, LiveRun
+from slambed.errors import SlambedError
+from slambed.metrics.summary import Summary
+from slambed.spec.host_speed import load_host_speed
+from slambed.spec.run_spec import RunSpec
+
+
+@dataclass
+class LiveExecutor:
+    """Two nodes and a link on this host, one run at a time."""
+
+    engine: Engine
+    open_link: LinkOpener
+    played: Played
+    jobs: int = 1
+
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
+        """In the calling thread. PassingError when the daemon or a process beside the run fails."""
+        sequence, played_s = self.played[spec.dataset]
+        host = load_host_speed()
+        if spec.host_speed not in (None, host.speed):
+            raise SlambedError("the host was calibrated since the campaign began; start it again")
+        reads = spec.runtime is not None and spec.runtime.reads is not None
+        frames = recording_of(spec, sequence).folder() if reads else None
+        run = LiveRun(
+            spec, self.engine, sequence, played_s, raw, self.open_link, stop, host, frames
+        )
+        with daemon_failures("keep the nodes of a run"):
+            engine = self.engine.describe()
+            return execute_run(spec, raw, sequence, engine, sys.argv, run.execute, attempt)
+
+    def close(self) -> None:
+        """Nothing outlives a live run."""

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a link leaves behind: its log and its proof."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.link.proof import LinkProof
+from slambed.link.record import LinkDetails, LinkFacts
+
+SERIES = [
+    "asked_rtt_ms", "applied_up_ms", "applied_down_ms", "probe_rtt_ms", "probe_error_ms",
+    "drops_up", "drops_down", "queue_bytes_up", "queue_bytes_down",
+    "lost_up", "lost_down",
+]  # fmt: skip
+"""Series of link.parquet (docs/formats.md, "Link log")."""
+ASKED_STEP_S = 0.1
+
+
+@dataclass(frozen=True)
+class LinkRecord:
+    """The link of one run, after its end."""
+
+    backend: str
+    frame: pd.DataFrame
+    """t_s, series, value: the content of link.parquet."""
+    drops: dict[str, int]
+    """Packets dropped `up` and `down`, on purpose or not."""
+    proof: LinkProof
+    """Asked against applied against measured, with a verdict."""
+    died: str | None = None
+    """Why the link went away before it was stopped; None when it did not."""
+    details: LinkDetails = field(default_factory=LinkDetails)
+    """TCP settings, priority granted, counters of the backend."""
+
+    @property
+    def facts(self) -> LinkFacts:
+        """What of it goes into the manifest."""
+        return LinkFacts(
+            backend=self.backend,
+            base_rtt_ms=self.details.base_ms,
+            drops=self.drops,
+            died=self.died,
+            proof=self.proof,
+            distrust=None if self.proof.valid else self.proof.reason,
+            details=self.details,
+        )
+
+
+def series_frame(
+    series: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> pd.DataFrame:
+    """The long table of link.parquet from (times, values) per series."""
+    parts = [
+        pd.DataFrame({"t_s": times, "series": name, "value": values})
+        for name, (times, values) in series.items()
+        if len(times)
+    ]
+    if not parts:
+        return pd.DataFrame({"t_s": [], "series": [], "value": []})
+    return pd.concat(parts, ignore_index=True)
