@@ -3,6 +3,7 @@
 
 import types
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
 
@@ -50,12 +51,19 @@ class YamlSource:
 
 def load_yaml(path: Path) -> YamlSource:
     """Reads one YAML document safely (no Python tags); duplicate keys are errors."""
+    return _parsed(_text(path), path)
+
+
+def _text(path: Path) -> str:
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise SlambedError(f"no such file: {path}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SlambedError(f"cannot read {path}: {error}") from None
+
+
+def _parsed(text: str, path: Path) -> YamlSource:
     try:
         return with_parser(lambda parser: _read(parser(text), path))
     except yaml.YAMLError as error:
@@ -116,8 +124,15 @@ def parse(model: type[Model], source: YamlSource) -> Model:
 
 
 def read_model(model: type[Model], path: Path) -> Model:
-    """A YAML file that is one `model`."""
-    return parse(model, load_yaml(path))
+    """A YAML file that is one `model`; of the same text the same object, which nobody may change: a
+    campaign and its report ask several times for each dataset and each paper."""
+    found: Model = _model(model, path, _text(path))
+    return found
+
+
+@lru_cache(maxsize=512)
+def _model(model: type[Model], path: Path, text: str) -> Model:
+    return parse(model, _parsed(text, path))
 
 
 def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:

@@ -89,3 +89,9 @@ def one_line(error: pytest.ExceptionInfo[SlambedError]) -> str:
     line = str(error.value)
     assert "\n" not in line
     return line
+
+
+def flip(file: Path, offset: int) -> None:
+    content = bytearray(file.read_bytes())
+    content[offset] ^= 1
+    file.write_bytes(bytes(content))

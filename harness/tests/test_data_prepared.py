@@ -8,18 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from data_samples import CAMERA, HEIGHT, WIDTH, depth, grey, one_line, trajectory, write_prepared
+from data_samples import (
+    CAMERA,
+    HEIGHT,
+    WIDTH,
+    depth,
+    flip,
+    grey,
+    one_line,
+    trajectory,
+    write_prepared,
+)
 
 from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter, move_into_place
 from slambed.data.trajectory import Trajectory, read_groundtruth
 from slambed.errors import SlambedError
-
-
-def flip(file: Path, offset: int) -> None:
-    content = bytearray(file.read_bytes())
-    content[offset] ^= 1
-    file.write_bytes(bytes(content))
 
 
 def test_round_trip(tmp_path: Path) -> None:

@@ -109,10 +109,11 @@ def prior_map_of(name: str) -> str | None:
 
 
 def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) -> Sequence:
-    """Prepares a dataset, and reads every frame of it once against its checksums. `say`: hears when
-    it has to be made first, which may take minutes."""
+    """Prepares a dataset, and reads every frame of it against its checksums where nobody has of
+    late. `say`: hears when it has to be made first, which may take minutes."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
+    from slambed.data.verified import verify_once
 
     given = (Path(name) / SEQUENCE_FILE).is_file()
     catalog = None if given else Catalog.load()
@@ -120,7 +121,7 @@ def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) 
     if catalog and dataset and catalog.prepared(name) is None and catalog.available(dataset):
         say(f"preparing {dataset.id}: once, it is kept")
     prepared = catalog.prepare(name) if catalog else PreparedSequence.open(name)
-    prepared.verify(full=True)
+    verify_once(prepared)
     return _sequence(name, prepared, catalog, dataset)
 
 

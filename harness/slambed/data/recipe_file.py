@@ -4,15 +4,14 @@
 from pathlib import Path
 
 from slambed.data.recipe import Dataset
-from slambed.yaml_source import load_yaml, parse
+from slambed.yaml_source import load_yaml, read_model
 
 
 def load_recipe(path: Path) -> Dataset:
     """Reads and checks one dataset file."""
-    source = load_yaml(path)
-    dataset = parse(Dataset, source)
+    dataset = read_model(Dataset, path)
     if dataset.id != path.stem:
-        raise source.complaint(
+        raise load_yaml(path).complaint(
             f"the id is '{dataset.id}'", ("id",), f"name the file {dataset.id}.yaml"
         )
     return dataset
