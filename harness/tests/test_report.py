@@ -326,7 +326,8 @@ def test_the_plots_that_are_asked_for_come_first(experiment: Path) -> None:
     content = {"experiment": {"title": "T", "report": {"plots": ["trajectory", "keyframes"]}}}
     (experiment / "experiment.json").write_text(json.dumps(content))
     results = load(experiment)
-    jobs = [name for name, _ in plots.jobs_of(results, [], plots.FigureWriter(experiment, "", []))]
+    writer = plots.FigureWriter(experiment, "", [])
+    jobs = [job.kind for job in plots.jobs_of(results, [], writer)]
     conditions = jobs.count("trajectory")
     assert conditions and jobs[: conditions + 1] == ["trajectory"] * conditions + ["keyframes"]
     assert {*jobs} <= {*FIGURES, *keys_for(Use.DRAWN), "keyframes"}

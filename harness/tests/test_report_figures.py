@@ -19,7 +19,7 @@ from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
 from slambed.report.figures.stages import STAGES, _stage_bars
 from slambed.report.figures.tradeoff import draw_tradeoff
 from slambed.report.load import load
-from slambed.report.style import COLOURS, FigureWriter
+from slambed.report.style import COLOURS, FigureWriter, lay_out
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -72,7 +72,7 @@ def test_names_of_stages_can_be_read_and_do_not_touch(
     monkeypatch.setattr(writer, "save", lambda made, *_: figures.append(made))
     _stage_bars(table, Condition("room", "none", pd.DataFrame()), writer)
     (made,) = figures
-    made.draw_without_rendering()
+    lay_out(made)
     names = made.axes[0].get_yticklabels()
     assert len(names) == 2 * len(stages)
     # A page shows a figure of 5.4 inches 448 pixels wide or wider: 12 pixels, as in its tables.
@@ -98,7 +98,7 @@ def test_a_tradeoff_names_its_points_beside_the_axes(
     ]  # fmt: skip
     assert draw_tradeoff(cells, "room", "bytes_up", "ate_rmse_m", writer)
     (made,) = figures
-    made.draw_without_rendering()
+    lay_out(made)
     (axes,), (legend,) = made.axes, made.legends
     assert not axes.texts and axes.get_legend() is None
     beside, page = legend.get_window_extent(), made.bbox

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from slambed.atomic import replacing
@@ -32,11 +33,15 @@ def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
     """The events (of these types) of a result, as the nodes wrote them: without nulls, ids whole
     numbers of 64 bits, what the schema does not know unpacked."""
     try:
-        table = pq.read_table(path, filters=[("type", "in", list(types))] if types else None)
-    except (OSError, pa.ArrowException) as error:
+        with pq.ParquetFile(path) as file:
+            table = file.read(use_threads=False)
+        if types:
+            table = table.filter(pc.is_in(table["type"], pa.array(types)))
+    except (OSError, KeyError, pa.ArrowException) as error:
         return EventLog([], [f"{path.name}: unreadable ({str(error).splitlines()[0]})"])
+    told = [name for name in table.column_names if table[name].null_count < len(table)]
     events: list[Event] = []
-    for row in table.to_pylist():
+    for row in table.select(told).to_pylist():
         event = {key: value for key, value in row.items() if value is not None}
         if (extra := event.pop(EXTRA_COLUMN, None)) is not None:
             event |= json.loads(extra)

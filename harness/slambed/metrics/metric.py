@@ -82,6 +82,11 @@ class Metric:
         return self.name[0].upper() + self.name[1:]
 
     @property
+    def look(self) -> str:
+        """All that decides how it is shown."""
+        return f"{self.heading} {self.scale} {self.digits} {self.better} {self.kind}"
+
+    @property
     def stored_type(self) -> str:
         """As docs/formats.md says it."""
         return {"number": "float", "count": "int", "flag": "bool", "text": "str"}[self.type]

@@ -54,7 +54,7 @@ def report(
 
     With --again the numbers too: after a change of a metric, or of a dataset's ground truth.
     """
-    from slambed.report.experiment import terminal_summary, write_report
+    from slambed.report.experiment import Told, terminal_summary, write_report
     from slambed.report.load import load
 
     folder = experiment_folder(results, experiment)
@@ -64,9 +64,9 @@ def report(
         with writing(folder, "--results"):
             for line in recompute(folder).lines():
                 typer.echo(line)
-    found = load(folder)
-    write_report(folder, figures=figures, loaded=found)
-    terminal_summary(folder, console(), found)
+    told = Told.of(load(folder))
+    write_report(folder, figures=figures, told=told)
+    terminal_summary(folder, console(), told)
 
 
 @app.command()

@@ -20,6 +20,7 @@ from slambed.report.published import comparisons_for
 from slambed.report.rounds import update_round_tables
 from slambed.report.settings import settings_table
 from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
+from slambed.report.style import FORMATS
 from slambed.report.tables import (
     Table,
     cell_tables,
@@ -41,36 +42,55 @@ class ReportPaths:
     problems: list[str]
 
 
+@dataclass(frozen=True)
+class Told:
+    """What page and terminal both tell of the runs; to compute it takes seconds for thousands."""
+
+    results: Results
+    cells: list[Cell]
+    tables: list[Table]
+    comparisons: list[Table]
+
+    @classmethod
+    def of(cls, results: Results) -> "Told":
+        """Of the runs that were read."""
+        metrics = metrics_to_show(results)
+        cells = cells_of(results, metrics)
+        tables = [*cell_tables(cells, metrics), *update_round_tables(results)]
+        return cls(results, cells, tables, comparisons_for(results))
+
+
 def write_report(
     experiment_dir: Path,
     command: str | None = None,
     figures: bool = True,
     limit_s: float | None = TIME_FOR_FIGURES_S,
-    loaded: Results | None = None,
+    told: Told | None = None,
+    formats: tuple[str, ...] = FORMATS,
 ) -> ReportPaths:
     """Writes summary.csv, report.md and report/ (index.html, figures, tables) from the runs alone.
 
     Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
-    is not there. `loaded`: what is in the folder, where the caller has read it.
+    is not there. `told`: what is in the folder, where the caller has read it; `formats`: of the
+    figures.
     """
     runs = current.begin(experiment_dir)
-    results = loaded or load(experiment_dir)
+    told = told or Told.of(load(experiment_dir))
+    results, cells = told.results, told.cells
     folder = experiment_dir / "report"
     folder.mkdir(exist_ok=True)
     summary_csv = write_summary_csv(results)
-    metrics = metrics_to_show(results)
-    cells = cells_of(results, metrics)
     made_by = command or f"slambed report {results.name}"
     drawn = Drawn([], 0)
     if figures and len(results.trusted):
-        drawn = draw_all(results, cells, folder, made_by, limit_s)
+        drawn = draw_all(results, cells, folder, made_by, limit_s, formats)
     content = PageContent(
         setup=setup_lines(results),
         settings=settings_table(results),
         cells=cells,
-        tables=[*cell_tables(cells, metrics), *update_round_tables(results)],
+        tables=told.tables,
         differences=difference_tables(results),
-        comparisons=comparisons_for(results),
+        comparisons=told.comparisons,
         link=link_table(results),
         limits=limits_table(results),
         figures=drawn.figures,
@@ -166,15 +186,13 @@ def _failed(results: Results) -> str:
 
 
 def terminal_summary(
-    experiment_dir: Path, console: Console | None = None, loaded: Results | None = None
+    experiment_dir: Path, console: Console | None = None, told: Told | None = None
 ) -> RenderableType:
     """The tables for a terminal; printed when a console is given."""
-    results = loaded or load(experiment_dir)
-    metrics = metrics_to_show(results)
-    cells = cells_of(results, metrics)
+    told = told or Told.of(load(experiment_dir))
+    results, cells = told.results, told.cells
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
-    tables = cell_tables(cells, metrics) + update_round_tables(results) + comparisons_for(results)
-    for table in tables:
+    for table in told.tables + told.comparisons:
         parts += [Text(""), table.rich()]
     notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
+
 from slambed.metrics.catalog import keys_for
 from slambed.metrics.metric import Use
 from slambed.report.cells import Cell
 from slambed.report.conditions import conditions_of
+from slambed.report.drawn import DrawnBefore, files_of, made_of
 from slambed.report.figures.boxes import draw_metric
 from slambed.report.figures.link import draw_rtt
 from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
@@ -20,7 +23,7 @@ from slambed.report.figures.stages import draw_stages
 from slambed.report.figures.sweep import draw_sweep, sweeps
 from slambed.report.figures.tradeoff import PAIRS, draw_tradeoff
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, SavedFigure
+from slambed.report.style import FORMATS, FigureWriter, SavedFigure
 
 TIME_FOR_FIGURES_S = 25.0
 """A report of any size must be there within a minute; `slambed plots --all` has no limit."""
@@ -43,21 +46,30 @@ def draw_all(
     folder: Path,
     command: str,
     limit_s: float | None = TIME_FOR_FIGURES_S,
+    formats: tuple[str, ...] = FORMATS,
 ) -> Drawn:
-    """Draws into `folder`; a figure that cannot be drawn is a problem of the results, not fatal."""
-    writer = FigureWriter(folder, command, [])
+    """Draws into `folder` what is not there of the same data already; a figure that cannot be drawn
+    is a problem of the results, not fatal."""
+    writer = FigureWriter(folder, command, [], formats=formats)
+    before = DrawnBefore(folder)
     begin = time.monotonic()
     limited = limit_s is not None and len(cells) > CELLS_WITHOUT_LIMIT
     left_out = 0
-    for name, draw in jobs_of(results, cells, writer):
+    for job in jobs_of(results, cells, writer):
+        if before.keeps(job.made_of, results, writer):
+            continue
         if limited and time.monotonic() - begin > (limit_s or 0):
             left_out += 1
             continue
         try:
-            draw()
+            with before.notes(job.made_of, results, writer):
+                job.draw()
         except (ValueError, KeyError, TypeError, IndexError) as error:
-            results.complain(f"figure {name} could not be drawn: {type(error).__name__}: {error}")
+            results.complain(
+                f"figure {job.kind} could not be drawn: {type(error).__name__}: {error}"
+            )
     writer.write_list()
+    before.write()
     return Drawn(writer.saved, left_out, writer.empty)
 
 
@@ -68,38 +80,59 @@ def plots_asked(results: Results) -> list[str]:
     return [name for name in asked if isinstance(name, str)] if isinstance(asked, list) else []
 
 
-def jobs_of(
-    results: Results, cells: list[Cell], writer: FigureWriter
-) -> list[tuple[str, Callable[[], object]]]:
-    """Every figure with its kind, what the experiment asks for first."""
+@dataclass(frozen=True)
+class Job:
+    """A figure, or some that are drawn together."""
+
+    kind: str
+    draw: Callable[[], object]
+    made_of: str
+    """One number for all that it shows."""
+
+
+def jobs_of(results: Results, cells: list[Cell], writer: FigureWriter) -> list[Job]:
+    """Every figure, what the experiment asks for first."""
     asked = plots_asked(results)
     found = _jobs(results, cells, asked, writer)
-    return sorted(found, key=lambda job: asked.index(job[0]) if job[0] in asked else len(asked))
+    return sorted(found, key=lambda job: asked.index(job.kind) if job.kind in asked else len(asked))
 
 
 def _jobs(
     results: Results, cells: list[Cell], asked: list[str], writer: FigureWriter
-) -> Iterator[tuple[str, Callable[[], object]]]:
+) -> Iterator[Job]:
     """Most telling first: what comes last is what a large campaign goes without."""
-    conditions = conditions_of(results)
+    draw: Callable[[], object]
     numbers = [key for key in asked if key in results.numbers()]
     for key in dict.fromkeys([*numbers, *keys_for(Use.DRAWN)]):
-        yield key, partial(draw_metric, results, cells, results.metric(key), writer)
-    for condition in conditions:
-        yield "losses", partial(draw_losses, results, condition, writer)
-        yield "trajectory", partial(draw_paths, results, condition, writer)
-        yield "rtt", partial(draw_rtt, results, condition, writer)
-        yield "cpu", partial(draw_over_time, results, condition, CPU, writer)
-        yield "memory", partial(draw_over_time, results, condition, MEMORY, writer)
-        yield "stages", partial(draw_stages, results, condition, writer)
-    for _, variant, played, column, own in sweeps(results):
-        yield "sweep", partial(draw_sweep, results, variant, played, column, own, writer)
+        item = results.metric(key)
+        draw = partial(draw_metric, results, cells, item, writer)
+        yield Job(key, draw, made_of(_columns(results, key), "metric", item.look))
+    for condition in conditions_of(results):
+        runs = condition.runs
+        made = made_of(runs, files_of(results, runs))
+        for kind, drawn in (
+            ("losses", partial(draw_losses, results, condition, writer)),
+            ("trajectory", partial(draw_paths, results, condition, writer)),
+            ("rtt", partial(draw_rtt, results, condition, writer)),
+            ("cpu", partial(draw_over_time, results, condition, CPU, writer)),
+            ("memory", partial(draw_over_time, results, condition, MEMORY, writer)),
+            ("stages", partial(draw_stages, results, condition, writer)),
+        ):
+            yield Job(kind, drawn, f"{kind} {made}")
+    for _, variant, played, column, runs in sweeps(results):
+        draw = partial(draw_sweep, results, variant, played, column, runs, writer)
+        yield Job("sweep", draw, made_of(runs, "sweep", variant, played, column))
     for (label, dataset), runs in results.trusted.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
-            yield (
-                "losses_by_profile",
-                partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer),
-            )
+            draw = partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer)
+            yield Job("losses_by_profile", draw, made_of(runs, "losses_by_profile"))
     for dataset in dict.fromkeys(cell.dataset for cell in cells):
         for x, y in PAIRS:
-            yield "tradeoff", partial(draw_tradeoff, cells, dataset, x, y, writer)
+            draw = partial(draw_tradeoff, cells, dataset, x, y, writer)
+            yield Job("tradeoff", draw, made_of(_columns(results, x, y), "tradeoff", dataset, x, y))
+
+
+def _columns(results: Results, *keys: str) -> pd.DataFrame:
+    """What figures over all cells show of the runs."""
+    names = ("run_key", "cell", "label", "dataset", "profile", "trusted", *keys)
+    return results.runs[[name for name in names if name in results.runs]]

@@ -12,9 +12,10 @@ from slambed.errors import ExitCode, SlambedError
 from slambed.report.again import recompute_refused
 from slambed.report.asked import check_asked
 from slambed.report.current import is_current
-from slambed.report.experiment import terminal_summary, write_report
+from slambed.report.experiment import Told, terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.papers.plan import plans_of_today
+from slambed.report.style import ON_PAGES
 from slambed.spec.library import Library
 
 
@@ -53,9 +54,10 @@ def show_report(folder: Path, console: Console, anew: bool = True, figures: bool
         for line in again.lines():
             _say(console, line)
         results = load(folder)
+    told = Told.of(results)
     if anew or not is_current(folder):
-        write_report(folder, figures=figures, loaded=results)
-    terminal_summary(folder, console, results)
+        write_report(folder, figures=figures, told=told, formats=ON_PAGES)
+    terminal_summary(folder, console, told)
     _say(console, f"every run: {folder / 'summary.csv'}")
 
 

@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.text import Text
 
 from slambed.outputs import writing
@@ -30,6 +31,8 @@ GROUND_TRUTH = "#777777"
 FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
 FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
+ON_PAGES = ("png", "svg")
+"""What pages show; the fonts of a PDF take as long as all else of a figure."""
 WIDTH_IN = 5.4
 NAME_PT, NOTE_PT = 11, 9
 """Names of bars, and what stands beside marks: a page shows a figure 450 to 550 pixels wide."""
@@ -81,7 +84,8 @@ def figure(
     rows: int = 1, columns: int = 1, height_in: float = 3.4, **options: Any
 ) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure in our style; closed at the end whatever happens."""
-    with plt.rc_context(RC):
+    # `lay_out` does it once; an engine of the figure's own draws it once more per format.
+    with plt.rc_context(RC | {"figure.constrained_layout.use": False}):
         made, axes = plt.subplots(
             rows, columns, figsize=(WIDTH_IN, height_in), squeeze=False, **options
         )
@@ -146,6 +150,13 @@ class FigureWriter:
     saved: list[SavedFigure]
     empty: list[str] = field(default_factory=list)
     """Figures that had nothing to show, a line each."""
+    formats: tuple[str, ...] = FORMATS
+
+    def has(self, figure: SavedFigure) -> bool:
+        """Whether a figure of an earlier report is there, in all these formats."""
+        wanted = {f"{figure.name}.{kind}" for kind in self.formats}
+        files = [*figure.files, figure.data]
+        return wanted <= {*files} and all((self.folder / name).is_file() for name in files)
 
     def nothing(self, name: str, title: str, why: str) -> None:
         """Says why there is no such figure; one of an earlier report goes."""
@@ -154,16 +165,15 @@ class FigureWriter:
         self.empty.append(f"{title}: {why}")
 
     def save(self, made: Figure, name: str, title: str, caption: str, data: pd.DataFrame) -> None:
-        """Writes `<name>.png/.svg/.pdf` and `<name>.csv`."""
+        """Writes `<name>.png/.svg/.pdf` and `<name>.csv`; a format that is not asked for goes."""
         self.folder.mkdir(parents=True, exist_ok=True)
         files: list[str] = []
-        # The layout is solved once, not once per format.
-        made.draw_without_rendering()
-        if _wrap_wide_texts(made):
-            made.draw_without_rendering()
-        made.set_layout_engine("none")
+        lay_out(made)
         for kind in FORMATS:
             file = f"{name}.{kind}"
+            if kind not in self.formats:
+                (self.folder / file).unlink(missing_ok=True)
+                continue
             made.savefig(self.folder / file, dpi=PNG_DPI, metadata=self._facts(kind, title))
             files.append(file)
         data.to_csv(self.folder / f"{name}.csv", index=False, float_format="%.6g")
@@ -193,6 +203,14 @@ def save_picture(drawn: Callable[[], Figure], path: Path) -> None:
                 made.savefig(path, dpi=PICTURE_DPI)
         finally:
             plt.close(made)
+
+
+def lay_out(made: Figure) -> None:
+    """Puts everything of a figure at its place, wide titles on several lines."""
+    layout = ConstrainedLayoutEngine()
+    layout.execute(made)
+    if _wrap_wide_texts(made):
+        layout.execute(made)
 
 
 def _titles_of(made: Figure) -> set[str]:
