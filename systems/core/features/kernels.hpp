@@ -31,6 +31,14 @@ struct Moments {
   int m10 = 0, m01 = 0;
 };
 
+/// Where a patch of the left image fits best when it slides along a row of the right one. The other
+/// two are sums over the patch, before, at and after that place.
+struct PatchSlide {
+  int best = 0;      ///< 0 to 2 * kPatchSlide, the first of equals
+  int absolute = 0;  ///< differences, each image relative to the pixel in the middle of its patch
+  int total[3] = {}, squares[3] = {};  ///< of those differences; none where the best is at an end
+};
+
 /// Buffers that kernels read or write must have this many accessible bytes beyond the last element.
 inline constexpr int kKernelSlack = 64;
 /// Radius of the disc that gives a keypoint its orientation, px (ORB-SLAM2: patch of 31).
@@ -38,6 +46,9 @@ inline constexpr int kOrientationRadius = 15;
 /// Half width of the Gaussian, px.
 inline constexpr int kBlurRadius = 3;
 inline constexpr int kBlurScratchRows = 2;
+/// Half a patch's side, and how far it slides either way, px (ORB-SLAM2's stereo matching).
+inline constexpr int kPatchRadius = 5;
+inline constexpr int kPatchSlide = 5;
 
 /// The inner loops of the extractor. All implementations compute the same bytes. Their files use
 /// nothing inline from elsewhere: the linker might keep the copy only one processor can run.
@@ -66,6 +77,9 @@ struct Kernels {
   /// The pattern turned by the angle with this cosine and sine, compared on the blurred image.
   void (*describe)(const std::uint8_t* centre, std::ptrdiff_t stride, const PatternPoints& pattern,
                    float cosine, float sine, std::uint64_t* bits);
+  /// Slides the patch around the pixel left along the row of the pixel right.
+  PatchSlide (*slide_patch)(const std::uint8_t* left, std::ptrdiff_t left_stride,
+                            const std::uint8_t* right, std::ptrdiff_t right_stride);
 };
 
 /// Gcc's portable vectors, 16 bytes wide: SSE2, NEON, or plain loops where there is neither.

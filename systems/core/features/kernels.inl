@@ -6,6 +6,9 @@
 //   U8 excess(U8 a, U8 b)           a - b, or 0 where b is greater
 //   U16 widen(const uint8_t*)       half a vector of bytes as 16-bit numbers
 //   void store_narrow(uint8_t*, U16)  the reverse; the numbers are below 256
+//   S32 squares(S16)                squares of neighbours, added up in pairs
+//   S32 in_pairs(S16)               neighbours, added up in pairs
+//   int sum(S32)                    of all numbers
 
 void blend_rows(const uint8_t* const rows[3], const uint16_t weights[3], int n, uint8_t* out) {
   for (int x = 0; x < n; x += kHalf) {
@@ -158,4 +161,58 @@ void describe(const uint8_t* centre, ptrdiff_t stride, const PatternPoints& patt
     }
     bits[word] = value;
   }
+}
+
+constexpr int kPatchSide = 2 * kPatchRadius + 1;
+constexpr int kPatchLanes = 16;
+constexpr int kPatchParts = kPatchLanes / kHalf;
+struct PatchMask {
+  alignas(64) int16_t column[kPatchLanes] = {};
+  constexpr PatchMask() {
+    for (int x = 0; x < kPatchSide; ++x) column[x] = -1;
+  }
+};
+constexpr PatchMask kPatchMask;
+
+inline S16 pixels(const uint8_t* from) { return reinterpret_cast<S16>(widen(from)); }
+
+PatchSlide slide_patch(const uint8_t* left, ptrdiff_t left_stride, const uint8_t* right,
+                       ptrdiff_t right_stride) {
+  constexpr int kPlaces = 2 * kPatchSlide + 1;
+  S16 patch[kPatchSide][kPatchParts], mask[kPatchParts];
+  for (int part = 0; part < kPatchParts; ++part) {
+    const int x = part * kHalf - kPatchRadius;
+    mask[part] = load<S16>(kPatchMask.column + part * kHalf);
+    for (int y = 0; y < kPatchSide; ++y)
+      patch[y][part] = pixels(left + (y - kPatchRadius) * left_stride + x) - left[0];
+  }
+  S32 total[kPlaces], square[kPlaces];
+  PatchSlide found;
+  for (int place = 0; place < kPlaces; ++place) {
+    const uint8_t* at = right + place - kPatchSlide;
+    S16 absolute{}, signed_sum{};  // at most 22 * 510
+    S32 square_sum{};
+    for (int y = 0; y < kPatchSide; ++y)
+      for (int part = 0; part < kPatchParts; ++part) {
+        const int x = part * kHalf - kPatchRadius;
+        const S16 other = pixels(at + (y - kPatchRadius) * right_stride + x) - at[0];
+        const S16 difference = (patch[y][part] - other) & mask[part];
+        absolute += difference > -difference ? difference : -difference;
+        signed_sum += difference;
+        square_sum += squares(difference);
+      }
+    total[place] = in_pairs(signed_sum);
+    square[place] = square_sum;
+    const int of_place = sum(in_pairs(absolute));
+    if (place == 0 || of_place < found.absolute) {
+      found.absolute = of_place;
+      found.best = place;
+    }
+  }
+  if (found.best == 0 || found.best == kPlaces - 1) return found;
+  for (int i = 0; i < 3; ++i) {
+    found.total[i] = sum(total[found.best + i - 1]);
+    found.squares[i] = sum(square[found.best + i - 1]);
+  }
+  return found;
 }

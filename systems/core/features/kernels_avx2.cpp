@@ -28,6 +28,20 @@ inline U16 widen(const uint8_t* from) {
   return reinterpret_cast<U16>(
       _mm256_cvtepu8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from))));
 }
+inline S32 squares(S16 v) {
+  const __m256i words = reinterpret_cast<__m256i>(v);
+  return reinterpret_cast<S32>(_mm256_madd_epi16(words, words));
+}
+inline S32 in_pairs(S16 v) {
+  return reinterpret_cast<S32>(
+      _mm256_madd_epi16(reinterpret_cast<__m256i>(v), _mm256_set1_epi16(1)));
+}
+inline int sum(S32 v) {
+  const __m256i all = reinterpret_cast<__m256i>(v);
+  __m128i half = _mm_add_epi32(_mm256_castsi256_si128(all), _mm256_extracti128_si256(all, 1));
+  half = _mm_add_epi32(half, _mm_shuffle_epi32(half, 0x4e));
+  return _mm_cvtsi128_si32(_mm_add_epi32(half, _mm_shuffle_epi32(half, 0xb1)));
+}
 inline void store_narrow(uint8_t* to, U16 v) {
   const __m256i words = reinterpret_cast<__m256i>(v);
   const __m256i packed = _mm256_permute4x64_epi64(_mm256_packus_epi16(words, words), 0x08);
@@ -52,24 +66,33 @@ inline __m256i products(__m256i lessened_pixels, __m256i weights) {
 /// Sums of such products over weights of 256, divided by 256; still less 128.
 inline __m256i rounded(__m256i sum) { return _mm256_mulhrs_epi16(sum, _mm256_set1_epi16(128)); }
 
-/// The third row counts for little or, mostly, for nothing.
+template <bool kThree>
+void blend(const uint8_t* a, const uint8_t* b, const uint8_t* c, __m256i weights_ab,
+           __m256i weights_c, int n, uint8_t* out) {
+  for (int x = 0; x < n; x += kBytes) {
+    const __m256i first = lessened(bytes(a + x)), second = lessened(bytes(b + x));
+    __m256i low = products(_mm256_unpacklo_epi8(first, second), weights_ab);
+    __m256i high = products(_mm256_unpackhi_epi8(first, second), weights_ab);
+    if (kThree) {
+      const __m256i third = lessened(bytes(c + x));
+      low = _mm256_add_epi16(low, products(_mm256_unpacklo_epi8(third, third), weights_c));
+      high = _mm256_add_epi16(high, products(_mm256_unpackhi_epi8(third, third), weights_c));
+    }
+    put(out + x, lessened(_mm256_packs_epi16(rounded(low), rounded(high))));
+  }
+}
+
+/// Most rows are made of two.
 void blend_rows_by_pairs(const uint8_t* const rows[3], const uint16_t weights[3], int n,
                          uint8_t* out) {
   for (int i = 0; i < 3; ++i)
     if (weights[i] > 255) return blend_rows(rows, weights, n, out);
-  const auto first = _mm256_set1_epi16(static_cast<int16_t>(weights[0] | weights[1] << 8));
-  const auto third = _mm256_set1_epi16(static_cast<int16_t>(weights[2]));
-  for (int x = 0; x < n; x += kBytes) {
-    const __m256i a = lessened(bytes(rows[0] + x)), b = lessened(bytes(rows[1] + x));
-    __m256i low = products(_mm256_unpacklo_epi8(a, b), first);
-    __m256i high = products(_mm256_unpackhi_epi8(a, b), first);
-    if (weights[2] != 0) {
-      const __m256i c = lessened(bytes(rows[2] + x));
-      low = _mm256_add_epi16(low, products(_mm256_unpacklo_epi8(c, c), third));
-      high = _mm256_add_epi16(high, products(_mm256_unpackhi_epi8(c, c), third));
-    }
-    put(out + x, lessened(_mm256_packs_epi16(rounded(low), rounded(high))));
-  }
+  const auto ab = _mm256_set1_epi16(static_cast<int16_t>(weights[0] | weights[1] << 8));
+  const auto c = _mm256_set1_epi16(static_cast<int16_t>(weights[2]));
+  if (weights[2] == 0)
+    blend<false>(rows[0], rows[1], rows[2], ab, c, n, out);
+  else
+    blend<true>(rows[0], rows[1], rows[2], ab, c, n, out);
 }
 
 inline __m128i window(const uint8_t* from) {
@@ -79,15 +102,21 @@ inline __m128i window(const uint8_t* from) {
 /// Two blocks of eight outputs at a time: byte shuffles bring each output its inputs.
 void resize_row_shuffled(const uint8_t* in, const ResizeTable& axis, uint8_t* out) {
   if (!axis.fits_window) return resize_row(in, axis, out);
-  for (int i = 0; i < axis.size; i += 2 * kResizeBlock) {
-    const int block = i / kResizeBlock;
-    const __m256i pixels = lessened(_mm256_set_m128i(window(in + axis.block_first[block + 1]),
-                                                     window(in + axis.block_first[block])));
-    const __m256i place = bytes(axis.place + 2 * static_cast<ptrdiff_t>(i));
+  // Copies, because a store to out might change the table for all that the compiler knows.
+  const int size = axis.size;
+  const uint16_t* block_first = axis.block_first;
+  const uint16_t* pair_weight = axis.pair_weight;
+  const uint16_t* third_weight = axis.weight[2];
+  const uint8_t* places = axis.place;
+  for (int i = 0; i < size; i += 2 * kResizeBlock) {
+    const __m256i pixels =
+        lessened(_mm256_set_m128i(window(in + block_first[1]), window(in + block_first[0])));
+    block_first += 2;
+    const __m256i place = bytes(places + 2 * static_cast<ptrdiff_t>(i));
     const __m256i third = _mm256_add_epi8(place, _mm256_set1_epi8(2));
     const __m256i sum =
-        _mm256_add_epi16(products(_mm256_shuffle_epi8(pixels, place), words(axis.pair_weight + i)),
-                         products(_mm256_shuffle_epi8(pixels, third), words(axis.weight[2] + i)));
+        _mm256_add_epi16(products(_mm256_shuffle_epi8(pixels, place), words(pair_weight + i)),
+                         products(_mm256_shuffle_epi8(pixels, third), words(third_weight + i)));
     const __m256i mean = rounded(sum);
     const __m256i packed = lessened(_mm256_packs_epi16(mean, mean));
     _mm_storeu_si128(reinterpret_cast<__m128i*>(out + i),
@@ -186,15 +215,14 @@ Moments moments_by_rows(const uint8_t* centre, ptrdiff_t stride) {
     running = _mm256_add_epi64(running, _mm256_sub_epi64(row_sum(lower, y), row_sum(upper, y)));
     down = _mm256_add_epi64(down, running);
   }
-  const S32 x = reinterpret_cast<S32>(across), y = reinterpret_cast<S32>(down);
-  Moments m;
-  for (int i = 0; i < kFloats; ++i) m.m10 += x[i];
-  for (int i = 0; i < kFloats; i += 2) m.m01 += y[i];  // the lower halves of 64 bits
-  return m;
+  // 64 bits, the upper half of which says nothing but the sign.
+  const __m256i low_halves = _mm256_and_si256(down, _mm256_set1_epi64x(0xffffffff));
+  return {sum(reinterpret_cast<S32>(across)), sum(reinterpret_cast<S32>(low_halves))};
 }
 
-constexpr Kernels kKernels{"avx2",    blend_rows_by_pairs, resize_row_shuffled, fast_row,
-                           peaks_row, blur_by_pairs,       moments_by_rows,     describe};
+constexpr Kernels kKernels{"avx2",     blend_rows_by_pairs, resize_row_shuffled, fast_row,
+                           peaks_row,  blur_by_pairs,       moments_by_rows,     describe,
+                           slide_patch};
 
 }  // namespace
 

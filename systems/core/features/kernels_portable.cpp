@@ -24,6 +24,16 @@ inline uint32_t nonzero(U8 v) {
   return bits;
 }
 inline U16 widen(const uint8_t* from) { return __builtin_convertvector(load<HalfU8>(from), U16); }
+// Each 32 bits hold two neighbours.
+inline S32 upper(S16 v) { return reinterpret_cast<S32>(v) >> 16; }
+inline S32 lower(S16 v) { return reinterpret_cast<S32>(reinterpret_cast<U32>(v) << 16) >> 16; }
+inline S32 squares(S16 v) { return lower(v) * lower(v) + upper(v) * upper(v); }
+inline S32 in_pairs(S16 v) { return lower(v) + upper(v); }
+inline int sum(S32 v) {
+  int total = 0;
+  for (int i = 0; i < kFloats; ++i) total += v[i];
+  return total;
+}
 inline void store_narrow(uint8_t* to, U16 v) { store(to, __builtin_convertvector(v, HalfU8)); }
 
 #include "features/kernels.inl"
@@ -66,8 +76,8 @@ Moments moments(const uint8_t* centre, ptrdiff_t stride) {
   return m;
 }
 
-constexpr Kernels kKernels{"portable", blend_rows, resize_row, fast_row,
-                           peaks_row,  blur,       moments,    describe};
+constexpr Kernels kKernels{"portable", blend_rows, resize_row, fast_row,   peaks_row,
+                           blur,       moments,    describe,   slide_patch};
 
 }  // namespace
 

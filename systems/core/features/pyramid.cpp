@@ -30,10 +30,14 @@ void PaddedPlane::resize(int width, int height) {
 void PaddedPlane::mirror_border() {
   for (int y = 0; y < height_; ++y) {
     std::uint8_t* line = row(y);
-    for (int i = 1; i <= kBorder; ++i) {
-      line[-i] = line[i];
-      line[width_ - 1 + i] = line[width_ - 1 - i];
+    std::uint8_t* last = line + width_ - 1;
+    std::uint8_t left[kBorder], right[kBorder];
+    for (int i = 0; i < kBorder; ++i) {
+      left[i] = line[kBorder - i];
+      right[i] = last[-1 - i];
     }
+    std::memcpy(line - kBorder, left, kBorder);
+    std::memcpy(last + 1, right, kBorder);
   }
   const std::size_t bytes = width_ + 2 * kBorder;
   for (int i = 1; i <= kBorder; ++i) {

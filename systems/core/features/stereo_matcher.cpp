@@ -10,6 +10,8 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "features/descriptor_distance.hpp"
+#include "features/kernels.hpp"
 #include "features/pyramid.hpp"
 
 namespace slambed {
@@ -18,8 +20,6 @@ namespace {
 // ORB-SLAM2's constants.
 constexpr float kRowTolerance = 2;  ///< px on the level of the right keypoint
 constexpr int kHammingLimit = (kHammingHigh + kHammingLow) / 2;
-constexpr int kPatchRadius = 5;            ///< px on the level of the left keypoint
-constexpr int kSlide = 5;                  ///< px that the patch is moved either way
 constexpr float kLeastDisparity = 0.01f;   ///< px; what a disparity of 0 becomes
 constexpr float kPoorPatch = 1.5f * 1.4f;  ///< times the median difference
 
@@ -29,63 +29,44 @@ int level_pixel(float value, int level_size, int full_size) {
   return static_cast<int>(std::floor((value + 0.5f) * ratio));
 }
 
-struct Difference {
-  int absolute = 0;    ///< each image relative to the pixel in the middle of its patch (ORB-SLAM2)
-  double squared = 0;  ///< each image relative to its mean, times the number of pixels
-};
-
-/// Compares a patch of the left image with one of the right, summed over all pixels.
-Difference patch_difference(GreyView left, int left_x, GreyView right, int right_x, int y) {
-  const int middles = left.at(left_x, y) - right.at(right_x, y);
-  int absolute = 0, total = 0, squares = 0;  // 121 * 255^2 fits
-  for (int dy = -kPatchRadius; dy <= kPatchRadius; ++dy) {
-    const std::uint8_t* l = left.row(y + dy) + left_x;
-    const std::uint8_t* r = right.row(y + dy) + right_x;
-    for (int dx = -kPatchRadius; dx <= kPatchRadius; ++dx) {
-      const int difference = l[dx] - r[dx];
-      absolute += std::abs(difference - middles);
-      total += difference;
-      squares += difference * difference;
-    }
-  }
-  constexpr double kPixels = (2 * kPatchRadius + 1) * (2 * kPatchRadius + 1);
-  return {absolute, squares * kPixels - static_cast<double>(total) * total};
-}
-
 struct Slide {
   float offset;  ///< left column minus right column, px of the level
   int difference;
 };
 
 /// The best place of the left patch around right_x, refined by a parabola.
-std::optional<Slide> slide_patch(GreyView left, int left_x, GreyView right, int right_x, int y) {
-  const int reach = kPatchRadius + kSlide;
-  if (left_x < kPatchRadius || left_x >= left.width - kPatchRadius || right_x < reach ||
-      right_x >= right.width - reach || y < kPatchRadius || y >= left.height - kPatchRadius)
+std::optional<Slide> slide_patch(const Kernels& kernels, GreyView left, int left_x, GreyView right,
+                                 int right_x, int y) {
+  constexpr int kReach = kPatchRadius + kPatchSlide;
+  if (left_x < kPatchRadius || left_x >= left.width - kPatchRadius || right_x < kReach ||
+      right_x >= right.width - kReach || y < kPatchRadius || y >= left.height - kPatchRadius)
     return std::nullopt;
-  Difference difference[2 * kSlide + 1];
-  int best = 0;
-  for (int i = 0; i <= 2 * kSlide; ++i) {
-    difference[i] = patch_difference(left, left_x, right, right_x + i - kSlide, y);
-    if (difference[i].absolute < difference[best].absolute) best = i;
-  }
-  if (best == 0 || best == 2 * kSlide) return std::nullopt;  // the true minimum may lie beyond
+  const PatchSlide slide =
+      kernels.slide_patch(&left.at(left_x, y), left.stride, &right.at(right_x, y), right.stride);
+  if (slide.best == 0 || slide.best == 2 * kPatchSlide)
+    return std::nullopt;  // the true minimum may lie beyond
   // Squares are smooth at their minimum, where absolute differences have a kink that pulls a
-  // parabola towards the whole pixel.
-  const double before = difference[best - 1].squared;
-  const double at = difference[best].squared;
-  const double after = difference[best + 1].squared;
+  // parabola towards the whole pixel. Each image counts relative to its mean.
+  const auto squares = [&slide](int i) {
+    constexpr double kPixels = (2 * kPatchRadius + 1) * (2 * kPatchRadius + 1);
+    return slide.squares[i] * kPixels - static_cast<double>(slide.total[i]) * slide.total[i];
+  };
+  const double before = squares(0), at = squares(1), after = squares(2);
   const double curvature = before + after - 2 * at;
   if (!(curvature > 0)) return std::nullopt;
   const float top = static_cast<float>(0.5 * (before - after) / curvature);
   if (std::abs(top) > 1) return std::nullopt;
-  return Slide{static_cast<float>(left_x - (right_x + best - kSlide)) - top,
-               difference[best].absolute};
+  return Slide{static_cast<float>(left_x - (right_x + slide.best - kPatchSlide)) - top,
+               slide.absolute};
 }
 
 }  // namespace
 
-StereoMatcher::StereoMatcher(std::shared_ptr<const Sensor> sensor) : sensor_(std::move(sensor)) {
+StereoMatcher::StereoMatcher(std::shared_ptr<const Sensor> sensor)
+    : StereoMatcher(std::move(sensor), fastest_kernels()) {}
+
+StereoMatcher::StereoMatcher(std::shared_ptr<const Sensor> sensor, const Kernels& kernels)
+    : sensor_(std::move(sensor)), kernels_(kernels) {
   if (!sensor_) throw bad_input("stereo matcher: no sensor given");
   const Camera& camera = sensor_->camera;
   if (!(camera.bf > 0)) throw bad_input("stereo matcher: the camera has no baseline, set bf");
@@ -113,21 +94,25 @@ void StereoMatcher::sort_into_rows(const Side& right) {
 }
 
 int StereoMatcher::best_descriptor(const RawKeyPoint& point, const Descriptor& descriptor,
-                                   const Side& right) const {
+                                   const Side& right) {
   const int row = std::clamp(static_cast<int>(point.y + 0.5f), 0, sensor_->camera.height - 1);
   // Nothing is nearer than one baseline, where the disparity is fx; points far away scatter around
   // 0.
   const float least_x = point.x - static_cast<float>(sensor_->camera.fx);
   const float most_x = point.x + sensor_->pyramid.scale[point.octave];
-  int best = -1, least = kHammingLimit;
+  candidates_.clear();
   for (int k = row_begin_[row]; k < row_begin_[row + 1]; ++k) {
-    const int i = row_items_[k];
-    const RawKeyPoint& candidate = right.keypoints[i];
+    const RawKeyPoint& candidate = right.keypoints[row_items_[k]];
     if (std::abs(candidate.octave - point.octave) > 1) continue;
     if (candidate.x < least_x || candidate.x > most_x) continue;
-    const int distance = hamming(descriptor, right.descriptors[i]);
-    if (distance < least) least = distance, best = i;
+    candidates_.push_back(row_items_[k]);
   }
+  distances_.resize(candidates_.size());
+  descriptor_distance().to_some(descriptor, right.descriptors.data(), candidates_,
+                                distances_.data());
+  int best = -1, least = kHammingLimit;
+  for (std::size_t i = 0; i < candidates_.size(); ++i)
+    if (distances_[i] < least) least = distances_[i], best = candidates_[i];
   return best;
 }
 
@@ -149,9 +134,9 @@ void StereoMatcher::match(const Side& left, const Side& right, std::vector<float
     const GreyView left_level = left.pyramid.level(point.octave);
     const GreyView right_level = right.pyramid.level(point.octave);
     const auto column = [&](float x) { return level_pixel(x, left_level.width, camera.width); };
-    const auto slide =
-        slide_patch(left_level, column(point.x), right_level, column(right.keypoints[partner].x),
-                    level_pixel(point.y, left_level.height, camera.height));
+    const auto slide = slide_patch(kernels_, left_level, column(point.x), right_level,
+                                   column(right.keypoints[partner].x),
+                                   level_pixel(point.y, left_level.height, camera.height));
     if (!slide) continue;
     const float ratio = static_cast<float>(camera.width) / static_cast<float>(left_level.width);
     const float found = slide->offset * ratio;

@@ -21,6 +21,8 @@ class StereoMatcher {
   };
 
   explicit StereoMatcher(std::shared_ptr<const Sensor> sensor);
+  /// With chosen inner loops; the result does not depend on them.
+  StereoMatcher(std::shared_ptr<const Sensor> sensor, const Kernels& kernels);
 
   /// Fills disparity (px at level 0, one per left keypoint); negative where nothing fits.
   void match(const Side& left, const Side& right, std::vector<float>& disparity);
@@ -30,12 +32,14 @@ class StereoMatcher {
     int left, difference;  ///< keypoint and sum of absolute differences
   };
   void sort_into_rows(const Side& right);
-  int best_descriptor(const RawKeyPoint& point, const Descriptor& descriptor,
-                      const Side& right) const;
+  int best_descriptor(const RawKeyPoint& point, const Descriptor& descriptor, const Side& right);
   void drop_poor_matches(std::vector<float>& disparity);
 
   std::shared_ptr<const Sensor> sensor_;
+  const Kernels& kernels_;
   std::vector<int> row_begin_, row_items_, next_;  ///< right keypoints that may match in each row
+  std::vector<int> candidates_;
+  std::vector<std::uint16_t> distances_;
   std::vector<Match> matches_;
 };
 

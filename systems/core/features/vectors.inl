@@ -15,6 +15,8 @@ constexpr int kFloats = kBytes / 4;
 
 typedef uint8_t U8 __attribute__((vector_size(kBytes)));
 typedef uint16_t U16 __attribute__((vector_size(kBytes)));
+typedef int16_t S16 __attribute__((vector_size(kBytes)));
+typedef uint32_t U32 __attribute__((vector_size(kBytes)));
 typedef uint64_t U64 __attribute__((vector_size(kBytes)));
 typedef uint8_t HalfU8 __attribute__((vector_size(kHalf)));
 typedef float F32 __attribute__((vector_size(kBytes)));

@@ -114,5 +114,44 @@ TEST(Kernels, DescribeRotatesThePatternAndCompares) {
   EXPECT_LE(reach, kPatternReach);
 }
 
+TEST(Kernels, SlidingPatchesAddsUpWhatOneReadsInTheImages) {
+  const cv::Mat noise = testing::noise_image(80, 30, 7);
+  cv::Mat contrast = noise.clone(), shifted;
+  contrast = contrast > 128;  // the largest sums there are
+  for (const cv::Mat& left : {noise, contrast})
+    for (const int shift : {0, 3, -4, 5, -5, 9}) {
+      cv::copyMakeBorder(left, shifted, 0, 0, 12, 12, cv::BORDER_WRAP);
+      const cv::Mat right = shifted(cv::Rect(12 - shift, 0, 80, 30)) / 2 + 60;
+      const PaddedPlane left_plane = testing::padded(left), right_plane = testing::padded(right);
+      const int x = 40, y = 14;
+      int best = 0, least = 0;
+      int totals[11] = {}, squares[11] = {};
+      for (int place = 0; place < 11; ++place) {
+        int absolute = 0;
+        const auto seen = [&](const cv::Mat& image, int column, int dx, int dy) {
+          return image.at<std::uint8_t>(y + dy, column + dx) - image.at<std::uint8_t>(y, column);
+        };
+        for (int dy = -5; dy <= 5; ++dy)
+          for (int dx = -5; dx <= 5; ++dx) {
+            const int difference = seen(left, x, dx, dy) - seen(right, x + place - 5, dx, dy);
+            absolute += std::abs(difference);
+            totals[place] += difference;
+            squares[place] += difference * difference;
+          }
+        if (place == 0 || absolute < least) least = absolute, best = place;
+      }
+      for (const Kernels* kernels : kAll) {
+        const GreyView l = left_plane.view(), r = right_plane.view();
+        const PatchSlide found = kernels->slide_patch(&l.at(x, y), l.stride, &r.at(x, y), r.stride);
+        EXPECT_EQ(found.best, best) << kernels->name << " " << shift;
+        EXPECT_EQ(found.absolute, least);
+        for (int i = 0; i < 3 && best > 0 && best < 10; ++i) {
+          EXPECT_EQ(found.total[i], totals[best + i - 1]) << kernels->name;
+          EXPECT_EQ(found.squares[i], squares[best + i - 1]) << kernels->name;
+        }
+      }
+    }
+}
+
 }  // namespace
 }  // namespace slambed

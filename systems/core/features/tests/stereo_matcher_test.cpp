@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.hpp"
+#include "features/kernels.hpp"
 #include "test_images.hpp"
 
 namespace slambed {
@@ -122,6 +123,19 @@ TEST_F(StereoTest, SameImagesSameResult) {
     for (int i = 0; i < once->size(); ++i)
       ASSERT_EQ(once->keypoint(i).right_u, again->keypoint(i).right_u);
   }
+}
+
+TEST_F(StereoTest, AllKernelsFindTheSameDisparities) {
+  const cv::Mat left = testing::textured_image(640, 480, 16);
+  const cv::Mat right = Wall{8, 0.05, 0}.right_image(left);
+  const auto sensor = stereo_sensor();
+  const auto fast = features(left, right);
+  StereoMatcher portable(sensor, portable_kernels());
+  const auto plain = make_stereo_features(left_, right_, portable, sensor, testing::view(left),
+                                          testing::view(right));
+  ASSERT_EQ(fast->size(), plain->size());
+  for (int i = 0; i < fast->size(); ++i)
+    EXPECT_EQ(fast->keypoint(i).right_u, plain->keypoint(i).right_u);
 }
 
 TEST_F(StereoTest, RefusesWhatIsNoRectifiedPair) {
