@@ -15,20 +15,17 @@ import time
 from dataclasses import dataclass, field
 from multiprocessing import forkserver
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import psutil
 import pytest
 from harness_parts import needs_root, stand_in_sim, virtual_spec
-from pebble.common import ProcessFuture, Result, ResultStatus
-from pebble.concurrent.process import _worker_handler
 from virtual_parts import Quiet
 
-from slambed.campaign import server_folder
+from slambed.campaign import processes, server_folder
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.processes import ProcessExecutor
+from slambed.campaign.processes import ProcessExecutor, Worker
 from slambed.campaign.runner import MOST_DEATHS, Runner
 from slambed.engines.virtual import NICE, go_behind
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
@@ -121,6 +118,11 @@ def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
                 time.sleep(0.005)
             killed.append(server.pid)
             server.kill()
+            # Its processes live on without it; only who needs a new one needs another server.
+            for simulation in simulations(tmp_path):
+                with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
+                    if simulation.ppid() not in (1, os.getpid()):
+                        os.kill(simulation.ppid(), signal.SIGKILL)
 
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
@@ -334,38 +336,64 @@ def test_a_process_that_is_killed_again_and_again_is_given_up(tmp_path: Path) ->
     assert verdict.done == 2 and len(verdict.given_up) == 1
 
 
-@dataclass
-class LatePipe:
-    """Has a result, and meanwhile nobody wants it any more."""
+def test_a_process_takes_the_next_run_and_goes_with_the_campaign(tmp_path: Path) -> None:
+    campaign = runner(tmp_path, 1)
+    seen: set[int] = set()
+    over = threading.Event()
 
-    future: ProcessFuture[int]
+    def look() -> None:
+        while not over.wait(0.005):
+            for simulation in simulations(tmp_path):
+                with contextlib.suppress(psutil.Error):
+                    seen.add(simulation.ppid())
 
-    def poll(self, timeout_s: float) -> bool:
-        return True
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    assert campaign.run(runs(4, params={"sim_sleep_s": 0.1}), Quiet()).trusted == 4
+    over.set()
+    watcher.join()
+    (worker,) = seen - {os.getpid()}
+    assert psutil.pid_exists(worker)
+    campaign.executor.close()
+    with contextlib.suppress(psutil.NoSuchProcess):
+        assert psutil.Process(worker).wait(10) is not None
 
-    def recv(self) -> Result[int]:
-        self.future.set_running_or_notify_cancel()
-        assert self.future.cancel()
-        return Result(ResultStatus.SUCCESS, 1)
+
+def test_one_that_is_killed_between_two_runs_costs_nothing(tmp_path: Path) -> None:
+    campaign = runner(tmp_path, 1)
+    first, second = runs(2)
+    assert campaign.run([first], Quiet()).trusted == 1
+    (worker,) = [p for p in children() if p.ppid() != os.getpid()]
+    worker.kill()
+    psutil.wait_procs([worker])
+    assert campaign.run([second], Quiet()).done == 2
+    assert not [e for e in campaign.ledger.read() if e["event"] == "run_failed"]
 
 
-def test_a_result_that_comes_while_a_campaign_stops_is_no_traceback(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With a full disk under 32 jobs the user once read a traceback of a thread of pebble's."""
-    monkeypatch.setattr(threading, "excepthook", threading.__excepthook__)
-    future: ProcessFuture[int] = ProcessFuture()
-    worker = SimpleNamespace(is_alive=lambda: False)
+def test_a_process_ends_after_so_many_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(processes, "MOST_RUNS", 2)
+    begun: list[Worker] = []
+    begin = Worker.__init__
 
-    def handle() -> None:
-        thread = threading.Thread(target=_worker_handler, args=(future, worker, pipe, None))
-        thread.start()
-        thread.join()
+    def note(worker: Worker) -> None:
+        begun.append(worker)
+        begin(worker)
 
-    pipe = LatePipe(future)
-    handle()
-    assert "InvalidStateError" in capfd.readouterr().err
-    # Also after its end: the threads are not waited for.
-    ProcessExecutor({}, tmp_path, None, 1).close()
-    handle()
-    assert capfd.readouterr().err == ""
+    monkeypatch.setattr(Worker, "__init__", note)
+    assert runner(tmp_path, 1).run(runs(5), Quiet()).trusted == 5
+    assert len(begun) == 3
+
+
+def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None:
+    """And what went wrong arrives with the place where it did."""
+    executor = runner(tmp_path, 1).executor
+    (spec,) = runs(1)
+    never = threading.Event()
+    with pytest.raises(FileNotFoundError) as error:
+        executor.execute(spec, tmp_path / "no_folder", never)
+    assert "execute_run" in "".join(error.value.__notes__)
+    (tmp_path / "raw").mkdir()
+    before = children()
+    assert executor.execute(spec, tmp_path / "raw", never).trusted
+    assert children() == before
+    executor.close()

@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Executes virtual runs side by side on this host, each in a process of its own.
+"""Executes virtual runs side by side on this host, each in a process of its own while it lasts.
 
 A run is a subprocess anyway, but reading its log and computing its metrics takes Python as well:
 threads alone would wait for each other. The processes are forked from a server that has everything
-ready (`preload`; pebble over multiprocessing's forkserver), so one costs milliseconds; nothing is
-shared between them that a killed one could leave locked.
+ready (`preload`), because the harness has threads, which may hold any lock at that moment. One
+that has ended a run takes the next: a fresh one pays for each page of the server's that it touches,
+as much as all metrics take. Nothing is shared that a killed one could leave locked.
 """
 
 import multiprocessing
 import os
+import signal
 import sys
 import threading
-from concurrent.futures import CancelledError, InvalidStateError
-from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass
-from multiprocessing.connection import wait
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any
-
-from pebble import ProcessExpired, concurrent
 
 from slambed.campaign import server_folder
 from slambed.campaign.executors import Played
@@ -29,21 +28,31 @@ from slambed.errors import KilledError
 from slambed.metrics.summary import Summary
 from slambed.spec.run_spec import RunSpec
 
-LOOK_EVERY_S = 0.1
+LOOK_EVERY_S = 0.2
+DYING_S = 3.0
+MOST_RUNS = 100
+"""Of one process: whatever a library keeps of each, it goes then."""
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
+LOST = (EOFError, ConnectionError)
+"""What a pipe says whose other end is gone."""
 
 
-def _execute(task: VirtualTask) -> Summary:
+def serve(pipe: Connection) -> None:
+    """In a process of its own: executes what comes, until nothing more does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the harness
     threading.Thread(target=_end_with_harness, daemon=True).start()
     os.nice(NICE)
-    return task.execute()
-
-
-_in_a_process: Any = concurrent.process
-# Pebble's types call the option mp_context; its code reads this one, and forks the harness without.
-execute_apart = _in_a_process(context=CONTEXT)(_execute)
-"""Executes the run in a new process; the future gives its summary or raises its error."""
+    with suppress(*LOST):
+        while True:
+            task: VirtualTask = pipe.recv()
+            try:
+                pipe.send(task.execute())
+            except LOST:
+                raise
+            except Exception as error:
+                error.add_note(traceback.format_exc())
+                pipe.send(error)
 
 
 def _end_with_harness() -> None:
@@ -53,11 +62,37 @@ def _end_with_harness() -> None:
         os._exit(1)
 
 
-def thread_failed(failure: threading.ExceptHookArgs) -> None:
-    """A thread of pebble's finds its future cancelled at the very moment at which its process ends:
-    when a campaign stops nobody waits for that result, so there is nothing to tell."""
-    if failure.exc_type is not InvalidStateError:
-        threading.__excepthook__(failure)
+class Worker:
+    """A process that executes one run after the other."""
+
+    def __init__(self) -> None:
+        self._pipe, theirs = CONTEXT.Pipe()
+        with theirs:
+            self._process = CONTEXT.Process(target=serve, args=(theirs,), daemon=True)
+            self._process.start()
+        self._runs = 0
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether it shall execute one more: nobody killed it, and it is not old."""
+        return self._runs < MOST_RUNS and not self._pipe.poll()
+
+    def execute(self, task: VirtualTask, stop: threading.Event) -> Summary | Exception:
+        """What became of a run. InterruptedRunError soon after `stop` is set, one of LOST where
+        the process was killed: it is of no use any more then."""
+        self._runs += 1
+        self._pipe.send(task)
+        while not self._pipe.poll(LOOK_EVERY_S):
+            if stop.is_set():
+                raise InterruptedRunError
+        answer: Summary | Exception = self._pipe.recv()
+        return answer
+
+    def kill(self) -> None:
+        """With the simulation that it may have in hand."""
+        self._process.kill()
+        self._process.join(DYING_S)
+        self._pipe.close()
 
 
 @dataclass
@@ -68,14 +103,14 @@ class ProcessExecutor:
     program: Path
     features: Path | None
     jobs: int
+    _idle: list[Worker] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        threading.excepthook = thread_failed
         server_folder.sweep()
         server_folder.choose()
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """Waits for a process of its own."""
+        """Waits for a process that has nothing else in hand."""
         sequence, played_s = self.played[spec.dataset]
         task = VirtualTask(
             spec,
@@ -87,25 +122,34 @@ class ProcessExecutor:
             sys.argv,
             attempt,
         )
+        worker = self._worker()
         try:
-            future = execute_apart(task)
-        except (ConnectionError, EOFError):
-            # The next run has a new one.
-            raise KilledError("the fork server of virtual runs was killed") from None
-        try:
-            while True:
-                try:
-                    summary: Summary = future.result(LOOK_EVERY_S)
-                    return summary
-                except FutureTimeoutError:
-                    if stop.is_set():
-                        raise InterruptedRunError from None
-        except (ProcessExpired, CancelledError):
+            answer = worker.execute(task, stop)
+        except LOST:
+            worker.kill()
             raise KilledError(
                 f"the process of run {spec.run_key} was killed; is there enough memory?"
             ) from None
-        finally:
-            future.cancel()
+        except BaseException:
+            worker.kill()
+            raise
+        self._idle.append(worker)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def _worker(self) -> Worker:
+        with suppress(IndexError):
+            while not (idle := self._idle.pop()).is_fit:
+                idle.kill()
+            return idle
+        try:
+            return Worker()
+        except LOST:
+            # The next run has a new one.
+            raise KilledError("the fork server of virtual runs was killed") from None
 
     def close(self) -> None:
-        """Processes end with their runs; threads of pebble's may still be about to see that."""
+        """Ends the processes, which have no run in hand any more."""
+        while self._idle:
+            self._idle.pop().kill()
