@@ -108,20 +108,21 @@ void CornerDetector::append_corners(const Band& band, std::vector<Corner>& out) 
   const std::uint32_t last = columns_in_word(words - 1, 0, band.region.width());
   filled_.resize(peaks_.size());
   std::size_t filled = 0;
-  for (std::size_t begin = 0; begin < peaks_.size(); begin += words) {
+  for (int row = 0; row < band.rows(); ++row) {
+    const std::size_t begin = static_cast<std::size_t>(row) * words;
     std::uint32_t* peaks = peaks_.data() + begin;
     strong_[begin + words - 1] &= last;
     for (int w = 0; w < words; ++w) {
       peaks[w] = (peaks[w] & weak_[w]) | strong_[begin + w];
-      filled_[filled] = static_cast<std::uint32_t>(begin + w);
+      filled_[filled] = {static_cast<std::uint16_t>(row), static_cast<std::uint16_t>(w)};
       filled += peaks[w] != 0;
     }
   }
   for (std::size_t i = 0; i < filled; ++i) {
-    const int y = band.top + static_cast<int>(filled_[i]) / words;
-    const int first = 32 * (static_cast<int>(filled_[i]) % words);
+    const int y = band.top + filled_[i].row, first = 32 * filled_[i].word;
     const std::uint8_t* row = scores_.data() + band.score_at(y) + first;
-    for (std::uint32_t rest = peaks_[filled_[i]]; rest != 0; rest &= rest - 1) {
+    for (std::uint32_t rest = peaks_[band.peaks_at(y) + filled_[i].word]; rest != 0;
+         rest &= rest - 1) {
       const int column = std::countr_zero(rest);
       const std::uint8_t* value = row + column;
       Corner corner;

@@ -71,7 +71,10 @@ class CornerDetector {
   std::vector<std::uint32_t> peaks_, strong_;
   /// The columns with any of the latter; those of the cells that have none.
   std::vector<std::uint32_t> column_strong_, weak_;
-  std::vector<std::uint32_t> filled_;  ///< those words of peaks_ that hold corners to keep
+  struct Word {
+    std::uint16_t row, word;
+  };
+  std::vector<Word> filled_;  ///< those words of peaks_ that hold corners to keep
 };
 
 }  // namespace slambed

@@ -6,6 +6,7 @@
 //   U8 excess(U8 a, U8 b)           a - b, or 0 where b is greater
 //   U16 widen(const uint8_t*)       half a vector of bytes as 16-bit numbers
 //   void store_narrow(uint8_t*, U16)  the reverse; the numbers are below 256
+//   S32 nearest(F32)                the nearest whole numbers, of two the even one
 //   S32 squares(S16)                squares of neighbours, added up in pairs
 //   S32 in_pairs(S16)               neighbours, added up in pairs
 //   int sum(S32)                    of all numbers
@@ -129,15 +130,11 @@ constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 
 
 void describe(const uint8_t* centre, ptrdiff_t stride, const PatternPoints& pattern, float cosine,
               float sine, uint64_t* bits) {
-  // Adding 1.5 * 2^23 leaves the nearest integer in the low bits of a float.
-  constexpr float kRound = 12582912.0f;
-  constexpr int32_t kRoundBits = 0x4b400000;
   alignas(64) int32_t offset[512];
   const int32_t step = static_cast<int32_t>(stride);
   for (int i = 0; i < 512; i += kFloats) {
     const F32 x = load<F32>(pattern.x + i), y = load<F32>(pattern.y + i);
-    const S32 column = reinterpret_cast<S32>(x * cosine - y * sine + kRound) - kRoundBits;
-    const S32 row = reinterpret_cast<S32>(x * sine + y * cosine + kRound) - kRoundBits;
+    const S32 column = nearest(x * cosine - y * sine), row = nearest(x * sine + y * cosine);
     store(offset + i, row * step + column);
   }
   // The pixels first, eight to a word, so that 256 comparisons are a few of whole vectors.

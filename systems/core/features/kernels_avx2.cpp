@@ -28,6 +28,9 @@ inline U16 widen(const uint8_t* from) {
   return reinterpret_cast<U16>(
       _mm256_cvtepu8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from))));
 }
+inline S32 nearest(F32 v) {
+  return reinterpret_cast<S32>(_mm256_cvtps_epi32(reinterpret_cast<__m256>(v)));
+}
 inline S32 squares(S16 v) {
   const __m256i words = reinterpret_cast<__m256i>(v);
   return reinterpret_cast<S32>(_mm256_madd_epi16(words, words));

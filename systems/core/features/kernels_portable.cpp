@@ -24,6 +24,12 @@ inline uint32_t nonzero(U8 v) {
   return bits;
 }
 inline U16 widen(const uint8_t* from) { return __builtin_convertvector(load<HalfU8>(from), U16); }
+inline S32 nearest(F32 v) {
+  // Adding 1.5 * 2^23 leaves the nearest integer in the low bits of a float.
+  constexpr float kRound = 12582912.0f;
+  constexpr int32_t kRoundBits = 0x4b400000;
+  return reinterpret_cast<S32>(v + kRound) - kRoundBits;
+}
 // Each 32 bits hold two neighbours.
 inline S32 upper(S16 v) { return reinterpret_cast<S32>(v) >> 16; }
 inline S32 lower(S16 v) { return reinterpret_cast<S32>(reinterpret_cast<U32>(v) << 16) >> 16; }
