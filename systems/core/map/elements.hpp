@@ -12,10 +12,14 @@
 
 namespace slambed {
 
-/// Keyframe "keyframe" sees a point as its feature number "feature".
+/// Keyframe "keyframe" sees a point as its feature number "feature". What redundancy asks of that
+/// feature is kept beside it: looking it up among the keyframe's features would cost three loads
+/// from far apart for each observation.
 struct Observation {
   KeyFrameId keyframe;
   std::uint16_t feature = 0;
+  std::uint8_t octave = 0;
+  std::uint8_t weight = 0;  ///< as in MapPoint::weight
 };
 
 /// How a point looks; derived from its observations, carried along where those are not all known.

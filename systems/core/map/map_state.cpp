@@ -7,8 +7,9 @@ namespace slambed {
 namespace {
 
 /// A stereo or RGB-D observation counts twice as much as a monocular one (ORB-SLAM2's weights).
-int weight_of(const KeyFrame& keyframe, int feature) {
-  return keyframe.features->keypoint(feature).right_u >= 0 ? 2 : 1;
+Observation observation_of(const KeyFrame& keyframe, std::uint16_t feature) {
+  const KeyPoint& seen = keyframe.features->keypoint(feature);
+  return {keyframe.id, feature, seen.octave, static_cast<std::uint8_t>(seen.right_u >= 0 ? 2 : 1)};
 }
 
 constexpr auto by_keyframe = [](const auto& item, KeyFrameId id) { return item.keyframe < id; };
@@ -104,8 +105,7 @@ void MapState::link(Node& keyframe, std::uint16_t feature, PointSlot& slot, MapP
     change_shared(keyframe, *node(other.keyframe), 1);
   const auto place = std::lower_bound(point.observations.begin(), point.observations.end(),
                                       keyframe.id, by_keyframe);
-  point.observations.insert(place, {keyframe.id, feature});
-  point.weight += weight_of(keyframe, feature);
+  point.weight += point.observations.insert(place, observation_of(keyframe, feature))->weight;
   keyframe.points[feature] = id;
 }
 
@@ -115,9 +115,10 @@ void MapState::unlink(Node& keyframe, std::uint16_t feature) {
   MapPoint& point = *slot.live;
   touch(slot, id).observations = true;
   keyframe.points[feature] = {};
-  std::erase_if(point.observations,
-                [&](const Observation& seen) { return seen.keyframe == keyframe.id; });
-  point.weight -= weight_of(keyframe, feature);
+  const auto place = std::lower_bound(point.observations.begin(), point.observations.end(),
+                                      keyframe.id, by_keyframe);
+  point.weight -= place->weight;
+  point.observations.erase(place);
   for (const Observation& other : point.observations)
     change_shared(keyframe, *node(other.keyframe), -1);
   if (point.reference == keyframe.id && !point.observations.empty())

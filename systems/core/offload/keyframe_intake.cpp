@@ -50,8 +50,8 @@ void KeyFrameIntake::on_keyframe(Worker& worker, const Message& raw) {
   std::optional<std::string_view> declined;
   const bool parsed = worker.stage(codec_.parse_stage(), [&](StageUnits& units) {
     units.n1 = kilobytes(raw.payload);
-    auto read_well = read(node_.log(), raw, [this](const Bytes& bytes) {
-      return codec_.keyframe(bytes, node_.peer().sensor());
+    auto read_well = read(node_.log(), raw, [&](const Bytes& bytes) {
+      return codec_.keyframe(worker, bytes, node_.peer().sensor());
     });
     if (!read_well) return false;
     keyframe.message = std::move(*read_well);

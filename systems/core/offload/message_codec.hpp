@@ -14,8 +14,8 @@
 namespace slambed {
 
 /// How keyframes, updates and frames are written: our checked binary form, or the text archives of
-/// Edge-SLAM, for what they cost. Stages: serialise and parse, or serialise_text and parse_text; n1
-/// is kilobytes.
+/// Edge-SLAM, for what they cost: by streams, unless a model charges for it. Stages: serialise and
+/// parse, or serialise_text and parse_text; n1 is kilobytes.
 class MessageCodec {
  public:
   enum class Form { kBinary, kCompatibility };
@@ -36,11 +36,16 @@ class MessageCodec {
                   const wire::FrameMessage& asked) const;
 
   /// All throw wire::DecodeError. Within the stage parse_stage().
-  wire::KeyFrameMessage keyframe(const Bytes& bytes, const wire::SensorPtr& sensor) const;
-  wire::MapUpdate update(const Bytes& bytes, const wire::SensorPtr& sensor) const;
-  wire::FrameMessage frame(const Bytes& bytes, const wire::SensorPtr& sensor) const;
-  wire::RelocRequest request(const Bytes& bytes, const wire::SensorPtr& sensor) const;
-  wire::RelocOk found(const Bytes& bytes, const wire::SensorPtr& sensor) const;
+  wire::KeyFrameMessage keyframe(const Worker& worker, const Bytes& bytes,
+                                 const wire::SensorPtr& sensor) const;
+  wire::MapUpdate update(const Worker& worker, const Bytes& bytes,
+                         const wire::SensorPtr& sensor) const;
+  wire::FrameMessage frame(const Worker& worker, const Bytes& bytes,
+                           const wire::SensorPtr& sensor) const;
+  wire::RelocRequest request(const Worker& worker, const Bytes& bytes,
+                             const wire::SensorPtr& sensor) const;
+  wire::RelocOk found(const Worker& worker, const Bytes& bytes,
+                      const wire::SensorPtr& sensor) const;
 
  private:
   template <typename Write>

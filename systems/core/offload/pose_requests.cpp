@@ -75,7 +75,8 @@ void PoseRequests::parse(Worker& worker, Message message) {
     units.n1 = ok ? kilobytes(answer.raw.payload) : 0;
     const auto read_well = read(node_.log(), answer.raw, [&](const Bytes& bytes) {
       if (ok) {
-        answer.found = std::make_shared<const wire::RelocOk>(codec_.found(bytes, node_.sensor()));
+        answer.found =
+            std::make_shared<const wire::RelocOk>(codec_.found(worker, bytes, node_.sensor()));
       } else {
         answer.failed = wire::decode_reloc_fail(bytes);
       }

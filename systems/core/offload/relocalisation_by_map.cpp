@@ -35,8 +35,8 @@ void RelocalisationByMap::serve(Worker& worker) {
     if (last != RunTime::min() && worker.now() - last < options_.period) continue;
     auto found = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
       units.n1 = kilobytes(message->payload);
-      const auto frame = read(node_.log(), *message, [this](const Bytes& bytes) {
-        return options_.codec.frame(bytes, node_.peer().sensor());
+      const auto frame = read(node_.log(), *message, [&](const Bytes& bytes) {
+        return options_.codec.frame(worker, bytes, node_.peer().sensor());
       });
       return frame ? alike(*frame) : std::vector<KeyFrameId>();
     });

@@ -68,7 +68,7 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
     units.n1 = kilobytes(raw.payload);
     auto read_well = read(node_.log(), raw, [&](const Bytes& bytes) {
       failed.number = wire::number_of_request(bytes);
-      return options_.codec.request(bytes, node_.peer().sensor());
+      return options_.codec.request(worker, bytes, node_.peer().sensor());
     });
     if (!read_well) return false;
     request = std::move(*read_well);

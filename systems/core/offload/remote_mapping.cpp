@@ -52,7 +52,7 @@ void RemoteMapping::on_keyframe(Worker& worker, const Message& raw) {
       const auto own = wire::without_filler(filled);
       const Bytes bytes(own.begin(), own.end());
       units.n1 = kilobytes(bytes);
-      return options_.codec.keyframe(bytes, node_.peer().sensor());
+      return options_.codec.keyframe(worker, bytes, node_.peer().sensor());
     });
     if (keyframe) item.message = std::move(*keyframe);
     return keyframe.has_value();

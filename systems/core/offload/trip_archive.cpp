@@ -96,7 +96,7 @@ void TripUpload::on_keyframe(Worker& worker, const Message& raw) {
       const auto own = wire::without_filler(filled);
       const Bytes bytes(own.begin(), own.end());
       units.n1 = kilobytes(bytes);
-      return codec_.keyframe(bytes, node_.peer().sensor());
+      return codec_.keyframe(worker, bytes, node_.peer().sensor());
     });
     if (keyframe) keyframes_[keyframe->keyframe] = std::move(keyframe->delta);
   });

@@ -32,9 +32,9 @@ std::optional<Message> UpdateInbox::take() {
 }
 
 std::optional<UpdateArrival> UpdateInbox::read(Worker& worker, Message message) {
-  auto update =
-      slambed::read(worker, codec_.parse_stage(), node_.log(), message,
-                    [this](const Bytes& bytes) { return codec_.update(bytes, node_.sensor()); });
+  auto update = slambed::read(
+      worker, codec_.parse_stage(), node_.log(), message,
+      [&](const Bytes& bytes) { return codec_.update(worker, bytes, node_.sensor()); });
   if (!update) return std::nullopt;
   message.payload = {};
   UpdateArrival arrival{.raw = std::move(message), .update = std::move(*update), .map = nullptr};

@@ -37,6 +37,8 @@ class Worker {
   virtual void sleep_until(RunTime when) = 0;
   /// True once the run is being shut down; loops end then.
   virtual bool stopping() const = 0;
+  /// True where a stage takes the time that a model says, whatever its work takes.
+  virtual bool charged() const = 0;
 
   /// Runs work(StageUnits&) as the named stage: measured when live, charged when virtual, and
   /// recorded as a stage event either way. Work must not wait.

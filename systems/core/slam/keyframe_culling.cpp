@@ -11,31 +11,39 @@ constexpr int kOtherObservers = 3;
 constexpr int kRedundantAbove = 3;   ///< a point can only be redundant above this weight
 constexpr int kOctaveTolerance = 1;  ///< the others may see it one octave coarser
 
-/// How the points of one keyframe fare without it; `culled` are gone already.
+/// Whether enough others see the point that `own` is an observation of; `culled` are gone already.
+bool seen_enough(const MapPoint& point, KeyFrameId own, int own_octave,
+                 const std::vector<KeyFrameId>& culled) {
+  if (point.weight <= kRedundantAbove) return false;
+  int weight = 0, others = 0;
+  for (const Observation& at : point.observations) {
+    if (std::find(culled.begin(), culled.end(), at.keyframe) != culled.end()) continue;
+    weight += at.weight;
+    others += at.keyframe != own && at.octave <= own_octave + kOctaveTolerance;
+    if (weight > kRedundantAbove && others >= kOtherObservers) return true;
+  }
+  return false;
+}
+
+/// Whether more than the share of the keyframe's points need it not. Most keyframes are far from
+/// that: a few of their points show it.
 bool redundant(const MapView& view, const KeyFrame& keyframe, const std::vector<KeyFrameId>& culled,
                double redundant_share) {
-  const auto is_culled = [&](KeyFrameId id) {
-    return std::find(culled.begin(), culled.end(), id) != culled.end();
-  };
   const Sensor& sensor = keyframe.features->sensor();
-  int counted = 0, redundant_points = 0;
-  for (std::size_t i = 0; i < keyframe.points.size(); ++i) {
-    if (!keyframe.points[i]) continue;
-    const KeyPoint& own = keyframe.features->keypoint(static_cast<int>(i));
-    if (sensor.metric() && (!own.has_depth() || own.depth_m > sensor.close_depth_m)) continue;
-    const MapPoint& point = *view.point(keyframe.points[i]);
-    ++counted;
-    if (point.weight <= kRedundantAbove) continue;
-    int weight = 0, others = 0;
-    for (const Observation& at : point.observations) {
-      if (!culled.empty() && is_culled(at.keyframe)) continue;
-      const KeyPoint& seen = view.keyframe(at.keyframe)->features->keypoint(at.feature);
-      weight += seen.right_u >= 0 ? 2 : 1;
-      others += at.keyframe != keyframe.id && seen.octave <= own.octave + kOctaveTolerance;
-    }
-    redundant_points += weight > kRedundantAbove && others >= kOtherObservers;
-  }
-  return redundant_points > redundant_share * counted;
+  const auto counts = [&](const KeyPoint& own) {
+    return !sensor.metric() || (own.has_depth() && own.depth_m <= sensor.close_depth_m);
+  };
+  const auto keypoints = keyframe.features->keypoints();
+  int counted = 0;
+  for (std::size_t i = 0; i < keypoints.size(); ++i)
+    counted += keyframe.points[i] && counts(keypoints[i]);
+  const double enough = redundant_share * counted;
+  int at_most = counted;  // points that may still turn out redundant
+  for (std::size_t i = 0; i < keypoints.size() && at_most > enough; ++i)
+    if (keyframe.points[i] && counts(keypoints[i]))
+      at_most -=
+          !seen_enough(*view.point(keyframe.points[i]), keyframe.id, keypoints[i].octave, culled);
+  return at_most > enough;
 }
 
 }  // namespace

@@ -124,8 +124,9 @@ std::pair<NewPoint, bool> get_point(TextReader& in, MapPointId id) {
 }
 
 std::string keyframe_text(const NewKeyFrame& keyframe, const PointsById& by_value,
-                          const std::set<MapPointId>& fresh, const Vocabulary& vocabulary) {
-  TextWriter out;
+                          const std::set<MapPointId>& fresh, const Vocabulary& vocabulary,
+                          TextMeans means) {
+  TextWriter out(means);
   out.word("keyframe");
   put_id(out, keyframe.id);
   put_id(out, keyframe.parent);
@@ -150,9 +151,9 @@ std::string keyframe_text(const NewKeyFrame& keyframe, const PointsById& by_valu
 
 /// Appends the keyframe and those of its points that are fresh and not there yet.
 void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
-                   std::set<MapPointId>& seen) {
+                   std::set<MapPointId>& seen, TextMeans means) {
   if (!sensor) throw DecodeError("keyframe from an unknown camera");
-  TextReader in(std::move(text));
+  TextReader in(std::move(text), means);
   NewKeyFrame keyframe;
   in.expect_word("keyframe");
   keyframe.id = get_id<KeyFrameId>(in);
@@ -220,8 +221,8 @@ Bytes finish(TextWriter out) {
   return Bytes(text.begin(), text.end());
 }
 
-TextReader open(std::span<const std::uint8_t> bytes, std::string_view what) {
-  TextReader in(std::string(bytes.begin(), bytes.end()));
+TextReader open(std::span<const std::uint8_t> bytes, std::string_view what, TextMeans means) {
+  TextReader in(std::string(bytes.begin(), bytes.end()), means);
   in.expect_word(what);
   return in;
 }
@@ -229,9 +230,9 @@ TextReader open(std::span<const std::uint8_t> bytes, std::string_view what) {
 }  // namespace
 
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
-                  const Vocabulary& vocabulary) {
+                  const Vocabulary& vocabulary, TextMeans means) {
   require_keyframes(message);
-  TextWriter out;
+  TextWriter out(means);
   out.word("KEYFRAME");
   put_id(out, message.keyframe);
   put_time(out, message.captured);
@@ -248,13 +249,14 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   const auto& keyframes = message.delta.keyframes;
   if (begins_with_two(message, keyframes.back().features->sensor())) out.integer(keyframes.size());
   for (const NewKeyFrame& keyframe : keyframes)
-    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary));
+    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, means));
   put_sightings(out, message.delta.sightings);
   return finish(std::move(out));
 }
 
-KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
-  TextReader in = open(bytes, "KEYFRAME");
+KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
+                                     TextMeans means) {
+  TextReader in = open(bytes, "KEYFRAME", means);
   KeyFrameMessage message;
   message.keyframe = get_id<KeyFrameId>(in);
   message.captured = get_time(in);
@@ -268,15 +270,15 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const 
   if (!sensor) throw DecodeError("keyframe from an unknown camera");
   std::set<MapPointId> seen;
   for (auto n = begins_with_two(message, *sensor) ? in.integer(1, 2) : 1; n > 0; --n)
-    take_keyframe(in.text(), sensor, message.delta, seen);
+    take_keyframe(in.text(), sensor, message.delta, seen, means);
   message.delta.sightings = get_sightings(in);
   in.expect_end();
   expect_keyframes(message);
   return message;
 }
 
-Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary) {
-  TextWriter out;
+Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, TextMeans means) {
+  TextWriter out(means);
   out.word("MAP_UPDATE");
   out.integer(message.update);
   put_id(out, message.newest);
@@ -287,7 +289,7 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary) {
   const auto fresh = ids_of(message.map.points);
   out.integer(message.map.keyframes.size());
   for (const NewKeyFrame& keyframe : message.map.keyframes) {
-    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary));
+    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, means));
   }
   out.integer(message.poses.size());
   for (const KeyFramePose& pose : message.poses) {
@@ -298,9 +300,10 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary) {
   return finish(std::move(out));
 }
 
-MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
+MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
+                             TextMeans means) {
   constexpr std::size_t kLeastKeyFrame = 100, kLeastPose = 18;
-  TextReader in = open(bytes, "MAP_UPDATE");
+  TextReader in = open(bytes, "MAP_UPDATE", means);
   MapUpdate message;
   message.update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest = get_id<KeyFrameId>(in);
@@ -309,7 +312,7 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   message.map.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   std::set<MapPointId> seen;
   for (std::size_t n = in.count(kLeastKeyFrame); n > 0; --n) {
-    take_keyframe(in.text(), sensor, message.map, seen);
+    take_keyframe(in.text(), sensor, message.map, seen, means);
   }
   for (std::size_t n = in.count(kLeastPose); n > 0; --n) {
     KeyFramePose pose;
@@ -323,8 +326,8 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   return message;
 }
 
-Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary) {
-  TextWriter out;
+Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary, TextMeans means) {
+  TextWriter out(means);
   out.word("FRAME");
   out.integer(message.frame_index);
   out.real(message.timestamp_s);
@@ -332,8 +335,9 @@ Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary) {
   return finish(std::move(out));
 }
 
-FrameMessage decode_frame_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor) {
-  TextReader in = open(bytes, "FRAME");
+FrameMessage decode_frame_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
+                               TextMeans means) {
+  TextReader in = open(bytes, "FRAME", means);
   if (!sensor) throw DecodeError("frame from an unknown camera");
   FrameMessage message;
   message.frame_index = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));

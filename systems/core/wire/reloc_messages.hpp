@@ -6,6 +6,7 @@
 #include "features/vocabulary.hpp"
 #include "wire/message_type.hpp"
 #include "wire/messages.hpp"
+#include "wire/text_archive.hpp"
 
 namespace slambed::wire {
 
@@ -75,8 +76,10 @@ Bytes encode(const SuspendMessage& message);
 Bytes encode(const ResumeMessage& message);
 /// Frames and keyframes as Edge-SLAM's text archives have them. found: the frame of the request,
 /// which goes back whole for what that costs.
-Bytes encode_text(const RelocRequest& message, const Vocabulary& vocabulary);
-Bytes encode_text(const RelocOk& message, const FrameMessage& found, const Vocabulary& vocabulary);
+Bytes encode_text(const RelocRequest& message, const Vocabulary& vocabulary,
+                  TextMeans means = TextMeans::kStreams);
+Bytes encode_text(const RelocOk& message, const FrameMessage& found, const Vocabulary& vocabulary,
+                  TextMeans means = TextMeans::kStreams);
 
 /// All throw DecodeError and nothing else.
 RelocRequest decode_reloc_request(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
@@ -84,9 +87,10 @@ RelocFail decode_reloc_fail(std::span<const std::uint8_t> bytes);
 RelocOk decode_reloc_ok(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 SuspendMessage decode_suspend(std::span<const std::uint8_t> bytes);
 ResumeMessage decode_resume(std::span<const std::uint8_t> bytes);
-RelocRequest decode_reloc_request_text(std::span<const std::uint8_t> bytes,
-                                       const SensorPtr& sensor);
-RelocOk decode_reloc_ok_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
+RelocRequest decode_reloc_request_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
+                                       TextMeans means = TextMeans::kStreams);
+RelocOk decode_reloc_ok_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
+                             TextMeans means = TextMeans::kStreams);
 /// The number of a RELOC_REQUEST whose rest cannot be read.
 std::uint64_t number_of_request(std::span<const std::uint8_t> bytes);
 

@@ -75,6 +75,7 @@ class LiveRuntime::LiveWorker final : public Worker {
 
   RunTime now() const override { return runtime_.now(); }
   bool stopping() const override { return runtime_.stopping(); }
+  bool charged() const override { return false; }
 
   bool wait(Signal& signal, std::uint64_t ticket, RunTime deadline) override {
     return static_cast<LiveSignal&>(signal).wait(ticket, deadline);

@@ -37,6 +37,7 @@ class VirtualRuntime::VirtualWorker final : public Worker {
   }
   void sleep_until(RunTime when) override { runtime_.wait(*task_, nullptr, 0, when); }
   bool stopping() const override { return runtime_.stopping_; }
+  bool charged() const override { return true; }
 
  protected:
   StageToken begin_stage(std::string_view name) override {

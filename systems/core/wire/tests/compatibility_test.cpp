@@ -191,23 +191,61 @@ TEST_F(Compatibility, ContradictionsAreRefused) {
   EXPECT_THROW(decode_frame_text(encode_text(message, known, *vocabulary), sensor), DecodeError);
 }
 
-TEST(TextArchive, NumbersComeBackAndOthersAreRefused) {
-  TextWriter out;
+TEST_F(Compatibility, DirectTextIsThatOfStreams) {
+  const KeyFrameMessage message = keyframe(200, 60, 40);
+  MapUpdate update;
+  update.update = 1;
+  update.newest = keyframe_id(40);
+  update.map = message.delta;
+  update.poses = {{keyframe_id(1), SE3(), 3}};
+  const FrameMessage frame{77, 2.5, message.delta.keyframes[0].features};
+  const auto direct = TextMeans::kDirect;
+  const Bytes text = encode_text(message, known, *vocabulary, direct);
+  EXPECT_EQ(text, encode_text(message, known, *vocabulary));
+  EXPECT_EQ(encode_text(update, *vocabulary, direct), encode_text(update, *vocabulary));
+  EXPECT_EQ(encode_text(frame, *vocabulary, direct), encode_text(frame, *vocabulary));
+
+  const auto read = [&](TextMeans means) { return decode_keyframe_text(text, sensor, means); };
+  // Binary keeps all that a message holds.
+  EXPECT_EQ(encode(read(direct)), encode(read(TextMeans::kStreams)));
+  const auto update_text = encode_text(update, *vocabulary);
+  EXPECT_EQ(encode(decode_update_text(update_text, sensor, direct)),
+            encode(decode_update_text(update_text, sensor)));
+  for (std::size_t size = 0; size < text.size(); size += 97)
+    EXPECT_THROW(decode_keyframe_text(std::span(text).first(size), sensor, direct), DecodeError);
+}
+
+class TextArchive : public ::testing::TestWithParam<TextMeans> {};
+
+TEST_P(TextArchive, NumbersAreWrittenAsStreamsWriteThem) {
+  TextWriter out(GetParam());
+  out.integer(INT64_MIN);
+  for (const float value : {0.f, -0.f, 0.1f, 1e-45f, -3.4028235e38f, 16777216.f}) out.real(value);
+  for (const double value : {5e-324, -1.7976931348623157e308, 1.0 / 3, 2.5}) out.real(value);
+  out.word("word");
+  EXPECT_EQ(out.take(),
+            "-9223372036854775808 0.000000000e+00 -0.000000000e+00 1.000000015e-01 1.401298464e-45 "
+            "-3.402823466e+38 1.677721600e+07 4.94065645841246544e-324 -1.79769313486231571e+308 "
+            "3.33333333333333315e-01 2.50000000000000000e+00 word ");
+}
+
+TEST_P(TextArchive, NumbersComeBackAndOthersAreRefused) {
+  TextWriter out(GetParam());
   out.integer(std::int64_t{-5});
   out.real(0.1f);
   out.real(1.0 / 3);
   out.text("a b");
-  TextReader in(out.take());
+  TextReader in(out.take(), GetParam());
   EXPECT_EQ(in.integer(-5, 5), -5);
   EXPECT_EQ(in.real32(), 0.1f);
   EXPECT_EQ(in.real64(), 1.0 / 3);
   EXPECT_EQ(in.text(), "a b");
   EXPECT_THROW(in.integer(0, 1), DecodeError);
   for (const char* bad : {"6 ", "-6 ", "x ", "", "99999999999999999999 "}) {
-    EXPECT_THROW(TextReader(bad).integer(-5, 5), DecodeError) << bad;
+    EXPECT_THROW(TextReader(bad, GetParam()).integer(-5, 5), DecodeError) << bad;
   }
   for (const char* bad : {"nan ", "inf ", "1e999 ", "0x", ""}) {
-    TextReader reader(bad);
+    TextReader reader(bad, GetParam());
     EXPECT_THROW(
         {
           const double value = reader.real64();
@@ -217,9 +255,12 @@ TEST(TextArchive, NumbersComeBackAndOthersAreRefused) {
         DecodeError)
         << bad;
   }
-  EXPECT_THROW(TextReader("1000000 1 2").count(2), DecodeError);
-  EXPECT_THROW(TextReader("5 abc").text(), DecodeError);
+  EXPECT_THROW(TextReader("1000000 1 2", GetParam()).count(2), DecodeError);
+  EXPECT_THROW(TextReader("5 abc", GetParam()).text(), DecodeError);
 }
+
+INSTANTIATE_TEST_SUITE_P(Means, TextArchive,
+                         ::testing::Values(TextMeans::kStreams, TextMeans::kDirect));
 
 }  // namespace
 }  // namespace slambed::wire

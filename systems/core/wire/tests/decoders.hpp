@@ -68,17 +68,27 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
                    .poses = {{keyframe_id(8), SE3(), 9}}};
   FrameMessage frame{3, 0.5, example_features(random, 5, sensor)};
   const RelocOk found = example_found(random, sensor, 6);
+  // What reads directly must stand the same, though streams have the last word.
+  const auto both = [](auto decode) {
+    return [=](auto bytes) {
+      try {
+        decode(bytes, TextMeans::kDirect);
+      } catch (const DecodeError&) {  // and streams?
+      }
+      decode(bytes, TextMeans::kStreams);
+    };
+  };
   return {
       {"reloc_request_text", encode_text(RelocRequest{300, 7, frame}, *vocabulary),
-       [=](auto b) { decode_reloc_request_text(b, sensor); }, kStep},
+       both([=](auto b, TextMeans m) { decode_reloc_request_text(b, sensor, m); }), kStep},
       {"reloc_ok_text", encode_text(found, frame, *vocabulary),
-       [=](auto b) { decode_reloc_ok_text(b, sensor); }, kStep},
+       both([=](auto b, TextMeans m) { decode_reloc_ok_text(b, sensor, m); }), kStep},
       {"keyframe_text", encode_text(keyframe, {}, *vocabulary),
-       [=](auto b) { decode_keyframe_text(b, sensor); }, kStep},
+       both([=](auto b, TextMeans m) { decode_keyframe_text(b, sensor, m); }), kStep},
       {"update_text", encode_text(update, *vocabulary),
-       [=](auto b) { decode_update_text(b, sensor); }, kStep},
-      {"frame_text", encode_text(frame, *vocabulary), [=](auto b) { decode_frame_text(b, sensor); },
-       kStep},
+       both([=](auto b, TextMeans m) { decode_update_text(b, sensor, m); }), kStep},
+      {"frame_text", encode_text(frame, *vocabulary),
+       both([=](auto b, TextMeans m) { decode_frame_text(b, sensor, m); }), kStep},
   };
 }
 
