@@ -31,29 +31,38 @@ struct RowsView {
   bool robust;  ///< Huber's loss
 };
 
-/// Where linearise() adds up.
+/// Where linearise() adds up. Rows on free poses have a slot: a place among the rows of their pose.
 struct NormalSums {
   const std::uint8_t* active;
+  const std::uint32_t* slot;  ///< per row; unused where the pose is fixed
   std::uint32_t free_poses;
   double* pose_sums;      ///< kPoseSumsSize per free pose, zero at first
   double* point_sums;     ///< kPointSumsSize per point, zero at first
-  double* cross;          ///< kCrossSize per row
-  std::uint8_t* coupled;  ///< per row: cross is filled
+  double* cross;          ///< kCrossSize per slot
+  std::uint8_t* coupled;  ///< per slot: cross is filled
 };
 
-/// One point that is taken out of the system.
-struct PointElimination {
-  std::size_t rows;             ///< of the point; the arrays below begin at its first
-  const double* cross;          ///< kCrossSize per row
-  const std::uint8_t* coupled;  ///< rows that take part
-  const std::uint32_t* pose;
-  const double* inverse;  ///< of the point's damped block: xx xy xz yy yz zz, inverse * gradient
-  double* right;          ///< kColumnStride per free pose
-  double* blocks;         ///< kPoseBlockSize each
-  /// Number of the block of each pair of rows (first, second >= first) on free poses; null: that of
-  /// a dense lower triangle.
-  const std::uint32_t* pair_block;
-  std::uint32_t free_poses;
+/// Two slots of one point: the first of the pose at hand, the second of it or a later one.
+struct SlotPair {
+  std::uint32_t first, second;
+};
+
+/// The points seen by one pose are taken out of its column of the system: block by block, so that a
+/// block stays in registers while all its points pass, in their order.
+struct ColumnElimination {
+  std::size_t first_slot, rows;  ///< of the pose
+  const double* cross;           ///< kCrossSize per slot
+  const std::uint8_t* coupled;   ///< per slot: takes part ...
+  const std::uint32_t* point;    ///< per slot
+  const double* inverse;  ///< of each point's damped block: xx xy xz yy yz zz, inverse * gradient
+  const std::uint8_t* invertible;  ///< ... where its point has one
+  double* right;                   ///< kColumnStride
+  double* scratch;                 ///< kCrossSize per row of the pose
+  std::uint8_t* taking_part;       ///< per row of the pose, scratch
+  double* blocks;                  ///< kPoseBlockSize each, the one on the diagonal first
+  std::size_t block_count;
+  const std::size_t* pair_begin;  ///< per block, and the end
+  const SlotPair* pairs;
 };
 
 /// Inner loops of the bundle solver. All implementations compute the same bytes: every number is
@@ -66,7 +75,7 @@ struct SchurKernels {
   /// Cost of each row; behind marks those not in front of the camera, whose cost is not computed.
   void (*row_costs)(const RowsView& view, std::size_t rows, double* cost, std::uint8_t* behind);
   /// blocks -= W V^-1 W', right -= W V^-1 g.
-  void (*eliminate)(const PointElimination& point);
+  void (*eliminate)(const ColumnElimination& column);
 };
 
 const SchurKernels& portable_schur_kernels();

@@ -22,7 +22,8 @@ inline V load(const double* from) {
   return v;
 }
 inline void store(double* to, V v) { __builtin_memcpy(to, &v, sizeof(V)); }
-inline V splat(double value) { return V{} + value; }
+/// Minus, because a zero added would have to be added: it turns -0 into 0.
+inline V splat(double value) { return value - V{}; }
 
 /// kLanes rows side by side: the point in the camera frame and its error, measured minus predicted.
 struct Errors {
@@ -174,34 +175,16 @@ void linearise(const RowsView& view, size_t rows, const NormalSums& sums) {
     for (size_t i = 0; i < here; ++i) {  // row after row, whatever the number of lanes
       const size_t k = first + i;
       const uint32_t pose = view.pose[k];
-      sums.coupled[k] = 0;
-      if (!sums.active[k] || !(terms.z[i] > view.least_depth_m)) continue;
-      add<kPointSumsSize>(sums.point_sums + size_t{kPointSumsSize} * view.point[k], terms.point[i]);
+      const bool counts = sums.active[k] && terms.z[i] > view.least_depth_m;
+      if (counts)
+        add<kPointSumsSize>(sums.point_sums + size_t{kPointSumsSize} * view.point[k],
+                            terms.point[i]);
       if (pose >= sums.free_poses) continue;
-      sums.coupled[k] = 1;
-      __builtin_memcpy(sums.cross + kCrossSize * k, terms.cross[i], sizeof terms.cross[i]);
+      const size_t slot = sums.slot[k];
+      sums.coupled[slot] = counts;
+      if (!counts) continue;
+      __builtin_memcpy(sums.cross + kCrossSize * slot, terms.cross[i], sizeof terms.cross[i]);
       add<kPoseSumsSize>(sums.pose_sums + size_t{kPoseSumsSize} * pose, terms.pose[i]);
-    }
-  }
-}
-
-/// The numbers of a 6 x 3 block, each in all lanes.
-struct Splats {
-  V of[3][6];
-};
-inline Splats splats(const double* block) {
-  Splats all;
-  for (int c = 0; c < 3; ++c)
-    for (int j = 0; j < 6; ++j) all.of[c][j] = splat(block[c * kColumnStride + j]);
-  return all;
-}
-
-/// block -= a * b', with a and b of 6 x 3.
-inline void subtract_product(double* block, const V a[3][kParts], const Splats& b) {
-  for (int j = 0; j < 6; ++j) {
-    for (int i = 0; i < kParts; ++i) {
-      double* out = block + j * kColumnStride + i * kLanes;
-      store(out, load(out) - (a[0][i] * b.of[0][j] + a[1][i] * b.of[1][j] + a[2][i] * b.of[2][j]));
     }
   }
 }
@@ -211,47 +194,74 @@ inline void load_cross(const double* from, V to[3][kParts]) {
     for (int i = 0; i < kParts; ++i) to[c][i] = load(from + c * kColumnStride + i * kLanes);
 }
 
-void eliminate(const PointElimination& point) {
-  const double* I = point.inverse;
-  const double* step = I + kPointGradient;
-  const uint32_t* pair_block = point.pair_block;
-  for (size_t k = 0; k < point.rows; ++k) {
-    const size_t pose_k = point.pose[k];
-    if (pose_k >= point.free_poses) break;  // sorted: only fixed ones follow
-    size_t partners = 0;                    // rows l >= k on free poses
-    if (pair_block != nullptr) {
-      while (k + partners < point.rows && point.pose[k + partners] < point.free_poses) ++partners;
+/// Y = W V^-1 of each row of the pose, and right -= W V^-1 g.
+inline void prepare_column(const ColumnElimination& column) {
+  V right[kParts];
+  for (int i = 0; i < kParts; ++i) right[i] = load(column.right + i * kLanes);
+  for (size_t row = 0; row < column.rows; ++row) {
+    const size_t slot = column.first_slot + row, point = column.point[slot];
+    column.taking_part[row] = column.coupled[slot] && column.invertible[point];
+    if (!column.taking_part[row]) continue;
+    const double* I = column.inverse + kPointSumsSize * point;
+    const double* step = I + kPointGradient;
+    double* y = column.scratch + kCrossSize * row;
+    V W[3][kParts];
+    load_cross(column.cross + kCrossSize * slot, W);
+    for (int i = 0; i < kParts; ++i) {
+      const V w0 = W[0][i], w1 = W[1][i], w2 = W[2][i];
+      store(y + i * kLanes, w0 * I[0] + w1 * I[1] + w2 * I[2]);
+      store(y + kColumnStride + i * kLanes, w0 * I[1] + w1 * I[3] + w2 * I[4]);
+      store(y + 2 * kColumnStride + i * kLanes, w0 * I[2] + w1 * I[4] + w2 * I[5]);
+      right[i] -= w0 * step[0] + w1 * step[1] + w2 * step[2];
     }
-    if (point.coupled[k]) {
-      const double* cross = point.cross + kCrossSize * k;
-      V W[3][kParts], Y[3][kParts];  // Y = W V^-1
-      alignas(64) double y[kCrossSize];
-      load_cross(cross, W);
-      double* right = point.right + kColumnStride * pose_k;
-      for (int i = 0; i < kParts; ++i) {
-        const V w0 = W[0][i], w1 = W[1][i], w2 = W[2][i];
-        Y[0][i] = w0 * I[0] + w1 * I[1] + w2 * I[2];
-        Y[1][i] = w0 * I[1] + w1 * I[3] + w2 * I[4];
-        Y[2][i] = w0 * I[2] + w1 * I[4] + w2 * I[5];
-        for (int c = 0; c < 3; ++c) store(y + c * kColumnStride + i * kLanes, Y[c][i]);
-        double* out = right + i * kLanes;
-        store(out, load(out) - (w0 * step[0] + w1 * step[1] + w2 * step[2]));
-      }
-      const Splats every_y = splats(y);
-      for (size_t l = k; l < point.rows; ++l) {
-        if (!point.coupled[l]) continue;
-        const size_t pose_l = point.pose[l];
-        const size_t number =
-            pair_block != nullptr ? pair_block[l - k] : pose_l * (pose_l + 1) / 2 + pose_k;
-        double* block = point.blocks + kPoseBlockSize * number;
-        load_cross(point.cross + kCrossSize * l, W);
-        subtract_product(block, W, every_y);
+  }
+  for (int i = 0; i < kParts; ++i) store(column.right + i * kLanes, right[i]);
+}
+
+/// kColumns columns of a block.
+template <int kColumns>
+struct BlockColumns {
+  V of[kColumns][kParts];
+  /// -= a * b', with a and b of 6 x 3; b from the first of these columns on.
+  inline void subtract_product(const double* a, const double* b) {
+    V A[3][kParts];
+    load_cross(a, A);
+    for (int j = 0; j < kColumns; ++j) {
+      const V b0 = splat(b[j]), b1 = splat(b[kColumnStride + j]);
+      const V b2 = splat(b[2 * kColumnStride + j]);
+      for (int i = 0; i < kParts; ++i) of[j][i] -= A[0][i] * b0 + A[1][i] * b1 + A[2][i] * b2;
+    }
+  }
+};
+
+/// As many columns at a time as fit into the registers.
+constexpr int kColumnsAtOnce = kParts == 1 ? 6 : kParts == 2 ? 3 : 2;
+
+void eliminate(const ColumnElimination& column) {
+  prepare_column(column);
+  for (size_t number = 0; number < column.block_count; ++number) {
+    const SlotPair* begin = column.pairs + column.pair_begin[number];
+    const SlotPair* end = column.pairs + column.pair_begin[number + 1];
+    if (begin == end) continue;
+    for (int first = 0; first < 6; first += kColumnsAtOnce) {
+      double* out = column.blocks + kPoseBlockSize * number + first * kColumnStride;
+      BlockColumns<kColumnsAtOnce> block;
+      for (int j = 0; j < kColumnsAtOnce; ++j)
+        for (int i = 0; i < kParts; ++i)
+          block.of[j][i] = load(out + j * kColumnStride + i * kLanes);
+      for (const SlotPair* pair = begin; pair != end; ++pair) {
+        const size_t row = pair->first - column.first_slot;
+        if (!column.taking_part[row] || !column.coupled[pair->second]) continue;
+        const double* y = column.scratch + kCrossSize * row;
+        const double* w = column.cross + kCrossSize * pair->second;
+        block.subtract_product(w, y + first);
         // The same pose twice (a doubled observation): the mirrored term falls into the same block.
-        if (pose_l == pose_k && l != k)
-          subtract_product(block, Y, splats(point.cross + kCrossSize * l));
+        if (number == 0 && pair->first != pair->second) block.subtract_product(y, w + first);
       }
+      for (int j = 0; j < kColumnsAtOnce; ++j)
+        for (int i = 0; i < kParts; ++i)
+          store(out + j * kColumnStride + i * kLanes, block.of[j][i]);
     }
-    if (pair_block != nullptr) pair_block += partners;
   }
 }
 

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <utility>
 
-#include "optimize/sparse_blocks.hpp"
-
 namespace slambed {
 namespace {
 
@@ -42,18 +40,23 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_of_poses(const Bundle
 }  // namespace
 
 SchurSystem::SchurSystem(const BundleRows& bundle, const SchurKernels& kernels)
-    : bundle_(bundle), kernels_(kernels), poses_(static_cast<std::size_t>(bundle.free_poses)) {
+    : bundle_(bundle),
+      kernels_(kernels),
+      poses_(static_cast<std::size_t>(bundle.free_poses)),
+      sparse_(poses_ > kDensePoses ? std::make_unique<PoseBlocks>(poses_, pairs_of_poses(bundle))
+                                   : nullptr),
+      order_(bundle, sparse_.get()) {
   const std::size_t points = bundle.begin.size() - 1;
   pose_sums_.resize(kPoseSumsSize * poses_);
   point_sums_.resize(kPointSumsSize * points);
   point_inverse_.resize(kPointSumsSize * points);
-  cross_.resize(kCrossSize * bundle.size());
-  coupled_.resize(bundle.size());
-  if (poses_ > kDensePoses) {
-    sparse_ = std::make_unique<SparseBlocks<6, kColumnStride>>(poses_, pairs_of_poses(bundle));
-    number_pairs();
-  } else {
-    reduced_.resize(kPoseBlockSize * poses_ * (poses_ + 1) / 2);
+  invertible_.resize(points);
+  cross_.resize(kCrossSize * order_.slots());
+  coupled_.resize(order_.slots());
+  scratch_.resize(kCrossSize * order_.most_rows);
+  taking_part_.resize(order_.most_rows);
+  if (!sparse_) {
+    reduced_.resize(kPoseBlockSize * order_.blocks());
     dense_.resize(6 * poses_, 6 * poses_);
   }
   right_.resize(kColumnStride * poses_);
@@ -64,23 +67,8 @@ SchurSystem::SchurSystem(const BundleRows& bundle, const SchurKernels& kernels)
 
 SchurSystem::~SchurSystem() = default;
 
-/// Looks every pair of rows up once: PointElimination::pair_block.
-void SchurSystem::number_pairs() {
-  pair_begin_.reserve(bundle_.begin.size());
-  for (std::size_t i = 0; i + 1 < bundle_.begin.size(); ++i) {
-    pair_begin_.push_back(pair_block_.size());
-    const std::size_t end = bundle_.begin[i + 1];
-    for (std::size_t k = bundle_.begin[i]; k < end && bundle_.pose[k] < poses_; ++k)
-      for (std::size_t l = k; l < end && bundle_.pose[l] < poses_; ++l)
-        pair_block_.push_back(
-            static_cast<std::uint32_t>(sparse_->find(bundle_.pose[l], bundle_.pose[k])));
-  }
-}
-
-double* SchurSystem::diagonal(std::size_t pose) {
-  if (!sparse_) return reduced_.data() + kPoseBlockSize * (pose * (pose + 1) / 2 + pose);
-  const auto i = static_cast<std::uint32_t>(pose);
-  return sparse_->at(i, i).data();
+double* SchurSystem::column(std::size_t pose) {
+  return (sparse_ ? sparse_->data() : reduced_.data()) + kPoseBlockSize * order_.block_begin[pose];
 }
 
 void SchurSystem::linearise(const BundleValues& values, bool robust) {
@@ -88,15 +76,15 @@ void SchurSystem::linearise(const BundleValues& values, bool robust) {
   point_sums_.fill(0);
   if (bundle_.size() == 0) return;
   kernels_.linearise(values.view(robust), bundle_.size(),
-                     {bundle_.active.data(), static_cast<std::uint32_t>(poses_), pose_sums_.data(),
-                      point_sums_.data(), cross_.data(), coupled_.data()});
+                     {bundle_.active.data(), order_.slot.data(), static_cast<std::uint32_t>(poses_),
+                      pose_sums_.data(), point_sums_.data(), cross_.data(), coupled_.data()});
 }
 
 void SchurSystem::reset_reduced(const Damping& damping) {
   reduced_.fill(0);
   if (sparse_) sparse_->set_zero();
   for (std::size_t p = 0; p < poses_; ++p) {
-    double* block = diagonal(p);
+    double* block = column(p);
     const double* sums = pose_sums_.data() + kPoseSumsSize * p;
     int h = 0;
     for (int c = 0; c < 6; ++c) {
@@ -108,8 +96,7 @@ void SchurSystem::reset_reduced(const Damping& damping) {
   }
 }
 
-/// Takes one point out of the system: reduced -= W V^-1 W', right -= W V^-1 g.
-void SchurSystem::eliminate(std::size_t point, const Damping& damping) {
+void SchurSystem::invert(std::size_t point, const Damping& damping) {
   const double* V = point_sums_.data() + kPointSumsSize * point;
   const double* g = V + kPointGradient;
   double* I = point_inverse_.data() + kPointSumsSize * point;
@@ -119,19 +106,24 @@ void SchurSystem::eliminate(std::size_t point, const Damping& damping) {
   const double d = V[3] + damping.of(V[3]), e = V[4], f = V[5] + damping.of(V[5]);
   const double c00 = d * f - e * e, c01 = c * e - b * f, c02 = b * e - c * d;
   const double determinant = a * c00 + b * c01 + c * c02;
-  if (!(determinant > 0)) return;  // the point stays where it is this time
+  invertible_[point] = determinant > 0;
+  if (!invertible_[point]) return;  // the point stays where it is this time
   const double s = 1 / determinant;
   I[0] = s * c00, I[1] = s * c01, I[2] = s * c02;
   I[3] = s * (a * f - c * c), I[4] = s * (b * c - a * e), I[5] = s * (a * d - b * b);
   step[0] = I[0] * g[0] + I[1] * g[1] + I[2] * g[2];
   step[1] = I[1] * g[0] + I[3] * g[1] + I[4] * g[2];
   step[2] = I[2] * g[0] + I[4] * g[1] + I[5] * g[2];
-  const std::size_t first = bundle_.begin[point];
-  kernels_.eliminate({bundle_.begin[point + 1] - first, cross_.data() + kCrossSize * first,
-                      coupled_.data() + first, bundle_.pose.data() + first, I, right_.data(),
-                      sparse_ ? sparse_->data() : reduced_.data(),
-                      sparse_ ? pair_block_.data() + pair_begin_[point] : nullptr,
-                      static_cast<std::uint32_t>(poses_)});
+}
+
+/// Takes the points that the pose sees out of its column: reduced -= W V^-1 W', right -= W V^-1 g.
+void SchurSystem::eliminate(std::size_t pose) {
+  const std::size_t first = order_.slot_begin[pose], block = order_.block_begin[pose];
+  kernels_.eliminate({first, order_.slot_begin[pose + 1] - first, cross_.data(), coupled_.data(),
+                      order_.point.data(), point_inverse_.data(), invertible_.data(),
+                      right_.data() + kColumnStride * pose, scratch_.data(), taking_part_.data(),
+                      column(pose), order_.block_begin[pose + 1] - block,
+                      order_.pair_begin.data() + block, order_.pairs.data()});
 }
 
 bool SchurSystem::solve_poses() {
@@ -140,8 +132,8 @@ bool SchurSystem::solve_poses() {
     for (int c = 0; c < 6; ++c) solution_(6 * p + c) = right_[kColumnStride * p + c];
   if (sparse_) return sparse_->solve(solution_);
   const double* block = reduced_.data();
-  for (std::size_t row = 0; row < poses_; ++row) {
-    for (std::size_t column = 0; column <= row; ++column, block += kPoseBlockSize) {
+  for (std::size_t column = 0; column < poses_; ++column) {
+    for (std::size_t row = column; row < poses_; ++row, block += kPoseBlockSize) {
       dense_.block<6, 6>(6 * row, 6 * column) =
           Eigen::Map<const Eigen::Matrix<double, 6, 6>, 0, Eigen::OuterStride<kColumnStride>>(
               block);
@@ -159,9 +151,10 @@ void SchurSystem::back_substitute(std::size_t point) {
   const double* g = I + kPointGradient;
   double r[3] = {0, 0, 0};
   for (std::size_t k = bundle_.begin[point]; k < bundle_.begin[point + 1]; ++k) {
-    if (!coupled_[k]) continue;
+    if (bundle_.pose[k] >= poses_) break;  // sorted: only fixed ones follow
+    if (!coupled_[order_.slot[k]]) continue;
     const double* step = solution_.data() + 6 * bundle_.pose[k];
-    const double* W = cross_.data() + kCrossSize * k;
+    const double* W = cross_.data() + kCrossSize * order_.slot[k];
     for (int c = 0; c < 3; ++c) {
       for (int i = 0; i < 6; ++i) r[c] += W[kColumnStride * c + i] * step[i];
     }
@@ -174,7 +167,8 @@ void SchurSystem::back_substitute(std::size_t point) {
 bool SchurSystem::solve(const Damping& damping) {
   reset_reduced(damping);
   const std::size_t points = point_steps_.size();
-  for (std::size_t i = 0; i < points; ++i) eliminate(i, damping);
+  for (std::size_t i = 0; i < points; ++i) invert(i, damping);
+  for (std::size_t p = 0; p < poses_; ++p) eliminate(p);
   if (!solve_poses()) return false;
   // The model's fall for a damped step d is d' (g + damping * diagonal * d).
   promised_ = 0;

@@ -10,11 +10,9 @@
 #include "optimize/aligned_doubles.hpp"
 #include "optimize/bundle_cost.hpp"
 #include "optimize/damping.hpp"
+#include "optimize/elimination_order.hpp"
 
 namespace slambed {
-
-template <int D, int Stride>
-class SparseBlocks;
 
 /// Normal equations of a bundle at one set of values, solved by eliminating the points. Poses move
 /// by the left perturbation (rho, phi) in their camera frame, points by a vector in the world
@@ -38,11 +36,11 @@ class SchurSystem {
   double promised() const { return promised_; }
 
  private:
-  /// Block of the reduced camera system on the diagonal.
-  double* diagonal(std::size_t pose);
-  void number_pairs();
+  /// First block of the pose's column of the reduced camera system: the one on the diagonal.
+  double* column(std::size_t pose);
   void reset_reduced(const Damping& damping);
-  void eliminate(std::size_t point, const Damping& damping);
+  void invert(std::size_t point, const Damping& damping);
+  void eliminate(std::size_t pose);
   bool solve_poses();
   void back_substitute(std::size_t point);
 
@@ -50,16 +48,16 @@ class SchurSystem {
   const BundleRows& bundle_;
   const SchurKernels& kernels_;
   std::size_t poses_;
+  std::unique_ptr<PoseBlocks> sparse_;  ///< the reduced camera system of many poses
+  EliminationOrder order_;
   AlignedDoubles pose_sums_, point_sums_;
-  AlignedDoubles point_inverse_;       ///< damped inverse, and inverse * g
-  AlignedDoubles cross_;               ///< pose-point block of each row on a free pose
-  std::vector<std::uint8_t> coupled_;  ///< the row is active and on a free pose
-  AlignedDoubles reduced_;             ///< lower block triangle of the reduced camera system
-  /// Instead of it, for many poses; with the numbers of the blocks, and where those of a point
-  /// begin.
-  std::unique_ptr<SparseBlocks<6, 8>> sparse_;
-  std::vector<std::uint32_t> pair_block_;
-  std::vector<std::size_t> pair_begin_;
+  AlignedDoubles point_inverse_;  ///< damped inverse, and inverse * g
+  std::vector<std::uint8_t> invertible_;
+  AlignedDoubles cross_;               ///< pose-point block of each slot
+  std::vector<std::uint8_t> coupled_;  ///< the row of the slot is active
+  AlignedDoubles scratch_;             ///< of the elimination of one pose
+  std::vector<std::uint8_t> taking_part_;
+  AlignedDoubles reduced_;  ///< the reduced camera system, unless it is sparse
   Eigen::MatrixXd dense_;
   AlignedDoubles right_;
   Eigen::VectorXd solution_;

@@ -46,6 +46,8 @@ class SparseBlocks {
     const auto first = rows_.begin() + begin_[column], last = rows_.begin() + begin_[column + 1];
     return static_cast<std::size_t>(std::lower_bound(first, last, row) - rows_.begin());
   }
+  /// Number behind the last block of the column; the first one is that on the diagonal.
+  std::size_t column_end(std::size_t column) const { return begin_[column + 1]; }
   Block& operator[](std::size_t number) { return blocks_[number]; }
   /// All blocks, one behind the other.
   double* data() { return blocks_.front().data(); }
