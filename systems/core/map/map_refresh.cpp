@@ -44,8 +44,7 @@ void MapState::refresh_point(const Touch& touched) {
   seen_as_.clear();
   for (const Observation& seen : point.observations) {
     const Node& keyframe = *node(seen.keyframe);
-    // Camera centre without inverting the whole pose.
-    const Eigen::Vector3d ray = point.p_w + keyframe.T_cw.R.transpose() * keyframe.T_cw.t;
+    const Eigen::Vector3d ray = point.p_w + keyframe.minus_centre;
     const double distance_m = ray.norm();
     if (distance_m > 0) directions += ray / distance_m;
     seen_as_.push_back(&keyframe.features->descriptor(seen.feature));

@@ -173,7 +173,7 @@ Edit MapState::put(const NewKeyFrame& edit) {
   keyframe.frame_index = edit.frame_index;
   keyframe.timestamp_s = edit.timestamp_s;
   keyframe.features = edit.features;
-  keyframe.T_cw = edit.T_cw;
+  keyframe.place(edit.T_cw);
   keyframe.version = edit.version;
   keyframe.points.resize(edit.points.size());
   ++keyframe_count_;
@@ -261,7 +261,7 @@ Edit MapState::move(const KeyFramePose& edit) {
       edit.T_cw.t == keyframe->T_cw.t)
     return Edit::kNothing;
   if (edit.version <= keyframe->version) return Edit::kStale;
-  keyframe->T_cw = edit.T_cw;
+  keyframe->place(edit.T_cw);
   keyframe->version = edit.version;
   return Edit::kApplied;
 }

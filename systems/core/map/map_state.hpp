@@ -50,7 +50,12 @@ class MapState final : public MapView {
 
  private:
   struct Node : KeyFrame {
-    bool touched = false;  ///< connected changed in this commit
+    void place(const SE3& pose) {
+      T_cw = pose;
+      minus_centre = pose.R.transpose() * pose.t;
+    }
+    Eigen::Vector3d minus_centre;  ///< of the camera, in the world; many points ask for it
+    bool touched = false;          ///< connected changed in this commit
   };
   /// What stays of a culled keyframe: its pose relative to the parent it had, or to the world.
   struct Tombstone {
