@@ -17,6 +17,8 @@ inline constexpr int kPointSumsSize = 16, kPointGradient = 6;
 /// A pose as kernels read it: rotation column by column, translation.
 inline constexpr int kPoseSize = 12;
 inline constexpr int kPointSize = 4;  ///< x y z and room
+/// Columns that a factorisation takes at a time.
+inline constexpr int kFactorColumns = 4;
 /// Arrays of rows have room for this many beyond the last.
 inline constexpr std::size_t kRowSlack = 8;
 
@@ -76,6 +78,11 @@ struct SchurKernels {
   void (*row_costs)(const RowsView& view, std::size_t rows, double* cost, std::uint8_t* behind);
   /// blocks -= W V^-1 W', right -= W V^-1 g.
   void (*eliminate)(const ColumnElimination& column);
+  /// The lower triangle of a symmetric matrix becomes its Cholesky factor in place; what is above
+  /// it is lost. size: a multiple of kFactorColumns; stride: from one column to the next, a
+  /// multiple of kColumnStride; scratch: kFactorColumns per column. False when it is not positive
+  /// definite.
+  bool (*factorise)(double* matrix, std::size_t size, std::size_t stride, double* scratch);
 };
 
 const SchurKernels& portable_schur_kernels();

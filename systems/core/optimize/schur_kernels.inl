@@ -265,6 +265,57 @@ void eliminate(const ColumnElimination& column) {
   }
 }
 
+/// Subtracts what the columns before `first` have to do with kRows vectors of rows of a panel.
+/// left: those columns' numbers in the panel's own rows, kFactorColumns per column.
+template <int kRows>
+inline void update_rows(double* matrix, size_t stride, size_t first, size_t row,
+                        const double* left) {
+  V sums[kFactorColumns][kRows];
+  for (int c = 0; c < kFactorColumns; ++c)
+    for (int i = 0; i < kRows; ++i)
+      sums[c][i] = load(matrix + (first + c) * stride + row + i * kLanes);
+  for (size_t k = 0; k < first; ++k, left += kFactorColumns) {
+    V column[kRows];
+    for (int i = 0; i < kRows; ++i) column[i] = load(matrix + k * stride + row + i * kLanes);
+    for (int c = 0; c < kFactorColumns; ++c) {
+      const V factor = splat(left[c]);
+      for (int i = 0; i < kRows; ++i) sums[c][i] -= column[i] * factor;
+    }
+  }
+  for (int c = 0; c < kFactorColumns; ++c)
+    for (int i = 0; i < kRows; ++i)
+      store(matrix + (first + c) * stride + row + i * kLanes, sums[c][i]);
+}
+
+bool factorise(double* matrix, size_t size, size_t stride, double* scratch) {
+  constexpr int kRows = 2;
+  for (size_t first = 0; first < size; first += kFactorColumns) {
+    for (size_t k = 0; k < first; ++k)
+      for (int c = 0; c < kFactorColumns; ++c)
+        scratch[k * kFactorColumns + c] = matrix[k * stride + first + c];
+    const size_t top = first / kLanes * kLanes;  // rows above the panel are not read again
+    size_t row = top;
+    for (; row + kRows * kLanes <= stride; row += kRows * kLanes)
+      update_rows<kRows>(matrix, stride, first, row, scratch);
+    for (; row < stride; row += kLanes) update_rows<1>(matrix, stride, first, row, scratch);
+    for (int c = 0; c < kFactorColumns; ++c) {
+      double* column = matrix + (first + c) * stride;
+      const double diagonal = column[first + c];
+      if (!(diagonal > 0)) return false;
+      const double root_of = __builtin_sqrt(diagonal);
+      for (row = top; row < stride; row += kLanes)
+        store(column + row, load(column + row) / root_of);
+      for (int later = c + 1; later < kFactorColumns; ++later) {
+        double* target = matrix + (first + later) * stride;
+        const V factor = splat(column[first + later]);
+        for (row = top; row < stride; row += kLanes)
+          store(target + row, load(target + row) - load(column + row) * factor);
+      }
+    }
+  }
+  return true;
+}
+
 constexpr auto named(const char* name) {
-  return SchurKernels{name, linearise, row_costs, eliminate};
+  return SchurKernels{name, linearise, row_costs, eliminate, factorise};
 }

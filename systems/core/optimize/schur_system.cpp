@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optimize/schur_system.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -45,7 +44,8 @@ SchurSystem::SchurSystem(const BundleRows& bundle, const SchurKernels& kernels)
       poses_(static_cast<std::size_t>(bundle.free_poses)),
       sparse_(poses_ > kDensePoses ? std::make_unique<PoseBlocks>(poses_, pairs_of_poses(bundle))
                                    : nullptr),
-      order_(bundle, sparse_.get()) {
+      order_(bundle, sparse_.get()),
+      dense_(sparse_ ? 0 : 6 * poses_, kernels) {
   const std::size_t points = bundle.begin.size() - 1;
   pose_sums_.resize(kPoseSumsSize * poses_);
   point_sums_.resize(kPointSumsSize * points);
@@ -57,7 +57,6 @@ SchurSystem::SchurSystem(const BundleRows& bundle, const SchurKernels& kernels)
   taking_part_.resize(order_.most_rows);
   if (!sparse_) {
     reduced_.resize(kPoseBlockSize * order_.blocks());
-    dense_.resize(6 * poses_, 6 * poses_);
   }
   right_.resize(kColumnStride * poses_);
   solution_.resize(6 * poses_);
@@ -132,18 +131,12 @@ bool SchurSystem::solve_poses() {
     for (int c = 0; c < 6; ++c) solution_(6 * p + c) = right_[kColumnStride * p + c];
   if (sparse_) return sparse_->solve(solution_);
   const double* block = reduced_.data();
-  for (std::size_t column = 0; column < poses_; ++column) {
-    for (std::size_t row = column; row < poses_; ++row, block += kPoseBlockSize) {
-      dense_.block<6, 6>(6 * row, 6 * column) =
-          Eigen::Map<const Eigen::Matrix<double, 6, 6>, 0, Eigen::OuterStride<kColumnStride>>(
-              block);
-    }
-  }
-  // Only the lower triangle is read; factored in place.
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> factor(dense_);
-  if (factor.info() != Eigen::Success) return false;
-  factor.solveInPlace(solution_);
-  return solution_.allFinite();
+  dense_.set_zero();
+  for (std::size_t column = 0; column < poses_; ++column)
+    for (std::size_t row = column; row < poses_; ++row, block += kPoseBlockSize)
+      for (int c = 0; c < 6; ++c)
+        std::copy_n(block + kColumnStride * c, 6, dense_.at(6 * row, 6 * column + c));
+  return dense_.factorise() && dense_.solve({solution_.data(), 6 * poses_});
 }
 
 void SchurSystem::back_substitute(std::size_t point) {

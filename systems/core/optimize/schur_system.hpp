@@ -10,6 +10,7 @@
 #include "optimize/aligned_doubles.hpp"
 #include "optimize/bundle_cost.hpp"
 #include "optimize/damping.hpp"
+#include "optimize/dense_cholesky.hpp"
 #include "optimize/elimination_order.hpp"
 
 namespace slambed {
@@ -58,7 +59,7 @@ class SchurSystem {
   AlignedDoubles scratch_;             ///< of the elimination of one pose
   std::vector<std::uint8_t> taking_part_;
   AlignedDoubles reduced_;  ///< the reduced camera system, unless it is sparse
-  Eigen::MatrixXd dense_;
+  DenseCholesky dense_;     ///< of it
   AlignedDoubles right_;
   Eigen::VectorXd solution_;
   std::vector<Vector6> pose_steps_;

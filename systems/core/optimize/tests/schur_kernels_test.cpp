@@ -4,12 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cstring>
 #include <random>
 
 #include "base/processor.hpp"
 #include "optimize/bundle_cost.hpp"
+#include "optimize/dense_cholesky.hpp"
 #include "optimize/elimination_order.hpp"
 
 namespace slambed {
@@ -162,6 +164,41 @@ TEST(SchurKernels, EveryInstructionSetGivesTheSameBits) {
             << kernels->name;
       }
     }
+  }
+}
+
+/// A symmetric positive definite matrix of this size, the lower triangle.
+DenseCholesky matrix_of(const Eigen::MatrixXd& full, const SchurKernels& kernels) {
+  const auto n = static_cast<std::size_t>(full.rows());
+  DenseCholesky matrix(n, kernels);
+  for (std::size_t c = 0; c < n; ++c)
+    for (std::size_t r = c; r < n; ++r) *matrix.at(r, c) = full(r, c);
+  return matrix;
+}
+
+TEST(SchurKernels, FactorisationSolvesAsEigensAndGivesTheSameBits) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (const int n : {1, 6, 8, 18, 31, 120}) {
+    const Eigen::MatrixXd root = Eigen::MatrixXd::NullaryExpr(n, n, [&] { return unit(random); });
+    const Eigen::MatrixXd full = root * root.transpose() + Eigen::MatrixXd::Identity(n, n);
+    const Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(n, [&] { return unit(random); });
+    const Eigen::VectorXd expected = full.llt().solve(right);
+    Eigen::VectorXd portable;
+    for (const SchurKernels* kernels : runnable()) {
+      DenseCholesky matrix = matrix_of(full, *kernels);
+      Eigen::VectorXd solution = right;
+      ASSERT_TRUE(matrix.factorise());
+      ASSERT_TRUE(matrix.solve({solution.data(), static_cast<std::size_t>(n)}));
+      EXPECT_LT((solution - expected).norm(), 1e-10 * expected.norm()) << n;
+      if (portable.size() == 0) portable = solution;
+      EXPECT_EQ(std::memcmp(solution.data(), portable.data(), 8 * static_cast<std::size_t>(n)), 0)
+          << kernels->name << ", " << n;
+    }
+    Eigen::MatrixXd indefinite = full;
+    indefinite(n - 1, n - 1) = -1;
+    for (const SchurKernels* kernels : runnable())
+      EXPECT_FALSE(matrix_of(indefinite, *kernels).factorise()) << kernels->name;
   }
 }
 
