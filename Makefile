@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-asan test-tsan fuzz bench test-netem data images doctor clean
+.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-asan test-tsan fuzz bench bench-against test-netem data images doctor clean
 # The Python environment and the C++ programs are made side by side: one loads, the other computes.
 MAKEFLAGS += -j2
 
@@ -12,6 +12,8 @@ DATASET ?= quickstart
 ENGINE ?= auto
 PAPER ?= all
 SECONDS ?= 20
+ROUNDS ?= 7
+HISTORY ?= build-bench/history.jsonl
 comma := ,
 BUILD := build
 VENV := .venv/bin
@@ -23,7 +25,7 @@ WITHOUT_DOCKER := $(if $(filter local,$(ENGINE)),yes,$(if $(UNPRIVILEGED),$(if $
 SUDO := $(if $(UNPRIVILEGED),$(if $(WITHOUT_DOCKER),sudo --preserve-env=SLAMBED_DATA$(comma)SLAMBED_CACHE$(comma)HOME))
 
 help: ## This list
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
 	@echo
 	@echo "  Start with: make experiment NAME=quickstart [RUNS=1] [ENGINE=docker|local|virtual]"
 
@@ -81,6 +83,10 @@ fuzz: packages ## Every fuzz target under AddressSanitizer for a while: [SECONDS
 bench: packages ## Google Benchmarks of every stage, and how times grow with the map
 	@tools/setup.sh build bench
 	@tools/bench.sh
+
+bench-against: packages ## Google Benchmarks in turn with another commit's: [BASE=v0.1] [ROUNDS=7] [HISTORY=build-bench/history.jsonl]
+	@tools/setup.sh build bench
+	@python3 tools/bench_against.py $(BASE) --rounds $(ROUNDS) --history $(HISTORY)
 
 test-netem: setup build ## The kernel's own netem and cgroup v2, in a small virtual machine (user-mode Linux)
 	@tools/netem_vm.sh

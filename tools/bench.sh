@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # bench.sh: builds and runs every Google Benchmark program and the growth of the map; figures go to
-# build-bench/*.json, medians.md and growth.csv, and to docs/benchmarks.md by hand.
+# build-bench/*.json, medians.md, history.jsonl and growth.csv, and to docs/benchmarks.md by hand.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -14,7 +14,7 @@ for program in build-bench/bin/*_bench; do
   "$program" --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true \
     --benchmark_report_aggregates_only=true --benchmark_out="build-bench/$name.json"
 done
-python3 tools/bench_summary.py build-bench/*_bench.json | tee build-bench/medians.md
+python3 tools/bench_summary.py --history build-bench/history.jsonl build-bench/*_bench.json | tee build-bench/medians.md
 echo "== growth"
 build-bench/bin/slam_growth "${KEYFRAMES:-2000}" | tee build-bench/growth.csv
 python3 tools/growth_summary.py build-bench/growth.csv

@@ -1,22 +1,27 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""bench_summary.py JSON...: median CPU time and spread of every benchmark, as a Markdown table."""
+"""bench_summary.py [--history FILE] JSON...: median CPU time and spread of every benchmark.
 
+A Markdown table; the history gets a line for each.
+"""
+
+import argparse
 import json
-import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
-TO_US = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
-
-
-def rounded(value: float) -> str:
-    """Three digits that mean something, never in powers of ten."""
-    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+from bench_against import TO_US, this_commit
+from bench_pairs import append_history, processor, rounded
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--history", type=Path)
+    parser.add_argument("json", type=Path, nargs="+")
+    asked = parser.parse_args()
+    kept = []
     print("| program | benchmark | CPU, us: median | spread, % |\n|---|---|---|---|")
-    for path in map(Path, sys.argv[1:]):
+    for path in asked.json:
         found: dict[str, dict[str, float]] = {}
         rows = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
         # They ran and were written in random order.
@@ -27,6 +32,12 @@ def main() -> None:
             found.setdefault(row["run_name"], {})[row["aggregate_name"]] = row["cpu_time"] * scale
         for name, line in found.items():
             print(f"| {path.stem} | {name} | {rounded(line['median'])} | {line['cv']:.0f} |")
+            measured = {"median_us": line["median"], "spread": line["cv"] / 100}
+            kept.append({"benchmark": f"{path.stem}/{name}", **measured})
+    if asked.history:
+        date = datetime.now(UTC).isoformat(timespec="seconds")
+        shared = {"commit": this_commit(), "date": date, "processor": processor()}
+        append_history(asked.history, [{**shared, **line} for line in kept])
 
 
 if __name__ == "__main__":
