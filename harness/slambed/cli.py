@@ -253,8 +253,10 @@ def _add_inputs() -> None:
 
 @cache
 def _add_results() -> None:
+    from slambed.campaign.pack import add_to
     from slambed.campaign.size import app as results_app
 
+    add_to(results_app)
     app.add_typer(results_app, name="results")
 
 

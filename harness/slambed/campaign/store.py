@@ -143,16 +143,19 @@ class RunStore:
                 _move(raw / role / name, tidy / "nodes" / role / name)
         if (raw / "link").is_dir():
             _move(raw / "link", tidy / "nodes" / "link")
+        self.put(run_key, tidy, replace)
+        shutil.rmtree(raw, ignore_errors=True)
+
+    def put(self, run_key: str, tidy: Path, replace: bool = False) -> None:
+        """Gives a folder of final form, which lies in `work`, its place by one rename."""
         for path in [*tidy.rglob("*"), tidy]:
             _flush(path)
-        place = self.runs / run_key
         with _locked(self.results / WORK / LOCK):
             if replace or self.state(run_key) != "trusted":
                 self._set_aside(run_key)
-                tidy.rename(place)
+                tidy.rename(self.runs / run_key)
                 _flush(self.runs)
-        for leftover in (raw, tidy):
-            shutil.rmtree(leftover, ignore_errors=True)
+        shutil.rmtree(tidy, ignore_errors=True)
 
     def _set_aside(self, run_key: str) -> None:
         """An attempt is kept by its number, what is torn is removed."""

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed results pack|unpack`: what runs found, as one file that another machine goes on from.
+
+A campaign of thousands of runs takes longer than one machine may be at hand. Summaries and
+manifests are all that resuming, tables and verdicts need, and take a few hundred bytes a run.
+"""
+
+import io
+import tarfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from lzma import LZMAError
+from pathlib import Path, PurePosixPath
+from typing import Annotated
+
+import typer
+
+from slambed.atomic import replacing
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.size import ResultsOption, plans
+from slambed.campaign.store import STORE, RunStore
+from slambed.errors import SlambedError, environment_error
+
+NEEDED = ("manifest.json", "summary.json")
+"""Of a run: what it takes to know that it is there, and all its numbers."""
+UNREADABLE = (tarfile.TarError, LZMAError, zlib.error, EOFError)
+
+
+def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int, int]:
+    """Writes the trusted runs that the plans of these experiments name; how many, and its bytes.
+
+    The same runs give the same bytes: order by name, no times, no owners.
+
+    Raises SlambedError where an experiment is not there, or the file cannot be written.
+    """
+    named = dict(plans(results))
+    if missing := [name for name in names if name not in named]:
+        known = ", ".join(named) or "none"
+        raise SlambedError(f"no results of {', '.join(missing)} in {results}; there are: {known}")
+    store = RunStore(results)
+    wanted: set[str] = set().union(*(named[name] for name in names))
+    keys = [key for key in sorted(wanted) if store.state(key) == "trusted"]
+    try:
+        with replacing(file, durable=True) as partial, tarfile.open(partial, "w:xz") as out:
+            for name in sorted(names):
+                truths = sorted((results / name / "groundtruth").glob("*.txt"))
+                for path in (results / name / "experiment.json", *truths):
+                    _add(out, path, results)
+            for key in keys:
+                for path in _files(store.runs / key, whole):
+                    _add(out, path, results)
+    except OSError as error:
+        raise environment_error(f"cannot write {file}: {error.strerror}") from None
+    return len(keys), file.stat().st_size
+
+
+def unpack(file: Path, results: Path) -> tuple[int, int]:
+    """Puts the runs of a file into a results folder; how many it has, and how many were new.
+
+    What is there and to be trusted stays as it is, and so does an experiment's plan.
+
+    Raises SlambedError where the file is not one of `pack`, or torn; whole runs before the tear are
+    kept.
+    """
+    store = RunStore(results)
+    store.open()
+    found = new = 0
+    experiments: set[str] = set()
+    try:
+        for place, files in _members(file):
+            if place.parts[0] == STORE:
+                found += 1
+                new += _take_run(store, place.parts[1], files)
+            else:
+                experiments.add(place.parts[0])
+                _take_experiment(results / place.parts[0], files)
+    except OSError as error:
+        raise environment_error(f"cannot write results: {error.strerror}, {results}") from None
+    finally:
+        store.close()
+        for name, keys in plans(results):
+            if name in experiments:
+                (results / name / STORE).mkdir(exist_ok=True)
+                ResultFolder(results / name).show(keys)
+    return found, new
+
+
+def _files(run: Path, whole: bool) -> list[Path]:
+    if not whole:
+        return [run / name for name in NEEDED]
+    return sorted(path for path in run.rglob("*") if path.is_file())
+
+
+def _add(out: tarfile.TarFile, path: Path, root: Path) -> None:
+    content = path.read_bytes()
+    member = tarfile.TarInfo(path.relative_to(root).as_posix())
+    member.size = len(content)
+    out.addfile(member, io.BytesIO(content))
+
+
+Files = dict[PurePosixPath, bytes]
+
+
+def _members(file: Path) -> Iterator[tuple[PurePosixPath, Files]]:
+    """Runs and experiments one after the other: the folder of each, and its files by their path in
+    it. A folder is given when its last file was read, so that a torn one is not."""
+    place, files = None, Files()
+    with _readable(file) as stream:
+        for member in stream:
+            path = PurePosixPath(member.name)
+            if not member.isreg() or path.is_absolute() or ".." in path.parts:
+                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name}")
+            depth = 2 if path.parts[0] == STORE else 1
+            if len(path.parts) <= depth:
+                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name}")
+            folder = PurePosixPath(*path.parts[:depth])
+            if folder != place:
+                if place is not None:
+                    yield place, files
+                place, files = folder, {}
+            content = stream.extractfile(member)
+            assert content is not None
+            files[path.relative_to(folder)] = content.read()
+        if place is not None:
+            yield place, files
+
+
+@contextmanager
+def _readable(file: Path) -> Iterator[tarfile.TarFile]:
+    try:
+        with tarfile.open(file, "r:xz") as stream:
+            yield stream
+    except UNREADABLE as error:
+        raise SlambedError(
+            f"{file} is torn, or no file of `slambed results pack` ({error})"
+        ) from None
+    except FileNotFoundError:
+        raise SlambedError(f"no such file: {file}") from None
+
+
+def _take_run(store: RunStore, key: str, files: Files) -> bool:
+    """Whether it was put there."""
+    if missing := [name for name in NEEDED if PurePosixPath(name) not in files]:
+        raise SlambedError(f"run {key} has no {missing[0]}; pack it again")
+    if store.state(key) == "trusted":
+        return False
+    assert store.work is not None
+    folder = store.work / key
+    _write(folder, files)
+    store.put(key, folder)
+    return True
+
+
+def _take_experiment(folder: Path, files: Files) -> None:
+    missing = {path: content for path, content in files.items() if not (folder / path).exists()}
+    _write(folder, missing)
+
+
+def _write(folder: Path, files: Files) -> None:
+    for path, content in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        with replacing(folder / path) as out:
+            out.write_bytes(content)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Makes them commands of `slambed results`."""
+    app.command("pack")(pack_command)
+    app.command("unpack")(unpack_command)
+
+
+def pack_command(
+    names: Annotated[list[str], typer.Argument(help="Experiments whose runs go into it.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (.tar.xz).")],
+    whole: Annotated[
+        bool, typer.Option("--whole", help="With events, samples and paths, not numbers only.")
+    ] = False,
+    results: ResultsOption = Path("results"),
+) -> None:
+    """Write the trusted runs of experiments into one small file: numbers and circumstances."""
+    runs, size = pack(results, names, output, whole)
+    typer.echo(f"{output}: {runs} runs, {size / 1e6:.2f} MB")
+
+
+def unpack_command(
+    file: Annotated[Path, typer.Argument(help="What `slambed results pack` wrote.")],
+    results: ResultsOption = Path("results"),
+) -> None:
+    """Put the runs of such a file into a results folder; `run` and `report` go on from it."""
+    found, new = unpack(file, results)
+    typer.echo(f"{file}: {found} runs, {new} of them new in {results}")

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in one file: what goes into it, and what a results folder has after it was unpacked."""
+
+import json
+import tarfile
+from pathlib import Path
+
+import pytest
+from command_line import refused, slambed
+from harness_parts import specs
+
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.status import status_of
+from slambed.errors import ExitCode
+from slambed.spec.run_spec import RunSpec
+
+
+def experiment(results: Path, name: str, runs: list[RunSpec], untrusted: int = 0) -> ResultFolder:
+    """An experiment that was run; the last `untrusted` of its runs are not to be trusted."""
+    folder = ResultFolder(results / name)
+    folder.create()
+    for number, spec in enumerate(runs):
+        raw = folder.new_raw(spec.run_key)
+        (raw / "manifest.json").write_text(json.dumps({"spec": spec.model_dump(mode="json")}))
+        trusted = number < len(runs) - untrusted
+        (raw / "summary.json").write_text(json.dumps({"trusted": trusted, "ate_rmse_m": number}))
+        (raw / "events.parquet").write_bytes(b"events")
+        folder.commit(spec.run_key, raw)
+    listed = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in runs]
+    folder.write_json("experiment.json", {"runs": listed, "software": "test", "file": {}})
+    truth = folder.path / "groundtruth" / "hall.txt"
+    truth.parent.mkdir()
+    truth.write_text("0 0 0 0 0 0 0 1\n")
+    folder.close()
+    return folder
+
+
+@pytest.fixture
+def packed(tmp_path: Path) -> Path:
+    """Four runs of `tiny`, the last not to be trusted, and another experiment beside them."""
+    runs = specs(cells=2, runs=3)
+    experiment(tmp_path / "here", "tiny", runs[:4], untrusted=1)
+    experiment(tmp_path / "here", "other", runs[4:])
+    file = tmp_path / "tiny.tar.xz"
+    code, out, err = slambed("results", "pack", "tiny", "-o", str(file), *of(tmp_path / "here"))
+    assert code == ExitCode.OK, err
+    assert "tiny.tar.xz: 3 runs" in out
+    return file
+
+
+def of(results: Path) -> tuple[str, str]:
+    return "--results", str(results)
+
+
+def unpack(file: Path, results: Path) -> str:
+    code, out, err = slambed("results", "unpack", str(file), *of(results))
+    assert code == ExitCode.OK, err
+    return out
+
+
+def test_another_machine_goes_on_from_what_was_packed(packed: Path, tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    assert f"3 runs, 3 of them new in {there}" in unpack(packed, there)
+    runs = specs(cells=2, runs=3)[:4]
+    folder = ResultFolder(there / "tiny")
+    assert [folder.state(run.run_key) for run in runs] == ["trusted"] * 3 + ["missing"]
+    assert folder.run_keys() == sorted(run.run_key for run in runs[:3])
+    found = status_of(there, "tiny", None, {"test"})
+    assert sum(cell.trusted for cell in found.cells) == 3
+    assert sum(cell.missing for cell in found.cells) == 1
+    assert (there / "tiny" / "groundtruth" / "hall.txt").is_file()
+    assert not (there / "other").exists()
+    assert not (folder.store.runs / runs[0].run_key / "events.parquet").exists()
+
+
+def test_the_same_runs_give_the_same_bytes(packed: Path, tmp_path: Path) -> None:
+    unpack(packed, tmp_path / "there")
+    again = tmp_path / "again.tar.xz"
+    assert slambed("results", "pack", "tiny", "-o", str(again), *of(tmp_path / "there"))[0] == 0
+    assert again.read_bytes() == packed.read_bytes()
+
+
+def test_whole_runs_have_their_events(packed: Path, tmp_path: Path) -> None:
+    file = tmp_path / "whole.tar.xz"
+    code, _, err = slambed(
+        "results", "pack", "tiny", "other", "--whole", "-o", str(file), *of(tmp_path / "here")
+    )
+    assert code == ExitCode.OK, err
+    assert "5 runs, 5 of them new" in unpack(file, tmp_path / "there")
+    for run in (tmp_path / "there" / "runs").iterdir():
+        assert (run / "events.parquet").read_bytes() == b"events"
+
+
+def test_what_is_there_and_trusted_stays(packed: Path, tmp_path: Path) -> None:
+    here = tmp_path / "here"
+    plan = (here / "tiny" / "experiment.json").read_bytes()
+    runs = {path.name: path.stat().st_ino for path in (here / "runs").iterdir()}
+    (here / "tiny" / "groundtruth" / "hall.txt").write_text("mine\n")
+    assert "3 runs, 0 of them new" in unpack(packed, here)
+    assert {path.name: path.stat().st_ino for path in (here / "runs").iterdir()} == runs
+    assert (here / "tiny" / "experiment.json").read_bytes() == plan
+    assert (here / "tiny" / "groundtruth" / "hall.txt").read_text() == "mine\n"
+
+
+def test_a_torn_file_leaves_no_half_run(packed: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "torn.tar.xz"
+    torn.write_bytes(packed.read_bytes()[:-200])
+    there = tmp_path / "there"
+    line = refused(ExitCode.BAD_INPUT, "results", "unpack", str(torn), *of(there))
+    assert "torn.tar.xz is torn" in line
+    for run in (there / "runs").iterdir():
+        assert json.loads((run / "summary.json").read_bytes())["trusted"]
+    assert [path.name for path in (there / ".work").iterdir()] == [".lock"]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("../outside/manifest.json", tarfile.REGTYPE),
+        ("/tmp/outside/manifest.json", tarfile.REGTYPE),
+        ("runs/0123/manifest.json", tarfile.SYMTYPE),
+        ("runs/manifest.json", tarfile.REGTYPE),
+        ("loose.txt", tarfile.REGTYPE),
+    ],
+)
+def test_a_foreign_archive_is_refused_and_writes_nothing(
+    name: str, kind: bytes, tmp_path: Path
+) -> None:
+    file = tmp_path / "foreign.tar.xz"
+    with tarfile.open(file, "w:xz") as out:
+        member = tarfile.TarInfo(name)
+        member.type = kind
+        member.linkname = "/etc/passwd"
+        out.addfile(member)
+    there = tmp_path / "there"
+    line = refused(ExitCode.BAD_INPUT, "results", "unpack", str(file), *of(there))
+    assert "no file of `slambed results pack`" in line and name in line
+    assert not (tmp_path / "outside").exists()
+    assert [path.name for path in there.rglob("*") if path.is_file()] == [".lock"]
+
+
+def test_what_cannot_be_packed_or_unpacked_is_told(packed: Path, tmp_path: Path) -> None:
+    here = tmp_path / "here"
+    line = refused(2, "results", "pack", "tyni", "-o", str(packed), *of(here))
+    assert "no results of tyni" in line and "other, tiny" in line
+    no_folder = str(tmp_path / "nowhere" / "x.tar.xz")
+    assert "cannot write" in refused(
+        ExitCode.ENVIRONMENT, "results", "pack", "tiny", "-o", no_folder, *of(here)
+    )
+    text = tmp_path / "text.tar.xz"
+    text.write_text("not one")
+    assert "is torn, or no file" in refused(2, "results", "unpack", str(text), *of(here))
+    assert "no such file" in refused(2, "results", "unpack", no_folder, *of(here))
