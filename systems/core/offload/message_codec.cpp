@@ -6,16 +6,15 @@
 #include "wire/compatibility_codec.hpp"
 
 namespace slambed {
-namespace {
-
-wire::TextMeans means_of(const Worker& worker) {
-  return worker.charged() ? wire::TextMeans::kDirect : wire::TextMeans::kStreams;
-}
-
-}  // namespace
 
 MessageCodec::MessageCodec(Form form) : form_(form) {
-  if (text()) vocabulary_ = default_vocabulary();
+  if (!text()) return;
+  vocabulary_ = default_vocabulary();
+  direct_ = std::make_shared<wire::DirectText>();
+}
+
+wire::DirectText* MessageCodec::direct(const Worker& worker) const {
+  return worker.charged() ? direct_.get() : nullptr;
 }
 
 template <typename Write>
@@ -27,6 +26,19 @@ Bytes MessageCodec::staged(Worker& worker, Write write) const {
   });
 }
 
+template <typename Message, typename... Others>
+Bytes MessageCodec::written(Worker& worker, const Message& message, const Others&... others) const {
+  return staged(worker, [&] {
+    return text() ? encode_text(message, others..., *vocabulary_, direct(worker)) : encode(message);
+  });
+}
+
+template <typename Text, typename Binary>
+auto MessageCodec::read(const Worker& worker, const Bytes& bytes, const wire::SensorPtr& sensor,
+                        Text from_text, Binary from_binary) const {
+  return text() ? from_text(bytes, sensor, direct(worker)) : from_binary(bytes, sensor);
+}
+
 Bytes MessageCodec::serialise(Worker& worker, const wire::KeyFrameMessage& message,
                               const Map& local) const {
   return staged(worker, [&] {
@@ -34,63 +46,50 @@ Bytes MessageCodec::serialise(Worker& worker, const wire::KeyFrameMessage& messa
     const auto ids = keyframes_of(message.delta);
     const MapDelta whole =
         local.read([&](const MapView& view) { return extract_keyframes(view, ids); });
-    return encode_text(message, whole.points, *vocabulary_, means_of(worker));
+    return encode_text(message, whole.points, *vocabulary_, direct(worker));
   });
 }
 
 Bytes MessageCodec::serialise(Worker& worker, const wire::MapUpdate& message) const {
-  return staged(worker, [&] {
-    return text() ? encode_text(message, *vocabulary_, means_of(worker)) : encode(message);
-  });
+  return written(worker, message);
 }
 
 Bytes MessageCodec::serialise(Worker& worker, const wire::FrameMessage& message) const {
-  return staged(worker, [&] {
-    return text() ? encode_text(message, *vocabulary_, means_of(worker)) : encode(message);
-  });
+  return written(worker, message);
 }
 
 Bytes MessageCodec::serialise(Worker& worker, const wire::RelocRequest& message) const {
-  return staged(worker, [&] {
-    return text() ? encode_text(message, *vocabulary_, means_of(worker)) : encode(message);
-  });
+  return written(worker, message);
 }
 
 Bytes MessageCodec::serialise(Worker& worker, const wire::RelocOk& message,
                               const wire::FrameMessage& asked) const {
-  return staged(worker, [&] {
-    return text() ? encode_text(message, asked, *vocabulary_, means_of(worker)) : encode(message);
-  });
+  return written(worker, message, asked);
 }
 
 wire::KeyFrameMessage MessageCodec::keyframe(const Worker& worker, const Bytes& bytes,
                                              const wire::SensorPtr& sensor) const {
-  return text() ? wire::decode_keyframe_text(bytes, sensor, means_of(worker))
-                : wire::decode_keyframe(bytes, sensor);
+  return read(worker, bytes, sensor, wire::decode_keyframe_text, wire::decode_keyframe);
 }
 
 wire::MapUpdate MessageCodec::update(const Worker& worker, const Bytes& bytes,
                                      const wire::SensorPtr& sensor) const {
-  return text() ? wire::decode_update_text(bytes, sensor, means_of(worker))
-                : wire::decode_update(bytes, sensor);
+  return read(worker, bytes, sensor, wire::decode_update_text, wire::decode_update);
 }
 
 wire::FrameMessage MessageCodec::frame(const Worker& worker, const Bytes& bytes,
                                        const wire::SensorPtr& sensor) const {
-  return text() ? wire::decode_frame_text(bytes, sensor, means_of(worker))
-                : wire::decode_frame(bytes, sensor);
+  return read(worker, bytes, sensor, wire::decode_frame_text, wire::decode_frame);
 }
 
 wire::RelocRequest MessageCodec::request(const Worker& worker, const Bytes& bytes,
                                          const wire::SensorPtr& sensor) const {
-  return text() ? wire::decode_reloc_request_text(bytes, sensor, means_of(worker))
-                : wire::decode_reloc_request(bytes, sensor);
+  return read(worker, bytes, sensor, wire::decode_reloc_request_text, wire::decode_reloc_request);
 }
 
 wire::RelocOk MessageCodec::found(const Worker& worker, const Bytes& bytes,
                                   const wire::SensorPtr& sensor) const {
-  return text() ? wire::decode_reloc_ok_text(bytes, sensor, means_of(worker))
-                : wire::decode_reloc_ok(bytes, sensor);
+  return read(worker, bytes, sensor, wire::decode_reloc_ok_text, wire::decode_reloc_ok);
 }
 
 }  // namespace slambed

@@ -8,6 +8,7 @@
 #include "map/map.hpp"
 #include "node/messaging.hpp"
 #include "runtime/channel.hpp"
+#include "wire/direct_text.hpp"
 #include "wire/messages.hpp"
 #include "wire/reloc_messages.hpp"
 
@@ -15,7 +16,7 @@ namespace slambed {
 
 /// How keyframes, updates and frames are written: our checked binary form, or the text archives of
 /// Edge-SLAM, for what they cost: by streams, unless a model charges for it. Stages: serialise and
-/// parse, or serialise_text and parse_text; n1 is kilobytes.
+/// parse, or serialise_text and parse_text; n1 is kilobytes. Copies share what they keep of texts.
 class MessageCodec {
  public:
   enum class Form { kBinary, kCompatibility };
@@ -50,9 +51,18 @@ class MessageCodec {
  private:
   template <typename Write>
   Bytes staged(Worker& worker, Write write) const;
+  template <typename Message, typename... Others>
+  Bytes written(Worker& worker, const Message& message, const Others&... others) const;
+  template <typename Text, typename Binary>
+  auto read(const Worker& worker, const Bytes& bytes, const wire::SensorPtr& sensor, Text from_text,
+            Binary from_binary) const;
+  /// Null: by streams.
+  wire::DirectText* direct(const Worker& worker) const;
 
   Form form_ = Form::kBinary;
   std::shared_ptr<const Vocabulary> vocabulary_;  ///< text carries bags of words
+  /// Of charged workers, which run one at a time.
+  std::shared_ptr<wire::DirectText> direct_;
 };
 
 }  // namespace slambed

@@ -44,10 +44,12 @@ class EdgeRelocalisation {
 /// Both sides as the parameters have it; all else outlives what is made.
 std::unique_ptr<MobileRelocalisation> make_relocalisation(MobileNode& node,
                                                           const Parameters& parameters,
+                                                          const MessageCodec& codec,
                                                           OffloadChannels& channels,
                                                           MapDownlink& downlink);
 std::unique_ptr<EdgeRelocalisation> make_relocalisation(EdgeNode& node,
                                                         const Parameters& parameters,
+                                                        const MessageCodec& codec,
                                                         OffloadChannels& channels,
                                                         EdgeMapping& mapping);
 

@@ -69,13 +69,13 @@ void OffloadChannels::start() {
   for (const auto& channel : waiting_) channel->start();
 }
 
-DownlinkOptions downlink_options(const Parameters& parameters) {
+DownlinkOptions downlink_options(const Parameters& parameters, const MessageCodec& codec) {
   DownlinkOptions options{
       .rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
                 .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
                 .local_map_size = original_behaviour(parameters).local_map_size,
                 .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
-      .codec = message_codec(parameters)};
+      .codec = codec};
   if (keeps_recovery(parameters)) options.recovery_keyframes = parameters.integer("n_kf");
   const std::string mode = parameters.text("map_update");
   if (mode == "parallel") options.mode = MapUpdateMode::kParallel;
@@ -90,7 +90,7 @@ DownlinkOptions downlink_options(const Parameters& parameters) {
   return options;
 }
 
-EdgeMappingOptions mapping_options(const Parameters& parameters) {
+EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec) {
   const OriginalBehaviour behaviour = original_behaviour(parameters);
   return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
                      .loop_closing = parameters.boolean("loop_closing"),
@@ -104,7 +104,7 @@ EdgeMappingOptions mapping_options(const Parameters& parameters) {
                                    : std::optional(from_seconds(behaviour.first_update_s)),
                       .poses = parameters.boolean("update_poses"),
                       .keep_recovery = keeps_recovery(parameters),
-                      .codec = message_codec(parameters)},
+                      .codec = codec},
           .prior_map = edge_prior_map(parameters),
           .admission_when_idle = behaviour.admission_when_idle};
 }

@@ -31,10 +31,11 @@ class OffloadChannels {
   Channel &control, &keyframe, &map, &frame;
 };
 
+/// One for a node: what it writes it is likely to read again.
 MessageCodec message_codec(const Parameters& parameters);
 
-DownlinkOptions downlink_options(const Parameters& parameters);
-EdgeMappingOptions mapping_options(const Parameters& parameters);
+DownlinkOptions downlink_options(const Parameters& parameters, const MessageCodec& codec);
+EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec);
 /// False where the system has no such parameter.
 bool relocalises_on_edge(const Parameters& parameters);
 /// The stored map that the edge begins with and the mobile is to be found in; empty: none, also

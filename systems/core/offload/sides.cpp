@@ -17,11 +17,12 @@ double after_relocalisation_s(const Parameters& parameters, double played_fps) {
 
 OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters)
     : node_(node),
+      codec_(message_codec(parameters)),
       channels_(node.runtime(), node.network(), node.log(), parameters),
-      downlink_(node, channels_.map, downlink_options(parameters)),
+      downlink_(node, channels_.map, downlink_options(parameters, codec_)),
       farewell_(node, channels_.control),
-      uplink_(node, channels_.keyframe, message_codec(parameters)),
-      relocalisation_(make_relocalisation(node, parameters, channels_, downlink_)),
+      uplink_(node, channels_.keyframe, codec_),
+      relocalisation_(make_relocalisation(node, parameters, codec_, channels_, downlink_)),
       after_relocalisation_s_(after_relocalisation_s(parameters, node.played_fps())),
       looks_after_extraction_(original_behaviour(parameters).updates_after_extraction) {}
 
@@ -94,9 +95,10 @@ void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta mad
 }
 
 OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters)
-    : channels_(node.runtime(), node.network(), node.log(), parameters),
-      mapping_(node, mapping_options(parameters), channels_.keyframe, channels_.map),
-      relocalisation_(make_relocalisation(node, parameters, channels_, mapping_)),
+    : codec_(message_codec(parameters)),
+      channels_(node.runtime(), node.network(), node.log(), parameters),
+      mapping_(node, mapping_options(parameters, codec_), channels_.keyframe, channels_.map),
+      relocalisation_(make_relocalisation(node, parameters, codec_, channels_, mapping_)),
       farewell_(node, channels_.control, mapping_,
                 {.final_poses = parameters.boolean("final_poses"),
                  .other = [this](const Message& message) { relocalisation_->listen(message); }}) {}

@@ -45,6 +45,7 @@ class OffloadMobile {
   void leave_out_settled(MapDelta& made) const;
 
   MobileNode& node_;
+  MessageCodec codec_;
   OffloadChannels channels_;
   MapDownlink downlink_;
   MobileFarewell farewell_;
@@ -65,6 +66,7 @@ class OffloadEdge {
   EdgeMapping& mapping() { return mapping_; }
 
  private:
+  MessageCodec codec_;
   OffloadChannels channels_;
   EdgeMapping mapping_;
   std::unique_ptr<EdgeRelocalisation> relocalisation_;

@@ -125,8 +125,8 @@ std::pair<NewPoint, bool> get_point(TextReader& in, MapPointId id) {
 
 std::string keyframe_text(const NewKeyFrame& keyframe, const PointsById& by_value,
                           const std::set<MapPointId>& fresh, const Vocabulary& vocabulary,
-                          TextMeans means) {
-  TextWriter out(means);
+                          DirectText* direct) {
+  TextWriter out(means_of(direct));
   out.word("keyframe");
   put_id(out, keyframe.id);
   put_id(out, keyframe.parent);
@@ -135,7 +135,7 @@ std::string keyframe_text(const NewKeyFrame& keyframe, const PointsById& by_valu
   out.integer(keyframe.version);
   put_pose(out, keyframe.T_cw);
   put_matrices(out, keyframe.T_cw);
-  put_features(out, *keyframe.features, vocabulary);
+  put_features(out, keyframe.features, vocabulary, direct);
   for (std::size_t feature = 0; feature < keyframe.points.size(); ++feature) {
     const MapPointId id = keyframe.points[feature];
     put_id(out, id);
@@ -151,9 +151,9 @@ std::string keyframe_text(const NewKeyFrame& keyframe, const PointsById& by_valu
 
 /// Appends the keyframe and those of its points that are fresh and not there yet.
 void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
-                   std::set<MapPointId>& seen, TextMeans means) {
+                   std::set<MapPointId>& seen, DirectText* direct) {
   if (!sensor) throw DecodeError("keyframe from an unknown camera");
-  TextReader in(std::move(text), means);
+  TextReader in(std::move(text), means_of(direct));
   NewKeyFrame keyframe;
   in.expect_word("keyframe");
   keyframe.id = get_id<KeyFrameId>(in);
@@ -163,7 +163,7 @@ void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
   keyframe.version = static_cast<std::uint32_t>(in.integer(0, kAnyCount));
   keyframe.T_cw = get_pose(in);
   skip_matrices(in);
-  keyframe.features = get_features(in, sensor);
+  keyframe.features = get_features(in, sensor, direct);
   keyframe.points.resize(static_cast<std::size_t>(keyframe.features->size()));
   for (MapPointId& id : keyframe.points) {
     id = get_id_or_none<MapPointId>(in);
@@ -221,8 +221,8 @@ Bytes finish(TextWriter out) {
   return Bytes(text.begin(), text.end());
 }
 
-TextReader open(std::span<const std::uint8_t> bytes, std::string_view what, TextMeans means) {
-  TextReader in(std::string(bytes.begin(), bytes.end()), means);
+TextReader open(std::span<const std::uint8_t> bytes, std::string_view what, DirectText* direct) {
+  TextReader in(std::string(bytes.begin(), bytes.end()), means_of(direct));
   in.expect_word(what);
   return in;
 }
@@ -230,9 +230,9 @@ TextReader open(std::span<const std::uint8_t> bytes, std::string_view what, Text
 }  // namespace
 
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
-                  const Vocabulary& vocabulary, TextMeans means) {
+                  const Vocabulary& vocabulary, DirectText* direct) {
   require_keyframes(message);
-  TextWriter out(means);
+  TextWriter out(means_of(direct));
   out.word("KEYFRAME");
   put_id(out, message.keyframe);
   put_time(out, message.captured);
@@ -249,14 +249,14 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   const auto& keyframes = message.delta.keyframes;
   if (begins_with_two(message, keyframes.back().features->sensor())) out.integer(keyframes.size());
   for (const NewKeyFrame& keyframe : keyframes)
-    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, means));
+    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, direct));
   put_sightings(out, message.delta.sightings);
   return finish(std::move(out));
 }
 
 KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                                     TextMeans means) {
-  TextReader in = open(bytes, "KEYFRAME", means);
+                                     DirectText* direct) {
+  TextReader in = open(bytes, "KEYFRAME", direct);
   KeyFrameMessage message;
   message.keyframe = get_id<KeyFrameId>(in);
   message.captured = get_time(in);
@@ -270,15 +270,15 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const 
   if (!sensor) throw DecodeError("keyframe from an unknown camera");
   std::set<MapPointId> seen;
   for (auto n = begins_with_two(message, *sensor) ? in.integer(1, 2) : 1; n > 0; --n)
-    take_keyframe(in.text(), sensor, message.delta, seen, means);
+    take_keyframe(in.text(), sensor, message.delta, seen, direct);
   message.delta.sightings = get_sightings(in);
   in.expect_end();
   expect_keyframes(message);
   return message;
 }
 
-Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, TextMeans means) {
-  TextWriter out(means);
+Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, DirectText* direct) {
+  TextWriter out(means_of(direct));
   out.word("MAP_UPDATE");
   out.integer(message.update);
   put_id(out, message.newest);
@@ -289,7 +289,7 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, TextMe
   const auto fresh = ids_of(message.map.points);
   out.integer(message.map.keyframes.size());
   for (const NewKeyFrame& keyframe : message.map.keyframes) {
-    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, means));
+    out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, direct));
   }
   out.integer(message.poses.size());
   for (const KeyFramePose& pose : message.poses) {
@@ -301,9 +301,9 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, TextMe
 }
 
 MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                             TextMeans means) {
+                             DirectText* direct) {
   constexpr std::size_t kLeastKeyFrame = 100, kLeastPose = 18;
-  TextReader in = open(bytes, "MAP_UPDATE", means);
+  TextReader in = open(bytes, "MAP_UPDATE", direct);
   MapUpdate message;
   message.update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest = get_id<KeyFrameId>(in);
@@ -312,7 +312,7 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   message.map.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   std::set<MapPointId> seen;
   for (std::size_t n = in.count(kLeastKeyFrame); n > 0; --n) {
-    take_keyframe(in.text(), sensor, message.map, seen, means);
+    take_keyframe(in.text(), sensor, message.map, seen, direct);
   }
   for (std::size_t n = in.count(kLeastPose); n > 0; --n) {
     KeyFramePose pose;
@@ -326,23 +326,23 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   return message;
 }
 
-Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary, TextMeans means) {
-  TextWriter out(means);
+Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary, DirectText* direct) {
+  TextWriter out(means_of(direct));
   out.word("FRAME");
   out.integer(message.frame_index);
   out.real(message.timestamp_s);
-  put_features(out, *message.features, vocabulary);
+  put_features(out, message.features, vocabulary, direct);
   return finish(std::move(out));
 }
 
 FrameMessage decode_frame_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                               TextMeans means) {
-  TextReader in = open(bytes, "FRAME", means);
+                               DirectText* direct) {
+  TextReader in = open(bytes, "FRAME", direct);
   if (!sensor) throw DecodeError("frame from an unknown camera");
   FrameMessage message;
   message.frame_index = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.timestamp_s = in.real64();
-  message.features = get_features(in, sensor);
+  message.features = get_features(in, sensor, direct);
   in.expect_end();
   return message;
 }

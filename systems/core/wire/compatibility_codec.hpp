@@ -4,8 +4,8 @@
 #include <span>
 
 #include "features/vocabulary.hpp"
+#include "wire/direct_text.hpp"
 #include "wire/messages.hpp"
-#include "wire/text_archive.hpp"
 
 namespace slambed::wire {
 
@@ -23,18 +23,18 @@ namespace slambed::wire {
 /// known: points by value that the keyframe sees besides its new ones; those that are missing are
 /// named only.
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
-                  const Vocabulary& vocabulary, TextMeans means = TextMeans::kStreams);
+                  const Vocabulary& vocabulary, DirectText* direct = nullptr);
 Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary,
-                  TextMeans means = TextMeans::kStreams);
+                  DirectText* direct = nullptr);
 Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary,
-                  TextMeans means = TextMeans::kStreams);
+                  DirectText* direct = nullptr);
 
 /// All throw DecodeError and nothing else.
 KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                                     TextMeans means = TextMeans::kStreams);
+                                     DirectText* direct = nullptr);
 MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                             TextMeans means = TextMeans::kStreams);
+                             DirectText* direct = nullptr);
 FrameMessage decode_frame_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                               TextMeans means = TextMeans::kStreams);
+                               DirectText* direct = nullptr);
 
 }  // namespace slambed::wire

@@ -98,13 +98,13 @@ RelocRequest decode_reloc_request(std::span<const std::uint8_t> bytes, const Sen
   return get_request(bytes, [&](auto body) { return decode_frame(body, sensor); });
 }
 
-Bytes encode_text(const RelocRequest& message, const Vocabulary& vocabulary, TextMeans means) {
-  return with_body(request_header(message), encode_text(message.frame, vocabulary, means));
+Bytes encode_text(const RelocRequest& message, const Vocabulary& vocabulary, DirectText* direct) {
+  return with_body(request_header(message), encode_text(message.frame, vocabulary, direct));
 }
 
 RelocRequest decode_reloc_request_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                                       TextMeans means) {
-  return get_request(bytes, [&](auto body) { return decode_frame_text(body, sensor, means); });
+                                       DirectText* direct) {
+  return get_request(bytes, [&](auto body) { return decode_frame_text(body, sensor, direct); });
 }
 
 std::uint64_t number_of_request(std::span<const std::uint8_t> bytes) {
@@ -152,28 +152,28 @@ RelocOk decode_reloc_ok(std::span<const std::uint8_t> bytes, const SensorPtr& se
 }
 
 Bytes encode_text(const RelocOk& message, const FrameMessage& found, const Vocabulary& vocabulary,
-                  TextMeans means) {
+                  DirectText* direct) {
   const MapUpdate carrier{.update = message.update,
                           .newest = message.keyframe.keyframes.at(0).id,
                           .times = {},
                           .map = message.keyframe,
                           .poses = {}};
-  const Bytes keyframe = encode_text(carrier, vocabulary, means);
+  const Bytes keyframe = encode_text(carrier, vocabulary, direct);
   ByteWriter out = ok_header(message);
   out.varint(keyframe.size());
   Bytes bytes = with_body(std::move(out), keyframe);
-  const Bytes frame = encode_text(found, vocabulary, means);
+  const Bytes frame = encode_text(found, vocabulary, direct);
   bytes.insert(bytes.end(), frame.begin(), frame.end());
   return bytes;
 }
 
 RelocOk decode_reloc_ok_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                             TextMeans means) {
+                             DirectText* direct) {
   ByteReader in(bytes);
   RelocOk message = get_ok_header(in);
   const auto keyframe = in.take(in.count(1));
-  decode_frame_text(in.take(in.remaining()), sensor, means);  // the mobile has it
-  message.keyframe = decode_update_text(keyframe, sensor, means).map;
+  decode_frame_text(in.take(in.remaining()), sensor, direct);  // the mobile has it
+  message.keyframe = decode_update_text(keyframe, sensor, direct).map;
   check(message);
   return message;
 }

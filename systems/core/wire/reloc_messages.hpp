@@ -4,9 +4,9 @@
 #include <utility>
 
 #include "features/vocabulary.hpp"
+#include "wire/direct_text.hpp"
 #include "wire/message_type.hpp"
 #include "wire/messages.hpp"
-#include "wire/text_archive.hpp"
 
 namespace slambed::wire {
 
@@ -77,9 +77,9 @@ Bytes encode(const ResumeMessage& message);
 /// Frames and keyframes as Edge-SLAM's text archives have them. found: the frame of the request,
 /// which goes back whole for what that costs.
 Bytes encode_text(const RelocRequest& message, const Vocabulary& vocabulary,
-                  TextMeans means = TextMeans::kStreams);
+                  DirectText* direct = nullptr);
 Bytes encode_text(const RelocOk& message, const FrameMessage& found, const Vocabulary& vocabulary,
-                  TextMeans means = TextMeans::kStreams);
+                  DirectText* direct = nullptr);
 
 /// All throw DecodeError and nothing else.
 RelocRequest decode_reloc_request(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
@@ -88,9 +88,9 @@ RelocOk decode_reloc_ok(std::span<const std::uint8_t> bytes, const SensorPtr& se
 SuspendMessage decode_suspend(std::span<const std::uint8_t> bytes);
 ResumeMessage decode_resume(std::span<const std::uint8_t> bytes);
 RelocRequest decode_reloc_request_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                                       TextMeans means = TextMeans::kStreams);
+                                       DirectText* direct = nullptr);
 RelocOk decode_reloc_ok_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
-                             TextMeans means = TextMeans::kStreams);
+                             DirectText* direct = nullptr);
 /// The number of a RELOC_REQUEST whose rest cannot be read.
 std::uint64_t number_of_request(std::span<const std::uint8_t> bytes);
 

@@ -62,6 +62,13 @@ void TextWriter::text(const std::string& value) {
   word(value);
 }
 
+void TextWriter::add(std::string_view written) {
+  if (stream_)
+    *stream_ << written;
+  else
+    direct_.append(written);
+}
+
 std::string TextWriter::take() { return stream_ ? std::move(*stream_).str() : std::move(direct_); }
 
 TextReader::TextReader(std::string text, TextMeans means) {
@@ -73,6 +80,10 @@ TextReader::TextReader(std::string text, TextMeans means) {
   stream_->imbue(std::locale::classic());
 }
 
+void TextReader::skip_blanks() {
+  while (at_ < direct_.size() && direct_[at_] == ' ') ++at_;
+}
+
 template <typename Number>
 Number TextReader::number() {
   Number value = 0;
@@ -81,7 +92,7 @@ Number TextReader::number() {
     if (!*stream_) throw damaged();
     return value;
   }
-  while (at_ < direct_.size() && direct_[at_] == ' ') ++at_;
+  skip_blanks();
   const char* end = direct_.data() + direct_.size();
   const auto [rest, error] = std::from_chars(direct_.data() + at_, end, value);
   // A stream accepts neither "inf" nor "nan", and fails where a number is too large.
@@ -106,7 +117,7 @@ void TextReader::expect_word(std::string_view value) {
     *stream_ >> word;
     if (!*stream_) throw damaged();
   } else {
-    while (at_ < direct_.size() && direct_[at_] == ' ') ++at_;
+    skip_blanks();
     while (at_ < direct_.size() && direct_[at_] != ' ' && word.size() <= value.size())
       word.push_back(direct_[at_++]);
   }

@@ -34,6 +34,8 @@ class TextWriter {
   void word(std::string_view value);
   /// Any text, its length in front.
   void text(const std::string& value);
+  /// What another writer has taken.
+  void add(std::string_view written);
   std::string take();
 
  private:
@@ -57,6 +59,11 @@ class TextReader {
   std::size_t count(std::size_t min_chars);
   std::string text();
   void expect_end();
+
+  /// What has not been read, and going on in it; direct only.
+  std::string_view rest() const { return std::string_view(direct_).substr(at_); }
+  void skip(std::size_t chars) { at_ += chars; }
+  void skip_blanks();
 
  private:
   template <typename Number>

@@ -115,25 +115,7 @@ void skip_scales(TextReader& in, const ScalePyramid& pyramid) {
   for (int i = 0; i < 1 + 3 * pyramid.levels(); ++i) in.real32();
 }
 
-}  // namespace
-
-void put_descriptor(TextWriter& out, const Descriptor& descriptor) {
-  for (const std::uint64_t word : descriptor) {
-    for (int i = 0; i < kBytesOfWord; ++i) out.integer(word >> (kBitsOfByte * i) & kMaxByte);
-  }
-}
-
-Descriptor get_descriptor(TextReader& in) {
-  Descriptor descriptor{};
-  for (std::uint64_t& word : descriptor) {
-    for (int i = 0; i < kBytesOfWord; ++i) {
-      word |= static_cast<std::uint64_t>(in.integer(0, kMaxByte)) << (kBitsOfByte * i);
-    }
-  }
-  return descriptor;
-}
-
-void put_features(TextWriter& out, const FeatureSet& features, const Vocabulary& vocabulary) {
+void write_features(TextWriter& out, const FeatureSet& features, const Vocabulary& vocabulary) {
   put_scales(out, features.sensor().pyramid);
   out.integer(features.size());
   for (const char* which : {"raw", "undistorted"}) {
@@ -147,8 +129,8 @@ void put_features(TextWriter& out, const FeatureSet& features, const Vocabulary&
   put_grid(out, features);
 }
 
-std::shared_ptr<const FeatureSet> get_features(TextReader& in,
-                                               std::shared_ptr<const Sensor> sensor) {
+std::shared_ptr<const FeatureSet> read_features(TextReader& in,
+                                                std::shared_ptr<const Sensor> sensor) {
   skip_scales(in, sensor->pyramid);
   const std::size_t count = in.count(kFeatureChars);
   if (count > kMaxFeatures) throw DecodeError("too many features");
@@ -168,6 +150,50 @@ std::shared_ptr<const FeatureSet> get_features(TextReader& in,
   skip_grid(in);
   return std::make_shared<const FeatureSet>(std::move(sensor), std::move(keypoints),
                                             std::move(descriptors));
+}
+
+}  // namespace
+
+void put_descriptor(TextWriter& out, const Descriptor& descriptor) {
+  for (const std::uint64_t word : descriptor) {
+    for (int i = 0; i < kBytesOfWord; ++i) out.integer(word >> (kBitsOfByte * i) & kMaxByte);
+  }
+}
+
+Descriptor get_descriptor(TextReader& in) {
+  Descriptor descriptor{};
+  for (std::uint64_t& word : descriptor) {
+    for (int i = 0; i < kBytesOfWord; ++i) {
+      word |= static_cast<std::uint64_t>(in.integer(0, kMaxByte)) << (kBitsOfByte * i);
+    }
+  }
+  return descriptor;
+}
+
+void put_features(TextWriter& out, const std::shared_ptr<const FeatureSet>& features,
+                  const Vocabulary& vocabulary, DirectText* direct) {
+  if (!direct) return write_features(out, *features, vocabulary);
+  out.add(direct->text_of(features, [&] {
+    TextWriter own(TextMeans::kDirect);
+    write_features(own, *features, vocabulary);
+    return own.take();
+  }));
+}
+
+std::shared_ptr<const FeatureSet> get_features(TextReader& in,
+                                               const std::shared_ptr<const Sensor>& sensor,
+                                               DirectText* direct) {
+  if (!direct) return read_features(in, sensor);
+  in.skip_blanks();
+  const std::string_view archive = in.rest();
+  if (const auto known = direct->read_before(archive, sensor)) {
+    in.skip(known->length);
+    return known->features;
+  }
+  auto features = read_features(in, sensor);
+  in.skip_blanks();
+  direct->keep_read(features, std::string(archive.substr(0, archive.size() - in.rest().size())));
+  return features;
 }
 
 }  // namespace slambed::wire

@@ -6,6 +6,7 @@
 
 #include "features/default_vocabulary.hpp"
 #include "wire/delta_codec.hpp"
+#include "wire/direct_text.hpp"
 #include "wire/tests/examples.hpp"
 #include "wire/text_archive.hpp"
 
@@ -199,20 +200,98 @@ TEST_F(Compatibility, DirectTextIsThatOfStreams) {
   update.map = message.delta;
   update.poses = {{keyframe_id(1), SE3(), 3}};
   const FrameMessage frame{77, 2.5, message.delta.keyframes[0].features};
-  const auto direct = TextMeans::kDirect;
+  DirectText known_texts;
+  DirectText* direct = &known_texts;
   const Bytes text = encode_text(message, known, *vocabulary, direct);
   EXPECT_EQ(text, encode_text(message, known, *vocabulary));
   EXPECT_EQ(encode_text(update, *vocabulary, direct), encode_text(update, *vocabulary));
   EXPECT_EQ(encode_text(frame, *vocabulary, direct), encode_text(frame, *vocabulary));
 
-  const auto read = [&](TextMeans means) { return decode_keyframe_text(text, sensor, means); };
+  const auto read = [&](DirectText* means) { return decode_keyframe_text(text, sensor, means); };
   // Binary keeps all that a message holds.
-  EXPECT_EQ(encode(read(direct)), encode(read(TextMeans::kStreams)));
+  EXPECT_EQ(encode(read(direct)), encode(read(nullptr)));
   const auto update_text = encode_text(update, *vocabulary);
   EXPECT_EQ(encode(decode_update_text(update_text, sensor, direct)),
             encode(decode_update_text(update_text, sensor)));
   for (std::size_t size = 0; size < text.size(); size += 97)
     EXPECT_THROW(decode_keyframe_text(std::span(text).first(size), sensor, direct), DecodeError);
+}
+
+TEST_F(Compatibility, FeaturesThatCameByBeforeAreNeitherReadNorWrittenAgain) {
+  DirectText kept;
+  const KeyFrameMessage message = keyframe(200, 60, 40);
+  const auto read = [&](const Bytes& text) {
+    return decode_keyframe_text(text, sensor, &kept).delta.keyframes.at(0).features;
+  };
+  const Bytes text = encode_text(message, known, *vocabulary, &kept);
+  EXPECT_EQ(encode_text(message, known, *vocabulary, &kept), text);
+  const auto once = read(text);
+  expect_equal(*once, *message.delta.keyframes[0].features);
+  EXPECT_NE(once, message.delta.keyframes[0].features) << "what was written may be unreadable";
+  EXPECT_EQ(read(text), once);
+  // What was read is written with its text.
+  FrameMessage frame{7, 0.25, once};
+  EXPECT_EQ(encode_text(frame, *vocabulary, &kept), encode_text(frame, *vocabulary));
+
+  const auto same_camera = example_camera().make_sensor();
+  EXPECT_EQ(
+      decode_keyframe_text(text, same_camera, &kept).delta.keyframes[0].features->sensor_ptr(),
+      same_camera);
+  // Another digit makes other features.
+  std::string changed(text.begin(), text.end());
+  const std::size_t digit = changed.find('.', changed.find("raw ")) + 1;
+  changed[digit] = changed[digit] == '5' ? '6' : '5';
+  const Bytes other(changed.begin(), changed.end());
+  EXPECT_NE(read(other), once);
+  EXPECT_EQ(encode(FrameMessage{7, 0.25, read(other)}),
+            encode(FrameMessage{
+                7, 0.25, decode_keyframe_text(other, sensor).delta.keyframes.at(0).features}));
+}
+
+TEST_F(Compatibility, WhatNoReaderAcceptsIsNotAcceptedBecauseItWasWritten) {
+  DirectText kept;
+  std::vector<KeyPoint> points(1);
+  points[0].depth_m = 5000;
+  const auto far = std::make_shared<const FeatureSet>(sensor, points, std::vector<Descriptor>(1));
+  const Bytes text = encode_text(FrameMessage{7, 0.25, far}, *vocabulary, &kept);
+  for (int twice = 0; twice < 2; ++twice)
+    EXPECT_THROW(decode_frame_text(text, sensor, &kept), DecodeError);
+}
+
+TEST_F(Compatibility, ATextWhoseLastNumberIsCutOffIsNotTakenForALongerOne) {
+  DirectText kept;
+  const auto features = example_features(random, 5, sensor);
+  kept.keep_read(features, "1 2");
+  EXPECT_FALSE(kept.read_before("1 23 ", sensor));
+  kept.keep_read(features, "1 2 ");
+  EXPECT_EQ(kept.read_before("1 2 3 ", sensor)->length, 4u);
+}
+
+TEST_F(Compatibility, TextsOfFeaturesDoNotFillTheMemory) {
+  DirectText kept;
+  const auto features = [&](float u) {
+    std::vector<KeyPoint> points(1);
+    points[0].u = u;
+    return std::make_shared<const FeatureSet>(sensor, points, std::vector<Descriptor>(1));
+  };
+  const auto text_of = [&](const DirectText::Features& wanted, int& made) {
+    return kept.text_of(wanted, [&] {
+      ++made;
+      return std::string(DirectText::kMostBytes / 4, ' ');
+    });
+  };
+  std::vector<DirectText::Features> all;
+  int made = 0;
+  for (int i = 0; i < 5; ++i) {
+    all.push_back(features(static_cast<float>(i)));
+    text_of(all.back(), made);
+    text_of(all.front(), made);  // stays, for it is used
+  }
+  EXPECT_EQ(made, 5);
+  EXPECT_EQ(all[1].use_count(), 1) << "the one not used for longest is gone";
+  EXPECT_EQ(all[0].use_count(), 2);
+  text_of(all[1], made);
+  EXPECT_EQ(made, 6);
 }
 
 class TextArchive : public ::testing::TestWithParam<TextMeans> {};

@@ -70,25 +70,25 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
   const RelocOk found = example_found(random, sensor, 6);
   // What reads directly must stand the same, though streams have the last word.
   const auto both = [](auto decode) {
-    return [=](auto bytes) {
+    return [=, direct = std::make_shared<DirectText>()](auto bytes) {
       try {
-        decode(bytes, TextMeans::kDirect);
+        decode(bytes, direct.get());
       } catch (const DecodeError&) {  // and streams?
       }
-      decode(bytes, TextMeans::kStreams);
+      decode(bytes, nullptr);
     };
   };
   return {
       {"reloc_request_text", encode_text(RelocRequest{300, 7, frame}, *vocabulary),
-       both([=](auto b, TextMeans m) { decode_reloc_request_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_reloc_request_text(b, sensor, m); }), kStep},
       {"reloc_ok_text", encode_text(found, frame, *vocabulary),
-       both([=](auto b, TextMeans m) { decode_reloc_ok_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_reloc_ok_text(b, sensor, m); }), kStep},
       {"keyframe_text", encode_text(keyframe, {}, *vocabulary),
-       both([=](auto b, TextMeans m) { decode_keyframe_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_keyframe_text(b, sensor, m); }), kStep},
       {"update_text", encode_text(update, *vocabulary),
-       both([=](auto b, TextMeans m) { decode_update_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_update_text(b, sensor, m); }), kStep},
       {"frame_text", encode_text(frame, *vocabulary),
-       both([=](auto b, TextMeans m) { decode_frame_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_frame_text(b, sensor, m); }), kStep},
   };
 }
 
