@@ -154,6 +154,20 @@ def test_a_reversed_ordering_is_a_finding(dynnetslam: Paper) -> None:
     assert told(column, "dynnet.T2.enhanced.rtt0") == "differs"
 
 
+def test_the_pair_that_decides_is_shown_with_who_is_who(dynnetslam: Paper) -> None:
+    lost = {"conventional": [60, 60, 60, 30, 90], "static": [5, 5, 5, 30, 5]}
+    column = column_of(dynnetslam, table_2(lost, 100))
+    found = {o.contrast.id: o for o in column.orderings}
+    pairs = found["dynnet.O03"]
+    assert pairs.ordering.outcome == "inconclusive"
+    ours = "enhanced (static) Edge-SLAM 30/100 = conventional Edge-SLAM 30/100"
+    assert pairs.values(ours=True).startswith(ours)
+    assert "weakest of 5 pairs" in pairs.values(ours=True)
+    printed = f"{PAPER_ENHANCED[3]:g} < conventional Edge-SLAM {PAPER_CONVENTIONAL[3]:g} %"
+    assert printed in pairs.values(ours=False)
+    assert " → " in found["dynnet.O04"].values(ours=True)
+
+
 @pytest.mark.parametrize("runs", [1, 2, 4])
 def test_up_to_four_runs_decide_nothing(dynnetslam: Paper, runs: int) -> None:
     column = column_of(dynnetslam, table_2({"static": [runs] * 5}, runs))

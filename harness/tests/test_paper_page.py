@@ -111,6 +111,7 @@ def test_claims_come_before_numbers_and_engines_stay_apart(page: PaperPage) -> N
     assert "never summed" in html
     assert "HOLDS" in html
     assert "same ordering" not in html
+    assert re.search(r"\d+ not judged \([^)]*\d+ settings or twice there", html)
     assert "seeds\n7 to 106" in html
 
 

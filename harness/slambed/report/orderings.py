@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The declared orderings of a paper, judged with our runs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,8 @@ class JudgedOrdering:
     provenance: Provenance
     chains: tuple[tuple[tuple[Cell, Measured], ...], ...]
     """In the declared order, every cell with what we have there."""
+    systems: Mapping[str, str]
+    """What a reader calls the paper's systems."""
 
     @property
     def stand_ins(self) -> list[str]:
@@ -39,22 +42,65 @@ class JudgedOrdering:
         return sorted(found)
 
     def values(self, ours: bool) -> str:
-        """`0 -> 73 %`: the ends of the first chain, as printed or as ours."""
-        chain = self.chains[0]
+        """`Relocate 446 < Edge-SLAM 474 ms`: the ends of the chain that decides, as printed or as
+        ours; of a trend `rtt 0: 20 → rtt 80: 73 %`."""
+        decides = self.ordering.decides
+        chain = self.chains[decides or 0]
         ends = [chain[0], chain[-1]]
-        unit = ends[0][0].unit
         if ours and not any(m.there for chain in self.chains for _, m in chain):
             return "not run"
         if ours:
             texts = [_value(m) for _, m in ends]
+            numbers = [_number(m) for _, m in ends]
         else:
             texts = [NO_NUMBER if c.value is None else f"{c.value:g}" for c, _ in ends]
-        more = f" (first of {len(self.chains)} pairs)" if len(self.chains) > 1 else ""
-        return f"{texts[0]} → {texts[1]} {unit}{more}" if set(texts) != {NO_NUMBER} else "in words"
+            numbers = [c.value for c, _ in ends]
+        if set(texts) == {NO_NUMBER}:
+            return "in words"
+        between = " → " if len(chain) > 2 else f" {_relation(*numbers)} "
+        names = _names(ends[0][0], ends[1][0], self.systems)
+        told = between.join(
+            f"{name} {text}".strip() for name, text in zip(names, texts, strict=True)
+        )
+        which = "first" if decides is None else "weakest"
+        where = {str(c.conditions["dataset"]) for c, _ in ends if "dataset" in c.conditions}
+        place = f", {where.pop()}" if len(where) == 1 else ""
+        more = f" ({which} of {len(self.chains)} pairs{place})" if len(self.chains) > 1 else ""
+        return f"{told} {ends[0][0].unit}{more}"
 
 
 NO_NUMBER = "not printed"
 """Of an end of a chain that the paper draws or tells in words."""
+
+
+def _names(first: Cell, last: Cell, systems: Mapping[str, str]) -> list[str]:
+    """What distinguishes the two, in the paper's words."""
+    found = []
+    for cell, other in ((first, last), (last, first)):
+        parts = []
+        if cell.system != other.system and cell.system is not None:
+            parts.append(systems.get(cell.system, cell.system))
+        parts += [
+            f"{name} {value}"
+            for name, value in cell.conditions.items()
+            if other.conditions.get(name) != value
+        ]
+        if not parts and cell.metric != other.metric:
+            parts.append(cell.metric)
+        found.append(", ".join(parts))
+    return found
+
+
+def _relation(first: float | None, last: float | None) -> str:
+    if first is None or last is None:
+        return "to"
+    return "<" if first < last else ">" if first > last else "="
+
+
+def _number(measured: Measured) -> float | None:
+    if not measured.there:
+        return None
+    return measured.share.value if measured.is_share else measured.mean.value
 
 
 def _value(measured: Measured) -> str:
@@ -139,7 +185,9 @@ class OrderingCase:
             provenance = "fitted"
         elif any(m.found.stand_in for _, m in used):
             provenance = "stand_in"
-        return JudgedOrdering(self.contrast, self._ordering(p_paper), provenance, self.chains)
+        labels = {name: system.label for name, system in self.judge.paper.systems.items()}
+        ordering = self._ordering(p_paper)
+        return JudgedOrdering(self.contrast, ordering, provenance, self.chains, labels)
 
     def _ordering(self, p_paper: float | None) -> Ordering:
         if self.contrast.basis == "data" and p_paper is None:

@@ -2,7 +2,7 @@
 """What a paper's page shows, computed: claims, bars, twins of tables, reasons, circumstances."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from slambed.errors import SlambedError
@@ -118,7 +118,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     kind = "not_run" if missing and ordering.outcome == "inconclusive" else ordering.outcome
     notes = [ordering.why]
     if item.provenance == "fitted":
-        notes.insert(0, "FITTED, no evidence")
+        notes.insert(0, "a device was fitted to some of these numbers: no evidence")
     if item.stand_ins:
         notes.insert(0, f"stand-in {', '.join(item.stand_ins)}")
     if ordering.runs_needed and ordering.outcome == "inconclusive":
@@ -251,8 +251,24 @@ def headline(verdicts: PaperVerdicts, column: Column) -> str:
     claims = f"Of {len(lines)} main claims {', '.join(told)}. " if lines else ""
     return (
         f"{claims}{marks['R']} of {len(column.rows)} printed numbers reproduced, "
-        f"{marks['D']} differ, {marks['I']} undecided."
+        f"{marks['D']} differ, {marks['I']} undecided{_not_judged(marks)}."
     )
+
+
+RUNS_WORDS = {"virtual": "runs simulated in virtual time"}
+
+
+def _not_judged(marks: Mapping[Mark, int]) -> str:
+    """What a reader must not take for agreement."""
+    words: dict[Mark, str] = {
+        "S": "on stand-ins",
+        "F": "fitted",
+        "P": "settings or twice there",
+        "N": "not run",
+    }
+    found = [f"{marks[mark]} {word}" for mark, word in words.items() if marks[mark]]
+    total = sum(marks[mark] for mark in words)
+    return f", {total} not judged ({', '.join(found)})" if found else ""
 
 
 def circumstance(
@@ -264,7 +280,9 @@ def circumstance(
     dirty = any("True" in r.facts.get("dirty", {}) for r in used)
     counts = [len(r.measured.values) for r in column.rows.values() if r.measured.there]
     seeds = sorted({int(s) for s in column.runs.get("seed", []) if s == s and s is not None})
-    parts = [f"{column.engine} runs" if column.engine else "no runs yet"]
+    parts = [
+        RUNS_WORDS.get(column.engine, f"{column.engine} runs") if column.engine else "no runs yet"
+    ]
     if column.fits:
         parts.append(f"devices fitted ({', '.join(f.name for f in column.fits)})")
     if commits:

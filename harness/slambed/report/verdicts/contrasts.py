@@ -56,6 +56,8 @@ class Ordering:
     runs_needed: int | None = None
     """More runs per cell that would show it, were it as in the paper; None where we have those."""
     assumed: tuple[str, ...] = ()
+    decides: int | None = None
+    """The step that the outcome hangs on: the weakest, or the one that is most surely reversed."""
 
 
 @dataclass(frozen=True)
@@ -143,18 +145,20 @@ def judge_contrast(
     forward = [rising(step.ours) for step in steps]
     backward = holm([rising(step.ours[::-1]) for step in steps])
     p_holds, p_reversed = max(forward), float(backward.min())
-    base = replace(base, p_holds=p_holds, p_reversed=p_reversed)
+    base = replace(base, p_holds=p_holds, p_reversed=p_reversed, decides=int(np.argmax(forward)))
     told = f"p {p_holds:.2g}" + (f" (largest of {len(steps)})" if len(steps) > 1 else "")
     if p_holds <= LEVEL:
         return replace(base, outcome="holds", why=told)
     if p_reversed <= LEVEL:
-        where = steps[int(np.argmin(backward))].label
+        shown = int(np.argmin(backward))
+        base = replace(base, decides=shown)
+        where = steps[shown].label
         why = f"the opposite is shown{f' at {where}' if where else ''}, p {p_reversed:.2g}"
         return replace(base, outcome="reversed", why=f"{why} (Holm)" if len(steps) > 1 else why)
     if not all(step.paper for step in steps):
         return replace(base, why=told)
     power = power_of(steps, [[_count(c) for c in step.ours] for step in steps])
-    why = f"{told}; had it been as in the paper, power {power:.2f}"
+    why = f"{told}; it would show in {power:.0%} of campaigns if ours were as printed"
     needed = runs_to_show(steps)
     more = needed if needed is not None and needed > fewest else None
     return replace(base, why=why, power=power, runs_needed=more)
