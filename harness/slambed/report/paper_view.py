@@ -216,7 +216,7 @@ def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
     name = row.cell.conditions.get("dataset")
     dataset = verdicts.paper.datasets.get(str(name))
     wanted = dataset.match[0] if dataset is not None and dataset.match else str(name)
-    return f"on the stand-in {ours}; slambed data download {wanted}"
+    return f"{ours} stands in for the paper's sequence; slambed data download {wanted}"
 
 
 def _undecided(row: Judged) -> str:
@@ -241,7 +241,8 @@ def headline(verdicts: PaperVerdicts, column: Column) -> str:
     marks = column.marks(list(column.rows))
     weak = sum(line.kind == "holds" and not line.evidence for line in lines)
     if weak:
-        told[0] += f" ({weak} of them on stand-ins or fitted)"
+        which = "" if weak == kinds["holds"] else f"{weak} of them "
+        told[0] += f" ({which}on stand-ins or fitted)"
     if not column.engine:
         waiting, twice = marks["N"], marks["P"]
         return (

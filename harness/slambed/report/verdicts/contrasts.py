@@ -158,7 +158,7 @@ def judge_contrast(
     if not all(step.paper for step in steps):
         return replace(base, why=told)
     power = power_of(steps, [[_count(c) for c in step.ours] for step in steps])
-    why = f"{told}; it would show in {power:.0%} of campaigns if ours were as printed"
+    why = f"{told}; a difference as printed would have shown in {power:.0%} of campaigns"
     needed = runs_to_show(steps)
     more = needed if needed is not None and needed > fewest else None
     return replace(base, why=why, power=power, runs_needed=more)
