@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from slambed.explain.run_log import NS_PER_S, RunLog
+from slambed.explain.updates import rests
 from slambed.metrics.network import series
 from slambed.report.style import FAULT_SHADE, fault_colour, save_picture
 
@@ -41,6 +42,13 @@ CHANNEL_COLOURS = {
 }  # fmt: skip
 SOURCE_COLOURS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
 LOSS_COLOUR = "#D55E00"
+REST_COLOUR = "#7f7f7f"
+STAGED_TICKS = {
+    "update_begun": ("updates begun", "#E69F00"),
+    "update_ready": ("updates ready", "#009E73"),
+}
+STATES_HEIGHT, MORE_LANE = 3.2, 0.6
+"""In lanes: of states and ticks, and of each lane that only staged updates and rests add."""
 ORDER = ("camera", "tracking", "map-update", "local-mapping", "receiver", "control", "rtt")
 """Workers from top to bottom; others follow by name."""
 
@@ -63,7 +71,7 @@ def figure_of(run: RunLog, window: Window) -> Figure:
     lanes = {node: _workers(run, node) for node in ("mobile", "edge")}
     has_edge = bool(lanes["edge"])
     rows: list[tuple[float, Callable[[Axes], None]]] = [
-        (3.2, lambda axes: _states(run, axes)),
+        (STATES_HEIGHT + MORE_LANE * _more_lanes(run), lambda axes: _states(run, axes)),
         (max(1, len(lanes["mobile"])) + 0.6, lambda a: _stages(run, "mobile", lanes["mobile"], a)),
     ]
     if has_edge:
@@ -171,8 +179,12 @@ def _messages(run: RunLog, axes: Axes) -> None:
     _legend(axes)
 
 
+def _more_lanes(run: RunLog) -> int:
+    return sum(not run.of(kind).empty for kind in ("suspended", *STAGED_TICKS))
+
+
 def _states(run: RunLog, axes: Axes) -> None:
-    """Strips of tracking and offloading state; ticks for drops, keyframes and updates."""
+    """Strips of tracking and offloading state and of rests; ticks for drops, keyframes, updates."""
     frames = run.of("frame_tracked")
     labels = ["tracking"]
     _strip(axes, 0, frames["t_s"], frames["state"], run.end_s)
@@ -182,9 +194,15 @@ def _states(run: RunLog, axes: Axes) -> None:
         times = pd.concat([pd.Series([0.0]), changes["t_s"]])
         states = pd.concat([changes["from"].iloc[:1], changes["to"]])
         _strip(axes, 1, times, states, run.end_s)
+    if rested := rests(run):
+        ends = [run.end_s if rest.end_s is None else rest.end_s for rest in rested]
+        bars = [(r.begin_s, end - r.begin_s) for r, end in zip(rested, ends, strict=True)]
+        axes.broken_barh(bars, (len(labels) - 0.35, 0.7), facecolors=REST_COLOUR)
+        labels.append("updates at rest")
     ticks = {
         "dropped frames": (run.of("frame_dropped"), LOSS_COLOUR),
         "keyframes": (run.of("keyframe_created"), "#0072B2"),
+        **{name: (run.of(kind), colour) for kind, (name, colour) in STAGED_TICKS.items()},
         "updates applied": (run.of("update_applied"), "#000000"),
         "declined": (run.of("update_declined", "keyframe_declined"), "#CC79A7"),
     }

@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from slambed.explain.run_log import RunLog
+from slambed.explain.updates import tell_rests, tell_staged
 from slambed.metrics.trust import NOTABLE_STEAL_PERCENT
 
 MOST_LOSSES = 5
@@ -20,7 +21,8 @@ WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 def story(run: RunLog) -> list[str]:
     """One line per fact."""
     return [
-        _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run), *_requests(run),
+        _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run),
+        *tell_staged(run, MOST_CHANGES), *_requests(run), *tell_rests(run, MOST_LOSSES),
         *_stalls(run),
         *_states(run), *_losses(run),
     ]  # fmt: skip
@@ -127,7 +129,7 @@ def _stalls(run: RunLog) -> list[str]:
 
 
 def _requests(run: RunLog) -> list[str]:
-    """Lost frames that the edge was asked for, and how long updates rested meanwhile."""
+    """Lost frames that the edge was asked for."""
     asked = run.of("reloc_request")
     if asked.empty:
         return []
@@ -135,12 +137,7 @@ def _requests(run: RunLog) -> list[str]:
     used = int(replies["reason"].isna().sum())  # who is not used says why
     reasons = replies["reason"].value_counts()
     others = "".join(f", {reason} {count}" for reason, count in reasons.items())
-    lines = [f"{_count(len(asked), 'lost frame')} sent to the edge: {used} found and used{others}"]
-    ends = [f"{t_s:.2f} s" for t_s in run.of("resumed")["t_s"]]
-    for place, t_s in enumerate(run.of("suspended")["t_s"]):
-        until = ends[place] if place < len(ends) else "the end"
-        lines.append(f"updates rested from {t_s:.2f} s to {until}")
-    return lines[: MOST_LOSSES + 1]
+    return [f"{_count(len(asked), 'lost frame')} sent to the edge: {used} found and used{others}"]
 
 
 def _states(run: RunLog) -> list[str]:
