@@ -30,6 +30,7 @@ void DirectText::keep_read(Features features, std::string text) {
 }
 
 void DirectText::keep(Entry entry) {
+  entry.text.shrink_to_fit();  // it grew by doubling
   bytes_ += entry.text.size();
   entries_.push_back(std::move(entry));
   while (bytes_ > kMostBytes && entries_.size() > 1) {
