@@ -170,6 +170,28 @@ TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
   EXPECT_GT(counted, 0);
 }
 
+/// Playback ends between an update's begin and its swap.
+TEST(Multithread, EndsInOrderWhileAnUpdateIsWorkedIn) {
+  PairLink link;
+  link.mobile_device = slow_to_update();
+  const PairResult longer = run_staged(switches("staged"), link);
+  ASSERT_FALSE(longer.of("update_begun").empty());
+  const double begun_s = longer.of("update_begun")[0]["t_ns"].get<double>() / 1e9;
+  const int frames = static_cast<int>(begun_s * 10) + 3;  // at 10 per second
+  ASSERT_LT(frames, kStagedFrames);
+  const PairResult result = run_staged(switches("staged"), link, frames);
+  ASSERT_EQ(result.of("update_begun").size(), 1u);
+  EXPECT_TRUE(result.of("update_applied").empty());
+  EXPECT_EQ(result.of("frame_tracked").size(), static_cast<std::size_t>(frames));
+  std::vector<std::string> byes;
+  for (const auto& message : result.of("message"))
+    if (message["message"] == "BYE") byes.push_back(message["direction"]);
+  EXPECT_EQ(std::set<std::string>(byes.begin(), byes.end()), (std::set<std::string>{"up", "down"}));
+  EXPECT_EQ(byes.size(), 2u);
+  EXPECT_TRUE(result.finished);
+  EXPECT_EQ(result.end_reason, "bye");
+}
+
 TEST(Multithread, TheSameSeedGivesTheSameBytes) {
   PairLink link{.one_way_ms = {10}};
   link.mobile_device = slow_to_update();

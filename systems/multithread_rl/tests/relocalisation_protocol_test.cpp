@@ -11,13 +11,17 @@
 namespace slambed::testing {
 namespace {
 
+/// Of which answers the reason is told.
+enum class Told { kOnce, kOfAFoundPose, kOfEveryAnswer };
+
 /// What becomes of an answer, and who ends the loss.
 struct Case {
   const char* name;
   bool local;  ///< the mobile's own map shows the place
   PairLink link;
-  const char* by;    ///< nullptr: stays lost
-  const char* told;  ///< in some event
+  const char* by;  ///< nullptr: stays lost
+  const char* reason;
+  Told told = Told::kOnce;
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
@@ -28,11 +32,28 @@ PairLink with(AlteringNetwork::Alter alter) {
   return link;
 }
 
-bool fail(Message& message) {
-  message.type = wire::type_of(wire::RelocFail::kType);
+bool is_found(const Message& message) {
+  return message.type == wire::type_of(wire::RelocOk::kType);
+}
+
+void fail_as(Message& message, std::uint64_t add) {
+  static const SyntheticWorld kWorld;
   wire::RelocFail failed;
-  failed.number = 1;
+  failed.number =
+      (is_found(message) ? wire::decode_reloc_ok(message.payload, kWorld.sensor()).number
+                         : wire::decode_reloc_fail(message.payload).number) +
+      add;
+  message.type = wire::type_of(wire::RelocFail::kType);
   message.payload = encode(failed);
+}
+
+bool fail(Message& message) {
+  fail_as(message, 0);
+  return true;
+}
+
+bool fail_of_another_request(Message& message) {
+  fail_as(message, 1000);
   return true;
 }
 
@@ -50,21 +71,43 @@ bool garbage(Message& message) {
   return true;
 }
 
-/// Each answer comes when the next request has been answered.
+/// A found pose comes when the next one would: that is asked for once the first was given up.
 PairLink late() {
   return with([held = std::make_shared<std::optional<Message>>()](Message& message) {
+    if (!is_found(message)) return true;
     std::optional<Message> before = std::exchange(*held, message);
     if (before) message = std::move(*before);
     return before.has_value();
   });
 }
 
-class Protocol : public ::testing::TestWithParam<Case> {};
+/// What the first frame after the darkness asks takes so long to the edge. Nothing is asked after
+/// a local success, so no later answer could release one that is held back here.
+PairLink slow_after_the_dark(double ms) {
+  constexpr int kStepsPerFrame = 5, kFirst = (kDark + kDarkFor) * kStepsPerFrame;
+  PairLink link;
+  link.step_s = 0.1 / kStepsPerFrame;
+  link.one_way_ms.assign(kFirst - 1, 0.1);
+  link.one_way_ms.resize(kFirst + 2, ms);
+  link.one_way_ms.resize(kLostTurnFrames * kStepsPerFrame, 0.1);
+  return link;
+}
+
+PairLink twice() {
+  PairLink link;
+  link.frames_twice = true;
+  return link;
+}
+
+class Protocol : public ::testing::TestWithParam<std::tuple<Case, const char*>> {};
 
 TEST_P(Protocol, EndsALossByTheFirstSuccess) {
-  const Case& c = GetParam();
-  const PairResult result = lost_turn(lost_turn_params("staged"), c.link,
-                                      c.local ? WorldSource::Look(same_place) : far_back);
+  const auto& [c, map_update] = GetParam();
+  auto params = lost_turn_params(map_update);
+  // Without updates the mobile's own map keeps the place also where the link is slow.
+  if (c.local) params["sync_period_s"] = 60.0;
+  const PairResult result =
+      lost_turn(params, c.link, c.local ? WorldSource::Look(same_place) : far_back);
   ASSERT_EQ(result.of("track_lost").size(), 1u);
   const auto relocalised = result.of("relocalised");
   if (c.by == nullptr) {
@@ -77,12 +120,16 @@ TEST_P(Protocol, EndsALossByTheFirstSuccess) {
   EXPECT_EQ(result.end_reason, "bye");
   bool told = false;
   for (const auto& event : result.mobile) {
+    if (c.told == Told::kOfAFoundPose && !event.value("found", false)) continue;
     for (const char* field : {"reason", "message", "text"}) {
       if (!event.contains(field) || !event[field].is_string()) continue;
-      told |= event[field].get<std::string>().find(c.told) != std::string::npos;
+      told |= event[field].get<std::string>().find(c.reason) != std::string::npos;
     }
   }
-  EXPECT_TRUE(told) << c.told;
+  EXPECT_TRUE(told) << c.reason;
+  if (c.told == Told::kOfEveryAnswer) {
+    for (const auto& reply : result.of("reloc_reply")) EXPECT_EQ(reply["reason"], c.reason);
+  }
   // Never two requests under way.
   double asked = 0;
   for (const auto& event : result.mobile) {
@@ -94,22 +141,38 @@ TEST_P(Protocol, EndsALossByTheFirstSuccess) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Table, Protocol,
-    ::testing::Values(
-        Case{"LocalOk", true, {}, "local", "not lost any more"},
-        Case{"LocalFail", true, with(fail), "local", "not asked for"},
-        Case{"LocalLate", true, late(), "local", "no answer"},
-        Case{"LocalNever", true, with(never), "local", "no answer"},
-        Case{"LocalFormer", true, with(from_a_former_process), "local", "its edge is gone"},
-        Case{"LocalGarbage", true, with(garbage), "local", "refused"},
-        Case{"EdgeOk", false, {}, "edge", "not found"},
-        Case{"EdgeFail", false, with(fail), nullptr, "not asked for"},
-        Case{"EdgeLate", false, late(), nullptr, "not asked for"},
-        Case{"EdgeNever", false, with(never), nullptr, "no answer"},
-        Case{"EdgeFormer", false, with(from_a_former_process), nullptr, "its edge is gone"},
-        Case{"EdgeGarbage", false, with(garbage), nullptr, "refused"}),
-    [](const auto& c) { return c.param.name; });
+const Case kCases[] = {
+    {"LocalOk", true, {}, "local", "not lost any more", Told::kOfAFoundPose},
+    {"LocalFail", true, with(fail), "local", "not found", Told::kOfEveryAnswer},
+    {"LocalForeign", true, with(fail_of_another_request), "local", "not asked for",
+     Told::kOfEveryAnswer},
+    {"LocalLate", true, slow_after_the_dark(800), "local", "not lost any more",
+     Told::kOfAFoundPose},
+    {"LocalGivenUp", true, slow_after_the_dark(2500), "local", "not asked for",
+     Told::kOfAFoundPose},
+    {"LocalNever", true, with(never), "local", "no answer"},
+    {"LocalDouble", true, twice(), "local", "not asked for", Told::kOfAFoundPose},
+    {"LocalFormer", true, with(from_a_former_process), "local", "its edge is gone",
+     Told::kOfEveryAnswer},
+    {"LocalGarbage", true, with(garbage), "local", "refused"},
+    {"EdgeOk", false, {}, "edge", "not found"},
+    {"EdgeFail", false, with(fail), nullptr, "not found", Told::kOfEveryAnswer},
+    {"EdgeForeign", false, with(fail_of_another_request), nullptr, "not asked for",
+     Told::kOfEveryAnswer},
+    {"EdgeGivenUp", false, late(), nullptr, "not asked for", Told::kOfAFoundPose},
+    {"EdgeNever", false, with(never), nullptr, "no answer"},
+    {"EdgeDouble", false, twice(), "edge", "not asked for", Told::kOfAFoundPose},
+    {"EdgeFormer", false, with(from_a_former_process), nullptr, "its edge is gone",
+     Told::kOfEveryAnswer},
+    {"EdgeGarbage", false, with(garbage), nullptr, "refused"}};
+
+INSTANTIATE_TEST_SUITE_P(Table, Protocol,
+                         ::testing::Combine(::testing::ValuesIn(kCases),
+                                            ::testing::Values("serial", "staged")),
+                         [](const auto& c) {
+                           return std::string(std::get<0>(c.param).name) + "_" +
+                                  std::get<1>(c.param);
+                         });
 
 }  // namespace
 }  // namespace slambed::testing

@@ -120,16 +120,18 @@ class LosingNetwork final : public Network {
 class AlteringNetwork final : public Network {
  public:
   using Alter = std::function<bool(Message&)>;
-  AlteringNetwork(Network& below, std::string channel, Alter alter)
-      : below_(below), channel_(std::move(channel)), alter_(std::move(alter)) {}
+  AlteringNetwork(Network& below, std::string channel, Alter alter, bool twice = false)
+      : below_(below), channel_(std::move(channel)), alter_(std::move(alter)), twice_(twice) {}
   Channel& open(const ChannelOptions& options) override {
     Channel& opened = below_.open(options);
-    if (options.name != channel_ || !alter_) return opened;
+    if (options.name != channel_ || (!alter_ && !twice_)) return opened;
     altering_ = std::make_unique<TappedChannel>(
         opened,
         [this](Channel& below) {
+          if (again_) return std::exchange(again_, std::nullopt);
           auto message = below.try_receive();
-          while (message && !alter_(*message)) message = below.try_receive();
+          while (message && alter_ && !alter_(*message)) message = below.try_receive();
+          if (twice_) again_ = message;
           return message;
         },
         [](const Bytes&) {});
@@ -142,6 +144,8 @@ class AlteringNetwork final : public Network {
   Network& below_;
   std::string channel_;
   Alter alter_;
+  bool twice_;                    ///< each message comes once more
+  std::optional<Message> again_;  ///< what is still to come so
   std::unique_ptr<TappedChannel> altering_;
 };
 
@@ -200,6 +204,7 @@ struct PairLink {
   std::uint64_t lost = 0;          ///< the first messages on that channel never reach the edge
   std::uint64_t lost_updates = 0;  ///< the first messages on the map channel never reach the mobile
   AlteringNetwork::Alter alter_frames{};     ///< what the edge answers on the channel "frame"
+  bool frames_twice = false;                 ///< each of these answers comes once more
   AlteringNetwork::Alter alter_handovers{};  ///< what the mobile says on the channel "handover"
   RunTime edge_restarts = kNever;
   double edge_bundle_us = 2000;  ///< per stage of a global bundle, on a uniform device
@@ -277,7 +282,7 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     LosingNetwork losing(link.edge_side(edge_log), path.lossy_channel, path.lost);
     AlteringNetwork edge_network(losing, "handover", path.alter_handovers);
     LosingNetwork losing_updates(link.mobile_side(mobile_log), "map", path.lost_updates);
-    AlteringNetwork altering_frames(losing_updates, "frame", path.alter_frames);
+    AlteringNetwork altering_frames(losing_updates, "frame", path.alter_frames, path.frames_twice);
     RestartingNetwork mobile_network(altering_frames, mobile_runtime, path.edge_restarts);
     EdgeNode edge({edge_runtime, edge_network, edge_log, peer}, system, parameters);
     MobileNode mobile({.runtime = mobile_runtime,
