@@ -144,10 +144,11 @@ def test_what_cannot_be_packed_or_unpacked_is_told(packed: Path, tmp_path: Path)
     line = refused(2, "results", "pack", "tyni", "-o", str(packed), *of(here))
     assert "no results of tyni" in line and "other, tiny" in line
     no_folder = str(tmp_path / "nowhere" / "x.tar.xz")
-    assert "cannot write" in refused(
+    assert "cannot pack: No such file" in refused(
         ExitCode.ENVIRONMENT, "results", "pack", "tiny", "-o", no_folder, *of(here)
     )
     text = tmp_path / "text.tar.xz"
     text.write_text("not one")
     assert "is torn, or no file" in refused(2, "results", "unpack", str(text), *of(here))
-    assert "no such file" in refused(2, "results", "unpack", no_folder, *of(here))
+    assert "No such file" in refused(2, "results", "unpack", no_folder, *of(here))
+    assert "Is a directory" in refused(2, "results", "unpack", str(here), *of(here))

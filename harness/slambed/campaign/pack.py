@@ -51,7 +51,8 @@ def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int,
                 for path in _files(store.runs / key, whole):
                     _add(out, path, results)
     except OSError as error:
-        raise environment_error(f"cannot write {file}: {error.strerror}") from None
+        place = error.filename or file
+        raise environment_error(f"cannot pack: {error.strerror}, {place}") from None
     return len(keys), file.stat().st_size
 
 
@@ -135,8 +136,8 @@ def _readable(file: Path) -> Iterator[tarfile.TarFile]:
         raise SlambedError(
             f"{file} is torn, or no file of `slambed results pack` ({error})"
         ) from None
-    except FileNotFoundError:
-        raise SlambedError(f"no such file: {file}") from None
+    except OSError as error:
+        raise SlambedError(f"cannot read {file}: {error.strerror}") from None
 
 
 def _take_run(store: RunStore, key: str, files: Files) -> bool:

@@ -134,6 +134,11 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
     std::erase_if(found, [&](const auto& event) { return event["t_ns"] <= after_ns; });
     return found;
   }
+  /// Nothing is left of the run, so that it can be made again.
+  void clear() {
+    for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+      std::filesystem::remove_all(entry);
+  }
   /// How long the mobile was without an edge that was killed, until every channel to the next one
   /// was there; infinite where one never was. A host that is busy may take long for it.
   double without_edge_s(std::int64_t killed_ns) {
@@ -227,19 +232,22 @@ TEST_F(DynNetSlamProgram, AnEdgeRestartedAtOnceGetsTheMapWithoutAChangeOfState) 
   // The edge is asked for a map that long after the first keyframe, and missed that late.
   config["params"]["rtt_missing_s"] = 8.0;
   config["params"]["l_ol_ms"] = 60'000.0;  // a slow machine's answers are no reason to leave
-  Process mobile = node("mobile");
+  constexpr double kAtOnceS = 5;
   std::int64_t killed = 0;
-  {
+  for (int attempts = 3; attempts > 0; --attempts) {
+    Process mobile = node("mobile");
+    {
+      Process edge = edge_node();
+      ASSERT_NO_FATAL_FAILURE(await_start());
+      killed = now_ns();
+    }  // SIGKILL
     Process edge = edge_node();
-    ASSERT_NO_FATAL_FAILURE(await_start());
-    killed = now_ns();
-  }  // SIGKILL
-  Process edge = edge_node();
-  EXPECT_EQ(mobile.wait(), 0) << log("mobile");
-  EXPECT_EQ(edge.wait(), 0) << log("edge");
-  constexpr double kSoonS = 5;
-  if (const double without_s = without_edge_s(killed); without_s > kSoonS)
-    GTEST_SKIP() << "no edge for " << without_s << " s: this host starts no process at once";
+    EXPECT_EQ(mobile.wait(), 0) << log("mobile");
+    EXPECT_EQ(edge.wait(), 0) << log("edge");
+    if (attempts == 1 || without_edge_s(killed) <= kAtOnceS) break;
+    clear();  // a busy host has started it too late, which shows something else
+  }
+  ASSERT_LE(without_edge_s(killed), kAtOnceS);
   expect_parted_in_order();
   EXPECT_EQ(states(), "OS");
   const auto applied = events_after(killed, "edge", "handover_applied");
