@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-asan test-tsan fuzz bench bench-against test-netem data images doctor clean
+.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-browser test-asan test-tsan fuzz bench bench-against test-netem data images doctor clean
 # The Python environment and the C++ programs are made side by side: one loads, the other computes.
 MAKEFLAGS += -j2
 
@@ -22,7 +22,7 @@ SLAMBED := $(VENV)/slambed
 UNPRIVILEGED := $(filter-out 0,$(shell id -u))
 VIRTUAL := $(filter virtual,$(ENGINE))
 WITHOUT_DOCKER := $(if $(filter local,$(ENGINE)),yes,$(if $(UNPRIVILEGED),$(if $(VIRTUAL),,$(shell docker info >/dev/null 2>&1 || echo yes))))
-SUDO := $(if $(UNPRIVILEGED),$(if $(WITHOUT_DOCKER),sudo --preserve-env=SLAMBED_DATA$(comma)SLAMBED_CACHE$(comma)HOME))
+SUDO := $(if $(UNPRIVILEGED),$(if $(WITHOUT_DOCKER),sudo --preserve-env=SLAMBED_DATA$(comma)SLAMBED_DATASETS$(comma)SLAMBED_SYSTEMS$(comma)SLAMBED_CACHE$(comma)HOME))
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -45,10 +45,10 @@ experiment: setup build ## Run an experiment and show its report: NAME=quickstar
 	@$(SUDO) $(SLAMBED) run $(NAME) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
 paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=paper] [ENGINE=virtual]
-	@$(SUDO) $(SLAMBED) paper $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
+	@$(SUDO) $(SLAMBED) papers run $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
 plots: setup ## Draw all reports again without running anything
-	@$(SLAMBED) plots all
+	@$(SLAMBED) report all
 
 shell: setup ## A shell in which `slambed` is a command
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $${SHELL:-/bin/bash}
@@ -67,6 +67,10 @@ smoke: setup ## Three seconds of one run of every experiment, in virtual time
 test: setup-dev ## All tests and checks: ctest, pytest, lint and format of both languages, mypy, import contracts, smoke
 	@tools/setup.sh build test
 	@tools/test.sh $(BUILD)
+
+test-browser: setup-dev ## Tests that open the pages in Chromium, which this installs; make test runs them where it is there
+	@tools/setup.sh browser
+	@$(VENV)/pytest -m browser --browser=chromium harness/tests
 
 test-asan: setup ## The C++ tests under AddressSanitizer and UBSan
 	@tools/setup.sh build test

@@ -20,7 +20,7 @@ if [ "$(id -u)" -ne 0 ]; then
   echo "error: debootstrap needs root, $image cannot be pulled; run 'sudo make images'" >&2
   exit 3
 fi
-"$(dirname "$0")/setup.sh" image
+bash "$(dirname "$0")/setup.sh" image
 folder=$(mktemp -d /var/tmp/slambed-base.XXXXXX)
 trap 'rm -rf "$folder"' EXIT
 debootstrap --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1 || {

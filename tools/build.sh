@@ -1,15 +1,17 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# build.sh [auto|docker|local|virtual]: the C++ programs in build/bin, once per state of the sources.
+# build.sh [auto|docker|local|virtual]: the C++ programs in build/bin (or $SLAMBED_BUILD/bin), once per state of the sources.
 # Where a Docker daemon answers they are compiled inside the image build, else (and for virtual runs) on this host.
 set -euo pipefail
 
 engine=${1:-auto}
 root=$(cd "$(dirname "$0")/.." && pwd)
-bin=$root/build/bin
+build=${SLAMBED_BUILD:-$root/build}
+bin=$build/bin
 # shellcheck source=tools/programs.sh
 source "$root/tools/programs.sh"
-hash=$(PYTHONPATH="$root/harness" python3 -m slambed.spec.software)
+# 'slambed setup' of an installed package says both: there is no harness/ beside these tools then.
+hash=${SLAMBED_SOURCES:-$(PYTHONPATH="$root/harness" python3 -m slambed.spec.software)}
 tag=slambed-node:$hash
 
 if [ "$engine" = auto ]; then
@@ -18,12 +20,12 @@ fi
 
 if [ "$engine" = docker ]; then
   if programs_are_of "$hash" && docker image inspect "$tag" >/dev/null 2>&1; then exit 0; fi
-  exec "$root/tools/build_image.sh" "$tag"
+  exec bash "$root/tools/build_image.sh" "$tag"
 fi
 if programs_are_of "$hash"; then exit 0; fi
-"$root/tools/setup.sh" build
-cmake -S "$root" -B "$root/build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
+bash "$root/tools/setup.sh" build
+cmake -S "$root" -B "$build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
 rm -f "$bin/sources.sha256"
 # shellcheck disable=SC2086
-ninja -C "$root/build" $programs
+ninja -C "$build" $programs
 echo "$hash" >"$bin/sources.sha256"

@@ -6,11 +6,11 @@ set -euo pipefail
 
 tag=$1
 root=$(cd "$(dirname "$0")/.." && pwd)
-bin=$root/build/bin
+bin=${SLAMBED_BUILD:-$root/build}/bin
 # shellcheck source=tools/programs.sh
 source "$root/tools/programs.sh"
 
-"$root/tools/base_image.sh"
+bash "$root/tools/base_image.sh"
 # The classic builder is the one that every Docker has; it also builds all stages in order.
 build=(docker build --label "slambed.image=$tag" -t "$tag")
 if ! docker image inspect "$tag" >/dev/null 2>&1; then
@@ -37,4 +37,4 @@ for program in $programs; do
   docker cp "$container:/usr/local/bin/$program" "$bin/$program" >/dev/null
 done
 echo "${tag#*:}" >"$bin/sources.sha256"
-echo "image $tag; programs in build/bin"
+echo "image $tag; programs in $bin"

@@ -1,20 +1,22 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# setup.sh run|live|build|test|bench|fuzz|image: installs the Debian/Ubuntu packages that are missing, nothing else.
+# setup.sh run|live|build|test|browser|bench|fuzz|image: installs the Debian/Ubuntu packages that are missing, nothing else.
 set -euo pipefail
 
 packages_for() {
   case $1 in
     run) echo python3 python3-venv ca-certificates ;;
-    live) echo iproute2 ;;
+    live) echo iproute2 openssh-client ;;
     build) echo g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev libturbojpeg0-dev ;;
     # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
-    # the whole of it only.
-    test) echo libgtest-dev libopencv-dev libceres-dev ;;
+    # the whole of it only. Tests start the ssh server themselves, on a port of the loopback.
+    test) echo libgtest-dev libopencv-dev libceres-dev openssh-server ;;
+    # For make test-browser alone: some hundred megabytes.
+    browser) echo chromium ;;
     bench) echo libbenchmark-dev ;;
     fuzz) echo clang "$(clang_runtime)" ;;
     image) echo debootstrap debian-archive-keyring ;;
-    *) echo "error: setup.sh $1: not one of run, live, build, test, bench, fuzz, image" >&2; exit 2 ;;
+    *) echo "error: setup.sh $1: not one of run, live, build, test, browser, bench, fuzz, image" >&2; exit 2 ;;
   esac
 }
 
@@ -53,14 +55,20 @@ if [ "$(id -u)" -ne 0 ]; then
   command -v sudo >/dev/null || { echo "error: no sudo; as root: apt-get install ${missing[*]}" >&2; exit 3; }
   sudo=sudo
 fi
-"$(dirname "$0")/space.sh" 1500 "installing ${#missing[@]} packages"
+bash "$(dirname "$0")/space.sh" 1500 "installing ${#missing[@]} packages"
 echo "installing: ${missing[*]}"
 
-# apt_get ARGUMENT ...: another apt (a new machine updates itself) is waited for, at most so long.
+# apt_get ARGUMENT ...: another apt (a new machine updates itself) is waited for, at most so long. Where an update empties
+# the folder of packages, as in Debian's images for Docker, it does so under an install that is at work: that one is repeated.
 apt_wait_s=${SLAMBED_APT_WAIT_S:-600}
 apt_get() {
-  local told= output
+  local told= again= output
   until output=$($sudo env LC_ALL=C DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" 2>&1 >/dev/null); do
+    if [ -z "$again" ] && grep -q "dpkg returned an error code" <<<"$output"; then
+      again=yes
+      echo "apt-get $1 did not come to its end; once more"
+      continue
+    fi
     if ! grep -q "Could not get lock\|Unable to lock\|Unable to acquire the dpkg" <<<"$output"; then
       echo "$output" >&2
       echo "error: apt-get $1 failed; see the lines above, check the network" >&2

@@ -62,6 +62,14 @@ recordings() {
   echo "${found#:}"
 }
 
+# A browser that tests may open pages in.
+browser() {
+  local name
+  for name in chromium chromium-browser google-chrome; do
+    if command -v "$name"; then return; fi
+  done
+}
+
 cpp_format() {
   git ls-files '*.cpp' '*.hpp' '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
 }
@@ -89,6 +97,11 @@ computing_lane() {
     step recordings .venv/bin/pytest -m recordings "--recordings=$(recordings)" --durations=0 -v harness/tests
   else
     echo "== recordings: none beside this checkout; the tests that need them are left out"
+  fi
+  if [ -n "$(browser)" ]; then
+    step browser .venv/bin/pytest -m browser "--browser=$(browser)" --durations=0 -v harness/tests
+  else
+    echo "== browser: no Chromium here; the tests that need it are left out (make test-browser installs it)"
   fi
   step ctest ctest_of ctest -LE '^live$' -j "$jobs"
   step pytest pytest_computing

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole or not at all: written beside their place, then renamed to it."""
+"""Files that are there whole or not at all: written beside their place, then renamed to it; and
+one process at a time that makes them."""
 
+import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 
 @contextmanager
@@ -29,3 +32,14 @@ def replacing(path: Path, *, rivals: bool = False, durable: bool = False) -> Ite
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def lock_file(file: IO[str], what: str, say: Callable[[str], None]) -> None:
+    """Locks an open file for as long as it is open. Whoever has to wait says for what, and that it
+    goes on."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        say(f"waiting: another process {what}")
+        fcntl.flock(file, fcntl.LOCK_EX)
+        say("going on")

@@ -8,8 +8,6 @@ from contextlib import suppress
 from pathlib import Path
 
 ROOT = 0
-OURS = ("data", "features", "prepared", "uml", "host_speed.json")
-"""What slambed makes in its cache. Whatever else lies there is somebody's who knows why."""
 
 
 def give_to_caller(path: Path) -> None:
@@ -42,6 +40,8 @@ def give_cache_to_caller(cache: Path) -> None:
     """
     if (caller := _caller()) is None:
         return
+    from slambed.data.places import OURS
+
     above: list[Path] = []
     for place in (cache, *cache.parents):
         status = place.stat()

@@ -33,7 +33,7 @@ def field_rows(
     Records in `whole` are not unfolded, one that comes twice only the first time; fields in
     `skipped` are not told. Raises ValueError for a field without a meaning.
     """
-    meanings = _docstrings(record)
+    meanings = docstrings(record)
     told = {} if told is None else told
     for name, kind in _fields(record):
         if name in skipped:
@@ -62,7 +62,7 @@ def _fields(record: type) -> Iterator[tuple[str, Any]]:
 
 
 @cache
-def _docstrings(record: type) -> dict[str, str]:
+def docstrings(record: type) -> dict[str, str]:
     """Field -> the string below it."""
     (found,) = ast.parse(textwrap.dedent(inspect.getsource(record))).body
     assert isinstance(found, ast.ClassDef)

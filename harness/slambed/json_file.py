@@ -83,3 +83,12 @@ def object_or_empty(
         told.append(f"{path.name}: unreadable ({error})")
         return {}
     return content if isinstance(content, dict) else {}
+
+
+def read_list(path: Path) -> list[Any]:
+    """A JSON list; an empty one when it is not there or not whole."""
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return []
+    return content if isinstance(content, list) else []

@@ -10,6 +10,7 @@ import os
 import select
 import subprocess
 import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import IO, Any, Literal, TypeVar
@@ -53,6 +54,13 @@ class Failure(Message):
         """What it was on the other side."""
         kind = PassingError if self.passes else SlambedError
         return kind(self.error, ExitCode(self.code))
+
+
+class Note(Message):
+    """What a process says for a person while its answer takes its time."""
+
+    say: Literal["note"] = "note"
+    line: str
 
 
 @cache
@@ -127,25 +135,33 @@ class LineProcess:
         assert self._process.stdout is not None
         self._answers = LineReader(self._process.stdout.fileno())
 
-    def ask(self, request: Message, kind: type[A], timeout_s: float) -> A:
-        """The answer, of this kind. PassingError when there is none in time, SlambedError when it
-        is a failure."""
+    def ask(
+        self,
+        request: Message,
+        kind: type[A],
+        timeout_s: float,
+        note: Callable[[str], None] = lambda line: None,
+    ) -> A:
+        """The answer, of this kind; `note` hears what is said before it. PassingError when there is
+        none in time, SlambedError when it is a failure."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(line_of(request))
             self._process.stdin.flush()
         except OSError:
             raise self._ended("ended") from None
-        return self._hear(kind, timeout_s)
+        while isinstance(answer := self._hear(kind, timeout_s), Note):
+            note(answer.line)
+        return answer
 
-    def _hear(self, kind: type[A], timeout_s: float) -> A:
+    def _hear(self, kind: type[A], timeout_s: float) -> A | Note:
         try:
             line = self._answers.next(timeout_s)
         except EOFError:
             raise self._ended("ended") from None
         if line is None:
             raise self._ended(f"did not answer within {timeout_s:.0f} s")
-        answer: A | Failure = message_in(line, adapter(kind | Failure), self._name)
+        answer: A | Note | Failure = message_in(line, adapter(kind | Note | Failure), self._name)
         if isinstance(answer, Failure):
             raise answer.exception()
         return answer
@@ -154,13 +170,13 @@ class LineProcess:
         """False once it has ended."""
         return self._process.poll() is None
 
-    def close(self) -> None:
-        """Ends it; calling it twice is harmless."""
+    def close(self, patience_s: float = STOP_TIMEOUT_S) -> None:
+        """Ends it, or kills it when it does not end in this time; calling it twice is harmless."""
         if self._process.stdin is not None:
             with contextlib.suppress(OSError):
                 self._process.stdin.close()
         try:
-            self._process.wait(STOP_TIMEOUT_S)
+            self._process.wait(patience_s)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -20,16 +20,6 @@ def writing(path: Path, option: str = "--output") -> Iterator[None]:
         raise SlambedError(f"{path}: {why}; choose another {option}") from refused
 
 
-PICTURES = Path("pictures")
-"""Where pictures go that nobody gave a place: not between the files of a checkout."""
-
-
-def picture(name: str) -> Path:
-    """The place of a picture without an --output, in a folder that is there."""
-    make_folder(PICTURES, "--output")
-    return PICTURES / name
-
-
 def make_folder(path: Path, option: str) -> None:
     """The folder that `option` named, with all above it."""
     with writing(path, option):

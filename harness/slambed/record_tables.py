@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of docs/ that follow from records: files about a run, lines between processes."""
 
+from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined
 from slambed.campaign.link_messages import (
     Alive,
     AskAlive,
@@ -22,6 +23,22 @@ from slambed.engines.attend_messages import (
     Stopped,
     Ticking,
 )
+from slambed.engines.board.messages import (
+    AskClock,
+    ClockTold,
+    Echo,
+    Echoing,
+    Lock,
+    Locked,
+    Look,
+    Sampled,
+    Sampling,
+    Seen,
+    StartSampling,
+    StopSampling,
+    Watching,
+    WatchNode,
+)
 from slambed.field_table import field_rows, in_a_row
 from slambed.line_protocol import Failure
 from slambed.link.direction import DirectionConfig, RelayConfig
@@ -39,7 +56,7 @@ from slambed.spec.run_spec import RunSpec
 Rows = list[list[str]]
 HEADINGS = ["key", "type", "unit", "meaning"]
 RECORDS: dict[str, tuple[type, tuple[type, ...]]] = {
-    "run": (RunConfig, ()),
+    "run": (RunConfig, (CostModel,)),
     "sim": (SimConfig, (CostModel,)),
     "relay": (RelayConfig, (DirectionConfig,)),
     "samples": (Sample, ()),
@@ -54,6 +71,17 @@ LINES = (
     (
         "harness and the keeper of a link",
         (OpenLink, Opened, StartLink, LinkStarted, AskAlive, Alive, StopLink, LinkStopped),
+    ),
+    (
+        "campaign and its worker on a host of `--hosts`",
+        (AskPorts, FreePorts, JoinCampaign, Joined),
+    ),
+    (
+        "harness and the agent on a board",
+        (
+            *(Look, Seen, Lock, Locked, Echo, Echoing, AskClock, ClockTold, WatchNode, Watching),
+            *(StartSampling, Sampling, StopSampling, Sampled),
+        ),
     ),
     ("any of them, instead of an answer", (Failure,)),
     ("`slambed-relay` to whoever started it", (RelayReady, RelayApplied, RelayStarted)),

@@ -1,10 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where tables are printed."""
+"""Where tables are printed, and what a script gets instead."""
 
+import json
 import os
 import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.console import Console
+
+from slambed.errors import SlambedError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="One JSON document instead, for a script.")
+]
+ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
+RESULTS = Path("results")
 
 WIDTH_WITHOUT_TERMINAL = 160
 
@@ -15,3 +31,27 @@ def console() -> Console:
     if sys.stdout.isatty() or "COLUMNS" in os.environ:
         return Console(markup=False)
     return Console(width=WIDTH_WITHOUT_TERMINAL, markup=False)
+
+
+def lists_alone(app: typer.Typer, listing: Callable[[bool], None]) -> None:
+    """The command without another one is its `list`, as in all of them that have one."""
+
+    @app.callback(invoke_without_command=True, help=str(app.info.help))
+    def alone(context: typer.Context, as_json: JsonOption = False) -> None:
+        if context.invoked_subcommand is None:
+            listing(as_json)
+
+    app.command("list")(listing)
+
+
+def print_json(value: object) -> None:
+    """One document and a line's end, as every `--json` gives it (docs/formats.md)."""
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def json_entry(name: str, load: Callable[[str], "BaseModel"]) -> dict[str, object]:
+    """One file of a list; one that cannot be read says why there."""
+    try:
+        return {"name": name, **load(name).model_dump(mode="json")}
+    except SlambedError as error:
+        return {"name": name, "error": str(error)}

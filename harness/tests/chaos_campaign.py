@@ -25,7 +25,7 @@ from chaos_faults import CLOCK, IN_DOCKER, KILL, ON_DISK, STOP, TERMINATE, Disk,
 from chaos_user import User
 
 from slambed.campaign.folder import ResultFolder
-from slambed.engines.host_lock import default_lock_path
+from slambed.engines.lock_file import default_lock_path
 from slambed.errors import ExitCode
 
 COMMAND = "from slambed.cli import main; main()"

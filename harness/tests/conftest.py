@@ -2,8 +2,9 @@
 """A place of their own for all tests: what lies on this machine changes no result.
 
 Home and cache are empty folders that only their owner may enter, as a newcomer's home is, and no
-recording is found beside the checkout. Tests that need recordings are marked so and run where
-`--recordings` says that there are some. docs/testing.md says which kinds of tests there are.
+recording is found beside the checkout. Tests that need recordings, or a browser, are marked so and
+run where `--recordings` or `--browser` gives them. docs/testing.md says which kinds of tests there
+are.
 """
 
 import contextlib
@@ -15,17 +16,21 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from browser import Page, browser
 from skip_rules import unexpected
 
 PLACE = "SLAMBED_TEST_PLACE"
 """Set for the processes of one session: pytest-xdist's workers, and what tests start."""
 QUIET = "quiet.lock"
 """Held alone by a live test, together by all others: nothing computes beside a live one."""
+GIVEN = {"recordings": "FOLDER", "browser": "PROGRAM"}
+"""Marks of tests that need what an option of their name gives."""
 ROOT_NEEDED, PROGRAMS_NEEDED = ("needs root", "needs Docker", "TUN", "netem"), "make build"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--recordings", default="", help="Folders of recordings, a colon list.")
+    parser.addoption("--browser", default="", help="Chromium, for the tests that open pages in it.")
     parser.addoption(
         "--strict-skips", action="store_true", help="Fail for a skip that this host explains not."
     )
@@ -64,11 +69,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if any(PROGRAMS_NEEDED in reason for reason in reasons):
             item.add_marker("programs")
     items.sort(key=lambda item: item.get_closest_marker("live") is not None)
-    if config.getoption("--recordings"):
-        return
-    without = [item for item in items if item.get_closest_marker("recordings")]
-    config.hook.pytest_deselected(items=without)
-    items[:] = [item for item in items if item not in without]
+    missing = [name for name in GIVEN if not config.getoption(f"--{name}")]
+    without = [item for item in items if any(map(item.get_closest_marker, missing))]
+    if without:
+        config.hook.pytest_deselected(items=without)
+        items[:] = [item for item in items if item not in without]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -124,12 +129,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     for reason, count in sorted(_skips(config).items()):
         why = "UNEXPECTED here" if unexpected(reason) else "expected here"
         terminalreporter.write_line(f"skipped: {count} ({why}): {reason}")
-    if not config.getoption("--recordings"):
-        left_out = terminalreporter.stats.get("deselected", [])
-        count = sum(1 for item in left_out if item.get_closest_marker("recordings"))
-        if count:
-            line = f"left out: {count}: no recordings, give --recordings=FOLDER"
-            terminalreporter.write_line(line)
+    left_out = terminalreporter.stats.get("deselected", [])
+    for name, what in GIVEN.items():
+        count = sum(1 for item in left_out if item.get_closest_marker(name))
+        if count and not config.getoption(f"--{name}"):
+            terminalreporter.write_line(f"left out: {count}: no {name}, give --{name}={what}")
 
 
 @pytest.fixture
@@ -144,3 +148,22 @@ def recording(request: pytest.FixtureRequest) -> Callable[[str], Path]:
         pytest.skip(f"no recording {name} in the folders given")
 
     return find
+
+
+@pytest.fixture(scope="module")
+def chromium(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Page]:
+    profile = tmp_path_factory.mktemp("profile")
+    with browser(request.config.getoption("--browser"), profile) as page:
+        yield page
+
+
+@pytest.fixture
+def page(chromium: Page) -> Iterator[Page]:
+    chromium.size(1200)
+    chromium.prefers("light")
+    chromium.scripts(True)
+    chromium.problems.clear()
+    yield chromium
+    assert chromium.problems == []

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A program that keeps slambed-sim's file contract without any SLAM, for tests of campaigns.
 
-Parameters of the run: `sim_sleep_s` (how long it takes), `sim_act`: play (default), die, refuse,
-hang, burn (computes for ever), some (dies for seeds that are 0, 3 or 6 modulo 10: three in ten).
+Parameters of the run: `sim_sleep_s` (how long it takes), `sim_until` (a file whose coming it waits
+for), `sim_act`: play (default), die, refuse, hang, burn (computes for ever), some (dies for seeds
+that are 0, 3 or 6 modulo 10: three in ten).
 """
 
 import json
@@ -24,6 +25,9 @@ def main() -> int:
     if act == "some":
         act = "die" if config["seed"] % 10 in (0, 3, 6) else "play"
     time.sleep(float(config["params"].get("sim_sleep_s", 0.0)))
+    until = config["params"].get("sim_until")
+    while until and not Path(until).exists():
+        time.sleep(0.01)
     folder = Path("mobile")
     folder.mkdir()
     with (

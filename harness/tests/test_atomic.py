@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from slambed.atomic import replacing
+from slambed.atomic import lock_file, replacing
 
 
 def names(folder: Path) -> list[str]:
@@ -70,3 +70,20 @@ def test_rivals_do_not_write_into_each_others_file(tmp_path: Path) -> None:
         assert path.read_text() == "of the other one"
     assert path.read_text() == "of this one"
     assert names(tmp_path) == ["table.csv"]
+
+
+def test_who_waits_for_a_file_that_another_makes_says_so(tmp_path: Path) -> None:
+    told: list[str] = []
+    path = tmp_path / "lock"
+    with path.open("w") as first:
+        lock_file(first, "makes it", told.append)
+        assert told == []
+
+        def say(line: str) -> None:
+            told.append(line)
+            if len(told) == 1:
+                first.close()  # the other one has ended
+
+        with path.open("w") as second:
+            lock_file(second, "makes it", say)
+    assert told == ["waiting: another process makes it", "going on"]

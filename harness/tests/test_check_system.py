@@ -49,6 +49,25 @@ def test_the_skeleton_keeps_the_contract(system: Path) -> None:
     assert red_lines(system) == []
 
 
+def test_a_metric_is_optional_and_the_line_says_what_it_means(system: Path) -> None:
+    content = yaml.safe_load(system.read_text())
+    content["metrics"] |= {
+        "found": {"doc": "places found again", "event": "found", "take": "count"},
+        "mapped": {"doc": "keyframes left", "event": "map_made", "take": "last", "field": "n"},
+        "wrong": {"doc": "a field of no event", "event": "seen", "take": "mean", "field": "gray"},
+    }
+    system.write_text(yaml.safe_dump(content))
+    code, out, _ = slambed("check-system", str(system), COLUMNS="400")
+    assert code == 0, out
+    told = {line.split()[2]: line for line in out.splitlines() if line.startswith("ok  metric ")}
+    assert "(mean grey value of a frame): event 'seen' comes, 20 times" in told["mean_grey"]
+    for name, event, none in (("found", "found", "0"), ("mapped", "map_made", "empty")):
+        assert f"an event '{event}' did not come in these 20 frames" in told[name]
+        assert ": optional, and there is none here" in told[name]
+        assert told[name].endswith(f"in a run without one the metric is {none}")
+    assert "event 'seen' comes, but none has a number 'gray'" in told["wrong"]
+
+
 DEFECTS = {
     "never ready": ("    client.ready()\n", "    import time; time.sleep(600)\n", "ready"),
     "gives up": ("        pose = where", "        if frame.index == 4:\n            break\n"

@@ -17,7 +17,7 @@ def test_help_lists_the_commands() -> None:
     for arguments in (["--help"], []):
         code, out, _ = slambed(*arguments)
         assert code == ExitCode.OK
-        for name in ("run", "status", "report", "data", "profile", "doctor", "images", "clean"):
+        for name in ("run", "status", "report", "data", "profiles", "doctor", "images", "clean"):
             assert name in out
 
 
@@ -61,7 +61,7 @@ def test_results_in_a_file_are_refused(tmp_path: Path) -> None:
 
 
 def test_results_that_are_nowhere_are_refused(tmp_path: Path) -> None:
-    line = refused(ExitCode.BAD_INPUT, "compare", "--results", str(tmp_path / "nope"))
+    line = refused(ExitCode.BAD_INPUT, "papers", "--results", str(tmp_path / "nope"))
     assert "no such folder" in line and "nope" in line
     assert not (tmp_path / "nope").exists()
 
@@ -104,7 +104,7 @@ def test_a_bad_experiment_is_refused_before_anything_starts(
 
 
 def test_an_experiment_can_be_checked_alone() -> None:
-    code, out, _ = slambed("run", "quickstart", "--check")
+    code, out, _ = slambed("run", "quickstart", "--check", "--engine", "virtual")
     assert code == ExitCode.OK and out.splitlines()[0].endswith("quickstart.yaml: good")
 
 
@@ -116,7 +116,7 @@ def test_checking_knows_how_long_a_prepared_sequence_is(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "run", str(path), "--check")
     assert "playback.end_s 30000 is after the end of" in line and "tiny.yaml line 7" in line
     path.write_text(played)
-    assert slambed("run", str(path), "--check")[0] == ExitCode.OK
+    assert slambed("run", str(path), "--check", "--engine", "virtual")[0] == ExitCode.OK
 
 
 @pytest.mark.parametrize(
@@ -135,8 +135,8 @@ def test_checking_looks_at_what_is_asked_for(asked: tuple[str, ...], part: str) 
 
 
 def test_a_group_of_commands_without_one_says_so() -> None:
-    code, out, err = slambed("masks")
-    assert code == ExitCode.BAD_INPUT and "prepare" in out
+    code, out, err = slambed("cache")
+    assert code == ExitCode.BAD_INPUT and "prune" in out
     assert "a subcommand is missing" in err
 
 

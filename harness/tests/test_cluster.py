@@ -10,8 +10,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import CancelledError
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -19,7 +19,8 @@ from command_line import refused, slambed_process
 from distributed import Client
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 
-from slambed.campaign.cluster import ClusterExecutor, pack, unpack
+from slambed.campaign.away import pack, unpack
+from slambed.campaign.away_result import LostWorkerError, result_of
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.engines.result import InterruptedRunError
@@ -33,8 +34,9 @@ CELLS = 2
 class Cluster:
     """A scheduler and workers, each a process of its own as on machines of their own."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, **environment: str) -> None:
         self.folder = folder
+        self.environment = os.environ | environment
         self.file = folder / "scheduler.json"
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._start("scheduler", "scheduler", "--host", "127.0.0.1", "--port", "0")
@@ -57,6 +59,7 @@ class Cluster:
             [*command, "--scheduler-file", str(self.file)],
             stdout=log,
             stderr=subprocess.STDOUT,
+            env=self.environment,
         )
         log.close()
 
@@ -138,33 +141,39 @@ def in_hand(cluster: Cluster, name: str) -> bool:
     return any((cluster.folder / name).rglob("events.jsonl"))
 
 
+def test_what_a_worker_returns_is_waited_for_until_nobody_can_return_it(tmp_path: Path) -> None:
+    cluster, stop = Cluster(tmp_path, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0"), Event()
+    try:
+        for name in ("a", "b"):
+            cluster.add_worker(name)
+        with Client(cluster.address) as client:
+            client.wait_for_workers(2, timeout=120)
+            assert result_of(client.submit(abs, -3), stop) == 3
+            with pytest.raises(FileNotFoundError, match="/nowhere"):  # the task's own
+                result_of(client.submit(os.listdir, "/nowhere"), stop)
+            with pytest.raises(LostWorkerError) as lost:
+                result_of(client.submit(os._exit, 1), stop)
+            assert lost.value.killed
+
+            def sleeping() -> Any:
+                return client.submit(time.sleep, 60, pure=False)
+
+            with pytest.raises(LostWorkerError) as lost:
+                result_of(given_up := sleeping(), stop, lambda: False)
+            assert not lost.value.killed and given_up.cancelled()
+            threading.Timer(0.3, stop.set).start()
+            with pytest.raises(InterruptedRunError):
+                result_of(given_up := sleeping(), stop)
+            assert given_up.cancelled()
+            threading.Timer(0.3, cluster.processes["scheduler"].kill).start()
+            with pytest.raises(LostWorkerError) as lost:
+                result_of(sleeping(), Event())
+            assert not lost.value.killed
+    finally:
+        cluster.close()
+
+
 @needs_programs
-class Stumbling:
-    """A future of distributed whose wait is cancelled as it ends; its task may be, too."""
-
-    def __init__(self, cancelled: bool) -> None:
-        self._cancelled, self._asked = cancelled, 0
-
-    def result(self, timeout: float) -> tuple[dict[str, str], bytes]:
-        self._asked += 1
-        if self._cancelled or self._asked < 3:
-            raise UnboundLocalError("result")
-        return {"run_key": "a1"}, b"files"
-
-    def cancelled(self) -> bool:
-        return self._cancelled
-
-
-def test_a_wait_that_stumbles_is_taken_up_again() -> None:
-    executor, stop = ClusterExecutor({}, None, 1), threading.Event()
-    assert executor._wait(Stumbling(cancelled=False), stop) == ({"run_key": "a1"}, b"files")
-    with pytest.raises(CancelledError):
-        executor._wait(Stumbling(cancelled=True), stop)
-    stop.set()
-    with pytest.raises(InterruptedRunError):
-        executor._wait(Stumbling(cancelled=False), stop)
-
-
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path, cluster: Cluster) -> None:
     cluster.add_worker("a")
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)

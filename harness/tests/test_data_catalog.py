@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from data_samples import one_line, tum_recipe, write_prepared, write_tum
 
-from slambed.data import Catalog, places, prepare
+from slambed.data import places
+from slambed.data.catalog import Catalog, prepare
 from slambed.data.recipe_file import load_recipe
 from slambed.errors import ExitCode, SlambedError
 

@@ -53,6 +53,14 @@ def test_a_verified_recipe_is_carried_out(tmp_path: Path, archive: Path) -> None
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["sub"]
 
 
+def test_a_mirror_is_asked_where_the_first_address_is_dead(tmp_path: Path, archive: Path) -> None:
+    dead = (tmp_path / "none.tgz").as_uri()
+    chosen = dataset(url=dead, mirrors=[archive.as_uri()], sha256=digest(archive), unpack="tar")
+    assert f"{dead} or {archive.as_uri()} (" in recipe_text(chosen, tmp_path)
+    assert download(chosen, tmp_path / "data") == digest(archive)
+    assert [p.name for p in (tmp_path / "data").iterdir()] == ["d"]
+
+
 def test_an_unverified_recipe_needs_force(tmp_path: Path, archive: Path) -> None:
     chosen = dataset(url=archive.as_uri(), unpack="tar")
     with pytest.raises(SlambedError) as error:

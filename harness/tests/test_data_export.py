@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from command_line import slambed
 from data_samples import CAMERA, HEIGHT, WIDTH, grey, trajectory, write_prepared
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.export import export, folder_times_ns
+from slambed.data.export_bag import GROUNDTRUTH, TOPICS
 from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter
 from slambed.data.readers import ReaderOptions, load_reader
@@ -74,16 +77,89 @@ def test_euroc_keeps_times_poses_and_baseline(tmp_path: Path) -> None:
     assert np.array_equal(reader[2].grey[2:-2, 2:-2], sequence.grey(2)[2:-2, 2:-2])
 
 
+@pytest.mark.parametrize("sensor", ["mono", "rgbd", "stereo"])
+def test_a_bag_comes_back_as_it_was(tmp_path: Path, sensor: str) -> None:
+    sequence = (
+        write_prepared(tmp_path / "prepared")
+        if sensor == "rgbd"
+        else write_stereo(tmp_path / "prepared", sensor)
+    )
+    folder = export(sequence, "mcap", tmp_path / "out")
+    assert sorted(p.name for p in folder.iterdir()) == ["metadata.yaml", "out.mcap"]
+    names = ("first_topic", "second_topic")
+    topics = dict(zip(names, TOPICS[sensor], strict=False)) | {"groundtruth_topic": GROUNDTRUTH}
+    for place in (folder, folder / "out.mcap"):
+        reader = load_reader("bag")(place, options(sensor, extra=topics))
+        assert len(reader) == len(sequence) == 4
+        for mine, theirs in zip(sequence, reader, strict=True):
+            assert mine.timestamp_ns == theirs.timestamp_ns
+            assert np.array_equal(mine.grey, theirs.grey)
+            assert (mine.second is None) == (theirs.second is None)
+            assert mine.second is None or np.array_equal(mine.second, theirs.second)
+        truth, found = sequence.groundtruth(), reader.trajectory()
+        assert truth is not None and found is not None
+        assert np.allclose(found.rows(), truth.rows(), rtol=0, atol=1e-9)
+
+
+def messages(folder: Path) -> dict[str, list[Any]]:
+    """By topic, as any program with ROS's types reads them."""
+    found: dict[str, list[Any]] = {}
+    with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+        for connection, _, raw in bag.messages():
+            message = bag.deserialize(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append(message)
+    return found
+
+
+def test_a_bag_says_what_its_cameras_are(tmp_path: Path) -> None:
+    stereo = messages(export(write_stereo(tmp_path / "a"), "mcap", tmp_path / "out"))
+    left, right = stereo["/left/camera_info"], stereo["/right/camera_info"]
+    assert len(left) == len(right) == 4
+    assert left[2].header == stereo["/left/image_raw"][2].header
+    assert (left[0].width, left[0].height) == (WIDTH, HEIGHT)
+    assert left[0].k.tolist() == [50.0, 0, 31.5, 0, 50.0, 23.5, 0, 0, 1]
+    assert left[0].p.tolist() == [50.0, 0, 31.5, 0, 0, 50.0, 23.5, 0, 0, 0, 1, 0]
+    assert right[0].p[3] == -CAMERA.bf
+    assert [m.encoding for m in stereo["/left/image_raw"]] == ["mono8"] * 4
+
+
+@pytest.mark.parametrize(("unit_m", "encoding"), [(0.0002, "32FC1"), (0.001, "16UC1")])
+def test_depth_is_in_metres_or_in_whole_millimetres(
+    tmp_path: Path, unit_m: float, encoding: str
+) -> None:
+    with PreparedWriter(
+        tmp_path / "prepared", id="deep", title="Deep", sensor="rgbd", width=WIDTH, height=HEIGHT,
+        fps=10.0, camera=CAMERA, depth_unit_m=unit_m,
+    ) as writer:  # fmt: skip
+        steps = np.arange(WIDTH * HEIGHT, dtype=np.uint16).reshape(HEIGHT, WIDTH) * 21
+        writer.add(Frame(TIMES_NS[0], grey(0), steps))
+    sequence = PreparedSequence.open(tmp_path / "prepared")
+    folder = export(sequence, "mcap", tmp_path / "out")
+    found = messages(folder)
+    (image,) = found["/camera/depth/image_raw"]
+    assert image.encoding == encoding and GROUNDTRUTH not in found
+    if encoding == "32FC1":
+        metres = image.data.view("<f4").reshape(HEIGHT, WIDTH)
+        assert np.isnan(metres[0, 0]) and metres[0, 5] == pytest.approx(105 * unit_m)
+    topics = {"first_topic": TOPICS["rgbd"][0], "second_topic": TOPICS["rgbd"][1]}
+    reader = load_reader("bag")(folder, options("rgbd", depth_unit_m=unit_m, extra=topics))
+    (frame,) = reader
+    assert np.array_equal(frame.second, steps)
+
+
 def test_a_layout_that_cannot_hold_the_sequence_is_refused(tmp_path: Path) -> None:
     mono = write_stereo(tmp_path / "mono", "mono")
-    with pytest.raises(SlambedError, match="is mono, which tum does not hold; take kitti"):
+    with pytest.raises(SlambedError, match="is mono, which tum does not hold; take kitti or mcap"):
         export(mono, "tum", tmp_path / "out")
     with pytest.raises(SlambedError, match="unknown format 'ros'"):
         export(mono, "ros", tmp_path / "out")
     export(mono, "kitti", tmp_path / "out")
     with pytest.raises(SlambedError, match="is there already"):
         export(mono, "kitti", tmp_path / "out")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["mono", "out"]
+    (tmp_path / "file").touch()
+    with pytest.raises(SlambedError, match="choose another folder"):
+        export(mono, "mcap", tmp_path / "file" / "inside")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "mono", "out"]
 
 
 def test_the_command_writes_a_folder(tmp_path: Path) -> None:

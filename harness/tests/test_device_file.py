@@ -11,6 +11,7 @@ from slambed.calibrate.device_file import write_model
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.spec.device import Accelerator, CostModel, Device, StageCost
+from slambed.spec.library import Library
 from slambed.yaml_source import read_model
 
 DEVICE = """\
@@ -156,3 +157,34 @@ def test_accelerators_come_back_from_the_file_and_change_no_key_of_other_devices
     assert CostModel.model_validate(written, strict=False) == model
     with pytest.raises(ValidationError, match="none of accelerators"):
         CostModel(cores=1, stages={"infer": StageCost(a_us=1, accelerator="gpu")})
+
+
+UPDATE_SHARES = {
+    "clean_map": 0.0703,
+    "insert_keyframes": 0.8772,
+    "update_reference": 0.0016,
+    "update_last_frame": 0.0509,
+}
+"""IJNC 2025, Table 2."""
+FITTED_TO_AN_UPDATE = {"raspberry_pi_4", "raspberry_pi_4_ijnc"}
+
+
+@pytest.mark.parametrize(
+    "name", sorted(path.stem for path in (repository_root() / "devices").glob("*.yaml"))
+)
+def test_every_device_can_play_both_nodes_of_an_update(name: str) -> None:
+    """Its stages are priced, in the shares that the paper prints where no fit found others."""
+    model = Library().device(name).model
+    assert model is not None
+    wanted = {"parse", "parse_text", "prepare_update", "relocalise", "serialise", "serialise_text"}
+    if name == "jetson_tx2":
+        wanted.remove("prepare_update")  # a mobile alone
+    assert wanted | UPDATE_SHARES.keys() <= model.stages.keys()
+    whole = model.stages["apply_update"]
+    for stage, share in UPDATE_SHARES.items():
+        part = model.stages[stage]
+        assert part.a_us > 0 and part.b_us > 0
+        if name not in FITTED_TO_AN_UPDATE:
+            assert part.a_us == pytest.approx(share * whole.a_us, rel=2e-3)
+            assert part.b_us == pytest.approx(share * whole.b_us, rel=2e-3)
+            assert part.jitter == whole.jitter

@@ -1,20 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed diff`: a planted change is found, chance is not taken for one."""
 
+import io
+import json
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from command_line import slambed
+from matplotlib.figure import Figure
 from results_factory import RawRun, spec_of, write_experiment
+from rich.console import Console
 
 from slambed.errors import SlambedError
-from slambed.report.diff import Change, diff, diff_table
+from slambed.report import diff_page
+from slambed.report.diff import Change, diff_json, diff_table
+from slambed.report.diff import diff as diff_of
 from slambed.report.diff_page import relative, write_diff_page
-from slambed.report.load import Results
+from slambed.report.load import Results, load
+from slambed.report.sides import Sides
 from slambed.spec.device import VIRTUAL
 
 PAIRS = 100
@@ -39,6 +47,10 @@ def results(rng: np.random.Generator, slower: float = 1.0, engine: str = VIRTUAL
                 }
             )  # fmt: skip
     return Results(Path("x"), "x", pd.DataFrame(rows))
+
+
+def diff(a: Results, b: Results, metrics: list[str] | None = None) -> list[Change]:
+    return diff_of(Sides.of(a, b), metrics)
 
 
 def shown(found: list[Change]) -> set[tuple[str, str]]:
@@ -82,6 +94,10 @@ def test_failed_runs_are_infinitely_bad_and_no_crash() -> None:
     failing.runs.loc[failing.runs["seed"] < 60, "track_ms_median"] = np.inf
     found = {c.metric.key: c for c in diff(results(rng), failing, ["track_ms_median"])}
     assert found["track_ms_median"].verdict == "worse"
+    (told,) = {
+        c["b"] for c in diff_json(list(found.values()), Sides.of(failing, failing))["changes"]
+    }
+    assert told is None  # JSON has no infinity
 
 
 def test_nothing_in_common_is_told() -> None:
@@ -109,12 +125,34 @@ def test_the_command_compares_two_folders(tmp_path: Path) -> None:
     assert (code, err) == (1, "") and "1 of 1 comparisons show a change" in out
     rows = pd.read_csv(table)
     assert list(rows["verdict"]) == ["worse"] and list(rows["runs"]) == ["8 pairs"]
+    # What A and B are: folders, which differ first, then what both have.
+    assert "A: before" in out and "B: after" in out
+    assert "Both: system edgeslam:static; device half_core" in " ".join(out.split())
+    for side, folder in zip("AB", folders, strict=True):
+        assert rows[f"{side} is"][0].startswith(f"folder {folder}; system edgeslam:static; device")
+        assert "engine virtual; commit 0123456" in rows[f"{side} is"][0]
+    table = table.with_suffix(".md")
+    assert slambed("diff", *folders, *metric, "-o", str(table))[0] == 1
+    lines = table.read_text().splitlines()
+    assert lines[0] == f"A: folder {folders[0]}" and lines[2] == f"B: folder {folders[1]}"
+    assert lines[6].startswith("| cell | metric | A: before | B: after |")
+    code, out, err = slambed("diff", *folders, *metric, "--json", "-o", str(table))
+    assert code == 1 and err == f"table: {table}\n"
+    (change,) = (found := json.loads(out))["changes"]
+    assert (found["a"], found["b"], found["shown"]) == (*folders, 1)
+    assert [found["sides"][side]["name"] for side in "ab"] == ["before", "after"]
+    assert found["sides"]["b"]["system"] == ["edgeslam:static"] and found["differing"] == ["folder"]
+    assert (change["metric"], change["unit"], change["verdict"]) == (*metric[1:], "ms", "worse")
+    assert change["a"] < change["b"] and change["low"] <= change["change"] <= change["high"]
+    assert change["runs"] == 8 and change["paired"] and change["p_value"] < 0.05
     code, out, _ = slambed("diff", folders[0], folders[0], *metric)
     assert code == 0 and "0 of 1 comparisons" in out
     page = tmp_path / "diff.html"
     assert slambed("diff", *folders, *metric, "--html", str(page))[0] == 1
     assert_self_contained(text := page.read_text())
     assert '<td class="word bad">worse</td>' in text and text.count("data:image/svg+xml") == 1
+    assert "An invented experiment: before against after: what differs" in text
+    assert "<th>A: before</th><th>B: after</th>" in text
     code, _, err = slambed("diff", *folders, "--html", str(tmp_path / "no" / "where.html"))
     assert code == 2 and "choose another --html" in err and err.count("\n") == 1
 
@@ -122,7 +160,9 @@ def test_the_command_compares_two_folders(tmp_path: Path) -> None:
 def assert_self_contained(page: str) -> None:
     loaded = re.findall(r'(?:src|href)="([^"#]*)', page)
     assert all(address.startswith("data:") for address in loaded), loaded
-    assert "<script" not in page
+    # Its own script alone, and the points that it tells.
+    opened = re.findall(r"<script[^>]*>", page)
+    assert opened in ([], ['<script type="application/json" class="points">', "<script>"]), opened
 
 
 def test_the_page_says_what_the_table_does(tmp_path: Path) -> None:
@@ -134,10 +174,10 @@ def test_the_page_says_what_the_table_does(tmp_path: Path) -> None:
     a.runs["ate_rmse_m"] = 0.0  # no scale: in the table, not in the figure
     found = diff(a, b, NAMES)
     path = tmp_path / "page.html"
-    write_diff_page(found, a, b, path)
+    write_diff_page(found, Sides.of(a, b), path)
     page = path.read_text()
     assert_self_contained(page)
-    table = diff_table(found, "x", "x")
+    table = diff_table(found, Sides.of(a, b))
     assert page.count("<tr>") >= len(table.rows) + 5
     assert f'<b class="bad">{sum(c.verdict == "worse" for c in found)}</b>' in page
     assert "<b>commit</b>" in page and "1" * 40 in page and "<b>engine</b>" not in page
@@ -150,10 +190,130 @@ def test_the_page_says_what_the_table_does(tmp_path: Path) -> None:
             assert ends[0] == pytest.approx(5.0, abs=2.0)
 
 
+def test_the_figure_names_its_sides_and_keeps_inside(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(1)
+    a, b = results(rng), results(rng, 1.05)
+    b = replace(b, folder=Path("a_long_name_of_results_of_another_commit/x"))
+    figures: list[Figure] = []
+    monkeypatch.setattr(diff_page, "_uri", lambda made: str(figures.append(made)))
+    sides = Sides.of(a, b)
+    diff_page._forest(diff(a, b, NAMES), "\n".join(sides.headings()))
+    (made,) = figures
+    assert made.get_suptitle() == "A: x\nB: a_long_nam...r_commit/x"
+    texts = [made._suptitle, made.axes[0].xaxis.label]  # type: ignore[attr-defined]
+    for box in (text.get_window_extent() for text in texts):
+        assert box.x0 >= 0 and box.x1 <= made.bbox.x1 and box.y1 <= made.bbox.y1
+
+
 def test_a_page_of_equal_folders_claims_no_equality(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     a = results(rng)
     a.runs["started_utc"] = None
-    write_diff_page(diff(a, a, NAMES), a, a, tmp_path / "page.html")
+    write_diff_page(diff(a, a, NAMES), Sides.of(a, a), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert "no proof that there is none" in page and "What differs is in bold" not in page
+
+
+@pytest.fixture(scope="module")
+def one_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two systems with two numbers of features each, over two links; labels as a grid makes them,
+    without an experiment's word about them."""
+    runs = []
+    for variant, slow in (("static", 40.0), ("conventional", 60.0)):
+        for n_orb, slower in ((500, 1.0), (1000, 2.0)):
+            for profile in ("rtt_0", "rtt_40"):
+                label = f"edgeslam:{variant} n_orb {n_orb}"
+                where = {"label": label, "cell": f"{label}/room_walk/{profile}",
+                         "params": {"n_orb": n_orb}, "engine": VIRTUAL}  # fmt: skip
+                runs += [
+                    (
+                        spec_of("edgeslam", variant, profile, n, **where),
+                        RawRun(duration_s=3.0, track_ms=slow * slower, seed=n),
+                    )
+                    for n in range(3)
+                ]
+    return write_experiment(tmp_path_factory.mktemp("one"), runs)
+
+
+METRIC = ("--metric", "track_ms_median")
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "heads", "cells", "ratio"),
+    [
+        ("variant=static", "variant=conventional", ("static", "conventional"),
+         {f"edgeslam:* n_orb {n}/room_walk/{p}" for n in (500, 1000) for p in ("rtt_0", "rtt_40")},
+         1.5),
+        ("system=edgeslam:static,link=rtt_0", "system=edgeslam:conventional,link=rtt_0",
+         ("edgeslam:static", "edgeslam:conventional"),
+         {f"edgeslam:* n_orb {n}/room_walk/rtt_0" for n in (500, 1000)}, 1.5),
+        ("params.n_orb=500", "params.n_orb=1000", ("n_orb=500", "n_orb=1000"),
+         {f"edgeslam:{v} n_orb */room_walk/{p}" for v in ("static", "conventional")
+          for p in ("rtt_0", "rtt_40")}, 2.0),
+        ("link=rtt_0", "link=rtt_40", ("rtt_0", "rtt_40"),
+         {f"edgeslam:{v} n_orb {n}/room_walk" for v in ("static", "conventional")
+          for n in (500, 1000)}, 1.0),
+        ("edgeslam:static n_orb 500/*/rtt_0", "*conventional n_orb 1000/*/rtt_40",
+         ("edgeslam:s... n_orb 500", "edgeslam:c...n_orb 1000"), {"room_walk"}, 3.0),
+    ],
+)  # fmt: skip
+def test_two_parts_of_one_folder_are_compared(
+    one_folder: Path, a: str, b: str, heads: tuple[str, str], cells: set[str], ratio: float
+) -> None:
+    """Cells are matched by what the two are not chosen to differ in, their runs by their seeds."""
+    sides = Sides.of(results := load(one_folder), None, [a], [b])
+    found = diff_of(sides, ["track_ms_median"])
+    assert {change.cell for change in found} == cells
+    for change in found:
+        assert change.paired and change.change.count == 3
+        assert change.b / change.a == pytest.approx(ratio, rel=0.1)
+    assert sides.headings() == tuple(f"{x}: {name}" for x, name in zip("AB", heads, strict=True))
+    assert len(results.runs) == 24  # what was read is left alone
+    code, out, _ = slambed("diff", str(one_folder), "--a", a, "--b", b, *METRIC, "--json")
+    told = json.loads(out)
+    assert code == 0 and told["sides"]["a"]["selected"] == [a]
+    assert told["sides"]["a"]["commit"] == ["0123456789abcdef"]
+    assert {change["cell"] for change in told["changes"]} == cells
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "as in --a 'variant=conventional' --b 'variant=static'"),
+        (["--a", "variant=static"], "say with --a and --b what of it to compare"),
+        (["--a", "variant=static", "--b", "variant=dynamic"],
+         "--b variant=dynamic is no cell; variant: conventional, static"),
+        (["--a", "variant=static", "--b", "link=rtt_0"],
+         "both mean edgeslam:static n_orb 1000/room_walk/rtt_0, edgeslam:static n_orb 500/"),
+        (["--a", "variant=static", "--b", "systm=edgeslam"],
+         "or KEY=VALUE of system, variant, label, dataset, link"),
+        (["--truth", "--a", "link=rtt_0", "--b", "link=rtt_40"], "--truth takes whole folders"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_compared_is_one_line(one_folder: Path, words: list[str], told: str) -> None:
+    code, out, err = slambed("diff", str(one_folder), *words)
+    assert (code, out, err.count("\n")) == (2, "", 1) and told in err
+
+
+def test_a_narrow_terminal_cuts_no_name(one_folder: Path) -> None:
+    sides = Sides.of(load(one_folder), None, ["variant=static"], ["variant=conventional"])
+    terminal = Console(width=70, record=True, file=io.StringIO())
+    table = diff_table(diff_of(sides, ["track_ms_median"]), sides)
+    terminal.print(table.rich())
+    out = terminal.export_text()
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out and "A:" in out
+
+
+def test_cells_are_never_pooled() -> None:
+    rng = np.random.default_rng(7)
+    a, b = results(rng), results(rng)
+    a.runs["label"] = np.where(a.runs["seed"] % 2, "x: 5", "x 5")
+    b.runs["label"] = "y 5"
+    with pytest.raises(SlambedError, match="A has two cells where the other side may have one: x"):
+        diff(a, b, NAMES)
+
+
+def test_several_selections_of_a_side_are_all_meant(one_folder: Path) -> None:
+    links = ["variant=static,link=rtt_0", "variant=static,link=rtt_40"]
+    sides = Sides.of(load(one_folder), None, links, ["variant=conventional"])
+    assert len(diff_of(sides, ["track_ms_median"])) == 4

@@ -16,7 +16,7 @@ from typing import Any
 import docker
 import pandas as pd
 import pytest
-from docker.errors import DockerException
+from docker.errors import APIError, DockerException
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec
 from link_parts import needs_relay
 from virtual_parts import Quiet
@@ -27,15 +27,18 @@ from slambed.campaign.links import read_profile
 from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.remote_link import HelperLinks
 from slambed.campaign.runner import Runner
-from slambed.engines.base import NodePlan
+from slambed.engines.base import LABEL, NodePlan
 from slambed.engines.docker import DockerEngine
+from slambed.engines.docker_gpu import gpu_options
 from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
+from slambed.errors import ExitCode, PassingError, SlambedError
 from slambed.sampling.cgroup import paths_of
 from slambed.spec.device import Limits
 from slambed.spec.experiment import Playback
 from slambed.spec.run_spec import LinkSpec, RunSpec
+from slambed.spec.runtime import RoleRuntime, Runtime
 
 BASE = "debian:bookworm-slim"
 TAG = "slambed-test:stand-in"
@@ -157,6 +160,34 @@ def test_containers_go_before_others_as_the_nodes_of_engine_local_do(bench: Benc
         assert not ours or (group.parent / file).read_text() == f"{largest}\n"
     finally:
         node.remove()
+
+
+def test_a_gpu_is_asked_for_and_a_daemon_without_one_is_told_before_anything_plays(
+    bench: Bench, image: Any
+) -> None:
+    """The request as the daemon keeps it; no machine with a GPU is needed for either."""
+    assert CLIENT is not None
+    kept = CLIENT.containers.create(image.id, entrypoint=["/bin/true"], **gpu_options("all"))
+    told = None
+    try:
+        (request,) = kept.attrs["HostConfig"]["DeviceRequests"]
+        assert (request["Count"], request["Capabilities"]) == (-1, [["gpu"]])
+        try:
+            kept.start()
+        except APIError as refused:
+            told = str(refused.explanation)
+    finally:
+        kept.remove(force=True)
+    runtime = Runtime(image=TAG, mobile=RoleRuntime(command=["x"], gpu=1))
+    if told is None:
+        assert bench.engine.image_ids(runtime, "mine")
+    else:
+        with pytest.raises(SlambedError, match="system mine asks for a GPU") as error:
+            bench.engine.image_ids(runtime, "mine")
+        assert error.value.code == ExitCode.ENVIRONMENT
+        assert not isinstance(error.value, PassingError) and told in str(error.value)
+    left = CLIENT.containers.list(all=True, filters={"label": f"{LABEL}=gpu"})
+    assert left == []
 
 
 def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:

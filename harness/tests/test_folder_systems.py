@@ -10,7 +10,7 @@ import pytest
 import yaml
 from command_line import slambed
 from data_samples import trajectory, write_prepared
-from harness_parts import run_spec
+from harness_parts import needs_root, run_spec
 from test_data_export import write_stereo
 from test_foreign import MINE, write_system
 
@@ -58,6 +58,13 @@ def runtime(**changes: Any) -> Runtime:
 def test_what_makes_no_sense_is_refused(change: dict[str, object], line: str) -> None:
     with pytest.raises(ValueError, match=line):
         runtime(**change)
+
+
+@pytest.mark.parametrize("written", [READS, {"mobile": {"command": ["vo"], "client": True}}])
+def test_what_is_written_down_whole_is_read_back(written: dict[str, object]) -> None:
+    """As experiment.json has it, which `slambed status` reads."""
+    found = Runtime.model_validate(written)
+    assert Runtime.model_validate_json(found.model_dump_json()) == found
 
 
 def test_a_layout_must_hold_what_the_system_plays(tmp_path: Path) -> None:
@@ -239,6 +246,7 @@ def test_a_reader_has_the_time_of_who_waits_for_tracking() -> None:
     assert time_limit_s(realtime.model_copy(update={"runtime": runtime()}), 10) > 100
 
 
+@needs_root
 def test_an_experiment_says_what_is_not_measured(tmp_path: Path) -> None:
     content = yaml.safe_load(MINE) | {"runtime": READS}
     write_system(tmp_path / "mine", yaml.safe_dump(content))

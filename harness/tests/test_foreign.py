@@ -4,7 +4,9 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -13,7 +15,7 @@ from harness_parts import write_library
 
 from slambed.campaign.foreign import foreign_software
 from slambed.engines.base import NodePlan
-from slambed.engines.foreign import environment, player_arguments
+from slambed.engines.foreign import container_options, environment, player_arguments
 from slambed.errors import SlambedError
 from slambed.link.record import LinkDetails, LinkFacts
 from slambed.metrics.declared import described_by
@@ -112,6 +114,58 @@ def test_engine_virtual_is_refused_in_one_line(tmp_path: Path) -> None:
     code, _, err = slambed("run", str(experiment), "--engine", "virtual")
     assert code == 2 and err.count("\n") == 1
     assert "a program of its own" in err and "--engine local or docker" in err
+
+
+@pytest.mark.parametrize(
+    ("engine", "told"),
+    [("local", "a GPU, which engine local"), ("virtual", "a program of its own")],
+)
+def test_a_gpu_is_refused_in_one_line_where_no_container_gets_it(
+    tmp_path: Path, engine: str, told: str
+) -> None:
+    write_system(tmp_path / "mine", MINE.replace("mobile: {", "mobile: {gpu: all, "))
+    experiment = tmp_path / "one.yaml"
+    experiment.write_text(
+        "id: one\ntitle: one\nsystems: [{system: ./mine/system.yaml}]\ndatasets: [synthetic_room]\n"
+    )
+    code, _, err = slambed("run", str(experiment), "--check", "--engine", engine)
+    assert code == 2 and err.count("\n") == 1 and told in err
+
+
+@pytest.mark.parametrize("wrong", ["true", "0", "-1", "some", "[]", "[0]", "['']", "1.5"])
+def test_what_is_no_gpu_is_told_with_its_line(library: Library, tmp_path: Path, wrong: str) -> None:
+    path = write_system(tmp_path / "mine", MINE.replace("mobile: {", f"mobile: {{gpu: {wrong}, "))
+    with pytest.raises(SlambedError, match=r"runtime\.mobile\.gpu.* line 7"):
+        library.system(str(path))
+
+
+@pytest.mark.parametrize(
+    ("written", "asked"),
+    [
+        ("all", {"Count": -1, "DeviceIDs": []}),
+        ("2", {"Count": 2, "DeviceIDs": []}),
+        ('["0", "GPU-6f"]', {"Count": 0, "DeviceIDs": ["0", "GPU-6f"]}),
+    ],
+)
+def test_a_gpu_is_asked_for_as_docker_has_it(
+    library: Library, tmp_path: Path, written: str, asked: dict[str, Any]
+) -> None:
+    path = write_system(tmp_path / "mine", MINE.replace("mobile: {", f"mobile: {{gpu: {written}, "))
+    runtime = runtime_of(library, path)
+    plan = NodePlan("mobile", "key", tmp_path, tmp_path, Limits(), [0], False, runtime, tmp_path)
+    (request,) = container_options(plan, "image", "/out/run.json", "/out/go")["device_requests"]
+    assert request == {"Driver": "", "Capabilities": [["gpu"]], "Options": {}} | asked
+    path.write_text(MINE)
+    plan = replace(plan, runtime=runtime_of(library, path))
+    assert "device_requests" not in container_options(plan, "image", "/out/run.json", "/out/go")
+
+
+def test_who_asks_for_no_gpu_keeps_the_keys_of_before(library: Library, tmp_path: Path) -> None:
+    folder, images, before = tmp_path / "mine", {"mobile": "sha256:1"}, "dc562812e090"
+    path = write_system(folder)
+    assert foreign_digest(runtime_of(library, path), folder, images) == before
+    path.write_text(MINE.replace("mobile: {", "mobile: {gpu: 1, "))
+    assert foreign_digest(runtime_of(library, path), folder, images) != before
 
 
 def test_its_software_is_its_files_its_start_and_its_image(

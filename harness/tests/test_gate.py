@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
+from command_line import slambed
 
 from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import holm
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
-from slambed.report import cli, nights
+from slambed.report import nights
 from slambed.report.gate import ALPHA, append_history, is_relevant, judge, read_runs
 from slambed.report.nights import worsening_p
 
@@ -135,14 +135,13 @@ def test_too_few_runs_are_said_to_be_blind() -> None:
 def test_gate_on_an_empty_directory_fails(tmp_path: Path) -> None:
     (tmp_path / "results" / "x").mkdir(parents=True)
     (tmp_path / "baseline" / "x").mkdir(parents=True)
-    result = CliRunner().invoke(
-        cli.app,
-        ["gate", "x", "--baseline", str(tmp_path / "baseline"), "--results",
-         str(tmp_path / "results")],
+    code, out, err = slambed(
+        "gate", "x", "--baseline", str(tmp_path / "baseline"),
+        "--results", str(tmp_path / "results"),
     )  # fmt: skip
-    assert result.exit_code != 0
-    assert "nothing was measured tonight" in result.output
-    assert "baseline has no run to be trusted" in result.output
+    assert code == 1 and "gate closed" in err
+    assert "nothing was measured tonight" in out
+    assert "baseline has no run to be trusted" in out
 
 
 def test_history_keeps_nights_and_serves_as_baseline(tmp_path: Path) -> None:

@@ -84,7 +84,10 @@ def test_every_plan_of_the_checkout_is_whole_and_its_cells_are_printed() -> None
         plan, _ = find_plan(file.stem)
         known = cells_of(read_papers([plan.paper])[0])
         assert set(plan.fit) | set(plan.held_out) <= set(known)
-        assert len(plan.open) <= 3, "more is no fit but a search for one"
+        # What the paper's sequence looks like is one of the three, in steps or not.
+        kinds = [item for item in plan.open.values() if item.range or str(item.set).startswith("d")]
+        assert len(kinds) <= 3, "more scalars are no fit but a search for one"
+        assert len(plan.open) - len(kinds) <= 4, "readings of what the paper may mean"
 
 
 def test_keys_name_what_is_set() -> None:

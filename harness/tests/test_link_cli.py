@@ -10,7 +10,8 @@ from link_parts import needs_relay
 from typer.testing import CliRunner
 
 from slambed.errors import SlambedError
-from slambed.link.cli import app, link_app
+from slambed.link.cli import app as link_app
+from slambed.link.profiles_cli import app
 from slambed.native import repository_root
 
 RUNNER = CliRunner()
@@ -115,3 +116,16 @@ def test_a_link_is_measured_with_its_tcp(tmp_path: Path) -> None:
     tcp = pd.read_parquet(log).query("series == 'tcp_rtt_ms'")["value"]
     assert tcp.iloc[-1] == pytest.approx(40, abs=4)
     assert picture.exists()
+
+
+def test_a_picture_that_nobody_asked_for_is_not_put_where_one_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    shown = RUNNER.invoke(app, ["show", "sine"], catch_exceptions=False).stdout
+    picture = tmp_path / "cache" / "pictures" / "profile_sine.png"
+    assert f"plot: {picture}" in shown and picture.is_file()
+    assert not list(here.iterdir())

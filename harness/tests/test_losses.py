@@ -129,7 +129,7 @@ def test_the_command_counts_losses_by_cause(
     )  # fmt: skip
     table = tmp_path / "losses.csv"
     code, out, err = slambed(
-        "losses", folder.name, "--results", str(folder.parent), "-o", str(table)
+        "report", folder.name, "--losses", "--results", str(folder.parent), "-o", str(table)
     )
     assert code == ExitCode.OK, err
     assert "1/1" in out and "0/1" in out and "2 (2 to 2)" in out
@@ -137,10 +137,25 @@ def test_the_command_counts_losses_by_cause(
     rows = table.read_text().splitlines()
     assert rows[0].startswith("cell,run,repetition,number,seq_s,cause,missing_frames,found_s")
     assert len(rows) == 3
-    line = refused(ExitCode.BAD_INPUT, "losses", "none", "--results", str(tmp_path))
+    code, out, err = slambed("losses", folder.name, "--json", "--results", str(folder.parent))
+    assert code == ExitCode.OK and "'slambed report --losses' now" in err
+    found = json.loads(out)
+    assert found["experiment"] == folder.name
+    told = {run["cell"]: run["losses"] for run in found["runs"]}
+    assert {cell: len(losses) for cell, losses in told.items()} == {
+        rows[1].split(",")[0]: 2, "orbslam2/room_walk": 0,
+    }  # fmt: skip
+    assert {loss["cause"] for losses in told.values() for loss in losses} == {"view change"}
+    assert "--json goes with --losses" in refused(ExitCode.BAD_INPUT, "report", "x", "--json")
+    line = refused(ExitCode.BAD_INPUT, "report", "none", "--losses", "--results", str(tmp_path))
     assert "no results in" in line
-    line = refused(ExitCode.BAD_INPUT, "losses", str(folder), "-o", str(tmp_path / "losses.txt"))
+    other = ("-o", str(tmp_path / "losses.txt"))
+    line = refused(ExitCode.BAD_INPUT, "report", str(folder), "--losses", *other)
     assert "known: .csv, .md" in line
+    assert "-o is the table of --losses" in refused(ExitCode.BAD_INPUT, "report", "x", *other)
+    assert "name it" in refused(
+        ExitCode.BAD_INPUT, "report", "--losses", "--results", str(folder.parent)
+    )
 
 
 def test_explain_says_why_and_shows_both_sides(tmp_path: Path) -> None:

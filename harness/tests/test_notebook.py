@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """`import slambed`: what a notebook does with results."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from data_samples import write_prepared
 from results_factory import quickstart_like
 
 import slambed
 from slambed.errors import SlambedError
+from slambed.report.load import load
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +69,32 @@ def test_an_experiment_from_python_is_checked_as_a_file_is(tmp_path: Path) -> No
             },
             engine="virtual", results=tmp_path,
         )  # fmt: skip
+
+
+def test_results_say_what_they_are(results: "slambed.Results", tmp_path: Path) -> None:
+    folder = results.folder
+    labels = results.runs["label"].nunique()
+    told = f"Results('{folder}', experiment='{folder.name}', systems={labels}, runs=8, trusted=8)"
+    assert str(results) == repr(results) == told
+    # What they are made of has no tables in it either.
+    assert repr(load(folder)) == told
+    empty = tmp_path / "none"
+    (empty / "runs").mkdir(parents=True)
+    (empty / "experiment.json").write_text("{}")
+    assert repr(load(empty)).endswith("experiment='none', systems=0, runs=0, trusted=0)")
+    path = load(folder).trajectory(results.runs["run_key"].iloc[0])
+    assert re.fullmatch(r"Trajectory\(poses=\d+, seconds=\d+\.\d\)", repr(path))
+    sequence = write_prepared(tmp_path / "here")
+    assert repr(sequence) == f"PreparedSequence('{sequence.path}', 'tiny', sensor='rgbd', frames=4)"
+
+
+def test_files_that_an_experiment_from_python_names_are_seen_from_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked = {"id": "mine", "title": "mine", "systems": [{"system": "orbslam2"}]}
+    with pytest.raises(SlambedError, match=f"there is no dataset file {tmp_path}/my/walk.yaml"):
+        slambed.run(asked | {"datasets": ["./my/walk.yaml"]}, engine="virtual", results="out")
+    asked |= {"systems": [{"system": "./my/system.yaml"}], "datasets": ["synthetic_room"]}
+    with pytest.raises(SlambedError, match=f"no {tmp_path}/my/system.yaml"):
+        slambed.run(asked, engine="local", results="out")

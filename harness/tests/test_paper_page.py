@@ -2,6 +2,7 @@
 """The page of a paper: the same verdicts as HTML, Markdown, LaTeX and twelve lines of text."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -9,8 +10,12 @@ import pytest
 from test_compare import DOCUMENTED, PAPER_CONVENTIONAL, PAPER_ENHANCED, results_of, table_2
 
 from slambed.errors import SlambedError
-from slambed.report import paper_view
+from slambed.report import compare, paper_view
+from slambed.report.compare import compare_paper
+from slambed.report.fits import Fit
 from slambed.report.load import Results
+from slambed.report.lookup import pool_of
+from slambed.report.paper_claims import claim_lines, in_short
 from slambed.report.paper_page import PaperPage, write_overview, write_paper_page
 from slambed.report.paper_view import twelve_lines
 from slambed.report.papers import Paper, read_papers
@@ -91,6 +96,11 @@ def test_a_number_tells_runs_rule_and_place(page: PaperPage) -> None:
     assert "virtual_t2/runs/" in entry
     assert "Sec. III-C" in entry
     assert "synthetic_fr3_path" in entry  # the live column, on a stand-in
+    why_not = html[html.index("Why not more") :]
+    assert re.search(
+        r"synthetic_fr3_path is played instead of [\w]+: numbers of the two cannot be compared; "
+        "slambed data download", why_not,
+    )  # fmt: skip
 
 
 def test_bars_are_out_of_all_numbers(page: PaperPage) -> None:
@@ -111,8 +121,157 @@ def test_claims_come_before_numbers_and_engines_stay_apart(page: PaperPage) -> N
     assert "never summed" in html
     assert "HOLDS" in html
     assert "same ordering" not in html
-    assert re.search(r"\d+ not judged \([^)]*\d+ settings or twice there", html)
-    assert "seeds\n7 to 106" in html
+    assert re.search(r"\d+ of 163 printed numbers could be compared: \d+ reproduced, ", html)
+    assert "(seeds 7 to 106)" in html
+
+
+def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> None:
+    """On the paper's own sequence, on a stand-in, on cells that a device was fitted to, and where
+    a part of the cells has no run."""
+    assert page.verdicts is not None
+    badges = {
+        c.engine: {line.anchor: (line.badge, line.style) for line in claim_lines(c)}
+        for c in page.verdicts.columns
+    }
+    assert badges["virtual"]["dynnet.O03"] == ("HOLDS", "holds")
+    assert badges["virtual"]["dynnet.O01"] == ("RUN, EVENTS NOT KEPT", "no_events")
+    assert badges["virtual"]["dynnet.O20"] == ("NOT RUN", "not_run")
+    lost = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    stand_in = table_2(lost, 100, dataset="synthetic_fr3_path")
+    half = results_of(
+        [row for row in stand_in.runs.to_dict("records") if row["variant"] != "static"]
+    )
+    fitted = table_2(lost, 100, device_mobile="pi")
+    fit = Fit("a_fit", ("dynnet.T2.*",), frozenset(["pi"]))
+    found = {}
+    for name, results, fits in (
+        ("stand-in", stand_in, []), ("half", half, []), ("fitted", fitted, [fit])
+    ):  # fmt: skip
+        column = compare_paper(page.verdicts.paper, pool_of([results]), fits).columns[0]
+        line = next(c for c in claim_lines(column) if c.anchor == "dynnet.O03")
+        found[name] = (line.badge, line.style)
+        told = paper_view.headline(page.verdicts, column)[0]
+        assert (" hold (" in told) == (name != "half")
+        assert " 1 hold " not in told
+    assert found == {
+        "stand-in": ("HOLDS ON A STAND-IN", "holds weak"),
+        "half": ("NOT ALL RUN", "half_run"),
+        "fitted": ("HOLDS (FITTED, NO EVIDENCE)", "holds weak"),
+    }
+
+
+def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
+    dynnetslam: Paper,
+) -> None:
+    lost = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    stand_in = table_2(lost, 100, dataset="synthetic_fr3_path")
+    verdicts = compare_paper(dynnetslam, pool_of([stand_in]), [])
+    column = verdicts.columns[0]
+    told = paper_view.headline(verdicts, column)[1]
+    marks = column.marks(list(column.rows))
+    assert not marks["R"] + marks["D"] + marks["I"]
+    assert told.startswith(
+        f"0 of 163 printed numbers could be compared: {marks['S']} played on stand-ins "
+        f"(substitute data), {marks['P']} settings or repeated, "
+    )
+    assert sum(map(int, re.findall(r"\d+", told))) == 2 * 163
+    lines = " ".join(twelve_lines(verdicts, [stand_in]))
+    for word in ("reproduced", "differ", "inconclusive"):
+        assert word not in told and f"0 {word}" not in lines
+    some = compare_paper(dynnetslam, pool_of([table_2(lost, 100)]), [])
+    told = paper_view.headline(some, some.columns[0])[1]
+    assert re.match(r"1\d of 163 .* compared: \d+ reproduced, \d+ differs?, \d+ inconc", told)
+    assert "The others could not: " in told
+
+
+def test_of_several_pairs_those_that_do_not_hold_are_named(
+    dynnetslam: Paper, tmp_path: Path
+) -> None:
+    lost = {"conventional": [60, 60, 30, 30, 90], "static": [5, 5, 31, 30, 5]}
+    results = table_2(lost, 100)
+    page = write_paper_page(dynnetslam, [results], tmp_path)
+    assert page.verdicts is not None
+    lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
+    claim = lines["dynnet.O03"]
+    assert (claim.badge, claim.pairs) == ("NOT SEEN IN FULL", "3 of 5 pairs hold")
+    assert "31/100 > conventional" in claim.ours and "weakest of 5 pairs" in claim.ours
+    assert ["30/100 = " in pair.ours for pair in claim.failing] == [True]
+    assert claim.failing[0].where == "office, rtt_added_ms 60"
+    assert claim.beside == "the other 4 pairs, 1 not holding"
+    html = page.html.read_text()
+    entry = html[html.index('<li id="dynnet.O03">') :].split("</details>")[0]
+    assert entry.index("3 of 5 pairs hold") < entry.index("31/100") < entry.index("<details")
+    assert entry.count("<li>") == 4 and entry.index("not shown") < entry.index("<li>holds")
+    assert re.search("<b>NOT SEEN</b>: our runs do not show it .* at least 90 %", html)
+    assert (
+        "1 is not seen in full" in paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
+    )
+    told = next(
+        line for line in page.lines if "dynnet" not in line and line.startswith("[NOT SEEN")
+    )
+    assert "; 3 of 5 pairs hold; would have shown with a chance of 100 %; nor do " in told
+    table = (page.html.parent / "tables" / "dynnetslam_pairs_live.csv").read_text()
+    assert table.count("dynnet.O03,") == 5
+    orderings = (page.html.parent / "tables" / "dynnetslam_orderings_live.csv").read_text()
+    row = next(line for line in orderings.splitlines() if line.startswith("dynnet.O03,"))
+    assert ",not seen in full," in row and row.endswith("3 of 5 pairs hold")
+
+
+def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Path) -> None:
+    results = table_2({"conventional": [2, 2, 3, 3, 3], "static": [1, 2, 2, 3, 2]}, 10)
+    page = write_paper_page(dynnetslam, [results], tmp_path)
+    assert page.verdicts is not None
+    lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
+    claim = lines["dynnet.O03"]
+    assert (claim.badge, claim.chance) == ("TOO FEW RUNS", "30 runs per cell would decide")
+    assert claim.chance in claim.line and claim.chance in claim.note
+    assert "<b>TOO FEW RUNS</b>: our runs do not show it, and may well have missed it" in (
+        page.html.read_text()
+    )
+
+
+def test_reasons_beyond_the_largest_are_counted_and_listed(
+    dynnetslam: Paper, tmp_path: Path
+) -> None:
+    page = write_paper_page(dynnetslam, [table_2({"static": PAPER_ENHANCED}, 100)], tmp_path)
+    assert page.verdicts is not None
+    column = page.verdicts.columns[0]
+    gaps = paper_view.why_not(page.verdicts, column)
+    counts = [int(line.split()[0]) for line in (*gaps.reasons, *gaps.rest)]
+    marks = column.marks(list(column.rows))
+    assert sum(counts) == sum(marks[m] for m in "NEFSI")
+    assert gaps.numbers == sum(counts[3:]) > 0 and counts == sorted(counts, reverse=True)
+    assert gaps.more == "and 1 more reason (1 number)"
+    assert replace(gaps, rest=["", ""], numbers=3).more == "and 2 more reasons (3 numbers)"
+    assert replace(gaps, rest=[], numbers=0).more == ""
+    assert f"{gaps.more} on the page" in page.lines
+    html = page.html.read_text()
+    hidden = html[html.index(f"<summary>{gaps.more}</summary>") :].split("</details>")[0]
+    assert hidden.count("<li>") == len(gaps.rest)
+
+
+def test_a_fitted_number_that_is_far_off_shows_it_in_its_table(
+    dynnetslam: Paper, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit = Fit("a_fit", ("dynnet.T2.*",), frozenset(["pi"]))
+    monkeypatch.setattr(compare, "read_fits", lambda: [fit])
+    lost = {"static": [*PAPER_ENHANCED[:4], 0]}
+    html = write_paper_page(
+        dynnetslam, [table_2(lost, 100, device_mobile="pi")], tmp_path
+    ).html.read_text()
+    far = "fitted, yet 73 points below the printed value"
+    assert html.count(f"<small>{far}</small>") == 1
+    assert "fitted: set to match, no evidence" in html  # the legend
+    assert "set to match a published value; no evidence" in html
+
+
+def test_runs_per_number_are_those_played(dynnetslam: Paper) -> None:
+    """Not those whose number counts: the ATE of runs without a loss is out of all runs."""
+    lost = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    results = table_2(lost, 100, ate_rmse_m=0.01)
+    verdicts = compare_paper(dynnetslam, pool_of([results]), [])
+    line = paper_view.circumstance(verdicts, verdicts.columns[0], [results]).line
+    assert ", 100 runs per number" in line
 
 
 def test_twelve_lines_say_the_same(page: PaperPage, experiments: list[Results]) -> None:
@@ -122,6 +281,9 @@ def test_twelve_lines_say_the_same(page: PaperPage, experiments: list[Results]) 
     assert len(lines) <= 12 * len(page.verdicts.columns)
     assert any(line.startswith("[HOLDS]") for line in lines)
     assert any("never" not in line and "reproduced" in line for line in lines)
+    assert any(re.search(r"\d/\d+ runs", line) for line in lines)
+    assert not any(re.search(r"\d/\d+ %", line) for line in lines)  # a count is no percentage
+    assert not any("download None" in line for line in lines)
     markdown = page.markdown.read_text()
     assert all(line in markdown for line in lines)
 
@@ -149,8 +311,8 @@ def test_one_page_over_all_papers(
         assert (tmp_path / link.partition("#")[0]).exists()
     assert html.count("no runs yet") == len(papers) - 1
     assert html.count("Nothing was run yet") == len(papers) - 1
-    assert html.count("printed numbers reproduced") == 2  # dynnetslam has two engines
-    assert "not run yet; slambed paper cloudslam" in html
+    assert html.count("printed numbers could be compared") == 2  # dynnetslam has two engines
+    assert "not run yet; slambed papers run cloudslam" in html
 
 
 def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:
@@ -169,11 +331,20 @@ def test_no_command_is_named_where_no_experiment_makes_the_runs(
     monkeypatch.setattr(paper_view, "experiments_of", none)
     html = write_paper_page(read_papers(["cloudslam"])[0], [], tmp_path).html.read_text()
     assert "not run yet, and no experiment makes these runs" in html
-    assert "slambed paper cloudslam" not in html
+    assert "slambed papers run cloudslam" not in html
 
 
 def test_one_assumption_of_many_numbers_stands_there_once() -> None:
     spread = "spread in the paper as ours"
     told = [f"{spread} (67%)", "n = 5 in the paper", f"{spread} (8%)", f"{spread} (90%)"]
-    assert paper_view.in_short(told) == [f"{spread} (8 to 90 %)", "n = 5 in the paper"]
-    assert paper_view.in_short(told[:2]) == [f"{spread} (67 %)", "n = 5 in the paper"]
+    assert in_short(told) == [f"{spread} (8 to 90 %)", "n = 5 in the paper"]
+    assert in_short(told[:2]) == [f"{spread} (67 %)", "n = 5 in the paper"]
+
+
+@pytest.mark.parametrize(
+    "paper", [p for p in read_papers() if p.kind == "paper"], ids=lambda paper: paper.id
+)
+def test_a_page_tells_the_year_once(paper: Paper, tmp_path: Path) -> None:
+    page = write_paper_page(paper, [], tmp_path)
+    (lead,) = re.findall(r'<p class="lead">(.*?)\n', page.html.read_text())
+    assert lead.count(str(paper.paper.year)) == 1 and lead.endswith(f"{paper.paper.year}.")

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from test_compare import PAPER_ENHANCED, table_2
 from typer.testing import CliRunner
@@ -18,6 +19,7 @@ from slambed.report.papers import Paper, read_papers
 from slambed.report.papers.plan import (
     PaperPlan,
     PlannedRuns,
+    ReplacedPlan,
     frozen_digest,
     plans_of_today,
     read_plan,
@@ -103,8 +105,14 @@ def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:
     column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
     words = plan_words(plan_lines(dynnetslam, plan, column, [one]), plan)
     assert words.endswith("(1 thing not as planned)")
+    more = PlannedRuns(experiment="not_begun", runs=30, seed=1, decides=["dynnet.O05"])
+    wanted = plan_of(dynnetslam, runs=[*plan.runs, more])
+    assert bad(dynnetslam, wanted, results(plan=wanted)) == [
+        "not_begun: nothing played, 30 runs a cell were planned."
+    ]
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
-    assert "pi in some runs, jetson was planned" in bad(dynnetslam, other, results(plan=other))[0]
+    told = bad(dynnetslam, other, results(plan=other))
+    assert told == ["The mobile was pi in 50 of 50 runs (made_up), jetson was planned."]
     live = plan_of(dynnetslam, engine="live")
     assert "The plan is for live runs" in bad(dynnetslam, live, results(plan=live))[0]
     unnamed = results(plan=plan)
@@ -118,7 +126,7 @@ def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> 
     fewer = [PlannedRuns(experiment="made_up", runs=5, seed=1, decides=["dynnet.O04"])]
     rewritten = plan_of(dynnetslam, runs=fewer)
     assert bad(dynnetslam, rewritten, results(plan=plan)) == [
-        f"50 of 50 runs were made under another plan: {plan.digest}."
+        f"50 of 50 runs were made under another plan ({plan.digest})."
     ]
     assert bad(dynnetslam, plan, results()) == [
         "50 of 50 runs do not say under which plan they were made."
@@ -131,10 +139,41 @@ def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> 
     bent = results(plan=plan)
     bent.runs["plan_frozen.dynnetslam"] = "0" * 16
     assert "with another mapping than the plan's" in bad(dynnetslam, plan, bent)[0]
+    # One cause is told once: this plan was written anew after the runs, and says what is other.
+    later = plan_of(dynnetslam, written_utc=datetime(2026, 6, 1, tzinfo=UTC), runs=fewer)
+    story = (
+        "50 of 50 runs were made before the plan was written and under another plan "
+        f"({plan.digest}): the plan was written anew after them."
+    )
+    assert bad(dynnetslam, later, results(plan=plan)) == [story]
+    known = later.model_copy(
+        update={"replaces": ReplacedPlan(plan=plan.digest, why="Fewer runs are asked for")}
+    )
+    assert known.digest == later.digest
+    assert bad(dynnetslam, known, results(plan=plan)) == [f"{story} Fewer runs are asked for."]
+    assert bad(dynnetslam, known, results(plan=plan_of(dynnetslam, fits=["a"])))[0].endswith(
+        "written anew after them."
+    )
     assert bad(dynnetslam, None, results(plan=plan)) == [
         f"50 of 50 runs were made under a plan that is gone: {plan.digest}."
     ]
     assert bad(dynnetslam, None, results()) == []
+
+
+def test_cells_that_no_number_is_of_are_not_counted(dynnetslam: Paper) -> None:
+    """Runs with another codec, or of a variant that the paper has not, decide nothing of it."""
+    plan = plan_of(dynnetslam)
+    good = results(plan=plan)
+    other = good.runs.groupby("cell").head(2).copy()
+    other["run_key"] = other["run_key"] + "other"
+    other["cell"] = other["cell"] + " other"
+    other["variant"] = "nobodys"
+    more = replace(good, runs=pd.concat([good.runs, other], ignore_index=True))
+    assert bad(dynnetslam, plan, more) == []
+    few = good.runs.groupby("cell").head(6)
+    assert bad(dynnetslam, plan, replace(good, runs=few)) == [
+        "made_up: 6 runs in a cell, 10 were planned."
+    ]
 
 
 def test_a_margin_changed_after_the_plan_is_noticed(dynnetslam: Paper) -> None:

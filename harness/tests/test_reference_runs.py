@@ -99,4 +99,4 @@ def test_a_published_error_against_a_system_is_measured_against_its_run(
     stored.runs = without
     told = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
     assert not told.there
-    assert told.found.reason == "ORB-SLAM2: no run to be trusted"
+    assert told.found.reason == "ORB-SLAM2: no trusted run yet"

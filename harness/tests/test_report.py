@@ -11,15 +11,15 @@ import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import refused, slambed
 from results_factory import quickstart_like
 from rich.console import Console
-from typer.testing import CliRunner
 
 from slambed.campaign.find_run import find_run
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import SUMMARY_KEYS, keys_for
 from slambed.metrics.metric import Use
-from slambed.report import cli, plots
+from slambed.report import plots
 from slambed.report.asked import FIGURES
 from slambed.report.cells import cells_of, metrics_to_show
 from slambed.report.differences import difference_tables, differences
@@ -88,7 +88,8 @@ def test_the_page_is_self_contained_and_whole(reported: Path) -> None:
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
     for link in page.links:
         assert link.startswith("#") or (reported / "report" / link).exists(), link
-    assert "<script" not in text
+    # Its own script and the points of its figures, nothing that is fetched.
+    assert "<script src" not in text and text.count("<script>") == 1
     assert 'font: 16px/1.45 system-ui, -apple-system, "Segoe UI"' in text  # no escaped quotes
     assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org)", text)
     for word in ("viewport", "@media print", "Link and limits as asked", "Manifest", "Runs"):
@@ -106,9 +107,11 @@ def test_every_figure_has_its_data_its_formats_and_its_command(reported: Path) -
     } <= names  # fmt: skip
     for figure in figures:
         assert figure["command"] == "slambed report invented"
-        assert {Path(name).suffix for name in figure["files"]} == {".png", ".svg", ".pdf"}
+        *pictures, points = figure["files"]
+        assert {Path(name).suffix for name in pictures} == {".png", ".svg", ".pdf"}
+        assert points == f"{figure['name']}.points.json"
         assert len(pd.read_csv(reported / "report" / figure["data"])) > 0
-        for name in figure["files"]:
+        for name in pictures:
             assert (reported / "report" / name).stat().st_size > 1000
         pixels = matplotlib.image.imread(reported / "report" / f"{figure['name']}.png")
         assert np.ptp(pixels[..., :3]) > 0.5  # something is drawn
@@ -133,7 +136,7 @@ def test_trajectory_figure_is_aligned(reported: Path) -> None:
 
 def test_summary_csv_is_the_contract(reported: Path) -> None:
     table = pd.read_csv(reported / "summary.csv")
-    assert tuple(table.columns) == (*SUMMARY_KEYS, "label", "params.n_orb")
+    assert tuple(table.columns) == (*SUMMARY_KEYS, "label", "host", "params.n_orb")
     assert len(table) == 12
     first = json.loads((reported / "runs" / f"{0:016x}" / "summary.json").read_text())
     rows = table[(table["cell"] == first["cell"]) & (table["repetition"] == 0)]
@@ -290,16 +293,32 @@ def test_a_loss_in_a_stalled_run_is_told(experiment: Path) -> None:
     told = [line for line in load(experiment).problems if "held up by the host" in line]
     assert len(told) == 1
     assert told[0].startswith(f"{lost['cell']}: 1 of the runs")
+    assert "for more than 100 ms, at most 250 ms at once" in told[0]
 
 
 def test_nodes_that_waited_for_a_processor_are_told(experiment: Path) -> None:
-    run = load(experiment).runs.iloc[0]
+    """How much each node waited in the run that waited most, against which limit."""
+    runs = load(experiment).runs
+    run = runs[runs["device_edge"].notna()].iloc[0]
     file = experiment / "runs" / run["run_key"] / "summary.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"cpu_wait_share": 0.84}))
-    told = [line for line in load(experiment).problems if "waited for a processor" in line]
-    assert len(told) == 1
-    assert told[0].startswith(f"{run['cell']}: the mobile node of 1 runs waited")
-    assert "84%" in told[0]
+    path = experiment / "runs" / run["run_key"] / "samples.parquet"
+    samples = pd.read_parquet(path)
+    ways = {"mobile": 3.0, "edge": 0.5}
+    waits = samples["node"].map(ways) * samples["cpu_s"] + samples["throttled_s"]
+    samples.assign(run_delay_s=waits).to_parquet(path)
+    (told,) = [line for line in load(experiment).problems if "waited for a processor" in line]
+    runs_of_cell = int(runs["cell"].eq(run["cell"]).sum())
+    assert told.startswith(f"{run['cell']}: in 1 of {runs_of_cell} runs the mobile node waited")
+    assert "for more than 50 % of the time in which it wanted one" in told
+    found = re.search(
+        rf"most in {run['run_key']}: mobile node 84 % \((\d+) ms .*\), edge node 33 % \((\d+) ms",
+        told,
+    )
+    assert found is not None and int(found[1]) > int(found[2]) > 0
+    path.unlink()
+    (told,) = [line for line in load(experiment).problems if "waited for a processor" in line]
+    assert "mobile node 84 %;" in told and "edge node" not in told
 
 
 def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
@@ -310,6 +329,14 @@ def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
     assert results.title == "Planned"
     assert "edgeslam:static/room_walk/none: 1 runs missing" in results.problems
     assert metrics_to_show(results)[0].key == "keyframes"
+
+
+def test_a_title_says_what_is_played_instead_of_what(experiment: Path) -> None:
+    content = {"experiment": {"title": "Kitchen"}, "stand_ins": {"a_room": "redkitchen"}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    assert load(experiment).title == (
+        "Kitchen [a_room is played instead of redkitchen: numbers of the two cannot be compared]"
+    )
 
 
 def test_the_summary_tells_engine_and_devices(reported: Path) -> None:
@@ -367,27 +394,27 @@ def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_pat
 
 def test_commands(reported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(reported, tmp_path / "results" / "invented")
-    runner = CliRunner()
     options = ["--results", str(tmp_path / "results")]
-    shown = runner.invoke(cli.app, ["report", "invented", "--no-figures", *options])
-    assert shown.exit_code == 0, shown.output
-    compared = runner.invoke(cli.app, ["compare", "dynnetslam", *options])
-    assert compared.exit_code == 0, compared.output
-    assert "not run" in compared.output
-    assert (tmp_path / "results" / "papers" / "dynnetslam" / "index.html").exists()
-    seen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(tmp_path), *options])
-    assert seen.exit_code == 0, seen.output
     monkeypatch.chdir(tmp_path)
-    seen = runner.invoke(cli.app, ["view", "0000000000000003", *options])
-    assert seen.output.startswith("pictures/"), seen.output
+    code, out, err = slambed("report", "invented", "--no-figures", *options)
+    assert code == 0, err
+    code, every, err = slambed("report", "--no-figures", *options)
+    assert code == 0 and "invented" in every, err
+    code, out, err = slambed("papers", "compare", "dynnetslam", *options)
+    assert code == 0 and "not run" in out, err
+    assert (tmp_path / "results" / "papers" / "dynnetslam" / "index.html").exists()
+    drawn = ("explain", "0000000000000003", "--path", *options)
+    code, out, err = slambed(*drawn, "--out", str(tmp_path / "mine"))
+    assert code == 0 and Path(out.strip()).parent == tmp_path / "mine", err
+    # Without a place: in the run's own folder, and nothing where the shell is.
+    code, out, err = slambed(*drawn)
+    run = tmp_path / "results" / "invented" / "runs" / "0000000000000003"
+    assert Path(out.strip()).parent == run / "pictures", err
+    assert not (tmp_path / "pictures").exists()
     taken = tmp_path / "taken"
     taken.write_text("")
-    unseen = runner.invoke(cli.app, ["view", "0000000000000003", "--out", str(taken), *options])
-    assert isinstance(unseen.exception, SlambedError)
-    assert "choose another --out" in str(unseen.exception)
+    assert "choose another --out" in refused(2, *drawn, "--out", str(taken))
     truth = tmp_path / "results" / "invented" / "groundtruth" / "room_walk.txt"
-    own = tmp_path / "results" / "invented" / "runs" / "0000000000000003" / "trajectory.txt"
-    judged = runner.invoke(cli.app, ["evaluate", str(own), str(truth)])
-    assert "ATE RMSE 0.01" in judged.output
-    missing = runner.invoke(cli.app, ["report", "nowhere", *options])
-    assert isinstance(missing.exception, SlambedError)
+    _, out, _ = slambed("evaluate", str(run / "trajectory.txt"), str(truth))
+    assert "ATE RMSE 0.01" in out
+    assert "no results in" in refused(2, "report", "nowhere", *options)

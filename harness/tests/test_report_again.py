@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import slambed
 from data_samples import write_prepared
 from kept_summary import COMMAND, KEPT, summary_today
 from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
-from typer.testing import CliRunner
 
 from slambed.data import places
 from slambed.data.catalog import Catalog
@@ -19,7 +19,7 @@ from slambed.data.trajectory import Trajectory
 from slambed.metrics import catalog, run_data
 from slambed.metrics.catalog import METRICS_VERSION
 from slambed.metrics.digest import digest
-from slambed.report import again, cli
+from slambed.report import again
 from slambed.report.again import prepared_truth, recompute, recompute_refused
 from slambed.report.load import load
 
@@ -177,10 +177,9 @@ def test_one_camera_stays_up_to_its_scale_when_its_sequence_is_gone(tmp_path: Pa
 
 def test_the_command(stored: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     changed_metric(monkeypatch)
-    call = ["report", str(stored), "--again", "--no-figures"]
-    result = CliRunner().invoke(cli.app, call, catch_exceptions=False)
-    assert result.exit_code == 0
-    assert "numbers of 3 runs computed again" in result.output
+    code, out, err = slambed("report", str(stored), "--again", "--no-figures")
+    assert code == 0, err
+    assert "numbers of 3 runs computed again" in out
     assert {s["metrics_version"].partition("+")[0] for s in summaries(stored)} == {
         str(METRICS_VERSION + 1)
     }

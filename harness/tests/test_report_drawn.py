@@ -152,7 +152,7 @@ def test_other_drawing_code_draws_all(
 ) -> None:
     monkeypatch.setattr(drawn, "drawing_code", lambda: "of another day")
     write_report(experiment, formats=ON_PAGES)
-    drawn_names = {name.rpartition(".")[0] for name in figures(experiment)}
+    drawn_names = {name.partition(".")[0] for name in figures(experiment)}
     assert set(saved) == drawn_names
 
 
@@ -166,7 +166,7 @@ def test_a_report_killed_while_it_draws_leaves_nothing_to_be_taken_for_whole(
             write_report(experiment, formats=ON_PAGES)
     saved.clear()
     write_report(experiment, formats=ON_PAGES)
-    assert {name.rpartition(".")[0] for name in figures(experiment)} == set(saved)
+    assert {name.partition(".")[0] for name in figures(experiment)} == set(saved)
 
 
 def test_what_was_wrong_while_a_figure_was_drawn_is_told_again(experiment: Path) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of reports, drawn from invented cells."""
 
+import json
 from itertools import pairwise
 from pathlib import Path
 
@@ -135,3 +136,32 @@ def test_colours_differ_in_grey_too() -> None:
             for c in COLOURS[:2]]  # fmt: skip
     assert abs(grey[0] - grey[1]) > 20
     assert len(set(COLOURS)) == len(COLOURS)
+
+
+def test_what_each_system_changes_is_drawn_where_an_experiment_asks_for_it(tmp_path: Path) -> None:
+    lost = ((2.0, 3.0),)
+    runs = [
+        (spec_of("edgeslam", "static", profile, i, engine="virtual", label=label,
+                 cell=f"{label}/room_walk/{profile}"),
+         RawRun(duration_s=4, seed=i, lost_at_s=lost if label == "original" or i < saved else ()))
+        for profile in ("none", "ramp_85")
+        for label, saved in (("original", 8), ("binary codec", 6), ("all four", 0))
+        for i in range(8)
+    ]  # fmt: skip
+    experiment = write_experiment(tmp_path, runs)
+    assert not list(write_report(experiment).folder.glob("changes*"))
+    asked = {
+        "report": {"metrics": ["lost"], "plots": ["changes"]},
+        "systems": [{"label": name} for name in ("original", "binary codec", "all four")],
+    }
+    (experiment / "experiment.json").write_text(json.dumps({"experiment": asked}))
+    paths = write_report(experiment)
+    data = pd.read_csv(paths.folder / "changes_room_walk_lost.csv")
+    assert list(data["system"]) == ["binary codec", "all four"] * 2
+    assert set(data["link"]) == {"none", "ramp_85"} and set(data["baseline"]) == {"original"}
+    assert list(data["change"]) == pytest.approx([-25, -100] * 2)
+    assert (data["low"] <= data["change"]).all() and (data["change"] <= data["high"]).all()
+    assert (data["high"][data["system"] == "all four"] < -50).all()
+    figures = json.loads((paths.folder / "figures.json").read_text())
+    assert figures[0]["name"] == "changes_room_walk_lost"
+    assert "pairs of equal seed" in figures[0]["caption"]

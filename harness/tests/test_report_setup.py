@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a report says about what its numbers stand on: compute times, settings, alignment, runs."""
 
+import html
+import io
 import json
+import re
 from pathlib import Path
 
 import matplotlib
@@ -11,12 +14,14 @@ import pytest
 from matplotlib.figure import Figure
 from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
+from rich.console import Console
 
 from slambed.campaign.find_run import find_run
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.report.compute_times import compute_times
 from slambed.report.conditions import conditions_of
 from slambed.report.differences import difference_table, differences
+from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.figures.paths import draw_paths
 from slambed.report.load import load
 from slambed.report.settings import settings_table
@@ -24,14 +29,20 @@ from slambed.report.setup import setup_lines
 from slambed.report.style import FigureWriter, figure, from_zero_if_it_shows, legend_beneath
 from slambed.report.truth import truth_table
 from slambed.report.view import view_of, write_png
+from slambed.serve.experiment_view import Loaded
 
 PI = {"name": "raspberry_pi_4"}
 
 
 def on_a_pi(root: Path, track_ms: float, **more: object) -> Path:
-    spec = spec_of("orbslam2", "default", None, 0, device_mobile=PI, **more)
+    spec = spec_of("orbslam2", "default", None, 0, **{"device_mobile": PI, **more})
     run = RawRun(duration_s=4.0, edge=False, track_ms=track_ms, manifest={"limits": {}})
     return write_experiment(root, [(spec, run)])
+
+
+def told_setup(folder: Path) -> list[str]:
+    results = load(folder)
+    return setup_lines(results, compute_times(results))
 
 
 def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
@@ -39,12 +50,53 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
     (live,) = compute_times(load(fast))
     assert live.ran_ms == pytest.approx(5.0, rel=0.1)
     assert live.ratio == pytest.approx(8.1, rel=0.1)
-    (line,) = [line for line in setup_lines(load(fast)) if "Compute times" in line]
+    (line,) = [line for line in told_setup(fast) if "Compute times" in line]
     assert f"{live.ran_ms:.1f} ms per frame" in line
     assert f"its cost model charges {live.model_ms:.1f} ms" in line and "two machines" in line
-    assert "two machines" not in " ".join(setup_lines(load(slow)))
+    assert "two machines" not in " ".join(told_setup(slow))
     virtual = on_a_pi(tmp_path / "c", 40.0, engine="virtual")
-    assert "are those of its cost model" in " ".join(setup_lines(load(virtual)))
+    assert "are those of its cost model" in " ".join(told_setup(virtual))
+
+
+@pytest.mark.parametrize(
+    ("track_ms", "more", "told"),
+    [
+        (5.0, {}, "8.1 times as fast"),
+        (40.0, {}, None),
+        (100.0, {}, "2.5 times as slow"),
+        (5.0, {"engine": "virtual"}, None),
+        (5.0, {"pace": "device"}, None),
+        (5.0, {"device_mobile": {"name": "half_core"}}, None),  # without a model nobody knows
+    ],
+)
+def test_a_live_run_far_from_its_device_is_a_loud_warning(
+    tmp_path: Path, track_ms: float, more: dict[str, object], told: str | None
+) -> None:
+    folder = on_a_pi(tmp_path, track_ms, **more)
+    paths = write_report(folder, figures=False)
+    terminal = Console(width=400, record=True, file=io.StringIO())
+    terminal_summary(folder, terminal)
+    page, markdown = paths.html.read_text(), paths.markdown.read_text()
+    texts = (
+        html.unescape(page),
+        markdown,
+        terminal.export_text(),
+        *Loaded.of(folder).results.problems,
+    )
+    found = [text for text in texts if "its cost model says" in text]
+    if told is None:
+        assert not found
+        return
+    assert len(found) == 4
+    ran_ms = compute_times(load(folder))[0].ran_ms
+    for text in found:
+        assert re.search(rf"on raspberry_pi_4 are {told[:2]}\S* {told[4:]} as the device", text)
+        assert f"took {ran_ms:.1f} ms per frame (measured), its cost model says 4" in text
+        assert ("pace: device" in text) == ("fast" in told)
+        assert ("--engine virtual" in text) == ("slow" in told)
+    # Above all numbers, and in the look of a warning.
+    assert page.index('<p class="warn"><b>Warning: live runs') < page.index('<div class="tiles">')
+    assert markdown.index("**Warning: live runs") < markdown.index("Engine local")
 
 
 def test_truth_says_how_far_apart_the_compute_times_are(tmp_path: Path) -> None:

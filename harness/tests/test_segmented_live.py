@@ -145,50 +145,69 @@ def kill_container(process: psutil.Process) -> None:
     subprocess.run(["docker", "kill", *found], capture_output=True, check=True)
 
 
-@pytest.mark.parametrize(
-    ("engine", "meet", "variants", "uploads"),
-    [
-        ("local", kill, ("no_adapt", "maskslam_offloaded"), 3),
-        # Full offload waits for each mask, so it tracks next to nothing then.
-        ("local", hang, ("no_adapt",), 1),
-        ("docker", kill_container, ("no_adapt", "maskslam_offloaded"), 3),
-    ],
-    ids=["killed", "hung", "container killed"],
-)
-def test_tracking_goes_on_without_its_segmenter(
-    engine: str,
-    meet: Callable[[psutil.Process], None],
-    variants: tuple[str, ...],
-    uploads: int,
-    tmp_path: Path,
-) -> None:
-    """`uploads`: of edgeSLAM, that nobody can segment any more; each waits for no more than word of
-    the last one, that there is no mask."""
+def meet_segmenters(
+    engine: str, meet: Callable[[psutil.Process], None], variants: Sequence[str], folder: Path
+) -> dict[str, Run]:
+    """Runs in the middle of which this is done to the segmenter."""
     if engine == "docker" and not image_is_built():
         pytest.skip("needs the node image ('make images')")
-    fault = Fault(tmp_path, meet)
+    fault = Fault(folder, meet)
     fault.start()
     try:
-        runs: dict[str, Any] = play(tmp_path, engine, *variants)
+        runs = play(folder, engine, *variants)
     finally:
         fault.over.set()
         fault.join()
     assert fault.met >= len(variants)
+    return runs
+
+
+def goes_on_without_masks(variant: str, run: Run, uploads: int) -> int:
+    """`uploads`: of edgeSLAM, that nobody can segment any more; each waits for no more than word of
+    the last one, that there is no mask. When the first picture had none."""
+    failed = run.of("segment_failed")
+    assert len(failed) > 0, variant
+    assert failed["reason"].str.contains("segmenter").all(), variant
+    dead_ns = int(failed["t_ns"].min())
+    tracked = run.of("frame_tracked")
+    after = tracked[tracked["t_ns"] > dead_ns]
+    assert (after["state"] == "ok").sum() > FPS, variant
+    assert run.summary["frames_total"] == SECONDS * FPS
+    if variant == "no_adapt":
+        assert (run.of("keyframe_sent")["t_ns"] > dead_ns).sum() >= uploads, variant
+        missing = run.of("mask_missing")
+        assert len(missing) >= len(failed) - 1, variant
+        assert (missing["reason"] == "not segmented").all(), variant
+    return dead_ns
+
+
+@pytest.mark.parametrize(("engine", "meet"), [("local", kill), ("docker", kill_container)])
+def test_a_segmenter_that_dies_is_started_again(
+    engine: str, meet: Callable[[psutil.Process], None], tmp_path: Path
+) -> None:
+    runs = meet_segmenters(engine, meet, ("no_adapt", "maskslam_offloaded"), tmp_path)
     for variant, run in runs.items():
-        failed = run.of("segment_failed")
-        assert len(failed) > 0, variant
-        assert failed["reason"].str.contains("segmenter").all(), variant
-        dead_ns = failed["t_ns"].min()
+        dead_ns = goes_on_without_masks(variant, run, uploads=3)
+        assert len(run.of("segmenter_ended")) == 1, variant
+        (back_ns,) = run.of("segmenter_restarted")["t_ns"]
+        assert run.of("segmenter_ended")["t_ns"].iloc[0] <= back_ns, variant
+        held, failed = run.of("mask_held"), run.of("segment_failed")
+        assert not held["t_ns"].between(dead_ns, back_ns).any(), variant
+        assert (held["t_ns"] > back_ns).sum() > 2, variant
+        # A picture may have been on its way to the dead one.
+        assert (failed["t_ns"] > back_ns).sum() <= 1, variant
+        assert run.summary["segmenter_restarts"] == 1, variant
+        beside = json.loads((run.folder / "manifest.json").read_text())["beside"]
+        assert beside["segmenter_restarts"] == 1, variant
+        assert beside["segmenter_cpu_s"] is None, variant
+
+
+def test_tracking_goes_on_beside_a_segmenter_that_hangs(tmp_path: Path) -> None:
+    # Full offload waits for each mask, so it tracks next to nothing then.
+    for variant, run in meet_segmenters("local", hang, ("no_adapt",), tmp_path).items():
+        dead_ns = goes_on_without_masks(variant, run, uploads=1)
         assert run.of("mask_held")["t_ns"].max() < dead_ns, variant
-        tracked = run.of("frame_tracked")
-        after = tracked[tracked["t_ns"] > dead_ns]
-        assert (after["state"] == "ok").sum() > FPS, variant
-        assert run.summary["frames_total"] == SECONDS * FPS
-        if variant == "no_adapt":
-            assert (run.of("keyframe_sent")["t_ns"] > dead_ns).sum() >= uploads, variant
-            missing = run.of("mask_missing")
-            assert len(missing) >= len(failed) - 1, variant
-            assert (missing["reason"] == "not segmented").all(), variant
+        assert run.of("segmenter_ended").empty, variant
 
 
 def test_an_edge_that_is_started_again_maps_and_segments_again(tmp_path: Path) -> None:

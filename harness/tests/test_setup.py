@@ -51,9 +51,23 @@ def test_another_apt_is_waited_for(tmp_path: Path) -> None:
     assert "iproute2" in calls[-1]
 
 
+BROKEN = "Sub-process /usr/bin/dpkg returned an error code (1)"
+
+
+def test_an_install_whose_packages_another_apt_removed_is_repeated_once(tmp_path: Path) -> None:
+    code, told, calls = install(tmp_path, 1, BROKEN)
+    assert code == 0, told
+    assert told.count("once more") == 1
+    assert [call.split()[1] for call in calls] == ["update"] * 2 + ["install"]
+
+
 @pytest.mark.parametrize(
     ("refusal", "wait_s", "part"),
-    [(LOCKED, 0, "another apt has held its lock"), ("Unable to fetch", 60, "Unable to fetch")],
+    [
+        (LOCKED, 0, "another apt has held its lock"),
+        ("Unable to fetch", 60, "Unable to fetch"),
+        (BROKEN, 60, "apt-get update failed"),
+    ],
 )
 def test_what_waiting_does_not_help_ends_with_code_3(
     tmp_path: Path, refusal: str, wait_s: int, part: str

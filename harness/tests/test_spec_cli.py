@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_line import slambed
+from test_foreign import write_system
 
 from slambed.errors import ExitCode
 from slambed.native import repository_root
@@ -73,3 +74,25 @@ def test_a_file_that_cannot_be_read_is_a_row(
     code, out, _ = slambed("experiments")
     assert code == ExitCode.OK
     assert "torn" in out and "not usable" in out
+
+
+LISTS = ("systems", "devices", "experiments", "profiles", "data", "inputs", "masks")
+
+
+@pytest.mark.parametrize("kind", LISTS)
+def test_all_lists_are_alike(kind: str) -> None:
+    code, out, err = slambed(kind, "list")
+    assert code == ExitCode.OK, err
+    # Its end says how to see one.
+    assert f"'slambed {kind} show " in "".join(out.splitlines()[-2:])
+    assert slambed(kind) == (code, out, err)
+    document = slambed(kind, "list", "--json")
+    assert document[0] == ExitCode.OK and json.loads(document[1])
+    assert slambed(kind, "--json") == document
+
+
+def test_systems_of_ones_own_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_system(tmp_path / "mine")
+    monkeypatch.setenv("SLAMBED_SYSTEMS", f"/nowhere:{tmp_path}")
+    _, out, _ = slambed("systems")
+    assert {"mine", "orbslam2"} <= {line.split()[0] for line in out.splitlines() if line.split()}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grids and settings stand for what somebody would have written by hand."""
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profiles
-from slambed.spec.run_spec import RunSpec
+from slambed.spec.run_spec import RunSpec, canonical_json
 
 HEAD: dict[str, Any] = {
     "title": "A sweep", "datasets": ["room"], "devices": {"mobile": "raspberry_pi_4"},
@@ -59,18 +60,89 @@ def test_a_grid_has_the_keys_of_cells_written_by_hand(tmp_path: Path) -> None:
     assert cells[-1] == "edgeslam:static n_orb 1000/room/rtt_40"
 
 
-def test_the_papers_sweep_by_hand_is_a_grid(tmp_path: Path) -> None:
-    """d_f7_norb names twelve systems; four lines of a grid name the same runs."""
+WRITTEN_OUT = {
+    "c_f11_tradeoff": (14, "61afd7c983f5e7d8"),
+    "c_f18_adaptive": (5, "387dd300070e8efe"),
+    "c_quick": (8, "e21f24cb735a96eb"),
+    "c_x_window": (8, "88a7b6a9553236de"),
+    "d_f7_norb": (12, "e5a0a8b46bab78a7"),
+    "d_t3_sine": (14, "6991e22f7e8e1b9d"),
+    "d_x_sync": (6, "fe82bd54289f4287"),
+    "m_x_backup": (3, "186b58d4a88d84c4"),
+    "m_x_sync": (6, "771c77190534dfff"),
+}
+"""Experiments with grids: how many systems they stand for, and the digest of these as they were
+written by hand. Kept campaigns are found by the keys and the labels that they make."""
+
+
+@pytest.mark.parametrize(("name", "count", "digest"), [(n, *d) for n, d in WRITTEN_OUT.items()])
+def test_the_papers_grids_stand_for_what_was_written_by_hand(
+    name: str, count: int, digest: str
+) -> None:
+    def number(value: Any) -> Any:
+        return f"{value:g}" if isinstance(value, float | int) else value  # 2 and 2.0 are one
+
+    systems = Library().experiment(name)[1].data["systems"]
+    told = [
+        {**system, "params": {k: number(v) for k, v in system.get("params", {}).items()}}
+        for system in systems
+    ]
+    assert len(told) == count
+    assert hashlib.sha256(canonical_json(told).encode()).hexdigest()[:16] == digest
+
+
+def test_every_grid_of_the_checkout_is_among_these() -> None:
+    files = (Library().root / "experiments").glob("*.yaml")
+    assert {path.stem for path in files if "grid: {" in path.read_text()} == set(WRITTEN_OUT)
+
+
+def test_a_label_says_where_the_point_stands(tmp_path: Path) -> None:
+    """d_f7_norb: the twelve cells of Figure 7 by the names that reports and plans know."""
     content = yaml.safe_load((Library().root / "experiments" / "d_f7_norb.yaml").read_text())
     content |= {"id": "sweep", "datasets": ["room"]}
-    written = runs_of(experiment_file(tmp_path, **content))
-    content["systems"] = [
-        {"system": "orbslam2", "params": {"second_hypotheses": False}, "label": "alone"},
-        {"system": "edgeslam", "variant": "static"},
-    ]
-    content["grid"] = {"params.n_orb": [500, 625, 750, 875, 1000, 1250]}
     swept = runs_of(experiment_file(tmp_path, **content))
-    assert [spec.run_key for spec in swept] == [spec.run_key for spec in written]
+    points = content.pop("grid")["params.n_orb"]
+    content["systems"] = [
+        {**system, "label": f"{name} {n}", "params": {**system.get("params", {}), "n_orb": n}}
+        for system, name in zip(content["systems"], ("alone", "static"), strict=True)
+        for n in points
+    ]
+    written = runs_of(experiment_file(tmp_path, **content))
+    assert len(written) == 2 * 6 * 2
+    assert [(s.run_key, s.cell) for s in swept] == [(s.run_key, s.cell) for s in written]
+
+
+def test_a_system_has_its_own_grid_instead_of_the_experiments(tmp_path: Path) -> None:
+    own = {"variant": ["static", "conventional"], "params.n_orb": [600]}
+    systems = [SYSTEMS[0], {"system": "edgeslam", "label": "{n_orb}: {variant}", "grid": own}]
+    grid = {"params.n_orb": [500, 1000], "link.rtt_ms": [0]}
+    runs = runs_of(experiment_file(tmp_path, systems=systems, grid=grid))
+    assert list(dict.fromkeys(spec.cell for spec in runs)) == [
+        "alone n_orb 500/room/rtt_0", "alone n_orb 1000/room/rtt_0",
+        "600: static/room/rtt_0", "600: conventional/room/rtt_0",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("entry", "told", "line"),
+    [
+        ({"label": "x {n_orbs}"}, "varies no 'n_orbs' for the label", "did you mean 'n_orb'"),
+        (
+            {"label": "{n_orb}", "grid": {"params.n_orb": [500], "params.sync_period_s": [1, 2]}},
+            "two different cells are called", "give them labels",
+        ),
+        ({"grid": {"link.rtt_ms": [0]}}, "cannot vary 'link.rtt_ms'", "params.<name>"),
+        ({"grid": None}, "expected keys", "line 10"),
+    ],
+)  # fmt: skip
+def test_a_wrong_grid_of_a_system_is_one_line(
+    tmp_path: Path, entry: dict[str, Any], told: str, line: str
+) -> None:
+    system = {"system": "edgeslam", "variant": "static", "grid": {"params.n_orb": [500]}} | entry
+    name = experiment_file(tmp_path, systems=[system], link={"profiles": ["none"]})
+    with pytest.raises(SlambedError) as error:
+        runs_of(name)
+    assert told in str(error.value) and line in str(error.value)
 
 
 def test_what_is_set_goes_before_the_file(tmp_path: Path) -> None:
@@ -111,6 +183,20 @@ def test_one_cell_can_be_chosen_and_told_before(tmp_path: Path) -> None:
     assert {spec.cell for spec in chosen(runs, ["alone/*"])} == {"alone/room/none"}
     with pytest.raises(SlambedError, match="is no cell; cells: alone/room/none"):
         chosen(runs, ["alone"])
+    # By what its runs have; several conditions must all hold, several selections may each.
+    assert {spec.cell for spec in chosen(runs, ["system=orbslam2"])} == {"alone/room/none"}
+    assert {spec.cell for spec in chosen(runs, ["system=edgeslam:static,link=no*,edge=host"])} == {
+        "edgeslam:static/room/none"
+    }
+    assert chosen(runs, ["variant=static", "label=alone", "params.n_orb=1"][:2]) == runs
+    for wrong, told in (
+        ("variant=statc", "variant: default, static"),
+        ("variant=static,system=orbslam2", "no run has all of that"),
+        ("varant=static", "or KEY=VALUE of system, variant"),
+    ):
+        with pytest.raises(SlambedError, match="is no cell") as error:
+            chosen(runs, [wrong], "--force")
+        assert told in str(error.value) and str(error.value).startswith(f"--force {wrong}")
     lines = preview(runs, RunStore(tmp_path), ("trusted",), 30.0, 2)
     assert lines[0] == "alone/room/none: 0 of 2 runs there"
     assert lines[-1].startswith("4 runs to execute, about 1")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import refused, slambed
 from results_factory import RawRun, spec_of, write_experiment
 
 from slambed.errors import SlambedError
@@ -36,6 +37,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def test_errors_are_those_of_the_medians(folders: tuple[Path, Path]) -> None:
     live, virtual = map(load, folders)
     table = truth_table(live, virtual)
+    assert table.caption.startswith(f"Virtual ({folders[1]}) against live ({folders[0]}), medians")
     assert {row[0] for row in table.rows} == {
         "edgeslam:static/room_walk/ramp_85", "orbslam2/room_walk"
     }  # fmt: skip
@@ -66,3 +68,13 @@ def test_two_live_results_are_no_truth(folders: tuple[Path, Path]) -> None:
         truth_table(live, live)
     with pytest.raises(SlambedError, match="holds no live run"):
         truth_table(virtual, virtual)
+
+
+def test_diff_makes_the_same_table(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    live, virtual = map(str, folders)
+    file = tmp_path / "table.csv"
+    code, out, err = slambed("diff", live, virtual, "--truth", "-o", str(file))
+    assert code == 0 and str(file) in out, err
+    assert file.read_text() == truth_table(load(folders[0]), load(folders[1])).csv()
+    line = refused(2, "diff", live, virtual, "--truth", "--metric", "lost")
+    assert "one table of its own" in line

@@ -11,8 +11,10 @@ inline std::vector<ParameterSpec> parameter_specs() {
   return {
       ParameterSpec::choice("reference_fallback", {"descriptors", "words"}),
       ParameterSpec::choice("point_identity", {"observations", "tracker_ids"}),
+      ParameterSpec::choice("last_frame_points", {"own", "by_rank"}),
       ParameterSpec::choice("reference_after_update", {"known", "newest"}),
       ParameterSpec::boolean("reanchor_last"),
+      ParameterSpec::boolean("local_observations"),
       ParameterSpec::choice("admission", {"on_arrival", "when_idle"}),
       ParameterSpec::choice("cull_age", {"mapped", "keyframe_ids"}),
       ParameterSpec::integer("local_map_size", 1, 100),

@@ -23,7 +23,8 @@ TrackingServiceOptions service_options(const Parameters& parameters,
 OffloadedMobile::OffloadedMobile(MobileNode& node, const Parameters& parameters)
     : node_(node),
       control_(node.network().open({.name = "control", .heartbeat = true})),
-      frames_(node.network().open({.name = "frame"})),
+      frames_(node.network().open(
+          {.name = "frame", .send_queue = parameters.integer("picture_queue")})),
       tracking_(node, frames_, parameters.integer("offload_window")),
       farewell_(node, control_) {}
 

@@ -12,6 +12,7 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::integer("n_orb", 50, 10000),
       ParameterSpec::integer("jpeg_quality", 1, 100),
       ParameterSpec::integer("offload_window", 0, 1000),
+      ParameterSpec::integer("picture_queue", 1, 10000),
       ParameterSpec::boolean("nrcc"),
       ParameterSpec::real("n_m", 0, 1),
       ParameterSpec::integer("mask_border_px", 0, 100),
@@ -25,12 +26,14 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::boolean("delay_one_way"),
       ParameterSpec::real("probe_period_s", 0.01, 60),
       ParameterSpec::integer("keyframes_under_way", 0, 1000),
+      ParameterSpec::integer("upload_queue", 1, 1000),
       ParameterSpec::boolean("local_references"),
       ParameterSpec::integer("local_keyframes", 2, 1000),
       ParameterSpec::integer("local_neighbours", 1, 100),
       ParameterSpec::integer("label_frames", 1, 10000),
       ParameterSpec::integer("label_neighbours", 0, 100),
       ParameterSpec::real("label_reach_px", 1, 1000),
+      ParameterSpec::boolean("record_culling"),
   };
 }
 // clang-format on

@@ -2,6 +2,8 @@
 #include "edgeslam_semantic/partial_offload.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <string>
 
 #include "node/messaging.hpp"
 #include "offload/rtt_monitor.hpp"
@@ -31,11 +33,13 @@ SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
       nrcc_(parameters.boolean("nrcc")),
       by_table_(parameters.boolean("adapt")),
       local_references_(parameters.boolean("local_references")),
+      record_culling_(parameters.boolean("record_culling")),
       fixed_row_(parameters.integer("fixed_row")),
       most_under_way_(parameters.integer("keyframes_under_way")),
       n_m_(parameters.real("n_m")),
       control_(node.network().open({.name = "control", .heartbeat = true})),
-      frames_(node.network().open({.name = "frame"})),
+      frames_(
+          node.network().open({.name = "frame", .send_queue = parameters.integer("upload_queue")})),
       masks_(node.network().open({.name = "mask"})),
       probes_(node.network().open({.name = "probe"})),
       farewell_(node, control_),
@@ -171,7 +175,7 @@ void SemanticMobile::settled(RunTime now) {
 }
 
 std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
-    Worker& worker, const OfferedFrame&, std::shared_ptr<const FeatureSet> features) {
+    Worker& worker, const OfferedFrame& frame, std::shared_ptr<const FeatureSet> features) {
   moments_.extracted = worker.now();
   features_ = features->size();
   worker.stage("match_features", [&](StageUnits& units) {
@@ -179,6 +183,7 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
     transfer_.follow(features);
     return 0;
   });
+  if (record_culling_) tell_features(frame, *features);
   const auto& free = transfer_.free();
   if (std::find(free.begin(), free.end(), 0) != free.end()) {
     features = worker.stage("cull_features", [&](StageUnits& units) {
@@ -188,6 +193,22 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
   }
   moments_.culled = worker.now();
   return features;
+}
+
+/// Pixels as the lens made them, where masks lie. Judged afterwards by labels, which no node reads.
+void SemanticMobile::tell_features(const OfferedFrame& frame, const FeatureSet& features) const {
+  const Camera& camera = features.sensor().camera;
+  const auto& free = transfer_.free();
+  std::string kept, culled;
+  for (int i = 0; i < features.size(); ++i) {
+    const Eigen::Vector2d at = camera.distort(features.keypoint(i).u, features.keypoint(i).v);
+    std::string& where = free[static_cast<std::size_t>(i)] ? kept : culled;
+    where += std::to_string(std::lround(at.x())) + ' ' + std::to_string(std::lround(at.y())) + ' ';
+  }
+  node_.log().write(JsonLine("frame_features")
+                        .add("frame", frame.played.index)
+                        .add("kept", kept)
+                        .add("culled", culled));
 }
 
 void SemanticMobile::report(Worker& worker, const TrackedFrame& frame) {

@@ -47,6 +47,7 @@ class SemanticMobile final : public MobilePolicy {
   void refused(std::uint64_t sequence);
   void no_longer_waits_for_mask(KeyFrameId keyframe);
   void settled(RunTime now);
+  void tell_features(const OfferedFrame& frame, const FeatureSet& features) const;
   void report(Worker& worker, const TrackedFrame& frame);
   std::optional<std::string_view> begin_anew() const;
   std::optional<std::string_view> choose();
@@ -56,7 +57,7 @@ class SemanticMobile final : public MobilePolicy {
   void reset();
 
   MobileNode& node_;
-  bool nrcc_, by_table_, local_references_;
+  bool nrcc_, by_table_, local_references_, record_culling_;
   int fixed_row_, most_under_way_;
   double n_m_;
   Channel &control_, &frames_, &masks_, &probes_;

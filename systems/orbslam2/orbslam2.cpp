@@ -13,21 +13,38 @@ class OrbSlam2Policy final : public MobilePolicy {
  public:
   OrbSlam2Policy(MobileNode& node, const Parameters& parameters)
       : node_(node),
+        lock_(made_lock(node, parameters)),
         mapping_(node.runtime(), node.log(), node.tracker().map(), node.places(),
                  {.mode = parameters.boolean("sequential") ? LocalMapping::Mode::kSequential
                                                            : LocalMapping::Mode::kWorker,
-                  .loop_closing = parameters.boolean("loop_closing")}) {}
+                  .loop_closing = parameters.boolean("loop_closing"),
+                  .lock = lock_.get()}) {}
 
   void start() override { mapping_.start(); }
+  std::shared_ptr<const FeatureSet> before_tracking(
+      Worker& worker, const OfferedFrame&, std::shared_ptr<const FeatureSet> features) override {
+    if (lock_) lock_->acquire(worker, "tracking");
+    return features;
+  }
   void after_frame(Worker& worker, const TrackedFrame& frame) override {
+    const bool resets = frame.outcome.reset_now;  // then it waits for mapping, which may wait here
+    if (lock_ && resets) lock_->release();
     mapping_.after_frame(worker, node_.tracking(), frame);
+    if (lock_ && !resets) lock_->release();
   }
   void finish(Worker& worker) override { mapping_.drain(worker); }
   void place_keyframes(PoseBook& book) override { mapping_.place(book); }
   MapCounts counts() const override { return count(*node_.tracker().map()); }
 
  private:
+  /// Where each keyframe is mapped between two frames nobody has to wait.
+  static std::unique_ptr<MapLock> made_lock(MobileNode& node, const Parameters& parameters) {
+    if (!parameters.boolean("contention") || parameters.boolean("sequential")) return nullptr;
+    return std::make_unique<MapLock>(node.runtime(), node.log());
+  }
+
   MobileNode& node_;
+  std::unique_ptr<MapLock> lock_;
   OnboardMapping mapping_;
 };
 

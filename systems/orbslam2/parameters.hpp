@@ -12,6 +12,7 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::integer("n_orb", 50, 10000),
       ParameterSpec::boolean("loop_closing"),
       ParameterSpec::boolean("second_hypotheses"),
+      ParameterSpec::boolean("contention"),
       ParameterSpec::boolean("sequential"),
       ParameterSpec::path("prior_map"),
       ParameterSpec::boolean("save_map"),

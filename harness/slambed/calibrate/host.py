@@ -10,7 +10,7 @@ from typing import Any
 
 from slambed.campaign.ledger import utc_now
 from slambed.errors import SlambedError, environment_error
-from slambed.native import find_program
+from slambed.native import find_program, how_to_build
 from slambed.spec.host_speed import HostSpeed
 
 PROGRAM = "slambed-pace"
@@ -52,7 +52,8 @@ def run_pace(seconds: float) -> dict[str, Any]:
         raise environment_error(f"{PROGRAM} failed: {done.stderr.strip() or done.returncode}")
     told: dict[str, Any] = json.loads(done.stdout)
     if told["workload"] != WORKLOAD:
-        raise SlambedError(f"{PROGRAM} does other work than this harness knows; run 'make build'")
+        text = f"{PROGRAM} does other work than this harness knows; run {how_to_build()}"
+        raise SlambedError(text)
     return told
 
 

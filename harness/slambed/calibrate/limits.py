@@ -19,7 +19,7 @@ from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thre
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import find_image, image_tag
 from slambed.engines.helper import is_root
-from slambed.engines.host_lock import host_lock
+from slambed.engines.host_lock import STOP, host_lock
 from slambed.engines.local import LocalEngine
 from slambed.engines.reaper import mark_children, reap
 from slambed.errors import ExitCode, SlambedError, environment_error
@@ -84,7 +84,7 @@ def _docker() -> Engine:
 @contextmanager
 def quiet_host() -> Iterator[None]:
     """No campaign runs meanwhile."""
-    with host_lock("slambed calibrate --limits"):
+    with host_lock("slambed calibrate --limits", advice=STOP):
         mark_children()
         reap()
         yield
@@ -101,7 +101,7 @@ def measure_limits(
         run_dir = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slambed-limits-")))
         run_dir.chmod(0o755)
         asked = {"threads": threads, "seconds": seconds, "settle_s": SETTLE_S}
-        config = asked | {"output": engine.output_path(run_dir)}
+        config = asked | {"output": engine.output_path(run_dir, "mobile")}
         (run_dir / "run.json").write_text(json.dumps(config))
         before = run_pace(REFERENCE_S)["threads"][0]["units_per_cpu_s"]
         cpus = allot_cpus(limits, None, host_cpus())

@@ -4,7 +4,7 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from slambed.spec.run_spec import RunSpec
@@ -41,13 +41,16 @@ class Backlog:
         """What waits, before anything was taken."""
         return iter(self._waiting)
 
-    def take(self, stop: threading.Event) -> Item | None:
-        """The next run, as soon as there is one; None when all are done or `stop` is set."""
+    def take(
+        self, stop: threading.Event, claim: Callable[[RunSpec], bool] = lambda spec: True
+    ) -> Item | None:
+        """The next run that `claim` lets begin, as soon as there is one; None when all are done or
+        `stop` is set."""
         with self._changed:
             while not stop.is_set():
                 now_s = time.monotonic()
                 for item in self._waiting:
-                    if item.not_before_s <= now_s:
+                    if item.not_before_s <= now_s and claim(item.spec):
                         self._waiting.remove(item)
                         self._in_hand += 1
                         return item

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from slambed.atomic import replacing
+from slambed.campaign.check_metrics import about_metric
 from slambed.campaign.left_poses import (
     check_rotations,
     frames_of,
@@ -227,10 +228,8 @@ def _plays(trial: Trial, found: Checked) -> None:
     if code == 0 and (trial.recording is None or _leaves(trial, found)):
         _path(trial, found)
     for key, item in trial.system.metrics.items():
-        role: Role = item.node or "mobile"
-        seen = any(event["type"] == item.event for event in trial.events(role))
-        how = "comes" if seen else "did not come in these frames"
-        found.tell(True, f"metric {key}: event '{item.event}' {how}")
+        told = about_metric(item, trial.events(item.node or "mobile"), FRAMES)
+        found.tell(True, f"metric {key} ({item.doc}): {told}")
 
 
 def _answers(trial: Trial, found: Checked) -> None:

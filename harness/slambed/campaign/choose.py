@@ -2,6 +2,7 @@
 """Which engine a campaign gets on this host."""
 
 from collections.abc import Callable
+from typing import Literal
 
 from rich.console import Console
 
@@ -14,35 +15,43 @@ from slambed.errors import ExitCode, SlambedError, environment_error
 from slambed.spec.software import host_software, image_software
 
 
-def choose_engine(asked: str, console: Console) -> tuple[Engine, str]:
-    """The engine and the tag of the software it runs.
-
-    `auto` takes docker where a daemon answers, else local, and says which and why. A missing image
-    is built.
-    """
+def decide(asked: str) -> tuple[Literal["docker", "local"], str]:
+    """The engine that live runs get here, and why, where `auto` passes docker over: it takes docker
+    where a daemon answers, else local. Raises SlambedError where this host refuses them."""
+    check_privilege(asked)
     if asked == "local":
-        return _local()
-    if asked == "docker":
-        return _docker()
+        return "local", ""
     try:
         connect().close()
     except SlambedError as error:
-        if error.code != ExitCode.ENVIRONMENT:
+        if asked == "docker" or error.code != ExitCode.ENVIRONMENT:
             raise
-        console.print(f"{error}: taking engine local", highlight=False, soft_wrap=True)
-        return _local()
-    return _docker()
+        return "local", f"{error}: taking engine local"
+    return "docker", ""
+
+
+def choose_engine(
+    asked: str, console: Console, build: Callable[[], None] | None = build_image
+) -> tuple[Engine, str]:
+    """The engine and the tag of the software it runs; tells why `auto` takes local.
+
+    A missing image is built; with `build` None it is not, and the engine is for questions only.
+    """
+    name, why = decide(asked)
+    if why:
+        console.print(why, highlight=False, soft_wrap=True)
+    return _local() if name == "local" else _docker(build)
 
 
 def _local() -> tuple[Engine, str]:
     return LocalEngine(), host_software()
 
 
-def _docker(build: Callable[[], None] = build_image) -> tuple[Engine, str]:
+def _docker(build: Callable[[], None] | None) -> tuple[Engine, str]:
     client = connect()
-    if find_image(client) is None:
+    if build is not None and find_image(client) is None:
         build()
-    return DockerEngine(client), image_software()
+    return DockerEngine(client, for_questions=build is None), image_software()
 
 
 def check_privilege(engine: str) -> None:

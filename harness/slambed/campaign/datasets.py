@@ -87,16 +87,18 @@ def must_be_here(name: str) -> None:
 
 
 def stand_in(name: str) -> str:
-    """`synthetic_room stands in for redkitchen: how to get that`; empty where nothing does."""
+    """What is played instead of what, and how to get that; empty where nothing is."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get
+    from slambed.data.stand_in import played_instead
 
     if (Path(name) / SEQUENCE_FILE).is_file():
         return ""
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return ""
-    return f"{catalog.resolve(name).id} stands in for {wanted.id}: {how_to_get(wanted)}"
+    played = catalog.resolve(name).id
+    return f"{played_instead(played, wanted.id)}. {wanted.id}: {how_to_get(wanted)}"
 
 
 def prior_map_of(name: str) -> str | None:
@@ -106,6 +108,16 @@ def prior_map_of(name: str) -> str | None:
     if (Path(name) / SEQUENCE_FILE).is_file():
         return None
     return Catalog.load().resolve(name).prior_map
+
+
+def must_be_made(name: str) -> bool:
+    """Whether `prepare_sequence` would have to decode or generate it first."""
+    from slambed.data.catalog import Catalog
+
+    if (Path(name) / SEQUENCE_FILE).is_file():
+        return False
+    catalog = Catalog.load()
+    return catalog.prepared(name) is None and catalog.available(catalog.resolve(name))
 
 
 def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) -> Sequence:
@@ -118,9 +130,9 @@ def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) 
     given = (Path(name) / SEQUENCE_FILE).is_file()
     catalog = None if given else Catalog.load()
     dataset = catalog.resolve(name) if catalog else None
-    if catalog and dataset and catalog.prepared(name) is None and catalog.available(dataset):
+    if dataset and must_be_made(name):
         say(f"preparing {dataset.id}: once, it is kept")
-    prepared = catalog.prepare(name) if catalog else PreparedSequence.open(name)
+    prepared = catalog.prepare(name, say=say) if catalog else PreparedSequence.open(name)
     verify_once(prepared)
     return _sequence(name, prepared, catalog, dataset)
 

@@ -15,8 +15,9 @@ Played = dict[str, tuple[Path, float]]
 class Executor(Protocol):
     """Turns RunSpecs into raw folders that are whole but for their place."""
 
-    jobs: int
-    """How many runs it executes at once; `execute` is called from as many threads."""
+    @property
+    def jobs(self) -> int:
+        """How many runs it executes at once; `execute` is called from as many threads."""
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Fills the folder; returns the summary. InterruptedRunError soon after `stop` is set;
@@ -24,3 +25,16 @@ class Executor(Protocol):
 
     def close(self) -> None:
         """Ends whatever it started."""
+
+
+class NoRuns:
+    """Of a campaign that has nothing to execute: it takes no host and joins no cluster."""
+
+    jobs = 1
+
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
+        """There is none."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Nothing was started."""

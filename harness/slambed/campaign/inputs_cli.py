@@ -2,23 +2,30 @@
 """`slambed inputs`: files that runs need and other runs make."""
 
 import json
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from slambed.campaign.prepared_inputs import find_prepared, inputs_folder, prepare_input
-from slambed.spec.library import Library
-from slambed.terminal import console
+from slambed.terminal import JsonOption, console, json_entry, lists_alone, print_json
 
-app = typer.Typer(help="Prior maps and reference paths, made by runs.", no_args_is_help=True)
+if TYPE_CHECKING:
+    from slambed.campaign.prepared_inputs import PreparedInput
+    from slambed.spec.library import Library
+
+app = typer.Typer(help="Prior maps and reference paths, made by runs.")
 Name = Annotated[str, typer.Argument(help="Name of a recipe in inputs/.")]
 
 
-@app.command("list")
-def list_inputs() -> None:
+def list_inputs(as_json: JsonOption = False) -> None:
     """Every recipe, and whether a file was made of it."""
+    from slambed.campaign.prepared_inputs import find_prepared, inputs_folder
+    from slambed.spec.library import Library
+
     library = Library()
+    if as_json:
+        print_json([_told(library, name) for name in library.inputs()])
+        return
     table = Table("input", "yields", "of", "made", "title", box=None)
     for name in library.inputs():
         recipe, _ = library.input(name)
@@ -26,22 +33,49 @@ def list_inputs() -> None:
         state = str(made[0].record.get("made_utc", ""))[:16] if made else "-"
         table.add_row(name, recipe.yields, recipe.dataset, state, recipe.title)
     console().print(table)
+    typer.echo("its run, and what was found of it: 'slambed inputs show NAME'")
     typer.echo(f"kept in {inputs_folder()}")
 
 
 @app.command()
 def prepare(name: Name) -> None:
     """Make a file now, or find it where it was made; experiments do it themselves."""
+    from slambed.campaign.prepared_inputs import prepare_input
+    from slambed.spec.library import Library
+
     made = prepare_input(name, Library(), typer.echo)
     typer.echo(f"{made.file}\nSHA-256 {made.sha256}")
 
 
 @app.command()
-def show(name: Name) -> None:
+def show(name: Name, as_json: JsonOption = False) -> None:
     """What is known of the newest file of a recipe: its run, and what was found of it."""
-    Library().input(name)
+    from slambed.campaign.prepared_inputs import find_prepared
+    from slambed.spec.library import Library
+
+    library = Library()
+    library.input(name)
+    if as_json:
+        print_json(_told(library, name))
+        return
     made = find_prepared(name)
     if not made:
         typer.echo(f"{name} was not made yet: slambed inputs prepare {name}")
         return
-    typer.echo(json.dumps({"path": str(made[0].file)} | made[0].record, indent=1))
+    typer.echo(json.dumps(_record(made[0]), indent=1))
+
+
+def _told(library: "Library", name: str) -> dict[str, Any]:
+    """A recipe with its newest file, null where none was made."""
+    from slambed.campaign.prepared_inputs import find_prepared
+
+    made = find_prepared(name)
+    recipe = json_entry(name, lambda name: library.input(name)[0])
+    return {**recipe, "made": _record(made[0]) if made else None}
+
+
+def _record(made: "PreparedInput") -> dict[str, Any]:
+    return {"path": str(made.file)} | made.record
+
+
+lists_alone(app, list_inputs)

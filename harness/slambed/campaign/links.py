@@ -21,9 +21,17 @@ def read_profile(item: str | float | dict[str, Any], where: str) -> NamedProfile
     return NamedProfile(profile.name, content)
 
 
-def backend_for(asked: str, profile: NamedProfile, cut: bool = False) -> str:
-    """The backend that a profile gets on this host; cut: some runs drop everything for a while."""
+def adds_nothing(profile: NamedProfile) -> bool:
+    """Whether it leaves the path as it is."""
+    return parse_profile(profile.content, f"profile {profile.name}").is_none
+
+
+def backend_for(
+    asked: str, profile: NamedProfile, cut: bool = False, netem: bool | None = None
+) -> str:
+    """The backend that a profile gets on this host; cut: some runs drop everything for a while.
+    `netem`: whether other hosts have it, where they execute the runs."""
     content = profile.content
     if cut:
         content = with_cuts(content | {"gap_mode": "drop"}, [ANY_CUT])
-    return choose_backend(asked, parse_profile(content, f"profile {profile.name}"))
+    return choose_backend(asked, parse_profile(content, f"profile {profile.name}"), netem)

@@ -3,7 +3,7 @@
 
 import sys
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.campaign.execution import execute_run, recording_of
@@ -25,6 +25,8 @@ class LiveExecutor:
     open_link: LinkOpener
     played: Played
     jobs: int = 1
+    command: list[str] = field(default_factory=lambda: sys.argv)
+    """What the user called: this process may be another's worker."""
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """In the calling thread. PassingError when the daemon or a process beside the run fails."""
@@ -39,7 +41,7 @@ class LiveExecutor:
         )
         with daemon_failures("keep the nodes of a run"):
             engine = self.engine.describe()
-            return execute_run(spec, raw, sequence, engine, sys.argv, run.execute, attempt)
+            return execute_run(spec, raw, sequence, engine, self.command, run.execute, attempt)
 
     def close(self) -> None:
         """Nothing outlives a live run."""

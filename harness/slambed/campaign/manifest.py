@@ -8,12 +8,14 @@ import subprocess
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from slambed import __version__
 from slambed.engines.result import RunResult
 from slambed.json_file import read_object
-from slambed.native import repository_root
-from slambed.records.manifest import EngineFacts, Manifest
+from slambed.native import is_installed, repository_root
+from slambed.records.board import BoardFacts
+from slambed.records.manifest import EngineFacts, Manifest, RunHost
 from slambed.spec.host_speed import cpu_model
 from slambed.spec.run_spec import RunSpec
 
@@ -46,6 +48,7 @@ def manifest(
         limits=result.limits,
         throttling=result.throttling,
         link=result.link,
+        **of_board(result.board),
         beside=result.beside,
         commit=commit,
         dirty=dirty,
@@ -66,17 +69,40 @@ def manifest(
     )
 
 
+def of_board(board: BoardFacts | None) -> dict[str, Any]:
+    """The board of a run's mobile node, which is the host that tables name, too."""
+    if board is None:
+        return {}
+    return {"board": board, "host": RunHost(name=board.name, cpus=list(range(board.cores)))}
+
+
 def add_plans(raw: Path, plans: dict[str, dict[str, str]]) -> None:
     """Which registered plans this attempt was made under. They are no part of what the run means:
     a run that an older plan had executed keeps saying so to whoever reuses it."""
+    add_facts(raw, {"plans": plans})
+
+
+def add_facts(raw: Path, further: dict[str, Any]) -> None:
+    """What only the campaign knows of an attempt, in the place of what is there."""
     path = raw / "manifest.json"
     if (facts := read_object(path)) is not None:
-        path.write_text(json.dumps(facts | {"plans": plans}, indent=1, allow_nan=False) + "\n")
+        path.write_text(json.dumps(facts | further, indent=1, allow_nan=False) + "\n")
+
+
+def installed_commit() -> tuple[str | None, bool | None]:
+    """What an installed package was made from, as setup.py has written it."""
+    try:
+        commit, _, state = (repository_root() / "commit").read_text().strip().partition(" ")
+    except OSError:
+        return None, None
+    return commit or None, bool(state) if commit else None
 
 
 @cache
 def git_state() -> tuple[str | None, bool | None]:
     """Commit of the checkout and whether tracked files differ from it; None outside of git."""
+    if is_installed():
+        return installed_commit()
     root = str(repository_root())
     # Under sudo the checkout belongs to another user, which git refuses without this.
     git = ["git", "-c", f"safe.directory={root}", "-C", root]

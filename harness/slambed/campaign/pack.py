@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed results pack|unpack`: what runs found, as one file that another machine goes on from.
+"""What runs found, as one file that another machine goes on from.
 
 A campaign of thousands of runs takes longer than one machine may be at hand. Summaries and
 manifests are all that resuming, tables and verdicts need, and take a few hundred bytes a run.
@@ -12,13 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from lzma import LZMAError
 from pathlib import Path, PurePosixPath
-from typing import Annotated
-
-import typer
 
 from slambed.atomic import replacing
 from slambed.campaign.folder import ResultFolder
-from slambed.campaign.size import ResultsOption, plans
+from slambed.campaign.size import plans
 from slambed.campaign.store import STORE, RunStore
 from slambed.errors import SlambedError, environment_error
 
@@ -90,7 +87,8 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
 def _files(run: Path, whole: bool) -> list[Path]:
     if not whole:
         return [run / name for name in NEEDED]
-    return sorted(path for path in run.rglob("*") if path.is_file())
+    drawn = run / "pictures"
+    return sorted(p for p in run.rglob("*") if p.is_file() and not p.is_relative_to(drawn))
 
 
 def _add(out: tarfile.TarFile, path: Path, root: Path) -> None:
@@ -163,31 +161,3 @@ def _write(folder: Path, files: Files) -> None:
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         with replacing(folder / path) as out:
             out.write_bytes(content)
-
-
-def add_to(app: typer.Typer) -> None:
-    """Makes them commands of `slambed results`."""
-    app.command("pack")(pack_command)
-    app.command("unpack")(unpack_command)
-
-
-def pack_command(
-    names: Annotated[list[str], typer.Argument(help="Experiments whose runs go into it.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (.tar.xz).")],
-    whole: Annotated[
-        bool, typer.Option("--whole", help="With events, samples and paths, not numbers only.")
-    ] = False,
-    results: ResultsOption = Path("results"),
-) -> None:
-    """Write the trusted runs of experiments into one small file: numbers and circumstances."""
-    runs, size = pack(results, names, output, whole)
-    typer.echo(f"{output}: {runs} runs, {size / 1e6:.2f} MB")
-
-
-def unpack_command(
-    file: Annotated[Path, typer.Argument(help="What `slambed results pack` wrote.")],
-    results: ResultsOption = Path("results"),
-) -> None:
-    """Put the runs of such a file into a results folder; `run` and `report` go on from it."""
-    found, new = unpack(file, results)
-    typer.echo(f"{file}: {found} runs, {new} of them new in {results}")

@@ -19,12 +19,13 @@ from slambed.campaign.datasets import (
 )
 from slambed.campaign.further import of_other_engines
 from slambed.campaign.ledger import utc_now
-from slambed.campaign.links import backend_for, read_profile
+from slambed.campaign.links import adds_nothing, backend_for, read_profile
 from slambed.campaign.masks import Say, make_masks, networks_of
 from slambed.errors import MissingDataError, SlambedError
 from slambed.spec import inputs
-from slambed.spec.device import VIRTUAL
-from slambed.spec.experiment import Experiment, Playback, assumed
+from slambed.spec.board import NETWORK, Board
+from slambed.spec.device import LOCAL, VIRTUAL
+from slambed.spec.experiment import Experiment, Playback, assumed, has_cuts
 from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
 from slambed.spec.masks import MasksAsked
@@ -32,7 +33,6 @@ from slambed.spec.matrix import (
     Circumstances,
     NamedProfile,
     expand,
-    has_cuts,
     needs_link,
     read_profiles,
 )
@@ -43,6 +43,10 @@ from slambed.yaml_source import YamlSource
 
 Provider = Callable[[str], Path]
 """Name of a prepared input -> its file, made now where it is missing."""
+
+
+Files = tuple[Experiment, YamlSource, Library, list[NamedProfile]]
+"""An experiment with what was read for it."""
 
 
 @dataclass
@@ -75,6 +79,7 @@ def check(
 ) -> list[NamedProfile]:
     """Finds what is wrong with an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
+    _check_profiles(experiment, source, profiles)
     _expand_unprepared(experiment, source, library, profiles, engine)
     _check_readers(experiment, source, library)
     kept: dict[str, Sequence] = {}
@@ -93,15 +98,46 @@ def check(
     return profiles
 
 
+def _check_profiles(
+    experiment: Experiment, source: YamlSource, profiles: list[NamedProfile]
+) -> None:
+    """To a board there is a real link: none can be emulated."""
+    if experiment.roles is None:
+        return
+    for index, profile in enumerate(profiles):
+        if not adds_nothing(profile):
+            raise source.complaint(
+                f"profile '{profile.name}' emulates a link, but to board "
+                f"{experiment.roles.mobile.called} there is a real one",
+                ("link", "profiles", index),
+                "write link.profiles: [none]",
+            )
+
+
 def notes(experiment: Experiment, library: Library) -> list[str]:
     """What is played instead of datasets that are not on this machine, and how to get those; what
     the experiment leaves to a default; and what nobody can measure of its systems."""
     stand_ins = [line for line in map(stand_in, experiment.datasets) if line]
-    return assumed(experiment) + stand_ins + [
+    return assumed(experiment) + _of_board(experiment) + stand_ins + [
         f"{system.name} reads a recorded folder at its own speed, whatever playback.mode says: "
         "frames dropped, tracking times and live poses are not known, and left empty"
         for system in _readers(experiment, library)
     ]  # fmt: skip
+
+
+def _of_board(experiment: Experiment) -> list[str]:
+    """What does not hold for a mobile node on a board."""
+    if experiment.roles is None:
+        return []
+    given = [experiment.devices.mobile, *(choice.devices.mobile for choice in experiment.systems)]
+    names = [item if isinstance(item, str) else item.name for item in given if item is not None]
+    asked = ", ".join(dict.fromkeys(name for name in names if name != "host"))
+    if not asked:
+        return []
+    return [
+        f"devices.mobile ({asked}) is not applied: board {experiment.roles.mobile.called} is the "
+        "device itself, without limits"
+    ]
 
 
 def _readers(experiment: Experiment, library: Library) -> list[System]:
@@ -144,7 +180,7 @@ def _expand_unprepared(
     }
     played_s = {name: known.played_s(experiment.playback) for name, known in kept.items()}
     anyhow = {profile.name: "" for profile in profiles}
-    engine = VIRTUAL if engine == VIRTUAL else ""
+    engine = engine if engine in (LOCAL, VIRTUAL) else ""
     maps = {name: prior_map_of(name) for name in experiment.datasets if wants_maps(experiment)}
     prior = {name: (made, made) for name, made in maps.items() if made is not None}
     host = Circumstances(engine, anyhow, "", nowhere, prior_maps=prior, played_s=played_s)
@@ -187,12 +223,17 @@ def make_plan(
     judged: bool = True,
     foreign: Mapping[str, str] | None = None,
     say: Say = lambda line: None,
+    netem: bool | None = None,
+    board: Board | None = None,
 ) -> Plan:
     """Prepares the datasets, what their files name for their runs, and the masks of virtual runs;
     expands the matrix.
 
     `judged`: with the reference that runs are compared with. Without `provide` no input is made.
     `foreign`: tags of the systems that are programs of their own. `say`: hears of long work.
+    `netem`: whether the hosts that execute the runs have it, where there are several; None: this
+    one executes them, and its speed is part of what they mean. `board`: what executes the mobile
+    nodes, where the experiment asks for one.
     """
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
@@ -217,10 +258,10 @@ def make_plan(
     backends: dict[str, str] = {}
     if experiment.link is not None and needs_link(experiment, library):
         asked = experiment.link.backend
-        backends = {p.name: VIRTUAL for p in profiles}
-        if engine != VIRTUAL:
+        backends = {p.name: VIRTUAL if board is None else NETWORK for p in profiles}
+        if engine != VIRTUAL and board is None:
             cut = has_cuts(experiment)
-            backends = {p.name: backend_for(asked, p, cut) for p in profiles}
+            backends = {p.name: backend_for(asked, p, cut, netem) for p in profiles}
     prior: dict[str, tuple[str, str]] = {}
     references: dict[str, str] = {}
     by_id = {found: name for name, (found, _) in names.items()}
@@ -247,7 +288,8 @@ def make_plan(
         masks,
         references,
         software_of=linked | dict(foreign or {}),
-        host_speed=load_host_speed().speed,
+        board=board,
+        host_speed=load_host_speed().speed if netem is None else None,
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)
     return Plan(experiment, specs, sequences, circumstances, left_out)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that runs need and other runs make: made once, kept under a key, verified before use."""
 
-import fcntl
 import hashlib
 import json
 import shutil
@@ -12,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from slambed.atomic import lock_file
 from slambed.campaign.ledger import utc_now
-from slambed.campaign.plan import Plan, make_plan
+from slambed.campaign.plan import Plan, Provider, make_plan
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError
@@ -52,16 +52,25 @@ def prepare_input(name: str, library: Library, say: Say) -> PreparedInput:
 
     Raises SlambedError where the run does not fulfil the recipe's conditions; nothing is kept then.
     """
-    plan, recipe = _plan(name, library, say)
+    plan, recipe = _plan(name, library, lambda other: prepare_input(other, library, say).file)
     folder = inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}"
     if (ready := _open(folder, recipe, say)) is not None:
         return ready
-    with _lock(recipe.id):
+    with _lock(recipe.id, say):
         if (ready := _open(folder, recipe, say)) is None:
             say(f"making input {recipe.id}: {recipe.title}")
             _make(folder, plan, recipe)
             ready = _open(folder, recipe, say)
     assert ready is not None
+    return ready
+
+
+def kept_input(name: str, library: Library) -> PreparedInput:
+    """The same where it is in the cache; SlambedError where it would have to be made."""
+    plan, recipe = _plan(name, library, lambda other: kept_input(other, library).file)
+    ready = _open(inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}", recipe)
+    if ready is None:
+        raise SlambedError(f"input {name} is not there; make it: slambed inputs prepare {name}")
     return ready
 
 
@@ -76,7 +85,11 @@ def find_prepared(name: str) -> list[PreparedInput]:
     return sorted(found, key=lambda item: str(item.record.get("made_utc")), reverse=True)
 
 
-def _plan(name: str, library: Library, say: Say) -> tuple[Plan, InputRecipe]:
+def _silent(line: str) -> None:
+    """Nobody hears of it."""
+
+
+def _plan(name: str, library: Library, provide: Provider) -> tuple[Plan, InputRecipe]:
     recipe, source = library.input(name)
     wanted = {"save_map": True} if recipe.yields == "map" else {}
     experiment = Experiment(
@@ -98,10 +111,7 @@ def _plan(name: str, library: Library, say: Say) -> tuple[Plan, InputRecipe]:
         raise source.complaint(f"system {recipe.system} has an edge: inputs are made by one node")
     software = host_software(program=SIMULATION)
     # An input is judged by its conditions: a reference that is being made has none of its own.
-    plan = make_plan(
-        experiment, source, library, [], VIRTUAL, software, 1,
-        lambda other: prepare_input(other, library, say).file, judged=False,
-    )  # fmt: skip
+    plan = make_plan(experiment, source, library, [], VIRTUAL, software, 1, provide, judged=False)
     return plan, recipe
 
 
@@ -115,7 +125,7 @@ def _key(plan: Plan, recipe: InputRecipe) -> str:
     return hashlib.sha256(canonical_json(meaning).encode()).hexdigest()[:KEY_DIGITS]
 
 
-def _open(folder: Path, recipe: InputRecipe, say: Say) -> PreparedInput | None:
+def _open(folder: Path, recipe: InputRecipe, say: Say = _silent) -> PreparedInput | None:
     """What lies there, if its bytes are those that were written; a damaged one is made again."""
     record = object_or_empty(folder / RECORD)
     file = folder / YIELDED[recipe.yields]
@@ -178,7 +188,7 @@ def _facts(raw: Path, summary: Summary) -> dict[str, float]:
 
 
 @contextmanager
-def _lock(name: str) -> Iterator[None]:
+def _lock(name: str, say: Say) -> Iterator[None]:
     """Two processes never make the same input at once."""
     folder = inputs_folder()
     try:
@@ -187,5 +197,5 @@ def _lock(name: str) -> Iterator[None]:
     except OSError as refused:
         raise no_cache(folder, refused) from refused
     with file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+        lock_file(file, f"makes {name}", say)
         yield

@@ -2,23 +2,24 @@
 """Which cells of a plan a campaign is about, and what it would do about them."""
 
 from collections.abc import Iterable
-from fnmatch import fnmatchcase
 
 from slambed.campaign.progress import duration
 from slambed.campaign.store import RunStore
-from slambed.errors import SlambedError
+from slambed.selection import facts_of, meant
 from slambed.spec.run_spec import RunSpec
 
 
 def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") -> list[RunSpec]:
-    """The runs of the cells named, patterns included; all where none is named. Raises SlambedError
-    for a name that is no cell."""
-    names = list(only)
-    cells = list(dict.fromkeys(spec.cell for spec in specs))
-    for name in names:
-        if not any(fnmatchcase(cell, name) for cell in cells):
-            raise SlambedError(f"{option} {name} is no cell; cells: {', '.join(cells)}")
-    return [s for s in specs if not names or any(fnmatchcase(s.cell, name) for name in names)]
+    """The runs of the cells that are selected (slambed.selection); all where nothing is. Raises
+    SlambedError for what is no cell."""
+    runs = [
+        facts_of(
+            s.cell, s.system, s.variant, [s.label], s.dataset, s.profile, s.device_mobile.name,
+            s.device_edge.name if s.device_edge is not None else None, s.engine, s.pace, s.params,
+        )
+        for s in specs
+    ]  # fmt: skip
+    return [s for s, ours in zip(specs, meant([*runs], only, option), strict=True) if ours]
 
 
 def preview(

@@ -16,6 +16,7 @@ from slambed.campaign.executors import Executor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.manifest import add_plans
+from slambed.campaign.places import AnyPlace, Places
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
@@ -64,6 +65,7 @@ class Runner:
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
     """Paper -> digests of its registered plan as this campaign began, for the manifests."""
     pauses_s: tuple[float, ...] = PAUSES_S
+    places: Places = field(default_factory=AnyPlace)
     _verdict: Verdict = field(default_factory=Verdict)
     _given_up_in_a_row: int = 0
     _books: threading.Lock = field(default_factory=threading.Lock)
@@ -100,16 +102,25 @@ class Runner:
         return self._verdict
 
     def _work(self, backlog: Backlog, reporter: Reporter, stop: threading.Event) -> None:
-        while (item := backlog.take(stop)) is not None:
+        while (item := self._take(backlog, stop)) is not None:
             try:
                 pause_s = self._try(item, reporter, stop)
             except BaseException:
                 stop.set()  # for the other threads
                 raise
+            finally:
+                self.places.release(item.spec)
             if pause_s is None:
                 backlog.done()
             else:
                 backlog.put_back(item, pause_s)
+
+    def _take(self, backlog: Backlog, stop: threading.Event) -> Item | None:
+        try:
+            return backlog.take(stop, self.places.claim)
+        except BaseException:
+            stop.set()  # no place is left for anybody
+            raise
 
     def _try(self, item: Item, reporter: Reporter, stop: threading.Event) -> float | None:
         """One attempt; how long to wait before the next one, None when there shall be none."""
@@ -153,7 +164,8 @@ class Runner:
             self._verdict.done += 1
             self._verdict.trusted += summary.trusted
             self._verdict.not_completed += summary.trusted and not summary.completed
-            reporter.run_ended(spec, verdict_of(summary))
+            host = self.places.host_of(spec)
+            reporter.run_ended(spec, verdict_of(summary) + (f"; host {host}" if host else ""))
         return None
 
     def _failed(self, item: Item, error: Exception, reporter: Reporter) -> float | None:
@@ -176,6 +188,8 @@ class Runner:
         return None
 
     def _tell(self, event: str, spec: RunSpec, **fields: Any) -> None:
+        if (host := self.places.host_of(spec)) is not None:
+            fields["host"] = host
         self.ledger.append(event, run_key=spec.run_key, cell=spec.cell, **fields)
 
 

@@ -17,12 +17,12 @@ LONGEST = 50
 SHORT = "/tmp"
 
 
-def sweep() -> None:
+def sweep(prefix: str = PREFIX) -> None:
     """Removes the folders whose harness has died: with it went its lock."""
-    for left in Path(_parent()).glob(f"{PREFIX}*"):
+    for left in Path(_parent()).glob(f"{prefix}*"):
         # Another user's, or swept by somebody else at this moment.
         with suppress(OSError):
-            lock = _locked(left)
+            lock = locked(left)
             shutil.rmtree(left, ignore_errors=True)
             os.close(lock)
 
@@ -34,7 +34,7 @@ def choose() -> Path:
     while True:
         folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=_parent()))
         with suppress(OSError):
-            lock = _locked(folder)
+            lock = locked(folder)
             if folder.exists():
                 break
             os.close(lock)  # swept before it was locked
@@ -54,8 +54,8 @@ def _parent() -> str:
     return found if len(found) <= LONGEST else SHORT
 
 
-def _locked(folder: Path) -> int:
-    """BlockingIOError while another process has it."""
+def locked(folder: Path) -> int:
+    """Holds it as long as the descriptor is open; BlockingIOError while another process has it."""
     opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)

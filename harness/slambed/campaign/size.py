@@ -1,20 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed results size|prune`: what the runs take, and freeing those that no plan names."""
+"""What the runs take, and which of them no plan names."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from slambed.campaign.folder import ResultFolder
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.json_file import read_object
 
-app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_help=True)
-ResultsOption = Annotated[Path, typer.Option("--results", help="Folder of all results.")]
 MEGABYTE = 1e6
 
 
@@ -52,37 +46,3 @@ def unnamed(results: Path) -> set[str]:
     """Keys of runs that no plan of any experiment names."""
     named: set[str] = set().union(*(keys for _, keys in plans(results)))
     return set(RunStore(results).keys()) - named
-
-
-@app.command()
-def size(results: ResultsOption = Path("results")) -> None:
-    """Say what the runs of each experiment take, and those that no plan names."""
-    _must_be_there(results)
-    store = RunStore(results)
-    for name, keys in plans(results):
-        typer.echo(f"{name}: {size_of(store, keys)}")
-    typer.echo(f"in no plan: {size_of(store, unnamed(results))}; free them: slambed results prune")
-
-
-@app.command()
-def prune(
-    results: ResultsOption = Path("results"),
-    yes: Annotated[bool, typer.Option("--yes", help="Really remove them.")] = False,
-) -> None:
-    """Remove the runs that no plan names: of older sources, of parameters that were changed."""
-    _must_be_there(results)
-    store, keys = RunStore(results), unnamed(results)
-    told = size_of(store, keys)
-    if not yes:
-        typer.echo(f"would remove {told}; give --yes to do it")
-        return
-    for key in keys:
-        store.remove(key)
-    for name, named in plans(results):
-        ResultFolder(results / name).show(named)
-    typer.echo(f"removed {told}")
-
-
-def _must_be_there(results: Path) -> None:
-    if not results.is_dir():
-        raise SlambedError(f"no such folder: {results}; give the right --results")

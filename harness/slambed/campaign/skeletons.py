@@ -2,6 +2,7 @@
 """`slambed new`: writes a copy of a skeleton (folder skeletons/) under a name of one's own."""
 
 import re
+import shlex
 from pathlib import Path
 
 from slambed.errors import SlambedError
@@ -9,7 +10,7 @@ from slambed.native import repository_root
 
 KINDS = ("system", "dataset", "experiment")
 NAME = re.compile(r"[a-z][a-z0-9_]*")
-PLACEHOLDER = "NAME"
+PLACEHOLDER, SCHEMAS = "NAME", "SCHEMAS"
 
 
 def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
@@ -22,8 +23,15 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
     if kind != "system":
         target = folder / f"{name}.yaml"
         _write(source / f"{kind}.yaml", target, name)
-        follow = "slambed data list" if kind == "dataset" else f"slambed run {target} --check"
-        return [f"{target}", f"next: {follow}"]
+        given = shlex.quote(f"{target}")
+        if kind == "experiment":
+            return [f"{target}", f"next: slambed run {given} --check"]
+        return [
+            f"{target}",
+            f"next: slambed data prepare {given}",
+            f"      slambed data show {given}",
+            f"then, in an experiment beside it: datasets: [./{target.name}]",
+        ]
     place = folder / name
     if place.exists():
         raise SlambedError(f"{place} is there already; choose another name or --folder")
@@ -34,8 +42,8 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
         written.append(f"{target}")
     return [
         *written,
-        f"next: slambed check-system {place / 'system.yaml'}",
-        f"      slambed run {place / f'{name}_beside_ours.yaml'} --engine local",
+        f"next: slambed check-system {shlex.quote(str(place / 'system.yaml'))}",
+        f"      slambed run {shlex.quote(str(place / f'{name}_beside_ours.yaml'))} --engine local",
     ]
 
 
@@ -44,6 +52,7 @@ def _write(source: Path, target: Path, name: str) -> None:
         raise SlambedError(f"{target} is there already; choose another name or --folder")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(source.read_text().replace(PLACEHOLDER, name))
+        text = source.read_text().replace(SCHEMAS, str(repository_root() / "schemas"))
+        target.write_text(text.replace(PLACEHOLDER, name))
     except OSError as error:
         raise SlambedError(f"{target}: {error.strerror}; choose another --folder") from None

@@ -8,6 +8,7 @@ from typing import Any
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.plan import planned_runs
+from slambed.campaign.plan_as_it_is import plan_as_it_is
 from slambed.errors import SlambedError
 from slambed.json_file import read_object
 from slambed.metrics.summary import Summary
@@ -28,15 +29,17 @@ class CellStatus:
 
 @dataclass
 class Status:
-    """Runs of an experiment as it was last expanded."""
+    """Runs of an experiment: as it was last asked for, or as its file is now."""
 
     cells: list[CellStatus]
     notes: list[str]
+    known: bool = True
+    """False where there is nothing to count, or nobody can tell yet: the notes say which."""
 
     @property
     def complete(self) -> bool:
         """True when every run is there and to be trusted."""
-        return all(not cell.missing and not cell.untrusted for cell in self.cells)
+        return self.known and all(not cell.missing and not cell.untrusted for cell in self.cells)
 
 
 def was_run(results: Path, name: str) -> bool:
@@ -45,14 +48,56 @@ def was_run(results: Path, name: str) -> bool:
     return (folder.path / "experiment.json").exists() or bool(folder.run_keys())
 
 
-def not_run_yet(name: str) -> str:
-    """What there is to say of an experiment that was never run; a mistake in it is raised."""
+def is_of(results: Path, name: str, file: Path) -> bool:
+    """Whether the results are of this file as it is now; also where nobody knows of which."""
+    content = read_object(results / name / "experiment.json") or {}
+    known = content.get("file", {}).get("sha256")
+    return known is None or known == _digest(file)
+
+
+def status_now(results: Path, name: str, given: str) -> Status:
+    """Of what `slambed run` would find of the file as it is now: by the keys of its own plan, by
+    whatever experiment runs were made. A mistake in the file is raised."""
     library = Library()
-    experiment, source = library.experiment(name)
+    experiment, source = library.experiment(given)
+    folder = ResultFolder(results / name)
+    before = was_run(results, name)
+    begun = f"{source.path.name} has changed since it was run" if before else "not run yet"
     # What is not on this machine is known when its turn comes.
     most = "at most " if experiment.missing_datasets == "skip" else ""
-    count = planned_runs(experiment, source, library)
-    return f"not run yet: 0 of {most}{count} runs; start with 'slambed run {name}'"
+    count = f"{most}{planned_runs(experiment, source, library)} runs"
+    start = f"start with 'slambed run {given}'"
+    if not folder.store.keys():
+        return Status([], [f"{begun}: 0 of {count}; {start}"], known=False)
+    try:
+        plan = plan_as_it_is(experiment, source, library)
+    except SlambedError as error:
+        told = f"{begun}: which of {count} are there is not known ({error})"
+        more = f"'slambed run {given} --dry-run' makes what is missing and says"
+        return Status([], [f"{told}; {more}"], known=False)
+    cells = cells_of(plan.specs, folder)
+    there = sum(cell.trusted + len(cell.untrusted) for cell in cells)
+    notes = [f"{begun}: {there} of {len(plan.specs)} runs; {start}"]
+    notes += [f"left out: {line}" for line in plan.left_out]
+    if there and not before:
+        notes.append("other experiments asked for the same runs; 'slambed run' takes them")
+    return Status(cells if there or before else [], notes, known=bool(there or before))
+
+
+def cells_of(specs: list[RunSpec], folder: ResultFolder) -> list[CellStatus]:
+    """What is there of these runs, as a campaign finds it that is to execute them."""
+    cells: dict[str, CellStatus] = {}
+    for spec in specs:
+        cell = cells.setdefault(spec.cell, CellStatus(spec.cell))
+        match folder.state(spec.run_key):
+            case "trusted":
+                cell.trusted += 1
+            case "untrusted":
+                summary = folder.summary(spec.run_key) or Summary()
+                cell.untrusted.append(f"{spec.run_key}: {summary.get('distrust')}")
+            case _:
+                cell.missing += 1
+    return list(cells.values())
 
 
 def status_of(results: Path, name: str, yaml_path: Path | None, software: set[str]) -> Status:
@@ -66,28 +111,21 @@ def status_of(results: Path, name: str, yaml_path: Path | None, software: set[st
             f"{folder.path / 'experiment.json'} is missing or not whole; "
             f"'slambed run {name}' writes it anew"
         ) from None
-    cells: dict[str, CellStatus] = {}
-    for spec in specs:
-        cell = cells.setdefault(spec.cell, CellStatus(spec.cell))
-        match folder.state(spec.run_key):
-            case "trusted":
-                cell.trusted += 1
-            case "untrusted":
-                summary = folder.summary(spec.run_key) or Summary()
-                cell.untrusted.append(f"{spec.run_key}: {summary.get('distrust')}")
-            case _:
-                cell.missing += 1
+    cells = cells_of(specs, folder)
     notes = [f"{key}: not a run of this experiment, in {folder.runs}" for key in _foreign(folder)]
-    if yaml_path is not None and yaml_path.is_file():
-        digest = hashlib.sha256(yaml_path.read_bytes()).hexdigest()
-        if digest != content.get("file", {}).get("sha256"):
-            notes.append(f"{yaml_path.name} has changed since; 'slambed run' takes the new one")
+    file = yaml_path if yaml_path is not None and yaml_path.is_file() else None
+    if file is not None and _digest(file) != content.get("file", {}).get("sha256"):
+        notes.append(f"{file.name} has changed since; 'slambed run' takes the new one")
     if software and content.get("software") not in software:
         notes.append(
             "C++ sources have changed since: 'slambed run' executes the runs of the systems that "
             "link them; what is there stays"
         )
-    return Status(list(cells.values()), notes)
+    return Status(cells, notes)
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _without_key(run: dict[str, Any]) -> dict[str, Any]:

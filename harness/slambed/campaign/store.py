@@ -9,9 +9,9 @@ import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from secrets import token_hex
 from typing import Literal
 
+from slambed.campaign.work_place import WORK, work_name
 from slambed.errors import environment_error
 from slambed.json_file import read_object
 from slambed.metrics.digest import MOBILE_FILES
@@ -24,7 +24,6 @@ State = Literal["trusted", "untrusted", "missing"]
 STORE = "runs"
 """No experiment may be called so."""
 ATTEMPTS = "attempts"
-WORK = ".work"
 LOCK = ".lock"
 RESULT_FILES = ("manifest.json", "summary.json", REFERENCE_FILE)
 NODE_FILES = ("node.json", "ready.json", "log.txt")
@@ -57,7 +56,7 @@ class RunStore:
                 for folder in everybody.iterdir():
                     if folder.is_dir() and not _is_locked(folder / LOCK):
                         shutil.rmtree(folder, ignore_errors=True)
-                self.work = everybody / f"{os.getpid()}-{token_hex(4)}"
+                self.work = everybody / work_name()
                 self.work.mkdir()
                 self._lock = os.open(self.work / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
                 fcntl.flock(self._lock, fcntl.LOCK_EX)

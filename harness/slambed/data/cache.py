@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from slambed.atomic import lock_file
 from slambed.data.places import no_cache
 from slambed.data.preparation import Job, Progress
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
@@ -17,6 +17,7 @@ from slambed.data.recipe import Dataset
 from slambed.errors import SlambedError, environment_error
 from slambed.json_file import read_object
 
+Say = Callable[[str], None]
 _KEY_DIGITS = 12
 
 
@@ -26,12 +27,18 @@ class SequenceCache:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def get(self, dataset: Dataset, job: Job, progress: Progress | None) -> PreparedSequence:
-        """The sequence of this job, from the cache or made now."""
+    def get(
+        self,
+        dataset: Dataset,
+        job: Job,
+        progress: Progress | None,
+        say: Say = lambda line: None,
+    ) -> PreparedSequence:
+        """The sequence of this job, from the cache or made now; `say` hears of waiting."""
         path = self.folder / f"{dataset.id}-{job.key()[:_KEY_DIGITS]}"
         if (ready := _open_or_none(path)) is not None:
             return ready
-        with self._lock(dataset.id):
+        with self._lock(dataset.id, say):
             if (ready := _open_or_none(path)) is not None:
                 return ready
             self._sweep(dataset.id)
@@ -69,14 +76,14 @@ class SequenceCache:
             raise no_cache(self.folder, refused) from refused
 
     @contextmanager
-    def _lock(self, name: str) -> Iterator[None]:
+    def _lock(self, name: str, say: Say) -> Iterator[None]:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             file = (self.folder / f".{name}.lock").open("w")
         except OSError as refused:
             raise no_cache(self.folder, refused) from refused
         with file:
-            fcntl.flock(file, fcntl.LOCK_EX)
+            lock_file(file, f"prepares {name}", say)
             yield
 
     def _sweep(self, name: str) -> None:

@@ -7,20 +7,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.data import places
-from slambed.data.cache import SequenceCache
+from slambed.data.cache import Say, SequenceCache
 from slambed.data.preparation import Progress, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
-from slambed.data.recipe_file import load_recipe
+from slambed.data.recipe_file import DATASET_FILE, dataset_files, dataset_name, load_recipe
 from slambed.errors import MissingDataError, SlambedError
 from slambed.native import repository_root
 from slambed.suggestion import did_you_mean
 
+YAML = (".yaml", ".yml")
+
 
 @dataclass(frozen=True)
 class Catalog:
-    """Every dataset file of a folder, and the folders where sources are looked for."""
+    """Every dataset file of the checkout and of the folders of one's own, and the folders where
+    sources are looked for."""
 
     datasets: dict[str, Dataset]
     search: tuple[Path, ...]
@@ -28,31 +31,51 @@ class Catalog:
     """Of the dataset files: the paths that come with them are found from there."""
     broken: dict[str, SlambedError] = field(default_factory=dict)
     """File without suffix -> what is wrong with it: whoever asks for another one is not stopped."""
+    files: dict[str, Path] = field(default_factory=dict)
+    """Id or alias -> its file."""
+    ambiguous: dict[str, SlambedError] = field(default_factory=dict)
+    """Ids of ours that a file of somebody's own has, too: who asks for one may mean either."""
 
     @classmethod
     def load(cls, folder: Path | None = None, search: list[Path] | None = None) -> Catalog:
-        """Reads datasets/*.yaml of the checkout (or of another folder)."""
+        """Reads datasets/*.yaml of the checkout (or of another folder), and those of the folders
+        in $SLAMBED_DATASETS."""
         folder = folder or repository_root() / "datasets"
-        datasets: dict[str, Dataset] = {}
-        names: dict[str, Path] = {}
-        broken: dict[str, SlambedError] = {}
-        for file in sorted(folder.glob("*.yaml")):
-            try:
-                dataset = load_recipe(file)
-                own = dict.fromkeys((dataset.id, *dataset.aliases), file)
-                if taken := own.keys() & names.keys():
-                    name = min(taken)
-                    raise SlambedError(f"{file}: '{name}' is already taken by {names[name]}")
-            except SlambedError as error:
-                broken[file.stem] = error
-                continue
-            names |= own
-            datasets[dataset.id] = dataset
         searched = search if search is not None else places.search_path()
-        return cls(datasets, tuple(searched), folder, broken)
+        catalog = cls({}, tuple(searched), folder)
+        own = [file for place in places.dataset_folders() for file in dataset_files(place)]
+        for file in (*sorted(folder.glob("*.yaml")), *own):
+            try:
+                catalog._add(file)
+            except SlambedError as error:
+                catalog.broken[dataset_name(file)] = error
+        return catalog
+
+    def _add(self, file: Path) -> Dataset:
+        """One more file. Raises SlambedError where it cannot be read, or its names are taken."""
+        dataset = load_recipe(file)
+        names = dict.fromkeys((dataset.id, *dataset.aliases), file)
+        if taken := names.keys() & self.files.keys():
+            name = min(taken)
+            error = SlambedError(
+                f"{file}: '{name}' is already taken by {self.files[name]}; give it another id"
+            )
+            if not self._is_ours(file) and self._is_ours(self.files[name]):
+                self.ambiguous[name] = error
+            raise error
+        self.files.update(names)
+        self.datasets[dataset.id] = dataset
+        return dataset
+
+    def _is_ours(self, file: Path) -> bool:
+        return file.parent == self.folder
 
     def get(self, name: str) -> Dataset:
-        """The dataset with this id or alias."""
+        """The dataset with this id or alias, or of this file."""
+        if name.endswith(YAML):
+            return self._of_file(Path(name).resolve())
+        if (error := self.ambiguous.get(name)) is not None:
+            raise error
         for dataset in self.datasets.values():
             if name == dataset.id or name in dataset.aliases:
                 return dataset
@@ -64,6 +87,20 @@ class Catalog:
             f"dataset '{name}' is not known{did_you_mean(name, known)}; "
             f"'slambed data list' shows all{unread}"
         )
+
+    def _of_file(self, file: Path) -> Dataset:
+        """Known by its names from then on, and so are those beside it that it names."""
+        for name, known in self.files.items():
+            if known.resolve() == file:
+                return self.get(name)
+        if not file.is_file():
+            raise SlambedError(f"there is no dataset file {file}")
+        dataset = self._add(file)
+        for name in (*dataset.first_of, *filter(None, [dataset.window_of])):
+            beside = (file.with_name(f"{name}.yaml"), file.with_name(name) / DATASET_FILE)
+            if name not in self.files and (found := [p for p in beside if p.is_file()]):
+                self._of_file(found[0])
+        return dataset
 
     def resolve(self, name: str, cache_dir: Path | None = None) -> Dataset:
         """Like get, but a `first_of` is replaced by its first available choice."""
@@ -86,7 +123,7 @@ class Catalog:
         dataset = self.whole(dataset)
         if dataset.synthetic:
             wanted = dataset.synthetic.path_file
-            return wanted is None or self._find_path_file(wanted) is not None
+            return wanted is None or self._find_path_file(dataset, wanted) is not None
         if self.locate(dataset) is not None:
             return True
         return SequenceCache(places.prepared_folder(cache_dir)).find(dataset) is not None
@@ -104,12 +141,13 @@ class Catalog:
         return whole
 
     def locate(self, dataset: Dataset) -> Path | None:
-        """The source on the search path, or None."""
+        """The source on the search path, or beside a dataset file of one's own; None: nowhere."""
         splits = [split_pattern(pattern) for pattern in dataset.paths]
         named = [(folder, rest) for folder, rest in splits if folder is not None]
         searched = [
-            (folder, rest) for folder in self._open_folders() for own, rest in splits if own is None
-        ]
+            (folder, rest) for folder in self._looked_in(dataset) for own, rest in splits
+            if own is None
+        ]  # fmt: skip
         for folder, pattern in named + searched:
             if found := sorted(folder.glob(pattern)):
                 return found[0]
@@ -121,36 +159,50 @@ class Catalog:
         wanted = dataset.synthetic.path_file
         if wanted is None:
             return None
-        if (file := self._find_path_file(wanted)) is not None:
+        if (file := self._find_path_file(dataset, wanted)) is not None:
             return file
         raise MissingDataError(
             f"dataset '{dataset.id}' follows the camera path {wanted}, which is not in "
-            f"{self._folders()}; put it there or set SLAMBED_DATA"
+            f"{self._folders(dataset)}; put it there or set SLAMBED_DATA"
         )
 
-    def _find_path_file(self, wanted: str) -> Path | None:
+    def _find_path_file(self, dataset: Dataset, wanted: str) -> Path | None:
         """Beside the dataset files, so that it is the same on every machine; else as data is."""
-        folders = [self.folder, *self._open_folders()]
+        folders = [self._home(dataset), *self._looked_in(dataset)]
         return next((f / wanted for f in folders if (f / wanted).is_file()), None)
 
-    def _open_folders(self) -> list[Path]:
-        """Those of the search path that are there and ours to read."""
-        return [folder for folder in self.search if places.is_open(folder)]
+    def _home(self, dataset: Dataset) -> Path:
+        """Where its file lies."""
+        return self.files[dataset.id].parent if dataset.id in self.files else self.folder
 
-    def _folders(self) -> str:
-        return ":".join(str(folder) for folder in self.search)
+    def _places(self, dataset: Dataset) -> list[Path]:
+        """Where its source may be: a file of one's own may have it beside it."""
+        home = self._home(dataset)
+        return [*([] if home == self.folder else [home]), *self.search]
+
+    def _looked_in(self, dataset: Dataset) -> list[Path]:
+        """Those of them that are there and ours to read."""
+        return [folder for folder in self._places(dataset) if places.is_open(folder)]
+
+    def _folders(self, dataset: Dataset) -> str:
+        return ":".join(str(folder) for folder in self._places(dataset))
 
     def prepare(
-        self, name: str, cache_dir: Path | None = None, progress: Progress | None = None
+        self,
+        name: str,
+        cache_dir: Path | None = None,
+        progress: Progress | None = None,
+        say: Say = lambda line: None,
     ) -> PreparedSequence:
         """The prepared sequence of a dataset; made now when the cache does not have it.
 
-        Two processes never prepare the same dataset at once; an interrupt leaves nothing behind.
+        Two processes never prepare the same dataset at once, and `say` hears of waiting; an
+        interrupt leaves nothing behind.
         """
         dataset = self.whole(self.resolve(name, cache_dir))
         cache = SequenceCache(places.prepared_folder(cache_dir))
         if dataset.synthetic is not None:
-            return cache.get(dataset, SynthJob(dataset, self._path_file(dataset)), progress)
+            return cache.get(dataset, SynthJob(dataset, self._path_file(dataset)), progress, say)
         source = self.locate(dataset)
         if source is None:
             if (kept := cache.find(dataset)) is not None:
@@ -158,7 +210,7 @@ class Catalog:
             raise MissingDataError(self._missing(dataset))
         if (source / SEQUENCE_FILE).is_file():
             return PreparedSequence.open(source)
-        return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress)
+        return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress, say)
 
     def prepared(self, name: str, cache_dir: Path | None = None) -> PreparedSequence | None:
         """What `prepare` would open without making anything; None where it would make it first."""
@@ -185,7 +237,7 @@ class Catalog:
             recipe = f"get it from {download.url} ({size}, {checked})"
         wanted = " or ".join(dataset.paths)
         return (
-            f"dataset '{dataset.id}' not found: no {wanted} in {self._folders()}; {recipe}, "
+            f"dataset '{dataset.id}' not found: no {wanted} in {self._folders(dataset)}; {recipe}, "
             "or set SLAMBED_DATA"
         )
 
@@ -207,9 +259,12 @@ def open_source(dataset: Dataset, source: Path) -> SequenceReader:
 
 
 def prepare(
-    dataset_id: str, cache_dir: Path | None = None, progress: Progress | None = None
+    dataset_id: str,
+    cache_dir: Path | None = None,
+    progress: Progress | None = None,
+    say: Say = lambda line: None,
 ) -> PreparedSequence:
     """Prepares a dataset of the checkout's catalogue; a prepared folder's path is opened as is."""
     if (Path(dataset_id) / SEQUENCE_FILE).is_file():
         return PreparedSequence.open(dataset_id)
-    return Catalog.load().prepare(dataset_id, cache_dir, progress)
+    return Catalog.load().prepare(dataset_id, cache_dir, progress, say)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -13,24 +13,25 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from slambed.data import places
-from slambed.data.cache import SequenceCache
-from slambed.data.catalog import Catalog, prepare
-from slambed.data.contact_sheet import write_contact_sheet
-from slambed.data.download import download as fetch
-from slambed.data.download import how_to_get, recipe_text
-from slambed.data.export import export as write_export
-from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
-from slambed.data.recipe import Dataset
 from slambed.errors import ExitCode, SlambedError
-from slambed.outputs import picture, writing
-from slambed.terminal import console
+from slambed.outputs import writing
+from slambed.terminal import JsonOption, console, lists_alone, print_json
 
-app = typer.Typer(help="Recorded and generated sequences.", no_args_is_help=True)
-Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
+if TYPE_CHECKING:
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import PreparedSequence
+    from slambed.data.recipe import Dataset
+
+app = typer.Typer(help="Recorded and generated sequences.")
+Id = Annotated[
+    str, typer.Argument(help="id or alias of a dataset, its YAML file, or a prepared folder")
+]
 
 
 def state(catalog: Catalog, dataset: Dataset) -> str:
     """prepared, found, generated or missing; a choice tells which it takes, and instead of what."""
+    from slambed.data.cache import SequenceCache
+
     if dataset.first_of:
         taken, wanted = catalog.resolve(dataset.id).id, catalog.stands_in_for(dataset.id)
         return f"takes {taken}" + (f", {wanted.id} is missing" if wanted else "")
@@ -41,10 +42,14 @@ def state(catalog: Catalog, dataset: Dataset) -> str:
     return "generated" if dataset.synthetic is not None else "found"
 
 
-@app.command("list")
-def list_datasets() -> None:
+def list_datasets(as_json: JsonOption = False) -> None:
     """All datasets and whether they are here; exit 2 where a file of them cannot be read."""
+    from slambed.data.catalog import Catalog
+
     catalog = Catalog.load()
+    if as_json:
+        print_json(_entries(catalog))
+        raise typer.Exit(ExitCode.BAD_INPUT if catalog.broken else ExitCode.OK)
     table = Table("id", "sensor", "state", "title", box=None)
     for dataset in catalog.datasets.values():
         names = ", ".join((dataset.id, *dataset.aliases))
@@ -52,11 +57,21 @@ def list_datasets() -> None:
         table.add_row(names, sensor, state(catalog, dataset), dataset.title)
     screen = console()
     screen.print(table)
+    screen.print("pictures of one: 'slambed data show ID'")
     screen.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
     for error in catalog.broken.values():
         typer.echo(f"not listed: {error}", err=True)
     if catalog.broken:
         raise typer.Exit(ExitCode.BAD_INPUT)
+
+
+def _entries(catalog: Catalog) -> list[dict[str, object]]:
+    """For a script: what the files say and what is here of them."""
+    return [
+        *({**d.model_dump(mode="json"), "state": state(catalog, d)}
+          for d in catalog.datasets.values()),
+        *({"id": name, "error": str(error)} for name, error in catalog.broken.items()),
+    ]  # fmt: skip
 
 
 @app.command("prepare")
@@ -65,12 +80,18 @@ def prepare_dataset(
     cache: Annotated[Path | None, typer.Option(help="cache folder; default $SLAMBED_CACHE")] = None,
 ) -> None:
     """Decode or generate a sequence once; playback then only maps memory."""
+    from slambed.data.catalog import prepare
+    from slambed.data.prepared import SEQUENCE_FILE
+
     if not (Path(dataset) / SEQUENCE_FILE).is_file():
         _offer_download(dataset)
     with _progress_bar() as bar:
         task = bar.add_task(dataset, total=None)
         sequence = prepare(
-            dataset, cache, lambda done, total: bar.update(task, completed=done, total=total)
+            dataset,
+            cache,
+            lambda done, total: bar.update(task, completed=done, total=total),
+            lambda line: bar.console.print(line, highlight=False, soft_wrap=True),
         )
     typer.echo(f"{sequence.path}: {describe(sequence)}")
 
@@ -78,12 +99,16 @@ def prepare_dataset(
 def _offer_download(name: str) -> None:
     """What a stand-in stands for, to fetch now where somebody can be asked, else with the command
     that fetches it."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.download import how_to_get, recipe_text
+    from slambed.data.stand_in import played_instead
+
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return
-    told = f"{catalog.resolve(name).id} stands in for {wanted.id}"
+    told = played_instead(catalog.resolve(name).id, wanted.id)
     if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
-        typer.echo(f"note: {told}: {how_to_get(wanted)}", err=True)
+        typer.echo(f"note: {told}. {wanted.id}: {how_to_get(wanted)}", err=True)
     elif typer.confirm(f"{told}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"):
         # Whoever answered has read that no checksum is known.
         download(wanted.id, force=True)
@@ -92,6 +117,8 @@ def _offer_download(name: str) -> None:
 @app.command()
 def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared sequence")]) -> None:
     """Check a prepared sequence against its checksums, every frame."""
+    from slambed.data.prepared import PreparedSequence
+
     sequence = PreparedSequence.open(path)
     sequence.verify(full=True)
     typer.echo(f"{path}: intact; {describe(sequence)}; checksum {sequence.checksum}")
@@ -101,23 +128,30 @@ def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared seque
 def show(
     dataset: Id,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default pictures/ID.png")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
 ) -> None:
     """Write a contact sheet of a sequence."""
+    from slambed.data.catalog import prepare
+    from slambed.data.contact_sheet import write_contact_sheet
+
     sequence = prepare(dataset)
-    file = output or picture(f"{sequence.info.id}.png")
+    file = output or places.picture(f"{sequence.info.id}.png")
     write_contact_sheet(sequence, file, frames)
     typer.echo(f"{file}: {describe(sequence)}")
 
 
 @app.command()
 def difficulty(
-    datasets: Annotated[list[str], typer.Argument(help="ids or aliases, or prepared folders")],
+    datasets: Annotated[
+        list[str], typer.Argument(help="ids or aliases, YAML files, or prepared folders")
+    ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="figure: .png, .svg, .pdf; default pictures/"),
+        typer.Option(
+            "-o", "--output", help="figure: .png, .svg, .pdf; default: in the cache, and said"
+        ),
     ] = None,
     table: Annotated[Path | None, typer.Option(help="CSV to write: a row per gap")] = None,
 ) -> None:
@@ -126,6 +160,7 @@ def difficulty(
     Features are matched by descriptors alone, as ORB-SLAM2 falls back to after missing frames; what
     is right is known from ground truth and depth (a camera without depth: from the epipolar line).
     """
+    from slambed.data.catalog import prepare
     from slambed.data.difficulty import measure
     from slambed.data.difficulty_report import csv_of, draw, lines_of
 
@@ -138,7 +173,7 @@ def difficulty(
     if table is not None:
         with writing(table, "--table"):
             table.write_text(csv_of(measured))
-    file = output or picture("difficulty.png")
+    file = output or places.picture("difficulty.png")
     if file.suffix not in (".png", ".svg", ".pdf"):
         raise SlambedError(f"unknown picture format {file}; known: .png, .svg, .pdf")
     draw(measured, file)
@@ -148,10 +183,13 @@ def difficulty(
 @app.command()
 def export(
     dataset: Id,
-    layout: Annotated[str, typer.Option("--format", help="tum, euroc or kitti")],
+    layout: Annotated[str, typer.Option("--format", help="tum, euroc, kitti or mcap")],
     output: Annotated[Path | None, typer.Option(help="folder to write; default ID-FORMAT")] = None,
 ) -> None:
-    """Write a sequence as a folder of pictures that other programs read."""
+    """Write a sequence as a folder of pictures, or a ROS 2 bag, that other programs read."""
+    from slambed.data.catalog import prepare
+    from slambed.data.export import export as write_export
+
     sequence = prepare(dataset)
     folder = output or Path(f"{sequence.info.id}-{layout}")
     with _progress_bar() as bar:
@@ -168,6 +206,9 @@ def export(
 @app.command()
 def where() -> None:
     """Folders that are searched, and the cache."""
+    for folder in places.dataset_folders():
+        state = places.state_of(folder)
+        typer.echo(f"{folder}  (dataset files{f', {state}' if state else ''})")
     for folder in places.search_path():
         state = places.state_of(folder)
         typer.echo(f"{folder}  ({state})" if state else f"{folder}")
@@ -181,6 +222,10 @@ def download(
     dry_run: Annotated[bool, typer.Option(help="only print the recipe")] = False,
 ) -> None:
     """Fetch a dataset whose checksum is known, or print where it comes from."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.download import download as fetch
+    from slambed.data.download import recipe_text
+
     chosen = Catalog.load().get(dataset)
     folder = places.download_folder()
     if dry_run:
@@ -217,3 +262,6 @@ def _progress_bar() -> Progress:
         console=Console(stderr=True),
         transient=True,
     )
+
+
+lists_alone(app, list_datasets)

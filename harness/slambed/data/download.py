@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fetching a dataset by its recipe: checked, unpacked aside, then moved into place.
 
-By the standard library and not by pooch (looked at: 1.9), which neither resumes nor knows mirrors
-either, takes no `file:` address, and would replace one function of this file (`_fetch`).
+By the standard library (data/fetch.py) and not by pooch (looked at: 1.9), which neither resumes nor
+knows mirrors, and takes no `file:` address.
 """
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import tarfile
 import tempfile
-import urllib.error
-import urllib.request
 import zipfile
 from pathlib import Path
 
+from slambed.data.fetch import Wanted, fetch, forget
 from slambed.data.preparation import Progress
 from slambed.data.recipe import Dataset, Download
 from slambed.errors import SlambedError, environment_error
-
-_CHUNK_BYTES = 1 << 20
 
 
 def recipe_text(dataset: Dataset, folder: Path) -> str:
@@ -29,13 +25,14 @@ def recipe_text(dataset: Dataset, folder: Path) -> str:
     size = f"{recipe.size_bytes} bytes" if recipe.size_bytes else "size not known"
     action = "see the page" if recipe.unpack == "none" else f"unpack into {folder / recipe.into}"
     terms = f"; terms: {dataset.licence}" if dataset.licence else ""
-    return f"{dataset.id}: {recipe.url} ({size}, sha256 {recipe.sha256}); {action}{terms}"
+    mirrors = "".join(f" or {mirror}" for mirror in recipe.mirrors)
+    return f"{dataset.id}: {recipe.url}{mirrors} ({size}, sha256 {recipe.sha256}); {action}{terms}"
 
 
 def how_to_get(dataset: Dataset) -> str:
     """What to do for a dataset that is not here, in one clause."""
     if dataset.download is None:
-        return f"no public download has it; {dataset.note}".rstrip("; \n")
+        return "no public download has it"
     if dataset.download.unpack == "none":
         return f"get it from {dataset.download.url}"
     unverified = "" if dataset.download.verified else " --force (no checksum is known)"
@@ -48,6 +45,7 @@ def download(
     """Carries out a recipe and returns the SHA-256 of what came.
 
     Without a verified checksum only with force; a wrong checksum is an error and keeps nothing.
+    What a broken transfer brought is kept, and the next call goes on from there (data/fetch.py).
     """
     recipe = _recipe(dataset)
     if recipe.unpack == "none":
@@ -61,17 +59,19 @@ def download(
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".download-", dir=folder) as scratch:
-            archive = Path(scratch) / "archive"
-            digest = _fetch(recipe, archive, progress)
-            if recipe.verified and digest != recipe.sha256:
-                raise SlambedError(
-                    f"{recipe.url}: sha256 is {digest}, not {recipe.sha256}; nothing was kept"
-                )
-            unpacked = Path(scratch) / "unpacked"
-            unpacked.mkdir()
-            _unpack(recipe, archive, unpacked)
-            _merge(unpacked, folder / recipe.into)
+        wanted = Wanted(
+            (recipe.url, *recipe.mirrors), recipe.sha256 if recipe.verified else None,
+            recipe.size_bytes,
+        )  # fmt: skip
+        archive, digest = fetch(wanted, folder, progress)
+        try:
+            with tempfile.TemporaryDirectory(prefix=".download-", dir=folder) as scratch:
+                unpacked = Path(scratch) / "unpacked"
+                unpacked.mkdir()
+                _unpack(recipe, archive, unpacked)
+                _merge(unpacked, folder / recipe.into)
+        finally:
+            forget(archive)
     except OSError as refused:
         raise environment_error(f"{folder}: {refused.strerror or refused}") from refused
     return digest
@@ -83,25 +83,6 @@ def _recipe(dataset: Dataset) -> Download:
             f"dataset '{dataset.id}' has no download recipe; {dataset.note}".rstrip("; ")
         )
     return dataset.download
-
-
-def _fetch(recipe: Download, archive: Path, progress: Progress | None) -> str:
-    digest = hashlib.sha256()
-    try:
-        with urllib.request.urlopen(recipe.url, timeout=60) as answer, archive.open("wb") as file:
-            total = int(answer.headers.get("Content-Length") or recipe.size_bytes or 0)
-            done = 0
-            while chunk := answer.read(_CHUNK_BYTES):
-                file.write(chunk)
-                digest.update(chunk)
-                done += len(chunk)
-                if progress:
-                    progress(done, max(total, done))
-    except (urllib.error.URLError, ValueError) as broken:
-        raise environment_error(f"{recipe.url}: {broken}; check the network") from broken
-    if recipe.size_bytes and done != recipe.size_bytes:
-        raise environment_error(f"{recipe.url}: {done} bytes came, not {recipe.size_bytes}; repeat")
-    return digest.hexdigest()
 
 
 def _unpack(recipe: Download, archive: Path, target: Path) -> None:

@@ -1,51 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A prepared sequence as a folder of pictures, in the layouts that other programs read."""
+"""A prepared sequence in the formats that other programs read: folders of pictures, and a bag."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.data.export_part import Part, Progress
 from slambed.data.layouts import SENSORS
-from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, move_into_place, partial_folder
 from slambed.data.trajectory import Trajectory, write_tum
 from slambed.errors import SlambedError, environment_error
 
-Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class Part:
-    """What of a sequence is written."""
-
-    sequence: PreparedSequence
-    indices: NDArray[np.intp]
-    """Of its frames, in their order."""
-    with_truth: bool
-    progress: Progress | None
-
-    def frames(self) -> Iterator[Frame]:
-        """One after the other; who waits hears of each."""
-        for done, index in enumerate(self.indices, start=1):
-            yield self.sequence[int(index)]
-            if self.progress is not None:
-                self.progress(done, len(self.indices))
-
-    @property
-    def fps(self) -> float:
-        """Of what is left of the recorded frames."""
-        steps = np.diff(self.indices)
-        return self.sequence.info.fps / (float(np.median(steps)) if len(steps) else 1.0)
-
-    def truth(self) -> Trajectory | None:
-        """The true path, where there is one that shall be told."""
-        return self.sequence.groundtruth() if self.with_truth else None
+FORMATS: dict[str, tuple[str, ...]] = {**SENSORS, "mcap": ("rgbd", "stereo", "mono")}
+"""Format -> sensors whose sequences it can hold: layouts of folders, and a bag."""
 
 
 def export(
@@ -58,15 +30,15 @@ def export(
     with_truth: bool = True,
 ) -> Path:
     """Writes `path` whole or not at all: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/),
-    kitti (image_0, image_1, times.txt, calib.txt, poses.txt).
+    kitti (image_0, image_1, times.txt, calib.txt, poses.txt), mcap (a ROS 2 bag).
 
     Grey pictures, as they are played; of the frames at `indices`, or of all. Raises SlambedError
     for a layout that cannot hold the sequence, and where something is there already.
     """
-    if layout not in SENSORS:
-        raise SlambedError(f"unknown format '{layout}'; known: {', '.join(SENSORS)}")
-    if sequence.info.sensor not in SENSORS[layout]:
-        fitting = [name for name, sensors in SENSORS.items() if sequence.info.sensor in sensors]
+    if layout not in FORMATS:
+        raise SlambedError(f"unknown format '{layout}'; known: {', '.join(FORMATS)}")
+    if sequence.info.sensor not in FORMATS[layout]:
+        fitting = [name for name, sensors in FORMATS.items() if sequence.info.sensor in sensors]
         raise SlambedError(
             f"{sequence.info.id} is {sequence.info.sensor}, which {layout} does not hold; "
             f"take {' or '.join(fitting)}"
@@ -78,10 +50,20 @@ def export(
         partial.mkdir(parents=True)
         every = np.arange(len(sequence))
         part = Part(sequence, every if indices is None else indices, with_truth, progress)
-        {"tum": _tum, "euroc": _euroc, "kitti": _kitti}[layout](part, partial)
-        move_into_place(partial, path)
+        # The file in a bag is called as its folder.
+        folder = partial / path.name
+        if layout == "mcap":
+            from slambed.data.export_bag import write_bag
+
+            write_bag(part, folder)
+        else:
+            folder.mkdir()
+            {"tum": _tum, "euroc": _euroc, "kitti": _kitti}[layout](part, folder)
+        move_into_place(folder, path)
     except OSError as error:
         raise environment_error(f"{path}: {error.strerror}; choose another folder") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
     return path
 
 

@@ -7,7 +7,24 @@ import os
 from pathlib import Path
 
 from slambed.errors import SlambedError, environment_error
-from slambed.native import repository_root
+from slambed.native import cache_folder as cache_folder
+from slambed.native import is_installed, repository_root
+from slambed.outputs import make_folder
+
+DATASETS_VARIABLE = "SLAMBED_DATASETS"
+PICTURES = "pictures"
+MADE_AGAIN = {
+    "prepared": "sequences, decoded or generated",
+    "features": "features and pictures of every frame, for virtual runs",
+    "inputs": "prior maps and references",
+    "masks": "what networks found in sequences",
+    "recorded": "sequences as folders, for systems that read one",
+    PICTURES: "pictures that nobody gave a place",
+    "verified": "which sequences were read against their checksums",
+}
+"""Folders of the cache that may be removed at any time, and what they hold."""
+OURS = (*MADE_AGAIN, "programs", "data", "networks", "uml", "host_speed.json")
+"""All that slambed makes in its cache. Whatever else lies there is somebody's who knows why."""
 
 
 def search_path() -> list[Path]:
@@ -17,15 +34,22 @@ def search_path() -> list[Path]:
     """
     configured = [Path(p).expanduser() for p in os.environ.get("SLAMBED_DATA", "").split(":") if p]
     root = repository_root()
-    beside = [] if os.environ.get("SLAMBED_DATA_BESIDE") == "no" else [root.parent / "shared/data"]
+    own = [] if is_installed() else [root / "data"]
+    if own and os.environ.get("SLAMBED_DATA_BESIDE") != "no":
+        own.append(root.parent / "shared/data")
     candidates = [
         *configured,
         Path.cwd() / "data",
-        root / "data",
-        *beside,
+        *own,
         download_folder(),
     ]
     return list(dict.fromkeys(Path(os.path.normpath(p)) for p in candidates))
+
+
+def dataset_folders() -> list[Path]:
+    """Folders of dataset files of one's own: $SLAMBED_DATASETS (colon list)."""
+    told = os.environ.get(DATASETS_VARIABLE, "").split(os.pathsep)
+    return [Path(part).expanduser().resolve() for part in told if part]
 
 
 def is_open(folder: Path) -> bool:
@@ -50,17 +74,17 @@ def no_cache(folder: Path, refused: OSError) -> SlambedError:
     )
 
 
-def cache_folder() -> Path:
-    """$SLAMBED_CACHE, else $XDG_CACHE_HOME/slambed, else ~/.cache/slambed."""
-    if configured := os.environ.get("SLAMBED_CACHE"):
-        return Path(configured).expanduser()
-    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "slambed"
-
-
 def download_folder() -> Path:
     """Where `slambed data download` unpacks to."""
     return cache_folder() / "data"
+
+
+def picture(name: str) -> Path:
+    """The place of a picture without an --output: in the cache, because where somebody works is no
+    place for what he did not ask for."""
+    folder = cache_folder() / PICTURES
+    make_folder(folder, "--output")
+    return folder / name
 
 
 def prepared_folder(cache_dir: Path | None = None) -> Path:

@@ -82,6 +82,11 @@ class PreparedSequence:
             info.frames, info.frame_stride_bytes
         )
 
+    def __repr__(self) -> str:
+        info = self.info
+        what = f"{info.id!r}, sensor={info.sensor!r}, frames={info.frames}"
+        return f"PreparedSequence({str(self.path)!r}, {what})"
+
     @classmethod
     def open(cls, path: Path | str) -> PreparedSequence:
         """Opens a folder after checking header, index and sizes, but not every frame."""

@@ -49,6 +49,9 @@ class Download(_Strict):
     """Where the data comes from. Without a verified checksum nothing is fetched unasked."""
 
     url: str
+    mirrors: tuple[str, ...] = Field(
+        default=(), description="further addresses of the same file, asked in their order"
+    )
     size_bytes: int | None = Field(default=None, gt=0)
     sha256: str = Field(default=UNVERIFIED, pattern=rf"^([0-9a-f]{{64}}|{UNVERIFIED})$")
     unpack: Literal["tar", "zip", "none"] = "none"

@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loading one datasets/*.yaml with errors that name file, line and the likely intention."""
+"""Dataset files: where they lie, and loading one with errors that name file, line and the likely
+intention."""
 
 from pathlib import Path
 
 from slambed.data.recipe import Dataset
 from slambed.yaml_source import load_yaml, read_model
 
+DATASET_FILE = "dataset.yaml"
+"""Its folder has the name of the dataset; any other file has it itself."""
+
+
+def dataset_files(folder: Path) -> list[Path]:
+    """Those of a folder of one's own: NAME.yaml and NAME/dataset.yaml."""
+    return sorted([*folder.glob("*.yaml"), *folder.glob(f"*/{DATASET_FILE}")])
+
+
+def dataset_name(path: Path) -> str:
+    """The id that a dataset file must have."""
+    return path.resolve().parent.name if path.name == DATASET_FILE else path.stem
+
 
 def load_recipe(path: Path) -> Dataset:
     """Reads and checks one dataset file."""
     dataset = read_model(Dataset, path)
-    if dataset.id != path.stem:
-        raise load_yaml(path).complaint(
-            f"the id is '{dataset.id}'", ("id",), f"name the file {dataset.id}.yaml"
-        )
+    if dataset.id != dataset_name(path):
+        what = "its folder" if path.name == DATASET_FILE else "the file"
+        name = dataset.id if path.name == DATASET_FILE else f"{dataset.id}.yaml"
+        raise load_yaml(path).complaint(f"the id is '{dataset.id}'", ("id",), f"name {what} {name}")
     return dataset

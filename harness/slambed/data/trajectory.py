@@ -21,7 +21,7 @@ COLUMNS = 8
 EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """Camera-to-world poses: stamps [N] s, positions [N,3] m, quaternions [N,4] as x y z w."""
 
@@ -42,6 +42,10 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.stamps_s)
+
+    def __repr__(self) -> str:
+        lasts_s = float(self.stamps_s[-1] - self.stamps_s[0]) if len(self) else 0.0
+        return f"Trajectory(poses={len(self)}, seconds={lasts_s:.1f})"
 
     def rows(self) -> Floats:
         """The numbers of TUM's lines [N,8]."""

@@ -4,6 +4,7 @@
 import os
 import time
 from pathlib import Path
+from typing import Protocol
 
 from slambed.engines.attend_messages import (
     Attend,
@@ -16,7 +17,7 @@ from slambed.engines.attend_messages import (
     Stop,
     Stopped,
 )
-from slambed.engines.base import Engine, Node
+from slambed.engines.base import Node
 from slambed.line_protocol import LineProcess
 from slambed.native import find_program
 from slambed.spec.device import Limits
@@ -29,20 +30,29 @@ FINE_TICK_S = 1.5e-3
 """A kernel that looks this often at quotas needs no metronome."""
 
 
+class Host(Protocol):
+    """Of an engine: what starts processes beside nodes."""
+
+    unprivileged: bool
+
+    def beside(self, module: str, writable: list[Path]) -> list[str]: ...
+
+
 class AttendantClient:
     """The harness's hold on the process beside a run (`engines.attend`): thread caps and metronome
     from its making on, samples from `start` to `stop`."""
 
     def __init__(
         self,
-        engine: Engine,
+        engine: Host,
         nodes: dict[Role, Node],
         limits: dict[Role, Limits],
         cpus: dict[Role, list[int]],
         run_dir: Path,
         whole_groups: bool = False,
     ) -> None:
-        """`whole_groups`: a node may be several processes, all of its control group."""
+        """`nodes`: those of this host; `whole_groups`: a node may be several processes, all of its
+        control group."""
         samples = (run_dir / "samples.jsonl").resolve()
         # Made here, so that it belongs to whoever runs the harness; a helper may be another user.
         samples.touch()
@@ -101,7 +111,7 @@ class AttendantClient:
 
 def free_cpus(cpus: dict[Role, list[int]], host: list[int]) -> list[int]:
     """Where the sampler disturbs least: outside of both nodes, else outside of the mobile one."""
-    mobile = set(cpus["mobile"])
+    mobile = set(cpus.get("mobile", []))
     both = mobile.union(*cpus.values())
     return [c for c in host if c not in both] or [c for c in host if c not in mobile] or host
 

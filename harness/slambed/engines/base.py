@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from slambed.engines.attend_messages import Stopped
+from slambed.records.board import BoardFacts
 from slambed.records.manifest import EngineFacts
-from slambed.sampling.cgroup import CgroupReader, Granted
+from slambed.sampling.cgroup import Granted
 from slambed.sampling.record import ThreadCap
 from slambed.spec.device import Limits
 from slambed.spec.runtime import Runtime
@@ -42,6 +44,8 @@ class NodePlan:
     """Where that lies on the host."""
     frames: Path | None = None
     """The recorded folder, on the host, of a system that reads one."""
+    host_network: bool = False
+    """It is in the network of the host, so that another machine reaches it."""
 
 
 EDGE_CONFIG = "run_edge.json"
@@ -58,9 +62,10 @@ class Node(Protocol):
 
     role: Role
     pid: int
+    """On its machine."""
     namespace: Path
-    """Its network namespace, as the processes beside the run find it."""
-    reader: CgroupReader
+    """Its network namespace, as the processes beside the run find it; of a node on another machine
+    the one that leads there."""
     granted: Granted
 
     def release(self) -> None:
@@ -85,12 +90,35 @@ class Node(Protocol):
         """Removes every trace but the output files; calling it twice is harmless."""
 
 
+class Attendance(Protocol):
+    """What is beside the nodes while they run: caps of threads and metronome from its making on,
+    samples from `start` to `stop`."""
+
+    def start(self, t0_ns: int) -> None:
+        """Begins to sample; run time = CLOCK_MONOTONIC - t0_ns."""
+
+    def follow(self, role: Role, node: Node) -> None:
+        """The node's program was started again."""
+
+    def stop(self) -> Stopped:
+        """What was seen; ends after one last sample. Calling it again returns the same."""
+
+    def close(self) -> None:
+        """Ends without a report; harmless after `stop`."""
+
+
 class BesideEdge(Protocol):
-    """The segmenter of a run. It is not started again when it dies: the edge's events tell then."""
+    """A segmenter process of a run."""
 
     def await_ready(self, stopped: Callable[[], bool]) -> None:
         """Returns when it answers, or when somebody stopped the run. Raises SlambedError, in a
         line, for a network that cannot be loaded."""
+
+    def ended(self) -> str | None:
+        """How it ended by itself or by somebody else, in words; None while it lives."""
+
+    def is_ready(self) -> bool:
+        """Whether it answers; does not wait for it."""
 
     def close(self) -> float | None:
         """Ends it; the CPU seconds that it took, None where it could not tell any more. Calling it
@@ -98,17 +126,41 @@ class BesideEdge(Protocol):
 
 
 class Engine(Protocol):
-    """A way to run two nodes on this host."""
+    """A way to run two nodes: on this host, or one of them on another."""
 
     name: str
     unprivileged: bool
     """True when this process is not root: then helper containers do what needs privileges."""
+    edge_address: str
+    """Where the edge listens, and the mobile node looks for it."""
+    start_ahead_s: float
+    """How long before run time 0 the nodes are told of it."""
 
-    def sequence_path(self, sequence: Path) -> str:
+    def sequence_path(self, sequence: Path, role: Role) -> str:
         """Where a node finds the sequence."""
 
-    def output_path(self, run_dir: Path) -> str:
+    def output_path(self, run_dir: Path, role: Role) -> str:
         """Where a node finds its output folder."""
+
+    def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
+        """The CPUs of each node, on whatever machine it is."""
+
+    def attend(
+        self,
+        nodes: dict[Role, Node],
+        limits: dict[Role, Limits],
+        cpus: dict[Role, list[int]],
+        run_dir: Path,
+        whole_groups: bool,
+    ) -> Attendance:
+        """What is beside these nodes, which are at their gates. `whole_groups`: a node may be
+        several processes, all of its control group."""
+
+    def tell_start(self, run_dir: Path, t0_ns: int) -> None:
+        """Writes `start.json` for the nodes: run time 0 on CLOCK_MONOTONIC of this host."""
+
+    def board_facts(self) -> BoardFacts | None:
+        """Of the run that has just ended: the board that its mobile node was on."""
 
     def describe(self) -> EngineFacts:
         """For the manifest: image id and the like."""

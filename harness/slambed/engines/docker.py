@@ -22,11 +22,13 @@ from slambed.engines.base import (
 )
 from slambed.engines.cgroups import V1_LARGEST_SHARES, put_before_others
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker_error
+from slambed.engines.docker_gpu import must_give_gpu
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.docker_limits import limits_of, parent_group
 from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import container_options, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
+from slambed.engines.here import HereEngine
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupReader, paths_of
@@ -131,7 +133,7 @@ class DockerNode:
             (self._run_dir / self.role / "log.txt").write_bytes(self.container.logs())
 
 
-class DockerEngine:
+class DockerEngine(HereEngine):
     """Runs nodes in containers of a daemon on this host. Who is not root needs to be in the group
     docker; helper containers then make the link and the limits of threads."""
 
@@ -142,7 +144,9 @@ class DockerEngine:
         client: docker.DockerClient | None = None,
         image: Any | None = None,
         program: str = "slambed-node",
+        for_questions: bool = False,
     ) -> None:
+        """`for_questions`: it will start nothing, so that no image needs to be there."""
         self._client = client or connect()
         self.unprivileged = not is_root()
         self._parent: str | None = None
@@ -152,15 +156,16 @@ class DockerEngine:
         self._ids: dict[str, str] = {}
         """Of images of others, as the campaign began."""
         self._run_key = ""
+        self._for_questions = for_questions
         self._image = image or find_image(self._client)
-        if self._image is None:
+        if self._image is None and not for_questions:
             raise environment_error(f"image {image_tag()} is not built; run 'make images'")
 
-    def sequence_path(self, sequence: Path) -> str:
+    def sequence_path(self, sequence: Path, role: Role) -> str:
         """Where the sequence is mounted."""
         return SEQUENCE
 
-    def output_path(self, run_dir: Path) -> str:
+    def output_path(self, run_dir: Path, role: Role) -> str:
         """Where the run folder is mounted."""
         return OUTPUT
 
@@ -186,6 +191,10 @@ class DockerEngine:
                         f"system {system}: there is no image {name} on this host; build it as the "
                         "system's README says"
                     ) from None
+        # A question starts no container, which is what it takes to see a GPU.
+        for gpu in runtime.gpus if not self._for_questions else ():
+            assert self._image is not None
+            must_give_gpu(self._client, str(self._image.id), gpu, system)
         return found
 
     def start(self, plan: NodePlan) -> Node:
@@ -224,7 +233,8 @@ class DockerEngine:
 
     def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
         """A container beside the edge's."""
-        return start_segmenter(self._client, self._image, plan, edge.pid, network)
+        with daemon_failures("start the segmenter"):
+            return start_segmenter(self._client, self._image, plan, edge.pid, network)
 
     def _node(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
         try:
@@ -285,7 +295,7 @@ class DockerEngine:
             **(self._our_program(plan) if plan.runtime is None else self._foreign_program(plan)),
             name=self._clear(f"{LABEL}-{plan.run_key}-{plan.role}"),
             labels={LABEL: plan.run_key, f"{LABEL}.role": plan.role},
-            network_mode="none" if keeper is None else f"container:{keeper.id}",
+            network_mode=_network(plan, keeper),
             read_only=True,
             cap_drop=["ALL"],
             security_opt=["no-new-privileges"],
@@ -311,6 +321,12 @@ class DockerEngine:
         config = f"{OUTPUT}/{config_name(plan)}"
         program = container_options(plan, self._ids.get(name, name), config, GATE)
         return program | {"volumes": _volumes(plan) | player_volumes(plan)}
+
+
+def _network(plan: NodePlan, keeper: Any | None) -> str:
+    if keeper is not None:
+        return f"container:{keeper.id}"
+    return "host" if plan.host_network else "none"
 
 
 def _volumes(plan: NodePlan) -> dict[str, dict[str, str]]:

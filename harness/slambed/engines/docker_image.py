@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node image: named by the sources it is built from, so that a stale one is never used."""
 
+import os
 import subprocess
 from typing import Any
 
@@ -9,7 +10,7 @@ from docker.errors import ImageNotFound
 
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures
 from slambed.errors import SlambedError, environment_error
-from slambed.native import repository_root
+from slambed.native import build_folder, repository_root
 from slambed.spec.software import source_hash
 
 REPOSITORY = "slambed-node"
@@ -57,6 +58,7 @@ def find_image(client: docker.DockerClient) -> Any | None:
 
 def build_image() -> None:
     """`make images`: builds the image and its base where needed; output goes to the terminal."""
-    command = [str(repository_root() / "tools" / "build_image.sh"), image_tag()]
-    if subprocess.run(command, check=False).returncode != 0:
+    command = ["bash", str(repository_root() / "tools" / "build_image.sh"), image_tag()]
+    environment = os.environ | {"SLAMBED_BUILD": str(build_folder())}
+    if subprocess.run(command, check=False, env=environment).returncode != 0:
         raise SlambedError("the node image could not be built; see the lines above")

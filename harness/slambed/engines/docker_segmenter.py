@@ -77,7 +77,7 @@ def start_segmenter(
     # The container ends with this process.
     python, *arguments = command(str(folder / SOCKET), network, WITH_INPUT)
     log_file = folder / LOG
-    with log_file.open("wb") as log:
+    with log_file.open("ab") as log:
         if parent is None:
             log.write(b"in a control group of its own, with the edge's limits\n")
             log.flush()

@@ -14,8 +14,7 @@ from typing import Protocol
 
 import psutil
 
-from slambed.engines.attendant import AttendantClient
-from slambed.engines.base import Engine, Node, NodePlan
+from slambed.engines.base import Attendance, Engine, Node, NodePlan
 from slambed.errors import PassingError
 from slambed.spec.faults import FAULT_FILE, Fault
 from slambed.spec.system import Role
@@ -41,7 +40,7 @@ class RunEdge:
     engine: Engine
     plan: NodePlan | None
     nodes: dict[Role, Node]
-    attendant: AttendantClient
+    attendant: Attendance
     cleanup: ExitStack
 
     def kill(self) -> None:
@@ -119,7 +118,7 @@ def write_planned(faults: list[Fault], end_s: float, run_dir: Path) -> None:
     """The log of a virtual run: there everything happens when it is asked for."""
     if not faults:
         return
-    events = (event(s, round(s.at_s * NS_PER_S)) for s in steps(faults) if s.at_s <= end_s)
+    events = (vars(event(s, round(s.at_s * NS_PER_S))) for s in steps(faults) if s.at_s <= end_s)
     _write(run_dir, events)
 
 
@@ -130,7 +129,7 @@ class FaultDriver:
         self._left = steps(faults)
         self._edge = edge
         self._run_dir = run_dir
-        self._done: list[FaultEvent] = []
+        self._done: list[dict[str, object]] = []
         self._frozen: Step | None = None
         self._t0_ns = 0
         self.edge_is_dead = False
@@ -159,6 +158,11 @@ class FaultDriver:
         if self._frozen is not None:
             self._do(Step(self._now_s(), "freeze", "edge", begins=False))
 
+    def note(self, kind: str, **fields: object) -> None:
+        """Something went wrong, or right again, that nobody asked for: an event of the same log."""
+        at_ns = time.monotonic_ns() - self._t0_ns
+        self._done.append({"t_ns": at_ns, "type": kind} | fields)
+
     def write(self) -> None:
         """Leaves the log in the run folder."""
         if self._done:
@@ -180,7 +184,7 @@ class FaultDriver:
         at_ns = time.monotonic_ns()
         if step.fault == "cut":
             at_ns = self._t0_ns + round(step.at_s * NS_PER_S)
-        self._done.append(event(step, at_ns - self._t0_ns))
+        self._done.append(vars(event(step, at_ns - self._t0_ns)))
         self._judge(step, (at_ns - self._t0_ns) / NS_PER_S)
 
     def _judge(self, step: Step, at_s: float) -> None:
@@ -193,6 +197,6 @@ class FaultDriver:
             )
 
 
-def _write(run_dir: Path, events: Iterator[FaultEvent]) -> None:
-    lines = [json.dumps(vars(line)) + "\n" for line in events]
+def _write(run_dir: Path, events: Iterator[dict[str, object]]) -> None:
+    lines = [json.dumps(line) + "\n" for line in events]
     (run_dir / FAULT_FILE).write_text("".join(lines), encoding="utf-8")

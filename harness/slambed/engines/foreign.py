@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from slambed.engines.base import NODE_UID, NodePlan
+from slambed.engines.docker_gpu import gpu_options
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
 from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
@@ -82,6 +83,7 @@ def container_options(plan: NodePlan, image: str, config: str, gate: str) -> dic
         "command": ["--gate", gate, *arguments],
         "user": part.user or f"{NODE_UID}:{NODE_UID}",
         "environment": environment(plan, clients, None, config, FRAMES_IN_CONTAINER),
+        **gpu_options(part.gpu),
         "tmpfs": {place: f"size={size}m" for place, size in part.tmpfs.items()},
     }
 

@@ -11,32 +11,31 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol, cast
 
-from slambed.atomic import replacing
 from slambed.engines import segmenter
-from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import (
     EDGE_CONFIG,
-    BesideEdge,
+    Attendance,
     Engine,
     Node,
     NodePlan,
-    allot_cpus,
     differences,
     last_line,
     thread_problems,
 )
 from slambed.engines.faults import FaultDriver, RunEdge
 from slambed.engines.node_ends import at_gate, from_outside, how_it_died, node_report
+from slambed.engines.paced import paced_devices
 from slambed.engines.result import (
-    START_AHEAD_S,
     InterruptedRunError,
     Outcome,
     RunResult,
     run_config,
     time_limit_s,
 )
+from slambed.engines.segmenter_keeper import SegmenterKeeper
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.record import LinkFacts
+from slambed.records.run_config import RunConfig
 from slambed.sampling.record import (
     AskedLimits,
     GrantedLimits,
@@ -87,17 +86,22 @@ class LiveRun:
         self._spec = spec
         self._engine = engine
         self._sequence = sequence
-        self._limit_s = time_limit_s(spec, played_s)
+        self._limit_s = time_limit_s(spec, played_s, engine.start_ahead_s)
         self._run_dir = run_dir
         self._open_link = open_link
         self._stop = stop
         self._host = host
         self._frames = frames
+        self._devices: dict[Role, Device] = {"mobile": spec.device_mobile}
+        if spec.device_edge is not None:
+            self._devices["edge"] = spec.device_edge
+        self._host_cpus = sorted(os.sched_getaffinity(0))
         self._limits: dict[Role, Limits] = {}
         self._cpus: dict[Role, list[int]] = {}
         self._nodes: dict[Role, Node] = {}
         self._plans: dict[Role, NodePlan] = {}
         self._link: OpenLink | None = None
+        self._segmenter: SegmenterKeeper | None = None
         self._mobile_seen_ns = 0
         """When the mobile node was last seen running."""
         self._problems: list[str] = []
@@ -106,25 +110,26 @@ class LiveRun:
     def execute(self) -> RunResult:
         """Runs to the end. A node that dies or refuses its input is an outcome; what keeps it from
         starting is an error."""
-        config = run_config(
-            self._spec,
-            self._engine.sequence_path(self._sequence),
-            self._engine.output_path(self._run_dir),
-            self._limit_s,
-        )
-        if self._spec.edge_inputs or self._spec.masks is not None:
-            own = config
-            if self._spec.masks is not None:
-                own = config.model_copy(update={"segmenter": segmenter.config(config.output)})
+        config, own = self._config("mobile"), self._config("edge")
+        self._limits = {
+            role: device.limits_on(self._host.speed, len(self._host_cpus))
+            for role, device in self._devices.items()
+        }
+        if self._spec.paced:
+            pace = {"pace": paced_devices(self._devices, self._limits)}
+            config, own = config.model_copy(update=pace), own.model_copy(update=pace)
+        if self._spec.masks is not None:
+            own = own.model_copy(update={"segmenter": segmenter.config(own.output)})
+        config = config.without(self._spec.edge_inputs)
+        if own != config:
             (self._run_dir / EDGE_CONFIG).write_text(json.dumps(own.as_json(), indent=1))
-            config = config.without(self._spec.edge_inputs)
         (self._run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)
-            beside_edge = self._start_segmenter(cleanup)
+            self._start_segmenter(cleanup)
             with at_gate(self._nodes):
-                attendant = AttendantClient(
-                    self._engine, self._nodes, self._limits, self._cpus, self._run_dir,
+                attendant = self._engine.attend(
+                    self._nodes, self._limits, self._cpus, self._run_dir,
                     whole_groups=self._spec.runtime is not None,
                 )  # fmt: skip
             cleanup.callback(attendant.close)
@@ -153,8 +158,11 @@ class LiveRun:
             attended = attendant.stop()
             link = self._close_link()
             beside = attended.own
-            if beside_edge is not None:
-                beside = beside.model_copy(update={"segmenter_cpu_s": beside_edge.close()})
+            if self._segmenter is not None:
+                took = {"segmenter_cpu_s": self._segmenter.close()}
+                beside = beside.model_copy(
+                    update=took | {"segmenter_restarts": self._segmenter.restarts}
+                )
             for role, threads in attended.threads.items():
                 limits[role] = limits[role].model_copy(update={"threads": threads})
                 self._problems += thread_problems(role, threads, self._limits[cast(Role, role)])
@@ -177,19 +185,13 @@ class LiveRun:
             },
             link=link,
             beside=beside,
+            board=self._engine.board_facts(),
             mobile_until_s=(self._mobile_seen_ns - t0_ns) / 1e9,
         )
 
     def _start_nodes(self, cleanup: ExitStack) -> dict[str, NodeLimits]:
-        devices: dict[Role, Device] = {"mobile": self._spec.device_mobile}
-        if self._spec.device_edge is not None:
-            devices["edge"] = self._spec.device_edge
-        host_cpus = sorted(os.sched_getaffinity(0))
-        self._limits = {
-            role: device.limits_on(self._host.speed, len(host_cpus))
-            for role, device in devices.items()
-        }
-        self._cpus = cpus = allot_cpus(self._limits["mobile"], self._limits.get("edge"), host_cpus)
+        devices = self._devices
+        self._cpus = cpus = self._engine.allot(self._limits)
         limits: dict[str, NodeLimits] = {}
         # The edge first: it is ready to listen by the time the mobile connects.
         for role in sorted(cpus):
@@ -215,16 +217,19 @@ class LiveRun:
             self._problems += [f"{role}: {text}" for text in granted]
         return limits
 
-    def _start_segmenter(self, cleanup: ExitStack) -> BesideEdge | None:
+    def _start_segmenter(self, cleanup: ExitStack) -> None:
         """Answers before the first node passes its gate; ends before the edge's groups do."""
-        if self._spec.masks is None:
-            return None
-        process = self._engine.start_segmenter(
-            self._plans["edge"], self._nodes["edge"], self._spec.masks.network
+        masks = self._spec.masks
+        if masks is None:
+            return
+        keeper = SegmenterKeeper(
+            lambda: self._engine.start_segmenter(
+                self._plans["edge"], self._nodes["edge"], masks.network
+            )
         )
-        cleanup.callback(process.close)
-        process.await_ready(self._stop.is_set)
-        return process
+        self._segmenter = keeper
+        cleanup.callback(keeper.close)
+        keeper.await_ready(self._stop.is_set)
 
     def _await_ready(self) -> tuple[Outcome, str] | None:
         """None once all nodes are; else how one of them ended before."""
@@ -258,15 +263,24 @@ class LiveRun:
             raise PassingError(line, ExitCode(code))
         return ("refused" if code == ExitCode.BAD_INPUT else "died"), line
 
-    def _start_clock(self, attendant: AttendantClient) -> int:
+    def _config(self, role: Role) -> RunConfig:
+        """As this node sees its folders."""
+        engine = self._engine
+        return run_config(
+            self._spec,
+            engine.sequence_path(self._sequence, role),
+            engine.output_path(self._run_dir, role),
+            self._limit_s,
+            engine.edge_address,
+        )
+
+    def _start_clock(self, attendant: Attendance) -> int:
         """Run time 0 on CLOCK_MONOTONIC."""
-        t0_ns = time.monotonic_ns() + int(START_AHEAD_S * 1e9)
+        t0_ns = time.monotonic_ns() + int(self._engine.start_ahead_s * 1e9)
         if self._link is not None:
             self._link.start(t0_ns)
         attendant.start(t0_ns)
-        with replacing(self._run_dir / "start.json") as start:
-            start.write_text(json.dumps({"t0_ns": t0_ns}))
-            start.chmod(0o644)
+        self._engine.tell_start(self._run_dir, t0_ns)
         return t0_ns
 
     def _watch(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
@@ -280,6 +294,8 @@ class LiveRun:
             self._mobile_seen_ns = time.monotonic_ns()
             faults.act()
             edge = self._nodes.get("edge")
+            if self._segmenter is not None and edge is not None:
+                self._segmenter.act(faults.note, edge.exit_code() is None)
             if self._stop.wait(faults.wait_s(WATCH_PERIOD_S)):
                 faults.finish()
                 self._end_nodes()

@@ -30,6 +30,7 @@ from slambed.engines.foreign import (
     player_arguments,
 )
 from slambed.engines.helper import direct_command
+from slambed.engines.here import HereEngine
 from slambed.engines.segmenter import ENVIRONMENT, LOG, SOCKET, SegmenterProcess, make_folder
 from slambed.engines.segmenter import command as segmenter_command
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
@@ -123,11 +124,10 @@ class LocalNode:
             remove(folder)
 
 
-class LocalEngine:
+class LocalEngine(HereEngine):
     """Runs nodes without a daemon. Needs root."""
 
     name = "local"
-    unprivileged = False
 
     def __init__(self, program: Path | None = None) -> None:
         if os.geteuid() != 0:
@@ -138,11 +138,11 @@ class LocalEngine:
         self._program = program or find_program("slambed-node")
         self._groups = CgroupMaker()
 
-    def sequence_path(self, sequence: Path) -> str:
+    def sequence_path(self, sequence: Path, role: Role) -> str:
         """The node sees the host's files."""
         return str(sequence.resolve())
 
-    def output_path(self, run_dir: Path) -> str:
+    def output_path(self, run_dir: Path, role: Role) -> str:
         """The node sees the host's files."""
         return str(run_dir.resolve())
 
@@ -185,7 +185,7 @@ class LocalEngine:
             *segmenter_command(str(folder / SOCKET), network),
         ]
         try:
-            with log_file.open("wb") as log:
+            with log_file.open("ab") as log:
                 process = subprocess.Popen(
                     command,
                     stdin=subprocess.PIPE,
@@ -229,7 +229,11 @@ class LocalEngine:
         return environment(plan, str(clients_folder()), host_path(), config, str(plan.frames or ""))
 
     def _launch(self, plan: NodePlan, dead: LocalNode | None) -> LocalNode:
-        network_fd = -1 if dead is None else os.open(dead.namespace, os.O_RDONLY)
+        network_fd = -1
+        if plan.host_network:
+            network_fd = os.open(netns(os.getpid()), os.O_RDONLY)
+        elif dead is not None:
+            network_fd = os.open(dead.namespace, os.O_RDONLY)
         paths = self._groups.make(f"{plan.run_key}-{plan.role}", plan.limits, plan.cpus)
         ready_read, ready_write = os.pipe()
         role_dir = plan.run_dir / plan.role
@@ -256,7 +260,7 @@ class LocalEngine:
             if (problem := _problem_at_gate(ready_read, node, log_file)) is not None:
                 node.remove()
                 raise problem
-            if dead is not None:
+            if dead is not None and not plan.host_network:
                 node.take_over_namespace(dead)
             return node
         finally:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from slambed.link.profile import parse_profile
 from slambed.link.record import LinkFacts
+from slambed.records.board import BoardFacts
 from slambed.records.run_config import Network, ProfileRtt, RunConfig
 from slambed.sampling.record import Beside, NodeLimits, Throttling
 from slambed.spec import inputs
@@ -47,15 +48,18 @@ class RunResult:
     link: LinkFacts | None = None
     beside: Beside | None = None
     """What sampler and metronome took themselves."""
+    board: BoardFacts | None = None
+    """What executed the mobile node, where that was another machine."""
     mobile_until_s: float | None = None
     """Run time until which the mobile node ran, to a period of the watch; None: not known."""
 
 
-def time_limit_s(spec: RunSpec, played_s: float) -> float:
-    """How long a live run may take that plays for `played_s` at recorded speed."""
+def time_limit_s(spec: RunSpec, played_s: float, ahead_s: float = START_AHEAD_S) -> float:
+    """How long a live run may take that plays for `played_s` at recorded speed, and whose nodes are
+    told so long before it begins."""
     reads = spec.runtime is not None and spec.runtime.reads is not None
     factor = OWN_PACE_FACTOR if reads or spec.playback.mode == "every_frame" else 1.0
-    return START_AHEAD_S + played_s * factor + DRAIN_S
+    return ahead_s + played_s * factor + DRAIN_S
 
 
 def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:
@@ -67,13 +71,19 @@ def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:
     return ProfileRtt(step_s=RTT_STEP_S, rtt_ms=rtt_ms)
 
 
-def run_config(spec: RunSpec, sequence: str, output: str, horizon_s: float) -> RunConfig:
+def run_config(
+    spec: RunSpec,
+    sequence: str,
+    output: str,
+    horizon_s: float,
+    edge_address: str = NETWORK_EDGE_ADDRESS,
+) -> RunConfig:
     """The run configuration (docs/formats.md); both paths as the nodes see them. The run is over
     before the horizon."""
     network: Network | None = None
     if spec.link is not None:
         ports = {name: FIRST_PORT + index for index, name in enumerate(spec.channels)}
-        network = Network(edge_address=NETWORK_EDGE_ADDRESS, ports=ports)
+        network = Network(edge_address=edge_address, ports=ports)
         if spec.params.get("rtt_source") == "profile":
             asked = profile_rtt(spec.link, horizon_s)
             network = network.model_copy(update={"profile_rtt": asked})

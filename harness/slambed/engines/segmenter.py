@@ -69,6 +69,17 @@ class SegmenterProcess:
             if time.monotonic() > deadline:
                 raise PassingError(f"the segmenter was not ready within {READY_TIMEOUT_S:.0f} s")
 
+    def ended(self) -> str | None:
+        """Of a container: as its client ended."""
+        code = self._process.poll()
+        return None if code is None else ending(code)
+
+    def is_ready(self) -> bool:
+        """As it says."""
+        if b"ready\n" not in self._said:
+            self._read(0.0)
+        return b"ready\n" in self._said
+
     def _read(self, patience_s: float) -> bool:
         """False at the end of what it says."""
         assert self._process.stdout is not None

@@ -14,7 +14,8 @@ import pandas as pd
 import yaml
 from rich.console import Console
 
-from slambed.campaign.run import Options, run_experiment
+from slambed.campaign.options import Options
+from slambed.campaign.run import run_experiment
 from slambed.campaign.runner import Verdict
 from slambed.errors import SlambedError
 from slambed.infer.design import Point

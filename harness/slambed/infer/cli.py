@@ -7,14 +7,8 @@ from typing import Annotated
 
 import typer
 
-from slambed.campaign.run import Options
 from slambed.errors import ExitCode, SlambedError
 from slambed.failures import INTERRUPTED
-from slambed.infer.campaign import StoppedError
-from slambed.infer.inference import infer as run_inference
-from slambed.infer.inference import prepare, preview
-from slambed.infer.page import headline, write_page
-from slambed.spec.device import VIRTUAL
 from slambed.terminal import console
 
 
@@ -38,6 +32,13 @@ def infer(
     fit, profiles, predictions in or out, attribution and what failed. What is there is not
     executed again: the same call goes on after an interrupt.
     """
+    from slambed.campaign.options import Options
+    from slambed.infer.campaign import StoppedError
+    from slambed.infer.inference import infer as run_inference
+    from slambed.infer.inference import prepare, preview
+    from slambed.infer.page import headline, write_page
+    from slambed.spec.device import VIRTUAL
+
     screen = console()
     options = Options(engine=VIRTUAL, results=results, jobs=jobs)
     session = prepare(plan, quick, options, screen)

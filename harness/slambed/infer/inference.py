@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
+from slambed.campaign.options import Options
 from slambed.campaign.progress import duration
-from slambed.campaign.run import Options
 from slambed.errors import SlambedError
 from slambed.infer.campaign import Campaign
 from slambed.infer.design import Point, printed_point, rounds_of, shown, spread

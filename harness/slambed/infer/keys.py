@@ -6,9 +6,11 @@ from typing import Literal
 
 Kind = Literal["params", "devices", "datasets", "profiles"]
 ROLES = ("mobile", "edge")
+OF_A_DEVICE = ("cores", "speed", "background")
+"""Numbers of a device that may be changed, beside the spreads of its stages."""
 ADVICE = (
-    "set is params.<name>, devices.<mobile|edge>, devices.<role>.<cores|speed|jitter.<stage>>, "
-    "datasets.<name> or profiles.<name>"
+    "set is params.<name>, devices.<mobile|edge>, "
+    "devices.<role>.<cores|speed|background|jitter.<stage>>, datasets.<name> or profiles.<name>"
 )
 
 
@@ -20,7 +22,7 @@ class Key:
     name: str
     """Of the parameter, the role, the dataset or the profile."""
     part: str = ""
-    """Of a device: `cores`, `speed`, `jitter.<stage>`; none: the whole device."""
+    """Of a device: `cores`, `speed`, `background`, `jitter.<stage>`; none: the whole device."""
 
     @property
     def of_system(self) -> bool:
@@ -41,6 +43,6 @@ def split_key(text: str) -> Key:
         return Key("profiles", name)
     role, _, part = name.partition(".")
     stage = part.startswith("jitter.") and len(part) > len("jitter.")
-    if role not in ROLES or not (part in ("", "cores", "speed") or stage):
+    if role not in ROLES or not (part in ("", *OF_A_DEVICE) or stage):
         raise ValueError(f"'{text}' cannot be set; {ADVICE}")
     return Key("devices", role, part)

@@ -52,7 +52,7 @@ class OpenItem(BaseModel):
     says: str
     """What it is, and where it is left open."""
     set: str | None = None
-    """`params.<name>`, `devices.<role>`, `devices.<role>.<cores|speed|jitter.<stage>>`,
+    """`params.<name>`, `devices.<role>`, `devices.<role>.<cores|speed|background|jitter.<stage>>`,
     `datasets.<name>` or `profiles.<name>`; none with cases."""
     range: list[float | int] | None = Field(default=None, min_length=2, max_length=2)
     """Lowest and highest; whole numbers where both are."""

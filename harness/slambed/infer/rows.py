@@ -13,7 +13,7 @@ from slambed.campaign.datasets import sensor_of
 from slambed.campaign.links import read_profile
 from slambed.errors import SlambedError
 from slambed.infer.design import Point, shown
-from slambed.infer.keys import Key, split_key
+from slambed.infer.keys import OF_A_DEVICE, Key, split_key
 from slambed.infer.plan import Change, Inference, OpenItem
 from slambed.infer.slots import Places, Slot
 from slambed.spec.device import DeviceChange
@@ -256,7 +256,7 @@ def changed_device(asked: Any, key: Key, value: Scalar) -> Any:
         device["jitter"] = {**device.get("jitter", {}), stage: value}
     else:
         device[key.part] = value
-    told = [f"{k}{v}" for k, v in device.items() if k in ("cores", "speed")]
+    told = [f"{k}{v}" for k, v in device.items() if k in OF_A_DEVICE]
     told += [f"{k}-{v}" for k, v in device.get("jitter", {}).items()]
     device["name"] = re.sub(r"[^A-Za-z0-9_.-]", "-", "_".join([str(device["device"]), *told]))
     return device

@@ -12,7 +12,8 @@ from rich.console import Console
 
 from slambed.campaign.links import read_profile
 from slambed.campaign.plan import Plan
-from slambed.campaign.run import expected_run_s, plan_virtually
+from slambed.campaign.run import plan_virtually
+from slambed.campaign.run_plan import expected_run_s
 from slambed.infer.plan import YAML, Inference
 from slambed.report.lookup import find_runs
 from slambed.report.margins import published_of

@@ -9,9 +9,12 @@ from slambed.link.profile import Profile
 BACKENDS: list[str] = ["auto", "relay", "netem", "none"]
 
 
-def choose_backend(asked: str, profile: Profile) -> Literal["relay", "netem", "none"]:
+def choose_backend(
+    asked: str, profile: Profile, netem: bool | None = None
+) -> Literal["relay", "netem", "none"]:
     """`auto` is netem where the kernel has it and nothing random is asked for, else the relay: it
-    begins and ends bursts to the microsecond, too."""
+    begins and ends bursts to the microsecond, too. `netem`: whether the kernels of the hosts that
+    it is for have it; None: this one is asked."""
     from slambed.link.netem import netem_available, why_not_netem
 
     if asked not in BACKENDS:
@@ -23,4 +26,6 @@ def choose_backend(asked: str, profile: Profile) -> Literal["relay", "netem", "n
     if asked != "auto":
         return cast(Literal["relay", "netem", "none"], asked)
     random = any(side.loss for side in (profile.up, profile.down)) or why_not_netem(profile)
-    return "relay" if random or not netem_available() else "netem"
+    if random or not (netem_available() if netem is None else netem):
+        return "relay"
+    return "netem"

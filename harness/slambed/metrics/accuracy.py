@@ -118,10 +118,22 @@ def absolute_error(
     with_scale: bool = False,
 ) -> ErrorStatistics:
     """ATE of the positions after one alignment: SE3, or Sim3 (marked) when asked for."""
+    return absolute_error_and_alignment(estimate, truth, max_difference_s, method, with_scale)[0]
+
+
+def absolute_error_and_alignment(
+    estimate: Trajectory,
+    truth: Trajectory,
+    max_difference_s: float = MAX_DIFFERENCE_S,
+    method: Method = "nearest",
+    with_scale: bool = False,
+) -> tuple[ErrorStatistics, Alignment]:
+    """The same, and what moves the estimate onto the truth."""
     matched, reference = associate(estimate, truth, max_difference_s, method)
     alignment = align_umeyama(matched.positions_m, reference.positions_m, with_scale)
     errors = np.linalg.norm(alignment.apply(matched.positions_m) - reference.positions_m, axis=1)
-    return statistics_of(errors, "Sim3" if with_scale else "SE3", alignment.scale)
+    name = "Sim3" if with_scale else "SE3"
+    return statistics_of(errors, name, alignment.scale), alignment
 
 
 def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[np.intp]:

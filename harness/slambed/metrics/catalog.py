@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from slambed.errors import SlambedError
+from slambed.metrics import pace
 from slambed.metrics.declared import described_by, own_digest, own_metrics
 from slambed.metrics.device_share import share_of_device
 from slambed.metrics.faults import faults_in_words
@@ -30,13 +31,14 @@ from slambed.metrics.values import (
     first_loop_s,
     frames_dropped,
     link_stalls,
+    stage_ms_mean,
     truth_digest,
     update_delay_ms,
 )
 from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_work
 from slambed.records.kept_spec import KeptSpec
 
-METRICS_VERSION = 7
+METRICS_VERSION = 9
 """Counted up with every change of a value's computation: old summaries are known by it, and
 `slambed report --again` makes them anew. A test compares a kept run with kept values."""
 
@@ -88,6 +90,20 @@ def _pause(relocalisation: bool) -> Callable[[RunData], Value]:
     return lambda run: pause_ms_mean(run.log, relocalisation) if run.has_edge else None
 
 
+STAGES_ON_MOBILE = (
+    ("extract", "extract", "feature extraction"),
+    ("pose", "track", "pose estimation, matching with the map included"),
+    ("keyframe", "create_keyframe", "making a keyframe"),
+    ("point_creation", "triangulate", "creating map points by triangulation, per keyframe"),
+)
+
+
+def _stage(key: str, stage: str, doc: str) -> Metric:
+    return Cost(f"{key}_ms_mean", f"{doc}: stage `{stage}` on the mobile node, wall",
+                lambda run: stage_ms_mean(run, stage), doc.partition(",")[0] + ", mean", "ms",
+                relevant_step=0.5)  # fmt: skip
+
+
 def _work(part: str) -> Metric:
     return Metric(f"work_{part}_share", f"of the mobile node's timed work, part `{part}`",
                   lambda run: share_of_work(run.log, part), shown="%", scale=100)  # fmt: skip
@@ -123,6 +139,9 @@ METRICS: tuple[Metric, ...] = (
     Text("device_edge", "condition; null without an edge", 
          _spec(lambda spec: spec.device_name("edge"))),
     Text("engine", "condition", _spec(lambda spec: spec.engine)),
+    Text("pace", "of a live run: `device` where each stage took what the cost model of its device "
+         "charges, else `host`; null in virtual time",
+         _spec(lambda spec: None if spec.is_virtual else spec.pace)),
     Text("link_backend", "condition; null without a link",
          _spec(lambda spec: None if spec.link is None else spec.link.backend)),
     Count("seed", "of everything drawn in the run", _spec(lambda spec: spec.seed)),
@@ -198,6 +217,10 @@ METRICS: tuple[Metric, ...] = (
            "scale that fits best", digits=3),
     Cost("ate_live_rmse_m", "of `trajectory_live.txt`", lambda run: run.accuracy.ate_live_rmse_m,
          "ATE RMSE, live poses", "m", "cm", 100, 2, relevant_step=0.001),
+    Cost("error_in_force_m_mean", "mean over all frames: newest pose that the mobile had at the "
+         "frame's time, against the truth of that time; alignment of the ATE",
+         lambda run: run.accuracy.error_in_force_m_mean, "error in force", "m", "cm", 100, 2,
+         relevant_step=0.001),
     Cost("reference_rmse_m", "live poses to the live path of the reference run that the dataset "
          "names, not aligned", lambda run: run.reference.rmse_m, "error to the reference", "m",
          digits=3, relevant_step=0.05),
@@ -220,6 +243,18 @@ METRICS: tuple[Metric, ...] = (
          relevant_step=0.001),
     Cost("rpe_frame_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_frame_rot_deg,
          "RPE over a frame", "deg", digits=2, relevant_step=0.02),
+    Cost("rte_percent", "relative translation error as in KITTI's benchmark: mean over parts of "
+         "100 to 800 m of the true path, of the estimate times `ate_scale`; null where it is "
+         "shorter", lambda run: run.accuracy.rte_percent, "RTE", "%", digits=2,
+         relevant_step=0.05),
+    Cost("rre_deg_per_m", "relative rotation error of the same parts",
+         lambda run: run.accuracy.rre_deg_per_m, "RRE", "deg/m", digits=4, relevant_step=0.001),
+    Cost("rte_short_percent", "RTE over parts of 10 to 80 m, of a path that is shorter than 100 m",
+         lambda run: run.accuracy.rte_short_percent, "RTE over 10 to 80 m", "%", digits=2,
+         relevant_step=0.05),
+    Cost("rre_short_deg_per_m", "RRE of these",
+         lambda run: run.accuracy.rre_short_deg_per_m, "RRE over 10 to 80 m", "deg/m", digits=4,
+         relevant_step=0.001),
     Cost("track_ms_median", "of the tracking steps, wall", _frames(0.5), "tracking, median", "ms",
          relevant_step=0.5, use=HEADLINE),
     Cost("track_ms_mean", "their mean",
@@ -229,12 +264,28 @@ METRICS: tuple[Metric, ...] = (
          relevant_share=0.15, relevant_step=1.0, use=SHOWN | GATED),
     Cost("extract_ms_median", "feature extraction on the mobile node, wall", extract_ms,
          "feature extraction, median", "ms", relevant_step=0.5),
+    Metric("cull_recall", "of the features on people, share that the run left out, with masks of "
+           "all ages as they came; null where it does not tell features (`record_culling`) or the "
+           "sequence is not here with its labels", lambda run: run.culling.recall,
+           "recall of culling", shown="%", scale=100, better="higher", relevant_step=0.01),
+    Metric("cull_precision", "of the features that it left out, share on people or within "
+           "`mask_border_px` of them", lambda run: run.culling.precision, "precision of culling",
+           shown="%", scale=100, better="higher", relevant_step=0.01),
+    *(_stage(*told) for told in STAGES_ON_MOBILE),
     Cost("local_mapping_ms_mean", "per keyframe, all mapping stages, wall",
          lambda run: mapping_ms_per_keyframe(run.log, "wall_ms"), "mapping per keyframe, wall",
          "ms", digits=0, relevant_share=0.15, relevant_step=2.0, use=SHOWN | DRAWN | GATED),
     Cost("local_mapping_cpu_ms_mean", "the same, thread CPU time",
          lambda run: mapping_ms_per_keyframe(run.log, "cpu_ms"), "mapping per keyframe, CPU",
          "ms", digits=0, relevant_share=0.15, relevant_step=2.0),
+    Count("pace_missed", "live at the device's pace: stages of both nodes whose work alone took "
+          "longer than its device would; null otherwise",
+          lambda run: pace.missed(run.log) if run.spec.is_paced else None,
+          "stages slower than the device", better="lower"),
+    Metric("pace_ratio", "live at the device's pace: what the stages of the mobile node took, to "
+           "what its device would take undisturbed; null otherwise",
+           lambda run: pace.ratio(run.log) if run.spec.is_paced else None,
+           "time of stages to the device's", digits=3),
     Cost("mobile_cpu_percent_mean", "over playback; the manifest has the limit",
          lambda run: run.mobile.cpu_percent_mean, "mobile CPU", "% of a core", relevant_step=1.0,
          use=HEADLINE),

@@ -22,11 +22,17 @@ from slambed.metrics.tables import (
     table_of_frame,
 )
 
+EVENTS = "events.parquet"
+
 
 def read_log(folder: Path) -> EventLog:
     """Events of a raw folder (events.jsonl of the nodes) or of a result (events.parquet)."""
-    path = folder / "events.parquet"
-    return stored_log(path) if path.exists() else read_events(folder)
+    return stored_log(folder / EVENTS) if is_stored(folder) else read_events(folder)
+
+
+def is_stored(folder: Path) -> bool:
+    """Whether it is a result's: what its events say is no raw log any more."""
+    return (folder / EVENTS).exists()
 
 
 def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:

@@ -9,13 +9,18 @@ from slambed.spec.system import Role
 def device_cores(spec: KeptSpec, manifest: Manifest, role: Role) -> float | None:
     """Cores of the whole device, in those that its CPU time is counted in; None where unlimited.
 
-    Virtual: the cores of its cost model. Live: the CPU quota that the kernel granted, which is what
+    Virtual: the cores of its cost model. Live at its pace: those, in CPUs of the host. Else live:
+    the CPU quota that the kernel granted, which is what
     all cores of the emulated board are worth on this host.
     """
     if spec.is_virtual:
         cores = spec.model_cores(role)
         return None if cores is None else float(cores)
     limits = (manifest.limits or {}).get(role)
+    if spec.is_paced and limits is not None and limits.asked is not None:
+        cores = spec.model_cores(role)
+        share = limits.asked.thread_cores or limits.asked.quota_cores or 1.0
+        return None if cores is None else cores * min(share, 1.0)
     granted = None if limits is None else limits.granted
     return (granted.quota_cores or None) if granted is not None else None
 

@@ -62,14 +62,14 @@ def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
     objects: list[Event] = []
     bad = 0
     for line in lines:
-        value = _parse(line)
+        value = parse_line(line)
         if value is not None:
             objects.append(value)
         elif line.strip():
             bad += 1
     problems = []
     if torn_end.strip():
-        value = _parse(torn_end)
+        value = parse_line(torn_end)
         if value is None:
             problems.append(f"{path.parent.name}/{path.name}: last line is torn, dropped")
         else:
@@ -90,9 +90,9 @@ def _lines_of(data: bytes) -> list[str] | list[bytes]:
 _DECODER = json.JSONDecoder()
 
 
-def _parse(line: str | bytes) -> Event | None:
-    """An object, None for anything else. What a node writes begins and ends at the braces, which
-    saves the decoder looking for blanks around it."""
+def parse_line(line: str | bytes) -> Event | None:
+    """The object of a line, None for anything else. What a node writes begins and ends at the
+    braces, which saves the decoder looking for blanks around it."""
     try:
         if isinstance(line, str) and line.startswith("{"):
             value, end = _DECODER.raw_decode(line)

@@ -82,6 +82,17 @@ def curve(link: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
     return t_s[order], values[order]
 
 
+def measured_only(link: pd.DataFrame, end_s: float | None) -> RttProof:
+    """Of a real network, of which nobody asked anything."""
+    sent_s, measured = curve(link, "probe_rtt_ms")
+    during = sent_s >= 0.0
+    if end_s is not None:
+        during &= sent_s <= end_s
+    if (count := int(during.sum())) < MINIMUM_PROBES:
+        return NO_PROOF
+    return RttProof(None, float(measured[during].mean()), None, None, count)
+
+
 def rtt_proof(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> RttProof | None:
     """Compares each probe with the RTT asked for during its flight plus the base RTT.
 

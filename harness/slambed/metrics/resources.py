@@ -26,9 +26,11 @@ class Resources:
     cpu_wait_share: float | None
     """Of the time in which its threads wanted a processor and their limits allowed them one: what
     they waited, for others or for each other."""
+    cpu_wait_ms: float | None
+    """The same in time, all threads together."""
 
 
-NOTHING = Resources(None, None, None, None, None, None, None, None, None)
+NOTHING = Resources(None, None, None, None, None, None, None, None, None, None)
 
 
 def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resources:
@@ -39,7 +41,7 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
     percent, memory = own.column("cpu_percent"), own.column("memory_mb")
     throttled = own.increase("throttled_s")
     span, cpu = own.span_s(), own.increase("cpu_s")
-    delay = own.increase("run_delay_s")
+    waited = _waited_s(own.increase("run_delay_s"), throttled)
     return Resources(
         cpu_percent_mean=100.0 * cpu / span if cpu is not None and span else None,
         cpu_percent_p50=float(np.quantile(percent, 0.5)) if len(percent) else None,
@@ -49,18 +51,14 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
         memory_mb_per_min=own.slope_per_min("memory_mb"),
         throttled_ms=1e3 * throttled if throttled is not None else None,
         throttled_share=throttled / span if throttled is not None and span else None,
-        cpu_wait_share=_wait_share(cpu, delay, throttled),
+        cpu_wait_share=None if waited is None or not cpu else waited / (waited + cpu),
+        cpu_wait_ms=1e3 * waited if waited is not None else None,
     )
 
 
-def _wait_share(
-    cpu_s: float | None, delay_s: float | None, throttled_s: float | None
-) -> float | None:
+def _waited_s(delay_s: float | None, throttled_s: float | None) -> float | None:
     """Throttling counts as delay too on most kernels: it is the limits' doing, not the host's."""
-    if cpu_s is None or delay_s is None or cpu_s <= 0:
-        return None
-    waited_s = max(0.0, delay_s - (throttled_s or 0.0))
-    return waited_s / (waited_s + cpu_s)
+    return None if delay_s is None else max(0.0, delay_s - (throttled_s or 0.0))
 
 
 class _Rows:

@@ -15,11 +15,20 @@ from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
 from slambed.link.proof import LinkProof
 from slambed.link.record import LinkFacts
-from slambed.metrics.accuracy import absolute_error, relative_error, relative_error_over_all
-from slambed.metrics.collect import read_link, read_log, read_samples
+from slambed.metrics.accuracy import (
+    absolute_error,
+    absolute_error_and_alignment,
+    relative_error,
+    relative_error_over_all,
+)
+from slambed.metrics.board_clock import on_one_clock
+from slambed.metrics.collect import is_stored, read_link, read_log, read_samples
+from slambed.metrics.culling import Culling, culling_of
 from slambed.metrics.device_share import device_cores
 from slambed.metrics.events import EventLog
-from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, rtt_proof
+from slambed.metrics.in_force import error_in_force_m_mean
+from slambed.metrics.kitti_error import kitti_error
+from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, measured_only, rtt_proof
 from slambed.metrics.recovery import known_place_times_s
 from slambed.metrics.reference_path import ReferenceErrors, reference_errors, scored_part
 from slambed.metrics.resources import NOTHING, Resources, resources_of
@@ -28,6 +37,8 @@ from slambed.metrics.tracking import Tracking, tracking_of
 from slambed.metrics.update_round import UpdateRound, update_rounds
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
+from slambed.segment.mask_cache import LABELS_FILE
+from slambed.spec.board import NETWORK
 
 RPE_DELTA_S = 1.0
 REFERENCE_FILE = "reference.txt"
@@ -50,6 +61,11 @@ class Accuracy:
     rpe_all_trans_m: float | None = None
     rpe_all_rot_deg: float | None = None
     ate_live_rmse_m: float | None = None
+    error_in_force_m_mean: float | None = None
+    rte_percent: float | None = None
+    rre_deg_per_m: float | None = None
+    rte_short_percent: float | None = None
+    rre_short_deg_per_m: float | None = None
 
 
 @dataclass
@@ -78,6 +94,9 @@ class RunData:
     def log(self) -> EventLog:
         """Events of all nodes."""
         log = read_log(self.folder)
+        board = self.manifest.board
+        if board is not None and board.clocks is not None and not is_stored(self.folder):
+            log = on_one_clock(log, board.clocks)
         self.problems += log.problems
         return log
 
@@ -218,6 +237,8 @@ class RunData:
         """Measured against asked RTT: the link's own comparison, else that of the logged series."""
         link = self.manifest.link or LinkFacts()
         told = _told_proof(link.proof)
+        if link.backend == NETWORK and self.link is not None:
+            return measured_only(self.link, self.end_s)
         if told is None and self.link is not None:
             told = rtt_proof(self.link, link.base_rtt_ms or 0.0, self.end_s)
         return told or NO_PROOF
@@ -251,10 +272,17 @@ class RunData:
         found: dict[str, Any] = {}
         estimate, live = self._trajectory("trajectory.txt"), self._trajectory("trajectory_live.txt")
         try:
-            error = absolute_error(estimate, truth, with_scale=free_scale)
+            error, alignment = absolute_error_and_alignment(estimate, truth, with_scale=free_scale)
+            if not self.spec.reads_folder:
+                in_force = error_in_force_m_mean(self.log, live, truth, alignment)
+                found["error_in_force_m_mean"] = in_force
             found |= {"ate_rmse_m": error.rmse, "ate_mean_m": error.mean, "ate_pairs": error.pairs}
             found |= {"ate_alignment": error.alignment.lower(), "ate_scale": error.scale}
             estimate = estimate.scaled(error.scale)
+            if (parts := kitti_error(estimate, truth)) is not None:
+                short = "_short" if parts.short else ""
+                found[f"rte{short}_percent"] = parts.translation_percent
+                found[f"rre{short}_deg_per_m"] = parts.rotation_deg_per_m
             everywhere = relative_error_over_all(estimate, truth)
             found["rpe_all_trans_m"] = everywhere.translation_m.rmse
             found["rpe_all_rot_deg"] = everywhere.rotation_deg.rmse
@@ -287,6 +315,20 @@ class RunData:
             self.problems.append(f"{REFERENCE_FILE}: {error_line}")
             return ReferenceErrors()
 
+    @cached_property
+    def culling(self) -> Culling:
+        """Of a run that tells its features, on a sequence that is here with its labels."""
+        told = self.log.of("frame_features")
+        border_px = (self.spec.params or {}).get("mask_border_px", 0)
+        labelled = (folder for folder in self._folders if (folder / LABELS_FILE).is_file())
+        if not told or (sequence := next(labelled, None)) is None:
+            return Culling()
+        try:
+            return culling_of(told, sequence, int(str(border_px)))
+        except (SlambedError, KeyError, ValueError) as error:
+            self.problems.append(f"frame_features: {error}")
+            return Culling()
+
     @property
     def known_place_s(self) -> float | None:
         """Mean wait of a lost camera that is back where it was tracked; None: it never was."""
@@ -299,9 +341,7 @@ class RunData:
     @cached_property
     def sensor(self) -> str | None:
         """What the played sequence brought: rgbd, stereo or mono."""
-        # A container's run.json names a place inside it: then the truth's folder tells.
-        folders = [self._sequence, self.groundtruth.parent if self.groundtruth else None]
-        headers = [folder / SEQUENCE_FILE for folder in folders if folder is not None]
+        headers = [folder / SEQUENCE_FILE for folder in self._folders]
         found = next((header for header in headers if header.is_file()), None)
         told = object_or_empty(found).get("sensor") if found else None
         if told is None and self._stored.get("ate_alignment") == "sim3":
@@ -312,6 +352,13 @@ class RunData:
     def _stored(self) -> Summary:
         """The summary of a result, as it was made before."""
         return Summary.read(self.folder / "summary.json") or Summary()
+
+    @property
+    def _folders(self) -> list[Path]:
+        """Where the played sequence may be."""
+        # A container's run.json names a place inside it: then the truth's folder tells.
+        folders = [self._sequence, self.groundtruth.parent if self.groundtruth else None]
+        return [folder for folder in folders if folder is not None]
 
     @cached_property
     def _sequence(self) -> Path | None:

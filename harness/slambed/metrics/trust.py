@@ -6,6 +6,7 @@ another matter: a crash under the right circumstances is a result, a fine run un
 from slambed.metrics.summary import Summary
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
+from slambed.spec.board import NETWORK
 
 NOTABLE_STEAL_PERCENT = 1.0
 """Of the host's CPU time; below it, other reasons for a stall are likelier."""
@@ -31,6 +32,10 @@ def reasons_for_distrust(spec: KeptSpec, manifest: Manifest, summary: Summary) -
             f"wanted one, above {longest:.0%}{by_steal}"
         )
     if spec.link is None or spec.is_virtual:
+        return reasons
+    if spec.link.backend == NETWORK:
+        if summary.completed and summary.number("rtt_measured_ms_mean") is None:
+            reasons.append("the RTT of the network to the board was not measured")
         return reasons
     tail_ms = tolerances.rtt_error_ms_p99
     if tail_ms is None and spec.link.backend == "relay":

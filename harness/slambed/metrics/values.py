@@ -8,7 +8,7 @@ import numpy as np
 from slambed.metrics.run_data import RunData
 from slambed.metrics.stages import total_ms
 from slambed.metrics.summary import Value
-from slambed.metrics.tracking import quantile_of
+from slambed.metrics.tracking import mean_of, quantile_of
 
 
 def frames_dropped(run: RunData) -> Value:
@@ -19,6 +19,11 @@ def frames_dropped(run: RunData) -> Value:
 def extract_ms(run: RunData) -> Value:
     """Median time of extraction on the mobile node."""
     return quantile_of(run.log.stages("mobile", "extract"), "wall_ms", 0.5)
+
+
+def stage_ms_mean(run: RunData, name: str) -> Value:
+    """Mean time of a stage on the mobile node."""
+    return mean_of(run.log.stages("mobile", name), "wall_ms")
 
 
 def update_delay_ms(run: RunData) -> Value:

@@ -7,6 +7,7 @@ from pydantic import JsonValue
 
 from slambed.json_file import Record
 from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import DEVICE_PACE, HOST_PACE
 from slambed.spec.system import Role
 
 
@@ -71,6 +72,7 @@ class KeptSpec(Record):
     profile: str | None = None
     link: KeptLink | None = None
     engine: str | None = None
+    pace: str = HOST_PACE
     seed: int | None = None
     tolerances: KeptTolerances = KeptTolerances()
 
@@ -83,6 +85,11 @@ class KeptSpec(Record):
     def is_virtual(self) -> bool:
         """True in virtual time."""
         return self.engine == VIRTUAL
+
+    @property
+    def is_paced(self) -> bool:
+        """A live run whose stages took what its devices' cost models charge."""
+        return self.pace == DEVICE_PACE
 
     @property
     def reads_folder(self) -> bool:

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from slambed.json_file import Record
 from slambed.link.record import LinkFacts
+from slambed.records.board import BoardFacts
 from slambed.records.kept_spec import KeptSpec
 from slambed.sampling.record import Beside, NodeLimits, Throttling
 from slambed.spec.run_spec import RunSpec
@@ -25,6 +26,21 @@ class PlanDigests(Record):
     """SHA-256 of what its file said."""
     commit: str | None = None
     """Of an inference: that held the plan and its experiments as they were; null: none did."""
+
+
+class RunHost(Record):
+    """One of several hosts that a campaign had, or the board of a mobile node."""
+
+    name: str | None = None
+    """In the file of hosts."""
+    labels: list[str] | None = None
+    """There."""
+    cpus: list[int] | None = None
+    """That runs might use."""
+    speed: float | None = None
+    """Of one of its cores as the campaign began; 1 is a core of the reference host."""
+    speed_measured_utc: str | None = None
+    """ISO 8601; null: never, it was taken for 1."""
 
 
 class EngineFacts(Record):
@@ -63,6 +79,8 @@ class Manifest(Record):
     """Of each node of a live run."""
     link: LinkFacts | None = None
     """Null without a link."""
+    board: BoardFacts | None = None
+    """Only of a run whose mobile node was on another machine."""
     beside: Beside | None = None
     """Null in a virtual run."""
     commit: str | None = None
@@ -87,6 +105,9 @@ class Manifest(Record):
     """Of the host."""
     load_1min: float | None = None
     """Of the host, as the run began."""
+    host: RunHost | None = None
+    """Only of a campaign with several hosts: the one that executed the run; of a run with a board:
+    the board."""
     started_utc: str | None = None
     """ISO 8601."""
     versions: dict[str, str | None] | None = None

@@ -4,6 +4,7 @@
 from typing import Literal
 
 from slambed.json_file import Record
+from slambed.spec.device import CostModel
 from slambed.spec.experiment import Playback
 from slambed.spec.system import Scalar
 
@@ -37,6 +38,24 @@ class Segmenter(Record):
     """A picture whose masks take longer has none."""
 
 
+class PacedDevice(Record):
+    """Whose pace a node keeps (docs/limits.md, "At the device's pace")."""
+
+    share: float
+    """Of a CPU of the host that one of its cores is: what each thread may use."""
+    device: CostModel
+    """As in sim.json: what its stages take."""
+
+
+class PacedDevices(Record):
+    """The devices whose pace the nodes of a live run keep."""
+
+    mobile: PacedDevice
+    """The mobile node's."""
+    edge: PacedDevice | None = None
+    """Exactly where there is a network."""
+
+
 class RunConfig(Record):
     """The whole file; paths are as the node sees them."""
 
@@ -63,6 +82,8 @@ class RunConfig(Record):
     """Null where everything is on the mobile node: then there is no edge process."""
     segmenter: Segmenter | None = None
     """Only for the edge of a live run that segments."""
+    pace: PacedDevices | None = None
+    """Only of live runs with `pace: device`."""
     output: str
     """Folder that the nodes write to."""
     connect_timeout_s: float

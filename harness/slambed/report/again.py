@@ -95,8 +95,9 @@ def prepared_truth(dataset: str, checksums: set[str], given: Sequence[str] = ())
     folders that the experiment gave by path, else the newest of the dataset with this id."""
     for path in given:
         with suppress(SlambedError):
-            played = PreparedSequence.open(path)
-            if played.info.id == dataset and played.checksum in checksums:
+            file = Path(path).suffix in (".yaml", ".yml")
+            played = Catalog.load().prepared(path) if file else PreparedSequence.open(path)
+            if played is not None and played.info.id == dataset and played.checksum in checksums:
                 return played.groundtruth_file
     with suppress(SlambedError):
         known = Catalog.load().prepared(dataset)
@@ -106,7 +107,7 @@ def prepared_truth(dataset: str, checksums: set[str], given: Sequence[str] = ())
 
 
 def _given_by_path(results: Results) -> list[str]:
-    """Datasets of the experiment that are no name of a catalogue but a prepared folder."""
+    """Datasets of the experiment that are no name of a catalogue: files, or prepared folders."""
     names = results.spec.get("datasets")
     given = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
     return [name for name in given if "/" in name or (Path(name) / SEQUENCE_FILE).is_file()]

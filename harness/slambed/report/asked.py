@@ -11,6 +11,7 @@ from slambed.yaml_source import Location, YamlSource
 
 FIGURES = (
     "losses", "trajectory", "rtt", "cpu", "memory", "stages", "losses_by_profile", "tradeoff",
+    "changes", "sweep",
 )  # fmt: skip
 """Kinds of figures beside those of a metric."""
 

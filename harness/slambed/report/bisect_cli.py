@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.selection import CELL, Selection
 from slambed.terminal import console
 
 LEAST_RUNS = 2
@@ -36,13 +37,19 @@ def bisect(
     their own harness; what was measured is kept. Ends with 1 where skipped commits leave it open.
     """
     from slambed.campaign.plan import check, repetitions
-    from slambed.native import repository_root
+    from slambed.native import build_folder, repository_root
     from slambed.outputs import make_folder
     from slambed.report.bisect import bisect as first_bad
     from slambed.report.candidates import Repository, Workshop
     from slambed.spec.device import VIRTUAL
     from slambed.spec.library import Library
 
+    for text in only or []:
+        if Selection.of(text).keys != {CELL}:
+            raise SlambedError(
+                f"--only {text}: of bisect it is a cell (* is any text); commits of before know "
+                "no KEY=VALUE"
+            )
     library = Library()
     found, source = library.experiment(experiment, settings)
     check(found, source, library, VIRTUAL)
@@ -62,7 +69,7 @@ def bisect(
 
     workshop = Workshop(
         repository, place, source.path.resolve(), count, settings or [], only or [],
-        repository_root() / "build" / "bin", say,
+        build_folder() / "bin", say,
     )  # fmt: skip
     say(f"{found.id}: {len(candidates)} commits after {first.short} up to {last.short}")
     with workshop.opened():

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.data.places import search_path
-from slambed.engines.host_lock import host_lock
+from slambed.engines.host_lock import STOP, host_lock
 from slambed.errors import ExitCode, SlambedError, environment_error
 from slambed.json_file import object_or_empty
 from slambed.report.again import recompute_refused
@@ -99,6 +99,7 @@ class Workshop:
             f"slambed bisect {self.experiment.stem}",
             self.place / ".lock",
             conflict=f"another bisect works in {self.place}",
+            advice=STOP,
         ):
             self._remove_tree()  # of one that was killed
             try:

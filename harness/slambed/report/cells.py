@@ -33,6 +33,8 @@ class Cell:
     values: dict[str, Interval]
     """By metric key; a metric without any measured value is absent."""
     notes: list[str]
+    hosts: str = ""
+    """Hosts with their runs that count, where several made the runs of the report."""
 
 
 def metrics_to_show(results: Results) -> list[Metric]:
@@ -58,10 +60,11 @@ def metrics_asked(results: Results) -> list[str]:
 def cells_of(results: Results, metrics: list[Metric]) -> list[Cell]:
     """Every cell in order, with the estimates of the runs that count."""
     groups = {name: rows for name, rows in results.runs.groupby("cell", sort=False)}
-    return [_cell(name, groups[name], metrics) for name in results.cells()]
+    mixed = results.runs["host"].nunique(dropna=False) > 1
+    return [_cell(name, groups[name], metrics, mixed) for name in results.cells()]
 
 
-def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric]) -> Cell:
+def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric], mixed: bool) -> Cell:
     good = rows[rows["trusted"].eq(True)]
     first = rows.iloc[0]
     values: dict[str, Interval] = {}
@@ -85,7 +88,14 @@ def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric]) -> Cell:
         faults=_faults(rows),
         values=values,
         notes=notes,
+        hosts=hosts_of(good) if mixed else "",
     )
+
+
+def hosts_of(rows: pd.DataFrame) -> str:
+    """`lab1:10, lab2:10`; a dash for runs that were made without a file of hosts."""
+    counts = rows["host"].fillna("-").value_counts().sort_index()
+    return ", ".join(f"{host}:{count}" for host, count in counts.items())
 
 
 def _outcome_notes(rows: pd.DataFrame) -> list[str]:

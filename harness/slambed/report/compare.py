@@ -38,15 +38,6 @@ class Column:
         """How many of these numbers got which mark."""
         return Counter(self.rows[i].mark for i in ids)
 
-    def summary(self) -> str:
-        """`2 reproduced, 1 differs, 5 inconclusive of 139 numbers`, then why not the others."""
-        found = self.marks(list(self.rows))
-        missing = Counter(r.missing for r in self.rows.values() if r.mark == "N" and r.missing)
-        shown = [f"{found[m]} {MARKS[m]}" for m in MARKS if m != "N"]
-        split = ", ".join(f"{n} {MISSING_WORDS[m]}" for m, n in missing.most_common())
-        not_run = f"{found['N']} not run" + (f" ({split})" if split else "")
-        return f"{', '.join(shown)}, {not_run}; of {len(self.rows)} numbers"
-
 
 @dataclass(frozen=True)
 class PaperVerdicts:
@@ -118,7 +109,7 @@ def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) ->
         told = MISSING_WORDS[row.missing] if row.missing else outcome
         table.rows.append(
             [cell.id, cell.row, cell.column, cell.metric, row.stated, row.ours,
-             told if row.mark in "RDIN" else MARKS[row.mark], row.provenance.replace("_", " "),
+             told if row.mark in "RDINE" else MARKS[row.mark], row.provenance.replace("_", " "),
              row.why]
         )  # fmt: skip
     return table
@@ -129,14 +120,28 @@ def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
         "orderings", f"Declared orderings of {verdicts.paper.paper.title}{engine}",
-        ["id", "statement", "paper", "ours", "outcome", "provenance", "reason"], words=2,
+        ["id", "statement", "paper", "ours", "outcome", "provenance", "reason", "pairs"], words=2,
     )  # fmt: skip
     for item in column.orderings:
         table.rows.append(
             [item.contrast.id, item.contrast.says, item.values(False), item.values(True),
-             item.ordering.outcome.replace("_", " "), item.provenance.replace("_", " "),
-             item.ordering.why]
+             item.words, item.provenance.replace("_", " "), item.ordering.why, item.holding]
         )  # fmt: skip
+    return table
+
+
+def pair_table(verdicts: PaperVerdicts, column: Column) -> Table:
+    """Every pair of an ordering that consists of several, one per line."""
+    engine = f" ({column.engine})" if column.engine else ""
+    table = Table(
+        "pairs", f"Pairs of declared orderings of {verdicts.paper.paper.title}{engine}",
+        ["id", "where", "paper", "ours", "outcome", "p"], words=2,
+    )  # fmt: skip
+    for item in column.orderings:
+        table.rows += [
+            [item.contrast.id, p.where, p.paper, p.ours, p.outcome, f"{p.p_value:.2g}"]
+            for p in item.pairs
+        ]  # fmt: skip
     return table
 
 

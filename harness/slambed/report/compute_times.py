@@ -2,7 +2,7 @@
 """On which compute times the numbers of a report stand: a device's cost model, or this host's own.
 
 A device of one name is two machines where live runs take what a limited host takes: the ratio says
-how far apart they are.
+how far apart they are. Live runs at the device's pace take what its model charges, in real time.
 """
 
 from dataclasses import dataclass
@@ -13,12 +13,16 @@ from slambed.errors import SlambedError
 from slambed.metrics.events import Event
 from slambed.report.load import Results
 from slambed.spec.device import VIRTUAL, CostModel
+from slambed.spec.experiment import DEVICE_PACE
 from slambed.spec.library import Library
 
 STAGES = ("extract", "track")
 """What the mobile node does for every frame."""
 CLOSE = 1.25
 """Times within this factor are called the same machine."""
+FAR = 2.0
+"""Live times off by more than this factor are a warning: other frames are dropped and other tracks
+lost than on the device."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,11 @@ class ComputeTime:
 
     device: str
     virtual: bool
+    paced: bool
+    """Live, at the device's pace."""
     ran_ms: float
+    board: bool
+    """On a real board, not on this host."""
     model_ms: float | None
     """What the device's cost model charges for the same work; None without one."""
 
@@ -36,11 +44,40 @@ class ComputeTime:
         """How many times as long the device would take."""
         return None if self.model_ms is None else self.model_ms / self.ran_ms
 
+    def warning(self, name: str) -> str | None:
+        """Where a live run on this host is far from its device: by how much, and what to do about
+        it. `name`: of the experiment. None where all is well or nobody can say."""
+        if self.virtual or self.paced or self.board or self.model_ms is None or self.ratio is None:
+            return None
+        if 1 / FAR <= self.ratio <= FAR:
+            return None
+        fast = self.ratio > 1
+        factor = self.ratio if fast else 1 / self.ratio
+        measured = (
+            f"live runs on {self.device} are {factor:.1f} times as {'fast' if fast else 'slow'} as "
+            f"the device: extraction and tracking took {self.ran_ms:.1f} ms per frame (measured), "
+            f"its cost model says {self.model_ms:.1f} ms"
+        )
+        return f"{measured}. " + (
+            "Frames dropped, tracks lost and CPU use are those of this host, not of the device. "
+            "Write 'pace: device' into the experiment, or give --set pace=device to 'slambed run "
+            f"{name}': every stage then takes what the model charges"
+            if fast
+            else "This host is too slow for it, or too busy: take another one, or --engine virtual"
+        )
+
     def line(self) -> str:
         """In a sentence."""
         per_frame = f"extraction and tracking take {self.ran_ms:.1f} ms per frame"
         if self.virtual:
             return f"Compute times of {self.device} are those of its cost model: {per_frame}."
+        if self.paced:
+            return (
+                f"Compute times of {self.device} are those of its cost model, kept in real time: "
+                f"{per_frame}."
+            )
+        if self.board:
+            return f"Compute times of {self.device} are the board's own: {per_frame}."
         if self.model_ms is None or self.ratio is None:
             return f"Compute times of {self.device} are those of this host: {per_frame}."
         if 1 / CLOSE <= self.ratio <= CLOSE:
@@ -56,11 +93,16 @@ class ComputeTime:
 
 
 def compute_times(results: Results) -> list[ComputeTime]:
-    """One entry per mobile device and kind of engine, from a run of each system on it."""
+    """One entry per mobile device, kind of engine and pace, from a run of each system on it."""
     found: list[ComputeTime] = []
     runs = results.trusted
-    kinds = runs["engine"].eq(VIRTUAL)
-    for (device, virtual), rows in runs.groupby([runs["device_mobile"], kinds], sort=False):
+    kinds = [
+        runs["device_mobile"],
+        runs["engine"].eq(VIRTUAL),
+        runs["pace"].eq(DEVICE_PACE),
+        runs["board"].notna(),
+    ]
+    for (device, virtual, paced, board), rows in runs.groupby(kinds, sort=False):
         model = _model(str(device))
         ran: list[float] = []
         charged: list[float] = []
@@ -76,8 +118,10 @@ def compute_times(results: Results) -> list[ComputeTime]:
             if model is not None:
                 charged.append(sum(_charged_ms(model, e) for e in stages) / frames)
         if ran and np.median(ran) > 0:
-            model_ms = float(np.median(charged)) if charged else None
-            found.append(ComputeTime(str(device), bool(virtual), float(np.median(ran)), model_ms))
+            model_ms = (float(np.median(charged)) or None) if charged else None
+            ran_ms = float(np.median(ran))
+            kind = (bool(virtual), bool(paced), ran_ms, bool(board))
+            found.append(ComputeTime(str(device), *kind, model_ms))
     return found
 
 

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed diff A B`: two results folders, metric by metric, cell by cell, paired where seeds pair.
+"""`slambed diff`: two results folders, or two parts of one, metric by metric, cell by cell, paired
+where seeds pair.
 
 Whatever differs between the two: the commit, the engine, the system, the host.
 """
 
 from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -13,12 +17,11 @@ from slambed.metrics.catalog import keys_for
 from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
-from slambed.report.cells import metrics_asked, text
+from slambed.outputs import writing
+from slambed.report.cells import metrics_asked
 from slambed.report.contrast import contrast
-from slambed.report.load import Results
-from slambed.report.tables import Table, around
-
-WHERE = ("label", "dataset", "profile")
+from slambed.report.sides import Side, Sides
+from slambed.report.tables import Table, around, check_format
 
 
 @dataclass(frozen=True)
@@ -52,26 +55,24 @@ class Change:
         return "better" if (self.change.value > 0) == (self.metric.better == "higher") else "worse"
 
 
-def diff(a: Results, b: Results, metrics: list[str] | None = None) -> list[Change]:
+def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
     """Every metric that both were asked for (or those named) in every cell that both have.
 
-    Cells match by system's label, dataset and link; folders of one system each by the latter two.
     Raises SlambedError where nothing matches.
     """
-    by = _matching(a.trusted, b.trusted)
+    a, b = sides.a.results, sides.b.results
     asked = metrics or [key for key in metrics_asked(a) if key in metrics_asked(b)]
     items = [a.metric(key) for key in asked or keys_for(Use.TESTED)]
-    others = {_key(key): group for key, group in b.trusted.groupby(by, sort=False, dropna=False)}
-    found: list[Change] = []
-    for key, group in a.trusted.groupby(by, sort=False, dropna=False):
-        if (other := others.get(_key(key))) is None:
-            continue
-        cell = "/".join(word for word in _key(key) if word)
-        found += [c for item in items if (c := _change(cell, item, group, other)) is not None]
+    found = [
+        change
+        for cell, own, other in sides.matched()
+        for item in items
+        if (change := _change(cell, item, own, other)) is not None
+    ]
     if not found:
         raise SlambedError(
-            f"nothing to compare: {a.folder} and {b.folder} share no cell with two runs to be "
-            "trusted on either side; 'slambed status' says what is there"
+            f"nothing to compare: {_words(sides.a)} and {_words(sides.b)} share no cell with two "
+            "runs to be trusted on either side; 'slambed status' says what is there"
         )
     adjusted = holm([item.p_value for item in found])
     return [
@@ -81,14 +82,8 @@ def diff(a: Results, b: Results, metrics: list[str] | None = None) -> list[Chang
     ]  # fmt: skip
 
 
-def _matching(a: pd.DataFrame, b: pd.DataFrame) -> list[str]:
-    labels = [set(side["label"].dropna().astype(str)) for side in (a, b)]
-    one_each = all(len(names) == 1 for names in labels)
-    return list(WHERE[1:] if one_each else WHERE)
-
-
-def _key(key: object) -> tuple[str, ...]:
-    return tuple(text(word) for word in (key if isinstance(key, tuple) else (key,)))
+def _words(side: Side) -> str:
+    return " ".join([str(side.results.folder), *(f"({text})" for text in side.asked)])
 
 
 def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change | None:
@@ -98,7 +93,13 @@ def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change
     return Change(cell, item, found.a, found.b, found.change, found.p_value, found.paired, True)
 
 
-def diff_table(found: list[Change], a: str, b: str) -> Table:
+TESTS = (
+    "Virtual runs of equal seed are pairs (Wilcoxon's signed-rank test, shares McNemar's), others "
+    "are not (Mann-Whitney's, shares Fisher's)"
+)
+
+
+def diff_table(found: list[Change], sides: Sides) -> Table:
     """The shown changes first."""
     rows = [
         [
@@ -108,9 +109,48 @@ def diff_table(found: list[Change], a: str, b: str) -> Table:
         ]
         for c in sorted(found, key=lambda c: c.p_value)
     ]  # fmt: skip
-    headings = ["cell", "metric", "A", "B", "B - A [95 %]", "runs", "p (Holm)", "verdict"]
-    caption = (
-        f"A: {a}; B: {b}. Virtual runs of equal seed are pairs (Wilcoxon's signed-rank test, "
-        "shares McNemar's), others are not (Mann-Whitney's, shares Fisher's)"
-    )
-    return Table("diff", caption, headings, rows, words=2)
+    headings = ["cell", "metric", *sides.headings(), "B - A [95 %]", "runs", "p (Holm)", "verdict"]
+    return Table("diff", "\n".join([*sides.lines, TESTS]), headings, rows, words=2)
+
+
+def write_diff(table: Table, sides: Sides, path: Path) -> None:
+    """The table as a file that says what A and B are: .csv in columns of its own, under headings
+    that are always the same for a script; .md above the table."""
+    check_format(path)
+    with writing(path):
+        if path.suffix == ".md":
+            above = "".join(f"{line}\n\n" for line in sides.lines)
+            path.write_text(above + table.markdown())
+            return
+        headings = [*table.headings[:2], "A", "B", *table.headings[4:], "A is", "B is"]
+        rows = [[*row, *sides.told] for row in table.rows]
+        path.write_text(Table(table.name, table.caption, headings, rows, table.words).csv())
+
+
+def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
+    """The same for a script: stored units; null where a failed run makes a number infinite."""
+
+    def number(value: float) -> float | None:
+        return value if isfinite(value) else None
+
+    changes = [
+        {
+            "cell": c.cell, "metric": c.metric.key, "unit": c.metric.unit,
+            "a": number(c.a), "b": number(c.b), "change": number(c.change.value),
+            "low": number(c.change.low), "high": number(c.change.high), "runs": c.change.count,
+            "paired": c.paired, "p_value": number(c.p_value), "shown": c.shown,
+            "verdict": c.verdict,
+        }
+        for c in sorted(found, key=lambda c: c.p_value)
+    ]  # fmt: skip
+    both = {"a": sides.a, "b": sides.b}
+    return {
+        **{letter: str(side.results.folder) for letter, side in both.items()},
+        "sides": {
+            letter: {"name": name, "selected": list(side.asked), **side.facts}
+            for (letter, side), name in zip(both.items(), sides.names, strict=True)
+        },
+        "differing": sides.differing,
+        "shown": sum(c.shown for c in found),
+        "changes": changes,
+    }

@@ -3,23 +3,23 @@
 
 import base64
 import io
+import json
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from slambed.outputs import writing
-from slambed.report.cells import text
 from slambed.report.diff import Change, diff_table
-from slambed.report.load import Results
-from slambed.report.page import render
-from slambed.report.style import COLOURS, NOTE_PT, RC, WIDTH_IN
-from slambed.report.tables import Table
+from slambed.report.figure_points import points_of
+from slambed.report.page import in_page, page_script, render
+from slambed.report.sides import Sides, sides_table
+from slambed.report.style import COLOURS, NOTE_PT, figure, lay_out
 
 MOST_DRAWN = 24
 """Comparisons in the figure, those with the smallest p first."""
-ROW_IN, AROUND_IN = 0.36, 0.6
+ROW_IN, AROUND_IN = 0.36, 1.0
 MOOD = {"better": "good", "worse": "bad"}
 DRAWN = {"better": (COLOURS[2], "o"), "worse": (COLOURS[1], "s"), "changed": (COLOURS[0], "D")}
 NOT_SHOWN = ("#777777", "o")
@@ -27,29 +27,46 @@ WIDEST = 200.0
 """Percent of A; what changed by more than that stands at the edge."""
 
 
-def write_diff_page(found: list[Change], a: Results, b: Results, path: Path) -> None:
+def write_diff_page(found: list[Change], sides: Sides, path: Path) -> None:
     """Writes the page. Raises SlambedError where that cannot be done."""
-    table = diff_table(found, str(a.folder), str(b.folder))
-    beside = sides(a, b)
+    table = diff_table(found, sides)
+    beside = sides_table(sides)
     drawn = [change for change in by_p(found) if relative(change) is not None]
+    heads = "\n".join(sides.headings()) if sides.differing else ""
+    picture, points = _forest(drawn[:MOST_DRAWN], heads) if drawn else ("", Markup())
     page = render(
         "diff.html.j2",
-        title=f"{a.title} against {b.title}" if a.title != b.title else a.title,
-        a=str(a.folder),
-        b=str(b.folder),
+        title=_title(sides),
+        lines=sides.lines,
         tiles=_tiles(found),
         sides=beside,
         differs=any(own != other for _, own, other in beside.rows),
-        problems=[f"{name}: {x}" for name, side in (("A", a), ("B", b)) for x in side.problems],
+        problems=_problems(sides),
         table=table,
         moods=[MOOD.get(row[-1], "") for row in table.rows],
-        figure=_uri(_forest(drawn[:MOST_DRAWN])) if drawn else "",
+        figure=picture,
+        points=points,
+        script=Markup(page_script()),
         drawn=min(len(drawn), MOST_DRAWN),
         not_drawn=len(found) - min(len(drawn), MOST_DRAWN),
         any_shown=any(change.shown for change in found),
     )
     with writing(path, "--html"):
         path.write_text(page, encoding="utf-8")
+
+
+def _title(sides: Sides) -> str:
+    titles = list(dict.fromkeys((sides.a.results.title, sides.b.results.title)))
+    a, b = sides.names
+    return " against ".join(titles) + (f": {a} against {b}" if a and b else "")
+
+
+def _problems(sides: Sides) -> list[str]:
+    """Of one folder once."""
+    a, b = (side.results.problems for side in (sides.a, sides.b))
+    if sides.a.results.folder == sides.b.results.folder:
+        return list(dict.fromkeys([*a, *b]))
+    return [f"{letter}: {line}" for letter, own in (("A", a), ("B", b)) for line in own]
 
 
 def by_p(found: list[Change]) -> list[Change]:
@@ -65,35 +82,6 @@ def relative(change: Change) -> tuple[float, float, float] | None:
         return None
     value, low, high = (100 * ends / unit).tolist()
     return value, low, high
-
-
-def sides(a: Results, b: Results) -> Table:
-    """What was compared: where it differs lies the reason, if anywhere."""
-    rows = [
-        ["runs to be trusted", *(f"{len(s.trusted)} of {len(s.runs)}" for s in (a, b))],
-        ["engine", _words(a, "engine"), _words(b, "engine")],
-        ["systems", _words(a, "label"), _words(b, "label")],
-        ["first run", _first(a), _first(b)],
-    ]
-    rows += [
-        [name.replace("_", " "), _most(a, name), _most(b, name)]
-        for name in ("commit", "cpu_model", "cores", "kernel")
-    ]
-    return Table("sides", "The two sides", ["", "A", "B"], rows, words=3)
-
-
-def _first(side: Results) -> str:
-    return min(map(text, side.runs["started_utc"].dropna()), default="-")
-
-
-def _words(side: Results, column: str) -> str:
-    return ", ".join(dict.fromkeys(map(text, side.runs[column].dropna()))) or "-"
-
-
-def _most(side: Results, fact: str) -> str:
-    values = list(side.facts.get(fact, {}))
-    changed = "+" if fact == "commit" and "True" in side.facts.get("dirty", {}) else ""
-    return ", ".join(f"{value[:40]}{changed}" for value in values) or "-"
 
 
 def _tiles(found: list[Change]) -> list[tuple[str, str, str]]:
@@ -112,28 +100,27 @@ def _tiles(found: list[Change]) -> list[tuple[str, str, str]]:
     return tiles + ([(str(blind), "with too few runs to show any", "bad")] if blind else [])
 
 
-def _forest(changes: list[Change]) -> Figure:
-    """A row for each comparison: the change with its 95 % interval."""
-    with plt.rc_context(RC):
-        made, axis = plt.subplots(figsize=(WIDTH_IN, AROUND_IN + ROW_IN * len(changes)))
+def _forest(changes: list[Change], sides: str) -> tuple[str, Markup]:
+    """A row for each comparison: the change with its 95 % interval; and what a pointer finds."""
+    with figure(height_in=AROUND_IN + ROW_IN * len(changes)) as (made, (axis,)):
         for row, change in enumerate(changes):
             ends = relative(change)
             assert ends is not None
             value, low, high = np.clip(ends, -WIDEST, WIDEST)
             colour, marker = DRAWN.get(change.verdict, NOT_SHOWN)
-            axis.plot([low, high], [row, row], color=colour)
-            axis.plot([value], [row], marker, color=colour)
+            axis.plot([low, high], [row, row], color=colour, label="95 % interval")
+            axis.plot([value], [row], marker, color=colour, label=change.verdict)
         axis.axvline(0, color="black", linewidth=0.8)
         labels = [f"{change.metric.name}\n{change.cell}" for change in changes]
         axis.set_yticks(range(len(changes)), labels, fontsize=NOTE_PT - 1)
         axis.set_ylim(len(changes) - 0.5, -0.5)
         axis.set_xlabel("B - A in % of A (shares: points)")
-        return made
+        made.suptitle(sides, fontsize=NOTE_PT)
+        lay_out(made)
+        return _uri(made), in_page(json.dumps(points_of(made), separators=(",", ":")))
 
 
 def _uri(made: Figure) -> str:
     out = io.BytesIO()
-    with plt.rc_context(RC):
-        made.savefig(out, format="svg", metadata={"Date": None})
-    plt.close(made)
+    made.savefig(out, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(out.getvalue()).decode()

@@ -11,8 +11,12 @@ from slambed.atomic import replacing
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.comparison import power_hint
 from slambed.report import current
+from slambed.report.board_facts import COLUMNS as BOARD
+from slambed.report.boards import board_table
 from slambed.report.cells import Cell, cells_of, metrics_to_show
+from slambed.report.compute_times import ComputeTime, compute_times
 from slambed.report.differences import difference_tables
+from slambed.report.hosts import host_table
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
@@ -29,6 +33,7 @@ from slambed.report.tables import (
 )
 
 MOST_TERMINAL_LINES = 12
+LOUD = "bold yellow"
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,14 @@ class Told:
     cells: list[Cell]
     tables: list[Table]
     comparisons: list[Table]
+    times: list[ComputeTime]
+    """On which compute times all that stands."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What must be read before any number."""
+        found = (time.warning(self.results.name) for time in self.times)
+        return [line for line in found if line is not None]
 
     @classmethod
     def of(cls, results: Results) -> "Told":
@@ -57,7 +70,11 @@ class Told:
         metrics = metrics_to_show(results)
         cells = cells_of(results, metrics)
         tables = [*cell_tables(cells, metrics), *update_round_tables(results)]
-        return cls(results, cells, tables, comparisons_for(results))
+        if (by_host := host_table(results, metrics)) is not None:
+            tables.append(by_host)
+        if (boards := board_table(results)) is not None:
+            tables.append(boards)
+        return cls(results, cells, tables, comparisons_for(results), compute_times(results))
 
 
 def write_report(
@@ -85,7 +102,8 @@ def write_report(
     if figures and len(results.trusted):
         drawn = draw_all(results, cells, folder, made_by, limit_s, formats)
     content = PageContent(
-        setup=setup_lines(results),
+        warnings=told.warnings,
+        setup=setup_lines(results, told.times),
         settings=settings_table(results),
         cells=cells,
         tables=told.tables,
@@ -110,8 +128,8 @@ def write_report(
 
 
 def write_summary_csv(results: Results) -> Path:
-    """One row per run: the keys of summary.json, systems' own, label and parameters; replaced by
-    one rename."""
+    """One row per run: the keys of summary.json, systems' own, label, host and parameters; replaced
+    by one rename."""
     path = results.folder / "summary.csv"
     with replacing(path) as out:
         results.runs[_columns(results)].to_csv(out, index=False)
@@ -120,7 +138,8 @@ def write_summary_csv(results: Results) -> Path:
 
 def _columns(results: Results) -> list[str]:
     params = sorted(str(name) for name in results.runs if str(name).startswith("params."))
-    return [*SUMMARY_KEYS, *results.own_metrics, "label", *params]
+    boards = BOARD if results.runs["board"].notna().any() else ()
+    return [*SUMMARY_KEYS, *results.own_metrics, "label", "host", *boards, *params]
 
 
 def write_tables(tables: list[Table], folder: Path) -> None:
@@ -136,6 +155,7 @@ def write_tables(tables: list[Table], folder: Path) -> None:
 
 def _markdown(results: Results, content: PageContent) -> str:
     lines = [f"# {results.title}", "", headline(results, content.cells), ""]
+    lines += [text for line in content.warnings for text in (f"**Warning: {line}.**", "")]
     lines += [text for line in content.setup for text in (line, "")]
     if content.settings.rows:
         lines += [f"{content.settings.caption}:", "", content.settings.markdown()]
@@ -195,6 +215,7 @@ def terminal_summary(
     for table in told.tables + told.comparisons:
         parts += [Text(""), table.rich()]
     notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
+    parts += [Text(f"! {line}", style=LOUD) for line in told.warnings]
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
     if len(notes) > MOST_TERMINAL_LINES:
         parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))

@@ -220,10 +220,12 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
     ]
 
 
-def append_history(history: Path, runs: pd.DataFrame, night_utc: str, passed: bool) -> int:
+def append_history(
+    history: Path, runs: pd.DataFrame, night_utc: str, passed: bool, commit: str = ""
+) -> int:
     """Adds tonight's runs to a Parquet history; those of the same night and experiment are
     replaced. Nights that did not pass are kept too, but are no baseline. Returns its rows."""
-    new = runs.assign(night_utc=night_utc, passed=passed)
+    new = runs.assign(night_utc=night_utc, passed=passed, commit=commit)
     if history.exists():
         old = pd.read_parquet(history)
         same = (old["night_utc"] == night_utc) & old["experiment"].isin(new["experiment"].unique())

@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from markupsafe import Markup
 
 from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import power_hint
 from slambed.report.cells import Cell, number
 from slambed.report.load import Results
-from slambed.report.page import render
+from slambed.report.page import in_page, page_script, render
 from slambed.report.setup import NO_LIMITS, is_virtual
-from slambed.report.style import SavedFigure
+from slambed.report.style import POINTS, SavedFigure
 from slambed.report.tables import Table
 from slambed.report.timeline import timeline_svg
 from slambed.spec.run_spec import run_name
@@ -31,6 +32,8 @@ MOST_SVG_BYTES = 150_000
 class PageContent:
     """Everything the page shows beside what `Results` knows."""
 
+    warnings: list[str]
+    """What must be read before any number."""
     setup: list[str]
     """Engines, devices and compute times, in sentences."""
     settings: Table
@@ -67,6 +70,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         notes=results.spec.get("notes") or "",
         sections=sections,
         tiles=_tiles(results, content.cells),
+        warnings=content.warnings,
         setup=content.setup,
         settings=content.settings,
         hint=_hint(content.cells),
@@ -75,7 +79,11 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         cell_notes=[(cell.name, note) for cell in content.cells for note in cell.notes],
         comparisons=content.comparisons,
         differences=[table for table in content.differences if table.rows],
-        figures=[{**vars(item), "uri": _uri(folder, item)} for item in content.figures],
+        figures=[
+            {**vars(item), "uri": _uri(folder, item), "points": _points(folder, item)}
+            for item in content.figures
+        ],
+        script=Markup(page_script()),
         left_out=content.left_out,
         empty=content.empty,
         link=content.link,
@@ -160,6 +168,10 @@ def _run(results: Results, row: dict[str, Any]) -> dict[str, Any]:
 def _count(value: object) -> str:
     found = number(value)
     return "-" if found is None else f"{found:.0f}"
+
+
+def _points(folder: Path, item: SavedFigure) -> Markup:
+    return in_page((folder / f"{item.name}{POINTS}").read_text(encoding="utf-8"))
 
 
 def _uri(folder: Path, item: SavedFigure) -> str:

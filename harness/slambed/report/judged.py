@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, cast
 
-from slambed.report.lookup import Found, Missing, Pool
+from slambed.report.fitted import OWN_DATA, SET_TO_MATCH, far_off
+from slambed.report.lookup import MISSING_WORDS, Found, Missing, Pool
 from slambed.report.margins import firm_contrasts, margin_of_cell, published_of
 from slambed.report.measured import NOTHING, Measured, measure
 from slambed.report.papers import BOUNDS, Cell, Contrast, Paper, Provenance
@@ -16,10 +17,10 @@ from slambed.report.verdicts.prediction import enough, mean_position, share_posi
 from slambed.report.verdicts.shares import judge_share
 from slambed.report.verdicts.statements import judge_about, judge_bound, judge_range, judge_set
 
-Mark = Literal["R", "D", "I", "N", "F", "S", "P"]
+Mark = Literal["R", "D", "I", "N", "E", "F", "S", "P"]
 MARKS: dict[Mark, str] = {
-    "R": "reproduced", "D": "differs", "I": "inconclusive", "N": "not run", "F": "fitted",
-    "S": "stand-in", "P": "parameter or duplicate",
+    "R": "reproduced", "D": "differs", "I": "inconclusive", "N": "not run",
+    "E": MISSING_WORDS["no_events"], "F": "fitted", "S": "stand-in", "P": "parameter or duplicate",
 }  # fmt: skip
 NEVER_COUNTED: dict[Provenance, Mark] = {
     "fitted": "F", "same_data": "F", "stand_in": "S", "parameter": "P", "duplicate": "P",
@@ -42,11 +43,20 @@ class Judged:
 
     @property
     def mark(self) -> Mark:
-        """One of seven: what is drawn, counted and coloured."""
+        """One of eight: what is drawn, counted and coloured."""
         if self.provenance in NEVER_COUNTED:
             return NEVER_COUNTED[self.provenance]
+        if self.missing == "no_events":
+            return "E"
         marks: dict[str, Mark] = {"reproduced": "R", "differs": "D", "inconclusive": "I"}
         return marks.get(self.verdict.outcome, "N")
+
+    @property
+    def hint(self) -> str:
+        """Of a number that a device was set to match: how far ours is off all the same."""
+        if self.provenance != "fitted":
+            return ""
+        return far_off(self.cell, self.measured, self.verdict)
 
     @property
     def stated(self) -> str:
@@ -115,7 +125,7 @@ class Judge:
         if cell.claim is not None and cell.claim.kind in ("setup", "parameter", "background"):
             return self._aside(cell, "parameter", f"{cell.claim.kind}, not a result")
         if standing.same_data is not None:
-            return self._aside(cell, "same_data", standing.same_data)
+            return self._aside(cell, "same_data", f"{OWN_DATA}: {standing.same_data}")
         if standing.unmappable is not None:
             return self._missing(cell, "no_metric", standing.unmappable)
         if (erratum := standing.erratum) is not None:
@@ -162,8 +172,10 @@ class Judge:
             other = still_open[0]
             why = f"the paper's words may mean {other.key} as well: {other.note}"
             verdict = replace(verdict, outcome="inconclusive", why=f"{why}; {verdict.why}")
+        far = far_off(cell, measured, verdict)
+        read_as = metric.read_as if metric is not None and far else None
         told = {
-            "fitted": "our devices were fitted to this number",
+            "fitted": "; ".join(w for w in (SET_TO_MATCH, far, read_as) if w),
             "stand_in": f"measured on {found.dataset}: direction only",
         }.get(provenance, verdict.why)
         beside = "" if claim is not None and claim.quantity is not None else self._beside(cell)

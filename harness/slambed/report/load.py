@@ -3,7 +3,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from slambed.data.stand_in import played_instead
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.json_file import object_or_empty
@@ -23,9 +24,12 @@ from slambed.metrics.metric import Metric
 from slambed.metrics.older import two_axes
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
+from slambed.report.board_facts import COLUMNS as BOARD
+from slambed.report.board_facts import board_facts
 from slambed.report.busy_host import held_up, waited
 from slambed.report.link_stalls import stalled_links
 from slambed.report.standing import REMEDY, described, old_version, refused_runs
+from slambed.spec.experiment import DEVICE_PACE
 
 MOST_PROBLEMS_PER_KIND = 10
 """The time between two frames of the papers' playback: a longer stall drops one."""
@@ -40,11 +44,11 @@ Row = dict[str, object]
 """What becomes a row of a table."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Results:
     """All runs of one experiment: `runs` has one row per run, columns are the summary keys plus
-    `label`, `params.<name>`, `plan.<paper>`, `started_utc`, `folder` and `described` (what finds
-    the system's description)."""
+    `label`, `host` (of several; else null), those of `board_facts`, `params.<name>`,
+    `plan.<paper>`, `started_utc`, `folder` and `described` (what finds the description)."""
 
     folder: Path
     title: str
@@ -52,6 +56,8 @@ class Results:
     problems: list[str] = field(default_factory=list)
     facts: dict[str, Counter[str]] = field(default_factory=dict)
     """Manifest facts and how many runs have each value."""
+    facts_of: dict[str, dict[str, str]] = field(default_factory=dict)
+    """The same of each run, by its key."""
     limits: pd.DataFrame = field(default_factory=pd.DataFrame)
     expected: int | None = None
     """Runs the experiment asks for, when known."""
@@ -59,6 +65,14 @@ class Results:
     """The experiment file as run, where it was kept."""
     refused: list[str] = field(default_factory=list)
     """Runs whose numbers must not stand beside the others'; they do not count here."""
+
+    def __repr__(self) -> str:
+        systems = self.runs["label"].nunique() if "label" in self.runs else 0
+        trusted = len(self.trusted) if "trusted" in self.runs else 0
+        return (
+            f"Results({str(self.folder)!r}, experiment={self.name!r}, systems={systems}, "
+            f"runs={len(self.runs)}, trusted={trusted})"
+        )
 
     @property
     def name(self) -> str:
@@ -135,6 +149,15 @@ class Results:
             return None
         return found if len(found) else None
 
+    def only(self, keep: list[bool]) -> "Results":
+        """The same with some of its runs."""
+        runs = self.runs[pd.Series(keep, index=self.runs.index, dtype=bool)]
+        counted: dict[str, Counter[str]] = {name: Counter() for name in self.facts}
+        for key in runs["run_key"]:
+            for name, value in self.facts_of.get(str(key), {}).items():
+                counted[name][value] += 1
+        return replace(self, runs=runs, facts=counted)
+
     def complain(self, line: str) -> None:
         """Adds a problem once."""
         if line not in self.problems:
@@ -152,8 +175,12 @@ def load(folder: Path) -> Results:
     experiment = object_or_empty(folder / "experiment.json", problems, needed=True)
     listed = experiment.get("runs")
     planned = [r for r in listed if isinstance(r, dict)] if isinstance(listed, list) else []
-    rows, facts, limits = _read_runs(folder, planned, problems)
-    columns = [*SUMMARY_KEYS, "label", "plain_label", "started_utc", "folder"]
+    rows, facts_of, limits = _read_runs(folder, planned, problems)
+    facts: dict[str, Counter[str]] = {name: Counter() for name in MANIFEST_FACTS}
+    for own in facts_of.values():
+        for name, value in own.items():
+            facts[name][value] += 1
+    columns = [*SUMMARY_KEYS, "label", "plain_label", "host", *BOARD, "started_utc", "folder"]
     runs = pd.DataFrame(rows, columns=None if rows else columns)
     for name in columns:
         if name not in runs:
@@ -169,6 +196,7 @@ def load(folder: Path) -> Results:
         runs=_side_by_side(_in_order(runs, spec)),
         problems=problems,
         facts=facts,
+        facts_of=facts_of,
         limits=pd.DataFrame(limits),
         expected=len(planned) or None,
         spec=spec,
@@ -176,7 +204,11 @@ def load(folder: Path) -> Results:
     _refuse_mixtures(results)
     _report_missing(results, planned)
     runs = results.trusted
-    for told in (*held_up(runs), *waited(runs), *stalled_links(runs)):
+
+    def samples(run_key: str) -> pd.DataFrame | None:
+        return results.table(run_key, "samples")
+
+    for told in (*held_up(runs), *waited(runs, samples), *stalled_links(runs)):
         results.complain(told)
     return results
 
@@ -200,8 +232,8 @@ def _refuse_mixtures(results: Results) -> None:
 
 def _read_runs(
     folder: Path, planned: list[dict[str, Any]], problems: list[str]
-) -> tuple[list[Row], dict[str, Counter[str]], list[Row]]:
-    facts: dict[str, Counter[str]] = {name: Counter() for name in MANIFEST_FACTS}
+) -> tuple[list[Row], dict[str, dict[str, str]], list[Row]]:
+    facts: dict[str, dict[str, str]] = {}
     rows: list[Row] = []
     limits: list[Row] = []
     kinds: Counter[str] = Counter()
@@ -244,20 +276,20 @@ def _read_runs(
         row |= {
             "label": label,
             "plain_label": label,
+            "host": manifest.host.name if manifest.host else None,
             "started_utc": manifest.started_utc,
             "folder": path.name,
             "described": found_by,
         }
-        row |= _plans_of(manifest)
+        row |= board_facts(manifest) | _plans_of(manifest)
         for name, value in (spec.params or {}).items():
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:
             tell("old", f"runs/{path.name}: not part of the experiment as last run, shown too")
         for warning in manifest.warnings or []:
             tell("warnings", f"runs/{path.name}: {warning}")
-        for name in MANIFEST_FACTS:
-            if (value := getattr(manifest, name)) is not None:
-                facts[name][_fact(value)] += 1
+        told = {name: getattr(manifest, name) for name in MANIFEST_FACTS}
+        facts[path.name] = {name: _fact(x) for name, x in told.items() if x is not None}
         limits += _limits_of(row, manifest)
         rows.append(row)
     for kind, count in kinds.items():
@@ -287,6 +319,7 @@ def _limits_of(row: Row, manifest: Manifest) -> list[Row]:
             {
                 "run_key": row["run_key"],
                 "cell": row["cell"],
+                "host": row["host"],
                 "node": node,
                 "device": row["device_mobile"] if node == "mobile" else row["device_edge"],
                 "asked": _fact(limits.asked and limits.asked.as_json()),
@@ -335,11 +368,12 @@ def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
 
 
 def _side_by_side(runs: pd.DataFrame) -> pd.DataFrame:
-    """Runs of several engines are several systems to a report: the engine becomes part of the
-    names. Live and virtual numbers are never pooled."""
-    if runs["engine"].nunique() < 2:
+    """Runs of several engines, or live ones of several paces, are several systems to a report: it
+    becomes part of the names. Live and virtual numbers are never pooled."""
+    if runs["engine"].nunique() < 2 and runs["pace"].nunique() < 2:
         return runs
-    suffix = " (" + runs["engine"].astype(str) + ")"
+    paced = runs["pace"].eq(DEVICE_PACE).map({True: ", device's pace", False: ""})
+    suffix = " (" + runs["engine"].astype(str) + paced + ")"
     return runs.assign(label=runs["label"] + suffix, cell=runs["cell"] + suffix)
 
 
@@ -373,10 +407,10 @@ def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
 
 
 def _stand_ins(experiment: dict[str, Any]) -> str:
-    """What the title must not hide: that another sequence was played than the one asked for."""
+    """What the title must not hide: that another sequence is played than the one asked for."""
     found = experiment.get("stand_ins")
     pairs = found.items() if isinstance(found, dict) else ()
-    told = ", ".join(f"{played} stands in for {wanted}" for played, wanted in pairs)
+    told = "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)
     return f" [{told}]" if told else ""
 
 

@@ -15,11 +15,11 @@ LIVE = "live"
 VIRTUAL = "virtual"
 ENGINES = (VIRTUAL, LIVE)
 
-Missing = Literal["no_system", "no_data", "no_metric", "too_few_runs"]
+Missing = Literal["no_system", "no_data", "no_metric", "too_few_runs", "no_events"]
 """Why nothing of ours stands beside a number."""
 MISSING_WORDS: dict[Missing, str] = {
     "no_system": "no system", "no_data": "no data", "no_metric": "no metric",
-    "too_few_runs": "too few runs",
+    "too_few_runs": "too few runs", "no_events": "run, events not kept",
 }  # fmt: skip
 LEFT_OPEN = ("dataset", "variant", "profile", "device_mobile", "device_edge")
 """Columns that one number may not be pooled over, as every `params.*`."""
@@ -107,7 +107,7 @@ def find_runs(
         return Found(None, "no_system", f"{label}: {not_built}")
     own = matching(runs, paper.systems[system].match)
     if not len(own):
-        return Found(None, "too_few_runs", f"{label}: no run to be trusted")
+        return Found(None, "too_few_runs", f"{label}: no trusted run yet")
     left = dict(conditions)
     name = left.pop("dataset", None)
     if name not in paper.datasets:
@@ -128,7 +128,7 @@ def find_runs(
                 return Found(None, "no_metric", told)
             return Found(chosen, dataset=dataset, stand_in=stand_in)
     note = f" ({where.note})" if where.note else ""
-    return first or Found(None, "no_data", f"{where.label}: no run to be trusted{note}")
+    return first or Found(None, "no_data", f"{where.label}: no trusted run yet{note}")
 
 
 def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame, bool]]:

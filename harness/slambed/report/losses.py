@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All losses of an experiment by cause: `slambed losses`."""
+"""All losses of an experiment by cause: `slambed report --losses`."""
 
 from dataclasses import dataclass
 from statistics import median

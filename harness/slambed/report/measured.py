@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our number beside a published one: the values of single runs in the paper's unit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from slambed.metrics.collect import EVENTS
 from slambed.metrics.stages import delays
 from slambed.metrics.tracking import tracking_of
 from slambed.report.figures.stages import event_log
@@ -97,6 +98,8 @@ def values_of(
         values = reference_errors(pool.results, runs, against.runs)
     known = values.notna()
     if not known.any():
+        if played := _without_events(pool, runs, metric):
+            return Measured(replace(found, runs=None, missing="no_events", reason=played), NOTHING)
         told = f"{metric.key} was not measured in {len(runs)} runs"
         return Measured(Found(None, "no_metric", told), NOTHING)
     runs, values = runs[known], values[known]
@@ -130,8 +133,8 @@ def _exposure(
 
 
 def _values(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> "pd.Series[float]":
-    source, _, part = metric.key.partition(".")
-    if source in ("delay", "tracking") and part:
+    if source := _event_source(metric):
+        part = metric.key.partition(".")[2]
         found = [
             _from_events(pool, str(folder), str(key), source, part)
             for folder, key in zip(runs["experiment_folder"], runs["run_key"], strict=True)
@@ -143,6 +146,26 @@ def _values(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> "pd.Series[f
     for key in metric.plus:
         values = values + (pd.to_numeric(runs[key], errors="coerce") if key in runs else np.nan)
     return values
+
+
+def _event_source(metric: PaperMetric) -> str:
+    """`delay` or `tracking` of a number that is computed from events; else nothing."""
+    source, _, part = metric.key.partition(".")
+    return source if source in ("delay", "tracking") and part else ""
+
+
+def _without_events(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> str:
+    """What to do where runs are there and none has the events that this number is made of, as
+    those of `slambed results pack`."""
+    if not _event_source(metric):
+        return ""
+    places = zip(runs["experiment_folder"].astype(str), runs["run_key"].astype(str), strict=True)
+    if any((pool.results[f].run_dir(key) / EVENTS).exists() for f, key in places):
+        return ""
+    names = sorted(set(runs["experiment_folder"].astype(str)))
+    engine = str(runs["engine"].iloc[0])
+    play = f"slambed run {names[0]} --engine {engine} --runs {len(runs)} --force '*'"
+    return f"{len(runs)} runs are there, without events; {play} makes them"
 
 
 def _from_events(pool: Pool, folder: str, key: str, source: str, part: str) -> float | None:

@@ -33,6 +33,10 @@ class Results:
         self.folder = self._loaded.folder
         self.title = self._loaded.title
 
+    def __repr__(self) -> str:
+        """Folder, experiment, systems, runs and how many of them count, in a line."""
+        return repr(self._loaded)
+
     @property
     def runs(self) -> pd.DataFrame:
         """One row per run: the keys of summary.json (docs/formats.md), `label`, `params.<name>`."""
@@ -111,7 +115,8 @@ def run(
 
     Raises SlambedError for what the command `slambed run` refuses.
     """
-    from slambed.campaign.run import Options, run_experiment
+    from slambed.campaign.options import Options
+    from slambed.campaign.run import run_experiment
     from slambed.terminal import console
 
     options = Options(runs=runs, engine=engine, results=Path(results))
@@ -120,12 +125,30 @@ def run(
             name = str(experiment.get("id", ""))
             path = Path(place) / f"{name}.yaml"
             # JSON is YAML.
-            path.write_text(json.dumps(experiment))
+            path.write_text(json.dumps(_seen_from_here(experiment)))
             experiment = path
         verdict = run_experiment(str(experiment), options, console())
     if verdict.folder is None:
         raise SlambedError("nothing was executed")
     return Results(verdict.folder)
+
+
+def _seen_from_here(experiment: Mapping[str, Any]) -> dict[str, Any]:
+    """Files that it names are seen from where we work: it has no file of its own."""
+
+    def seen(named: Any) -> Any:
+        is_file = isinstance(named, str) and named.endswith((".yaml", ".yml"))
+        return str(Path(named).resolve()) if is_file else named
+
+    content = dict(experiment)
+    if isinstance(datasets := content.get("datasets"), list):
+        content["datasets"] = [seen(name) for name in datasets]
+    if isinstance(systems := content.get("systems"), list):
+        content["systems"] = [
+            {**choice, "system": seen(choice.get("system"))} if isinstance(choice, dict) else choice
+            for choice in systems
+        ]
+    return content
 
 
 def _frame(path: Trajectory | None, missing: str) -> pd.DataFrame:

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The declared orderings of a paper, judged with our runs."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from slambed.metrics.comparison import holm
 from slambed.report.judged import Judge
+from slambed.report.lookup import Missing
 from slambed.report.margins import published_of
 from slambed.report.measured import Measured
 from slambed.report.papers import Cell, Contrast, Provenance
@@ -19,8 +22,42 @@ from slambed.report.verdicts.contrasts import (
     judge_contrast,
     paper_shows,
 )
-from slambed.report.verdicts.model import LEVEL, Floats
+from slambed.report.verdicts.model import LEVEL, Floats, Mean, OrderOutcome
 from slambed.report.verdicts.trends import page
+
+Chain = tuple[tuple[Cell, Measured], ...]
+WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
+"""Runs are there, the number is not."""
+
+
+OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_number"]
+KINDS: dict[OrderKind, str] = {
+    "holds": "holds", "reversed": "reversed", "not_seen": "not seen",
+    "too_few_runs": "too few runs", "inconclusive": "inconclusive",
+    "paper_cannot_tell": "paper cannot tell", "no_events": "run, events not kept",
+    "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
+}  # fmt: skip
+"""What is said of an ordering, in the words of the page, the terminal and the tables."""
+PARTLY: dict[OrderKind, str] = {"not_seen": "not seen in full", "reversed": "reversed in part"}
+"""Of one that consists of several pairs, some of which hold."""
+
+
+@dataclass(frozen=True)
+class PairLine:
+    """One of several pairs of a claim."""
+
+    outcome: str
+    """`holds`, `reversed` or `not shown`."""
+    paper: str
+    ours: str
+    where: str
+    p_value: float
+
+    @property
+    def line(self) -> str:
+        """For a list."""
+        place = f", {self.where}" if self.where else ""
+        return f"{self.outcome}{place}: paper {self.paper}, ours {self.ours} (p {self.p_value:.2g})"
 
 
 @dataclass(frozen=True)
@@ -30,10 +67,14 @@ class JudgedOrdering:
     contrast: Contrast
     ordering: Ordering
     provenance: Provenance
-    chains: tuple[tuple[tuple[Cell, Measured], ...], ...]
+    chains: tuple[Chain, ...]
     """In the declared order, every cell with what we have there."""
     systems: Mapping[str, str]
     """What a reader calls the paper's systems."""
+    missing: Missing | None = None
+    """Why something of ours is not there; None where everything is."""
+    ignored: frozenset[str] = frozenset()
+    """Conditions that tell nothing apart, such as the paper's number of runs."""
 
     @property
     def stand_ins(self) -> list[str]:
@@ -41,14 +82,80 @@ class JudgedOrdering:
         found = {m.found.dataset for chain in self.chains for _, m in chain if m.found.stand_in}
         return sorted(found)
 
+    @property
+    def begun(self) -> bool:
+        """Whether there is any run of ours."""
+        return any(m.there for chain in self.chains for _, m in chain)
+
+    @property
+    def kind(self) -> OrderKind:
+        """Outcome, or why there is none."""
+        if self.missing is None or self.ordering.outcome != "inconclusive":
+            return self.ordering.outcome
+        if self.missing == "no_events":
+            return "no_events"
+        if self.begun:
+            return "half_run"
+        return "no_number" if self.missing == "no_metric" else "not_run"
+
+    @property
+    def words(self) -> str:
+        """The outcome as it is read."""
+        some = any(part.outcome == "holds" for part in self.ordering.parts)
+        return PARTLY.get(self.kind, KINDS[self.kind]) if some else KINDS[self.kind]
+
+    @property
+    def holding(self) -> str:
+        """`8 of 9 pairs hold`, of which how many the other way; empty of a single one."""
+        parts = Counter(part.outcome for part in self.ordering.parts)
+        if not parts:
+            return ""
+        other = f", {parts['reversed']} reversed" if parts["reversed"] else ""
+        return f"{parts['holds']} of {len(self.chains)} pairs hold{other}"
+
+    @property
+    def others(self) -> list[PairLine]:
+        """All pairs but the one that `values` shows: reversed ones first, then the weakest."""
+        shown = self.ordering.decides or 0
+        lines = [line for number, line in enumerate(self.pairs) if number != shown]
+        order = ("reversed", "not shown", "holds")
+        return sorted(lines, key=lambda line: (order.index(line.outcome), -line.p_value))
+
+    @property
+    def pairs(self) -> list[PairLine]:
+        """Pair by pair, where there are several and runs of ours for them."""
+        if not self.ordering.parts:
+            return []
+        return [
+            PairLine(
+                part.outcome.replace("_", " "), " ".join(self._ends(chain, ours=False)),
+                " ".join(self._ends(chain, ours=True)), self._where(chain), part.p_value,
+            )
+            for chain, part in zip(self.chains, self.ordering.parts, strict=True)
+        ]  # fmt: skip
+
     def values(self, ours: bool) -> str:
-        """`Relocate 446 < Edge-SLAM 474 ms`: the ends of the chain that decides, as printed or as
+        """`Relocate: 446 < Edge-SLAM: 474 ms`: the ends of the chain that decides, as printed or as
         ours; of a trend `rtt 0: 20 → rtt 80: 73 %`."""
+        if ours and not self.begun:
+            return KINDS["not_run" if self.missing is None else self.kind]
         decides = self.ordering.decides
         chain = self.chains[decides or 0]
+        told, unit = self._ends(chain, ours)
+        if not unit and told == IN_WORDS:
+            return told
+        which = "first" if decides is None else "weakest"
+        if decides is not None and self.ordering.outcome == "reversed":
+            which = "clearest"
+        what = "sequences" if self.contrast.kind == "blocks" else "pairs"
+        place = f", {where}" if (where := self._where(chain)) else ""
+        many = len(self.chains) > 1
+        more = f" ({which} of {len(self.chains)} {what}{place})" if many else ""
+        return f"{told} {unit}{more}"
+
+    def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
+        """Both ends of a chain, and their unit."""
         ends = [chain[0], chain[-1]]
-        if ours and not any(m.there for chain in self.chains for _, m in chain):
-            return "not run"
         if ours:
             texts = [_value(m) for _, m in ends]
             numbers = [_number(m) for _, m in ends]
@@ -56,24 +163,45 @@ class JudgedOrdering:
             texts = [NO_NUMBER if c.value is None else f"{c.value:g}" for c, _ in ends]
             numbers = [c.value for c, _ in ends]
         if set(texts) == {NO_NUMBER}:
-            return "in words"
+            return IN_WORDS, ""
         between = " → " if len(chain) > 2 else f" {_relation(*numbers)} "
-        names = _names(ends[0][0], ends[1][0], self.systems)
+        names = _names(ends[0][0], ends[1][0], self.systems, self.ignored)
         told = between.join(
-            f"{name} {text}".strip() for name, text in zip(names, texts, strict=True)
+            f"{name}: {text}" if name else text for name, text in zip(names, texts, strict=True)
         )
-        which = "first" if decides is None else "weakest"
-        where = {str(c.conditions["dataset"]) for c, _ in ends if "dataset" in c.conditions}
-        place = f", {where.pop()}" if len(where) == 1 else ""
-        more = f" ({which} of {len(self.chains)} pairs{place})" if len(self.chains) > 1 else ""
-        return f"{told} {ends[0][0].unit}{more}"
+        counts = ours and any(m.there and m.is_share for _, m in ends)
+        return told, "runs" if counts else ends[0][0].unit  # 11/100 is no percentage
+
+    def _where(self, chain: Chain) -> str:
+        """The sequence, and what else both ends have in common and other pairs have not."""
+        common = [_common(c) for c in self.chains]
+        own = _common(chain)
+        told = [str(own["dataset"])] if "dataset" in own else []
+        told += [
+            str(value) if name == "metric" else f"{name} {value}"
+            for name, value in own.items()
+            if name not in self.ignored | {"dataset"}
+            and any(other.get(name) != value for other in common)
+        ]
+        return ", ".join(told)
+
+
+IN_WORDS = "in words"
+
+
+def _common(chain: Chain) -> dict[str, object]:
+    """Conditions, and the metric, that both ends of a chain have."""
+    first, last = ({"metric": c.metric} | c.conditions for c, _ in (chain[0], chain[-1]))
+    return {name: value for name, value in first.items() if last.get(name) == value}
 
 
 NO_NUMBER = "not printed"
 """Of an end of a chain that the paper draws or tells in words."""
 
 
-def _names(first: Cell, last: Cell, systems: Mapping[str, str]) -> list[str]:
+def _names(
+    first: Cell, last: Cell, systems: Mapping[str, str], ignored: frozenset[str]
+) -> list[str]:
     """What distinguishes the two, in the paper's words."""
     found = []
     for cell, other in ((first, last), (last, first)):
@@ -83,7 +211,7 @@ def _names(first: Cell, last: Cell, systems: Mapping[str, str]) -> list[str]:
         parts += [
             f"{name} {value}"
             for name, value in cell.conditions.items()
-            if other.conditions.get(name) != value
+            if name not in ignored and other.conditions.get(name) != value
         ]
         if not parts and cell.metric != other.metric:
             parts.append(cell.metric)
@@ -171,6 +299,12 @@ class OrderingCase:
         ]
         return np.array(rows, dtype=np.float64)
 
+    def _spreads(self) -> tuple[Floats, Floats]:
+        """Coefficients of variation and numbers of runs of ours, one row per chain."""
+        spread = [[Mean.of(m.values).cv or np.nan for _, m in chain] for chain in self.rising]
+        runs = [[len(m.values) for _, m in chain] for chain in self.rising]
+        return np.array(spread, dtype=np.float64), np.array(runs, dtype=np.float64)
+
     def p_paper(self) -> float:
         """By the paper's own numbers, not yet adjusted."""
         if self.contrast.kind == "blocks":
@@ -185,22 +319,38 @@ class OrderingCase:
             provenance = "fitted"
         elif any(m.found.stand_in for _, m in used):
             provenance = "stand_in"
-        labels = {name: system.label for name, system in self.judge.paper.systems.items()}
+        paper = self.judge.paper
+        labels = {name: system.label for name, system in paper.systems.items()}
+        ignored = frozenset(n for n, rule in paper.conditions.items() if rule == "ignore")
         ordering = self._ordering(p_paper)
-        return JudgedOrdering(self.contrast, ordering, provenance, self.chains, labels)
+        missing = self._missing()
+        return JudgedOrdering(
+            self.contrast, ordering, provenance, self.chains, labels,
+            missing.found.missing or "too_few_runs" if missing else None, ignored,
+        )  # fmt: skip
+
+    def _missing(self) -> Measured | None:
+        """The first place without a number of ours, one that was not run before one that was."""
+        absent = [m for chain in self.chains for _, m in chain if not m.there]
+        return min(absent, key=lambda m: m.found.missing in WAS_RUN, default=None)
 
     def _ordering(self, p_paper: float | None) -> Ordering:
         if self.contrast.basis == "data" and p_paper is None:
             why = "the paper prints no numbers that could be tested"
             return Ordering("paper_cannot_tell", why)
-        if missing := next((m for chain in self.chains for _, m in chain if not m.there), None):
+        if missing := self._missing():
             if p_paper is not None and p_paper > LEVEL:
                 return judge_contrast(self.steps(), p_paper, self._assumed())
-            return Ordering("inconclusive", f"not run: {missing.found.reason}")
+            why = missing.found.reason
+            return Ordering(
+                "inconclusive", why if missing.found.missing in WAS_RUN else f"not run: {why}"
+            )
         if mixed := self._mixed():
             return Ordering("inconclusive", mixed)
         if self.contrast.kind == "blocks":
-            return judge_blocks(self.table(ours=True), self.table(ours=False), p_paper)
+            return judge_blocks(
+                self.table(ours=True), self.table(ours=False), p_paper, *self._spreads()
+            )
         steps = self.steps()
         if p_paper is None:
             return judge_contrast(steps, float("nan"))

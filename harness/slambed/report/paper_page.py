@@ -16,20 +16,20 @@ from slambed.report.compare import (
     compare_paper,
     comparison_table,
     ordering_table,
+    pair_table,
 )
 from slambed.report.experiment import write_tables
 from slambed.report.judged import MARKS, Judged
 from slambed.report.load import Results
 from slambed.report.lookup import Pool, pool_of
 from slambed.report.page import STYLE
+from slambed.report.paper_claims import claim_lines, claims_beside, definitions, text_lines
 from slambed.report.paper_view import (
+    MARK_WORDS,
     bar,
     bars,
     circumstance,
-    claim_lines,
-    claims_beside,
     headline,
-    text_lines,
     twelve_lines,
     twin,
     why_not,
@@ -112,7 +112,7 @@ def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folde
 
 
 def _look() -> dict[str, Any]:
-    return {"style": Markup(STYLE), "marks": MARKS, "colours": COLOURS}
+    return {"style": Markup(STYLE), "marks": MARKS, "legend_words": MARK_WORDS, "colours": COLOURS}
 
 
 def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:
@@ -132,8 +132,8 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
         )  # fmt: skip
     return _look() | {
         "paper": verdicts.paper, "columns": columns,
-        "command": f"slambed compare {verdicts.paper.id}",
-        "claims": claims_beside(verdicts.columns),
+        "command": f"slambed papers compare {verdicts.paper.id}",
+        "claims": claims_beside(verdicts.columns), "definitions": definitions(verdicts.columns),
         "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
         "groups": [
             {"name": name, "label": label,
@@ -201,16 +201,18 @@ def _relative(path: Path, target: Path) -> str:
 
 def counts_table(verdicts: PaperVerdicts, column: Column) -> Table:
     """The stacked bars as numbers."""
-    headings = ["table", *MARKS.values(), "all"]
+    headings = ["table", *MARKS.values(), "all", "compared"]
     table = Table("counts", "Printed numbers by verdict", headings)
     for _, label, ids in verdicts.groups():
         found = column.marks(ids)
-        table.rows.append([label, *(str(found[m]) for m in MARKS), str(len(ids))])
+        compared = str(found["R"] + found["D"] + found["I"])
+        table.rows.append([label, *(str(found[m]) for m in MARKS), str(len(ids)), compared])
     return table
 
 
 def _tables(verdicts: PaperVerdicts, column: Column) -> list[Table]:
     tables = [counts_table(verdicts, column), ordering_table(verdicts, column)]
+    tables.append(pair_table(verdicts, column))
     tables.append(comparison_table(verdicts, column, list(column.rows)))
     for table in tables:
         table.name = "_".join(n for n in (verdicts.paper.id, table.name, column.engine) if n)

@@ -1,45 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a paper's page shows, computed: claims, bars, twins of tables, reasons, circumstances."""
+"""What a paper's page shows, computed: headline, bars, twins of tables, reasons, circumstances."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from slambed.data.stand_in import played_instead
 from slambed.errors import SlambedError
 from slambed.report.compare import Column, PaperVerdicts
+from slambed.report.fitted import OWN_DATA, SET_TO_MATCH
 from slambed.report.judged import MARKS, Judged, Mark
 from slambed.report.load import Results
 from slambed.report.lookup import MISSING_WORDS
-from slambed.report.orderings import JudgedOrdering
+from slambed.report.orderings import KINDS, PARTLY
+from slambed.report.paper_claims import claim_lines
 from slambed.report.paper_runs import experiments_of
 from slambed.report.papers import Paper, PublishedTable
 from slambed.report.papers.plan import read_plan
 from slambed.report.registered import PlanLine, plan_lines, plan_words
 
-BADGES = {
-    "holds": "HOLDS", "reversed": "REVERSED", "inconclusive": "CANNOT TELL",
-    "paper_cannot_tell": "PAPER CANNOT TELL", "not_run": "NOT RUN",
+MARK_WORDS: dict[Mark, str] = MARKS | {
+    "F": "fitted: set to match, no evidence", "S": "stand-in: played on substitute data",
+    "E": "run, but kept without events",
 }  # fmt: skip
+"""For the legend."""
 REASONS = 3
 SHOWN_CLAIMS = 4
-
-
-@dataclass(frozen=True)
-class ClaimLine:
-    """One main claim for one kind of engine."""
-
-    engine: str
-    badge: str
-    kind: str
-    """Outcome as a CSS class."""
-    says: str
-    paper: str
-    ours: str
-    note: str
-    where: str
-    anchor: str
-    evidence: bool
-    """Neither on a stand-in nor fitted."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +44,8 @@ class TwinCell:
 
     id: str
     paper: str
-    ours: list[tuple[str, Mark, str]]
-    """Per engine: our number, mark, reason."""
+    ours: list[tuple[str, Mark, str, str]]
+    """Per engine: our number, mark, reason, and how far a fitted one is off."""
 
 
 @dataclass(frozen=True)
@@ -79,58 +64,11 @@ class Circumstance:
     engine: str
     line: str
     commits: list[str]
-    seeds: str
+    seeds: dict[str, str]
+    """By experiment."""
     fits: list[str]
     experiments: list[str]
     plan: list[PlanLine]
-
-
-def claim_lines(column: Column) -> list[ClaimLine]:
-    """The main claims; all declared orderings where none is called a main one."""
-    main = [o for o in column.orderings if o.contrast.main] or column.orderings
-    return [_claim(column.engine, o) for o in main]
-
-
-def claims_beside(columns: list[Column]) -> list[list[ClaimLine]]:
-    """Every main claim with what each kind of engine says of it."""
-    return [list(lines) for lines in zip(*map(claim_lines, columns), strict=True)]
-
-
-def in_short(assumed: Sequence[str]) -> list[str]:
-    """What differs in its percentage alone is one assumption, with the smallest and the largest."""
-    percents: dict[str, list[int]] = {}
-    for text in assumed:
-        what, _, rest = text.partition(" (")
-        percent = rest.removesuffix("%)")
-        percents.setdefault(what if percent.isdigit() else text, []).extend(
-            [int(percent)] if percent.isdigit() else []
-        )
-    return [
-        f"{what} ({min(found)} to {max(found)} %)" if len(found) > 1
-        else f"{what} ({found[0]} %)" if found else what
-        for what, found in percents.items()
-    ]  # fmt: skip
-
-
-def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
-    ordering = item.ordering
-    missing = ordering.why.startswith("not run")
-    kind = "not_run" if missing and ordering.outcome == "inconclusive" else ordering.outcome
-    notes = [ordering.why]
-    if item.provenance == "fitted":
-        notes.insert(0, "a device was fitted to some of these numbers: no evidence")
-    if item.stand_ins:
-        notes.insert(0, f"stand-in {', '.join(item.stand_ins)}")
-    if ordering.runs_needed and ordering.outcome == "inconclusive":
-        notes.append(f"{ordering.runs_needed} runs per cell would decide")
-    if ordering.assumed:
-        notes.append(f"assumed: {', '.join(in_short(ordering.assumed))}")
-    contrast = item.contrast
-    lines = f", {text_lines(contrast.lines)} of its text" if contrast.lines else ""
-    return ClaimLine(
-        engine, BADGES[kind], kind, contrast.says, item.values(False), item.values(True),
-        "; ".join(notes), contrast.where + lines, contrast.id, item.provenance == "measured",
-    )  # fmt: skip
 
 
 def bars(verdicts: PaperVerdicts, column: Column) -> list[Bar]:
@@ -157,7 +95,7 @@ def twin(verdicts: PaperVerdicts, table: PublishedTable) -> Twin:
                 cells.append(None if words is None else TwinCell("", str(words), []))
                 continue
             judged = [c.rows[place] for c in verdicts.columns]
-            ours = [(_short(j), j.mark, j.why) for j in judged]
+            ours = [(_short(j), j.mark, j.why, j.hint) for j in judged]
             cells.append(TwinCell(place, _number(judged[0]), ours))
         rows.append((row.label, cells))
     return Twin(table, [c.label for c in table.columns.values()], rows)
@@ -175,18 +113,38 @@ def _short(row: Judged) -> str:
     return f"{row.measured.mean.value:.3g}"
 
 
-def text_lines(lines: list[int]) -> str:
-    """`line 12`, `lines 12, 14`: where the paper's plain text says so."""
-    return f"line{'s' if len(lines) > 1 else ''} {', '.join(map(str, lines))}"
+@dataclass(frozen=True)
+class WhyNot:
+    """Why numbers have no verdict of their own: the largest reasons, and all others."""
+
+    reasons: list[str]
+    rest: list[str]
+    numbers: int
+    """That the rest is about."""
+
+    @property
+    def more(self) -> str:
+        """`and 9 more reasons (19 numbers)`; empty where all are shown."""
+        if not self.rest:
+            return ""
+        reasons = f"{len(self.rest)} more reason{'' if len(self.rest) == 1 else 's'}"
+        return f"and {reasons} ({self.numbers} number{'' if self.numbers == 1 else 's'})"
 
 
-def why_not(verdicts: PaperVerdicts, column: Column) -> list[str]:
-    """The largest blocks of numbers without a verdict of their own, with what would help."""
+def why_not(verdicts: PaperVerdicts, column: Column) -> WhyNot:
+    """The blocks of numbers without a verdict of their own, with what would help; the largest
+    first."""
     blocks: Counter[str] = Counter()
     for row in column.rows.values():
         if row.mark == "S":
             blocks[_stand_in(verdicts, row)] += 1
-        elif row.missing == "too_few_runs" and "no run" in row.why:
+        elif row.provenance == "same_data":
+            blocks[OWN_DATA] += 1
+        elif row.mark == "F":
+            blocks[f"fitted, {SET_TO_MATCH}"] += 1
+        elif row.mark == "E":
+            blocks[row.why] += 1
+        elif row.missing == "too_few_runs" and row.why.partition(": ")[2].startswith("no "):
             blocks[NOT_RUN] += 1
         elif row.mark == "N" and row.missing:
             blocks[f"{MISSING_WORDS[row.missing]}: {row.why}"] += 1
@@ -194,10 +152,10 @@ def why_not(verdicts: PaperVerdicts, column: Column) -> list[str]:
             blocks[_undecided(row)] += 1
     if NOT_RUN in blocks:
         blocks[f"{NOT_RUN}{_how_to_run(verdicts.paper)}"] = blocks.pop(NOT_RUN)
-    return [
-        f"{count} {'number' if count == 1 else 'numbers'}: {text}"
-        for text, count in blocks.most_common(REASONS)
-    ]
+    found = blocks.most_common()
+    lines = [f"{count} {'number' if count == 1 else 'numbers'}: {text}" for text, count in found]
+    rest = sum(count for _, count in found[REASONS:])
+    return WhyNot(lines[:REASONS], lines[REASONS:], rest)
 
 
 NOT_RUN = "not run yet"
@@ -208,15 +166,17 @@ def _how_to_run(paper: Paper) -> str:
         experiments_of([paper])
     except SlambedError:
         return ", and no experiment makes these runs"
-    return f"; slambed paper {paper.id}"
+    return f"; slambed papers run {paper.id}"
 
 
 def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
     ours = row.measured.found.dataset
     name = row.cell.conditions.get("dataset")
+    if name is None:  # of a number computed from others, which name it
+        return played_instead(ours, "the paper's sequence")
     dataset = verdicts.paper.datasets.get(str(name))
     wanted = dataset.match[0] if dataset is not None and dataset.match else str(name)
-    return f"{ours} stands in for the paper's sequence; slambed data download {wanted}"
+    return f"{played_instead(ours, wanted)}; slambed data download {wanted}"
 
 
 def _undecided(row: Judged) -> str:
@@ -226,50 +186,88 @@ def _undecided(row: Judged) -> str:
     return "inconclusive, and no number of our runs alone would decide"
 
 
-def headline(verdicts: PaperVerdicts, column: Column) -> str:
-    """What a reader shall take away: claims first, then numbers."""
-    lines = claim_lines(column)
-    kinds = Counter(line.kind for line in lines)
-    told = [
-        f"{kinds[kind]} {word}"
-        for kind, word in (
-            ("holds", "hold"), ("reversed", "reversed"), ("inconclusive", "cannot be told"),
-            ("paper_cannot_tell", "not shown by the paper itself"), ("not_run", "not run"),
-        )
-        if kinds[kind]
-    ]  # fmt: skip
-    marks = column.marks(list(column.rows))
-    weak = sum(line.kind == "holds" and not line.evidence for line in lines)
-    if weak:
-        which = "" if weak == kinds["holds"] else f"{weak} of them "
-        told[0] += f" ({which}on stand-ins or fitted)"
+def headline(verdicts: PaperVerdicts, column: Column) -> list[str]:
+    """What a reader shall take away: a sentence about the claims, one about the numbers."""
+    claims, rows = claim_lines(column), list(column.rows.values())
     if not column.engine:
-        waiting, twice = marks["N"], marks["P"]
-        return (
-            f"Nothing was run yet. {len(lines)} main claims and {waiting} numbers wait; "
-            f"{twice} of the {len(column.rows)} printed numbers are settings or stand twice."
-        )
-    claims = f"Of {len(lines)} main claims {', '.join(told)}. " if lines else ""
-    return (
-        f"{claims}{marks['R']} of {len(column.rows)} printed numbers reproduced, "
-        f"{marks['D']} differ, {marks['I']} undecided{_not_judged(marks)}."
-    )
+        twice = sum(row.mark == "P" for row in rows)
+        waiting = sum(row.mark in ("N", "E") for row in rows)
+        return [
+            f"Nothing was run yet. {len(claims)} main claims and {waiting} numbers wait; {twice} "
+            f"of the {len(rows)} printed numbers are settings or repeated."
+        ]
+    told = [
+        f"{len(own)} {words[len(own) > 1]}{_weak([line.weak for line in own])}"
+        for outcome, words in CLAIM_WORDS.items()
+        if (own := [line for line in claims if line.words == outcome])
+    ]
+    found = [f"Of {len(claims)} main claims {', '.join(told)}."] if claims else []
+    return [*found, _numbers(rows)]
+
+
+CLAIM_WORDS: dict[str, tuple[str, str]] = {
+    KINDS["holds"]: ("holds", "hold"),
+    KINDS["reversed"]: ("is reversed", "are reversed"),
+    PARTLY["reversed"]: ("is reversed in part", "are reversed in part"),
+    KINDS["not_seen"]: ("is not seen", "are not seen"),
+    PARTLY["not_seen"]: ("is not seen in full", "are not seen in full"),
+    KINDS["too_few_runs"]: ("has too few runs", "have too few runs"),
+    KINDS["inconclusive"]: ("is inconclusive", "are inconclusive"),
+    KINDS["paper_cannot_tell"]: (
+        "is not shown by the paper itself",
+        "are not shown by the paper itself",
+    ),
+    KINDS["no_events"]: ("is run but kept without events", "are run but kept without events"),
+    KINDS["no_number"]: ("has no number of ours", "have no number of ours"),
+    KINDS["half_run"]: ("is not all run", "are not all run"),
+    KINDS["not_run"]: ("is not run", "are not run"),
+}
+"""Of one, and of several."""
+
+
+def _numbers(rows: list[Judged]) -> str:
+    """How many could be compared at all comes first: where none could, none differs either."""
+    marks = Counter(row.mark for row in rows)
+    judged = {
+        "reproduced": marks["R"], "differ" if marks["D"] != 1 else "differs": marks["D"],
+        "inconclusive": marks["I"],
+    }  # fmt: skip
+    compared = sum(judged.values())
+    aside = Counter(word for row in rows if (word := _not_compared(row)))
+    why = ", ".join(f"{aside[word]} {word}" for word in NOT_COMPARED if aside[word])
+    told = f"{compared} of {len(rows)} printed numbers could be compared"
+    if not compared:
+        return f"{told}: {why}."
+    outcomes = ", ".join(f"{count} {word}" for word, count in judged.items())
+    return f"{told}: {outcomes}." + (f" The others could not: {why}." if why else "")
+
+
+NOT_COMPARED = (
+    "played on stand-ins (substitute data)", "fitted (set to match)",
+    "from the paper's own data", "settings or repeated",
+    "run but kept without events", "without a number of ours", "not run",
+)  # fmt: skip
+"""What a reader must take for neither agreement nor difference."""
+
+
+def _not_compared(row: Judged) -> str:
+    substitute, fitted, own_data, setting, no_events, no_number, not_run = NOT_COMPARED
+    words: dict[Mark, str] = {"S": substitute, "F": fitted, "P": setting, "E": no_events}
+    if row.mark == "N":
+        return no_number if row.missing == "no_metric" else not_run
+    return own_data if row.provenance == "same_data" else words.get(row.mark, "")
+
+
+def _weak(reasons: list[str]) -> str:
+    """` (on a stand-in)`, or of some of several ` (1 on a stand-in, 2 fitted)`."""
+    counts = Counter(reason for reason in reasons if reason)
+    if list(counts.values()) == [len(reasons)]:
+        return f" ({next(iter(counts))})"
+    told = ", ".join(f"{count} {reason}" for reason, count in counts.items())
+    return f" ({told})" if told else ""
 
 
 RUNS_WORDS = {"virtual": "runs simulated in virtual time"}
-
-
-def _not_judged(marks: Mapping[Mark, int]) -> str:
-    """What a reader must not take for agreement."""
-    words: dict[Mark, str] = {
-        "S": "on stand-ins",
-        "F": "fitted",
-        "P": "settings or twice there",
-        "N": "not run",
-    }
-    found = [f"{marks[mark]} {word}" for mark, word in words.items() if marks[mark]]
-    total = sum(marks[mark] for mark in words)
-    return f", {total} not judged ({', '.join(found)})" if found else ""
 
 
 def circumstance(
@@ -279,8 +277,7 @@ def circumstance(
     used = [r for r in experiments if r.name in _experiments(column)]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
     dirty = any("True" in r.facts.get("dirty", {}) for r in used)
-    counts = [len(r.measured.values) for r in column.rows.values() if r.measured.there]
-    seeds = sorted({int(s) for s in column.runs.get("seed", []) if s == s and s is not None})
+    counts = [_runs_of(r) for r in column.rows.values() if r.measured.there]
     parts = [
         RUNS_WORDS.get(column.engine, f"{column.engine} runs") if column.engine else "no runs yet"
     ]
@@ -294,11 +291,23 @@ def circumstance(
     plan = read_plan(verdicts.paper.id)
     lines = plan_lines(verdicts.paper, plan, column, used)
     parts.append(plan_words(lines, plan, bool(column.engine)))
-    told = f"{seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else ", ".join(map(str, seeds))
     return Circumstance(
-        column.engine, ", ".join(parts), commits, told, [f.name for f in column.fits],
-        [r.name for r in used], lines,
+        column.engine, ", ".join(parts), commits, {r.name: _seeds(r) for r in used},
+        [f.name for f in column.fits], [r.name for r in used], lines,
     )  # fmt: skip
+
+
+def _runs_of(row: Judged) -> int:
+    """Runs that were played for a number; those that it leaves out, such as lost ones, too."""
+    found = row.measured.found.runs
+    return len(row.measured.values) if found is None else len(found)
+
+
+def _seeds(results: Results) -> str:
+    if "seed" not in results.trusted:
+        return ""
+    seeds = sorted({int(seed) for seed in results.trusted["seed"].dropna()})
+    return f"{seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else ", ".join(map(str, seeds))
 
 
 def _experiments(column: Column) -> set[str]:
@@ -317,15 +326,16 @@ def twelve_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[st
         lines = [
             title,
             circumstance(verdicts, column, experiments).line,
-            headline(verdicts, column),
+            " ".join(headline(verdicts, column)),
         ]
         claims = claim_lines(column)
         shown = claims if len(claims) <= SHOWN_CLAIMS else claims[: SHOWN_CLAIMS - 1]
-        lines += [f"[{c.badge}] {c.says}: paper {c.paper}, ours {c.ours}" for c in shown]
+        lines += [claim.line for claim in shown]
         if len(claims) > len(shown):
             lines.append(f"... and {len(claims) - len(shown)} more claims on the page")
-        lines.append(column.summary())
         lines.append(f"prediction: {column.score.line()}")
-        lines += why_not(verdicts, column)
-        found += lines[:12]
+        gaps = why_not(verdicts, column)
+        lines += gaps.reasons
+        lines += [f"{gaps.more} on the page"] if gaps.more else []
+        found += lines
     return found

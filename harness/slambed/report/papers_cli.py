@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about published numbers: papers list, lint, plan, power, rates."""
+"""Commands about published numbers: papers compare, run, list, lint, plan, power, rates."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,13 +7,64 @@ from typing import Annotated
 import typer
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
 
-app = typer.Typer(help="Published numbers.", no_args_is_help=True)
+PAGES = "papers"
+ABOUT = "Published numbers beside ours; alone it is `papers compare` of all."
+app = typer.Typer(help=ABOUT)
 
 
-@app.callback()
-def _group() -> None:
-    """Published numbers."""
+@app.callback(invoke_without_command=True)
+def papers(context: typer.Context, results: ResultsOption = RESULTS) -> None:
+    if context.invoked_subcommand is None:
+        write_pages(None, results, results / PAGES, every=False)
+
+
+@app.command()
+def compare(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
+    ] = None,
+    results: ResultsOption = RESULTS,
+    out: Annotated[Path | None, typer.Option(help="Where pages go: <results>/papers.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="List every number here too.")] = False,
+) -> None:
+    """Put every published number beside ours, and write one page per paper."""
+    write_pages(names or None, results, out or results / PAGES, every)
+
+
+@app.command()
+def run(
+    name: Annotated[str, typer.Argument(help="A name in papers/, or 'all'.")] = "all",
+    results: ResultsOption = RESULTS,
+    runs: Annotated[str | None, typer.Option(help="Runs per cell: a number, 'paper'.")] = None,
+    engine: Annotated[str | None, typer.Option(help="docker, local, virtual or auto.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
+    ] = None,
+    reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
+) -> None:
+    """Run or reuse every experiment of a paper and write one page about it."""
+    from slambed.report.papers import read_papers
+    from slambed.report.run import raise_unless_good, run_and_report
+    from slambed.terminal import console
+
+    chosen = read_papers(None if name == "all" else [name])
+    verdicts = []
+    if not reuse_only:
+        from slambed.campaign.options import Options
+        from slambed.report.paper_runs import experiments_of
+
+        for experiment in experiments_of(chosen):
+            options = Options(runs, engine, results, jobs=jobs)
+            verdicts.append(run_and_report(experiment, options, console()))
+            if verdicts[-1].interrupted:
+                raise SlambedError(
+                    "interrupted; finished runs are kept, the same command goes on",
+                    ExitCode.NOT_ALL_GOOD,
+                )
+    write_pages([p.id for p in chosen], results, results / PAGES, every=False)
+    raise_unless_good(verdicts, "EXPERIMENT")
 
 
 @app.command()
@@ -21,6 +72,7 @@ def lint(
     names: Annotated[
         list[str] | None, typer.Argument(help="Names in papers/; all if none.")
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Check that every published number is mapped, or says why not, and that all names exist."""
     from slambed.report.papers.cells import cells_of, table_cells
@@ -31,6 +83,9 @@ def lint(
 
     papers = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
     problems = look(papers, Checkout(Library()))
+    if as_json:
+        print_json({"papers": [paper.id for paper in papers], "problems": list(map(str, problems))})
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD if problems else ExitCode.OK)
     for problem in problems:
         typer.echo(f"{problem}")
     if problems:
@@ -75,13 +130,20 @@ def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
 
 
 @app.command("list")
-def list_() -> None:
+def list_(as_json: JsonOption = False) -> None:
     """List the papers that results are put beside."""
     from slambed.report.compare import plain_list
     from slambed.report.papers.reading import read_papers
 
+    if as_json:
+        print_json([
+            {"id": paper.id, "kind": paper.kind, **paper.paper.model_dump(mode="json")}
+            for paper in read_papers()
+        ])  # fmt: skip
+        return
     for paper in read_papers():
         typer.echo(plain_list(paper))
+    typer.echo("one of them beside our results: 'slambed papers compare NAME'")
 
 
 @app.command()
@@ -118,3 +180,35 @@ def power(
         screen.print(costs(paper, sizes, read_plan(paper.id), results, jobs).rich())
     else:
         screen.print(f"no experiment reproduces anything of {name} yet")
+
+
+def write_pages(names: list[str] | None, results: Path, out: Path, every: bool) -> None:
+    """One page per paper, and one over all; on the terminal the same in a few lines."""
+    from slambed.outputs import make_folder
+    from slambed.report.compare import comparison_table
+    from slambed.report.load import load
+    from slambed.report.paper_page import write_overview, write_paper_page
+    from slambed.report.papers import read_papers
+    from slambed.report.places import result_folders
+    from slambed.terminal import console
+
+    chosen = read_papers(names)
+    if not results.is_dir():
+        raise SlambedError(f"no such folder: {results}; give the right --results")
+    make_folder(out, "--results" if out == results / PAGES else "--out")
+    screen = console()
+    experiments = [load(folder) for folder in result_folders(results)]
+    pages = []
+    for item in chosen:
+        page = write_paper_page(item, experiments, out, overview=len(chosen) > 1)
+        for line in page.lines:
+            screen.print(line, highlight=False, soft_wrap=True)
+        verdicts = page.verdicts
+        for column in verdicts.columns if verdicts is not None and every else []:
+            assert verdicts is not None
+            screen.print(comparison_table(verdicts, column, list(column.rows)).rich())
+        screen.print(f"page: {page.html}", highlight=False, soft_wrap=True)
+        pages += [verdicts] if verdicts is not None else []
+    if len(pages) > 1:
+        overview = write_overview(pages, experiments, out)
+        screen.print(f"all papers: {overview}", highlight=False, soft_wrap=True)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our program beside another one on the same frames: ratios and whether they meet the aim."""
 
+from slambed.data.stand_in import played_instead
 from slambed.metrics.catalog import metric
 from slambed.metrics.statistics import finite, interval
 from slambed.report.lookup import Pool, matching
@@ -19,12 +20,11 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
     if not len(runs):
         return None
     others = sorted({str(played) for played in runs["dataset"]} - {setup.dataset})
-    told = f"; OURS ON {', '.join(others)}, A STAND-IN FOR {setup.dataset}: not the same frames"
+    instead = f"{played_instead(' and '.join(others), setup.dataset)}. " if others else ""
     table = Table(
         f"{paper.id}_{name}",
-        f"Ours beside the original ({setup.label}); intervals are 95 % of the median, "
-        "in parentheses ranges of fewer than 6 runs"
-        + (told if others else ""),
+        f"{instead}Ours beside the original ({setup.label}); intervals are 95 % of the median, "
+        "in parentheses ranges of fewer than 6 runs",
         ["figure", "original: min / median / max", "ours", "interval", "runs", "ratio", "aim",
          "verdict"],
     )  # fmt: skip
@@ -39,16 +39,17 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
         ours = interval(values)
         ratio = ours.value / row.value
         verdict = "-"
-        if row.target is not None:
+        if others:
+            verdict = "not compared"
+        elif row.target is not None:
             verdict = "met" if ratio <= row.target else "missed"
             if ratio < 1 and ours.high < row.low:
                 verdict = "better"
-            if others:
-                verdict = "stand-in"
+        aim = f"≤ {row.target:g}" if row.target and not others else "-"
         table.rows.append(
             [
                 heading, theirs, item.show(ours.value), around(item, ours), str(ours.count),
-                f"{ratio:.2f}", f"≤ {row.target:g}" if row.target else "-", verdict,
+                "-" if others else f"{ratio:.2f}", aim, verdict,
             ]
         )  # fmt: skip
     return table

@@ -11,24 +11,31 @@ import pandas as pd
 
 from slambed.metrics.catalog import keys_for
 from slambed.metrics.metric import Use
-from slambed.report.cells import Cell
+from slambed.report.cells import Cell, metrics_asked
 from slambed.report.conditions import conditions_of
+from slambed.report.differences import differences
 from slambed.report.drawn import DrawnBefore, files_of, made_of
 from slambed.report.figures.boxes import draw_metric
+from slambed.report.figures.changes import draw_changes
 from slambed.report.figures.link import draw_rtt
 from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
 from slambed.report.figures.paths import draw_paths
 from slambed.report.figures.resources import CPU, MEMORY, draw_over_time
 from slambed.report.figures.stages import draw_stages
 from slambed.report.figures.sweep import draw_sweep, sweeps
+from slambed.report.figures.swept import draw_swept, metrics_over, swept
 from slambed.report.figures.tradeoff import PAIRS, draw_tradeoff
 from slambed.report.load import Results
 from slambed.report.style import FORMATS, FigureWriter, SavedFigure
 
 TIME_FOR_FIGURES_S = 25.0
-"""A report of any size must be there within a minute; `slambed plots --all` has no limit."""
+"""A report of any size must be there within a minute; `slambed report --all` has no limit."""
 CELLS_WITHOUT_LIMIT = 16
 """So few cells always get all their figures, however busy the machine is."""
+
+
+CHANGES = "changes"
+"""Figure that is drawn only where an experiment asks for it."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +109,11 @@ def _jobs(
 ) -> Iterator[Job]:
     """Most telling first: what comes last is what a large campaign goes without."""
     draw: Callable[[], object]
+    for found in swept(results):
+        looks = [item.look for item in metrics_over(results, found)]
+        draw = partial(draw_swept, results, found, writer)
+        made = made_of(found.runs, "swept", found.axis.heading, found.dataset, *looks)
+        yield Job("sweep", draw, made)
     numbers = [key for key in asked if key in results.numbers()]
     for key in dict.fromkeys([*numbers, *keys_for(Use.DRAWN)]):
         item = results.metric(key)
@@ -126,10 +138,27 @@ def _jobs(
         if runs["profile"].nunique() > 1:
             draw = partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer)
             yield Job("losses_by_profile", draw, made_of(runs, "losses_by_profile"))
+    if CHANGES in asked:
+        yield from _changes(results, writer)
     for dataset in dict.fromkeys(cell.dataset for cell in cells):
         for x, y in PAIRS:
             draw = partial(draw_tradeoff, cells, dataset, x, y, writer)
             yield Job("tradeoff", draw, made_of(_columns(results, x, y), "tradeoff", dataset, x, y))
+
+
+def _changes(results: Results, writer: FigureWriter) -> Iterator[Job]:
+    """Of the first metric that the experiment asks for, only where it asks for this figure: most
+    experiments do not vary one thing at a time."""
+    found = differences(results)
+    keys = [d.metric.key for d in found]
+    first = next((key for key in metrics_asked(results) if key in keys), None)
+    for dataset in dict.fromkeys(d.dataset for d in found):
+        own = [d for d in found if d.dataset == dataset and d.metric.key == first]
+        if own:
+            draw = partial(draw_changes, own, dataset, writer)
+            yield Job(
+                CHANGES, draw, made_of(_columns(results, own[0].metric.key), CHANGES, dataset)
+            )
 
 
 def _columns(results: Results, *keys: str) -> pd.DataFrame:

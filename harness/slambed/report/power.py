@@ -19,11 +19,10 @@ from slambed.report.tables import Table
 from slambed.report.verdicts import means, shares
 from slambed.report.verdicts.contrasts import (
     USUAL_CV,
-    WANTED_POWER,
     power_of,
     runs_to_show,
 )
-from slambed.report.verdicts.model import LEVEL, Share
+from slambed.report.verdicts.model import LEVEL, SEEN_POWER, Share
 
 RUNS = (10, 30, 100, 300)
 
@@ -35,7 +34,7 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     adjusted = _adjusted(cases)
     table = Table(
         "powers", "Chance that an ordering holds with so many runs per cell, if the paper is right",
-        ["ordering", "statement", *(str(n) for n in runs), f"runs for {WANTED_POWER:.0%}",
+        ["ordering", "statement", *(str(n) for n in runs), f"runs for {SEEN_POWER:.0%}",
          "paper shows it"],
         words=2,
     )  # fmt: skip

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Statements about several cells: reductions, ratios, differences, maxima, windows of time."""
+"""Statements about several cells: reductions, increases, ratios, differences, maxima, one number of
+each, windows of time."""
 
 from dataclasses import replace
 from typing import Literal
@@ -9,11 +10,14 @@ import pandas as pd
 
 from slambed.metrics.loss_times import in_window, loss_times_of
 from slambed.report.lookup import Pool, find_runs
+from slambed.report.margins import margin_of_cell, published_of
 from slambed.report.measured import Measured, measure
 from slambed.report.papers import (
     At,
     Cell,
     Difference,
+    Each,
+    Increase,
     MaxOver,
     Operand,
     Paper,
@@ -21,15 +25,18 @@ from slambed.report.papers import (
     Reduction,
     WindowShare,
 )
-from slambed.report.verdicts.means import Effect, effects, judge_effect
-from slambed.report.verdicts.model import FEWEST_RUNS, Share, Verdict, not_run, too_few
+from slambed.report.verdicts.means import Effect, judge_effect, judge_mean
+from slambed.report.verdicts.model import FEWEST_RUNS, Outcome, Share, Verdict, not_run, too_few
 from slambed.report.verdicts.shares import judge_share
 from slambed.report.verdicts.statements import (
+    ABOUT_MARGIN,
     REDUCTION_MARGIN,
     Pair,
     judge_bound,
+    judge_difference,
     judge_reduction,
     judge_up_to,
+    judge_up_to_more,
     judge_window,
     pair_by_seed,
 )
@@ -37,6 +44,8 @@ from slambed.report.verdicts.statements import (
 BOUND_OPS: dict[str, Literal["lt", "le", "gt", "ge"]] = {
     "lt": "lt", "le": "le", "gt": "gt", "ge": "ge",
 }  # fmt: skip
+WORST: tuple[Outcome, ...] = ("differs", "not_run", "inconclusive", "reproduced")
+"""What is said of several numbers at once is no better than the first of these among them."""
 
 
 def judge_quantity(
@@ -51,7 +60,9 @@ def judge_quantity(
         return _window(paper, about, cells, cell, quantity)
     if isinstance(quantity, MaxOver):
         return _up_to(paper, about, cells, cell, quantity)
-    if isinstance(quantity, Reduction | Ratio | Difference):
+    if isinstance(quantity, Each):
+        return _each(paper, about, cells, cell, quantity)
+    if isinstance(quantity, Reduction | Increase | Ratio | Difference):
         return _two(paper, about, cells, cell, quantity)
     why = "an ordering: judged among the contrasts"
     nothing = _measured(paper, about, cells, quantity.operands()[0])
@@ -95,18 +106,23 @@ def _two(
     written = paper.margins.get("reduction")
     margin = written.ratio if written is not None and written.ratio else REDUCTION_MARGIN
     if isinstance(quantity, Difference):
-        return _difference(pair, cell.value, digit, paper, of), of
+        scale = 100.0 if of.is_share else 1.0
+        return judge_difference(pair, cell.value, digit, scale), _of_two(quantity, of, base)
+    if isinstance(quantity, Increase):
+        verdict = _increase(pair, cell.value, digit, str(claim.op))
+        return verdict, _of_two(quantity, of, base)
     stated, small = (
         (cell.value / 100, digit / 100)
         if isinstance(quantity, Reduction)
         else (1 - cell.value, digit)
     )
     if claim.op in BOUND_OPS:
-        return _bounded(pair, stated, str(claim.op), isinstance(quantity, Reduction)), of
+        verdict = _bounded(pair, stated, str(claim.op), isinstance(quantity, Reduction))
+        return verdict, _of_two(quantity, of, base)
     if claim.op == "about":
         about = paper.margins.get("about")
         margin = max(margin, about.ratio if about is not None and about.ratio else 0.0)
-    return judge_reduction(pair, stated, small, margin), of
+    return judge_reduction(pair, stated, small, margin), _of_two(quantity, of, base)
 
 
 def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
@@ -129,29 +145,80 @@ def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
     return found
 
 
-def _difference(pair: Pair, stated: float, digit: float, paper: Paper, of: Measured) -> Verdict:
+def _increase(pair: Pair, stated: float, digit: float, op: str) -> Verdict:
+    """`About x % more`: ours in percent, within a third of what is stated, for `about` a
+    quarter."""
     if pair.fewest < FEWEST_RUNS:
         return too_few(pair.fewest, "difference", None)
-    one, two = pair.after, pair.before
-    value, se, df = effects(
-        one.value, one.sd or 0.0, one.count or 1, two.value, two.sd or 0.0, two.count or 1,
-        "difference",
-    )  # fmt: skip
-    scale = 100.0 if of.is_share else 1.0
+    if not (pair.before.value > 0 and pair.after.value > 0):
+        return Verdict("inconclusive", "an increase of or to nothing", scale="difference")
+    left = pair.left()
+    times = float(np.exp(left.value))
     effect = Effect(
-        scale * float(value) - stated,
-        float(np.hypot(scale * float(se), digit / 12**0.5)),
-        float(df),
+        100 * (times - 1) - stated, float(np.hypot(100 * times * left.se, digit / 12**0.5)), left.df
     )
-    margin = REDUCTION_MARGIN * abs(stated)
-    return judge_effect(effect, margin, "difference", "difference of ours - stated, Welch's t")
+    margin = (ABOUT_MARGIN if op == "about" else REDUCTION_MARGIN) * abs(stated)
+    verdict = judge_effect(
+        effect, margin, "difference", "increase of ours - stated, delta method, in points"
+    )
+    told = f"ours {times - 1:+.1%}, stated {stated:+.3g} %"
+    return replace(verdict, why=f"{told}; {verdict.why}")
+
+
+def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
+    """The quantity of every run against the base's mean, in the claim's unit: its mean is what the
+    verdict is about. A share is one number of all runs and stays as it is."""
+    against = base.mean.value
+    if of.is_share or not against:
+        return of
+    if isinstance(quantity, Difference):
+        return replace(of, values=of.values - against)
+    ratio = of.values / against
+    if isinstance(quantity, Reduction):
+        ratio = 100 * (1 - ratio)
+    elif isinstance(quantity, Increase):
+        ratio = 100 * (ratio - 1)
+    return replace(of, values=ratio)
+
+
+def _each(
+    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: Each
+) -> tuple[Verdict, Measured]:
+    """Reproduced where each of them is, differs where one does; the one that decides is told."""
+    found = [(operand, _measured(paper, pool, cells, operand)) for operand in quantity.of]
+    for _, side in found:
+        if not side.there:
+            return not_run(side.found.reason), side
+    all_of_them = replace(
+        found[0][1],
+        found=next((side.found for _, side in found if side.found.stand_in), found[0][1].found),
+        values=np.concatenate([side.values for _, side in found]),
+        repetitions=(),
+        keys=tuple(key for _, side in found for key in side.keys),
+    )
+    margin = margin_of_cell(paper, cells, cell, [])
+    worst: Verdict | None = None
+    for operand, side in found:
+        name = operand if isinstance(operand, str) else operand.system
+        stated = published_of(cell, side.is_share)
+        if stated is None:
+            return Verdict("inconclusive", "the paper prints no number of runs for this"), side
+        if isinstance(stated, Share):
+            verdict = judge_share(side.share, stated, margin.value)
+        else:
+            verdict = judge_mean(side.mean, stated, margin.value, margin.kind)
+        if worst is None or WORST.index(verdict.outcome) < WORST.index(worst.outcome):
+            worst = replace(verdict, why=f"{name}: {verdict.why}")
+    assert worst is not None
+    return worst, all_of_them
 
 
 def _up_to(
     paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: MaxOver
 ) -> tuple[Verdict, Measured]:
-    pairs: dict[str, Pair] = {}
+    sides: dict[str, tuple[Ratio, Measured, Measured]] = {}
     published: dict[str, float] = {}
+    gains = all(isinstance(part, Difference) for part in quantity.over)
     first: Measured | None = None
     stand_in = False
     for number, part in enumerate(quantity.over):
@@ -159,19 +226,24 @@ def _up_to(
         of, base = (_measured(paper, pool, cells, o) for o in (part.of, part.base))
         ends = [cells[o].value if isinstance(o, str) else None for o in (part.of, part.base)]
         if ends[0] is not None and ends[1]:
-            published[name] = 1 - ends[0] / ends[1]
+            published[name] = ends[0] - ends[1] if gains else 1 - ends[0] / ends[1]
         if first is None or (of.there and not first.there):
             first = of
         if of.there and base.there:
-            pairs[name] = _pair(of, base)
+            sides[name] = part, of, base
             stand_in = stand_in or of.found.stand_in or base.found.stand_in
     assert first is not None and cell.value is not None
-    if not pairs:
+    if not sides:
         return not_run(first.found.reason), replace(first, values=np.zeros(0))
-    first = replace(first, found=replace(first.found, stand_in=stand_in))
-    at = max(published, key=lambda name: published[name]) if published else next(iter(pairs))
-    digit = (cell.resolution or 0.0) / 100
-    return judge_up_to(pairs, cell.value / 100, at, digit), first
+    at = max(published, key=lambda name: published[name]) if published else next(iter(sides))
+    shown = _of_two(*sides[at]) if at in sides else first
+    shown = replace(shown, found=replace(shown.found, stand_in=stand_in))
+    pairs = {name: _pair(of, base) for name, (_, of, base) in sides.items()}
+    digit = cell.resolution or 0.0
+    if gains:
+        scale = 100.0 if first.is_share else 1.0
+        return judge_up_to_more(pairs, cell.value, at, digit, scale), shown
+    return judge_up_to(pairs, cell.value / 100, at, digit / 100), shown
 
 
 def _window(

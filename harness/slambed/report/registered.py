@@ -45,7 +45,8 @@ def plan_lines(
         found.append(
             PlanLine(f"The plan is for {plan.engine} runs, not {column.engine} ones.", True)
         )
-    found += _times(plan, own) + _seen(plan, own)
+    found += _made(plan, own)
+    behind = cells_behind(column)
     planned = {item.experiment: item for item in plan.runs}
     for results in used:
         item = planned.get(results.name)
@@ -57,13 +58,21 @@ def plan_lines(
             text = f"{results.name}: seed {seed}, {item.seed} was planned."
             found.append(PlanLine(text, bad=True))
         # A run that several experiments have in common is in the column once, under one of them.
-        runs = results.runs[results.runs["run_key"].isin(column.runs["run_key"])]
+        # Cells that no number is of, such as another codec's, decide nothing and are not counted.
+        runs = results.runs[results.runs["run_key"].isin(behind)]
         fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
         if fewest < item.runs:
             there = f"{fewest} run{'' if fewest == 1 else 's'} in a cell"
-            text = f"{results.name}: {there}, {item.runs} were planned."
-            found.append(PlanLine(text, bad=True))
-    return found + _devices(plan, column)
+            text = f"{results.name}: {there}, {item.runs} were planned"
+            if results.expected and results.expected > len(results.runs):
+                text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
+            found.append(PlanLine(f"{text}.", bad=True))
+    found += [
+        PlanLine(f"{name}: nothing played, {item.runs} runs a cell were planned.", bad=True)
+        for name, item in planned.items()
+        if column.engine == plan.engine and name not in {results.name for results in used}
+    ]
+    return found + _devices(plan, column.runs)
 
 
 def _own(column: Column, used: list[Results]) -> pd.DataFrame:
@@ -73,50 +82,72 @@ def _own(column: Column, used: list[Results]) -> pd.DataFrame:
     return column.runs[column.runs["experiment_folder"].isin({r.name for r in used})]
 
 
-def written_in(runs: pd.DataFrame, key: str) -> "Counter[str]":
-    """What was written into the runs as they were executed; empty where nothing was."""
-    values = runs[key] if key in runs else [None] * len(runs)
-    return Counter(value if isinstance(value, str) else "" for value in values)
-
-
 def _counted(told: Mapping[str, int], runs: pd.DataFrame) -> str:
     count = sum(told.values())
     return f"{count} of {len(runs)} runs {'was' if count == 1 else 'were'}"
 
 
-def _seen(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
-    """Under which plan the runs were executed, by what they keep of it: a plan that was rewritten
-    after a look at results, with its old date, has another digest."""
-    found = []
-    seen = written_in(runs, f"plan.{plan.paper}")
-    if unknown := seen.pop("", 0):
-        text = f"{unknown} of {len(runs)} runs do not say under which plan they were made."
-        found.append(PlanLine(text, bad=True))
-    if other := {name: count for name, count in seen.items() if name != plan.digest}:
-        text = f"{_counted(other, runs)} made under another plan: {', '.join(sorted(other))}."
-        found.append(PlanLine(text, bad=True))
-    frozen = written_in(runs, f"plan_frozen.{plan.paper}")
-    changed = {name: count for name, count in frozen.items() if name not in ("", plan.frozen)}
-    if changed:
-        text = f"{_counted(changed, runs)} made with another mapping than the plan's: "
-        found.append(PlanLine(f"{text}{', '.join(sorted(changed))}.", bad=True))
-    return found
+def cells_behind(column: Column) -> set[str]:
+    """Keys of the runs of all cells that a number or an ordering is made of, those among them that
+    a number leaves out too, such as lost ones."""
+    used = {key for row in column.rows.values() for _, key in row.measured.keys}
+    used |= {
+        key for o in column.orderings for chain in o.chains for _, m in chain for _, key in m.keys
+    }
+    runs = column.runs
+    if "experiment_folder" not in runs:
+        return used
+    cells = runs["experiment_folder"].astype(str) + "\n" + runs["cell"].astype(str)
+    return set(runs["run_key"][cells.isin(set(cells[runs["run_key"].isin(used)]))])
 
 
-def _times(plan: PaperPlan, own: pd.DataFrame) -> list[PlanLine]:
-    if "started_utc" not in own or not len(own):
-        return []
-    times = [_time(value) for value in own["started_utc"]]
-    early = sum(time is not None and plan.made_before(time) for time in times)
-    unknown = sum(time is None for time in times)
-    found = []
-    if early:
-        text = f"{early} of {len(times)} runs were made before the plan was written."
-        found.append(PlanLine(text, bad=True))
-    if unknown:
+def _made(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
+    """When and under which plan the runs were executed, by what they keep of it: a plan that was
+    rewritten after a look at results, with its old date, has another digest. Runs with one story
+    are told in one sentence, with its cause."""
+    times = [_time(value) for value in runs["started_utc"]] if "started_utc" in runs else []
+    early = [time is not None and plan.made_before(time) for time in times] or [False] * len(runs)
+    plans, mappings = (_written(runs, f"{k}.{plan.paper}") for k in ("plan", "plan_frozen"))
+    stories = Counter(zip(early, plans, mappings, strict=True))
+    found = [
+        PlanLine(f"{count} of {len(runs)} runs {told}.", bad=True)
+        for (before, digest, frozen), count in stories.items()
+        if (told := _story(plan, before, digest, frozen, count))
+    ]
+    if unknown := sum(time is None for time in times):
         text = f"{unknown} of {len(times)} runs do not say when they were made."
         found.append(PlanLine(text, bad=True))
     return found
+
+
+def _story(plan: PaperPlan, before: bool, digest: str, frozen: str, count: int) -> str:
+    """How these runs were made, where that is not as planned."""
+    parts = ["before the plan was written"] if before else []
+    if digest and digest != plan.digest:
+        parts.append(f"under another plan ({digest})")
+    if frozen and frozen != plan.frozen:
+        parts.append(f"with another mapping than the plan's ({frozen})")
+    told = f"{'was' if count == 1 else 'were'} made {' and '.join(parts)}" if parts else ""
+    if not digest:
+        do = "does" if count == 1 else "do"
+        unsaid = f"{do} not say under which plan {'it was' if count == 1 else 'they were'} made"
+        told = f"{told}, and {unsaid}" if told else unsaid
+    if before and digest and digest != plan.digest:
+        told += ": the plan was written anew after them"
+        if plan.replaces is not None and plan.replaces.plan == digest:
+            told += f". {plan.replaces.why.rstrip('.')}"
+    return told
+
+
+def written_in(runs: pd.DataFrame, key: str) -> "Counter[str]":
+    """How many runs have what written into them; empty where nothing was."""
+    return Counter(_written(runs, key))
+
+
+def _written(runs: pd.DataFrame, key: str) -> list[str]:
+    """What was written into each run as it was executed; empty where nothing was."""
+    values = runs[key] if key in runs else [None] * len(runs)
+    return [value if isinstance(value, str) else "" for value in values]
 
 
 def _time(value: object) -> datetime | None:
@@ -129,15 +160,26 @@ def _time(value: object) -> datetime | None:
     return found if found.tzinfo is not None else found.replace(tzinfo=UTC)
 
 
-def _devices(plan: PaperPlan, column: Column) -> list[PlanLine]:
+def _devices(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
     found = []
     for role, name in plan.devices.items():
         key = f"device_{role}"
-        used = set(column.runs[key].dropna().astype(str)) if key in column.runs else set()
-        if other := sorted(used - {name}):
-            text = f"The {role} was {', '.join(other)} in some runs, {name} was planned."
-            found.append(PlanLine(text, bad=True))
+        used = runs[key].dropna().astype(str) if key in runs else pd.Series(dtype=str)
+        other = used[used != name]
+        if not len(other):
+            continue
+        names = sorted(set(other))
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        where = ", ".join(sorted(set(runs.loc[other.index, "experiment_folder"].astype(str))))
+        text = (
+            f"The {role} was {', '.join(names[:NAMED])}{more} in {len(other)} of {len(runs)} runs"
+        )
+        found.append(PlanLine(f"{text} ({where}), {name} was planned.", bad=True))
     return found
+
+
+NAMED = 3
+"""Devices that are named; the others are counted."""
 
 
 def plan_words(lines: list[PlanLine], plan: PaperPlan | None, ran: bool = True) -> str:

@@ -4,7 +4,7 @@
 import numpy as np
 
 from slambed.metrics.update_round import PART_FIELDS, UpdateRound, update_rounds
-from slambed.report.cells import text
+from slambed.report.cells import hosts_of, text
 from slambed.report.load import Results
 from slambed.report.tables import Table
 
@@ -17,6 +17,7 @@ def update_round_tables(results: Results) -> list[Table]:
     rows: list[list[str]] = []
     datasets = list(dict.fromkeys(map(text, results.trusted["dataset"])))
     one = len(datasets) == 1
+    mixed = results.runs["host"].nunique(dropna=False) > 1
     for _, runs in results.trusted.groupby("cell", sort=False):
         rounds: list[UpdateRound] = []
         for key in runs["run_key"].head(RUNS_READ):
@@ -29,7 +30,7 @@ def update_round_tables(results: Results) -> list[Table]:
         rows.append(
             [
                 text(first["label"]), *([] if one else [text(first["dataset"])]),
-                text(first["profile"]), str(len(rounds)),
+                text(first["profile"]), *([hosts_of(runs)] if mixed else []), str(len(rounds)),
                 *(_spread([r.parts_ms[part] for r in rounds]) for part in PART_FIELDS),
                 _spread([r.computed_ms for r in rounds]),
                 _spread([r.total_ms for r in rounds]),
@@ -43,10 +44,14 @@ def update_round_tables(results: Results) -> list[Table]:
         + (f"; {datasets[0]}" if one else "")
     )
     headings = [
-        "system", *([] if one else ["dataset"]), "link", "updates",
+        "system", *([] if one else ["dataset"]), "link", *(["hosts"] if mixed else []), "updates",
         *PART_FIELDS, "T_Computed", "T_Total", "gap",
     ]  # fmt: skip
-    return [Table("update_rounds", caption, headings, rows, words=2 if one else 3)] if rows else []
+    return (
+        [Table("update_rounds", caption, headings, rows, words=2 + (not one) + mixed)]
+        if rows
+        else []
+    )
 
 
 def _spread(values: list[float]) -> str:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign with its report: what `slambed run` and `slambed paper` do."""
+"""A campaign with its report: what `slambed run` and `slambed papers run` do."""
 
 from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
-from slambed.campaign.run import Options, run_experiment
+from slambed.campaign.options import Options
+from slambed.campaign.run import run_experiment
 from slambed.campaign.runner import Verdict
 from slambed.errors import ExitCode, SlambedError
 from slambed.report.again import recompute_refused

@@ -5,9 +5,11 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from slambed.report.compute_times import compute_times
+from slambed.report.boards import board_lines
+from slambed.report.compute_times import ComputeTime
 from slambed.report.load import Results
 from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import DEVICE_PACE
 
 ENGINES = {
     "docker": "containers under the limits of their device, in real time",
@@ -19,7 +21,7 @@ NO_LIMITS = (
 )
 
 
-def setup_lines(results: Results) -> list[str]:
+def setup_lines(results: Results, times: list[ComputeTime]) -> list[str]:
     """Engines with how many runs each made, the devices of each node, and their compute times."""
     if not len(results.runs):
         return []
@@ -29,6 +31,7 @@ def setup_lines(results: Results) -> list[str]:
         name = str(engine)
         how_many = f", {count} runs" if len(engines) > 1 else ""
         lines.append(f"Engine {name}{how_many}: {ENGINES.get(name, 'not known here')}.")
+    lines += _pace(results.runs)
     changes = {str(change["name"]): _change(change) for change in _changed(results.spec)}
     parts = []
     for node in ("mobile", "edge"):
@@ -37,7 +40,23 @@ def setup_lines(results: Results) -> list[str]:
             told = (name + (f" ({changes[name]})" if name in changes else "") for name in names)
             parts.append(f"{node} {', '.join(told)}")
     lines += [f"Devices: {'; '.join(parts)}."] if parts else []
-    return lines + [time.line() for time in compute_times(results)]
+    lines += board_lines(results)
+    return lines + [time.line() for time in times]
+
+
+def _pace(runs: pd.DataFrame) -> list[str]:
+    """That live runs took the compute times of their devices, and how well they kept to them."""
+    paced = runs[runs["pace"].eq(DEVICE_PACE)]
+    if not len(paced):
+        return []
+    missed = pd.to_numeric(paced["pace_missed"], errors="coerce").sum()
+    ratio = pd.to_numeric(paced["pace_ratio"], errors="coerce").median()
+    took = f"; those of the mobile node took {ratio:.3f} times that (median)" if ratio > 0 else ""
+    late = f"; the work of {missed:.0f} alone took longer (pace_missed)" if missed else ""
+    return [
+        f"Pace of the device, {len(paced)} runs: each stage took what the cost model of its device "
+        f"charges{took}{late}."
+    ]
 
 
 def _changed(spec: object) -> Iterator[dict[str, object]]:
@@ -59,6 +78,8 @@ def _change(change: dict[str, object]) -> str:
         parts.append(f"{cores} core{'' if cores == 1 else 's'}")
     if (speed := change.get("speed")) is not None:
         parts.append(f"{speed:g} times its speed")
+    if (background := change.get("background")) is not None:
+        parts.append(f"{background:g} cores busy with other work")
     return f"what if: {change['device']} with {', '.join(parts) or 'no change'}"
 
 

@@ -7,8 +7,8 @@ from math import log
 from slambed.report.judged import Judged, Mark
 
 COLOURS: dict[Mark, str] = {
-    "R": "#009E73", "D": "#D55E00", "I": "#F0CE52", "N": "#DCDCDC", "F": "#CC79A7", "S": "#7CC4EE",
-    "P": "#9A9A9A",
+    "R": "#009E73", "D": "#D55E00", "I": "#F0CE52", "N": "#DCDCDC", "E": "#CDB891", "F": "#CC79A7",
+    "S": "#7CC4EE", "P": "#9A9A9A",
 }  # fmt: skip
 """Okabe and Ito's hues where they have one; letters repeat them for grey prints."""
 WIDTH = 640

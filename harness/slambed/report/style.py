@@ -21,6 +21,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.text import Text
 
 from slambed.outputs import writing
+from slambed.report.figure_points import points_of
 
 # Okabe and Ito's palette (2008), told apart by all common kinds of colour vision. Yellow is left
 # out: it is too pale on white. Markers and dashes repeat the distinction for grey prints.
@@ -31,6 +32,8 @@ GROUND_TRUTH = "#777777"
 FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
 FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
+POINTS = ".points.json"
+"""Beside a figure: what can be pointed at in it."""
 ON_PAGES = ("png", "svg")
 """What pages show; the fonts of a PDF take as long as all else of a figure."""
 WIDTH_IN = 5.4
@@ -160,12 +163,13 @@ class FigureWriter:
 
     def nothing(self, name: str, title: str, why: str) -> None:
         """Says why there is no such figure; one of an earlier report goes."""
-        for kind in (*FORMATS, "csv"):
-            (self.folder / f"{name}.{kind}").unlink(missing_ok=True)
+        for suffix in (*(f".{kind}" for kind in FORMATS), POINTS, ".csv"):
+            (self.folder / f"{name}{suffix}").unlink(missing_ok=True)
         self.empty.append(f"{title}: {why}")
 
     def save(self, made: Figure, name: str, title: str, caption: str, data: pd.DataFrame) -> None:
-        """Writes `<name>.png/.svg/.pdf` and `<name>.csv`; a format that is not asked for goes."""
+        """Writes `<name>.png/.svg/.pdf`, `<name>.points.json` and `<name>.csv`; a format that is
+        not asked for goes."""
         self.folder.mkdir(parents=True, exist_ok=True)
         files: list[str] = []
         lay_out(made)
@@ -176,6 +180,9 @@ class FigureWriter:
                 continue
             made.savefig(self.folder / file, dpi=PNG_DPI, metadata=self._facts(kind, title))
             files.append(file)
+        points = f"{name}{POINTS}"
+        (self.folder / points).write_text(json.dumps(points_of(made), separators=(",", ":")) + "\n")
+        files.append(points)
         data.to_csv(self.folder / f"{name}.csv", index=False, float_format="%.6g")
         self.saved.append(SavedFigure(name, title, caption, self.command, files, f"{name}.csv"))
 

@@ -4,15 +4,19 @@
 import csv
 import io
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from slambed.errors import SlambedError
 from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import Interval
+from slambed.outputs import writing
 from slambed.report.cells import Cell
 from slambed.report.load import Results
+from slambed.spec.board import NETWORK
 from slambed.spec.device import VIRTUAL
 
 LATEX_SPECIAL = {
@@ -67,10 +71,23 @@ class Table:
         table = RichTable(title=self.caption, title_justify="left", box=None, pad_edge=False)
         for index, heading in enumerate(self.headings):
             justify: Literal["left", "right"] = "left" if index < self.words else "right"
-            table.add_column(Text(heading), justify=justify)
+            # Names of cells are long words: a part that is cut off may be what tells two apart.
+            table.add_column(Text(heading), justify=justify, overflow="fold")
         for row in self.rows:
             table.add_row(*map(Text, row))
         return table
+
+
+def check_format(path: Path) -> None:
+    """Told before anything is computed."""
+    if path.suffix not in (".csv", ".md"):
+        raise SlambedError(f"unknown table format {path}; known: .csv, .md")
+
+
+def write_table(table: Table, path: Path) -> None:
+    """To the place that --output named, in the format that its name asks for."""
+    with writing(path):
+        path.write_text(table.markdown() if path.suffix == ".md" else table.csv())
 
 
 def _bar(text: str) -> str:
@@ -102,6 +119,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
     datasets = list(dict.fromkeys(cell.dataset for cell in cells))
     one = len(datasets) == 1
     failing = any(cell.faults for cell in cells)
+    mixed = any(cell.hosts for cell in cells)
     few = any(v.is_range and v.count > 1 for cell in cells for v in cell.values.values())
     for start in range(0, len(metrics), per_table):
         part = metrics[start : start + per_table]
@@ -112,7 +130,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
                 + ("; in parentheses the range of fewer than 6 runs" if few else "")
                 + (f"; {datasets[0]}" if one else ""),
                 ["system", *([] if one else ["dataset"]), "link"]
-                + [*(["faults [s]"] if failing else []), "runs"]
+                + [*(["faults [s]"] if failing else []), *(["hosts"] if mixed else []), "runs"]
                 + [m.heading for m in part],
                 [
                     [
@@ -120,12 +138,13 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
                         *([] if one else [cell.dataset]),
                         cell.profile,
                         *([cell.faults or "-"] if failing else []),
+                        *([cell.hosts or "-"] if mixed else []),
                         f"{cell.trusted}/{cell.runs}",
                         *(with_interval(m, cell.values.get(m.key)) for m in part),
                     ]
                     for cell in cells
                 ],
-                words=2 + (not one) + failing,
+                words=2 + (not one) + failing + mixed,
             )
         )
     return tables
@@ -135,10 +154,14 @@ def link_table(results: Results) -> Table:
     """Asked against measured round-trip time of every cell with a link."""
     rows: list[list[str]] = []
     runs = results.runs[results.runs["link_backend"].notna()]
-    for cell, part in runs.groupby("cell", sort=False):
+    mixed = results.runs["host"].nunique(dropna=False) > 1
+    keys = ["cell", "host"] if mixed else ["cell"]
+    for names, part in runs.assign(host=runs["host"].fillna("-")).groupby(keys, sort=False):
         real = part[part["link_backend"] != VIRTUAL]
         good = int(real["rtt_error_ms_median"].notna().sum())
         proven = f"{good}/{len(real)}" if len(real) else "modelled"
+        if len(part) and part["link_backend"].eq(NETWORK).all():
+            proven = "nothing asked"
         numbers = [
             _range(part[key].dropna().tolist())
             for key in (
@@ -147,27 +170,28 @@ def link_table(results: Results) -> Table:
             )
         ]  # fmt: skip
         backends = ", ".join(sorted(set(part["link_backend"])))
-        rows.append([str(cell), backends, proven, *numbers])
+        rows.append([*map(str, names), backends, proven, *numbers])
     headings = [
-        "cell", "backend", "runs proven", "RTT asked, mean [ms]", "RTT measured, mean [ms]",
+        *keys, "backend", "runs proven", "RTT asked, mean [ms]", "RTT measured, mean [ms]",
         "error, median [ms]", "error, p99 [ms]",
     ]  # fmt: skip
-    return Table("link", "The link: smallest to largest run", headings, rows, words=2)
+    return Table("link", "The link: smallest to largest run", headings, rows, words=1 + len(keys))
 
 
 def limits_table(results: Results) -> Table:
     """What each node was to get, what the kernel granted, and how long it was held back."""
     rows: list[list[str]] = []
+    keys = ["node", "device", "asked", "granted"]
     if len(results.limits):
-        groups = results.limits.groupby(["node", "device", "asked", "granted"], dropna=False)
-        for (node, device, asked, granted), part in groups:
+        if results.runs["host"].nunique(dropna=False) > 1:
+            keys.insert(0, "host")
+        limits = results.limits.assign(host=results.limits["host"].fillna("-"))
+        for names, part in limits.groupby(keys, dropna=False):
             throttled = part["throttled_s"].dropna().tolist()
-            rows.append(
-                [str(node), str(device), str(asked), str(granted), str(len(part)),
-                 _range([float(v) for v in throttled])]
-            )  # fmt: skip
-    headings = ["node", "device", "asked", "granted", "runs", "throttled [s]"]
-    return Table("limits", "Limits asked and granted", headings, rows, words=4)
+            told = [*map(str, names), str(len(part)), _range([float(v) for v in throttled])]
+            rows.append(told)
+    headings = [*keys, "runs", "throttled [s]"]
+    return Table("limits", "Limits asked and granted", headings, rows, words=len(keys))
 
 
 def _range(values: list[float]) -> str:

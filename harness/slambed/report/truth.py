@@ -16,6 +16,7 @@ from slambed.report.compute_times import CLOSE, compute_times
 from slambed.report.load import Results
 from slambed.report.tables import Table
 from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import DEVICE_PACE
 
 Values = NDArray[np.float64]
 
@@ -53,13 +54,16 @@ def _part(name: str) -> Callable[[Results, pd.DataFrame], Values]:
     return values
 
 
+OF_A_CORE, OF_THE_DEVICE = "% of a core", "% of the device"
+"""A core of the host is none of the device's where a live run keeps its pace."""
 QUANTITIES = (
     Quantity("T_Total", "ms", _summary("update_delay_ms_median")),
     Quantity("T_MU (update delay)", "ms", _part("T_MU")),
     Quantity("frames dropped", "", _summary("frames_dropped")),
     Quantity("keyframes", "", _summary("keyframes")),
     Quantity("ATE RMSE", "cm", _summary("ate_rmse_m", 100)),
-    Quantity("mobile CPU", "% of a core", _summary("mobile_cpu_percent_mean")),
+    Quantity("mobile CPU", OF_A_CORE, _summary("mobile_cpu_percent_mean")),
+    Quantity("mobile CPU", OF_THE_DEVICE, _summary("mobile_cpu_device_percent")),
     Quantity("tracking", "ms", _summary("track_ms_median")),
 )
 
@@ -76,14 +80,17 @@ def truth_table(live: Results, virtual: Results) -> Table:
         raise SlambedError(f"{live.folder} and {virtual.folder} have no cell in common")
     table = Table(
         "truth",
-        f"Virtual against live, medians (least to most) of runs; aim: within {TARGET_PERCENT:g} %"
-        + _compute_times(live, virtual),
+        f"Virtual ({virtual.folder}) against live ({live.folder}), medians (least to most) of "
+        f"runs; aim: within {TARGET_PERCENT:g} %" + _compute_times(live, virtual),
         ["cell", "quantity", "live", "virtual", "error", "error %", "within"],
         words=2,
     )
     for cell in shared:
         name = "/".join(part for part in cell if part)
+        paced = theirs[cell]["pace"].eq(DEVICE_PACE).any()
         for quantity in QUANTITIES:
+            if quantity.unit == (OF_A_CORE if paced else OF_THE_DEVICE):
+                continue
             row = _row(quantity, quantity.of(live, theirs[cell]), quantity.of(virtual, ours[cell]))
             if row is not None:
                 table.rows.append([name, *row])
@@ -93,11 +100,14 @@ def truth_table(live: Results, virtual: Results) -> Table:
 
 def _compute_times(live: Results, virtual: Results) -> str:
     """How far apart the compute times of the two are: all errors stand on that."""
-    ran = {time.device: time.ran_ms for time in compute_times(live) if not time.virtual}
+    times = [time for time in compute_times(live) if not time.virtual]
+    ran = {time.device: time.ran_ms for time in times}
+    paced = {time.device for time in times if time.paced}
     lines = [
         f". {time.device} is {'two machines' if not 1 / CLOSE <= ratio <= CLOSE else 'one machine'}"
         f": extraction and tracking take {time.ran_ms:.1f} ms per frame virtually and "
-        f"{ran[time.device]:.1f} ms live ({ratio:.1f} times)"
+        f"{ran[time.device]:.1f} ms live{' at its pace' if time.device in paced else ''} "
+        f"({ratio:.1f} times)"
         for time in compute_times(virtual)
         if time.virtual and time.device in ran and (ratio := time.ran_ms / ran[time.device])
     ]
@@ -107,6 +117,11 @@ def _compute_times(live: Results, virtual: Results) -> str:
 def _cells(results: Results, virtual: bool) -> dict[tuple[str, ...], pd.DataFrame]:
     runs = results.trusted
     runs = runs[runs["engine"].eq(VIRTUAL).eq(virtual)]
+    if runs["pace"].nunique() > 1:
+        raise SlambedError(
+            f"{results.folder} holds live runs at two paces; play each into a folder of its own "
+            "(--results)"
+        )
     keys = runs[CELL_KEYS].astype(object).where(runs[CELL_KEYS].notna(), "")
     return {
         tuple(str(part) for part in cell): pd.DataFrame(runs.loc[rows.index])

@@ -63,7 +63,7 @@ def write_png(view: RunView, folder: Path) -> Path:
     across, up = widest_axes(reference.positions_m)
     third = 3 - across - up
     keyframes = _keyframe_positions(view, estimate)
-    writer = FigureWriter(folder, f"slambed view {view.run_key}", [])
+    writer = FigureWriter(folder, f"slambed explain {view.run_key}", [])
     with figure(1, 2, height_in=3.6) as (made, axes):
         for axis, (a, b) in zip(axes, ((across, up), (across, third)), strict=True):
             if view.truth is not None and view.alignment is not None:

@@ -135,7 +135,9 @@ class Beside(Record):
     metronome_real_time: bool | None
     """Whether it got real-time priority; null without one."""
     segmenter_cpu_s: float | None = None
-    """CPU time of the segmenter, which is in the edge's group; null without one, and for one that
-    did not live to tell."""
+    """CPU time of the segmenter, which is in the edge's group; null without one, and where one did
+    not live to tell."""
+    segmenter_restarts: int | None = None
+    """How often a segmenter that had died was started again; null without one."""
     kernel_tick_ms: float | None = None
     """How often the kernel's scheduler looks by itself."""

@@ -3,6 +3,7 @@
 
 import socket
 import struct
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,8 @@ _ATTRIBUTE = struct.Struct("=HH")
 # struct inet_diag_req_v2: family, protocol, extensions, padding, states, a socket id of 48 bytes.
 _REQUEST = struct.Struct("=BBBxI48x")
 DIAG_MESSAGE_BYTES = 72
+_PORTS = struct.Struct("!4xHH")
+"""Of struct inet_diag_msg: its own port and that of the other end."""
 # struct tcp_info, linux/tcp.h: 8 bytes, then words of 4 bytes.
 LAST_ACK_RECEIVED_OFFSET = 56
 RTT_OFFSET = 68
@@ -41,8 +44,11 @@ class TcpState:
 class TcpWatch:
     """Asks the kernel about the connections of one network namespace."""
 
-    def __init__(self, namespace: Path) -> None:
-        self._socket = inside(namespace, _open)
+    def __init__(self, namespace: Path | None, ports: Collection[int] | None = None) -> None:
+        """`namespace`: None for this process's own; `ports`: only connections to these of the other
+        end, where a namespace has others' besides."""
+        self._socket = _open() if namespace is None else inside(namespace, _open)
+        self._ports = ports
         self._sequence = 0
 
     def read(self) -> TcpState | None:
@@ -71,7 +77,8 @@ class TcpWatch:
                 return True
             if sequence == self._sequence and kind == SOCK_DIAG_BY_FAMILY:
                 message = answer[place + _HEADER.size : place + size]
-                found += _infos(message[DIAG_MESSAGE_BYTES:])
+                if self._ports is None or _PORTS.unpack_from(message)[1] in self._ports:
+                    found += _infos(message[DIAG_MESSAGE_BYTES:])
             place += (size + 3) & ~3
         return False
 

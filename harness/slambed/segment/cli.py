@@ -5,40 +5,42 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.table import Table
 
-from slambed.data.catalog import prepare
-from slambed.data.prepared import PreparedSequence
-from slambed.outputs import picture
+from slambed.data.places import picture
 from slambed.segment import TRUTH
-from slambed.segment.mask_cache import MaskCache
-from slambed.segment.masks import mask_cache
-from slambed.segment.network import load_network, network_names
-from slambed.segment.scores import Scores
-from slambed.segment.sheet import write_mask_sheet
-from slambed.terminal import console
+from slambed.terminal import JsonOption, console, json_entry, lists_alone, print_json
+
+if TYPE_CHECKING:
+    from slambed.data.prepared import PreparedSequence
+    from slambed.segment.mask_cache import MaskCache
 
 NETWORK, QUALITY, N_M = "slambed_people", 90, 0.8
 
-app = typer.Typer(help="Networks, and what they find in sequences.", no_args_is_help=True)
+app = typer.Typer(help="Networks, and what they find in sequences.")
 Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
 NetworkName = Annotated[str, typer.Option("--network", help="name in networks/, or 'truth'")]
 Quality = Annotated[int, typer.Option(min=1, max=100, help="of the JPEGs")]
 NMax = Annotated[float, typer.Option("--n-m", min=0, max=1, help="overlap at which two are one")]
 
 
-@app.command("list")
-def list_networks() -> None:
+def list_networks(as_json: JsonOption = False) -> None:
     """All networks."""
+    from slambed.segment.network import load_network, network_names
+
+    if as_json:
+        print_json([json_entry(name, load_network) for name in network_names()])
+        return
     table = Table("id", "licence", "size", "title", box=None)
     for name in network_names():
         network = load_network(name)
         table.add_row(name, network.licence, f"{network.size_bytes / 1e6:.2f} MB", network.title)
-    console().print(table)
+    screen = console()
+    screen.print(table)
+    screen.print("what one finds in a sequence: 'slambed masks show DATASET --network ID'")
 
 
 @app.command("prepare")
@@ -60,9 +62,13 @@ def show(
     quality: Quality = QUALITY,
     n_m: NMax = N_M,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 16,
-    output: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
+    ] = None,
 ) -> None:
     """Write a contact sheet of masks."""
+    from slambed.segment.sheet import write_mask_sheet
+
     sequence, masks, _ = _masks(dataset, network, quality, n_m)
     file = output or picture(f"{sequence.info.id}_{network}.png")
     write_mask_sheet(sequence, masks, file, frames)
@@ -77,6 +83,12 @@ def score(
     n_m: NMax = N_M,
 ) -> None:
     """Compare masks with the truth of a generated sequence; without one, tell the marked share."""
+    import numpy as np
+
+    from slambed.segment.mask_cache import MaskCache
+    from slambed.segment.masks import mask_cache
+    from slambed.segment.scores import Scores
+
     sequence, masks, _ = _masks(dataset, network, quality, n_m)
     if not sequence.info.source.get("labels_sha256"):
         shares = [float(masks.frame(i).moving().mean()) for i in range(len(masks))]
@@ -93,6 +105,13 @@ def score(
 def _masks(
     dataset: str, network: str, quality: int, n_m: float
 ) -> tuple[PreparedSequence, MaskCache, Path]:
+    from slambed.data.catalog import prepare
+    from slambed.segment.mask_cache import MaskCache
+    from slambed.segment.masks import mask_cache
+
     sequence = prepare(dataset)
     path = mask_cache(sequence, network, quality, n_m)
     return sequence, MaskCache.open(path), path
+
+
+lists_alone(app, list_networks)

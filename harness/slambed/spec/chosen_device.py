@@ -3,11 +3,21 @@
 
 from slambed.errors import SlambedError
 from slambed.spec.device import VIRTUAL, Device, DeviceChange
-from slambed.spec.experiment import Experiment
+from slambed.spec.experiment import HOST_PACE, Experiment
 from slambed.spec.library import Library
 from slambed.spec.stages import costs_with
 from slambed.spec.system import Role, System
 from slambed.yaml_source import Location, YamlSource
+
+
+def has_boards(experiment: Experiment, source: YamlSource, library: Library) -> bool:
+    """Whether limits of any live run follow from a board, and so from the speed of its host."""
+    systems = [(i, library.system(c.system)) for i, c in enumerate(experiment.systems)]
+    return any(
+        chosen_device(experiment, index, source, library, "", system, role).board is not None
+        for index, system in systems
+        for role in system.roles
+    )
 
 
 def chosen_device(
@@ -19,9 +29,9 @@ def chosen_device(
     system: System,
     role: Role,
 ) -> Device:
-    """Of the system where it has its own for this role, else of the experiment; for virtual runs
-    with the costs of the system's own stages. Raises a complaint of its place in the file where
-    there can be no such device on this engine."""
+    """Of the system where it has its own for this role, else of the experiment; where its cost
+    model counts, with the costs of the system's own stages. Raises a complaint of its place in the
+    file where there can be no such device on this engine."""
     place: Location = ("systems", index, "devices", role)
     asked: str | DeviceChange | None = getattr(experiment.systems[index].devices, role)
     if asked is None:
@@ -38,12 +48,13 @@ def chosen_device(
             device = asked.applied_to(library.device(asked.device))
     except (SlambedError, ValueError) as error:
         raise source.complaint(str(error), place) from None
-    if engine != VIRTUAL:
+    if engine != VIRTUAL and experiment.pace == HOST_PACE:
         return device
     if device.model is None:
-        raise source.complaint(
-            f"device {device.name} has no cost model", place, "fit one: slambed calibrate --stages"
-        )
+        told = f"device {device.name} has no cost model"
+        if engine != VIRTUAL:
+            told += ", so that no live run can keep its pace (pace: device)"
+        raise source.complaint(told, place, "fit one: slambed calibrate --stages")
     try:
         costs = costs_with(system.stages, device.model.stages, role)
     except ValueError as error:

@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed systems`, `devices` and `experiments`: what there is to name in an experiment's file."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
-from pydantic import BaseModel
 from rich.console import Console
 from rich.table import Table
 
 from slambed.errors import SlambedError
-from slambed.spec.device import Device
-from slambed.spec.experiment import Experiment
-from slambed.spec.library import Library
-from slambed.spec.system import Parameter, System
-from slambed.terminal import console
+from slambed.terminal import JsonOption, console, json_entry, lists_alone, print_json
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from slambed.spec.device import Device
+    from slambed.spec.experiment import Experiment
+    from slambed.spec.system import Parameter, System
 
 systems = typer.Typer(help="Systems under test, with their variants and parameters.")
 devices = typer.Typer(help="Devices that a node may be, live by limits, virtually by costs.")
 experiments = typer.Typer(help="Experiments that have a file.")
 
-JsonOption = Annotated[bool, typer.Option("--json", help="All of it, for a script.")]
-Named = TypeVar("Named")
+Named = TypeVar("Named", bound="BaseModel")
 
 
 def _list(
@@ -30,8 +33,12 @@ def _list(
     load: Callable[[str], Named],
     row: Callable[[Named], tuple[str, ...]],
     further: str,
+    as_json: bool,
 ) -> None:
     """A line for each, its title last; a file that cannot be read says why there."""
+    if as_json:
+        print_json([json_entry(name, load) for name in names])
+        return
     table = Table(*headings, "title", box=None)
     for name in names:
         try:
@@ -44,20 +51,20 @@ def _list(
     screen.print(further)
 
 
-@systems.callback(invoke_without_command=True)
-def list_systems(context: typer.Context) -> None:
-    """Every system of the checkout."""
-    if context.invoked_subcommand is not None:
-        return
+def list_systems(as_json: JsonOption = False) -> None:
+    """Every system of the checkout, and of folders in $SLAMBED_SYSTEMS."""
+    from slambed.spec.library import Library
+
     library = Library()
     _list(
         ("system", "nodes", "sensors", "variants"),
-        library.systems(),
+        library.known_systems(),
         library.system,
         lambda s: (
             ", ".join(s.roles), ", ".join(s.sensors), ", ".join(s.variants) or "-", s.title
         ),
         "parameters, ranges, sources: 'slambed systems show NAME'",
+        as_json,
     )  # fmt: skip
 
 
@@ -67,6 +74,8 @@ def show_system(
     as_json: JsonOption = False,
 ) -> None:
     """Variants, parameters and stages of a system: defaults, ranges, units, sources, costs."""
+    from slambed.spec.library import Library
+
     system = Library().system(name)
     if as_json:
         typer.echo(system.model_dump_json(indent=2))
@@ -120,11 +129,10 @@ def _range(parameter: Parameter) -> str:
     return f"to {high:g}" if low is None else f"{low:g} to {high:g}"
 
 
-@devices.callback(invoke_without_command=True)
-def list_devices(context: typer.Context) -> None:
+def list_devices(as_json: JsonOption = False) -> None:
     """Every device."""
-    if context.invoked_subcommand is not None:
-        return
+    from slambed.spec.library import Library
+
     library = Library()
     _list(
         ("device", "live", "virtual"),
@@ -132,6 +140,7 @@ def list_devices(context: typer.Context) -> None:
         library.device,
         lambda device: (_live(device), _virtual(device), device.title),
         "limits, costs of stages, how they were fitted: 'slambed devices show NAME'",
+        as_json,
     )
 
 
@@ -153,6 +162,8 @@ def show_device(
     name: Annotated[str, typer.Argument(help="Name in devices/.")], as_json: JsonOption = False
 ) -> None:
     """Limits of a device, and what each stage costs on it."""
+    from slambed.spec.library import Library
+
     device = Library().device(name)
     if as_json:
         typer.echo(device.model_dump_json(indent=2))
@@ -163,9 +174,11 @@ def show_device(
     if device.notes:
         screen.print(device.notes.strip())
     if device.model is None:
-        screen.print("virtual: no costs, so it runs live only")
+        screen.print("virtual: no costs, so it runs live only, at the host's pace")
         return
-    screen.print(f"virtual: {device.model.cores} cores, costs divided by {device.model.speed:g}")
+    busy = f", {device.model.background:g} busy with other work" if device.model.background else ""
+    costs = f"costs divided by {device.model.speed:g}"
+    screen.print(f"virtual, and live with pace: device: {device.model.cores} cores{busy}, {costs}")
     table = Table("stage", "fixed [us]", "per n1 [us]", "per n2 [us]", "jitter", "on", box=None)
     for stage, cost in device.model.stages.items():
         numbers = (f"{x:g}" for x in (cost.a_us, cost.b_us, cost.c_us, cost.jitter))
@@ -173,11 +186,10 @@ def show_device(
     screen.print(table)
 
 
-@experiments.callback(invoke_without_command=True)
-def list_experiments(context: typer.Context) -> None:
+def list_experiments(as_json: JsonOption = False) -> None:
     """Every experiment, with what it reproduces."""
-    if context.invoked_subcommand is not None:
-        return
+    from slambed.spec.library import Library
+
     library = Library()
     _list(
         ("experiment", "reproduces"),
@@ -185,6 +197,7 @@ def list_experiments(context: typer.Context) -> None:
         lambda name: library.experiment(name)[0],
         lambda experiment: (", ".join(experiment.reproduces) or "-", experiment.title),
         "one of them: 'slambed experiments show NAME', then 'slambed run NAME'",
+        as_json,
     )
 
 
@@ -194,6 +207,8 @@ def show_experiment(
     as_json: JsonOption = False,
 ) -> None:
     """What an experiment compares, on what, how often; a grid is written out."""
+    from slambed.spec.library import Library
+
     experiment, source = Library().experiment(name)
     if as_json:
         typer.echo(experiment.model_dump_json(indent=2))
@@ -237,3 +252,8 @@ def _head(screen: Console, title: str, text: str) -> None:
     screen.print(title, style="bold")
     if text.strip():
         screen.print(text.strip())
+
+
+lists_alone(systems, list_systems)
+lists_alone(devices, list_devices)
+lists_alone(experiments, list_experiments)

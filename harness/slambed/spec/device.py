@@ -93,6 +93,8 @@ class CostModel(BaseModel):
     cores: int = Field(ge=1, le=1024)
     speed: float = Field(default=1.0, gt=0)
     """Every cost is divided by it: 2 is a device twice as fast."""
+    background: float = Field(default=0.0, ge=0, le=1024)
+    """Cores that are busy with what is no part of the system: drivers, a player, a viewer."""
     stages: dict[str, StageCost]
     accelerators: dict[str, Accelerator] = Field(default_factory=dict)
 
@@ -110,6 +112,8 @@ class CostModel(BaseModel):
         found: dict[str, Any] = serialise(self)
         if not self.accelerators:
             del found["accelerators"]
+        if not self.background:
+            del found["background"]
         return found
 
 
@@ -169,9 +173,16 @@ class Device(BaseModel):
             lines.append(f"all its cores are {total:.2f}, it gets {limits.quota_cores:.2f}")
         return "; ".join(lines) or None
 
-    def meaning(self, engine: str) -> dict[str, object]:
-        """What a run depends on: a live one on board and limits, a virtual one on the cost model.
-        The words about the device may change freely, and so may the speed of the host."""
+    def share_on(self, limits: Limits) -> float:
+        """Of a CPU of this host that one core of the device is under its limits."""
+        return min(limits.thread_cores or limits.quota_cores or 1.0, 1.0)
+
+    def meaning(self, engine: str, paced: bool = False) -> dict[str, object]:
+        """What a run depends on: a live one on board and limits, a virtual one on the cost model, a
+        live one at the device's pace on both. The words about the device may change freely, and so
+        may the speed of the host."""
+        if paced:
+            return self.meaning(engine) | self.meaning(VIRTUAL)
         if engine != VIRTUAL:
             limits = self.limits.model_dump(mode="json")
             # Keys of devices without it stay what they were.
@@ -184,12 +195,15 @@ class Device(BaseModel):
         return {"name": self.name, "model": model}
 
 
+LOCAL = "local"
+"""Name of the engine that starts programs of this host."""
 VIRTUAL = "virtual"
 """Name of the engine that charges cost models instead of computing under limits."""
 
 
 class DeviceChange(BaseModel):
-    """A device of devices/*.yaml with other cores, another speed or other spreads: what if?"""
+    """A device of devices/*.yaml with other cores, another speed, other spreads or another
+    background load: what if?"""
 
     model_config = STRICT
 
@@ -200,6 +214,8 @@ class DeviceChange(BaseModel):
     """Relative to the device as it is in its file."""
     jitter: dict[str, Annotated[float, Field(ge=0, le=3)]] = Field(default_factory=dict)
     """Stage -> another `jitter` of its cost; the median stays."""
+    background: float | None = Field(default=None, ge=0, le=1024)
+    """Another background load, in cores."""
 
     def applied_to(self, device: Device) -> Device:
         """The changed device; ValueError when there is nothing to change."""
@@ -210,6 +226,8 @@ class DeviceChange(BaseModel):
             changes["cores"] = self.cores
         if self.speed is not None:
             changes["speed"] = device.model.speed * self.speed
+        if self.background is not None:
+            changes["background"] = self.background
         stages = dict(device.model.stages)
         for stage, jitter in self.jitter.items():
             if stage not in stages:

@@ -12,12 +12,16 @@ from pydantic import (
     model_validator,
 )
 
+from slambed.spec.board import Roles
 from slambed.spec.device import DeviceChange
-from slambed.spec.faults import Fault, check_faults
+from slambed.spec.faults import Fault, check_faults, cuts
 from slambed.spec.system import Scalar
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+Pace = Literal["host", "device"]
+HOST_PACE: Pace = "host"
+DEVICE_PACE: Pace = "device"
 
 
 class Playback(BaseModel):
@@ -153,7 +157,13 @@ class Experiment(BaseModel):
     """What goes wrong in every run of a system with an edge."""
     link: LinkChoice | None = None
     devices: DeviceChoice = Field(default_factory=DeviceChoice)
+    roles: Roles | None = None
+    """Nodes on another machine: a mobile node on a real board, over the real network to the edge
+    here (docs/hosts.md)."""
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"
+    pace: Pace = HOST_PACE
+    """Of live runs: what a stage takes is this host's (`host`), or what the device's cost model
+    charges (`device`; docs/limits.md). A virtual run is always at the device's pace."""
     runs: Runs = Field(default_factory=Runs)
     seed: int = Field(default=1, ge=0, lt=2**31)
     tolerances: Tolerances = Field(default_factory=Tolerances)
@@ -168,9 +178,14 @@ class Experiment(BaseModel):
         return value
 
 
+def has_cuts(experiment: Experiment) -> bool:
+    """True when the link of any run is cut."""
+    return any(cuts(f or []) for f in (experiment.faults, *(c.faults for c in experiment.systems)))
+
+
 def assumed(experiment: Experiment) -> list[str]:
     """What an experiment leaves to a default that changes what its runs mean."""
-    if "mobile" in experiment.devices.model_fields_set:
+    if "mobile" in experiment.devices.model_fields_set or experiment.roles is not None:
         return []
     own = [choice.devices.mobile is not None for choice in experiment.systems]
     if all(own):

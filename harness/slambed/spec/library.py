@@ -41,6 +41,7 @@ class Library:
             self._must_exist(path, "experiment", name, self.experiments())
         source = swept(changed(load_yaml(path), settings or []))
         _anchor_systems(source)
+        _anchor_datasets(source)
         experiment = parse(Experiment, source)
         if experiment.id != path.stem:
             raise source.complaint(
@@ -94,8 +95,7 @@ class Library:
         folders = [self.root / "systems", *_others()]
         found = [folder / name / SYSTEM_FILE for folder in folders]
         path = next((path for path in found if path.is_file()), found[0])
-        known = [p.parent.name for folder in folders for p in folder.glob(f"*/{SYSTEM_FILE}")]
-        self._must_exist(path, "system", name, sorted(known))
+        self._must_exist(path, "system", name, self.known_systems())
         return path
 
     def experiments(self) -> list[str]:
@@ -105,6 +105,11 @@ class Library:
     def systems(self) -> list[str]:
         """Names of all systems of the checkout."""
         return sorted(p.parent.name for p in (self.root / "systems").glob(f"*/{SYSTEM_FILE}"))
+
+    def known_systems(self) -> list[str]:
+        """Names of those and of the ones in folders of $SLAMBED_SYSTEMS."""
+        own = (p.parent.name for folder in _others() for p in folder.glob(f"*/{SYSTEM_FILE}"))
+        return sorted({*self.systems(), *own})
 
     @staticmethod
     def _must_exist(path: Path, kind: str, name: str, known: list[str]) -> None:
@@ -136,6 +141,14 @@ def _anchor_systems(source: YamlSource) -> None:
         named = entry.get("system") if isinstance(entry, dict) else None
         if isinstance(named, str) and named.endswith((".yaml", ".yml")):
             entry["system"] = str((source.path.parent / named).resolve())
+
+
+def _anchor_datasets(source: YamlSource) -> None:
+    """`datasets: [./mine/dataset.yaml]` too."""
+    names = source.data.get("datasets") if isinstance(source.data, dict) else None
+    for index, name in enumerate(names if isinstance(names, list) else []):
+        if isinstance(name, str) and name.endswith((".yaml", ".yml")):
+            source.data["datasets"][index] = str((source.path.parent / name).resolve())
 
 
 def _stems(folder: Path) -> list[str]:

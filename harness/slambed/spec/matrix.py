@@ -9,10 +9,18 @@ from typing import Any
 
 from slambed.errors import SlambedError
 from slambed.spec import inputs
+from slambed.spec.board import Board
+from slambed.spec.chosen_board import chosen_board, must_go_to_board
 from slambed.spec.chosen_device import chosen_device
-from slambed.spec.device import VIRTUAL
-from slambed.spec.experiment import Experiment, Playback, SystemChoice
-from slambed.spec.faults import Fault, cuts, with_cuts
+from slambed.spec.device import LOCAL, VIRTUAL
+from slambed.spec.experiment import (
+    DEVICE_PACE,
+    HOST_PACE,
+    Experiment,
+    Playback,
+    SystemChoice,
+)
+from slambed.spec.faults import Fault, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.run_spec import LinkSpec, RunSpec
@@ -55,6 +63,8 @@ class Circumstances:
     """Name of a dataset -> path of the run that others on it are compared with."""
     software_of: Mapping[str, str] = field(default_factory=dict)
     """System -> tag of the sources that it really links; `software` where it is not known."""
+    board: Board | None = None
+    """What executes the mobile nodes, where the experiment asks for one and somebody has looked."""
     host_speed: float | None = None
     """As `slambed calibrate --host` measured it when the campaign began."""
 
@@ -95,11 +105,18 @@ def expand(
     """Every run, in the order of the file: system, dataset, profile, repetition."""
     specs: list[RunSpec] = []
     _end_must_be_inside(experiment, source, host)
+    board = chosen_board(experiment, source, host.engine, host.board)
     for index, choice in enumerate(experiment.systems):
         place = ("systems", index)
         try:
             system = library.system(choice.system)
             must_be_playable(system, host.engine)
+            paced = experiment.pace == DEVICE_PACE and host.engine != VIRTUAL
+            if paced and system.runtime is not None:
+                raise SlambedError(
+                    f"system {system.name} is a program of its own, whose stages nobody can hold "
+                    "up (pace: device)"
+                )
             variant = system.choose_variant(choice.variant)
             params = system.resolve(variant, choice.params)
             label = label_of(choice, system)
@@ -113,13 +130,16 @@ def expand(
                 if p != inputs.FROM_DATASET
             }
             digests = {name: inputs.sha256_of(path) for name, path in files.items()}
+            if board is not None:
+                must_go_to_board(system, params, board)
         except SlambedError as error:
             raise source.complaint(str(error), place) from None
         if system.has_edge and experiment.link is None:
             raise source.complaint(f"system {system.name} has an edge but there is no link", place)
         faults = _faults(experiment, choice, system, source, place, host)
         of_role = partial(chosen_device, experiment, index, source, library, host.engine, system)
-        mobile, edge = of_role("mobile"), of_role("edge") if system.has_edge else None
+        mobile = of_role("mobile") if board is None else board.device
+        edge = of_role("edge") if system.has_edge else None
         live = host.engine != VIRTUAL
         boards = live and any(d is not None and d.board for d in (mobile, edge))
         for dataset in experiment.datasets:
@@ -163,10 +183,12 @@ def expand(
                             playback=host.playbacks.get(dataset, experiment.playback),
                             device_mobile=mobile,
                             device_edge=edge,
+                            board=board,
                             profile=profile.name if profile else None,
                             link=_link(system, profile, host.link_backends, faults, source),
                             faults=faults,
                             engine=host.engine,
+                            pace=DEVICE_PACE if paced else HOST_PACE,
                             # The same repetition has the same seed in every cell: cells differ
                             # in what is compared and in nothing else.
                             seed=experiment.seed + repetition,
@@ -183,7 +205,14 @@ def expand(
 
 def must_be_playable(system: System, engine: str) -> None:
     """Raises SlambedError where this engine is none for a program of its own."""
-    if system.runtime is not None and engine == VIRTUAL:
+    if system.runtime is None:
+        return
+    if system.runtime.gpus and engine == LOCAL:
+        raise SlambedError(
+            f"system {system.name} asks for a GPU, which engine local gives no program; use "
+            "--engine docker, or leave gpu out"
+        )
+    if engine == VIRTUAL:
         raise SlambedError(
             f"system {system.name} is a program of its own, whose time engine virtual cannot know; "
             "use --engine local or docker"
@@ -290,11 +319,6 @@ def _end_must_be_inside(experiment: Experiment, source: YamlSource, host: Circum
                 ("playback", "end_s"),
                 "leave it out to play all of it",
             )
-
-
-def has_cuts(experiment: Experiment) -> bool:
-    """True when the link of any run is cut."""
-    return any(cuts(f or []) for f in (experiment.faults, *(c.faults for c in experiment.systems)))
 
 
 def _refuse_twins(specs: list[RunSpec], source: YamlSource) -> None:

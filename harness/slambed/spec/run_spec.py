@@ -9,8 +9,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from slambed.spec.board import Board
 from slambed.spec.device import Device
-from slambed.spec.experiment import Playback, Tolerances
+from slambed.spec.experiment import DEVICE_PACE, HOST_PACE, Pace, Playback, Tolerances
 from slambed.spec.faults import Fault, as_json
 from slambed.spec.masks import Masks
 from slambed.spec.runtime import Runtime
@@ -62,14 +63,19 @@ class RunSpec(BaseModel):
     playback: Playback
     device_mobile: Device
     device_edge: Device | None
+    board: Board | None = None
+    """The machine that executes the mobile node, where it is not this one."""
     profile: str | None
     link: LinkSpec | None
     faults: list[Fault] = Field(default_factory=list)
     engine: str
+    pace: Pace = HOST_PACE
+    """Of a live run: whose compute times its stages take."""
     seed: int
     software: str
     host_speed: float | None = None
-    """Speed of the host's cores that the limits of a board were derived with; None without one."""
+    """Speed of the host's cores that the limits of a board were derived with; None without one, and
+    where each of several hosts has its own: those runs mean the board, on whatever host."""
     tolerances: Tolerances
 
     def meaning(self) -> dict[str, Any]:
@@ -79,8 +85,12 @@ class RunSpec(BaseModel):
         further: dict[str, Any] = {"faults": as_json(self.faults)} if self.faults else {}
         if self.host_speed is not None:
             further["host_speed"] = self.host_speed
+        if self.board is not None:
+            further["board"] = self.board.meaning()
         if self.masks is not None:
             further["masks"] = self.masks.meaning()
+        if self.paced:
+            further["pace"] = self.pace
         if self.further_masks:
             further["further_masks"] = [masks.meaning() for masks in self.further_masks]
         return further | {
@@ -90,8 +100,10 @@ class RunSpec(BaseModel):
             "params": self.params | self.inputs,
             "sequence": self.sequence_checksum,
             "playback": self.playback.meaning(),
-            "device_mobile": self.device_mobile.meaning(self.engine),
-            "device_edge": self.device_edge.meaning(self.engine) if self.device_edge else None,
+            "device_mobile": self.device_mobile.meaning(self.engine, self.paced),
+            "device_edge": self.device_edge.meaning(self.engine, self.paced)
+            if self.device_edge
+            else None,
             "profile": self.profile,
             "link": self.link.model_dump(mode="json") if self.link else None,
             "engine": self.engine,
@@ -99,6 +111,11 @@ class RunSpec(BaseModel):
             "repetition": self.repetition,
             "software": self.software,
         }
+
+    @property
+    def paced(self) -> bool:
+        """A live run at its devices' pace."""
+        return self.pace == DEVICE_PACE
 
     @property
     def run_name(self) -> str:

@@ -8,7 +8,7 @@ import hashlib
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -29,6 +29,14 @@ PLAYERS_FILES = {
 OF_A_FOLDER = {"reads", "trajectory", "trajectory_format"}
 
 
+Gpu = (
+    Literal["all"]
+    | Annotated[int, Field(ge=1)]
+    | Annotated[list[Annotated[str, Field(min_length=1)]], Field(min_length=1)]
+)
+"""All of them, how many, or these (numbers or UUIDs of nvidia-smi)."""
+
+
 class RoleRuntime(BaseModel):
     """One role of a system that is a program of its own."""
 
@@ -43,6 +51,8 @@ class RoleRuntime(BaseModel):
     """Engine docker: folder -> MB that can be written there."""
     user: str = ""
     """Engine docker: instead of a number that owns nothing."""
+    gpu: Gpu | None = None
+    """Engine docker: GPUs that the container gets: `all`, how many, or a list of their ids."""
     client: bool = True
     """It speaks to slambed-play by one of its clients; an edge need not."""
 
@@ -69,7 +79,9 @@ class Runtime(BaseModel):
 
     @model_validator(mode="after")
     def _has_one_way_to_its_frames(self) -> "Runtime":
-        told = self.model_fields_set & (OF_A_FOLDER - {"reads"})
+        # By their values: a runtime that was written down whole has all fields and is read back.
+        fields = type(self).model_fields
+        told = {n for n in OF_A_FOLDER - {"reads"} if getattr(self, n) != fields[n].default}
         if self.reads is None and told:
             raise ValueError(f"{min(told)} belongs to a system that reads a folder; write reads")
         if self.reads is None and not self.mobile.client:
@@ -79,7 +91,10 @@ class Runtime(BaseModel):
             )
         if self.reads is None:
             return self
-        if "client" in self.mobile.model_fields_set and self.mobile.client:
+        # A default that was written down with all others, as in experiment.json, is nobody's wish.
+        given = self.mobile.model_fields_set
+        by_hand = "client" in given and given != set(type(self.mobile).model_fields)
+        if by_hand and self.mobile.client:
             raise ValueError("a mobile role that reads a folder has no client; leave one out")
         if not self.trajectory:
             raise ValueError("a system that reads a folder leaves its poses in a file: trajectory")
@@ -97,6 +112,12 @@ class Runtime(BaseModel):
         assert part is not None
         return part
 
+    @property
+    def gpus(self) -> list[Gpu]:
+        """What its roles ask for."""
+        parts = (self.mobile, self.edge)
+        return [part.gpu for part in parts if part is not None and part.gpu is not None]
+
     def image_of(self, role: str) -> str:
         """Name of the role's image; empty without one."""
         return self.of(role).image or self.image
@@ -106,9 +127,14 @@ def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) ->
     """SHA-256 (12 hex digits) of a system's software: its runtime section, the files of its folder,
     those that it names, its programs, and the ids of its images. Raises SlambedError for files that
     are not there."""
-    # Runs of systems that read no folder keep the keys they had before any did.
+    # Runs of systems that read no folder, or ask for no GPU, keep the keys they had before any did.
     unused = OF_A_FOLDER if runtime.reads is None else set()
-    digest = hashlib.sha256(runtime.model_dump_json(exclude={"ready_s", *unused}).encode())
+    left_out: dict[str, Any] = dict.fromkeys(("ready_s", *unused), True)
+    for role in ("mobile", "edge"):
+        part = getattr(runtime, role)
+        if part is not None and part.gpu is None:
+            left_out[role] = {"gpu"}
+    digest = hashlib.sha256(runtime.model_dump_json(exclude=left_out).encode())
     named = [Path(name) if Path(name).is_absolute() else folder / name for name in runtime.files]
     parts = [("folder", path.relative_to(folder).as_posix(), path) for path in _files(folder)]
     parts += [("file", path.name, path) for path in named]

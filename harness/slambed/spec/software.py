@@ -14,7 +14,7 @@ from pathlib import Path
 
 from slambed import __version__
 from slambed.errors import environment_error
-from slambed.native import SIMULATION, find_program, repository_root
+from slambed.native import SIMULATION, find_program, how_to_build, repository_root
 from slambed.spec.linked import linked_hash
 
 ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", "docker")
@@ -66,7 +66,7 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
     if not stamp.is_file():
         return f"{__version__}+bin.{hashlib.sha256(path.read_bytes()).hexdigest()[:12]}"
     if stamp.read_text().strip() != source_hash(root):
-        raise environment_error(f"{path} is older than the sources; run 'make build'")
+        raise environment_error(f"{path} is older than the sources; run {how_to_build()}")
     machine = _machine(path, path.stat().st_mtime_ns) if program == SIMULATION else ""
     return image_software(root) + machine
 
@@ -78,7 +78,7 @@ def _machine(simulation: Path, _mtime_ns: int) -> str:
         done = subprocess.run([simulation, "--machine"], capture_output=True, check=True)
         facts: dict[str, str] = json.loads(done.stdout)
     except (OSError, subprocess.CalledProcessError, ValueError):
-        line = f"{simulation} does not say what it was compiled for; run 'make build'"
+        line = f"{simulation} does not say what it was compiled for; run {how_to_build()}"
         raise environment_error(line) from None
     words = (word for text in facts.values() for word in text.split(","))
     return MACHINE + "-".join(re.sub(r"[^\w.]", "", word) for word in words)

@@ -5,6 +5,7 @@ A cell of a grid is the cell that somebody would have written by hand: a run's k
 how its parameters came to be written.
 """
 
+import re
 from copy import deepcopy
 from itertools import product
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import yaml
 
 from slambed.errors import SlambedError
+from slambed.suggestion import suggestion
 from slambed.yaml_source import Location, YamlSource
 from slambed.yaml_text import read_yaml
 
@@ -19,32 +21,34 @@ GRID = "grid"
 PARAMS = "params."
 RTT = "link.rtt_ms"
 OF_A_SYSTEM = ("variant", "devices.mobile", "devices.edge")
-ADVICE = f"a grid varies {PARAMS}<name>, {', '.join(OF_A_SYSTEM)}, {RTT}"
+ADVICE = f"a grid varies {PARAMS}<name>, {', '.join(OF_A_SYSTEM)}"
+SLOT = re.compile(r"\{(\w+)\}")
+"""Where a label has the value of a point: `{n_orb}` for params.n_orb, `{mobile}` for a device."""
 
 
 def swept(source: YamlSource) -> YamlSource:
-    """The same experiment with its grid written out: every system once per point of it."""
+    """The same experiment with its grids written out: every system once per point of its own, or
+    else of the experiment's."""
     data = source.data
-    if not isinstance(data, dict) or GRID not in data:
+    entries = data.get("systems") if isinstance(data, dict) else None
+    entries = entries if isinstance(entries, list) else []
+    if not isinstance(data, dict) or not any(_has_grid(item) for item in (data, *entries)):
         return source
-    grid = _checked(source, data[GRID])
     found = {key: value for key, value in data.items() if key != GRID}
     lines = dict(source.lines)
+    grid = _checked(source, data[GRID], (GRID,), RTT) if GRID in data else {}
     if RTT in grid:
         link = found.get("link", {})
         if not isinstance(link, dict) or "profiles" in link:
             raise source.complaint(f"{RTT} of a grid and link.profiles are two links", (GRID, RTT))
-        found["link"] = {**link, "profiles": grid[RTT]}
+        found["link"] = {**link, "profiles": grid.pop(RTT)}
         _move(lines, source, (GRID, RTT), ("link", "profiles"))
-    axes = {key: values for key, values in grid.items() if key != RTT}
-    entries = found.get("systems")
-    if axes and isinstance(entries, list):
+    if entries:
         found["systems"] = []
-        for index, entry in enumerate(entries):
-            for point in product(*axes.values()):
-                _move(lines, source, ("systems", index), ("systems", len(found["systems"])))
-                values = dict(zip(axes, point, strict=True))
-                found["systems"].append(_at(source, index, entry, values))
+    for index, entry in enumerate(entries):
+        for made in _points(source, index, entry, grid):
+            _move(lines, source, ("systems", index), ("systems", len(found["systems"])))
+            found["systems"].append(made)
     return YamlSource(source.path, found, lines)
 
 
@@ -71,28 +75,47 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
     return YamlSource(source.path, data, source.lines)
 
 
-def _checked(source: YamlSource, grid: Any) -> dict[str, list[Any]]:
+def _has_grid(item: Any) -> bool:
+    return isinstance(item, dict) and GRID in item
+
+
+def _checked(source: YamlSource, grid: Any, at: Location, *further: str) -> dict[str, list[Any]]:
+    """Keys and values of a grid, which may vary `further` keys than a system's."""
+    advice = ", ".join((ADVICE, *further))
     if not isinstance(grid, dict) or not grid:
-        raise source.complaint("expected keys with lists of values", (GRID,), ADVICE)
+        raise source.complaint("expected keys with lists of values", at, advice)
     for key, values in grid.items():
-        place = (GRID, key)
-        if not (key in (*OF_A_SYSTEM, RTT) or key.removeprefix(PARAMS) not in ("", key)):
-            raise source.complaint(f"a grid cannot vary '{key}'", place, ADVICE)
+        place = (*at, key)
+        if key not in (*OF_A_SYSTEM, *further) and key.removeprefix(PARAMS) in ("", key):
+            raise source.complaint(f"a grid cannot vary '{key}'", place, advice)
         if not isinstance(values, list) or not values:
             raise source.complaint(f"'{key}' of a grid is a list of values", place)
         if any(isinstance(value, dict | list) or value is None for value in values):
             raise source.complaint(f"'{key}' of a grid has plain values", place)
         if len({str(value) for value in values}) < len(values):
             raise source.complaint(f"'{key}' of a grid has a value twice", place)
-    return grid
+    return dict(grid)
 
 
-def _at(source: YamlSource, index: int, entry: Any, point: dict[str, Any]) -> Any:
-    """A system at one point of the grid, with a label that names the point."""
+def _points(source: YamlSource, index: int, entry: Any, grid: dict[str, list[Any]]) -> list[Any]:
+    """An entry of `systems` at every point of its own grid, or of the experiment's."""
     if not isinstance(entry, dict):
-        return entry  # told by who checks the systems
+        return [entry]  # told by who checks the systems
+    if GRID in entry:
+        grid = _checked(source, entry[GRID], ("systems", index, GRID))
+        entry = {key: value for key, value in entry.items() if key != GRID}
+    if not grid:
+        return [entry]
+    return [
+        _at(source, index, entry, dict(zip(grid, point, strict=True)))
+        for point in product(*grid.values())
+    ]
+
+
+def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, Any]) -> Any:
+    """A system at one point of the grid, with a label that names the point."""
     made = deepcopy(entry)
-    words = []
+    values = {}
     for key, value in point.items():
         name = key.removeprefix(PARAMS)
         part, _, leaf = ("params." + name if name != key else key).rpartition(".")
@@ -100,11 +123,19 @@ def _at(source: YamlSource, index: int, entry: Any, point: dict[str, Any]) -> An
         if not isinstance(inside, dict) or leaf in inside:
             raise source.complaint(f"{key} is in the grid and here", ("systems", index))
         inside[leaf] = value
-        words.append(f"{leaf} {value}")
-    base = entry.get("label") or entry.get("system")
-    if not entry.get("label") and entry.get("variant"):
+        values[leaf] = str(value)
+    label = entry.get("label")
+    if isinstance(label, str) and (slots := SLOT.findall(label)):
+        for slot in slots:
+            if slot not in values:
+                told = f"the grid varies no '{slot}' for the label"
+                raise source.complaint(told, ("systems", index, "label"), suggestion(slot, values))
+        return {**made, "label": SLOT.sub(lambda found: values[found[1]], label)}
+    base = label or entry.get("system")
+    if not label and entry.get("variant"):
         base = f"{base}:{entry['variant']}"
-    return {**made, "label": f"{base} {', '.join(words)}"}
+    words = ", ".join(f"{leaf} {value}" for leaf, value in values.items())
+    return {**made, "label": f"{base} {words}"}
 
 
 def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> None:

@@ -19,7 +19,9 @@ struct Observation {
   KeyFrameId keyframe;
   std::uint16_t feature = 0;
   std::uint8_t octave = 0;
-  std::uint8_t weight = 0;  ///< as in MapPoint::weight
+  /// As in MapPoint::weight. None: the keyframe lists the point and is no evidence for it
+  /// (NewKeyFrame::observes_known); neither covisibility nor appearance follows from it.
+  std::uint8_t weight = 0;
 };
 
 /// How a point looks; derived from its observations, carried along where those are not all known.

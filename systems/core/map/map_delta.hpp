@@ -18,6 +18,9 @@ struct NewKeyFrame {
   std::vector<MapPointId> points;  ///< per feature
   KeyFrameId parent;               ///< none: chosen from covisibility
   std::uint32_t version = 0;
+  /// False: of the points that it lists only those that it made count it as an observation
+  /// (Edge-SLAM's mobile, whose mapper is elsewhere). Not sent: it concerns the map at hand.
+  bool observes_known = true;
 };
 
 struct KeyFramePose {

@@ -37,12 +37,13 @@ void MapState::refresh_point(const Touch& touched) {
   MapPoint& point = *live_point(touched.id);
   Appearance& appearance = point.appearance;
   const bool given = touched.fresh && appearance.max_distance_m > 0;
-  if (given || point.observations.empty()) return;
+  if (given || point.weight == 0) return;
   if (!touched.observations && !touched.position) return;
 
   Eigen::Vector3d directions = Eigen::Vector3d::Zero();
   seen_as_.clear();
   for (const Observation& seen : point.observations) {
+    if (seen.weight == 0) continue;
     const Node& keyframe = *node(seen.keyframe);
     const Eigen::Vector3d ray = point.p_w + keyframe.minus_centre;
     const double distance_m = ray.norm();
@@ -56,7 +57,7 @@ void MapState::refresh_point(const Touch& touched) {
       appearance.max_distance_m = range.max_m;
     }
   }
-  appearance.normal = (directions / static_cast<double>(point.observations.size())).cast<float>();
+  appearance.normal = (directions / static_cast<double>(seen_as_.size())).cast<float>();
   if (touched.observations) appearance.descriptor = *seen_as_[chooser_.choose(seen_as_)];
 }
 

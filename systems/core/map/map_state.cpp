@@ -13,6 +13,12 @@ Observation observation_of(const KeyFrame& keyframe, std::uint16_t feature) {
 }
 
 constexpr auto by_keyframe = [](const auto& item, KeyFrameId id) { return item.keyframe < id; };
+/// Whether an observation by a keyframe that lists the point is more than that.
+bool weighs(const KeyFrame& keyframe, const std::vector<Observation>& observations) {
+  return std::lower_bound(observations.begin(), observations.end(), keyframe.id, by_keyframe)
+             ->weight > 0;
+}
+
 constexpr auto by_id = [](const Covisible& item, KeyFrameId id) { return item.id < id; };
 
 }  // namespace
@@ -97,15 +103,21 @@ void MapState::change_shared(Node& a, Node& b, int change) {
   touch(b);
 }
 
-void MapState::link(Node& keyframe, std::uint16_t feature, PointSlot& slot, MapPointId id) {
+void MapState::link(Node& keyframe, std::uint16_t feature, PointSlot& slot, MapPointId id,
+                    bool counts) {
   MapPoint& point = *slot.live;
-  touch(slot, id).observations = true;
-  touch(keyframe);
-  for (const Observation& other : point.observations)
-    change_shared(keyframe, *node(other.keyframe), 1);
+  Observation seen = observation_of(keyframe, feature);
+  if (counts) {
+    touch(slot, id).observations = true;
+    touch(keyframe);
+    for (const Observation& other : point.observations)
+      if (other.weight > 0) change_shared(keyframe, *node(other.keyframe), 1);
+  } else {
+    seen.weight = 0;
+  }
   const auto place = std::lower_bound(point.observations.begin(), point.observations.end(),
                                       keyframe.id, by_keyframe);
-  point.weight += point.observations.insert(place, observation_of(keyframe, feature))->weight;
+  point.weight += point.observations.insert(place, seen)->weight;
   keyframe.points[feature] = id;
 }
 
@@ -117,10 +129,11 @@ void MapState::unlink(Node& keyframe, std::uint16_t feature) {
   keyframe.points[feature] = {};
   const auto place = std::lower_bound(point.observations.begin(), point.observations.end(),
                                       keyframe.id, by_keyframe);
+  const bool counted = place->weight > 0;
   point.weight -= place->weight;
   point.observations.erase(place);
   for (const Observation& other : point.observations)
-    change_shared(keyframe, *node(other.keyframe), -1);
+    if (counted && other.weight > 0) change_shared(keyframe, *node(other.keyframe), -1);
   if (point.reference == keyframe.id && !point.observations.empty())
     point.reference = point.observations.front().keyframe;
 }
@@ -189,7 +202,8 @@ Edit MapState::put(const NewKeyFrame& edit) {
     const auto& seen = point.live->observations;
     const auto place = std::lower_bound(seen.begin(), seen.end(), edit.id, by_keyframe);
     if (place != seen.end() && place->keyframe == edit.id) continue;
-    link(keyframe, static_cast<std::uint16_t>(feature), point, id);
+    const bool counts = edit.observes_known || point.live->first_keyframe == edit.id;
+    link(keyframe, static_cast<std::uint16_t>(feature), point, id, counts);
   }
   return Edit::kApplied;
 }
@@ -199,7 +213,8 @@ Edit MapState::attach(const ObservationEdit& edit) {
   PointSlot* slot = points_.find(edit.point);
   if (!keyframe || !slot || !slot->live || edit.feature >= keyframe->points.size())
     return Edit::kUnknown;
-  if (keyframe->points[edit.feature] == edit.point) return Edit::kNothing;
+  if (keyframe->points[edit.feature] == edit.point && weighs(*keyframe, slot->live->observations))
+    return Edit::kNothing;
   // The pair replaces whatever either side had in this keyframe, so that a repeat ends the same.
   if (keyframe->points[edit.feature]) unlink(*keyframe, edit.feature);
   const auto& seen = slot->live->observations;
@@ -231,7 +246,7 @@ Edit MapState::fuse(const PointFusion& edit) {
     const auto& has = survivor.live->observations;
     const auto place = std::lower_bound(has.begin(), has.end(), seen.keyframe, by_keyframe);
     if (place == has.end() || place->keyframe != seen.keyframe)
-      link(keyframe, seen.feature, survivor, survivor_id);
+      link(keyframe, seen.feature, survivor, survivor_id, seen.weight > 0);
   }
   survivor.live->visible += gone->live->visible;
   survivor.live->found += gone->live->found;

@@ -85,7 +85,8 @@ class MapState final : public MapView {
   void touch(Node& keyframe);
 
   // Edits of one observation, both sides and the covisibility counts (map_state.cpp).
-  void link(Node& keyframe, std::uint16_t feature, PointSlot& slot, MapPointId id);
+  void link(Node& keyframe, std::uint16_t feature, PointSlot& slot, MapPointId id,
+            bool counts = true);
   void unlink(Node& keyframe, std::uint16_t feature);
   void change_shared(Node& a, Node& b, int change);
   void drop_observations(MapPoint& point);

@@ -53,13 +53,18 @@ void EventLog::append(RunTime when, const std::string& fields) {
 }
 
 void EventLog::stage(const StageRecord& record) {
-  write(JsonLine("stage")
-            .add("name", record.name)
-            .add("worker", record.worker)
-            .add_ms("wall_ms", record.wall)
-            .add_ms("cpu_ms", record.cpu)
-            .add("n1", record.units.n1)
-            .add("n2", record.units.n2));
+  JsonLine line("stage");
+  line.add("name", record.name)
+      .add("worker", record.worker)
+      .add_ms("wall_ms", record.wall)
+      .add_ms("cpu_ms", record.cpu)
+      .add("n1", record.units.n1)
+      .add("n2", record.units.n2);
+  if (record.paced) {
+    line.add_ms("charged_ms", record.paced->charged).add_ms("work_ms", record.paced->work);
+    if (record.paced->missed) line.add("missed", true);
+  }
+  write(line);
 }
 
 void EventLog::message(const MessageRecord& record) {

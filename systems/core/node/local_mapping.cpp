@@ -214,6 +214,7 @@ void LocalMapping::bundle(Worker& worker) {
     if (interrupted()) break;  // finish_bundle knows what of it is worth keeping
   }
   if (leaving()) return;
+  const MapLock::Hold hold(hooks_.lock, worker, "mapping");
   commit_stage(worker, "bundle", {0, size()}, [&] { return mapper_.finish_bundle(); });
 }
 

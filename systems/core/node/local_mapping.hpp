@@ -8,6 +8,7 @@
 
 #include "node/completion.hpp"
 #include "node/event_log.hpp"
+#include "node/map_lock.hpp"
 #include "runtime/mailbox.hpp"
 #include "slam/local_mapper.hpp"
 #include "slam/tracker.hpp"
@@ -26,6 +27,8 @@ struct MappingHooks {
   std::function<RunTime(Worker&)> idle;
   /// Whenever mapping goes on with a map, be it the same one, before the change is complete.
   std::function<void()> changed;
+  /// Held while what a bundle has found is written back; null: nobody waits for that.
+  MapLock* lock = nullptr;
 };
 
 /// Runs the mapper's stages for one keyframe after the other (ORB-SLAM2's order): insert,
@@ -62,6 +65,8 @@ class LocalMapping {
   /// mapping commits nothing in between. What a stage that runs computes on the map as it was loses
   /// its poses and positions; bundles keep to the limits from the next keyframe on.
   void correct(Map& map, const Correction& correction);
+  /// What whoever writes to the map behind mapping holds meanwhile; null: nothing.
+  MapLock* lock() const { return hooks_.lock; }
   /// Off while the map is being put right: no keyframe is asked for then.
   void set_accepting(bool accepting) { accepting_ = accepting; }
   /// Lets the mapping side come round to its hook `idle`. From any worker.

@@ -51,12 +51,15 @@ void LoopClosing::close(Worker& worker) {
     charge(units);
     return 0;
   };
-  worker.stage("loop_close", nothing, [&](int) {
-    const MapDelta delta = closer_.correct();
-    fused = delta.fusions.size();
-    closed = !delta.empty();
-    commit_(delta);
-  });
+  {
+    const MapLock::Hold hold(mapping_.lock(), worker, "mapping");
+    worker.stage("loop_close", nothing, [&](int) {
+      const MapDelta delta = closer_.correct();
+      fused = delta.fusions.size();
+      closed = !delta.empty();
+      commit_(delta);
+    });
+  }
   if (closed && worker.stage("loop_close", [&](StageUnits& units) {
         charge(units);
         return closer_.begin_graph();
@@ -66,6 +69,7 @@ void LoopClosing::close(Worker& worker) {
       return closer_.step_graph();
     })) {
     }
+    const MapLock::Hold hold(mapping_.lock(), worker, "mapping");
     worker.stage("loop_close", nothing, [&](int) { commit_(closer_.finish_graph()); });
   }
   mapping_.set_accepting(true);
@@ -103,6 +107,7 @@ std::unique_ptr<GlobalBundle> LoopClosing::adjust(Worker& worker, int generation
 }
 
 void LoopClosing::commit_bundle(Worker& worker, const GlobalBundle& bundle) {
+  const MapLock::Hold hold(mapping_.lock(), worker, "mapping");
   worker.stage(
       "global_bundle",
       [&](StageUnits& units) {

@@ -10,13 +10,14 @@ OnboardMapping::OnboardMapping(Runtime& runtime, EventLog& log, std::shared_ptr<
                                OnboardMappingOptions options)
     : mode_(options.mode),
       map_(std::move(map)),
-      mapping_(runtime, log, {}, map_, options.ids, mode_,
-               options.loop_closing ? loop_hooks() : MappingHooks()) {
+      mapping_(runtime, log, {}, map_, options.ids, mode_, hooks(options)) {
   if (!options.loop_closing) return;
   loops_.emplace(runtime, log, LoopCloserOptions(), map_, places, mapping_, mode_);
 }
 
-MappingHooks OnboardMapping::loop_hooks() {
+MappingHooks OnboardMapping::hooks(const OnboardMappingOptions& options) {
+  if (!options.loop_closing)
+    return {.prepare = {}, .done = {}, .idle = {}, .changed = {}, .lock = options.lock};
   return {.prepare = {},
           .done =
               [this](Worker& worker, KeyFrameId id) {
@@ -29,7 +30,8 @@ MappingHooks OnboardMapping::loop_hooks() {
                 loops_->idle(worker);
                 return kNever;
               },
-          .changed = [this] { loops_->map_changed(); }};
+          .changed = [this] { loops_->map_changed(); },
+          .lock = options.lock};
 }
 
 void OnboardMapping::start() {

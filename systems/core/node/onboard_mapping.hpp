@@ -12,6 +12,7 @@ struct OnboardMappingOptions {
   LocalMapping::Mode mode = LocalMapping::Mode::kWorker;
   bool loop_closing = true;
   IdSpace ids = IdSpace::kMobileMapper;
+  MapLock* lock = nullptr;  ///< see MappingHooks::lock
 };
 
 /// ORB-SLAM2's mapping behind tracking on the same node, be it the mobile or the edge: keyframes by
@@ -36,7 +37,7 @@ class OnboardMapping {
   void place(PoseBook& book) const;
 
  private:
-  MappingHooks loop_hooks();
+  MappingHooks hooks(const OnboardMappingOptions& options);
 
   LocalMapping::Mode mode_;
   std::shared_ptr<Map> map_;

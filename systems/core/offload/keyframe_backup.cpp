@@ -16,12 +16,24 @@ struct Made {
   std::vector<Covisible> connected;  ///< most shared points first
 };
 
+/// Whether a keyframe counts as an observation of all points that it lists.
+bool observes_all(const MapView& view, const KeyFrame& keyframe) {
+  return std::all_of(keyframe.points.begin(), keyframe.points.end(), [&](MapPointId id) {
+    if (!id) return true;
+    const auto& seen = view.point(id)->observations;
+    const auto own = std::find_if(seen.begin(), seen.end(),
+                                  [&](const Observation& o) { return o.keyframe == keyframe.id; });
+    return own->weight > 0;
+  });
+}
+
 Made made(const Map& from, KeyFrameId id) {
   return from.read([&](const MapView& view) {
     Made found;
     const KeyFrame* keyframe = view.keyframe(id);
     if (!keyframe) return found;
     found.delta = extract_keyframes(view, std::array{id});
+    found.delta.keyframes[0].observes_known = observes_all(view, *keyframe);
     found.connected = keyframe->connected;
     std::stable_sort(found.connected.begin(), found.connected.end(),
                      [](const Covisible& a, const Covisible& b) { return a.weight > b.weight; });

@@ -14,8 +14,10 @@ OriginalBehaviour original_behaviour(const Parameters& parameters) {
   behaviour.first_update_s = parameters.real("first_update_s");
   behaviour.tracker.descriptor_fallback = parameters.text("reference_fallback") == "descriptors";
   behaviour.tracker.points_by_observation = parameters.text("point_identity") == "observations";
+  behaviour.tracker.points_by_rank = parameters.text("last_frame_points") == "by_rank";
   behaviour.tracker.newest_is_reference = parameters.text("reference_after_update") == "newest";
   behaviour.tracker.reanchor_last = parameters.boolean("reanchor_last");
+  behaviour.tracker.observes_known = parameters.boolean("local_observations");
   return behaviour;
 }
 

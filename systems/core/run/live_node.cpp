@@ -8,6 +8,8 @@
 #include "node/edge_node.hpp"
 #include "run/built_nodes.hpp"
 #include "run/segmenter_client.hpp"
+#include "runtime/keyed_random.hpp"
+#include "runtime/live/background_load.hpp"
 #include "runtime/live/live_runtime.hpp"
 #include "runtime/live/stop_signals.hpp"
 #include "runtime/live/tcp_network.hpp"
@@ -32,7 +34,7 @@ class LiveNode {
         log_(folder_ / "events.jsonl", role_,
              restarted_ ? EventLog::Open::kAppend : EventLog::Open::kAnew,
              wire::MessageNames(system_.messages)),
-        runtime_(log_) {
+        runtime_(log_, pace()) {
     log_.set_clock([this] { return runtime_.now(); });
     if (restarted_) log_.write(JsonLine("node_restarted"));
     check_network(system_, config_, options.config.string());
@@ -71,6 +73,15 @@ class LiveNode {
   ~LiveNode() { signals_.unwatch(); }
 
  private:
+  /// As the virtual engine draws its jitter.
+  std::optional<PaceOptions> pace() const {
+    const auto found = config_.pace.find(role_);
+    if (found == config_.pace.end()) return {};
+    return PaceOptions{.device = found->second.device,
+                       .share = found->second.share,
+                       .seed = mix(config_.seed) ^ hash_name(role_name(role_))};
+  }
+
   void open_sequence(bool verify) {
     played_.emplace(system_, parameters_, config_);
     if (verify) played_->sequence.verify_all();
@@ -111,6 +122,8 @@ class LiveNode {
   void live() {
     try {
       spawn_log_writer(runtime_, log_);
+      if (const auto found = config_.pace.find(role_); found != config_.pace.end())
+        spawn_background_load(runtime_, found->second.device.background, found->second.share);
       if (mobile_) mobile_->start();
       if (edge_) edge_->start();
       runtime_.join();

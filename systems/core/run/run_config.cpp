@@ -2,6 +2,7 @@
 #include "run/run_config.hpp"
 
 #include "base/json_reader.hpp"
+#include "run/device_config.hpp"
 
 namespace slambed {
 namespace {
@@ -77,6 +78,15 @@ SegmenterConfig read_segmenter(const nlohmann::json& json, const std::string& wh
   return segmenter;
 }
 
+PaceConfig read_pace(const nlohmann::json& json, const std::string& where) {
+  JsonReader in(json, where);
+  PaceConfig pace{.share = in.number("share"),
+                  .device = read_device(in.any("device"), where + "device.")};
+  if (!(pace.share > 0 && pace.share <= 1)) in.fail("share", "must be above 0, at most 1");
+  in.done();
+  return pace;
+}
+
 }  // namespace
 
 RunConfig read_run_config(const std::filesystem::path& path) {
@@ -99,6 +109,18 @@ RunConfig read_run_config(const std::filesystem::path& path) {
   }
   if (in.has("segmenter")) {
     config.segmenter = read_segmenter(in.any("segmenter"), where + "segmenter.");
+  }
+  if (in.has("pace")) {
+    const std::string at = where + "pace.";
+    JsonReader pace(in.any("pace"), at);
+    config.pace[NodeRole::kMobile] = read_pace(pace.any("mobile"), at + "mobile.");
+    if (pace.has("edge")) {
+      if (const auto* edge = pace.object_or_null("edge"))
+        config.pace[NodeRole::kEdge] = read_pace(*edge, at + "edge.");
+    }
+    pace.done();
+    if (config.network.has_value() != config.pace.contains(NodeRole::kEdge))
+      in.fail("pace", "edge must be given exactly where there is a network");
   }
   config.output = in.text("output");
   config.connect_timeout_s = in.number("connect_timeout_s");

@@ -8,8 +8,10 @@
 #include <optional>
 #include <string>
 
+#include "base/ids.hpp"
 #include "node/playback.hpp"
 #include "node/rtt_table.hpp"
+#include "runtime/cost_model.hpp"
 
 namespace slambed {
 
@@ -25,6 +27,12 @@ struct SegmenterConfig {
   double time_limit_s = 2;
 };
 
+/// The device whose pace a node keeps.
+struct PaceConfig {
+  double share = 1;  ///< of a CPU of the host that one of its cores is
+  DeviceModel device;
+};
+
 /// run.json (docs/formats.md, "Run configuration"). params are checked by the system's own list.
 struct RunConfig {
   std::string run_key;
@@ -35,6 +43,7 @@ struct RunConfig {
   PlaybackConfig playback;
   std::optional<NetworkConfig> network;
   std::optional<SegmenterConfig> segmenter{};
+  std::map<NodeRole, PaceConfig> pace{};  ///< live runs at a device's pace; empty: at this host's
   std::filesystem::path output;
   double connect_timeout_s = 20;
 };

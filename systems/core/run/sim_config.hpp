@@ -10,7 +10,7 @@
 
 #include "link/direction.hpp"
 #include "run/run_config.hpp"
-#include "runtime/virtual/cost_model.hpp"
+#include "runtime/cost_model.hpp"
 
 namespace slambed {
 

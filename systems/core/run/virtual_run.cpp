@@ -12,7 +12,7 @@
 #include "run/node_files.hpp"
 #include "run/sim_config.hpp"
 #include "run/virtual_sampler.hpp"
-#include "runtime/virtual/keyed_random.hpp"
+#include "runtime/keyed_random.hpp"
 #include "runtime/virtual/virtual_network.hpp"
 #include "sequence/feature_cache.hpp"
 #include "sequence/mask_cache.hpp"

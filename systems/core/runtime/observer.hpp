@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 #include "base/time.hpp"
@@ -10,12 +11,20 @@
 
 namespace slambed {
 
+/// A stage of a live run that takes what a device's model charges (live/pace.hpp).
+struct PacedStage {
+  Duration charged{};   ///< what the model says
+  Duration work{};      ///< CPU time of the work itself; the rest of the stage's was burnt
+  bool missed = false;  ///< the work alone took longer than the model says
+};
+
 /// One finished stage of a worker.
 struct StageRecord {
   std::string_view name, worker;
   RunTime start{};
   Duration wall{}, cpu{};
   StageUnits units;
+  std::optional<PacedStage> paced{};
 };
 
 /// The end of a message's life: taken by the receiver, or dropped from a full queue on either side.

@@ -25,6 +25,7 @@ void LocalView::vote(const MapView& view, Frame& frame) {
       continue;
     }
     for (const Observation& seen : point->observations) {
+      if (seen.weight == 0) continue;
       KeyFrameMark& m = *keyframe_marks_.make(seen.keyframe);
       if (m.round != round_) {
         m = {round_, 0};

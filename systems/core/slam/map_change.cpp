@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "slam/map_change.hpp"
 
+#include <algorithm>
+#include <iterator>
 #include <vector>
 
 namespace slambed {
@@ -70,6 +72,14 @@ void keep_tracked_points(const Map& new_map, std::span<MapPointId> points) {
       if (id && (space_of(id) != IdSpace::kTracker || !view.point(id))) id = {};
     return 0;
   });
+}
+
+void hand_out_by_rank(std::span<MapPointId> points) {
+  std::vector<MapPointId> ids;
+  std::copy_if(points.begin(), points.end(), std::back_inserter(ids),
+               [](MapPointId id) { return static_cast<bool>(id); });
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (points[i]) points[i] = i < ids.size() ? ids[i] : MapPointId{};
 }
 
 void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId> points) {

@@ -38,4 +38,9 @@ void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId>
 /// same id; points of the edge get a new name with every update there, so that none of them is.
 void keep_tracked_points(const Map& new_map, std::span<MapPointId> points);
 
+/// As Edge-SLAM looks them up: ids are collected without gaps and read by the number of the
+/// feature, so of n points the k-th goes to feature k where that had one, and features from n on
+/// get none (there it reads behind the list's end).
+void hand_out_by_rank(std::span<MapPointId> points);
+
 }  // namespace slambed

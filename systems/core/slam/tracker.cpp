@@ -211,6 +211,7 @@ MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
     current.T_cw = current.T_cr * *T_rw;
   MapDelta delta = make_keyframe(*map, current, current.T_cw, NewPoints::kCloseOrNearest, ids);
   delta.sightings = local.take_sightings(*map);
+  delta.keyframes[0].observes_known = options.observes_known;
   map->commit(delta);
   const KeyFrameId id = delta.keyframes[0].id;
   if (becomes_reference) {
@@ -229,6 +230,10 @@ void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
       compare_maps(*map, *fresh, current.reference ? current.reference : reference,
                    {.newest_is_reference = options.newest_is_reference,
                     .only_from_newest = !options.reanchor_last});
+  if (options.points_by_rank) {
+    current.drop_outliers();
+    hand_out_by_rank(current.points);
+  }
   if (options.points_by_observation)
     rename_points(*map, *fresh, current.points);
   else

@@ -47,8 +47,12 @@ struct TrackerOptions {
   // What Edge-SLAM's code does without; see edgeslam/system.yaml.
   bool descriptor_fallback = true;    ///< too few matches by words: once more by descriptors alone
   bool points_by_observation = true;  ///< fused points are found again in a map that is replaced
+  bool points_by_rank = false;        ///< in a new map points of the last frame change places
   bool newest_is_reference = false;   ///< of a new map, not the old reference where it is known
   bool reanchor_last = true;          ///< in a new map the last pose moves with its reference
+  /// Its keyframes count as observations of points that were known before; false: only mapping does
+  /// that, elsewhere.
+  bool observes_known = true;
 };
 
 /// What ORB-SLAM2 does differently with this sensor; the options are those for RGB-D.

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <sstream>
+#include <utility>
 
 #include "base/error.hpp"
 #include "edgeslam_semantic/tests/semantic_run.hpp"
@@ -214,6 +216,39 @@ TEST_F(PartialOffload, ANodeWithoutSegmentationSaysSo) {
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("nothing segments the pictures"), std::string::npos);
   }
+}
+
+/// Told for judging afterwards; the run is the same.
+TEST_F(PartialOffload, FeaturesAreToldWhereAskedAndChangeNothing) {
+  write_masks(kHeight / 2);
+  nlohmann::json chosen = partial(true, true);
+  const Played without = play(chosen);
+  EXPECT_TRUE(without.of("frame_features").empty());
+  chosen["record_culling"] = true;
+  const Played run = play(chosen);
+  EXPECT_EQ(run.trajectory, without.trajectory);
+  const auto told = run.of("frame_features"), answered = run.of("frame_answered");
+  ASSERT_EQ(told.size(), answered.size());
+  const auto pixels = [](const nlohmann::json& text) {
+    std::istringstream numbers(text.get<std::string>());
+    std::vector<std::pair<int, int>> found;
+    for (int u, v; numbers >> u >> v;) found.emplace_back(u, v);
+    return found;
+  };
+  std::size_t below = 0, all = 0;
+  for (std::size_t i = 0; i < told.size(); ++i) {
+    const auto kept = pixels(told[i]["kept"]), culled = pixels(told[i]["culled"]);
+    EXPECT_EQ(told[i]["frame"], answered[i]["frame"]);
+    EXPECT_EQ(culled.size(), answered[i]["culled"]);
+    EXPECT_EQ(kept.size() + culled.size(), answered[i]["features"]);
+    for (const auto& [u, v] : culled) {
+      EXPECT_TRUE(u >= 0 && u < kWidth && v >= 0 && v < kHeight) << u << ' ' << v;
+      below += v >= kHeight / 2 - 3;
+    }
+    all += culled.size();
+  }
+  ASSERT_GT(all, 100u);
+  EXPECT_GT(below, all / 2) << "the mask is the lower half";
 }
 
 }  // namespace

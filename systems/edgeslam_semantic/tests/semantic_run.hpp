@@ -67,6 +67,7 @@ class SemanticRun : public ::testing::Test {
     return {{"n_orb", 1000},
             {"jpeg_quality", 90},
             {"offload_window", 1},
+            {"picture_queue", 900},
             {"nrcc", false},
             {"n_m", 0.8},
             {"mask_border_px", 3},
@@ -80,12 +81,14 @@ class SemanticRun : public ::testing::Test {
             {"delay_one_way", true},
             {"probe_period_s", 1.0},
             {"keyframes_under_way", 2},
+            {"upload_queue", 8},
             {"local_references", true},
             {"local_keyframes", 10},
             {"local_neighbours", 5},
             {"label_frames", 120},
             {"label_neighbours", 3},
-            {"label_reach_px", 50.0}};
+            {"label_reach_px", 50.0},
+            {"record_culling", false}};
   }
 
   /// Masks of every frame: something that moves covers all rows below `from_row`.

@@ -2,24 +2,21 @@
 // DynNetSLAM's nodes as processes while the edge dies, freezes, or the way to it changes.
 #include <limits>
 #include <map>
-#include <memory>
 
-#include "programs/tests/forwarder.hpp"
-#include "programs/tests/node_program.hpp"
+#include "programs/tests/far_edge.hpp"
 
 namespace slambed {
 namespace {
 
-using testing::Forwarder;
 using testing::Process;
 using namespace std::chrono_literals;
 
 constexpr int kFrames = 180;  // 12 s
 const std::vector<std::string> kChannels = {"control", "keyframe", "map", "frame", "handover"};
 
-class DynNetSlamProgram : public testing::NodeProgramTest {
+class DynNetSlamProgram : public testing::FarEdgeTest {
  protected:
-  DynNetSlamProgram() : NodeProgramTest(kFrames) {
+  DynNetSlamProgram() : FarEdgeTest(kFrames, kChannels) {
     drop_no_frame();
     use("dynnetslam");
     config["params"].update({{"hysteresis", true},
@@ -33,29 +30,8 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
                              {"echo_hz", 20.0},
                              {"rtt_missing_s", 0.6},
                              {"decision_gap_s", 0.3}});
-    const auto ports = testing::free_ports(2 * static_cast<int>(kChannels.size()));
-    for (std::size_t i = 0; i < kChannels.size(); ++i) {
-      const int near = ports[2 * i], far = ports[2 * i + 1];
-      config["network"]["ports"][kChannels[i]] = near;
-      far_ports_[kChannels[i]] = far;
-      way_.push_back(std::make_unique<Forwarder>(near, far));
-      EXPECT_TRUE(way_.back()->ready());
-    }
   }
 
-  /// The edge listens at the far end of the way.
-  Process edge_node() {
-    auto far = config;
-    for (const auto& [channel, port] : far_ports_) far["network"]["ports"][channel] = port;
-    const auto path = folder.write("edge.json", far.dump());
-    return Process({SLAMBED_NODE, "--role", "edge", "--config", path}, folder.path() / "edge.log");
-  }
-  void set_rtt(std::chrono::milliseconds rtt) {
-    for (auto& channel : way_) channel->set_one_way(rtt / 2);
-  }
-  void cut(bool is_cut) {
-    for (auto& channel : way_) channel->cut(is_cut);
-  }
   /// The states in their order, from the first OS on: the first decision may come before the first
   /// answer of the edge, and is MES then.
   std::string states() {
@@ -127,18 +103,6 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
       }
     }
   }
-  /// One's events after that time.
-  std::vector<nlohmann::json> events_after(std::int64_t after_ns, const std::string& role,
-                                           const std::string& type) {
-    auto found = events(role, type);
-    std::erase_if(found, [&](const auto& event) { return event["t_ns"] <= after_ns; });
-    return found;
-  }
-  /// Nothing is left of the run, so that it can be made again.
-  void clear() {
-    for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
-      std::filesystem::remove_all(entry);
-  }
   /// How long the mobile was without an edge that was killed, until every channel to the next one
   /// was there; infinite where one never was. A host that is busy may take long for it.
   double without_edge_s(std::int64_t killed_ns) {
@@ -158,8 +122,6 @@ class DynNetSlamProgram : public testing::NodeProgramTest {
   }
 
   int frames_ = kFrames;  ///< that are played
-  std::map<std::string, int> far_ports_;
-  std::vector<std::unique_ptr<Forwarder>> way_;
 };
 
 TEST_F(DynNetSlamProgram, GoesToTheMobileSideAndBackWithTheLatency) {

@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
-#include <atomic>
 #include <chrono>
 #include <deque>
-#include <thread>
-#include <vector>
+
+#include "programs/tests/sockets.hpp"
 
 namespace slambed::testing {
 
@@ -54,14 +47,6 @@ class Forwarder {
     bool ended = false;
   };
 
-  static sockaddr_in loopback(int port) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    return address;
-  }
-
   void accept_all() {
     while (!stop_) {
       pollfd waiting{listener_, POLLIN, 0};
@@ -73,9 +58,8 @@ class Forwarder {
   }
 
   void carry(int client) {
-    const int server = ::socket(AF_INET, SOCK_STREAM, 0);
-    const sockaddr_in address = loopback(to_);
-    if (::connect(server, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) {
+    const int server = connect_to(to_);
+    if (server >= 0) {
       Way up{client, server, {}}, down{server, client, {}};
       while (!stop_ && !up.ended && !down.ended) {
         pollfd waiting[] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
@@ -87,7 +71,7 @@ class Forwarder {
       }
     }
     ::close(client);
-    ::close(server);
+    if (server >= 0) ::close(server);
   }
 
   void read_from(Way& way) const {

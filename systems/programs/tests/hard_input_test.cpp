@@ -110,6 +110,7 @@ class HardInput : public ::testing::Test {
     return {{"n_orb", 600},
             {"loop_closing", true},
             {"second_hypotheses", true},
+            {"contention", false},
             {"sequential", mode == "every_frame"},
             {"prior_map", ""},
             {"save_map", false}};

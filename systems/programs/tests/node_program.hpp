@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 #include <time.h>
 
 #include <algorithm>
@@ -14,6 +11,7 @@
 #include "base/tests/temporary_folder.hpp"
 #include "offload/tests/offload_params.hpp"
 #include "programs/tests/process.hpp"
+#include "programs/tests/sockets.hpp"
 #include "synth/generator.hpp"
 
 namespace slambed::testing {
@@ -21,11 +19,10 @@ namespace slambed::testing {
 constexpr double kFps = 15;
 
 /// A short generated sequence; made once per program.
-inline const std::filesystem::path& sequence(int frames) {
+inline const std::filesystem::path& sequence(int frames, synth::GeneratorOptions options) {
   static const TemporaryFolder folder;
-  static const std::filesystem::path path = [frames] {
+  static const std::filesystem::path path = [&] {
     const std::filesystem::path made = folder.path() / "sequence";
-    synth::GeneratorOptions options;
     options.width = 320;
     options.height = 240;
     options.fps = kFps;
@@ -41,9 +38,7 @@ inline std::vector<int> free_ports(int count) {
   std::vector<int> fds, ports;
   for (int i = 0; i < count; ++i) {
     const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    sockaddr_in address = loopback(0);
     ::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
     socklen_t length = sizeof address;
     ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length);
@@ -57,7 +52,7 @@ inline std::vector<int> free_ports(int count) {
 /// A run in a folder of its own, made of real processes on the loopback device.
 class NodeProgramTest : public ::testing::Test {
  protected:
-  explicit NodeProgramTest(int frames) {
+  explicit NodeProgramTest(int frames, const synth::GeneratorOptions& options = {}) {
     const auto ports = free_ports(4);
     auto params = enhanced();
     params.update(ours());
@@ -71,7 +66,7 @@ class NodeProgramTest : public ::testing::Test {
               {"run_key", "test"},
               {"seed", 1},
               {"variant", "default"},
-              {"sequence", sequence(frames)},
+              {"sequence", sequence(frames, options)},
               {"playback",
                {{"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}}},
               {"output", folder.path()},
@@ -98,7 +93,8 @@ class NodeProgramTest : public ::testing::Test {
     config["system"] = "orbslam2";
     config["params"] = {{"n_orb", 600},        {"loop_closing", true},
                         {"sequential", false}, {"second_hypotheses", true},
-                        {"prior_map", ""},     {"save_map", false}};
+                        {"contention", false}, {"prior_map", ""},
+                        {"save_map", false}};
     config["network"] = nullptr;
   }
 

@@ -185,12 +185,8 @@ TEST_F(NodeProgram, GarbageOnAPortIsRecordedAndChangesNothing) {
   play_for(1);
   Process edge = node("edge");
   ASSERT_TRUE(await("edge/ready.json")) << log("edge");
-  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(config["network"]["ports"]["keyframe"].get<std::uint16_t>());
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  ASSERT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  const int fd = testing::connect_to(config["network"]["ports"]["keyframe"]);
+  ASSERT_GE(fd, 0);
   const std::string garbage = "GET / HTTP/1.1\r\nHost: localhost\r\nUser-Agent: garbage\r\n\r\n";
   ASSERT_GT(::send(fd, garbage.data(), garbage.size(), MSG_NOSIGNAL), 0);
   Process mobile = node("mobile");

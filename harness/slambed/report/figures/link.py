@@ -7,6 +7,7 @@ from slambed.metrics.network import series
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results
 from slambed.report.style import FigureWriter, figure, file_name, legend_beneath
+from slambed.spec.board import NETWORK
 from slambed.spec.device import VIRTUAL
 
 PROBE, ASKED, APPLIED = "#0072B2", "#000000", "#E69F00"
@@ -41,7 +42,8 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
             if len(own):
                 axis.plot(own["t_s"], own["value"], shape, color=MESSAGES[way], markersize=2,
                           alpha=0.6, label=f"message {way}, one way")  # fmt: skip
-        axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
+        if len(asked):
+            axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
         axis.set_xlabel("time [s]")
         axis.set_ylabel("round-trip time [ms]")
         # A single late probe must not flatten the picture.
@@ -88,6 +90,8 @@ def _source(row: pd.Series, probe: pd.DataFrame) -> str:
     """Where the curves come from; only a link of real packets can be measured."""
     if row["link_backend"] == VIRTUAL:
         return "Asked by the profile and set in the modelled link, which needs no measurement"
+    if row["link_backend"] == NETWORK:
+        return "The network to a real board, measured by echoes"
     if probe.empty:
         return "Asked by the profile, set in the link, not measured"
     return "Asked by the profile, set in the link, measured by echoes"

@@ -12,6 +12,8 @@ from slambed.report.papers.plan import PaperPlan, frozen_digest, read_plan
 from slambed.report.papers.quantities import (
     At,
     Difference,
+    Each,
+    Increase,
     MaxOver,
     Operand,
     Quantity,
@@ -25,10 +27,10 @@ from slambed.report.papers.standing import Erratum, Standing
 from slambed.report.papers.tables import Column, PublishedFigure, PublishedTable, Row, Series
 
 __all__ = [
-    "BOUNDS", "At", "Cell", "Claim", "Column", "Contrast", "Difference", "Erratum", "Margin",
-    "Match", "MaxOver", "Operand", "Operator", "Paper", "PaperDataset", "PaperMetric",
-    "PaperPlan", "PaperSystem", "PeerRow", "PeerSetup", "Provenance", "PublishedFigure",
-    "PublishedTable", "Quantity", "Ratio", "Reduction", "Row", "Series", "Source", "Standing",
-    "Trend", "WindowShare", "cells_of", "frozen_digest", "paper_files", "papers_folder",
-    "read_paper", "read_papers", "read_plan", "table_cells",
+    "BOUNDS", "At", "Cell", "Claim", "Column", "Contrast", "Difference", "Each", "Erratum",
+    "Increase", "Margin", "Match", "MaxOver", "Operand", "Operator", "Paper", "PaperDataset",
+    "PaperMetric", "PaperPlan", "PaperSystem", "PeerRow", "PeerSetup", "Provenance",
+    "PublishedFigure", "PublishedTable", "Quantity", "Ratio", "Reduction", "Row", "Series",
+    "Source", "Standing", "Trend", "WindowShare", "cells_of", "frozen_digest", "paper_files",
+    "papers_folder", "read_paper", "read_papers", "read_plan", "table_cells",
 ]  # fmt: skip

@@ -101,13 +101,13 @@ class _Look:
             elif claim.kind in SET_UP:
                 yield Problem(claim.id, f"{claim.kind} that is not compared: configured, "
                               "parameter or unmappable: where, or why?")  # fmt: skip
-            elif claim.kind == "qualitative":
-                if claim.id not in judged:
-                    yield Problem(claim.id, "stated in words, and no contrast names it in claims")
             elif claim.quantity is not None:
                 for operand in claim.quantity.operands():
                     yield from self._operand(claim.id, operand)
                 yield from self._computed(claim, claim.quantity)
+            elif claim.kind == "qualitative":
+                if claim.id not in judged:
+                    yield Problem(claim.id, "stated in words, and no contrast names it in claims")
             elif isinstance(claim.value, list):
                 yield Problem(claim.id, "several numbers need a quantity, or unmappable: why?")
             else:

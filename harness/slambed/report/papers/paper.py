@@ -21,6 +21,12 @@ class Source(Strict):
     venue: str
     year: int
 
+    @property
+    def published(self) -> str:
+        """Venue and year; a venue that ends with its date, as journals print it, has the year."""
+        ends_with_it = self.venue.endswith(f" {self.year}")
+        return self.venue if ends_with_it else f"{self.venue}, {self.year}"
+
 
 class Paper(Strict):
     """One file of papers/."""

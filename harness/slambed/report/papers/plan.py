@@ -75,6 +75,17 @@ class PlannedLater(BaseModel):
     """What has to be there first."""
 
 
+class ReplacedPlan(BaseModel):
+    """The plan that stood there before. Words about it, which no digest is made of."""
+
+    model_config = STRICT
+
+    plan: str
+    """Its digest, as the runs that were made under it keep it."""
+    why: str
+    """What is another now, for the page: of these runs it is no prediction any more."""
+
+
 class PaperPlan(BaseModel):
     """One file papers/<id>.plan.yaml."""
 
@@ -95,6 +106,8 @@ class PaperPlan(BaseModel):
     """What a plan with runs for them will have to take over; that one has a digest of its own."""
     limits: list[str] = Field(default_factory=list)
     """What it cannot decide, and why."""
+    replaces: ReplacedPlan | None = None
+    """Where runs were made under another plan before this one was written."""
 
     @model_validator(mode="after")
     def _decides_something(self) -> "PaperPlan":
@@ -105,7 +118,7 @@ class PaperPlan(BaseModel):
     @property
     def digest(self) -> str:
         """Names this plan in reports."""
-        return _digest(_said(self, set(PaperPlan.model_fields)))
+        return _digest(_said(self, set(PaperPlan.model_fields) - {"replaces"}))
 
     def made_before(self, started_utc: datetime) -> bool:
         """Whether a run is older than the plan, and so was perhaps known when it was written."""

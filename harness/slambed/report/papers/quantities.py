@@ -47,18 +47,36 @@ class Difference(Ratio):
     kind: Literal["difference"]  # type: ignore[assignment]
 
 
+class Increase(Ratio):
+    """of / base - 1, in percent."""
+
+    kind: Literal["increase"]  # type: ignore[assignment]
+
+
 class MaxOver(Strict):
-    """The largest of several: what `up to` speaks about, the paper's sequences for instance."""
+    """The largest of several: what `up to` speaks about, the paper's sequences for instance. All
+    are reductions (stated in percent), or all are differences (in the unit of the cells)."""
 
     kind: Literal["max_over"]
-    over: Annotated[
-        list[Annotated[Reduction | Ratio | Difference, Field(discriminator="kind")]],
-        Field(min_length=1),
-    ]
+    over: (
+        Annotated[list[Reduction], Field(min_length=1)]
+        | Annotated[list[Difference], Field(min_length=1)]
+    )
 
     def operands(self) -> list[Operand]:
         """What it is computed from."""
         return [operand for part in self.over for operand in part.operands()]
+
+
+class Each(Strict):
+    """One number that is said of several cells at once, in the metric's unit."""
+
+    kind: Literal["each"]
+    of: Annotated[list[Operand], Field(min_length=2)]
+
+    def operands(self) -> list[Operand]:
+        """What it is said of."""
+        return list(self.of)
 
 
 class WindowShare(Strict):
@@ -95,22 +113,26 @@ class Trend(Strict):
 
 
 def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) -> float | None:
-    """The number in percent (reduction), one (ratio) or the metric's unit (difference); None where
-    an operand has no value, and for windows and trends, which are no function of values."""
+    """The number in percent (reduction, increase), one (ratio) or the metric's unit (difference);
+    None where an operand has no value, and for what is no one function of values (each, windows,
+    trends)."""
     if isinstance(quantity, MaxOver):
         parts = [computed(part, value_of) for part in quantity.over]
         known = [part for part in parts if part is not None]
         return max(known) if len(known) == len(parts) else None
-    if isinstance(quantity, WindowShare | Trend):
+    if isinstance(quantity, Each | WindowShare | Trend):
         return None
     of, base = value_of(quantity.of), value_of(quantity.base)
     if of is None or base is None:
         return None
     if isinstance(quantity, Difference):
         return of - base
+    if isinstance(quantity, Increase):
+        return 100 * (of / base - 1)
     return 100 * (1 - of / base) if isinstance(quantity, Reduction) else of / base
 
 
 Quantity = Annotated[
-    Reduction | Ratio | Difference | MaxOver | WindowShare | Trend, Field(discriminator="kind")
+    Reduction | Increase | Ratio | Difference | MaxOver | Each | WindowShare | Trend,
+    Field(discriminator="kind"),
 ]

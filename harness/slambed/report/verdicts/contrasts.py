@@ -6,7 +6,7 @@ about several pairs holds when each of them holds (intersection-union: no adjust
 reversed when any opposite test passes after Holm's adjustment over all of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,6 +18,7 @@ from slambed.report.verdicts.means import completed
 from slambed.report.verdicts.model import (
     FEWEST_RUNS,
     LEVEL,
+    SEEN_POWER,
     Floats,
     Mean,
     OrderOutcome,
@@ -42,6 +43,15 @@ POWER_SEED = 20261
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several pairs of a contrast, as one of so many (Holm)."""
+
+    outcome: Literal["holds", "reversed", "not_shown"]
+    p_value: float
+    """That ours rise; of a reversed one, that they fall."""
+
+
+@dataclass(frozen=True)
 class Ordering:
     """What is said of one declared contrast."""
 
@@ -58,6 +68,8 @@ class Ordering:
     assumed: tuple[str, ...] = ()
     decides: int | None = None
     """The step that the outcome hangs on: the weakest, or the one that is most surely reversed."""
+    parts: tuple[Part, ...] = ()
+    """What each step says for itself, where there are several and all have runs enough."""
 
 
 @dataclass(frozen=True)
@@ -131,42 +143,71 @@ def judge_contrast(
 ) -> Ordering:
     """Whether ours rise in every step. `p_paper` is the paper's own, adjusted (`paper_shows`); NaN
     where the paper says it in words only."""
-    formula = _formula(steps)
+    base = Ordering("inconclusive", "", _formula(steps), p_paper=p_paper, assumed=assumed)
+    fewest = min((step.fewest for step in steps), default=0)
+    if fewest >= FEWEST_RUNS:
+        forward = [rising(step.ours) for step in steps]
+        backward = holm([rising(step.ours[::-1]) for step in steps])
+        base = replace(
+            base, p_holds=max(forward), p_reversed=float(backward.min()),
+            decides=int(np.argmax(forward)), parts=_parts(forward, list(backward)),
+        )  # fmt: skip
     if p_paper > LEVEL:
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
-        return Ordering("paper_cannot_tell", why, formula, p_paper=p_paper, assumed=assumed)
-    fewest = min((step.fewest for step in steps), default=0)
-    base = Ordering("inconclusive", "", formula, p_paper=p_paper, assumed=assumed)
+        return replace(base, outcome="paper_cannot_tell", why=why)
     if fewest == 0:
         return replace(base, why="no run of ours in one of its cells")
     if fewest < FEWEST_RUNS:
         why = f"{fewest} runs in one of its cells, {FEWEST_RUNS} are the least"
-        return replace(base, why=why, runs_needed=runs_to_show(steps))
-    forward = [rising(step.ours) for step in steps]
-    backward = holm([rising(step.ours[::-1]) for step in steps])
-    p_holds, p_reversed = max(forward), float(backward.min())
-    base = replace(base, p_holds=p_holds, p_reversed=p_reversed, decides=int(np.argmax(forward)))
-    told = f"p {p_holds:.2g}" + (f" (largest of {len(steps)})" if len(steps) > 1 else "")
-    if p_holds <= LEVEL:
+        return replace(base, outcome="too_few_runs", why=why, runs_needed=runs_to_show(steps))
+    told = f"p {base.p_holds:.2g}" + (f" (largest of {len(steps)})" if len(steps) > 1 else "")
+    if base.p_holds <= LEVEL:
         return replace(base, outcome="holds", why=told)
-    if p_reversed <= LEVEL:
+    if base.p_reversed <= LEVEL:
         shown = int(np.argmin(backward))
         base = replace(base, decides=shown)
         where = steps[shown].label
-        why = f"the opposite is shown{f' at {where}' if where else ''}, p {p_reversed:.2g}"
+        why = f"the opposite is shown{f' at {where}' if where else ''}, p {base.p_reversed:.2g}"
         return replace(base, outcome="reversed", why=f"{why} (Holm)" if len(steps) > 1 else why)
     if not all(step.paper for step in steps):
-        return replace(base, why=told)
+        return replace(base, why=f"{told}; {NO_SIZE}")
     power = power_of(steps, [[_count(c) for c in step.ours] for step in steps])
+    return _not_shown(base, told, power, lambda: runs_to_show(steps, above=fewest))
+
+
+NO_SIZE = "the paper prints no numbers to tell how many runs would show it"
+
+
+def _not_shown(
+    base: Ordering, told: str, power: float, needed: Callable[[], int | None]
+) -> Ordering:
+    """Neither it nor its opposite: with this chance it would have shown, were the paper right."""
     why = f"{told}; a difference as printed would have shown in {power:.0%} of campaigns"
-    needed = runs_to_show(steps)
-    more = needed if needed is not None and needed > fewest else None
-    return replace(base, why=why, power=power, runs_needed=more)
+    base = replace(base, why=why, power=power)
+    if power >= SEEN_POWER:
+        return replace(base, outcome="not_seen")
+    return replace(base, outcome="too_few_runs", runs_needed=needed())
 
 
-def judge_blocks(ours: Floats, paper: Floats, adjusted_p: float | None = None) -> Ordering:
+def _parts(forward: Sequence[float], backward: Sequence[float]) -> tuple[Part, ...]:
+    """`k of m hold` is a count, so each p is adjusted over m; that all hold is not."""
+    if len(forward) < 2:
+        return ()
+    adjusted = forward if max(forward) <= LEVEL else list(holm(list(forward)))
+    return tuple(
+        Part("reversed", float(down)) if up > LEVEL >= down
+        else Part("holds" if up <= LEVEL else "not_shown", float(up))
+        for up, down in zip(adjusted, backward, strict=True)
+    )  # fmt: skip
+
+
+def judge_blocks(
+    ours: Floats, paper: Floats, adjusted_p: float | None = None,
+    spread: Floats | None = None, runs: Floats | None = None,
+) -> Ordering:  # fmt: skip
     """Systems in the printed order over sequences: Page's L over the rows of means, which say
-    nothing where a cell has no runs (NaN)."""
+    nothing where a cell has no runs (NaN). `spread`: coefficients of variation of ours, cell by
+    cell, for the power; where it is not given, ours are taken for what they are."""
     formula = "Page's L over sequences, exact or by permutation (scipy); Kendall's tau-b described"
     p_paper = page(paper) if adjusted_p is None else adjusted_p
     if p_paper > LEVEL:
@@ -177,17 +218,33 @@ def judge_blocks(ours: Floats, paper: Floats, adjusted_p: float | None = None) -
     p_holds, p_reversed = page(ours), page(ours[:, ::-1])
     tau = float(stats.kendalltau(ours.ravel(), paper.ravel()).statistic)
     why = f"p {min(p_holds, p_reversed):.2g}, tau-b ours / paper {tau:.2f}"
-    outcome: OrderOutcome = "inconclusive"
+    base = Ordering("inconclusive", why, formula, p_holds, p_reversed, p_paper)
     if p_holds <= LEVEL:
-        outcome = "holds"
-    elif p_reversed <= LEVEL:
-        outcome = "reversed"
-    return Ordering(outcome, why, formula, p_holds, p_reversed, p_paper)
+        return replace(base, outcome="holds")
+    if p_reversed <= LEVEL:
+        return replace(base, outcome="reversed")
+    if spread is None or runs is None:
+        return base
+    cv = np.where(np.isfinite(spread), spread, USUAL_CV)
+    power = blocks_power(paper, cv / np.sqrt(runs))
+    fewest = int(runs.min())
+    more = (n for n in RUNS_TRIED if n > fewest)
+    return _not_shown(
+        base, why, power,
+        lambda: next((n for n in more if blocks_power(paper, cv / n**0.5) >= SEEN_POWER), None),
+    )  # fmt: skip
 
 
-def count_holding(p_values: Sequence[float]) -> int:
-    """`k of m contrasts hold`: a count, so adjusted by Holm over m."""
-    return int((holm(list(p_values)) <= LEVEL).sum()) if p_values else 0
+def blocks_power(paper: Floats, error: Floats) -> float:
+    """Chance that Page's L passes if the paper's numbers are true and ours have these standard
+    errors, as parts of them. Simulated with a fixed seed."""
+    generator = np.random.default_rng(POWER_SEED)
+    drawn = paper * (1 + error * generator.standard_normal((POWER_DRAWS, *paper.shape)))
+    ranks = stats.rankdata(drawn, axis=2)
+    scores = (ranks.sum(axis=1) * np.arange(1, paper.shape[1] + 1)).sum(axis=1)
+    unique, first, counts = np.unique(scores, return_index=True, return_counts=True)
+    passed = [page(drawn[number]) <= LEVEL for number in first]
+    return float(counts[passed].sum() / len(drawn)) if len(unique) else 0.0
 
 
 def power_of(steps: Sequence[Step], counts: Sequence[Sequence[int]]) -> float:
@@ -219,16 +276,16 @@ def _draw(step: Step, runs: np.ndarray, generator: np.random.Generator) -> Float
     return np.asarray(stats.t.sf(drawn / error, freedom)) if error else np.zeros(POWER_DRAWS)
 
 
-WANTED_POWER = 0.8
+RUNS_TRIED = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300)
 
 
-def runs_to_show(steps: Sequence[Step], wanted: float = WANTED_POWER) -> int | None:
-    """Fewest runs per cell with this power under the paper's numbers; None above 300, or where
-    the paper prints no numbers."""
+def runs_to_show(steps: Sequence[Step], wanted: float = SEEN_POWER, above: int = 0) -> int | None:
+    """Fewest runs per cell, more than `above`, with this power under the paper's numbers; None
+    above 300, or where the paper prints no numbers."""
     if not all(step.paper for step in steps):
         return None
-    for runs in (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300):
-        if power_of(steps, [[runs] * len(step.paper) for step in steps]) >= wanted:
+    for runs in RUNS_TRIED:
+        if runs > above and power_of(steps, [[runs] * len(step.paper) for step in steps]) >= wanted:
             return runs
     return None
 

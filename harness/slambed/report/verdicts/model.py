@@ -11,8 +11,12 @@ Floats = NDArray[np.float64]
 
 Outcome = Literal["reproduced", "differs", "inconclusive", "not_run"]
 """What is said of a published number."""
-OrderOutcome = Literal["holds", "reversed", "inconclusive", "paper_cannot_tell"]
-"""What is said of a published ordering."""
+OrderOutcome = Literal[
+    "holds", "reversed", "not_seen", "too_few_runs", "inconclusive", "paper_cannot_tell"
+]
+"""What is said of a published ordering. One that ours do not show is `not_seen` where it would have
+shown (`SEEN_POWER`), `too_few_runs` where it might not have, and `inconclusive` where the paper
+prints nothing to tell that by."""
 Scale = Literal["points", "ratio", "difference"]
 """Effects: difference of shares, log ratio of means, difference of means in their unit."""
 
@@ -22,6 +26,8 @@ MOST_RUNS = 300
 """What a campaign can be asked for per cell; margins that want more leave a cell to orderings."""
 ASSUMED_COUNT = 5
 """Runs behind a published mean that does not say how many (flagged)."""
+SEEN_POWER = 0.9
+"""Chance to see an ordering as the paper prints it, from which on not to see it says something."""
 LEVEL = 0.05
 """Of every test: one-sided for equivalence and orderings, two-sided for a difference."""
 

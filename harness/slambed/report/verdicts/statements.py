@@ -11,7 +11,7 @@ from scipy import stats
 
 from slambed.metrics.changes import wilson_limits
 from slambed.metrics.comparison import holm
-from slambed.report.verdicts.means import Effect, effect_of, judge_effect, judge_mean
+from slambed.report.verdicts.means import Effect, effect_of, effects, judge_effect, judge_mean
 from slambed.report.verdicts.model import (
     FEWEST_RUNS,
     LEVEL,
@@ -93,6 +93,33 @@ def reduction_shown(ours: Pair) -> bool:
     return left.value + left.se * stats.t.ppf(1 - LEVEL, left.df) < 0
 
 
+def difference(ours: Pair, scale: float = 1.0) -> Effect:
+    """After - before (Welch), times `scale`."""
+    one, two = ours.after, ours.before
+    value, se, df = effects(
+        one.value, one.sd or 0.0, one.count or 1, two.value, two.sd or 0.0, two.count or 1,
+        "difference",
+    )  # fmt: skip
+    return Effect(scale * float(value), abs(scale) * float(se), float(df))
+
+
+def judge_difference(
+    ours: Pair, stated: float, digit: float = 0.0, scale: float = 1.0,
+    margin: float = REDUCTION_MARGIN,
+) -> Verdict:  # fmt: skip
+    """`x points more`: the difference of ours, within a part of what is stated."""
+    if ours.fewest == 0:
+        return not_run("no run")
+    if ours.fewest < FEWEST_RUNS:
+        return too_few(ours.fewest, "difference", None)
+    found = difference(ours, scale)
+    effect = Effect(found.value - stated, float(np.hypot(found.se, digit / 12**0.5)), found.df)
+    verdict = judge_effect(
+        effect, margin * abs(stated), "difference", "difference of ours - stated, Welch's t"
+    )
+    return replace(verdict, why=f"ours {found.value:+.3g}, stated {stated:+.3g}; {verdict.why}")
+
+
 def judge_up_to(
     ours: Mapping[str, Pair], stated: float, at: str, digit: float = 0.0,
     margin: float = REDUCTION_MARGIN,
@@ -106,20 +133,42 @@ def judge_up_to(
         return not_run(f"no run on {at}, where the paper has its maximum")
     there = judge_reduction(ours[at], stated, digit, margin)
     bound = float(np.log1p(-stated) - np.log1p(margin))
-    names = [name for name, pair in ours.items() if pair.fewest >= FEWEST_RUNS]
-    p_values = []
-    for name in names:
-        left = ours[name].left()
-        p_values.append(_below(left, bound))
-    adjusted = list(holm(p_values)) if p_values else []
-    above = [name for name, p in zip(names, adjusted, strict=True) if p <= LEVEL]
-    if above:
-        why = f"more than stated on {', '.join(above)}; {there.why}"
+    judged = {name: pair for name, pair in ours.items() if pair.fewest >= FEWEST_RUNS}
+    above = {name: _below(pair.left(), bound) for name, pair in judged.items()}
+    smaller = there.outcome == "differs" and there.effect > 0
+    everywhere = all(reduction_shown(pair) for pair in judged.values())
+    return _largest(there, above, smaller, everywhere)
+
+
+def judge_up_to_more(
+    ours: Mapping[str, Pair], stated: float, at: str, digit: float = 0.0, scale: float = 1.0,
+    margin: float = REDUCTION_MARGIN,
+) -> Verdict:  # fmt: skip
+    """`Up to x points more`, by the same rule on differences; x is above zero."""
+    if at not in ours:
+        return not_run(f"no run on {at}, where the paper has its maximum")
+    there = judge_difference(ours[at], stated, digit, scale, margin)
+    bound = -stated * (1 + margin)
+    judged = {name: pair for name, pair in ours.items() if pair.fewest >= FEWEST_RUNS}
+    less = {name: difference(pair, -scale) for name, pair in judged.items()}
+    above = {name: _below(found, bound) for name, found in less.items()}
+    smaller = there.outcome == "differs" and there.effect < 0
+    everywhere = all(_below(found, 0.0) <= LEVEL for found in less.values())
+    return _largest(there, above, smaller, everywhere)
+
+
+def _largest(
+    there: Verdict, above: Mapping[str, float], smaller: bool, everywhere: bool
+) -> Verdict:
+    """What is said of a maximum: `above` has every sequence's p that it is no larger."""
+    adjusted = dict(zip(above, holm(list(above.values())), strict=True)) if above else {}
+    larger = [name for name, p in adjusted.items() if p <= LEVEL]
+    if larger:
+        why = f"more than stated on {', '.join(larger)}; {there.why}"
         return replace(there, outcome="differs", why=why)
-    if there.outcome == "differs" and there.effect > 0:
-        if all(reduction_shown(ours[name]) for name in names):
-            return replace(there, why=f"a smaller effect, but one everywhere; {there.why}")
-        return replace(there, why=f"a smaller effect; {there.why}")
+    if smaller:
+        one = "a smaller effect, but one everywhere" if everywhere else "a smaller effect"
+        return replace(there, why=f"{one}; {there.why}")
     return there
 
 

@@ -61,5 +61,60 @@ TEST(Covisibility, FallsBackWhenTheStrongLinkIsCulled) {
   EXPECT_LE(of_first[0].weight, 10);
 }
 
+/// Keyframe 2 lists ten points of keyframe 1 and ten of its own.
+MapDelta second(bool observes_known) {
+  MapDelta delta;
+  for (int n = 101; n <= 110; ++n) {
+    delta.points.push_back(new_point(n));
+    delta.points.back().first_keyframe = delta.points.back().reference = kf(2);
+  }
+  auto numbers = points_from(1, 10);
+  for (int n = 101; n <= 110; ++n) numbers.push_back(n);
+  delta.keyframes = {new_keyframe(2, numbers)};
+  delta.keyframes[0].observes_known = observes_known;
+  return delta;
+}
+
+TEST(Covisibility, AKeyframeThatObservesOnlyWhatItMadeListsTheRest) {
+  for (const bool observes_known : {true, false}) {
+    Map map;
+    map.commit(chain(1, 0));
+    const Appearance before = map.read([](const MapView& v) { return v.point(pt(1))->appearance; });
+    map.commit(second(observes_known));
+    map.read([&](const MapView& view) {
+      EXPECT_EQ(view.keyframe(kf(2))->points[0], pt(1)) << "listed";
+      EXPECT_EQ(view.keyframe(kf(2))->connected.empty(), !observes_known);
+      EXPECT_EQ(view.point(pt(1))->weight, observes_known ? 4 : 2);
+      EXPECT_EQ(view.point(pt(101))->weight, 2) << "its own";
+      EXPECT_EQ(view.point(pt(1))->appearance.normal == before.normal, !observes_known);
+      return 0;
+    });
+    MapDelta gone;
+    gone.culled_points = {pt(1)};
+    gone.culled_keyframes = {kf(2)};
+    map.commit(gone);
+    map.read([&](const MapView& view) {
+      EXPECT_EQ(view.point(pt(2)) == nullptr, observes_known) << "lost an observation, or none";
+      return 0;
+    });
+  }
+}
+
+TEST(Covisibility, WhatIsOnlyListedIsGoneFromTheListWithThePoint) {
+  Map map;
+  map.commit(chain(1, 0));
+  map.commit(second(false));
+  MapDelta edit;
+  edit.culled_points = {pt(1)};
+  edit.fusions = {{pt(2), pt(30)}};
+  map.commit(edit);
+  map.read([&](const MapView& view) {
+    EXPECT_FALSE(view.keyframe(kf(2))->points[0]);
+    EXPECT_EQ(view.keyframe(kf(2))->points[1], pt(30)) << "still listed, by its survivor";
+    EXPECT_TRUE(view.keyframe(kf(2))->connected.empty());
+    return 0;
+  });
+}
+
 }  // namespace
 }  // namespace slambed::testing

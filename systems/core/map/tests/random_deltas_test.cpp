@@ -63,6 +63,7 @@ class DeltaMaker {
     }
     delta.keyframes.push_back(new_keyframe(++keyframes_, seen));
     if (chance(30)) delta.keyframes.back().parent = some_keyframe();
+    delta.keyframes.back().observes_known = keyframes_ % 3 != 0;
   }
 
   std::mt19937_64 random_;
@@ -94,7 +95,9 @@ void check_observations(const MapView& view) {
       }
       const KeyFrame* keyframe = view.keyframe(seen.keyframe);
       ASSERT_NE(keyframe, nullptr);
-      weight += keyframe->features->keypoint(seen.feature).right_u >= 0 ? 2 : 1;
+      const int full = keyframe->features->keypoint(seen.feature).right_u >= 0 ? 2 : 1;
+      ASSERT_TRUE(seen.weight == full || seen.weight == 0);
+      weight += seen.weight;
     }
     from_points += point.observations.size();
     ASSERT_EQ(point.weight, weight);
@@ -105,10 +108,15 @@ void check_observations(const MapView& view) {
 void check_covisibility(const MapView& view) {
   for (const KeyFrameId id : view.keyframe_ids()) {
     std::map<KeyFrameId, int> shared;
-    for (const MapPointId point : view.keyframe(id)->points)
-      if (point)
-        for (const Observation& seen : view.point(point)->observations)
-          if (seen.keyframe != id) ++shared[seen.keyframe];
+    for (const MapPointId listed : view.keyframe(id)->points) {
+      if (!listed) continue;
+      const auto& observations = view.point(listed)->observations;
+      if (std::any_of(observations.begin(), observations.end(),
+                      [&](const Observation& o) { return o.keyframe == id && o.weight == 0; }))
+        continue;
+      for (const Observation& seen : observations)
+        if (seen.keyframe != id && seen.weight > 0) ++shared[seen.keyframe];
+    }
     std::vector<Covisible> expected, all;
     for (const auto& [other, weight] : shared) {
       all.push_back({other, weight});

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "base/error.hpp"
-#include "runtime/virtual/cost_model.hpp"
+#include "runtime/cost_model.hpp"
 
 namespace slambed::testing {
 

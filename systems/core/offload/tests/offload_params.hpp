@@ -33,8 +33,10 @@ inline nlohmann::json conventional() {
 inline nlohmann::json ours() {
   return {{"reference_fallback", "descriptors"},
           {"point_identity", "observations"},
+          {"last_frame_points", "own"},
           {"reference_after_update", "known"},
           {"reanchor_last", true},
+          {"local_observations", true},
           {"admission", "on_arrival"},
           {"cull_age", "mapped"},
           {"local_map_size", 6},

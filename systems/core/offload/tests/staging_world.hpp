@@ -103,7 +103,6 @@ class StagingWorld {
     }
     std::erase_if(delta.points, [&](const NewPoint& p) { return gone.contains(p.id); });
     delta.points.insert(delta.points.end(), survivors.begin(), survivors.end());
-    moved = T_new_old;
     return delta;
   }
 
@@ -127,7 +126,7 @@ class StagingWorld {
  public:
   MapStaging staging;
   std::uint64_t made = 0;
-  SE3 T_cw, moved;
+  SE3 T_cw;
 };
 
 }  // namespace slambed::testing

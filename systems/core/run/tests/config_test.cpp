@@ -116,6 +116,37 @@ TEST(RunConfig, ASegmenterIsOptionalAndChecked) {
   EXPECT_NE(with("network", "x").find("segmenter.network is unknown"), std::string::npos);
 }
 
+TEST(RunConfig, APaceIsTheDeviceOfEachNode) {
+  testing::TemporaryFolder folder;
+  auto json = valid();
+  EXPECT_TRUE(read_run_config(folder.write("run.json", json.dump())).pace.empty());
+  const nlohmann::json device = nlohmann::json::parse(R"({
+    "cores": 4, "speed": 1.0, "background": 0.7,
+    "stages": {"track": {"a_us": 5, "b_us": 1, "c_us": 0, "jitter": 0.1}}})");
+  json["pace"] = {{"mobile", {{"share", 0.25}, {"device", device}}},
+                  {"edge", {{"share", 1.0}, {"device", device}}}};
+  const auto pace = read_run_config(folder.write("run.json", json.dump())).pace;
+  EXPECT_EQ(pace.at(NodeRole::kMobile).share, 0.25);
+  EXPECT_EQ(pace.at(NodeRole::kMobile).device.background, 0.7);
+  EXPECT_EQ(pace.at(NodeRole::kEdge).device.stages.at("track").a_us, 5);
+  const auto with = [&](const char* pointer, nlohmann::json value) {
+    auto changed = json;
+    changed[nlohmann::json::json_pointer(pointer)] = std::move(value);
+    return complaint(changed);
+  };
+  EXPECT_NE(with("/pace/mobile/share", 0).find("pace.mobile.share"), std::string::npos);
+  EXPECT_NE(with("/pace/edge/share", 1.1).find("pace.edge.share"), std::string::npos);
+  EXPECT_NE(with("/pace/edge/device/cores", 0).find("pace.edge.device.cores"), std::string::npos);
+  EXPECT_NE(with("/pace/mobile/device/background", -1).find("background"), std::string::npos);
+  EXPECT_NE(with("/pace/third", 1).find("pace.third is unknown"), std::string::npos);
+  EXPECT_NE(with("/network", nullptr).find("pace"), std::string::npos);
+  auto alone = json;
+  alone["network"] = alone["pace"]["edge"] = nullptr;
+  EXPECT_EQ(complaint(alone), "");
+  json["pace"].erase("edge");
+  EXPECT_NE(complaint(json).find("pace edge must be given"), std::string::npos);
+}
+
 TEST(RunConfig, TheProfilesRttIsATableOverRunTime) {
   testing::TemporaryFolder folder;
   const auto with = [&](const nlohmann::json& table) {

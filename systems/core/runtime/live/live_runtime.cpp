@@ -9,12 +9,6 @@
 namespace slambed {
 namespace {
 
-Duration read_clock(clockid_t id) {
-  timespec ts{};
-  clock_gettime(id, &ts);
-  return std::chrono::seconds(ts.tv_sec) + Duration(ts.tv_nsec);
-}
-
 /// The kernel keeps 15 characters of a thread's name.
 void name_thread(const std::string& name) {
   pthread_setname_np(pthread_self(), name.substr(0, 15).c_str());
@@ -22,7 +16,11 @@ void name_thread(const std::string& name) {
 
 }  // namespace
 
-Duration monotonic_now() { return read_clock(CLOCK_MONOTONIC); }
+Duration monotonic_now() {
+  timespec ts{};
+  clock_gettime(CLOCK_MONOTONIC, &ts);
+  return std::chrono::seconds(ts.tv_sec) + Duration(ts.tv_nsec);
+}
 
 class LiveRuntime::LiveSignal final : public Signal {
  public:
@@ -85,32 +83,50 @@ class LiveRuntime::LiveWorker final : public Worker {
 
  protected:
   StageToken begin_stage(std::string_view name) override {
-    return {name, now(), read_clock(CLOCK_THREAD_CPUTIME_ID)};
+    if (runtime_.pace_) runtime_.pace_->check(name);  // end_stage is called by a destructor
+    return {name, now(), thread_cpu_time()};
   }
 
   void end_stage(StageToken& token, const StageUnits& units) override {
-    const Duration cpu = read_clock(CLOCK_THREAD_CPUTIME_ID) - token.cpu_start;
-    runtime_.observer_.stage({.name = token.name,
-                              .worker = name_,
-                              .start = token.start,
-                              .wall = now() - token.start,
-                              .cpu = cpu,
-                              .units = units});
+    record(token, units, hold(token, units));
   }
 
   void end_stage_with(StageToken& token, const StageUnits& units,
                       const std::function<void()>& effect) override {
+    const auto paced = hold(token, units);  // a slow device has nothing to show before
     effect();
-    end_stage(token, units);
+    record(token, units, paced);
   }
 
  private:
+  std::optional<PacedStage> hold(const StageToken& token, const StageUnits& units) {
+    if (!runtime_.pace_) return {};
+    return runtime_.pace_->hold(token.name, units, {.start = token.start, .cpu = token.cpu_start},
+                                {.now = [this] { return now(); },
+                                 .sleep_until = [this](RunTime when) { sleep_until(when); },
+                                 .stopping = [this] { return stopping(); }});
+  }
+
+  void record(const StageToken& token, const StageUnits& units,
+              const std::optional<PacedStage>& paced) {
+    runtime_.observer_.stage({.name = token.name,
+                              .worker = name_,
+                              .start = token.start,
+                              .wall = now() - token.start,
+                              .cpu = thread_cpu_time() - token.cpu_start,
+                              .units = units,
+                              .paced = paced});
+  }
+
   LiveRuntime& runtime_;
   std::string name_;
   LiveSignal alarm_;  ///< never notified, only nudged at the end of the run
 };
 
-LiveRuntime::LiveRuntime(Observer& observer) : observer_(observer) {}
+LiveRuntime::LiveRuntime(Observer& observer, std::optional<PaceOptions> pace)
+    : observer_(observer) {
+  if (pace) pace_.emplace(std::move(*pace));
+}
 
 LiveRuntime::~LiveRuntime() {
   stop();

@@ -5,10 +5,12 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "runtime/live/pace.hpp"
 #include "runtime/observer.hpp"
 #include "runtime/runtime.hpp"
 
@@ -17,10 +19,11 @@ namespace slambed {
 /// Nanoseconds of CLOCK_MONOTONIC.
 Duration monotonic_now();
 
-/// Workers are threads, time is CLOCK_MONOTONIC minus the run's t0.
+/// Workers are threads, time is CLOCK_MONOTONIC minus the run's t0. Stages take what their work
+/// takes, or what a device would take for it.
 class LiveRuntime final : public Runtime {
  public:
-  explicit LiveRuntime(Observer& observer);
+  explicit LiveRuntime(Observer& observer, std::optional<PaceOptions> pace = {});
   /// Stops and joins what still runs; an exception of a worker that nobody joined is dropped.
   ~LiveRuntime() override;
 
@@ -44,6 +47,7 @@ class LiveRuntime final : public Runtime {
   void fail(std::exception_ptr error);
 
   Observer& observer_;
+  std::optional<Pace> pace_;
   std::atomic<std::int64_t> origin_ns_{0};
   std::atomic<bool> stopping_{false};
   std::mutex mutex_;  ///< guards what follows

@@ -133,6 +133,34 @@ TEST(VirtualRuntime, ALateStageSlowsTheRunningOneOnlyWhileBothRun) {
   EXPECT_EQ(observer.log, (std::vector<std::string>{"early:work 0+1500", "late:work 500+1500"}));
 }
 
+TEST(VirtualRuntime, ABackgroundLoadTakesItsPartOfTheCores) {
+  const auto walls = [](int cores, double background, int workers) {
+    Simulator simulator;
+    RecordingObserver observer;
+    DeviceModel model = device(cores);
+    model.background = background;
+    VirtualRuntime runtime(simulator, model, 1, observer);
+    for (int i = 0; i < workers; ++i) runtime.spawn("w", [](Worker& w) { work(w); });
+    simulator.run();
+    runtime.join();
+    return std::pair(observer.log.at(0), runtime.cpu_time());
+  };
+  // As long as there are cores for all, nobody is slower; the load's time counts as the device's.
+  EXPECT_EQ(walls(4, 0.5, 3), std::pair(std::string("w:work 0+1000"), Duration(3500us)));
+  // One of two threads on a core: half of it each. A load of 0.25 gets all that it wants.
+  EXPECT_EQ(walls(1, 1, 1), std::pair(std::string("w:work 0+2000"), Duration(2ms)));
+  EXPECT_EQ(walls(1, 0.25, 1).first, "w:work 0+1333");
+  // Three threads that want a core each and two that want 0.9: four cores are 0.8 for each.
+  EXPECT_EQ(walls(4, 1.8, 3).first, "w:work 0+1250");
+  EXPECT_EQ(walls(4, 0, 3), std::pair(std::string("w:work 0+1000"), Duration(3ms)));
+}
+
+TEST(CostModel, ABackgroundLoadBelowNothingIsRefused) {
+  DeviceModel model = device(1);
+  model.background = -0.1;
+  EXPECT_THROW(model.check(), Error);
+}
+
 TEST(VirtualRuntime, AMailboxHandsItemsOnAtTheInstantTheyArePut) {
   Simulator simulator;
   RecordingObserver observer;

@@ -12,14 +12,24 @@ constexpr double kDone_ns = 0.1;
 
 }  // namespace
 
+double Device::background_rate() const {
+  if (background_ <= 0) return 0;
+  const double running = frozen_ ? 0 : static_cast<double>(jobs_.size());
+  const double threads = std::ceil(background_);
+  return std::min(background_, threads * cores_ / (running + threads));
+}
+
 double Device::rate() const {
-  return jobs_.empty() || frozen_ ? 0 : std::min(1.0, cores_ / static_cast<double>(jobs_.size()));
+  if (jobs_.empty() || frozen_) return 0;
+  return std::min(1.0, (cores_ - background_rate()) / static_cast<double>(jobs_.size()));
 }
 
 Duration Device::cpu_time() const {
   const double running = rate() * static_cast<double>(jobs_.size()) *
                          static_cast<double>((simulator_.now() - updated_).count());
-  return Duration(std::llround(spent_ns_ + running));
+  const double beside =
+      background_rate() * static_cast<double>((simulator_.now() - updated_).count());
+  return Duration(std::llround(spent_ns_ + running + beside));
 }
 
 void Device::advance() {
@@ -29,6 +39,7 @@ void Device::advance() {
     job.remaining_ns -= step;
     spent_ns_ += step;
   }
+  spent_ns_ += background_rate() * static_cast<double>((simulator_.now() - updated_).count());
   updated_ = simulator_.now();
 }
 

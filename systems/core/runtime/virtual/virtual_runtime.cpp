@@ -73,7 +73,7 @@ VirtualRuntime::VirtualRuntime(Simulator& simulator, DeviceModel model, std::uin
                                Observer& observer)
     : simulator_(simulator),
       model_(std::move(model)),
-      device_(simulator, model_.cores),
+      device_(simulator, model_.cores, model_.background),
       seed_(seed),
       observer_(observer) {
   model_.check();

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "runtime/cost_model.hpp"
 #include "runtime/observer.hpp"
 #include "runtime/runtime.hpp"
-#include "runtime/virtual/cost_model.hpp"
 #include "runtime/virtual/device.hpp"
 #include "runtime/virtual/simulator.hpp"
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "slam/local_mapper.hpp"
+#include "slam/map_change.hpp"
 #include "slam/tracker.hpp"
 #include "synthetic_world.hpp"
 
@@ -136,6 +137,23 @@ TEST_F(ReplaceMapAsEdgeSlam, PointsOfTheEdgeAreNotKnownAgain) {
   EXPECT_TRUE(step(40).by_motion_model);
 }
 
+TEST_F(ReplaceMapAsEdgeSlam, PointsChangePlacesWhereTheyAreHandedOutByRank) {
+  const MapPointId none;
+  std::vector<MapPointId> points{none, {11}, {12}, none, {14}, {15}};
+  hand_out_by_rank(points);
+  EXPECT_EQ(points, (std::vector<MapPointId>{none, {12}, {14}, none, none, none}));
+
+  begin({});
+  tracker_->replace_map(excerpt(*tracker_->map(), 99));
+  const auto own = step(40).search.motion_matches;
+  begin({.points_by_rank = true});
+  tracker_->replace_map(excerpt(*tracker_->map(), 99));
+  const TrackOutcome next = step(40);
+  ASSERT_TRUE(own && next.search.motion_matches);
+  EXPECT_LT(*next.search.motion_matches, *own / 3);
+  EXPECT_EQ(next.state, TrackingState::kOk) << "the reference keyframe helps";
+}
+
 TEST_F(ReplaceMapAsEdgeSlam, TheNewestKeyframeBecomesTheReference) {
   for (const bool newest_is_reference : {false, true}) {
     begin({.newest_is_reference = newest_is_reference});
@@ -160,6 +178,20 @@ TEST_F(ReplaceMapAsEdgeSlam, TheLastPoseStaysUnlessItsReferenceIsTheNewest) {
   ASSERT_NE(tracker_->reference(), newest());
   tracker_->replace_map(excerpt(*tracker_->map(), 99, kMoved));
   EXPECT_FALSE(step(43).by_motion_model) << "where the map was before";
+}
+
+TEST_F(ReplaceMapAsEdgeSlam, NoKeyframeIsWantedForPointsThatOnlyTrackingHasSeen) {
+  for (const bool observes_known : {true, false}) {
+    tracker_.emplace(TrackerOptions{.observes_known = observes_known}, std::make_shared<Map>(),
+                     IdSpace::kTracker);
+    for (int i = 0; i < 25; ++i) {
+      step(i);
+      if (i % 8 == 7) tracker_->create_keyframe(false);
+    }
+    EXPECT_EQ(tracker_->evidence().keyframes, 4);
+    EXPECT_EQ(tracker_->evidence().reference_matches > 0, observes_known);
+    EXPECT_EQ(tracker_->state(), TrackingState::kOk);
+  }
 }
 
 TEST_F(ReplaceMap, NothingInCommonMeansRelocalisation) {

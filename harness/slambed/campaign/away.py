@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What travels between a campaign and its workers on other machines, and what they find there."""
+
+import io
+import tarfile
+from functools import cache
+from pathlib import Path
+
+from slambed.campaign.datasets import prepare_sequence
+from slambed.errors import SlambedError
+from slambed.json_file import read_object
+from slambed.spec.run_spec import RunSpec
+
+
+def away_sequence(spec: RunSpec, there: Path) -> Path:
+    """Where the campaign has it, or prepared here from the same source."""
+    if (read_object(there / "sequence.json") or {}).get("checksum") == spec.sequence_checksum:
+        return there
+    found, checksum = _prepared(spec.dataset)
+    if checksum != spec.sequence_checksum:
+        raise SlambedError(f"dataset {spec.dataset} is another one here: checksum {checksum[:12]}")
+    return found
+
+
+@cache
+def _prepared(dataset: str) -> tuple[Path, str]:
+    sequence = prepare_sequence(dataset)
+    return sequence.path, sequence.checksum
+
+
+def pack(folder: Path) -> bytes:
+    """The files that a result keeps: raw logs are in its tables."""
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w") as archive:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and path.suffix != ".jsonl":
+                archive.add(path, path.relative_to(folder).as_posix())
+    return packed.getvalue()
+
+
+def unpack(packed: bytes, folder: Path) -> None:
+    """Into an empty folder."""
+    with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+        archive.extractall(folder, filter="data")

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a campaign is, from what it writes: its ledger, and whether its process lives.
+
+No lock is asked for: whoever holds one for a moment, to see whether it is free, can make a campaign
+fail that begins in that moment.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from slambed.campaign.ledger import Ledger
+from slambed.json_file import read_object
+from slambed.spec.run_spec import run_name
+
+CLOCKS_APART_S = 2.0
+"""How much earlier than its process a ledger's line may seem to be: both are rounded."""
+STARTED, ENDED = "campaign_started", "campaign_ended"
+
+
+@dataclass(frozen=True)
+class InHand:
+    """A run that is being executed."""
+
+    run_key: str
+    name: str
+    since_s: float
+    """Unix time at which this attempt began."""
+
+
+@dataclass(frozen=True)
+class CampaignState:
+    """One campaign of an experiment, the last one that its ledger tells of."""
+
+    experiment: str
+    pid: int
+    alive: bool
+    """Whether its process is there."""
+    began_s: float
+    """Unix time."""
+    ended: bool
+    """Whether it said so itself; neither `alive` nor `ended`: it was killed."""
+    interrupted: bool
+    asked: int
+    """Runs that it had to execute."""
+    there_before: int
+    trusted: int
+    untrusted: int
+    """Ended, and not to be trusted: executed again while attempts are left."""
+    failed: int
+    """Their last attempt gave no result."""
+    in_hand: list[InHand] = field(default_factory=list)
+    left_s: float | None = None
+    """Expected time to the end; None before the first run has ended."""
+
+    @property
+    def done(self) -> int:
+        """Runs with a result."""
+        return self.trusted + self.untrusted
+
+    @property
+    def waiting(self) -> int:
+        """Runs that nobody has in hand yet."""
+        return max(0, self.asked - self.done - self.failed - len(self.in_hand))
+
+
+Entry = dict[str, Any]
+Alive = Callable[[int, float], bool]
+"""Process and Unix time -> whether it is there and was so then."""
+
+
+def is_alive(pid: int, since_s: float) -> bool:
+    """Whether the process is there that was so at that time: a number is given again, and one that
+    has ended keeps its number until its parent asks for it."""
+    try:
+        process = psutil.Process(pid)
+        there = process.status() != psutil.STATUS_ZOMBIE
+        began_s = process.create_time()
+    except psutil.Error:
+        return False
+    return there and began_s <= since_s + CLOCKS_APART_S
+
+
+def state_of_ledger(
+    experiment: str, entries: Iterable[Entry], now_s: float, alive: Alive = is_alive
+) -> CampaignState | None:
+    """The last campaign of a ledger; None where it tells of none."""
+    last: list[Entry] = []
+    for entry in entries:
+        if entry.get("event") == STARTED:
+            last = [entry]
+        elif last:
+            last.append(entry)
+    if not last:
+        return None
+    begin = last[0]
+    asked = [str(key) for key in begin.get("todo") or []]
+    pid, began_s = int(begin.get("pid") or 0), unix_time(begin)
+    latest, durations_s, most_at_once = _follow(last[1:], asked)
+    kinds = {key: entry["event"] for key, entry in latest.items()}
+    finished = [e for e in latest.values() if e["event"] == "run_finished"]
+    trusted = sum(entry.get("trusted") is True for entry in finished)
+    living = alive(pid, began_s)
+    ended = next((e for e in last if e.get("event") == ENDED), None)
+    running = living and ended is None
+    in_hand = [
+        InHand(key, run_name(entry.get("cell"), entry.get("repetition")), unix_time(entry))
+        for key, entry in latest.items()
+        if running and entry["event"] == "run_started"
+    ]
+    state = CampaignState(
+        experiment=experiment,
+        pid=pid,
+        alive=running,
+        began_s=began_s,
+        ended=ended is not None,
+        interrupted=bool(ended and ended.get("interrupted")),
+        asked=len(asked),
+        there_before=max(0, int(begin.get("runs") or 0) - len(asked)),
+        trusted=trusted,
+        untrusted=len(finished) - trusted,
+        failed=sum(kind == "run_failed" for kind in kinds.values()),
+        in_hand=in_hand,
+    )
+    left_s = _left_s(state, durations_s, most_at_once, now_s) if running else None
+    return CampaignState(**{**vars(state), "left_s": left_s})
+
+
+def _follow(entries: list[Entry], asked: list[str]) -> tuple[dict[str, Entry], list[float], int]:
+    """The last entry of each run asked for, how long those took that ended, and how many were in
+    hand at once at most."""
+    latest: dict[str, Entry] = {}
+    began_s: dict[str, float] = {}
+    durations_s: list[float] = []
+    most, wanted = 1, set(asked)
+    for entry in entries:
+        key = entry.get("run_key")
+        if key not in wanted:
+            continue
+        latest[key] = entry
+        if entry["event"] == "run_started":
+            began_s[key] = unix_time(entry)
+            most = max(most, len(began_s))
+        elif (begin_s := began_s.pop(key, None)) is not None and entry["event"] == "run_finished":
+            durations_s.append(unix_time(entry) - begin_s)
+    return latest, durations_s, most
+
+
+def _left_s(
+    state: CampaignState, durations_s: list[float], at_once: int, now_s: float
+) -> float | None:
+    if not durations_s:
+        return None
+    each_s = sum(durations_s) / len(durations_s)
+    in_hand_s = sum(max(0.0, each_s - (now_s - run.since_s)) for run in state.in_hand)
+    return (each_s * state.waiting + in_hand_s) / at_once
+
+
+def unix_time(entry: Entry) -> float:
+    """When a line of a ledger was written; 0 where it does not say."""
+    try:
+        when = datetime.fromisoformat(str(entry.get("time_utc")))
+    except ValueError:
+        return 0.0
+    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def campaign_states(results: Path, now_s: float) -> list[CampaignState]:
+    """The last campaign of every experiment in a results folder, in order of their names."""
+    found = [state_of(path.parent, now_s) for path in sorted(results.glob("*/ledger.jsonl"))]
+    return [state for state in found if state is not None]
+
+
+def state_of(folder: Path, now_s: float) -> CampaignState | None:
+    """The last campaign of one experiment's folder."""
+    return state_of_ledger(folder.name, Ledger(folder / "ledger.jsonl").read(), now_s)
+
+
+def title_of(folder: Path) -> str:
+    """What an experiment is called; its folder's name where nobody wrote it down."""
+    content = read_object(folder / "experiment.json") or {}
+    spec = content.get("experiment")
+    title = spec.get("title") if isinstance(spec, dict) else None
+    return str(title or content.get("title") or folder.name)

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Live runs on several hosts (`slambed run --hosts`), one at a time on each.
+
+Every host is a worker of this campaign's own Dask scheduler. A run goes to the host that its
+repetition belongs to (`assignment`); one that dies costs its run an attempt, the living ones take
+its place, and it is asked again whether it is back. This process alone writes results and ledger:
+what a host that died had in hand comes from nowhere.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from slambed.campaign.assignment import preference
+from slambed.campaign.away import unpack
+from slambed.campaign.away_result import LostWorkerError, result_of
+from slambed.campaign.executors import Played
+from slambed.campaign.host_connection import HostConnection
+from slambed.campaign.host_messages import Joined
+from slambed.campaign.host_run import HostRun, execute_there, prepare_there
+from slambed.engines.result import InterruptedRunError
+from slambed.errors import KilledError, SlambedError, environment_error
+from slambed.metrics.summary import Summary
+from slambed.native import repository_root
+from slambed.spec.hosts import Host
+from slambed.spec.run_spec import RunSpec
+
+ASK_AGAIN_S = (10.0, 30.0, 60.0)
+"""Before each further time that a lost host is asked; the last one for ever."""
+NONE_LEFT_S = 600.0
+"""A campaign whose hosts are all lost for so long ends."""
+
+
+@dataclass
+class Place:
+    """A host of a campaign, and what it does."""
+
+    host: Host
+    connection: HostConnection
+    facts: Joined
+    state: Literal["idle", "busy", "lost"] = "idle"
+
+
+Rejoin = Callable[[Host], tuple[HostConnection, Joined]]
+"""Makes a host a worker once more; SlambedError where it is not back, or another one now."""
+
+
+@dataclass
+class HostExecutor:
+    """Executes live runs on hosts; its `claim` says which may begin."""
+
+    places: dict[str, Place]
+    client: Any
+    played: Played
+    seed: int
+    rejoin: Rejoin
+    say: Callable[[str], None]
+    _claims: dict[str, Place] = field(default_factory=dict)
+    """Run key -> where it will be, or is, executed."""
+    _all_lost_since_s: float | None = None
+    _guard: threading.RLock = field(default_factory=threading.RLock)
+    _over: threading.Event = field(default_factory=threading.Event)
+    _ready: set[tuple[str, str]] = field(default_factory=set)
+    """(host, dataset) that is there."""
+
+    @property
+    def jobs(self) -> int:
+        """One run at a time on each."""
+        return len(self.places)
+
+    def claim(self, spec: RunSpec) -> bool:
+        """Whether the run may begin now: then its host is kept free for it. Raises SlambedError
+        when no host is left."""
+        with self._guard:
+            for place in self.places.values():
+                if place.state == "idle" and not place.connection.alive():
+                    self._lose(place)
+            living = [
+                name
+                for name in preference(spec.repetition, list(self.places), self.seed)
+                if self.places[name].state != "lost"
+            ]
+            self._must_live(living)
+            if not living or (place := self.places[living[0]]).state != "idle":
+                return False
+            place.state = "busy"
+            self._claims[spec.run_key] = place
+            return True
+
+    def release(self, spec: RunSpec) -> None:
+        """The run needs its host no more."""
+        with self._guard:
+            place = self._claims.pop(spec.run_key)
+            if place.state == "busy":
+                place.state = "idle"
+
+    def host_of(self, spec: RunSpec) -> str | None:
+        """Name of the host of a run that was claimed."""
+        with self._guard:
+            return self._claims[spec.run_key].host.name
+
+    def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
+        """On the host that was claimed. KilledError when it dies meanwhile."""
+        with self._guard:
+            place = self._claims[spec.run_key]
+        sequence, played_s = self.played[spec.dataset]
+        if (where := (place.host.name, spec.dataset)) not in self._ready:
+            self._get(place, stop, prepare_there, spec, sequence.resolve())
+            self._ready.add(where)
+        reference = Path(spec.reference).read_bytes() if spec.reference else None
+        run = HostRun(
+            spec, sequence.resolve(), played_s, sys.argv, attempt, repository_root(), reference
+        )
+        summary, files = self._get(place, stop, execute_there, run)
+        unpack(files, raw)
+        found: Summary = summary
+        return found
+
+    def _get(self, place: Place, stop: threading.Event, work: Any, *arguments: Any) -> Any:
+        """What `work` returns on a host."""
+        future = self.client.submit(
+            work, *arguments, pure=False, workers=[place.facts.worker], allow_other_workers=False
+        )
+        try:
+            return result_of(future, stop, place.connection.alive)
+        except InterruptedRunError:
+            # The others' threads do the same to theirs.
+            place.connection.close()
+            raise
+        except LostWorkerError as lost:
+            if not lost.killed and place.connection.alive():
+                place.connection.close()
+        with self._guard:
+            line = self._lose(place)
+        raise KilledError(line)
+
+    def _lose(self, place: Place) -> str:
+        """A host that is gone; it is asked again beside the others' runs."""
+        words = place.connection.last_words()
+        line = f"host {place.host.name} is gone" + (f" ({words})" if words else "")
+        if place.state != "lost":
+            place.state = "lost"
+            self.say(f"{line}; the others take its runs, and it is asked again")
+            threading.Thread(target=self._ask_again, args=(place,), daemon=True).start()
+        return line
+
+    def _ask_again(self, place: Place) -> None:
+        place.connection.close()
+        times = 0
+        while not self._over.wait(ASK_AGAIN_S[min(times, len(ASK_AGAIN_S) - 1)]):
+            times += 1
+            try:
+                place.connection, place.facts = self.rejoin(place.host)
+            except SlambedError:
+                continue
+            with self._guard:
+                if self._over.is_set():
+                    place.connection.close()
+                    return
+                place.state = "idle"
+                self.say(f"host {place.host.name} is back and gets its runs")
+            return
+
+    def _must_live(self, living: list[str]) -> None:
+        if living:
+            self._all_lost_since_s = None
+            return
+        now_s = time.monotonic()
+        if self._all_lost_since_s is None:
+            self._all_lost_since_s = now_s
+            self.say(f"no host is left; waiting up to {NONE_LEFT_S / 60:.0f} min for one to return")
+        if now_s - self._all_lost_since_s > NONE_LEFT_S:
+            raise environment_error(
+                f"hosts {', '.join(self.places)} are all gone; finished runs are kept, the same "
+                "command goes on when one is back"
+            )
+
+    def close(self) -> None:
+        """Gives all hosts back."""
+        self._over.set()
+        end_all([place.connection for place in self.places.values()])
+        leave(self.client)
+
+
+def end_all(connections: list[HostConnection]) -> None:
+    """At once, because each may have a run to end."""
+    threads = [threading.Thread(target=each.close) for each in connections]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+def leave(client: Any) -> None:
+    """Ends the scheduler of a campaign."""
+    cluster = client.cluster
+    with suppress(Exception):
+        client.close()
+        cluster.close()

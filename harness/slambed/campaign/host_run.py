@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A live run on one of several hosts: what the worker there executes, and what travels."""
+
+import hashlib
+import tempfile
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from slambed.campaign.away import away_sequence, pack
+from slambed.campaign.foreign import software_of_foreign
+from slambed.campaign.live_executor import LiveExecutor
+from slambed.campaign.manifest import add_facts
+from slambed.engines.base import Engine
+from slambed.engines.live_run import LinkOpener
+from slambed.engines.result import InterruptedRunError
+from slambed.errors import KilledError, SlambedError, environment_error
+from slambed.metrics.summary import Summary
+from slambed.native import repository_root
+from slambed.records.manifest import RunHost
+from slambed.spec.experiment import Experiment
+from slambed.spec.library import Library
+from slambed.spec.run_spec import RunSpec
+
+
+@dataclass
+class ThisHost:
+    """What the worker's process knows of the host that it is on."""
+
+    engine: Engine
+    open_link: LinkOpener
+    facts: RunHost
+    scratch: Path
+    stop: threading.Event = field(default_factory=threading.Event)
+    """The campaign wants its host back."""
+    busy: threading.Lock = field(default_factory=threading.Lock)
+    """Held while there is a run in hand."""
+
+
+_HERE: list[ThisHost] = []
+
+
+def begin(host: ThisHost) -> None:
+    """From here on this process executes runs."""
+    _HERE[:] = [host]
+
+
+@dataclass(frozen=True)
+class HostRun:
+    """A run as it travels to a host, which finds the rest where it is."""
+
+    spec: RunSpec
+    sequence: Path
+    """Where the campaign has it."""
+    played_s: float
+    command: list[str]
+    """What the user called."""
+    attempt: int
+    root: Path
+    """The campaign's checkout."""
+    reference: bytes | None
+    """Content of the path that the run is compared with."""
+
+
+def execute_there(run: HostRun) -> tuple[Summary, bytes]:
+    """On the host: executes the run; its summary and its packed folder."""
+    (host,) = _HERE
+    try:
+        with host.busy, tempfile.TemporaryDirectory(dir=host.scratch) as scratch:
+            # Nodes are another user and must be able to enter.
+            Path(scratch).chmod(0o755)
+            raw = Path(scratch) / run.spec.run_key
+            raw.mkdir()
+            raw.chmod(0o755)
+            spec = _at_home(run, Path(scratch))
+            played = {spec.dataset: (away_sequence(spec, run.sequence), run.played_s)}
+            executor = LiveExecutor(host.engine, host.open_link, played, command=run.command)
+            summary = executor.execute(spec, raw, host.stop, run.attempt)
+            kept: dict[str, Any] = run.spec.model_dump(mode="json")
+            add_facts(raw, {"host": host.facts.as_json(), "spec": kept})
+            return summary, pack(raw)
+    except InterruptedRunError:
+        # Whether somebody wanted that is for the campaign to know.
+        raise KilledError(f"host {host.facts.name}: the worker was told to end") from None
+    except SlambedError as error:
+        error.args = (f"host {host.facts.name}: {error}",)
+        raise
+
+
+def prepare_there(spec: RunSpec, there: Path) -> None:
+    """Before the first run of a sequence: it is on the host, and the same."""
+    (host,) = _HERE
+    try:
+        away_sequence(spec, there)
+    except SlambedError as error:
+        raise SlambedError(f"host {host.facts.name}: {error}", error.code) from None
+
+
+def foreign_there(experiment: Experiment, software: str) -> dict[str, str]:
+    """Tags of the systems that are programs of their own, as they lie on the host."""
+    (host,) = _HERE
+    try:
+        return software_of_foreign(experiment, Library(), host.engine, software)
+    except SlambedError as error:
+        raise SlambedError(f"host {host.facts.name}: {error}", error.code) from None
+
+
+def _at_home(run: HostRun, scratch: Path) -> RunSpec:
+    """The same run with the paths that this host has."""
+    changes: dict[str, object] = {}
+    for name, digest in run.spec.inputs.items():
+        path = Path(str(run.spec.params[name]))
+        if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != digest:
+            raise environment_error(
+                f"{path}, which parameter {name} names, is not there or another one; copy it there"
+            )
+    if run.reference is not None:
+        place = scratch / "reference"
+        place.write_bytes(run.reference)
+        changes["reference"] = str(place)
+    folder = Path(run.spec.system_folder)
+    if run.spec.system_folder and folder.is_relative_to(run.root):
+        changes["system_folder"] = str(repository_root() / folder.relative_to(run.root))
+    return run.spec.model_copy(update=changes)

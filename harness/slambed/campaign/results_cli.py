@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed results`: what the runs take, freeing those that no plan names, and packing them."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.errors import SlambedError
+from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
+
+app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_help=True)
+
+
+@app.command()
+def size(results: ResultsOption = RESULTS, as_json: JsonOption = False) -> None:
+    """Say what the runs of each experiment take, and those that no plan names."""
+    from slambed.campaign.size import plans, size_of, unnamed
+    from slambed.campaign.store import RunStore
+
+    _must_be_there(results)
+    store = RunStore(results)
+    if as_json:
+        of_each = {name: asdict(size_of(store, keys)) for name, keys in plans(results)}
+        free = asdict(size_of(store, unnamed(results)))
+        print_json({"experiments": of_each, "in_no_plan": free})
+        return
+    for name, keys in plans(results):
+        typer.echo(f"{name}: {size_of(store, keys)}")
+    typer.echo(f"in no plan: {size_of(store, unnamed(results))}; free them: slambed results prune")
+
+
+@app.command()
+def prune(
+    results: ResultsOption = RESULTS,
+    yes: Annotated[bool, typer.Option("--yes", help="Really remove them.")] = False,
+) -> None:
+    """Remove the runs that no plan names: of older sources, of parameters that were changed."""
+    from slambed.campaign.folder import ResultFolder
+    from slambed.campaign.size import plans, size_of, unnamed
+    from slambed.campaign.store import RunStore
+
+    _must_be_there(results)
+    store, keys = RunStore(results), unnamed(results)
+    told = size_of(store, keys)
+    if not yes:
+        typer.echo(f"would remove {told}; give --yes to do it")
+        return
+    for key in keys:
+        store.remove(key)
+    for name, named in plans(results):
+        ResultFolder(results / name).show(named)
+    typer.echo(f"removed {told}")
+
+
+@app.command("pack")
+def pack_command(
+    names: Annotated[list[str], typer.Argument(help="Experiments whose runs go into it.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (.tar.xz).")],
+    whole: Annotated[
+        bool, typer.Option("--whole", help="With events, samples and paths, not numbers only.")
+    ] = False,
+    results: ResultsOption = RESULTS,
+) -> None:
+    """Write the trusted runs of experiments into one small file: numbers and circumstances."""
+    from slambed.campaign.pack import pack
+
+    runs, size = pack(results, names, output, whole)
+    typer.echo(f"{output}: {runs} runs, {size / 1e6:.2f} MB")
+
+
+@app.command("unpack")
+def unpack_command(
+    file: Annotated[Path, typer.Argument(help="What `slambed results pack` wrote.")],
+    results: ResultsOption = RESULTS,
+) -> None:
+    """Put the runs of such a file into a results folder; `run` and `report` go on from it."""
+    from slambed.campaign.pack import unpack
+
+    found, new = unpack(file, results)
+    typer.echo(f"{file}: {found} runs, {new} of them new in {results}")
+
+
+def _must_be_there(results: Path) -> None:
+    if not results.is_dir():
+        raise SlambedError(f"no such folder: {results}; give the right --results")

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run while it is executed, from the files that its nodes and the sampler are writing."""
+
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from slambed.campaign.campaign_state import InHand
+from slambed.campaign.growing_file import GrowingFile
+from slambed.metrics.events import Event
+
+MEAN_S = 1.0
+"""CPU use is told as the mean over so much run time: single samples show quota periods."""
+
+
+@dataclass(frozen=True)
+class NodeUse:
+    """What a node took of late."""
+
+    cpu_percent: float
+    """Of one core."""
+    memory_mb: float | None
+    """None in virtual time."""
+    t_s: float
+    """Run time of the last sample; samples reach the disk some seconds late."""
+
+
+@dataclass(frozen=True)
+class Playing:
+    """How far a run is; None, and counts of 0: its files do not tell (yet)."""
+
+    run_key: str
+    name: str
+    elapsed_s: float
+    """Since the attempt began, by the clock on the wall."""
+    t_s: float | None = None
+    """Run time of what was written last; before 0 nodes start."""
+    frames_offered: int | None = None
+    """By the plan of playback."""
+    frames_played: int = 0
+    """Tracked or dropped."""
+    frames_tracked: int = 0
+    """With a pose."""
+    track_losses: int = 0
+    state: str | None = None
+    """Of tracking."""
+    node_state: str | None = None
+    """Of a system that changes its own."""
+    rtt_ms: float | None = None
+    """As the mobile node last knew it."""
+    nodes: dict[str, NodeUse] = field(default_factory=dict)
+
+
+class RunFollower:
+    """Reads what has come of one run since the last look."""
+
+    def __init__(self, run: InHand, folder: Path, frames_offered: int | None) -> None:
+        self._run = run
+        self._offered = frames_offered
+        self._events = GrowingFile(folder / "mobile" / "events.jsonl")
+        self._samples = GrowingFile(folder / "samples.jsonl")
+        self._last: deque[Event] = deque(maxlen=200)
+        self._played = self._tracked = self._losses = 0
+        self._t_s: float | None = None
+        self._state: str | None = None
+        self._node_state: str | None = None
+        self._rtt_ms: float | None = None
+
+    def look(self, now_s: float | None = None) -> Playing:
+        """How far it is now."""
+        for event in self._events.new():
+            self._take(event)
+        for sample in self._samples.new():
+            if isinstance(sample.get("t_s"), int | float):
+                self._last.append(sample)
+                if self._rtt_ms is None or sample.get("tcp_rtt_ms") is not None:
+                    self._rtt_ms = _number(sample.get("tcp_rtt_ms"), self._rtt_ms)
+        return Playing(
+            run_key=self._run.run_key,
+            name=self._run.name,
+            elapsed_s=(time.time() if now_s is None else now_s) - self._run.since_s,
+            t_s=self._run_time_s(),
+            frames_offered=self._offered,
+            frames_played=self._played,
+            frames_tracked=self._tracked,
+            track_losses=self._losses,
+            state=self._state,
+            node_state=self._node_state,
+            rtt_ms=self._rtt_ms,
+            nodes=_use(self._last),
+        )
+
+    def _run_time_s(self) -> float | None:
+        times_s = [self._t_s, self._last[-1]["t_s"] if self._last else None]
+        return max((float(t_s) for t_s in times_s if t_s is not None), default=None)
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event.get("t_ns"), int):
+            self._t_s = event["t_ns"] / 1e9
+        match event.get("type"):
+            case "frame_tracked":
+                state = str(event.get("state"))
+                self._played += 1
+                self._tracked += state == "ok"
+                self._losses += self._state == "ok" and state != "ok"
+                self._state = state
+            case "frame_dropped":
+                self._played += 1
+            case "state_changed":
+                self._node_state = str(event.get("to"))
+            case "rtt_sample":
+                self._rtt_ms = _number(event.get("rtt_ms"), self._rtt_ms)
+
+
+def _number(value: object, otherwise: float | None) -> float | None:
+    return float(value) if isinstance(value, int | float) else otherwise
+
+
+def _use(samples: deque[Event]) -> dict[str, NodeUse]:
+    found: dict[str, NodeUse] = {}
+    for node in ("mobile", "edge"):
+        own = [s for s in samples if s.get("node") == node and _is_use(s)]
+        if not own:
+            continue
+        last = own[-1]
+        recent = [float(s["cpu_percent"]) for s in own if s["t_s"] > last["t_s"] - MEAN_S]
+        memory_mb = _number(last.get("memory_mb"), None)
+        found[node] = NodeUse(sum(recent) / len(recent), memory_mb, float(last["t_s"]))
+    return found
+
+
+def _is_use(sample: Mapping[str, object]) -> bool:
+    return isinstance(sample.get("cpu_percent"), int | float)

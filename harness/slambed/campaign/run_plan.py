@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Executes what is missing of a plan, whatever executes it, or tells what would be executed."""
+
+import math
+import os
+import sys
+from collections.abc import Callable
+from functools import partial
+
+from rich.console import Console
+
+from slambed.caller import give_to_caller
+from slambed.campaign.executors import Executor, NoRuns, Played
+from slambed.campaign.campaign_state import being_run
+from slambed.campaign.folder import ResultFolder
+from slambed.campaign.further import further_repetitions
+from slambed.campaign.host_executor import HostExecutor
+from slambed.campaign.ledger import Ledger
+from slambed.campaign.options import Options
+from slambed.campaign.order import interleaved
+from slambed.campaign.plan import Plan, experiment_json, notes
+from slambed.campaign.preview import chosen, preview
+from slambed.campaign.progress import CampaignProgress, duration
+from slambed.campaign.runner import Runner, Verdict
+from slambed.engines.host_lock import host_lock
+from slambed.json_file import object_or_empty
+from slambed.metrics.collect import keep_groundtruth
+from slambed.outputs import make_folder
+from slambed.spec.device import VIRTUAL
+from slambed.spec.library import Library
+from slambed.spec.run_spec import RunSpec
+from slambed.yaml_source import YamlSource
+
+# Containers, link and start signal, before and after the played time.
+OVERHEAD_S = 3.0
+# A virtual run takes about this share of the played time; only a first guess for the ETA.
+VIRTUAL_SHARE = 0.1
+
+
+def run_plan(
+    plan: Plan,
+    source: YamlSource,
+    options: Options,
+    executor_of: Callable[[Played], Executor],
+    console: Console,
+    hosts: int = 1,
+) -> Verdict:
+    """Executes what is missing of a plan, live on so many hosts."""
+    experiment = plan.experiment
+    for line in plan.left_out:
+        say_on(console, f"left out: {line}")
+    for line in notes(experiment, Library()):
+        say_on(console, line)
+    folder = ResultFolder(options.results / experiment.id)
+    about = chosen(plan.specs, options.only)
+    if options.dry_run:
+        for line in being_run(options.results, experiment.id):
+            say_on(console, line)
+        jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else hosts)
+        forced = _forced(plan.specs, options)
+        for line in preview(
+            about, folder.store, _kept(options), expected_run_s(plan), jobs, forced
+        ):
+            say_on(console, line)
+        return Verdict()
+    make_folder(folder.path, "--results")
+    say = partial(say_on, console)
+    played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
+    with host_lock(
+        f"slambed run {experiment.id}",
+        folder.path / ".lock",
+        math.inf if options.wait else 0.0,
+        f"another campaign writes to {folder.path}",
+        where=folder.path,
+        say=say,
+    ):
+        # Before anything is written: an address with a typo must leave no trace.
+        executor = NoRuns() if is_idle(plan, options) else executor_of(played)
+        try:
+            folder.create()
+            return _execute(plan, source, options, folder, executor, console)
+        finally:
+            executor.close()
+            folder.close()
+            give_to_caller(folder.path)
+            for shared in (folder.store.runs, folder.store.attempts):
+                if shared.is_dir():
+                    give_to_caller(shared)
+
+
+def _execute(
+    plan: Plan,
+    source: YamlSource,
+    options: Options,
+    folder: ResultFolder,
+    executor: Executor,
+    console: Console,
+) -> Verdict:
+    experiment, engine = plan.experiment, plan.circumstances.engine
+    ledger = Ledger(folder.path / "ledger.jsonl")
+    ordered = interleaved(plan.specs, experiment.seed)
+    wanted = {spec.run_key for spec in chosen(ordered, options.only)}
+    forced = _forced(ordered, options)
+    todo = _todo(ordered, folder, options)
+    before = object_or_empty(folder.path / "experiment.json")
+    shown = [*ordered, *further_repetitions(folder.store, ordered)]
+    content = experiment_json(plan, source, shown, before)
+    folder.write_json("experiment.json", content)
+    folder.show(run["run_key"] for run in content["runs"])
+    ledger.append(
+        "campaign_started", runs=len(ordered), todo=[s.run_key for s in todo], command=sys.argv
+    )
+    for sequence in plan.sequences.values():
+        if (truth := sequence.path / "groundtruth.txt").is_file():
+            keep_groundtruth(folder.path, sequence.id, truth)
+    run_s = expected_run_s(plan)
+    say_on(
+        console,
+        f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
+        + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
+        + f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
+    )
+    with CampaignProgress(console, len(todo), run_s, executor.jobs) as progress:
+        runner = Runner(
+            folder, ledger, executor, options.retries, forced, options.keep_going, options.plans
+        )
+        if isinstance(executor, HostExecutor):
+            runner.places = executor
+        verdict = runner.run(todo, progress)
+    ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
+    verdict.folder = folder.path
+    return verdict
+
+
+def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[RunSpec]:
+    """Those that are to be executed, in their order."""
+    wanted = {spec.run_key for spec in chosen(specs, options.only)}
+    forced, kept = _forced(specs, options), _kept(options)
+    return [
+        spec
+        for spec in specs
+        if spec.run_key in wanted
+        and (spec.run_key in forced or folder.state(spec.run_key) not in kept)
+    ]
+
+
+def is_idle(plan: Plan, options: Options) -> bool:
+    """Whether all that is asked for is there: only the report is left to do."""
+    return not _todo(plan.specs, ResultFolder(options.results / plan.experiment.id), options)
+
+
+def _forced(specs: list[RunSpec], options: Options) -> frozenset[str]:
+    if not options.force:
+        return frozenset()
+    return frozenset(spec.run_key for spec in chosen(specs, options.force, "--force"))
+
+
+def _kept(options: Options) -> tuple[str, ...]:
+    """States of runs that are not executed again."""
+    return ("trusted",) if options.retries else ("trusted", "untrusted")
+
+
+def _is_virtual(plan: Plan) -> bool:
+    return plan.circumstances.engine == VIRTUAL
+
+
+def expected_run_s(plan: Plan) -> float:
+    """A first guess at how long one run takes."""
+    playback = plan.experiment.playback
+    longest_s = max(sequence.played_s(playback) for sequence in plan.sequences.values())
+    return longest_s * VIRTUAL_SHARE if _is_virtual(plan) else longest_s + OVERHEAD_S
+
+
+def say_on(console: Console, line: str) -> None:
+    """A line as it is."""
+    console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `slambed watch` shows on a terminal."""
+
+from rich.console import Group, RenderableType
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from slambed.campaign.campaign_state import CampaignState
+from slambed.campaign.progress import duration
+from slambed.campaign.run_in_hand import NodeUse, Playing
+from slambed.campaign.watch import Watched
+from slambed.spec.device import VIRTUAL
+
+BAR_WIDTH = 40
+STATE_STYLES = {"ok": "green", "lost": "red", "not_initialised": "dim"}
+AT_THE_END = "its events come at its end"
+"""Of virtual runs: a simulation writes them when it is done."""
+
+
+def view(campaigns: list[Watched]) -> RenderableType:
+    """All campaigns, one below the other."""
+    return Group(*(part for watched in campaigns for part in _campaign(watched)))
+
+
+def _campaign(watched: Watched) -> list[RenderableType]:
+    state = watched.state
+    engine = f", engine {watched.engine}" if watched.engine else ""
+    # Titles are long: on a narrow terminal they are folded like any text.
+    parts: list[RenderableType] = [
+        Text.assemble((state.experiment, "bold"), f"{engine}: {watched.title}"),
+        Text(queue_line(state)),
+    ]
+    if state.asked:
+        bar = Table.grid()  # which ends its line, as a bar alone does not
+        bar.add_row(ProgressBar(state.asked, state.done + state.failed, width=BAR_WIDTH))
+        parts.append(bar)
+    parts += [_run(playing, watched.engine) for playing in watched.playing]
+    return [*parts, Text("")]
+
+
+def queue_line(state: CampaignState) -> str:
+    """How far the queue is, in a line."""
+    parts = [f"{state.done} of {state.asked} runs done"]
+    if state.untrusted:
+        parts.append(f"{state.untrusted} of them not to be trusted")
+    if state.failed:
+        parts.append(f"{state.failed} failed")
+    if state.in_hand:
+        parts.append(f"{len(state.in_hand)} in hand")
+    parts.append(f"{state.waiting} left")
+    if state.there_before:
+        parts.append(f"{state.there_before} were there before")
+    if state.alive:
+        left = state.left_s
+        parts.append(
+            "time left unknown before the first has ended"
+            if left is None
+            else f"about {duration(left)} left"
+        )
+    return ", ".join(parts)
+
+
+def end_line(state: CampaignState) -> str:
+    """What became of a campaign that does not run any more."""
+    how = "interrupted" if state.interrupted else "ended" if state.ended else "broken off (killed)"
+    return f"{state.experiment}: {how}; {queue_line(state)}"
+
+
+def _run(playing: Playing, engine: str | None) -> RenderableType:
+    grid = Table.grid(padding=(0, 1))
+    grid.add_column(no_wrap=True)
+    grid.add_column(overflow="fold")
+    grid.add_row("run", Text.assemble((playing.name, "bold"), f" ({playing.run_key})"))
+    grid.add_row("time", f"{duration(playing.elapsed_s)} so far" + _run_time(playing))
+    if playing.frames_played:
+        grid.add_row("frames", frames_line(playing))
+    elif engine == VIRTUAL:
+        grid.add_row("", Text(AT_THE_END, style="dim"))
+    if playing.state is not None:
+        style = STATE_STYLES.get(playing.state, "")
+        own = f", state {playing.node_state}" if playing.node_state else ""
+        grid.add_row("tracking", Text.assemble((playing.state.replace("_", " "), style), own))
+    if playing.rtt_ms is not None:
+        grid.add_row("RTT", f"{playing.rtt_ms:.1f} ms")
+    for node, use in playing.nodes.items():
+        grid.add_row(node, use_line(use, playing.t_s))
+    return grid
+
+
+def _run_time(playing: Playing) -> str:
+    if playing.t_s is None or playing.t_s < 0:
+        return ""
+    return f", run time {playing.t_s:.1f} s"
+
+
+def frames_line(playing: Playing) -> str:
+    """Frames played, tracked, lost."""
+    of = f" of {playing.frames_offered}" if playing.frames_offered else ""
+    losses = f", {playing.track_losses} track losses" if playing.track_losses else ""
+    return f"{playing.frames_played}{of} played, {playing.frames_tracked} tracked{losses}"
+
+
+def use_line(use: NodeUse, now_s: float | None) -> str:
+    """CPU and memory of a node, and how old that is."""
+    memory = "" if use.memory_mb is None else f", {use.memory_mb:.0f} MB"
+    age_s = 0.0 if now_s is None else now_s - use.t_s
+    old = f" ({age_s:.0f} s ago)" if age_s >= 1.0 else ""
+    return f"CPU {use.cpu_percent:.0f} % of a core{memory}{old}"

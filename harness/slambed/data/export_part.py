@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The part of a sequence that is exported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.data.model import Frame
+from slambed.data.prepared import PreparedSequence
+from slambed.data.trajectory import Trajectory
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What of a sequence is written."""
+
+    sequence: PreparedSequence
+    indices: NDArray[np.intp]
+    """Of its frames, in their order."""
+    with_truth: bool
+    progress: Progress | None
+
+    def frames(self) -> Iterator[Frame]:
+        """One after the other; who waits hears of each."""
+        for done, index in enumerate(self.indices, start=1):
+            yield self.sequence[int(index)]
+            if self.progress is not None:
+                self.progress(done, len(self.indices))
+
+    @property
+    def fps(self) -> float:
+        """Of what is left of the recorded frames."""
+        steps = np.diff(self.indices)
+        return self.sequence.info.fps / (float(np.median(steps)) if len(steps) else 1.0)
+
+    def truth(self) -> Trajectory | None:
+        """The true path, where there is one that shall be told."""
+        return self.sequence.groundtruth() if self.with_truth else None

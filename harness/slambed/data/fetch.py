@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One file over the network: from the first of several addresses that has it, and further from
+where a broken transfer ended.
+
+What came is kept as `.download-*.part` until all is there. Bytes whose checksum is known go on from
+any address; others only from the same one, where its server says that they have not changed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import http.client
+import os
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from slambed.data.preparation import Progress
+from slambed.errors import SlambedError, environment_error
+
+CHUNK_BYTES = 1 << 18
+TIMEOUT_S = 60.0
+ATTEMPTS = 4
+"""At each address, as long as every one of them brings something or is the first."""
+PAUSE_S = 1.0
+PART, ORIGIN = ".part", ".from"
+
+
+class WrongChecksumError(SlambedError):
+    """All bytes came, and they are not those that were meant."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A file by its addresses, and what is known of it."""
+
+    addresses: tuple[str, ...]
+    sha256: str | None
+    size_bytes: int | None
+
+    def part(self, folder: Path) -> Path:
+        """Where it is collected: what another recipe asked for is another file."""
+        meant = self.sha256 or self.addresses[0]
+        return folder / f".download-{hashlib.sha256(meant.encode()).hexdigest()[:16]}{PART}"
+
+
+class _EndedEarlyError(Exception):
+    """The transfer ended before the file did; `came` bytes were new."""
+
+    def __init__(self, why: str, came: int) -> None:
+        super().__init__(why)
+        self.came = came
+
+
+def fetch(wanted: Wanted, folder: Path, progress: Progress | None = None) -> tuple[Path, str]:
+    """The file, below `folder`, and its SHA-256; whoever asked moves it away or removes it.
+
+    Raises SlambedError: a wrong checksum from every address keeps nothing; where the network fails,
+    what came is kept and the next call goes on.
+    """
+    part = wanted.part(folder)
+    with _alone(part):
+        failures = []
+        for address in wanted.addresses:
+            try:
+                digest = _from_address(address, wanted, part, progress)
+            except SlambedError as refused:
+                failures.append(refused)
+                continue
+            return part, digest
+        kept = part.stat().st_size if part.is_file() else 0
+        told = "; ".join(str(item) for item in failures)
+        if all(isinstance(item, WrongChecksumError) for item in failures):
+            raise SlambedError(f"{told}; nothing was kept")
+        goes_on = f"; {kept} bytes are kept, the same command goes on" if kept else ""
+        raise environment_error(f"{told}; check the network{goes_on}")
+
+
+def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> str:
+    """Twice, where what was there before may be what is wrong."""
+    resumed = _usable(part, address, wanted) > 0
+    _transfer(address, wanted, part, progress)
+    digest = _digest(part)
+    if wanted.sha256 in (None, digest):
+        return digest
+    forget(part)
+    if resumed:
+        _transfer(address, wanted, part, progress)
+        digest = _digest(part)
+        if wanted.sha256 == digest:
+            return digest
+        forget(part)
+    raise WrongChecksumError(f"{address}: sha256 is {digest}, not {wanted.sha256}")
+
+
+def _transfer(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> None:
+    """Until all is there; a server that brings nothing new any more is given up."""
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            _once(address, wanted, part, progress)
+            return
+        except _EndedEarlyError as early:
+            if attempt == ATTEMPTS or (attempt > 1 and not early.came):
+                raise SlambedError(f"{address}: {early}") from early
+            time.sleep(PAUSE_S)
+        except (urllib.error.URLError, ValueError, http.client.HTTPException) as refused:
+            # Somebody who says no is not asked again; who says nothing may have been cut off.
+            final = isinstance(refused, urllib.error.HTTPError | ValueError)
+            if final or attempt == ATTEMPTS or _is_no_place(refused):
+                raise SlambedError(f"{address}: {refused}") from refused
+            time.sleep(PAUSE_S)
+
+
+def _is_no_place(refused: Exception) -> bool:
+    """An address that leads nowhere: no such host or file, nobody there."""
+    reason = getattr(refused, "reason", None)
+    return not isinstance(reason, TimeoutError | ConnectionResetError)
+
+
+def _once(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> None:
+    begin = _usable(part, address, wanted)
+    if begin and begin == wanted.size_bytes:
+        return
+    request = urllib.request.Request(address)
+    if begin:
+        request.add_header("Range", f"bytes={begin}-")
+        if wanted.sha256 is None:
+            request.add_header("If-Range", _validator(part))
+    try:
+        answer = urllib.request.urlopen(request, timeout=TIMEOUT_S)
+    except urllib.error.HTTPError as refused:
+        if refused.code != http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE or not begin:
+            raise
+        forget(part)  # there is no more of it than we have, or less
+        raise _EndedEarlyError("the part that was there is not of this file", 1) from refused
+    with answer:
+        if begin and not _goes_on(answer, begin):
+            begin = 0
+        if not begin:
+            forget(part)
+            _remember(part, address, answer)
+        length = answer.headers.get("Content-Length")
+        total = begin + int(length) if length else wanted.size_bytes
+        with part.open("ab") as file:
+            came = _copy(answer, file, begin, total or wanted.size_bytes or 0, progress)
+    whole = wanted.size_bytes or total
+    if whole and begin + came < whole:
+        raise _EndedEarlyError(f"it ended after {begin + came} of {whole} bytes", came)
+    if whole and begin + came > whole:
+        forget(part)
+        raise SlambedError(f"{address}: {begin + came} bytes came, not {whole}")
+
+
+def _copy(answer: Any, file: IO[bytes], begin: int, total: int, progress: Progress | None) -> int:
+    came = 0
+    while True:
+        try:
+            chunk = answer.read(CHUNK_BYTES)
+        except (OSError, http.client.HTTPException) as cut:
+            file.flush()
+            raise _EndedEarlyError(f"the connection was cut ({cut})", came) from cut
+        if not chunk:
+            return came
+        file.write(chunk)
+        came += len(chunk)
+        if progress:
+            progress(begin + came, max(total, begin + came))
+
+
+def _goes_on(answer: Any, begin: int) -> bool:
+    """True for the rest of the file; a server without ranges sends all of it again."""
+    if getattr(answer, "status", None) != http.HTTPStatus.PARTIAL_CONTENT:
+        return False
+    return str(answer.headers.get("Content-Range", "")).startswith(f"bytes {begin}-")
+
+
+def _usable(part: Path, address: str, wanted: Wanted) -> int:
+    """Bytes that are there and may be gone on from."""
+    if not part.is_file():
+        return 0
+    if wanted.sha256 is None:
+        from_address = _origin(part)[0] == address
+        return part.stat().st_size if from_address and _validator(part) else 0
+    return part.stat().st_size
+
+
+def _origin(part: Path) -> tuple[str, str]:
+    """The address that the first byte came from, and its server's name for that state."""
+    try:
+        address, validator = part.with_suffix(ORIGIN).read_text().splitlines()[:2]
+    except (OSError, ValueError):
+        return "", ""
+    return address, validator
+
+
+def _validator(part: Path) -> str:
+    return _origin(part)[1]
+
+
+def _remember(part: Path, address: str, answer: Any) -> None:
+    tag = answer.headers.get("ETag", "")
+    # A weak tag says that the meaning is the same, not the bytes (RFC 9110, 8.8.1).
+    validator = tag if tag and not tag.startswith("W/") else answer.headers.get("Last-Modified", "")
+    part.with_suffix(ORIGIN).write_text(f"{address}\n{validator}\n")
+
+
+def forget(part: Path) -> None:
+    """Removes what came, and what is known about it."""
+    for path in (part, part.with_suffix(ORIGIN)):
+        path.unlink(missing_ok=True)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def _alone(part: Path) -> Iterator[None]:
+    """Two calls would write one file."""
+    lock = part.with_suffix(".lock")
+    with lock.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Who had it before may have removed the file that we opened.
+            ours = lock.stat().st_ino == os.fstat(file.fileno()).st_ino
+        except (BlockingIOError, FileNotFoundError):
+            ours = False
+        if not ours:
+            raise environment_error(f"{part}: another slambed downloads this file now; repeat")
+        try:
+            yield
+        finally:
+            lock.unlink()

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What both engines of this host have in common: both nodes are here, and so is their clock."""
+
+import json
+import os
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from slambed.atomic import replacing
+from slambed.engines.attendant import AttendantClient
+from slambed.engines.base import Attendance, Node, allot_cpus
+from slambed.engines.result import NETWORK_EDGE_ADDRESS, START_AHEAD_S
+from slambed.records.board import BoardFacts
+from slambed.spec.device import Limits
+from slambed.spec.system import Role
+
+
+def write_start(run_dir: Path, t0_ns: int) -> None:
+    """`start.json`, which the nodes of this host wait for."""
+    with replacing(run_dir / "start.json") as start:
+        start.write_text(json.dumps({"t0_ns": t0_ns}))
+        start.chmod(0o644)
+
+
+class HereEngine(ABC):
+    """An engine whose nodes are all on this host."""
+
+    unprivileged = False
+    edge_address = NETWORK_EDGE_ADDRESS
+    start_ahead_s = START_AHEAD_S
+
+    @abstractmethod
+    def beside(self, module: str, writable: list[Path]) -> list[str]:
+        """As in `Engine`."""
+
+    def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
+        """Of this host's."""
+        host = sorted(os.sched_getaffinity(0))
+        return allot_cpus(limits["mobile"], limits.get("edge"), host)
+
+    def attend(
+        self,
+        nodes: dict[Role, Node],
+        limits: dict[Role, Limits],
+        cpus: dict[Role, list[int]],
+        run_dir: Path,
+        whole_groups: bool,
+    ) -> Attendance:
+        """A process beside them."""
+        return AttendantClient(self, nodes, limits, cpus, run_dir, whole_groups)
+
+    def tell_start(self, run_dir: Path, t0_ns: int) -> None:
+        """For all of them at once."""
+        write_start(run_dir, t0_ns)
+
+    def board_facts(self) -> BoardFacts | None:
+        """There is none."""
+        return None

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The frames that took longest, and where their time went: computing, throttled, stalled, queued.
+
+Stages tell wall and CPU time of the thread that tracks. What is above CPU time was taken from it:
+by its limits (throttled), by whatever else ran on the host (stalled), or it waited for something
+else. Which of these is read off the node's counters in the samples, which are of all its threads
+and 100 ms apart, so a part is never more than they grew round the frame.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.errors import SlambedError
+from slambed.explain.run_log import RunLog
+
+Floats = NDArray[np.float64]
+
+TRACKING = ("extract", "track")
+"""Stages that the tracking thread alone does."""
+TINY_MS = 1.0
+"""Shorter parts are not told."""
+MOST_STAGES = 4
+WORDS = {
+    "computing": "more to compute",
+    "queued": "queued behind earlier frames",
+    "throttled": "throttled by its limits",
+    "stalled": "stalled by others on the host",
+    "shared": "sharing the device's cores",
+    "waiting": "waiting, not for a processor",
+}
+
+
+@dataclass(frozen=True)
+class SlowFrame:
+    """One frame from being offered to the end of its tracking, in milliseconds."""
+
+    frame: int
+    offered_s: float
+    """Run time."""
+    queued_ms: float
+    """Offered until tracking took it up."""
+    wall_ms: float
+    """Of its tracking."""
+    cpu_ms: float | None
+    """None where no stage of it was timed."""
+    throttled_ms: float = 0.0
+    stalled_ms: float = 0.0
+    """Able to run, within its limits, and not running."""
+    waiting_ms: float = 0.0
+    """Above CPU time, and neither of these; what no stage timed is in it."""
+    stages: dict[str, float] = field(default_factory=dict)
+    """Wall time by stage."""
+    beside: dict[str, float] = field(default_factory=dict)
+    """What other workers of the node computed meanwhile, by stage."""
+    cause: str = "computing"
+    """What made it longer than the usual frame; a key of WORDS."""
+
+    @property
+    def total_ms(self) -> float:
+        """Offered until done."""
+        return self.queued_ms + self.wall_ms
+
+
+def slowest(run: RunLog, count: int) -> list[SlowFrame]:
+    """The longest first. Raises SlambedError where the system does not tell how long they took."""
+    frames = run.of("frame_tracked", node="mobile")
+    if frames.empty or "track_ms" not in frames or frames["track_ms"].isna().all():
+        raise SlambedError("this system does not tell how long its frames took")
+    frames = frames.dropna(subset=["track_ms"])
+    queued = frames["wait_ms"].fillna(0.0) if "wait_ms" in frames else frames["track_ms"] * 0.0
+    frames = frames.assign(queued_ms=queued, total_ms=queued + frames["track_ms"])
+    stages = run.of("stage", node="mobile")
+    usual_cpu_ms = _usual_cpu_ms(frames, stages)
+    longest = frames.sort_values("total_ms", ascending=False, kind="stable").head(count)
+    return [
+        _explained(run, {str(k): v for k, v in row.items()}, stages, usual_cpu_ms)
+        for row in longest.to_dict("records")
+    ]
+
+
+def _usual_cpu_ms(frames: pd.DataFrame, stages: pd.DataFrame) -> float:
+    """CPU time of the median frame: of the stages that each frame has."""
+    own = stages[stages["name"].isin(TRACKING)]
+    if own.empty or not len(frames):
+        return 0.0
+    ends = np.sort(frames["t_s"].to_numpy(np.float64))
+    which = np.searchsorted(ends, own["t_s"].to_numpy(np.float64) - 1e-9)
+    return float(own["cpu_ms"].fillna(0.0).groupby(which).sum().median())
+
+
+def _explained(
+    run: RunLog, row: dict[str, float], stages: pd.DataFrame, usual_cpu_ms: float
+) -> SlowFrame:
+    end_s, wall_ms = float(row["t_s"]), float(row["track_ms"])
+    begin_s = end_s - wall_ms / 1e3
+    inside = stages[stages["t_s"].between(begin_s, end_s + 1e-6)]
+    workers = set(stages.loc[stages["name"].isin(TRACKING), "worker"])
+    own = inside[inside["worker"].isin(workers)]
+    told = own.dropna(subset=["cpu_ms"])
+    cpu_ms = float(told["cpu_ms"].sum()) if len(told) else None
+    above_ms = 0.0 if cpu_ms is None else max(0.0, float((told["wall_ms"] - told["cpu_ms"]).sum()))
+    untimed_ms = max(0.0, wall_ms - float(own["wall_ms"].sum()))
+    throttled_ms, stalled_ms = _taken(run, begin_s, end_s, above_ms + untimed_ms)
+    if run.standing.virtual:
+        throttled_ms, stalled_ms = 0.0, above_ms  # a model has no limits; workers share its cores
+    queued_ms = float(row["queued_ms"])
+    waiting_ms = max(0.0, above_ms + untimed_ms - throttled_ms - stalled_ms)
+    parts = {
+        "computing": max(0.0, (cpu_ms or 0.0) - usual_cpu_ms),
+        "queued": queued_ms,
+        "throttled": throttled_ms,
+        "shared" if run.standing.virtual else "stalled": stalled_ms,
+        "waiting": waiting_ms,
+    }
+    return SlowFrame(
+        frame=int(row.get("frame") or 0),
+        offered_s=begin_s - queued_ms / 1e3,
+        queued_ms=queued_ms,
+        wall_ms=wall_ms,
+        cpu_ms=cpu_ms,
+        throttled_ms=throttled_ms,
+        stalled_ms=stalled_ms,
+        waiting_ms=waiting_ms,
+        stages=_sums(own),
+        beside=_sums(_overlapping(stages, begin_s, end_s, workers)),
+        cause=max(parts, key=lambda name: parts[name]),
+    )
+
+
+def _sums(stages: pd.DataFrame) -> dict[str, float]:
+    found = stages.groupby("name")["wall_ms"].sum().sort_values(ascending=False)
+    return {str(name): float(ms) for name, ms in found.head(MOST_STAGES).items() if ms >= TINY_MS}
+
+
+def _overlapping(
+    stages: pd.DataFrame, begin_s: float, end_s: float, workers: set[str]
+) -> pd.DataFrame:
+    """What others computed in this time, with only that part of it."""
+    others = stages[~stages["worker"].isin(workers)]
+    began_s = others["t_s"] - others["wall_ms"] / 1e3
+    common_s = np.minimum(others["t_s"], end_s) - np.maximum(began_s, begin_s)
+    return pd.DataFrame(others.assign(wall_ms=1e3 * common_s)[common_s > 0])
+
+
+def _taken(run: RunLog, begin_s: float, end_s: float, missing_ms: float) -> tuple[float, float]:
+    """How much of the missing time the node was throttled and stalled for, as far as its counters
+    grew from the sample before the frame to the one after it."""
+    if not len(run.samples) or missing_ms <= 0:
+        return 0.0, 0.0
+    own = run.samples[run.samples["node"] == "mobile"].sort_values("t_s")
+    t_s = own["t_s"].to_numpy(np.float64)
+    if len(t_s) < 2:
+        return 0.0, 0.0
+    first = max(0, int(np.searchsorted(t_s, begin_s, side="right")) - 1)
+    last = min(len(t_s) - 1, int(np.searchsorted(t_s, end_s)))
+
+    def grown_ms(name: str) -> float:
+        if name not in own:
+            return 0.0
+        values = own[name].astype(float).to_numpy(np.float64)
+        grown = 1e3 * (values[last] - values[first])
+        return float(max(0.0, grown)) if np.isfinite(grown) else 0.0
+
+    throttled = grown_ms("throttled_s")
+    # On most kernels a throttled thread counts as one that is able to run.
+    stalled = max(0.0, grown_ms("run_delay_s") - throttled)
+    if throttled + stalled <= 0:
+        return 0.0, 0.0
+    share = missing_ms / (throttled + stalled)
+    return throttled * min(1.0, share), stalled * min(1.0, share)
+
+
+def tell(run: RunLog, frames: list[SlowFrame]) -> list[str]:
+    """A line per frame, and one about all of them."""
+    tracked = run.of("frame_tracked", node="mobile")
+    usual = float(tracked["track_ms"].median())
+    causes = pd.Series([frame.cause for frame in frames]).value_counts()
+    most = ", ".join(f"{count} {WORDS[str(cause)]}" for cause, count in causes.items())
+    lines = [f"the slowest {len(frames)} of {len(tracked)} frames (median {usual:.1f} ms): {most}"]
+    return lines + [line_of(frame, run.standing.virtual) for frame in frames]
+
+
+def line_of(frame: SlowFrame, virtual: bool = False) -> str:
+    """One frame in a line."""
+    cpu = "CPU time not told" if frame.cpu_ms is None else f"{frame.cpu_ms:.1f} ms of it CPU"
+    parts = [
+        f"frame {frame.frame} at {frame.offered_s:.2f} s: {frame.total_ms:.1f} ms",
+        f"tracking {frame.wall_ms:.1f} ms, {cpu}" + _in_words(" (", frame.stages, ")"),
+    ]
+    taken = "shared cores" if virtual else "stalled"
+    for ms, what in (
+        (frame.queued_ms, "queued"), (frame.throttled_ms, "throttled"),
+        (frame.stalled_ms, taken), (frame.waiting_ms, "waiting"),
+    ):  # fmt: skip
+        if ms >= TINY_MS:
+            parts.append(f"{what} {ms:.1f} ms")
+    if frame.beside:
+        parts.append("beside it" + _in_words(" ", frame.beside))
+    return "; ".join(parts) + f" -> {WORDS[frame.cause]}"
+
+
+def _in_words(before: str, stages: dict[str, float], behind: str = "") -> str:
+    if not stages:
+        return ""
+    return before + ", ".join(f"{name} {ms:.1f}" for name, ms in stages.items()) + behind

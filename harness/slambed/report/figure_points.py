@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a figure shows, in numbers and by place, for the script that tells values under a pointer.
+
+The picture stays what it is, on paper and without a script; this lies over it.
+"""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.colors import to_hex, to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+MOST_POINTS = 1000
+"""Of a curve: more cannot be pointed at."""
+DIGITS = 5
+Floats = NDArray[np.float64]
+
+
+def points_of(made: Figure) -> dict[str, Any]:
+    """Per axes its box in the picture (shares of width and height, from the upper left), its scales
+    and what can be pointed at. The figure is laid out."""
+    return {"axes": [_axes(axis) for axis in made.axes]}
+
+
+def _axes(axis: Axes) -> dict[str, Any]:
+    box = axis.get_position()
+    return {
+        "box": [_short(v) for v in (box.x0, 1 - box.y1, box.x1, 1 - box.y0)],
+        "x": _scale(axis, "x"),
+        "y": _scale(axis, "y"),
+        "curves": [curve for curve in _curves(axis) if curve["x"]],
+        "bars": _bars(axis),
+    }
+
+
+def _scale(axis: Axes, which: str) -> dict[str, Any]:
+    own = axis.xaxis if which == "x" else axis.yaxis
+    limits = axis.get_xlim() if which == "x" else axis.get_ylim()
+    texts = [
+        (t.get_position()[0 if which == "x" else 1], t.get_text()) for t in own.get_ticklabels()
+    ]
+    # Names of cells and stages stand at whole numbers; what reads as a number is none.
+    named = [
+        [float(at), " ".join(text.split())] for at, text in texts if text and not _is_number(text)
+    ]
+    return {
+        "label": own.get_label_text(),
+        "scale": "log" if own.get_scale() == "log" else "linear",
+        "limits": [_short(float(limits[0])), _short(float(limits[1]))],
+        "names": named,
+    }
+
+
+def _is_number(text: str) -> bool:
+    if "$" in text:  # a power of ten, as mathematics is set
+        return True
+    try:
+        float(text.replace("\N{MINUS SIGN}", "-"))
+    except ValueError:
+        return False
+    return True
+
+
+def _hex(colour: Any) -> str:
+    """Of whatever Matplotlib takes for a colour."""
+    return to_hex(to_rgba(colour))
+
+
+def _curves(axis: Axes) -> list[dict[str, Any]]:
+    found = []
+    for line in axis.lines:
+        if line.get_transform() != axis.transData:  # a mark at the edge, no data
+            continue
+        points = np.asarray(line.get_xydata(), dtype=np.float64)
+        found.append(_curve(axis, points, str(line.get_label()), _hex(line.get_color())))
+    for group in axis.collections:
+        if isinstance(group, PathCollection) and group.get_offset_transform() == axis.transData:
+            colours = group.get_facecolor()
+            colour = _hex(colours[0]) if len(colours) else "#000000"
+            points = np.ma.getdata(group.get_offsets()).astype(np.float64)
+            found.append(_curve(axis, points, str(group.get_label()), colour))
+    return found
+
+
+def _curve(axis: Axes, points: Floats, label: str, colour: str) -> dict[str, Any]:
+    points = points[np.isfinite(points).all(axis=1)]
+    (x0, x1), (y0, y1) = sorted(axis.get_xlim()), sorted(axis.get_ylim())
+    inside = (
+        (points[:, 0] >= x0) & (points[:, 0] <= x1) & (points[:, 1] >= y0) & (points[:, 1] <= y1)
+    )
+    points = points[inside]
+    if len(points) > MOST_POINTS:
+        points = points[np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.intp)]
+    # matplotlib gives what nobody named names that begin so.
+    name = "" if label.startswith("_") else label
+    x, y = ([_short(float(v)) for v in column] for column in points.T)
+    return {"name": name, "colour": colour, "x": x, "y": y}
+
+
+def _bars(axis: Axes) -> list[dict[str, Any]]:
+    """Bars lie: their length is their value. Parts of a bar have the name of their part."""
+    found = []
+    for container in axis.containers:
+        name = str(container.get_label())
+        for bar in container:
+            if not isinstance(bar, Rectangle):
+                continue
+            x0, width = bar.get_x(), bar.get_width()
+            y0, height = bar.get_y(), bar.get_height()
+            found.append(
+                {
+                    "name": "" if name.startswith("_") else name,
+                    "x": [_short(x0), _short(x0 + width)],
+                    "y": [_short(y0), _short(y0 + height)],
+                    "value": _short(width),
+                }
+            )
+    return found
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

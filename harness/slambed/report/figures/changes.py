@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each system changes against the first one, with intervals: an ablation in one picture."""
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from slambed.report.differences import Difference
+from slambed.report.style import FigureWriter, colour, figure, file_name, legend_beneath, marker
+
+ROW_IN = 0.34
+"""Height of a system, and of every link beyond the first half of it."""
+BESIDE = 0.7
+"""Of a row: what the links of a system share."""
+
+
+def draw_changes(found: list[Difference], dataset: str, writer: FigureWriter) -> None:
+    """One row per system, one mark per link: the change of a metric against the baseline, left of
+    zero where there is less of it. All of one metric and dataset."""
+    first = found[0]
+    name = file_name("changes", dataset, first.metric.key)
+    title = f"{first.metric.title}: change against {first.baseline}, {dataset}"
+    systems = list(dict.fromkeys(d.other for d in found))
+    links = list(dict.fromkeys(d.under for d in found))
+    height = 1.2 + ROW_IN * len(systems) * max(1.0, len(links) / 2)
+    with figure(height_in=height) as (made, axes):
+        for index, link in enumerate(links):
+            _marks(axes[0], [d for d in found if d.under == link], systems, index, len(links))
+        axes[0].axvline(0, color="#444444", linewidth=0.8, zorder=0)
+        axes[0].set_yticks(range(len(systems)), systems)
+        axes[0].set_ylim(len(systems) - 0.5, -0.5)
+        unit = "points" if first.metric.kind == "share" else first.metric.shown_unit
+        axes[0].set_xlabel(f"change of {first.metric.name}" + (f" [{unit}]" if unit else ""))
+        axes[0].set_title(title)
+        if len(links) > 1:
+            legend_beneath(made, axes[0])
+        writer.save(made, name, title, _caption(found), _rows(found))
+
+
+def _marks(axis: Axes, own: list[Difference], systems: list[str], index: int, links: int) -> None:
+    across = (index - (links - 1) / 2) * BESIDE / links
+    changes = [d.found.change.scaled(d.metric.scale) for d in own]
+    axis.errorbar(
+        [c.value for c in changes],
+        [systems.index(d.other) + across for d in own],
+        xerr=[[c.value - c.low for c in changes], [c.high - c.value for c in changes]],
+        color=colour(index), marker=marker(index), linestyle="none", markersize=5,
+        elinewidth=0.9, capsize=2, label=own[0].under,
+    )  # fmt: skip
+
+
+def _caption(found: list[Difference]) -> str:
+    pairs = " of pairs of equal seed" if all(d.found.paired for d in found) else ""
+    fewest = min(d.found.runs for d in found)
+    ranges = (
+        "; ranges where runs are too few for one"
+        if any(d.found.change.is_range for d in found)
+        else ""
+    )
+    return (
+        f"Each system less {found[0].baseline}{pairs}, with 95 % intervals{ranges}; "
+        f"at least {fewest} runs a side."
+    )
+
+
+def _rows(found: list[Difference]) -> pd.DataFrame:
+    rows = []
+    for d in found:
+        change = d.found.change.scaled(d.metric.scale)
+        rows.append(
+            {
+                "baseline": d.baseline, "system": d.other, "link": d.under,
+                "baseline_value": d.found.a * d.metric.scale,
+                "value": d.found.b * d.metric.scale,
+                "change": change.value, "low": change.low, "high": change.high,
+                "runs": d.found.runs, "p_holm": d.p_value,
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)

@@ -1,0 +1,434 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The experiment's own metrics over what was swept: a line per system and per value of what else
+was varied, all else being equal."""
+
+import re
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from slambed.errors import SlambedError
+from slambed.metrics.catalog import keys_for
+from slambed.metrics.metric import Metric, Use
+from slambed.metrics.statistics import Floats, finite
+from slambed.report.cells import estimate, metrics_asked, text
+from slambed.report.figures.sweep import LEFT, RIGHT, sweeps
+from slambed.report.load import Results
+from slambed.report.style import (
+    SQUEEZED_SHARE,
+    FigureWriter,
+    colour,
+    dash,
+    figure,
+    file_name,
+    legend_beneath,
+    marker,
+)
+from slambed.spec.library import Library
+
+PARAMS, RTT = "params.", "link.rtt_ms"
+LEAST_VALUES = 3
+"""Two points are a comparison, not a curve."""
+MOST_LINES = 5
+"""In one pair of axes; more become small multiples."""
+MOST_METRICS, MOST_PANELS = 6, 12
+METRICS_APART = 4
+"""Of small multiples, which have a figure per metric."""
+COLUMNS = 2
+PANEL_IN, AROUND_IN = 1.75, 0.7
+MOST_TICKS = 16
+LETTER = 0.021
+"""Of the width of one of one column: a digit of a tick's name."""
+LOG_FROM = 20.0
+"""Ratio of the largest to the smallest value from which the axis is logarithmic."""
+MANY_RUNS = 20
+"""At a value: their points are lighter still."""
+BESIDE = 0.012
+"""Of the axis' width: so far beside each other stand the runs of two lines."""
+WRAPPED_AT = 28
+QUARTILES = (0.25, 0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What was swept: a parameter, or the round-trip time that the link adds."""
+
+    key: str
+    name: str
+    heading: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """Runs that differ in nothing but the swept value (and their seeds)."""
+
+    system: str
+    """Its label without the values of what was varied."""
+    point: str
+    """What else was varied, and is the same in all of them: `n_orb 500, rtt_40`."""
+    dataset: str
+    runs: pd.DataFrame
+    values: pd.Series
+    """Of each run."""
+
+
+@dataclass(frozen=True)
+class Swept:
+    """Everything that is shown over one axis on one dataset."""
+
+    axis: Axis
+    dataset: str
+    lines: list[Line]
+
+    @property
+    def runs(self) -> pd.DataFrame:
+        """Those of all lines."""
+        return pd.concat([line.runs for line in self.lines])
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes: a metric of some lines, each with its place among all of a figure."""
+
+    title: str
+    item: Metric
+    lines: list[tuple[int, Line]]
+
+
+def swept(results: Results) -> Iterator[Swept]:
+    """Per axis of at least three numbers and per dataset, what is equal but for it. Not where a
+    strategy's parameter has the figure of its own (figures/sweep.py)."""
+    runs = results.trusted
+    parameters = [
+        str(name)
+        for name in runs
+        if str(name).startswith(PARAMS) and runs[name].nunique(dropna=False) > 1
+    ]
+    own_form = {(system, variant, dataset, column) for system, variant, dataset, column, _
+                in sweeps(results)} if _has_both(runs) else set()  # fmt: skip
+    for key in [*parameters, RTT]:
+        values = _rtt_ms(runs["profile"]) if key == RTT else _numbers(runs[key])
+        if values.nunique() < LEAST_VALUES:
+            continue
+        lines = [
+            line
+            for line in _lines(runs[values.notna()], values, key, parameters)
+            if (*line.runs.iloc[0][["system", "variant", "dataset"]].map(str), key) not in own_form
+        ]
+        axis = _axis(key, lines)
+        for dataset in dict.fromkeys(line.dataset for line in lines):
+            yield Swept(axis, dataset, [x for x in lines if x.dataset == dataset])
+
+
+def _has_both(runs: pd.DataFrame) -> bool:
+    return all(key in runs and runs[key].notna().any() for key in (LEFT, RIGHT))
+
+
+def _numbers(column: pd.Series) -> pd.Series:
+    """NaN where there is no number; true and false are none."""
+    flags = column.map(lambda value: isinstance(value, bool))
+    return pd.to_numeric(column.mask(flags), errors="coerce").astype(float)
+
+
+def _rtt_ms(profiles: pd.Series) -> pd.Series:
+    """Of links that do nothing but add a constant: `rtt_40`, as a grid and the files call them;
+    where there are such, `none` adds nothing."""
+    found = profiles.map(text).str.extract(r"^rtt_(\d+(?:\.\d+)?)$")[0].astype(float)
+    return found.mask(profiles.eq("none"), 0.0) if found.notna().any() else found
+
+
+def _lines(
+    runs: pd.DataFrame, values: pd.Series, key: str, parameters: list[str]
+) -> Iterator[Line]:
+    """Groups of runs in which this alone has several values."""
+    leaf = key.rpartition(".")[2]
+    own = values.loc[runs.index]
+    names = [
+        text(label) if key == RTT else _without(text(label), leaf, value)
+        for label, value in zip(runs["label"], own, strict=True)
+    ]
+    fixed = ["system", "variant", "device_mobile", "device_edge", "dataset", "engine", "pace"]
+    fixed += [] if key == RTT else ["profile"]
+    # Links without an edge are those of the other runs; what a system has no word for is equal.
+    by = [runs[name].map(text) for name in (*fixed, *(p for p in parameters if p != key))]
+    by.append(pd.Series(names, index=runs.index))
+    others = [p for p in parameters if p != key and _is_varied(runs, p)]
+    links = key != RTT and runs["profile"].nunique(dropna=False) > 1
+    for group, rows in runs.groupby(by, sort=False):
+        line = own.loc[rows.index]
+        cells = pd.DataFrame({"value": line, "cell": rows["cell"]})
+        if line.nunique() < LEAST_VALUES or cells.groupby("value")["cell"].nunique().max() > 1:
+            continue
+        first = rows.iloc[0]
+        name, point = str(group[-1]), []
+        for other in others:
+            found = first[other]
+            leaf = other.removeprefix(PARAMS)
+            if found == found and (shorter := _without(name, leaf, found)):
+                name = shorter
+                point.append(f"{leaf} {_word(found)}")
+        point += [text(first["profile"]) or "no link"] if links else []
+        yield Line(name, ", ".join(point), text(first["dataset"]), rows, line)
+
+
+def _is_varied(runs: pd.DataFrame, parameter: str) -> bool:
+    """Whether one system has several values of it."""
+    return bool(runs.groupby(["system", "variant"])[parameter].nunique().gt(1).any())
+
+
+def _word(value: object) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return f"{value:g}" if number else str(value)
+
+
+def _without(label: str, leaf: str, value: object) -> str:
+    """A label without the point of the axis, `static n_orb 500` and `static 500` as `static`; what
+    says nothing of the value is another thing that was varied with it, and no name."""
+    words = "|".join(re.escape(word) for word in dict.fromkeys((_word(value), str(value))))
+    found = re.sub(
+        rf"[,\s]*(?:\b{re.escape(leaf)}\s+)?(?<![\w.])(?:{words})(?![\w.])(?:\s(?:[smM%]|ms|Hz)(?!\w))?",
+        "", label, count=1,
+    )  # fmt: skip
+    return found.strip(" ,:") if found != label else ""
+
+
+def _axis(key: str, lines: list[Line]) -> Axis:
+    if key == RTT:
+        return Axis(key, "RTT", "RTT added by the link [ms]")
+    name = key.removeprefix(PARAMS)
+    units: set[str] = set()
+    for system in {str(line.runs["system"].iloc[0]) for line in lines}:
+        try:
+            units.add(Library().system(system).params[name].unit)
+        except (SlambedError, KeyError):
+            continue  # of a system that is gone, or a program of somebody else
+    unit = units.pop() if len(units) == 1 else ""
+    return Axis(key, name, f"{name} [{unit}]" if unit else name)
+
+
+def metrics_over(results: Results, found: Swept) -> list[Metric]:
+    """What the experiment asks for, else what is tested; only what was measured."""
+    numbers, runs = results.numbers(), found.runs
+    asked = [key for key in metrics_asked(results) if key in numbers]
+    items = [results.metric(key) for key in asked or keys_for(Use.TESTED)]
+    return [x for x in items if x.key in runs and len(finite(runs[x.key].to_numpy()))]
+
+
+def draw_swept(results: Results, found: Swept, writer: FigureWriter) -> None:
+    """Few lines: all metrics in one figure. Many: a figure per metric, with the links or systems
+    side by side."""
+    metrics = metrics_over(results, found)
+    lines = _named(found.lines)
+    where = f"against {found.axis.name}: {found.dataset}"
+    name = ("swept", found.dataset, found.axis.name)
+    if len(lines) <= MOST_LINES:
+        all_lines = list(enumerate(lines))
+        panels = [Panel(m.title, m, all_lines) for m in metrics[:MOST_METRICS]]
+        left_out = _left_out(len(metrics) - len(panels), "metric")
+        legend = [_legend(line, lines) for line in lines]
+        _draw(found.axis, panels, legend, f"Metrics {where}", file_name(*name), left_out, writer)
+        return
+    for item in metrics[:METRICS_APART]:
+        panels, legend = _multiples(item, lines)
+        more = _left_out(len(panels) - MOST_PANELS, "panel")
+        more += _left_out(len(metrics) - METRICS_APART, "metric")
+        _draw(
+            found.axis, panels[:MOST_PANELS], legend, f"{item.title} {where}",
+            file_name(*name, item.key), more, writer,
+        )  # fmt: skip
+
+
+def _named(lines: list[Line]) -> list[Line]:
+    """Systems whose labels say nothing of the value are called by system and variant."""
+    found = []
+    for line in lines:
+        first = line.runs.iloc[0]
+        usual = f"{text(first['system'])}:{text(first['variant'])}".removesuffix(":default")
+        found.append(line if line.system else replace(line, system=usual))
+    return found
+
+
+def _legend(line: Line, lines: list[Line]) -> str:
+    """What tells a line from the others."""
+    parts = [
+        part
+        for part, all_of_them in (
+            (line.system, {x.system for x in lines}),
+            (line.point, {x.point for x in lines}),
+        )
+        if len(all_of_them) > 1
+    ]
+    return ", ".join(parts) or line.system
+
+
+def _multiples(item: Metric, lines: list[Line]) -> tuple[list[Panel], list[str]]:
+    """A panel per point of what else was varied with a line per system, or the other way round, or
+    some lines each."""
+    systems = list(dict.fromkeys(line.system for line in lines))
+    points = list(dict.fromkeys(line.point for line in lines))
+    if len(points) > 1 and len(systems) <= MOST_LINES:
+        own = {p: [(systems.index(x.system), x) for x in lines if x.point == p] for p in points}
+        return [Panel(point, item, some) for point, some in own.items()], systems
+    if 1 < len(points) <= MOST_LINES:
+        own = {s: [(points.index(x.point), x) for x in lines if x.system == s] for s in systems}
+        return [Panel(system, item, some) for system, some in own.items()], points
+    legend = [_legend(line, lines) for line in lines]
+    numbered = list(enumerate(lines))
+    parts = range(0, len(numbered), MOST_LINES)
+    return [Panel("", item, numbered[i : i + MOST_LINES]) for i in parts], legend
+
+
+def _left_out(count: int, what: str) -> str:
+    return f" {count} more {what}{'' if count == 1 else 's'} left out." if count > 0 else ""
+
+
+def _draw(
+    axis: Axis, panels: list[Panel], legend: list[str], title: str, name: str, more: str,
+    writer: FigureWriter,
+) -> None:  # fmt: skip
+    if not panels:
+        return
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
+    data: list[pd.DataFrame] = []
+    from_zero = True
+    with figure(rows, columns, height_in=AROUND_IN + PANEL_IN * max(rows, 1.4)) as (made, axes):
+        for place, panel in zip(axes, panels, strict=False):
+            data += _panel(place, axis, panel, legend, columns)
+            place.set_title(textwrap.fill(panel.title, WRAPPED_AT if columns > 1 else 70))
+        for place in axes[len(panels) :]:
+            place.remove()
+        shown = axes[: len(panels)]
+        if len({panel.item.key for panel in panels}) == 1:
+            _same_heights(shown)
+        for index, (place, panel) in enumerate(zip(shown, panels, strict=True)):
+            from_zero &= _heights(place, panel.item)
+            if panel.item.shown_unit:  # what it is stands above
+                place.set_ylabel(f"[{panel.item.shown_unit}]")
+            if index + columns >= len(panels):
+                place.set_xlabel(axis.heading)
+        made.suptitle(title, fontsize=10)
+        used = sorted({index for panel in panels for index, _ in panel.lines})
+        handles = [
+            Line2D([], [], color=colour(i), linestyle=dash(i), marker=marker(i), label=legend[i])
+            for i in used
+        ]
+        legend_beneath(made, axes[0], handles)
+        caption = (
+            "Lines: medians of the runs to be trusted, with quartiles as bands and the runs as "
+            "light points; shares with 95 % Wilson intervals."
+            + ("" if from_zero else " Not all axes begin at 0.")
+            + more
+        )
+        writer.save(made, name, title, caption, pd.concat(data, ignore_index=True))
+
+
+def _panel(
+    place: Axes, axis: Axis, panel: Panel, legend: list[str], columns: int
+) -> Iterator[pd.DataFrame]:
+    every = sorted({float(v) for _, line in panel.lines for v in line.values})
+    logarithmic = every[0] > 0 and every[-1] / every[0] >= LOG_FROM
+    if logarithmic:
+        place.set_xscale("log")
+    _ticks(place, every, logarithmic, columns)
+    for index, line in panel.lines:
+        curve = _curve(line, panel.item)
+        if not len(curve):
+            continue
+        x = curve["value"].to_numpy(np.float64)
+        y, low, high = (curve[name].to_numpy(np.float64) for name in ("middle", "low", "high"))
+        look: Any = {"color": colour(index), "linestyle": dash(index), "marker": marker(index)}
+        across = (index % MOST_LINES - (len(panel.lines) - 1) / 2) * BESIDE
+        if panel.item.kind == "share":
+            # Bands of shares would lie over each other: no loss in any run is the same everywhere.
+            x = _beside(x, across, logarithmic)
+            place.errorbar(x, y, yerr=[y - low, high - y], label=legend[index], capsize=2,
+                           elinewidth=0.8, **look)  # fmt: skip
+        else:
+            place.fill_between(x, low, high, color=colour(index), alpha=0.13, linewidth=0)
+            place.plot(x, y, label=legend[index], **look)
+            _points(place, line, panel.item, index, across, logarithmic)
+        told = {"line": legend[index], "panel": panel.title, "metric": panel.item.key}
+        named = curve.rename(columns={"value": axis.name})
+        yield named.assign(**told)
+
+
+def _curve(line: Line, item: Metric) -> pd.DataFrame:
+    """Median and quartiles at every value, in the shown unit; of shares their interval. What is
+    infinite, because half of the runs failed, is a gap."""
+    rows = []
+    for value, runs in line.runs.groupby(line.values):
+        measured = finite(runs[item.key].to_numpy()) * item.scale
+        if not len(measured):
+            continue
+        if item.kind == "share" and (found := estimate(runs, item)) is not None:
+            share = found.scaled(item.scale)
+            low, middle, high = share.low, share.value, share.high
+        else:
+            # Between a number and infinity there is nothing.
+            exact = bool(np.isfinite(measured).all())
+            low, middle, high = np.quantile(
+                measured, QUARTILES, method="linear" if exact else "inverted_cdf"
+            )
+        rows.append({"value": value, "low": low, "middle": middle, "high": high,
+                     "runs": len(measured)})  # fmt: skip
+    return pd.DataFrame(rows).replace([np.inf, -np.inf], np.nan)
+
+
+def _points(
+    place: Axes, line: Line, item: Metric, index: int, across: float, logarithmic: bool
+) -> None:
+    """Every run, those of several lines beside each other."""
+    x = _beside(line.values.to_numpy(np.float64), across, logarithmic)
+    y = pd.to_numeric(line.runs[item.key].astype(object), errors="coerce").to_numpy(np.float64)
+    many = len(y) > MANY_RUNS * line.values.nunique()
+    place.plot(x, y * item.scale, ".", color=colour(index), alpha=0.1 if many else 0.3,
+               markersize=3.5, zorder=1.5, label="a run")  # fmt: skip
+
+
+def _beside(x: Floats, across: float, logarithmic: bool) -> Floats:
+    """By this share of the axis' width."""
+    found: Floats = x * (x.max() / x.min()) ** across if logarithmic else x + across * np.ptp(x)
+    return found
+
+
+def _ticks(place: Axes, values: list[float], logarithmic: bool, columns: int) -> None:
+    """At the values themselves, named where there is room for that."""
+    if len(values) > MOST_TICKS:
+        return
+    at = np.log(values) if logarithmic else np.array(values)
+    shares = (at - at[0]) / np.ptp(at)
+    names: list[str] = []
+    free = -1.0
+    for share, value in zip(shares, values, strict=True):
+        name = f"{value:g}"
+        half = LETTER * columns * len(name) / 2
+        names.append(name if share - half >= free else "")
+        free = share + half + LETTER * columns if names[-1] else free
+    place.set_xticks(values, names)
+    place.minorticks_off()
+
+
+def _same_heights(places: list[Axes]) -> None:
+    limits = list(chain.from_iterable(place.get_ylim() for place in places))
+    for place in places:
+        place.set_ylim(min(limits), max(limits))
+
+
+def _heights(place: Axes, item: Metric) -> bool:
+    """The y axis begins at 0 unless that would squeeze the lines; whether it does."""
+    low, high = place.get_ylim()
+    if item.kind == "share" or item.largest_shown < float("inf"):
+        high = min(high, item.largest_shown * 1.03)
+    if low < SQUEEZED_SHARE * high or low <= 0:
+        place.set_ylim(min(0.0, low) if low < -0.05 * high else 0.0 - 0.02 * high, high)
+        return True
+    place.set_ylim(low, high)
+    return False

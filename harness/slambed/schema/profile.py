@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The schema of a link profile, which no single model reads: curves nest, and `$name` stands for a
+number anywhere."""
+
+from typing import Any
+
+from slambed.link import curves
+from slambed.link.impairments import Gap, Jitter, Loss, Rate
+from slambed.link.traces import TraceFile
+from slambed.schema.described import Schema, definitions_of
+
+PARAMETER: Schema = {"type": "string", "pattern": r"^\$[A-Za-z_]"}
+CURVE: Schema = {"$ref": "#/$defs/Curve"}
+TEXT: Schema = {"type": "string"}
+
+
+def _ref(name: str) -> Schema:
+    return {"$ref": f"#/$defs/{name}"}
+
+
+def _or_null(schema: Schema) -> Schema:
+    return {"anyOf": [schema, {"type": "null"}]}
+
+
+def with_parameters(schema: Any) -> Any:
+    """The same with `$name` wherever a number is asked for."""
+    if isinstance(schema, list):
+        return [with_parameters(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if schema.get("type") in ("number", "integer"):
+        return {"anyOf": [schema, PARAMETER]}
+    return {key: with_parameters(value) for key, value in schema.items()}
+
+
+def _curve(definitions: dict[str, Schema]) -> Schema:
+    kinds: dict[str, Schema] = {
+        "constant": with_parameters({"type": "number"}),
+        "sum": {"type": "array", "items": CURVE, "minItems": 1},
+        "trace": _ref(TraceFile.__name__),
+    }
+    kinds |= {kind: _ref(model.__name__) for kind, model in curves.PLAIN.items()}
+    for kind, model in curves.LISTS.items():
+        kinds[kind] = definitions[model.__name__]["properties"]["points"]
+    for kind, model in curves.WRAPPERS.items():
+        definitions[model.__name__]["properties"]["of"] = CURVE
+        kinds[kind] = _ref(model.__name__)
+    mapping = {
+        "type": "object", "properties": kinds, "additionalProperties": False,
+        "minProperties": 1, "maxProperties": 1,
+    }  # fmt: skip
+    return {"anyOf": [with_parameters({"type": "number"}), mapping]}
+
+
+def profile_definitions() -> dict[str, Schema]:
+    """`Profile`, `ProfileChoice` (as experiments name one) and what they are made of."""
+    models = [*curves.PLAIN.values(), *curves.LISTS.values(), *curves.WRAPPERS.values()]
+    definitions: dict[str, Schema] = with_parameters(
+        definitions_of([*models, TraceFile, Jitter, Loss, Rate, Gap])
+    )
+    definitions["Curve"] = _curve(definitions)
+    sides = {kind: _or_null(_ref(kind.capitalize())) for kind in ("jitter", "loss", "rate")}
+    side = _or_null({"type": "object", "properties": sides, "additionalProperties": False})
+    ways = {
+        "type": "object", "properties": {"up": CURVE, "down": CURVE},
+        "required": ["up", "down"], "additionalProperties": False,
+    }  # fmt: skip
+    definitions["Profile"] = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {
+            "name": TEXT,
+            "description": TEXT,
+            "source": {**TEXT, "description": "where its numbers come from"},
+            "params": {"type": "object", "additionalProperties": {"type": "number"}},
+            "duration_s": _or_null(with_parameters({"type": "number", "minimum": 0})),
+            "rtt_ms": CURVE,
+            "one_way_ms": ways,
+            "up_share": with_parameters({"type": "number", "minimum": 0, "maximum": 1}),
+            **sides,
+            "up": side,
+            "down": side,
+            "gaps": _or_null({"type": "array", "items": _ref("Gap")}),
+            "gap_mode": {"enum": ["hold", "drop"]},
+            "rate_sha256": {"type": "object", "additionalProperties": TEXT},
+        },
+        "oneOf": [{"required": ["rtt_ms"]}, {"required": ["one_way_ms"]}],
+        "dependentRequired": {"up_share": ["rtt_ms"]},
+    }
+    referred = {
+        "type": "object",
+        "additionalProperties": False,
+        "required": ["profile"],
+        "properties": {
+            "profile": TEXT,
+            "params": {"type": "object", "additionalProperties": {"type": "number"}},
+            "name": TEXT,
+        },
+    }
+    definitions["ProfileChoice"] = {
+        "anyOf": [TEXT, {"type": "number", "minimum": 0}, referred, _ref("Profile")]
+    }
+    return definitions
+
+
+def profile_schema() -> Schema:
+    """Of a file in netem_profiles/."""
+    definitions = profile_definitions()
+    del definitions["ProfileChoice"]
+    return {**definitions.pop("Profile"), "$defs": definitions}

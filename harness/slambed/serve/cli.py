@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed serve`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.errors import SlambedError
+
+PORT = 8350
+
+
+def serve(
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="TCP port on 127.0.0.1; 0: any that is free.")
+    ] = PORT,
+    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
+        "results"
+    ),
+) -> None:
+    """Show results as pages in the browser: experiments, and runs with path and pictures.
+
+    For this machine alone, and only to be looked at: nothing is changed or executed. Pages follow
+    campaigns that run. Ctrl-C ends it.
+    """
+    from slambed.serve.server import open_server
+    from slambed.serve.site import Site
+
+    if not results.is_dir():
+        raise SlambedError(f"no such folder: {results}; give the right --results")
+    with open_server(Site(results), port) as server:
+        typer.echo(f"results in {results}: http://localhost:{server.server_port}/ (Ctrl-C ends it)")
+        try:
+            server.serve_forever(poll_interval=0.2)
+        except KeyboardInterrupt:
+            typer.echo("")

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page of an experiment shows: cells, tables, figures and runs, as far as filters let."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from slambed.json_file import read_list
+from slambed.metrics.catalog import metric
+from slambed.metrics.metric import Metric
+from slambed.report.cells import Cell, cells_of, metrics_to_show, number, text
+from slambed.report.compute_times import compute_times
+from slambed.report.load import Results, load
+from slambed.report.tables import Table, cell_tables
+from slambed.serve.guard import PART
+from slambed.spec.run_spec import run_name
+
+MOST_RUNS = 300
+FILTERS = {"system": "label", "dataset": "dataset", "link": "profile"}
+"""What a page calls a filter -> column of the runs."""
+NO_LINK = "no link"
+TRUST = {"yes": True, "no": False}
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What the filters of a page's address ask for; nothing asked for is all."""
+
+    values: Mapping[str, str] = field(default_factory=dict)
+    trusted: bool | None = None
+
+    @classmethod
+    def of_query(cls, query: Mapping[str, list[str]], options: Mapping[str, list[str]]) -> "Chosen":
+        """The last value of each filter, as far as it is one that the filter has."""
+        given = {name: found[-1] for name, found in query.items() if found}
+        values = {name: given[name] for name in FILTERS if given.get(name) in options[name]}
+        return cls(values, TRUST.get(given.get("trusted", "")))
+
+    def of_runs(self, runs: pd.DataFrame) -> pd.DataFrame:
+        """The rows of the runs that are asked for."""
+        keep = pd.Series(True, index=runs.index)
+        for name, wanted in self.values.items():
+            keep &= runs[FILTERS[name]].map(lambda v: text(v) or NO_LINK) == wanted
+        if self.trusted is not None:
+            keep &= runs["trusted"].eq(True) == self.trusted
+        return runs[keep]
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """An experiment's runs with the estimates of its cells: what takes time for large ones."""
+
+    results: Results
+    metrics: list[Metric]
+    cells: list[Cell]
+
+    @classmethod
+    def of(cls, folder: Path) -> "Loaded":
+        """As it is now. What is broken in it is a line in its problems."""
+        results = load(folder)
+        for time in compute_times(results):
+            if (warning := time.warning(results.name)) is not None:
+                results.complain(warning)
+        metrics = metrics_to_show(results)
+        return cls(results, metrics, cells_of(results, metrics))
+
+    def options(self) -> dict[str, list[str]]:
+        """The values that each filter may have, in the order of the cells."""
+        runs = self.results.runs
+        return {
+            name: list(dict.fromkeys(runs[column].map(lambda v: text(v) or NO_LINK)))
+            for name, column in FILTERS.items()
+        }
+
+    def tables(self, chosen: Chosen) -> list[Table]:
+        """The estimates of the cells that have a run asked for. Numbers are always of all of a
+        cell's trusted runs: a filter hides cells, and changes none."""
+        names = set(chosen.of_runs(self.results.runs)["cell"])
+        return cell_tables([cell for cell in self.cells if cell.name in names], self.metrics)
+
+    def runs(self, chosen: Chosen) -> tuple[list[dict[str, Any]], int]:
+        """The runs asked for, and how many more there are than a page shows."""
+        found = chosen.of_runs(self.results.runs)
+        rows = found.head(MOST_RUNS).to_dict("records")
+        return [_run({str(k): v for k, v in row.items()}) for row in rows], max(
+            0, len(found) - MOST_RUNS
+        )
+
+
+def figures_of(folder: Path) -> list[dict[str, str]]:
+    """The figures of an experiment's last report that are there; files are names inside `report/`.
+    What somebody else wrote into the list is left out."""
+    found: list[dict[str, str]] = []
+    for item in read_list(folder / "report" / "figures.json"):
+        name = item.get("name") if isinstance(item, dict) else None
+        if not isinstance(name, str) or not PART.match(name):
+            continue
+        if (folder / "report" / f"{name}.svg").is_file():
+            points = f"{name}.points.json"
+            there = (folder / "report" / points).is_file()
+            told = {key: str(item.get(key) or "") for key in ("title", "caption", "data")}
+            found.append({"name": name, "points": points if there else "", **told})
+    return found
+
+
+def _run(row: dict[str, Any]) -> dict[str, Any]:
+    trusted, completed = row["trusted"] is True, row["outcome"] == "completed"
+    outcome = text(row["outcome"]).replace("_", " ")
+    if not completed and text(row["outcome_reason"]):
+        outcome += f": {row['outcome_reason']}"
+    if not trusted:
+        outcome += f"; not to be trusted: {text(row['distrust']) or 'no reason was kept'}"
+    losses = number(row["track_losses"])
+    return {
+        "key": row["run_key"],
+        "name": run_name(row["cell"], row["repetition"]),
+        "outcome": outcome,
+        "mood": "" if trusted and completed else "bad",
+        "coverage": metric("coverage").show(number(row["coverage"])),
+        "losses": "-" if losses is None else f"{losses:.0f}",
+        "ate": metric("ate_rmse_m").show(number(row["ate_rmse_m"])),
+    }

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""hosts.yaml: the machines that the live runs of a campaign may be executed on (docs/hosts.md)."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from slambed.errors import SlambedError
+from slambed.suggestion import suggestion
+from slambed.yaml_source import YamlSource, load_yaml, parse
+
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True)
+HERE = "here"
+"""Address of the machine that the campaign is started on."""
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+
+
+class Host(BaseModel):
+    """A machine that executes live runs, one at a time."""
+
+    model_config = STRICT
+
+    name: Name
+    """What manifests and tables call it."""
+    address: Annotated[str, Field(pattern=r"^[^-\s]\S*$")]
+    """Where ssh finds it (`user@machine`, `ssh://user@machine:port`, an alias), or `here`."""
+    slambed: str = Field(default="slambed", min_length=1)
+    """The checkout there, with its `.venv`; relative to the home folder."""
+    engine: Literal["docker", "local"] = "docker"
+    cores: int | None = Field(default=None, ge=1, le=1024)
+    """CPUs that runs may use there, the first ones of the machine; null = all."""
+    labels: list[Name] = Field(default_factory=list)
+    """Words that `--on` may choose it by."""
+    ssh: list[str] = Field(default_factory=list)
+    """Further words for the ssh command, such as `-p` and a port."""
+    environment: dict[str, str] = Field(default_factory=dict)
+    """For the runs there: `SLAMBED_CACHE`, `SLAMBED_DATA`."""
+
+    @property
+    def is_here(self) -> bool:
+        """True for the machine that the campaign is started on."""
+        return self.address == HERE
+
+
+class Hosts(BaseModel):
+    """The file."""
+
+    model_config = STRICT
+
+    hosts: list[Host] = Field(min_length=1)
+
+
+def read_hosts(path: Path, on: list[str] | None = None, engine: str | None = None) -> list[Host]:
+    """The hosts of a file, or those among them that one of the words `on` names or labels.
+
+    `engine`: what the command line asks for. All must have one engine, which is part of what a run
+    means. Raises SlambedError, in a line, for a file that cannot be.
+    """
+    source = load_yaml(path)
+    hosts = parse(Hosts, source).hosts
+    _check(hosts, source)
+    chosen = [host for host in hosts if not on or {host.name, *host.labels} & set(on)]
+    known = [word for host in hosts for word in (host.name, *host.labels)]
+    for word in on or []:
+        if word not in known:
+            raise SlambedError(
+                f"--on {word} is no host and no label of {path}; {suggestion(word, known)}"
+            )
+    engines = {host.engine: host.name for host in chosen}
+    if engine not in (None, "auto"):
+        for host in chosen:
+            if host.engine != engine:
+                raise SlambedError(
+                    f"--engine {engine}, but host {host.name} of {path} has engine {host.engine}; "
+                    "leave --engine out, or choose hosts with --on"
+                )
+    elif len(engines) > 1:
+        told = ", ".join(f"{name} has {engine}" for engine, name in engines.items())
+        raise SlambedError(
+            f"hosts of {path} have different engines, which makes different runs: {told}; choose "
+            "hosts of one with --on"
+        )
+    return chosen
+
+
+def _check(hosts: list[Host], source: YamlSource) -> None:
+    for key in ("name", "address"):
+        seen: Counter[tuple[str, ...]] = Counter()
+        for index, host in enumerate(hosts):
+            # Two ports of one machine are two addresses.
+            value = (host.name,) if key == "name" else (host.address, *host.ssh)
+            seen[value] += 1
+            if seen[value] > 1:
+                raise source.complaint(f"{key} '{value[0]}' is given twice", ("hosts", index, key))
+    names = {host.name for host in hosts}
+    for index, host in enumerate(hosts):
+        if wrong := names.intersection(host.labels):
+            raise source.complaint(
+                f"label '{min(wrong)}' is the name of a host", ("hosts", index, "labels")
+            )
+        if host.is_here and host.ssh:
+            raise source.complaint(
+                "'ssh' is for hosts that ssh leads to, this one is here", ("hosts", index, "ssh")
+            )

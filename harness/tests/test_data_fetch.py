@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Downloads over real connections that break: they go on where they ended, from whoever has it."""
+
+from __future__ import annotations
+
+import hashlib
+import random
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from slambed.data import fetch as module
+from slambed.data.fetch import Wanted, fetch
+from slambed.errors import ExitCode, SlambedError
+
+CONTENT = random.Random(1).randbytes(700_000)
+SHA256 = hashlib.sha256(CONTENT).hexdigest()
+
+
+@dataclass
+class Site:
+    """One file on a server, and how it misbehaves."""
+
+    content: bytes = CONTENT
+    cuts: list[int] = field(default_factory=list)
+    """Of the answers in their order: bytes after which the connection is cut."""
+    ranges: bool = True
+    tag: str = '"one"'
+    asked: list[str] = field(default_factory=list)
+    """The ranges that were asked for."""
+
+
+class Handler(BaseHTTPRequestHandler):
+    sites: ClassVar[dict[str, Site]] = {}
+
+    def do_GET(self) -> None:
+        site = self.sites.get(self.path)
+        if site is None:
+            self.send_error(404)
+            return
+        wanted = self.headers.get("Range", "")
+        site.asked.append(wanted)
+        changed = self.headers.get("If-Range", site.tag) != site.tag
+        begin = int(wanted.removeprefix("bytes=").removesuffix("-") or 0) if wanted else 0
+        if begin and begin >= len(site.content):
+            self.send_error(416)
+            return
+        if not site.ranges or changed:
+            begin = 0
+        self.send_response(206 if begin else 200)
+        if begin:
+            end = len(site.content)
+            self.send_header("Content-Range", f"bytes {begin}-{end - 1}/{end}")
+        if site.tag:
+            self.send_header("ETag", site.tag)
+        self.send_header("Content-Length", str(len(site.content) - begin))
+        self.end_headers()
+        rest = site.content[begin:]
+        if site.cuts:
+            rest = rest[: site.cuts.pop(0)]
+        self.wfile.write(rest)
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[str]:
+    found = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    thread = threading.Thread(target=found.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{found.server_address[1]}"
+    found.shutdown()
+    found.server_close()
+
+
+@pytest.fixture(autouse=True)
+def sites(monkeypatch: pytest.MonkeyPatch) -> dict[str, Site]:
+    monkeypatch.setattr(module, "PAUSE_S", 0.01)
+    Handler.sites.clear()
+    return Handler.sites
+
+
+def wanted(*addresses: str, sha256: str | None = SHA256, size: int | None = len(CONTENT)) -> Wanted:
+    return Wanted(addresses, sha256, size)
+
+
+def left(folder: Path) -> list[str]:
+    return sorted(path.suffix for path in folder.iterdir())
+
+
+def test_a_connection_that_is_cut_goes_on(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    site = sites["/a"] = Site(cuts=[300_000, 200_000])
+    seen: list[tuple[int, int]] = []
+    path, digest = fetch(wanted(f"{server}/a"), tmp_path, lambda d, t: seen.append((d, t)))
+    assert digest == SHA256 and path.read_bytes() == CONTENT
+    assert site.asked == ["", "bytes=300000-", "bytes=500000-"]
+    assert seen == sorted(seen) and seen[-1] == (len(CONTENT), len(CONTENT))
+
+
+def test_the_next_call_goes_on(
+    server: str, sites: dict[str, Site], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "ATTEMPTS", 1)
+    site = sites["/a"] = Site(cuts=[300_000])
+    with pytest.raises(SlambedError) as error:
+        fetch(wanted(f"{server}/a"), tmp_path)
+    assert error.value.code == ExitCode.ENVIRONMENT
+    assert "300000 bytes are kept, the same command goes on" in str(error.value)
+    assert fetch(wanted(f"{server}/a"), tmp_path)[1] == SHA256
+    assert site.asked == ["", "bytes=300000-"]
+
+
+def test_a_mirror_goes_on_with_what_the_first_has_sent(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    sites["/a"] = Site(cuts=[400_000, 0, 0, 0])
+    mirror = sites["/b"] = Site()
+    path, _ = fetch(wanted(f"{server}/none", f"{server}/a", f"{server}/b"), tmp_path)
+    assert path.read_bytes() == CONTENT and mirror.asked == ["bytes=400000-"]
+
+
+def test_a_mirror_with_another_file_is_passed_over(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    sites["/a"], sites["/b"] = Site(content=bytes(len(CONTENT))), Site()
+    assert fetch(wanted(f"{server}/a", f"{server}/b"), tmp_path)[1] == SHA256
+
+
+def test_a_wrong_checksum_keeps_nothing(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    sites["/a"] = Site(content=bytes(len(CONTENT)))
+    with pytest.raises(SlambedError, match="nothing was kept") as error:
+        fetch(wanted(f"{server}/a"), tmp_path)
+    assert error.value.code == ExitCode.BAD_INPUT and not left(tmp_path)
+
+
+def test_a_part_that_was_wrong_is_thrown_away_and_all_is_fetched(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    asked = wanted(f"{server}/a")
+    asked.part(tmp_path).write_bytes(bytes(100_000))
+    site = sites["/a"] = Site()
+    assert fetch(asked, tmp_path)[1] == SHA256
+    assert site.asked == ["bytes=100000-", ""]
+
+
+def test_a_server_without_ranges_sends_all_again(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    site = sites["/a"] = Site(cuts=[300_000], ranges=False)
+    path, _ = fetch(wanted(f"{server}/a"), tmp_path)
+    assert path.read_bytes() == CONTENT and site.asked == ["", "bytes=300000-"]
+
+
+def test_without_a_checksum_only_the_same_state_goes_on(
+    server: str, sites: dict[str, Site], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "ATTEMPTS", 1)
+    unknown = wanted(f"{server}/a", sha256=None, size=None)
+    site = sites["/a"] = Site(cuts=[300_000])
+    with pytest.raises(SlambedError):
+        fetch(unknown, tmp_path)
+    other = bytes(len(CONTENT))
+    site.content, site.tag = other, '"two"'
+    path, _ = fetch(unknown, tmp_path)
+    assert path.read_bytes() == other and site.asked == ["", "bytes=300000-"]
+    # A server that does not name the state of its file sends all of it again.
+    module.forget(path)
+    site.tag, site.cuts = "", [300_000]
+    with pytest.raises(SlambedError):
+        fetch(unknown, tmp_path)
+    assert fetch(unknown, tmp_path)[0].read_bytes() == other and site.asked[-2:] == ["", ""]
+
+
+def test_a_whole_part_asks_nobody(server: str, sites: dict[str, Site], tmp_path: Path) -> None:
+    asked = wanted(f"{server}/a")
+    asked.part(tmp_path).write_bytes(CONTENT)
+    assert fetch(asked, tmp_path)[1] == SHA256
+
+
+def test_who_is_nowhere_is_named_with_every_address(tmp_path: Path, server: str) -> None:
+    with pytest.raises(SlambedError) as error:
+        fetch(wanted(f"{server}/x", "http://127.0.0.1:9/y"), tmp_path)
+    line = str(error.value)
+    assert "/x: HTTP Error 404" in line and "127.0.0.1:9/y" in line and "\n" not in line
+    assert error.value.code == ExitCode.ENVIRONMENT and not left(tmp_path)
+
+
+def test_two_calls_do_not_write_one_file(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    sites["/a"] = Site()
+    asked = wanted(f"{server}/a")
+    with module._alone(asked.part(tmp_path)), pytest.raises(SlambedError, match="another slambed"):
+        fetch(asked, tmp_path)
+    assert fetch(asked, tmp_path)[1] == SHA256
+    assert left(tmp_path) == [".from", ".part"]

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The package as a wheel, in an environment of its own and an empty folder: no checkout is needed.
+
+Dependencies are those of this environment, and so are compiled programs: nothing is fetched.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+from virtual_parts import make_sequence, needs_programs, write_experiment
+
+from slambed.native import find_program, is_installed, repository_root
+from slambed.spec.library import Library
+from slambed.spec.software import source_hash
+
+
+def copy_of(root: Path, target: Path) -> Path:
+    """What git knows of the checkout; where it knows nothing, as of an unpacked archive, all that
+    is not made here."""
+    listed = subprocess.run(
+        ["git", "-C", root, "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        capture_output=True, check=False,
+    ).stdout.decode()  # fmt: skip
+    if not listed:
+        made = {path.name for path in root.glob("build*")} | {".git", ".venv", "results", "docs"}
+        return shutil.copytree(
+            root,
+            target,
+            ignore=lambda folder, names: made & set(names) if Path(folder) == root else [],
+            dirs_exist_ok=True,
+        )
+    for name in filter(None, listed.split("\0")):
+        if (root / name).is_file() and not name.startswith(("results/", "docs/")):
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(root / name, target / name)
+    return target
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built of a copy, so that the checkout gets no build products."""
+    source = copy_of(repository_root(), tmp_path_factory.mktemp("source"))
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*command, "--no-index", "-w", out, source], check=True)
+    (found,) = out.glob("slambed-*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program `slambed` of an environment with the wheel."""
+    place = tmp_path_factory.mktemp("own")
+    venv.create(place, with_pip=False)
+    python = place / "bin" / "python"
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps"]
+    subprocess.run([*pip, "--no-index", wheel], check=True)
+    (packages,) = place.glob("lib/python3*/site-packages")
+    # In a folder that a .pth file names no other .pth is read: our editable slambed stays out.
+    (packages / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
+    return place / "bin" / "slambed"
+
+
+def called(program: Path, cwd: Path, *arguments: str, **environment: str) -> str:
+    unset = {"SLAMBED_BIN", "SLAMBED_CACHE", "PYTHONPATH"}
+    inherited = {key: value for key, value in os.environ.items() if key not in unset}
+    done = subprocess.run(
+        [program, *arguments], cwd=cwd, capture_output=True, text=True, check=False,
+        env=inherited | {"SLAMBED_CACHE": str(cwd / "cache"), "COLUMNS": "200"} | environment,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_wheel_has_the_sources_and_files_of_the_checkout_and_no_tests(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    for name in ("CMakeLists.txt", "experiments/quickstart.yaml", "tools/build.sh", "commit"):
+        assert f"slambed/checkout/{name}" in names
+    assert not [n for n in names if "/tests/" in n or "/build/" in n or n.endswith(".pyc")]
+    assert wheel.stat().st_size < 8e6
+
+
+def test_it_knows_what_the_checkout_knows(installed: Path, tmp_path: Path) -> None:
+    python = installed.parent / "python"
+    asked = (
+        "import slambed, slambed.native as n, slambed.spec.software as s;"
+        "print(slambed.__file__, n.is_installed(), s.source_hash())"
+    )
+    where, from_wheel, sources = called(python, tmp_path, "-c", asked).split()
+    assert Path(where).is_relative_to(installed.parents[1]) and from_wheel == "True"
+    # The same programs and the same keys of runs.
+    assert sources == source_hash() and not is_installed()
+
+
+def test_commands_work_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+    assert "Usage: slambed" in called(installed, tmp_path, "run", "--help")
+    assert "orbslam2" in called(installed, tmp_path, "systems")
+    assert "synthetic_room" in called(installed, tmp_path, "data", "list")
+    found = json.loads(called(installed, tmp_path, "experiments", "--json"))
+    assert [item["name"] for item in found] == Library().experiments()
+    checked = called(installed, tmp_path, "run", "quickstart", "--check", "--engine", "virtual")
+    assert "quickstart.yaml: good" in checked and "run 'slambed setup'" in checked
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_programs_it_says_how_to_get_them(installed: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [installed, "run", "quickstart", "--engine", "virtual"], cwd=tmp_path, text=True,
+        capture_output=True, check=False, env=os.environ | {"SLAMBED_CACHE": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert "is not built" in done.stderr and "run 'slambed setup'" in done.stderr
+
+
+@needs_programs
+def test_it_runs_an_experiment_with_programs_that_are_there(
+    installed: Path, tmp_path: Path
+) -> None:
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 2), runs=1)
+    programs = find_program("slambed-sim").parent
+    out = called(installed, tmp_path, "run", str(path), "--no-figures", SLAMBED_BIN=str(programs))
+    assert "walk" in out
+    (folder,) = (tmp_path / "results").glob("walk")
+    assert (folder / "report/index.html").is_file()
+    manifest = json.loads(next((tmp_path / "results/runs").glob("*/manifest.json")).read_text())
+    assert "software" in json.dumps(manifest)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pyproject.toml cannot say: a wheel has in slambed/checkout what runs need of a checkout."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+
+ROOT = Path(__file__).resolve().parent
+KEPT = (
+    "CMakeLists.txt", "LICENSE", "cmake", "datasets", "devices", "docker", "examples",
+    "experiments", "harness/pace", "harness/relay", "inference", "inputs", "netem_profiles",
+    "networks", "papers", "schemas", "skeletons", "systems", "tools/base_image.sh",
+    "tools/build.sh", "tools/build_image.sh", "tools/programs.sh", "tools/setup.sh",
+    "tools/space.sh",
+)  # fmt: skip
+"""What is looked up by name, and the sources of the programs with what builds them."""
+LEFT_OUT = {"tests", "bench", "__pycache__", "bin"}
+"""Folders that no program is built of."""
+
+
+def kept_files() -> list[str]:
+    """Those that git knows; of an unpacked archive all that lie there."""
+    try:
+        listed = subprocess.run(
+            ["git", "-C", ROOT, "ls-files", "-z", "--", *KEPT], capture_output=True, check=True
+        ).stdout.decode()
+        found = [name for name in listed.split("\0") if name]
+    except (OSError, subprocess.CalledProcessError):
+        places = [ROOT / name for name in KEPT]
+        files = [f for p in places for f in ([p] if p.is_file() else p.rglob("*")) if f.is_file()]
+        found = [str(file.relative_to(ROOT)) for file in files]
+    return sorted(name for name in found if not LEFT_OUT.intersection(Path(name).parts))
+
+
+def commit() -> str:
+    """The state of the checkout, for the manifests of runs; nothing outside of git."""
+    git = ["git", "-C", str(ROOT)]
+    if not (ROOT / ".git").exists():
+        kept = ROOT / "commit"
+        return kept.read_text() if kept.is_file() else ""
+    head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True).stdout
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD"], capture_output=True).returncode
+    return head.strip() + (" changed" if changed else "")
+
+
+class WithCheckout(build_py):
+    """Copies it beside the package; an editable install finds the checkout itself."""
+
+    def run(self) -> None:
+        super().run()
+        if self.editable_mode:
+            return
+        target = Path(self.build_lib) / "slambed" / "checkout"
+        shutil.rmtree(target, ignore_errors=True)
+        for name in kept_files():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, target / name)
+        (target / "commit").write_text(commit())
+
+
+# build/ is where the C++ programs lie.
+setup(cmdclass={"build_py": WithCheckout}, options={"build": {"build_base": "build/wheel"}})
