@@ -5,7 +5,7 @@ one process at a time that makes them."""
 import fcntl
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -29,8 +29,11 @@ def replacing(path: Path, *, rivals: bool = False, durable: bool = False) -> Ite
             with partial.open("rb") as written:
                 os.fsync(written.fileno())
         partial.rename(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
+    except BaseException as error:
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(path)  # whoever tells of it shall know where
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
         raise
 
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `slambed` command. Errors are one line; exit codes are in docs/formats.md."""
 
+import errno
 import os
-import select
+import signal
 import sys
 from functools import cache
 from importlib import import_module
@@ -13,8 +14,9 @@ import typer
 from slambed import __version__, completion
 from slambed.caller import give_caches_to_caller
 from slambed.errors import ExitCode
-from slambed.failures import line_and_code
+from slambed.failures import INTERRUPTED, line_and_code
 from slambed.older_verbs import renewed
+from slambed.standard_streams import open_closed, replace_gone
 
 app = typer.Typer(
     name="slambed",
@@ -98,6 +100,10 @@ def _add_commands(asked: str) -> None:
 
 def main() -> None:
     """Entry point: every failure becomes one line and a documented exit code."""
+    open_closed()
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
+        # A lost connection ends a command as Ctrl-C does; under nohup neither ends it.
+        signal.signal(signal.SIGHUP, signal.default_int_handler)
     sys.exit(run_command(sys.argv[1:]))
 
 
@@ -111,20 +117,14 @@ def run_command(arguments: list[str]) -> int:
         result = app(args=arguments, prog_name="slambed", standalone_mode=False)
         return result if isinstance(result, int) else ExitCode.OK
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, BrokenPipeError) and _reader_has_gone():
-            # Of our output (`| head`): not an error. Nothing more can be flushed.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return ExitCode.OK
+        if replace_gone():
+            if isinstance(error, BrokenPipeError):
+                return ExitCode.OK  # who read our output (`| head`) has enough
+            if isinstance(error, OSError) and error.errno == errno.EIO:
+                return INTERRUPTED  # the terminal went while something was printed
         line, code = line_and_code(error)
         typer.echo(f"error: {' '.join(line.split())}", err=True)
         return code
     finally:
         if arguments and not set(arguments) <= {"--version", "--help"}:
             give_caches_to_caller()
-
-
-def _reader_has_gone() -> bool:
-    """Any other broken pipe is a fault that must be told."""
-    output = select.poll()
-    output.register(sys.stdout.fileno(), 0)
-    return bool(output.poll(0))

@@ -8,10 +8,20 @@ from pathlib import Path
 
 import typer
 
-from slambed.errors import ExitCode, SlambedError, no_space
+from slambed.errors import ExitCode, SlambedError, environment_error, no_space
 
 INTERRUPTED = 130
 """128 + SIGINT, as shells have it."""
+REMEDIES = {
+    errno.EDQUOT: "free some of your quota and give the same command again",
+    errno.EFBIG: "raise the limit on the size of a file ('ulimit -f') and give the same command "
+    "again",
+    errno.EIO: "look at the disk ('dmesg') and give the same command again",
+    errno.EROFS: "choose a place that can be written to, or mount it so",
+    errno.ENAMETOOLONG: "choose a shorter path",
+    errno.ESTALE: "mount the file server's folder again and give the same command again",
+}
+"""Why a file could not be written, besides a full disk -> what to do."""
 
 
 def line_and_code(error: BaseException) -> tuple[str, int]:
@@ -24,8 +34,7 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
         told = error.format_message() or "a subcommand is missing"
         stop = "" if told.endswith((".", "?")) else "."
         return f"{told}{stop} See 'slambed --help'", int(ExitCode.BAD_INPUT)
-    if (full := _full_disk(error)) is not None:
-        refused = no_space(full.filename or "the results")
+    if (refused := refused_write(error)) is not None:
         return str(refused), int(refused.code)
     if isinstance(error, PermissionError):
         # Whoever owns it: a file that we may not touch is no bug of ours.
@@ -39,11 +48,26 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
     return f"{line}; set SLAMBED_DEBUG=1 for details", int(ExitCode.INTERNAL)
 
 
-def _full_disk(error: BaseException | None) -> OSError | None:
-    """The refusal of a full disk behind an error; a library that closes its half-written file may
-    fail once more over it, in another way."""
+def refused_write(error: BaseException | None) -> SlambedError | None:
+    """What a disk that refused to take a file says behind an error; a library that closes its
+    half-written file may fail once more over it, in another way."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return error
+        if isinstance(error, OSError):
+            # Of a copy, the second name is the one that is written.
+            place = error.filename2 or error.filename or _written(error) or "the results"
+            if error.errno == errno.ENOSPC:
+                return no_space(place)
+            if (remedy := REMEDIES.get(error.errno or 0)) is not None:
+                line = f"{place}: {error.strerror}; {remedy}, what is finished stays"
+                return environment_error(line)
         error = error.__cause__ or error.__context__
+    return None
+
+
+def _written(error: OSError) -> Path | None:
+    """A file that is open does not know its name when it refuses; the method of the Path that
+    writes it does."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        if isinstance(path := frame.f_locals.get("self"), Path):
+            return path
     return None

@@ -40,7 +40,9 @@ LOST = (EOFError, ConnectionError)
 
 def serve(pipe: Connection) -> None:
     """In a process of its own: executes what comes, until nothing more does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the harness
+    # Ctrl-C and a lost terminal are for the harness.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     threading.Thread(target=_end_with_harness, daemon=True).start()
     os.nice(NICE)
     with suppress(*LOST):

@@ -20,8 +20,10 @@ from slambed.campaign.places import AnyPlace, Places
 from slambed.campaign.progress import Reporter
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
+from slambed.failures import refused_write
 from slambed.metrics.summary import Summary
 from slambed.spec.run_spec import RunSpec
+from slambed.standard_streams import ERROR, replace_gone
 
 PAUSES_S = (1.0, 10.0, 60.0)
 """Before each further attempt of a run whose environment failed it."""
@@ -143,6 +145,9 @@ class Runner:
             if self.folder.is_full():
                 # Whatever failed, failed for this; not even the ledger could be told.
                 raise no_space(self.folder.path) from error
+            if (refused := refused_write(error)) is not None:
+                # The next run would meet the same disk.
+                raise refused from error
             with self._books:
                 return self._failed(item, error, reporter)
         with self._books:
@@ -211,20 +216,28 @@ STOPPING = (
 )
 
 
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, whoever ends the process, and a terminal or connection that is lost."""
+
+
 @contextmanager
 def stop_on_signal() -> Iterator[threading.Event]:
-    """SIGINT and SIGTERM set the event; a second SIGINT is a KeyboardInterrupt."""
+    """SIGINT, SIGTERM and SIGHUP set the event; a second SIGINT is a KeyboardInterrupt. A SIGHUP
+    that is ignored (nohup) stays so."""
     stop = threading.Event()
 
     def handle(number: int, frame: object) -> None:
         if stop.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
-        if not stop.is_set():
-            # At once, not when all is done; a signal handler may write but not print.
-            os.write(2, STOPPING)
+        first = not stop.is_set()
         stop.set()
+        replace_gone()
+        if first:
+            # At once, not when all is done; a signal handler may write but not print.
+            os.write(ERROR, STOPPING)
 
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    heard = [n for n in ENDING if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handle) for number in heard}
     try:
         yield stop
     finally:

@@ -209,7 +209,9 @@ _LIBC = ctypes.CDLL(None)
 
 
 def as_child() -> None:
-    """For the simulation: the kernel ends it with the thread that started it."""
+    """For the simulation: the kernel ends it with the thread that started it, and a limit on the
+    size of files is an error that it tells."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     go_behind()
 

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ends of a command that are not Ctrl-C: a lost connection, a disk that refuses a file, standard
+streams that nobody holds."""
+
+import errno
+import os
+import pty
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+from virtual_parts import make_sequence, needs_programs
+
+from slambed.campaign.runner import stop_on_signal
+from slambed.cli import main
+from slambed.engines.virtual import as_child
+from slambed.errors import ExitCode
+from slambed.failures import INTERRUPTED, REMEDIES, refused_write
+
+SLAMBED = [sys.executable, "-c", "from slambed.cli import main; main()"]
+LONG = """\
+id: long
+title: More runs than anybody waits for
+systems: [{{system: orbslam2}}]
+datasets: [{sequence}]
+playback: {{mode: realtime, fps: 10}}
+link: {{profiles: [none]}}
+devices: {{mobile: host}}
+engine: virtual
+runs: {{default: 500}}
+"""
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("long")
+    (folder / "long.yaml").write_text(LONG.format(sequence=make_sequence(folder / "walk", 1)))
+    return folder / "long.yaml"
+
+
+def wait_until(come: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 120
+    while not come():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@needs_programs
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_lost_connection_keeps_finished_runs_and_leaves_nothing(
+    experiment: Path, tmp_path: Path, terminal: bool
+) -> None:
+    """With its terminal all that a command writes goes, too; without one there is the signal."""
+    results = tmp_path / "results"
+    command = [*SLAMBED, "run", str(experiment), "--no-figures", "--jobs", "2"]
+    command += ["--results", str(results)]
+    child, ours = pty.fork()
+    if child == 0:
+        if not terminal:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            for number in range(3):
+                os.dup2(nowhere, number)
+        os.execv(command[0], command)
+    wait_until(lambda: any(results.glob("runs/*/summary.json")))
+    begun = [process.pid for process in psutil.Process(child).children(recursive=True)]
+    assert begun
+    if not terminal:
+        os.kill(child, signal.SIGHUP)
+    os.close(ours)
+    ended: list[int] = []
+
+    def has_ended() -> bool:
+        pid, status = os.waitpid(child, os.WNOHANG)
+        if pid:
+            ended.append(os.waitstatus_to_exitcode(status))
+        return bool(pid)
+
+    wait_until(has_ended)
+    assert ended == [INTERRUPTED]
+    wait_until(lambda: not any(map(psutil.pid_exists, begun)))
+    assert [path.name for path in (results / ".work").iterdir()] == [".lock"]
+    whole = sorted(path.name for path in (results / "runs").iterdir())
+    assert whole and all((results / "runs" / n / "manifest.json").is_file() for n in whole)
+    assert '"interrupted": true' in (results / "long" / "ledger.jsonl").read_text()
+
+
+def test_a_hangup_stops_a_campaign_and_nohup_keeps_it(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = signal.getsignal(signal.SIGHUP)
+    with stop_on_signal() as stop:
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert stop.wait(1)
+    assert signal.getsignal(signal.SIGHUP) == before
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stop_on_signal() as stop:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not stop.wait(0.1)
+        monkeypatch.setattr(sys, "argv", ["slambed", "--version"])
+        with pytest.raises(SystemExit):
+            main()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def small_files() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+
+@needs_programs
+def test_a_limit_on_the_size_of_files_is_one_line(experiment: Path, tmp_path: Path) -> None:
+    command = [
+        *SLAMBED,
+        "run",
+        str(experiment),
+        "--runs",
+        "1",
+        "--results",
+        str(tmp_path),
+        "--no-figures",
+    ]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        preexec_fn=small_files,
+    )
+    lines = done.stderr.strip().splitlines()
+    assert done.returncode == ExitCode.ENVIRONMENT and len(lines) == 1
+    assert lines[0].startswith(f"error: {tmp_path}/long/experiment.json: File too large; raise")
+    assert "ulimit -f" in lines[0] and not any(tmp_path.glob("runs/*"))
+
+
+def test_a_limit_on_the_size_of_files_does_not_kill_the_simulation(tmp_path: Path) -> None:
+    """A death by a signal would be a result about the system."""
+
+    def start() -> None:
+        small_files()
+        as_child()
+
+    with (tmp_path / "log").open("wb") as log:
+        told = subprocess.run(
+            ["head", "-c", "5000", "/dev/zero"],
+            stdout=log,
+            stderr=subprocess.PIPE,
+            check=False,
+            preexec_fn=start,
+        )
+    assert told.returncode == 1 and b"File too large" in told.stderr
+
+
+@pytest.mark.parametrize("number", REMEDIES)
+def test_what_a_disk_refuses_names_the_file_and_a_remedy(tmp_path: Path, number: int) -> None:
+    path = tmp_path / "table.csv"
+    refused = OSError(number, os.strerror(number), str(path))
+    told = refused_write(refused)
+    assert told is not None and told.code == ExitCode.ENVIRONMENT
+    assert str(told).startswith(f"{path}: {os.strerror(number)}; {REMEDIES[number]}")
+    behind = ValueError("half a file")
+    behind.__context__ = refused
+    assert str(refused_write(behind)) == str(told)
+
+
+def test_a_file_that_was_open_is_named_too(tmp_path: Path) -> None:
+    class Quota(type(tmp_path)):  # type: ignore[misc]
+        def write_text(self, *_: object) -> int:
+            raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+    with pytest.raises(OSError) as caught:
+        Quota(tmp_path / "table.csv").write_text("1")
+    assert str(refused_write(caught.value)).startswith(f"{tmp_path}/table.csv: ")
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_like_dev_null(tmp_path: Path, closed: str) -> None:
+    told = tmp_path / "told.csv"
+    truth = tmp_path / "truth.txt"
+    truth.write_text("".join(f"{t} {t} {t % 2} 0 0 0 0 1\n" for t in range(9)))
+    script = f'"$@" {closed} && exec "$@" >{told}'
+    command = ["bash", "-c", script, "bash", *SLAMBED, "evaluate", str(truth), str(truth)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == ExitCode.OK, done.stderr
+    assert told.read_text().startswith("ATE RMSE 0.000000 m")
+    assert truth.read_text().count("\n") == 9
+
+
+def test_an_error_is_no_bug_where_nobody_can_be_told_of_it() -> None:
+    done = subprocess.run(["bash", "-c", '"$@" 2>&-', "bash", *SLAMBED, "rnu"], check=False)
+    assert done.returncode == ExitCode.BAD_INPUT
