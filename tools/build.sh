@@ -8,6 +8,8 @@ engine=${1:-auto}
 root=$(cd "$(dirname "$0")/.." && pwd)
 build=${SLAMBED_BUILD:-$root/build}
 bin=$build/bin
+# shellcheck source=tools/environment.sh
+source "$root/tools/environment.sh"
 # shellcheck source=tools/programs.sh
 source "$root/tools/programs.sh"
 # 'slambed setup' of an installed package says both: there is no harness/ beside these tools then.
@@ -24,8 +26,12 @@ if [ "$engine" = docker ]; then
 fi
 if programs_are_of "$hash"; then exit 0; fi
 bash "$root/tools/setup.sh" build
+made_here "$build" "$root"
+compiler=$(own_compiler)
+if [ -n "$compiler" ]; then echo "building with $compiler"; fi
 cmake -S "$root" -B "$build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
 rm -f "$bin/sources.sha256"
 # shellcheck disable=SC2086
 ninja -C "$build" $programs
-echo "$hash" >"$bin/sources.sha256"
+# Without it runs are named by the bytes of the program: another compiler may have made others.
+if [ -z "$compiler" ]; then echo "$hash" >"$bin/sources.sha256"; fi

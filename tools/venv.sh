@@ -8,12 +8,22 @@ kind=${1:-run}
 root=$(cd "$(dirname "$0")/.." && pwd)
 venv=$root/.venv
 stamp=$venv/.locked
+# shellcheck source=tools/environment.sh
+source "$root/tools/environment.sh"
 declare -A locks=([run]=requirements.lock [dev]=requirements-dev.lock)
 [ -n "${locks[$kind]:-}" ] || { echo "error: venv.sh $kind: not one of run, dev" >&2; exit 2; }
 
 # state KIND: what the stamp says when such an environment is there.
 state() { echo "$1 $(cat "$root/${locks[$1]}" "$root/pyproject.toml" | sha256sum)"; }
 
+# Its programs name the folder in which it was made: of a tree that was moved they are dead, of a copied one they run the
+# other tree's code.
+made=$(sed -n 's/^command = .* -m venv //p' "$venv/pyvenv.cfg" 2>/dev/null || true)
+again=
+if [ -n "$made" ] && [ "$(realpath -m "$made")" != "$(realpath -m "$venv")" ]; then
+  again=" again: it was made in $made"
+  rm -rf "${venv:?}"
+fi
 if [ -x "$venv/bin/slambed" ]; then
   have=$(cat "$stamp" 2>/dev/null || true)
   if [ "$have" = "$(state dev)" ] || [ "$have" = "$(state "$kind")" ]; then exit 0; fi
@@ -23,8 +33,18 @@ python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
   exit 3
 }
 "$root/tools/space.sh" 1500 ".venv"
-echo "making .venv"
+echo "making .venv$again"
 python3 -m venv "$venv"
 "$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
 "$venv/bin/pip" install -q --no-deps -e "$root"
+# Wherever the tree lies by now, its code runs: the path is seen from the folder of packages, and the program finds its
+# Python beside itself.
+for link in "$venv"/lib/python3*/site-packages/__editable__.slambed-*.pth; do echo ../../../../harness >"$link"; done
+cat >"$venv/bin/slambed" <<'END'
+#!/bin/sh
+# Made by tools/venv.sh.
+bin=$(dirname "$(readlink -f "$0")")
+exec "$bin/python" -P -c 'import sys; sys.argv.pop(0); from slambed.start import main; main()' "$0" "$@"
+END
+chmod 755 "$venv/bin/slambed"
 state "$kind" >"$stamp"

@@ -15,6 +15,7 @@ from slambed import __version__, completion
 from slambed.caller import give_caches_to_caller
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, line_and_code
+from slambed.font_caches import settle_font_caches
 from slambed.older_verbs import renewed
 from slambed.standard_streams import open_closed, replace_gone
 
@@ -104,6 +105,7 @@ def main() -> None:
     if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
         # A lost connection ends a command as Ctrl-C does; under nohup neither ends it.
         signal.signal(signal.SIGHUP, signal.default_int_handler)
+    settle_font_caches()
     sys.exit(run_command(sys.argv[1:]))
 
 

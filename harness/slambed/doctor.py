@@ -4,6 +4,7 @@
 import os
 import platform
 import shutil
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Literal
 
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.errors import SlambedError
-from slambed.native import find_program
+from slambed.isolation import left_out
+from slambed.native import find_program, repository_root
 from slambed.sampling.cgroup import version as cgroup_version
 from slambed.spec.host_speed import cpu_model, load_host_speed
 from slambed.spec.software import host_software
@@ -38,6 +40,7 @@ def examine() -> list[Finding]:
     """All findings; no check can stop the others."""
     checks: list[Callable[[], Finding]] = [
         _system,
+        _python,
         _cores,
         _speed,
         _privilege,
@@ -62,6 +65,14 @@ def can_run(findings: list[Finding]) -> bool:
 def _system() -> Finding:
     name = platform.freedesktop_os_release().get("PRETTY_NAME", "unknown system")
     return Finding("system", "good", f"{name}, kernel {platform.release()}, {cpu_model()}")
+
+
+def _python() -> Finding:
+    found = f"{platform.python_version()} in {sys.prefix}, code in {repository_root()}"
+    if not left_out:
+        return Finding("python", "good", found)
+    cost = f"packages of PYTHONPATH are other software's and are left out: {', '.join(left_out)}"
+    return Finding("python", "good", found, cost)
 
 
 def _cores() -> Finding:

@@ -88,7 +88,7 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
     manifest = campaign.folder.manifest(good.run_key)
     assert manifest is not None
     for key in (
-        "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores",
+        "commit", "dirty", "tree", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores",
         "seed", "started_utc", "limits", "throttling", "versions", "spec", "command",
     ):  # fmt: skip
         assert key in manifest.model_fields_set, key

@@ -52,6 +52,7 @@ def manifest(
         beside=result.beside,
         commit=commit,
         dirty=dirty,
+        tree=str(repository_root()),
         command=command,
         image_id=engine.image_id,
         # What an engine says nothing of stays out of the file.

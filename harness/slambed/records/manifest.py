@@ -87,6 +87,8 @@ class Manifest(Record):
     """Of the checkout; null outside of git."""
     dirty: bool | None = None
     """Whether tracked files differed from it."""
+    tree: str | None = None
+    """The folder of that checkout: whose code executed the run."""
     image_id: str | None = None
     """Null without Docker."""
     command: list[str] | str | None = None

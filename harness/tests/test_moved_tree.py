@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A tree that was renamed or copied: its own code and programs run, or are made again with one
+line."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slambed.native import repository_root
+
+PYTHON = """#!/bin/sh
+# The real one, without the packages that would have to be loaded.
+case "$*" in
+  "-m venv "*)
+    {python} -m venv --without-pip "$3" || exit 1
+    # As Python 3.11 and later write it down, whatever is tested.
+    sed -i '/^command/d' "$3/pyvenv.cfg"
+    echo "command = python3 -m venv $3" >>"$3/pyvenv.cfg"
+    packages=$(echo "$3"/lib/python3*/site-packages)
+    echo {folder}/nowhere >"$packages/__editable__.slambed-0.1.0.pth"
+    printf '#!/bin/sh\\n' >"$3/bin/pip"
+    chmod 755 "$3/bin/pip" ;;
+  *) exec {python} "$@" ;;
+esac
+"""
+START = """\
+import sys
+def main() -> None:
+    print(__file__, *sys.argv)
+"""
+
+
+def without_packages() -> dict[str, str]:
+    """Of this checkout, which tests may be given by PYTHONPATH."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+
+class Tree:
+    """As much of a checkout as the environment is made of."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "a tree"
+        self.tools = folder / "programs"
+        self.tools.mkdir()
+        base = Path(sys.base_prefix) / "bin" / "python3"
+        (self.tools / "python3").write_text(PYTHON.format(python=base, folder=folder))
+        (self.tools / "python3").chmod(0o755)
+        package = self.path / "harness" / "slambed"
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("")
+        (package / "start.py").write_text(START)
+        for name in ("requirements.lock", "requirements-dev.lock", "pyproject.toml"):
+            (self.path / name).write_text("")
+        shutil.copytree(repository_root() / "tools", self.path / "tools")
+
+    def make(self) -> str:
+        path = f"{self.tools}:{os.environ['PATH']}"
+        done = subprocess.run(
+            [self.path / "tools" / "venv.sh"],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=without_packages() | {"PATH": path},
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def call(self, *arguments: str) -> str:
+        program = self.path / ".venv" / "bin" / "slambed"
+        done = subprocess.run(
+            [program, *arguments],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=without_packages(),
+            cwd="/",
+        )
+        return done.stdout
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Tree:
+    return Tree(tmp_path)
+
+
+def told_by(tree: Tree) -> str:
+    return f"{tree.path}/harness/slambed/start.py {tree.path}/.venv/bin/slambed status 'x y'\n"
+
+
+@pytest.mark.parametrize("how", ["copied", "renamed"])
+def test_the_code_beside_the_environment_runs(tree: Tree, how: str) -> None:
+    assert tree.make().splitlines()[-1] == "making .venv"
+    assert tree.make() == ""
+    assert tree.call("status", "'x y'") == told_by(tree)
+    first, second = tree.path, tree.path.with_name("elsewhere")
+    if how == "copied":
+        shutil.copytree(first, second, symlinks=True)
+    else:
+        first.rename(second)
+    tree.path = second
+    assert tree.call("status", "'x y'") == told_by(tree)
+    # The other programs there (pytest, mypy) name the place where they were made.
+    assert tree.make().splitlines()[-1] == f"making .venv again: it was made in {first}/.venv"
+    assert tree.make() == "" and tree.call("status", "'x y'") == told_by(tree)
+
+
+def test_an_environment_that_trees_share_by_a_link_stays(tree: Tree) -> None:
+    tree.make()
+    shared = tree.path.with_name("shared")
+    (tree.path / ".venv").rename(shared)
+    (shared / "pyvenv.cfg").write_text(f"command = python3 -m venv {shared}\n")
+    (tree.path / ".venv").symlink_to(shared)
+    assert tree.make() == "" and (shared / "bin" / "slambed").is_file()
+
+
+MADE_HERE = 'source "$1/tools/programs.sh"; made_here "$2" "$3"'
+CACHE = "CMAKE_CACHEFILE_DIR:INTERNAL={build}\nCMAKE_HOME_DIRECTORY:INTERNAL={sources}\n"
+
+
+@pytest.mark.parametrize("changed", ["nothing", "build", "sources"])
+def test_a_build_of_another_place_is_made_again(tmp_path: Path, changed: str) -> None:
+    """CMake refuses the first and would compile the other tree for the second."""
+    build = tmp_path / "build"
+    build.mkdir()
+    named = {"build": build, "sources": tmp_path} | {changed: Path("/elsewhere")}
+    (build / "CMakeCache.txt").write_text(
+        CACHE.format(build=named["build"], sources=named["sources"])
+    )
+    command = ["bash", "-euc", MADE_HERE, "bash", repository_root(), build, tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert build.exists() == (changed == "nothing")
+    told = f"making build again: it was made in {named['build']}, of {named['sources']}\n"
+    assert done.stdout == ("" if changed == "nothing" else told)

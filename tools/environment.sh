@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+# Sourced by what builds: packages of the system alone, whatever other software (a sourced ROS, an activated conda) has put
+# into the shell. What is left out is told in one line.
+
+# leave_out NAME ...: unsets those that are set.
+leave_out() {
+  local name
+  for name in "$@"; do
+    if [ -n "${!name:-}" ]; then left_out+=" $name"; fi
+    unset "$name"
+  done
+}
+
+left_out=
+# Python packages, headers, libraries and CMake packages of elsewhere.
+leave_out PYTHONHOME PYTHONPATH CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH \
+  CMAKE_PREFIX_PATH CMAKE_INCLUDE_PATH CMAKE_LIBRARY_PATH CMAKE_PROGRAM_PATH CMAKE_TOOLCHAIN_FILE CMAKE_ARGS PKG_CONFIG_PATH
+if [ -n "${CONDA_PREFIX:-}" ]; then
+  # Its compilers link its own C library and have flags of their own.
+  leave_out CC CXX CFLAGS CXXFLAGS CPPFLAGS LDFLAGS
+  export PATH=":$PATH:"
+  PATH=${PATH//":$CONDA_PREFIX/bin:"/:}
+  PATH=${PATH#:} PATH=${PATH%:}
+  left_out+=" $CONDA_PREFIX/bin"
+fi
+[ -z "$left_out" ] || echo "left out of the build, other software's:$left_out"
+
+# own_compiler: what the user chose besides, in words; nothing where the system's compiler is taken as it is.
+own_compiler() {
+  local name
+  for name in CC CXX CFLAGS CXXFLAGS CPPFLAGS LDFLAGS; do
+    if [ -n "${!name:-}" ]; then echo -n "$name=${!name} "; fi
+  done
+}
