@@ -5,6 +5,9 @@
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
+# shellcheck source=tools/environment.sh
+source tools/environment.sh
+made_here build-bench .
 cmake -S . -B build-bench -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_BENCHMARKS=ON >/dev/null
 ninja -C build-bench --quiet ${SLAMBED_NINJA_FLAGS:-}
 for program in build-bench/bin/*_bench; do

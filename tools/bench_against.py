@@ -41,9 +41,12 @@ ONE_OF = "--benchmark_filter=^({})$"
 
 
 def git(*arguments: str, check: bool = True) -> str:
-    done = subprocess.run(
-        ["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False
-    )
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False
+        )
+    except OSError as error:
+        raise BadInputError(f"git: {error.strerror}; commits are compared by it") from None
     if check and done.returncode:
         raise BadInputError(done.stderr.strip().splitlines()[-1])
     return done.stdout.strip() if done.returncode == 0 else ""

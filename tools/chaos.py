@@ -11,7 +11,6 @@ status 1 when something was not as it must be.
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -22,6 +21,8 @@ sys.path.insert(0, str(ROOT / "harness" / "tests"))
 
 from chaos_campaign import Outcome, Torment  # noqa: E402
 from chaos_place import Place  # noqa: E402
+
+from slambed.campaign.manifest import git_state  # noqa: E402
 
 FAULTS_EACH = {"virtual": 50, "dask": 10, "live": 10, "docker": 14}
 EVERY_S = {"virtual": 0.2, "dask": 1.5, "live": 2.0, "docker": 2.0}
@@ -105,12 +106,7 @@ def tell(outcome: Outcome, struck: int, log: Path | None) -> None:
     for problem in outcome.problems[:12]:
         print(f"  {problem}", flush=True)
     if log is not None:
-        commit = subprocess.run(
-            ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"],
-            capture_output=True,
-            text=True,
-            check=False,
-        ).stdout.strip()
+        commit = (git_state()[0] or "")[:9]
         with log.open("a") as out:
             out.write(json.dumps({"commit": commit} | json.loads(outcome.line())) + "\n")
 

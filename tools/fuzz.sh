@@ -5,9 +5,12 @@
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
+# shellcheck source=tools/environment.sh
+source tools/environment.sh
 seconds=${1:-20}
 shift || true
 command -v clang++ >/dev/null || { echo "error: no clang++; install clang" >&2; exit 3; }
+made_here build-fuzz .
 cmake -S . -B build-fuzz -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DSLAMBED_FUZZ=ON -DSLAMBED_TESTS=OFF \
   -DCMAKE_CXX_FLAGS_RELEASE=-O1 >/dev/null
 ninja -C build-fuzz --quiet ${SLAMBED_NINJA_FLAGS:-} "${@:-fuzz_targets}"

@@ -16,15 +16,3 @@ programs_are_static() {
     if ldd "$bin/$program" >/dev/null 2>&1; then return 1; fi
   done
 }
-
-# made_here FOLDER ROOT: what CMake has made in a folder of another place, or of sources in another, would compile those
-# without a word; it is made again.
-made_here() {
-  local cache=$1/CMakeCache.txt made sources
-  [ -e "$cache" ] || return 0
-  made=$(sed -n 's/^CMAKE_CACHEFILE_DIR:INTERNAL=//p' "$cache")
-  sources=$(sed -n 's/^CMAKE_HOME_DIRECTORY:INTERNAL=//p' "$cache")
-  if [ "$(realpath -m "$made")" = "$(realpath "$1")" ] && [ "$(realpath -m "$sources")" = "$(realpath "$2")" ]; then return 0; fi
-  echo "making $(basename "$1") again: it was made in $made, of $sources"
-  rm -rf "${1:?}"
-}

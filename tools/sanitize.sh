@@ -5,6 +5,8 @@
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
+# shellcheck source=tools/environment.sh
+source tools/environment.sh
 run=()
 case ${1:-} in
   asan) sanitizers="address;undefined" ;;
@@ -15,6 +17,7 @@ esac
 limit_s=3600  # per program: a deadlock is a finding too
 build=build-$1
 shift
+made_here "$build" .
 cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_SANITIZE="$sanitizers" \
   -DCMAKE_CXX_FLAGS_RELEASE=-O1 >/dev/null
 "${run[@]}" ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-} "$@"

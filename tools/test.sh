@@ -11,13 +11,16 @@ build=${1:-build}
 jobs=$(nproc)
 # shellcheck source=tools/steps.sh
 source tools/steps.sh
+# shellcheck source=tools/environment.sh
+source tools/environment.sh
 
 # A compiler that we do not test with may warn of more: its warnings stop nobody.
 werror=OFF
 if [ "$(c++ -dumpversion 2>/dev/null)" = 12 ]; then werror=ON; fi
 
 compile() {
-  cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON \
+  made_here "$build" . \
+    && cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON \
       -DSLAMBED_WERROR=$werror >/dev/null \
     && rm -f "$build/bin/sources.sha256" \
     && ninja -C "$build" --quiet ${SLAMBED_NINJA_FLAGS:-} \
@@ -71,7 +74,7 @@ browser() {
 }
 
 cpp_format() {
-  git ls-files '*.cpp' '*.hpp' '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
+  find examples harness skeletons systems -name '*.[ch]pp' -o -name '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
 }
 
 ctest_of() {

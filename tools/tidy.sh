@@ -6,7 +6,10 @@
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
+# shellcheck source=tools/environment.sh
+source tools/environment.sh
 build=${1:?folder} pattern=${2:-}
+made_here "$build" .
 if [ ! -e "$build/compile_commands.json" ]; then
   cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
 fi

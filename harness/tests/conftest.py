@@ -19,6 +19,8 @@ import pytest
 from browser import Page, browser
 from skip_rules import unexpected
 
+from slambed.native import repository_root
+
 PLACE = "SLAMBED_TEST_PLACE"
 """Set for the processes of one session: pytest-xdist's workers, and what tests start."""
 QUIET = "quiet.lock"
@@ -37,6 +39,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if repository_root() != Path(__file__).resolve().parents[2]:
+        # Of a copied tree: what is tested would be the other one.
+        pytest.exit(f"slambed is that of {repository_root()}; run 'make setup-dev' here", 3)
     if PLACE in os.environ:
         return
     place = Path(tempfile.mkdtemp(prefix="slambed-tests-"))

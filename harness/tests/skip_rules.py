@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from checkout import HAS_GIT, HAS_HISTORY
+
 from slambed.engines.docker_image import connect
 from slambed.errors import SlambedError
 from slambed.link.netem import netem_available
@@ -29,6 +31,8 @@ RULES: list[tuple[str, Callable[[], bool]]] = [
     (r"needs Docker|needs the node image", _no_docker),
     (r"this kernel has no netem", lambda: not netem_available()),
     (r"this kernel has netem", netem_available),
+    (r"needs the program git", lambda: not HAS_GIT),
+    (r"needs the history of a checkout", lambda: not HAS_HISTORY),
     (r"no autogroups", lambda: not Path("/proc/self/autogroup").exists()),
     (r"those of cgroup v1", lambda: version() != "v1"),
     (r"/dev/net/tun|TUN", lambda: _not_root() or not Path("/dev/net/tun").exists()),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import needs_git
 
 from slambed.native import repository_root
 
@@ -96,7 +97,7 @@ def test_the_newest_other_commit_is_the_yardstick(tmp_path: Path) -> None:
         (["--history", "HISTORY"], "line 2 is not a measurement"),
         (["--filter", "("], "regular expression"),
         (["--rounds", "0"], "must be above 0"),
-        (["no-such-commit"], "not a commit"),
+        pytest.param(["no-such-commit"], "not a commit", marks=needs_git),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, options: list[str], told: str) -> None:

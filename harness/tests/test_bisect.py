@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from checkout import needs_history
 from command_line import slambed
 from results_factory import quickstart_like
 from virtual_parts import make_sequence, needs_programs
@@ -175,6 +176,7 @@ def search(workshop: Workshop, good: str, bad: str, lines: list[str]) -> Bisecte
         return bisect(first, repository.after(first, last), workshop, [METRIC], say=lines.append)
 
 
+@needs_history
 @needs_programs
 def test_a_planted_default_is_found_and_what_was_measured_is_kept(
     clone: Clone, workshop: Workshop
@@ -207,6 +209,7 @@ def test_a_planted_default_is_found_and_what_was_measured_is_kept(
     assert [c.sha for c in again.first] == [planted]
 
 
+@needs_history
 @needs_programs
 def test_equal_commits_show_no_change(clone: Clone, workshop: Workshop) -> None:
     good = clone.head
@@ -231,6 +234,7 @@ PYTHONPATH="$root/harness" python3 -m slambed.spec.software >"$root/build/bin/so
 """
 
 
+@needs_history
 @needs_programs
 def test_commits_with_other_sources_are_built_by_their_own_script(
     clone: Clone, workshop: Workshop
@@ -267,6 +271,7 @@ BAD_CALLS = {
 }
 
 
+@needs_history
 @pytest.mark.parametrize("case", BAD_CALLS)
 def test_bad_input_is_one_line(case: str, tmp_path: Path) -> None:
     arguments, told = BAD_CALLS[case]
@@ -279,6 +284,7 @@ def test_bad_input_is_one_line(case: str, tmp_path: Path) -> None:
         assert told in err, err
 
 
+@needs_history
 def test_a_results_folder_stands_for_the_one_clean_commit_of_its_runs(tmp_path: Path) -> None:
     folder = quickstart_like(tmp_path, 2, 6.0)
     repository = Repository(repository_root())

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 import pytest
 import yaml
+from checkout import needs_git
 from command_line import refused
 from infer_parts import plan_content
 
@@ -119,6 +120,7 @@ def git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
+@needs_git
 def test_a_commit_holds_files_only_as_they_are(tmp_path: Path) -> None:
     first, second = tmp_path / "a.yaml", tmp_path / "b.yaml"
     first.write_text("a: 1\n")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import needs_git
 from command_line import refused, slambed
 from infer_parts import plan_content, write_files
 from virtual_parts import make_sequence, needs_programs
@@ -56,6 +57,7 @@ def git(folder: Path, *arguments: str) -> None:
     subprocess.run(["git", "-C", folder, *named, *arguments], check=True, capture_output=True)
 
 
+@needs_git
 def test_what_was_open_is_found_and_predicts(room: Room, tmp_path: Path) -> None:
     plan = room.plan(tmp_path)
     git(tmp_path, "init")

@@ -117,7 +117,7 @@ def test_an_environment_that_trees_share_by_a_link_stays(tree: Tree) -> None:
     assert tree.make() == "" and (shared / "bin" / "slambed").is_file()
 
 
-MADE_HERE = 'source "$1/tools/programs.sh"; made_here "$2" "$3"'
+MADE_HERE = 'source "$1/tools/environment.sh" >/dev/null; made_here "$2" "$3"'
 CACHE = "CMAKE_CACHEFILE_DIR:INTERNAL={build}\nCMAKE_HOME_DIRECTORY:INTERNAL={sources}\n"
 
 

@@ -3,13 +3,13 @@
 
 import datetime
 import json
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from checkout import known_files
 from command_line import refused, slambed
 from jsonschema import Draft202012Validator
 
@@ -50,11 +50,9 @@ def plain(value: Any) -> Any:
 
 
 def files() -> list[str]:
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.yaml", "*.yml"],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    ).stdout.split()  # fmt: skip
-    found = listed or [str(p.relative_to(ROOT)) for p in ROOT.glob("[a-z]*/**/*.yaml")]
+    found = known_files(ROOT, "*.yaml", "*.yml") or [
+        str(p.relative_to(ROOT)) for p in ROOT.glob("[a-z]*/**/*.yaml")
+    ]
     return [path for path in found if not path.startswith((*OTHERS, "build/"))]
 
 

@@ -15,6 +15,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from checkout import known_files
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
 from slambed.native import find_program, is_installed, repository_root
@@ -25,10 +26,7 @@ from slambed.spec.software import source_hash
 def copy_of(root: Path, target: Path) -> Path:
     """What git knows of the checkout; where it knows nothing, as of an unpacked archive, all that
     is not made here."""
-    listed = subprocess.run(
-        ["git", "-C", root, "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        capture_output=True, check=False,
-    ).stdout.decode()  # fmt: skip
+    listed = known_files(root)
     if not listed:
         made = {path.name for path in root.glob("build*")} | {".git", ".venv", "results", "docs"}
         return shutil.copytree(
@@ -37,7 +35,7 @@ def copy_of(root: Path, target: Path) -> Path:
             ignore=lambda folder, names: made & set(names) if Path(folder) == root else [],
             dirs_exist_ok=True,
         )
-    for name in filter(None, listed.split("\0")):
+    for name in listed:
         if (root / name).is_file() and not name.startswith(("results/", "docs/")):
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(root / name, target / name)
