@@ -29,6 +29,8 @@ bash "$root/tools/setup.sh" build
 made_here "$build" "$root"
 compiler=$(own_compiler)
 if [ -n "$compiler" ]; then echo "building with $compiler"; fi
+# Also what is there of a build that fails.
+trap 'give_to_caller "$build"' EXIT
 cmake -S "$root" -B "$build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
 rm -f "$bin/sources.sha256"
 # shellcheck disable=SC2086

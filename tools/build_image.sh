@@ -9,6 +9,8 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 bin=${SLAMBED_BUILD:-$root/build}/bin
 # shellcheck source=tools/programs.sh
 source "$root/tools/programs.sh"
+# shellcheck source=tools/environment.sh
+source "$root/tools/environment.sh"
 
 bash "$root/tools/base_image.sh"
 # The classic builder is the one that every Docker has; it also builds all stages in order.
@@ -37,4 +39,5 @@ for program in $programs; do
   docker cp "$container:/usr/local/bin/$program" "$bin/$program" >/dev/null
 done
 echo "${tag#*:}" >"$bin/sources.sha256"
+give_to_caller "$(dirname "$bin")"
 echo "image $tag; programs in $bin"

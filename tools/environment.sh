@@ -25,6 +25,17 @@ if [ -n "${CONDA_PREFIX:-}" ]; then
 fi
 [ -z "$left_out" ] || echo "left out of the build, other software's:$left_out"
 
+# give_to_caller PATH ...: under sudo, what was made belongs to who called it, where the folder around it does.
+give_to_caller() {
+  local path
+  if [ "$(id -u)" -ne 0 ] || [ -z "${SUDO_UID:-}" ]; then return 0; fi
+  for path in "$@"; do
+    if [ -e "$path" ] && [ "$(stat -c %u "$(dirname "$path")")" = "$SUDO_UID" ]; then
+      chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$path"
+    fi
+  done
+}
+
 # own_compiler: what the user chose besides, in words; nothing where the system's compiler is taken as it is.
 own_compiler() {
   local name

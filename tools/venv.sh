@@ -48,3 +48,4 @@ exec "$bin/python" -P -c 'import sys; sys.argv.pop(0); from slambed.start import
 END
 chmod 755 "$venv/bin/slambed"
 state "$kind" >"$stamp"
+give_to_caller "$venv" "$root"/harness/*.egg-info

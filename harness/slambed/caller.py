@@ -7,7 +7,11 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+from slambed.isolation import OURS
+from slambed.native import is_installed
+
 ROOT = 0
+_written: set[Path] = set()
 
 
 def give_to_caller(path: Path) -> None:
@@ -18,10 +22,25 @@ def give_to_caller(path: Path) -> None:
         os.lchown(item, *caller)
 
 
-def give_caches_to_caller() -> None:
-    """What root has left in the caller's caches, where without sudo it would only be in the way."""
+def will_be_callers(folder: Path) -> None:
+    """A folder that the command writes to, maybe until its end: root's files in it are the caller's
+    then."""
+    _written.add(folder.resolve())
+
+
+def give_written_to_caller() -> None:
+    """What root has left in folders of the caller: results, caches, bytecode beside our modules.
+    Without sudo it would only be in the way."""
     if _caller() is None:
         return
+    bytecode = [] if is_installed() else OURS.rglob("__pycache__")
+    for folder in (*_written, *bytecode):
+        with suppress(OSError):
+            _give(folder, _whole(folder))
+    _give_caches()
+
+
+def _give_caches() -> None:
     from slambed.data.places import cache_folder  # what `--help` need not wait for
 
     folders = [cache_folder()]
@@ -38,14 +57,18 @@ def give_cache_to_caller(cache: Path) -> None:
 
     A cache that the caller could not have made stays as it is. Raises OSError when it is not there.
     """
+    from slambed.data.places import OURS as KINDS
+
+    _give(cache, [item for name in KINDS for item in _whole(cache / name)])
+
+
+def _give(folder: Path, items: list[Path]) -> None:
     if (caller := _caller()) is None:
         return
-    from slambed.data.places import OURS
-
     above: list[Path] = []
-    for place in (cache, *cache.parents):
+    for place in (folder, *folder.parents):
         status = place.stat()
-        for_all = place in (cache, cache.parent) and status.st_mode & stat.S_IWOTH
+        for_all = place in (folder, folder.parent) and status.st_mode & stat.S_IWOTH
         if status.st_uid == caller[0] or for_all:
             break
         if status.st_uid != ROOT:
@@ -53,7 +76,7 @@ def give_cache_to_caller(cache: Path) -> None:
         above.append(place)
     else:
         return
-    for item in [*above, *(item for name in OURS for item in _whole(cache / name))]:
+    for item in [*above, *items]:
         with suppress(OSError):  # another campaign may be tidying up
             if item.lstat().st_uid == ROOT:
                 os.lchown(item, *caller)

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from slambed import __version__, completion
-from slambed.caller import give_caches_to_caller
+from slambed.caller import give_written_to_caller
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, line_and_code
 from slambed.font_caches import settle_font_caches
@@ -129,4 +129,4 @@ def run_command(arguments: list[str]) -> int:
         return code
     finally:
         if arguments and not set(arguments) <= {"--version", "--help"}:
-            give_caches_to_caller()
+            give_written_to_caller()

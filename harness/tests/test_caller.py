@@ -2,14 +2,16 @@
 """What root writes through sudo belongs to the caller."""
 
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
 from command_line import slambed, slambed_process
 from harness_parts import needs_root
 
-from slambed.caller import give_to_caller
+from slambed.caller import give_to_caller, will_be_callers
 from slambed.errors import ExitCode
+from slambed.native import repository_root
 
 pytestmark = needs_root
 CALLER = {"SUDO_UID": "65534", "SUDO_GID": "65533"}
@@ -101,3 +103,36 @@ def test_results_are_given_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     give_to_caller(tmp_path / "results")
     assert owner(tmp_path / "results") == owner(tmp_path / "results" / "runs") == MINE
     assert owner(tmp_path) == ROOT
+
+
+def test_a_folder_that_was_written_to_is_given_at_the_end_of_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A report is written after the campaign, a lock file beside it."""
+    monkeypatch.setattr("slambed.caller._written", set())
+    mine, roots = tmp_path / "mine", tmp_path / "roots"
+    for home in (mine, roots):
+        (home / "results" / ".work").mkdir(parents=True)
+        (home / "results" / ".work" / ".lock").write_text("")
+        (home / "results" / "others").write_text("")
+        os.chown(home / "results" / "others", 1234, 1234)
+        will_be_callers(home / "results")
+    os.chown(mine, *MINE)
+    where(mine, **CALLER)
+    assert {owner(path) for path in (mine / "results").rglob("*")} == {MINE, (1234, 1234)}
+    assert owner(mine / "results") == MINE and owner(roots / "results" / ".work") == ROOT
+
+
+GIVE = 'source "$1/tools/environment.sh" >/dev/null; give_to_caller "$2" "$3" /nowhere/at/all'
+
+
+def test_what_make_made_under_sudo_is_the_callers(tmp_path: Path) -> None:
+    mine, roots = tmp_path / "mine", tmp_path / "roots"
+    for tree in (mine, roots):
+        (tree / ".venv" / "bin").mkdir(parents=True)
+        (tree / ".venv" / "bin" / "python").symlink_to("/elsewhere")
+    os.chown(mine, *MINE)
+    command = ["bash", "-euc", GIVE, "bash", repository_root(), mine / ".venv", roots / ".venv"]
+    subprocess.run(command, check=True, env=os.environ | CALLER)
+    assert {owner(path) for path in (mine / ".venv").rglob("*")} == {MINE}
+    assert owner(mine / ".venv") == MINE and owner(roots / ".venv") == ROOT

@@ -152,7 +152,7 @@ def test_the_command_counts_losses_by_cause(
     other = ("-o", str(tmp_path / "losses.txt"))
     line = refused(ExitCode.BAD_INPUT, "report", str(folder), "--losses", *other)
     assert "known: .csv, .md" in line
-    assert "-o is the table of --losses" in refused(ExitCode.BAD_INPUT, "report", "x", *other)
+    assert "--again writes into" in refused(ExitCode.BAD_INPUT, "report", "x", "--again", *other)
     assert "name it" in refused(
         ExitCode.BAD_INPUT, "report", "--losses", "--results", str(folder.parent)
     )

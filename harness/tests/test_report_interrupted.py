@@ -63,7 +63,7 @@ def test_a_report_of_these_runs_is_left_alone(experiment: Path) -> None:
 def test_a_report_that_was_not_finished_is_written_again(experiment: Path) -> None:
     show(experiment)
     page = experiment / "report" / "index.html"
-    current.begin(experiment)
+    current.begin(experiment, experiment)
     page.write_text("half")
     show(experiment)
     assert page.read_text() != "half"
@@ -83,3 +83,23 @@ def test_a_disk_that_fills_under_a_figure_is_one_line(experiment: Path, kind: st
     figure.unlink()
     assert slambed("report", str(experiment))[0] == ExitCode.OK
     assert figure.stat().st_size > 0 and current.is_current(experiment)
+
+
+def test_a_report_of_somebody_elses_results_goes_to_a_folder_of_ones_own(
+    experiment: Path, tmp_path: Path
+) -> None:
+    def state() -> dict[str, int]:
+        return {str(p): p.lstat().st_mtime_ns for p in [experiment, *experiment.rglob("*")]}
+
+    before, mine = state(), tmp_path / "mine"
+    code, out, err = slambed("report", str(experiment), "--output", str(mine))
+    assert code == ExitCode.OK, err
+    assert f"report: {mine}/report/index.html" in out and state() == before
+    names = {path.name for path in mine.iterdir()}
+    assert names == {"report", "report.md", "summary.csv"} and reported_runs(mine) > 0
+    assert current.is_current(experiment) is False
+    code, out, err = slambed(
+        "report", "--results", str(experiment.parent), "--output", str(tmp_path / "all")
+    )
+    assert code == ExitCode.OK, err
+    assert next((tmp_path / "all").rglob("index.html")).is_file() and state() == before

@@ -9,7 +9,7 @@ from functools import partial
 
 from rich.console import Console
 
-from slambed.caller import give_to_caller
+from slambed.caller import give_to_caller, will_be_callers
 from slambed.campaign.campaign_state import being_run
 from slambed.campaign.executors import Executor, NoRuns, Played
 from slambed.campaign.folder import ResultFolder
@@ -64,6 +64,7 @@ def run_plan(
             say_on(console, line)
         return Verdict()
     make_folder(folder.path, "--results")
+    will_be_callers(options.results)
     say = partial(say_on, console)
     played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
     with host_lock(

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands about results: report, diff, gate; evaluate about two files of poses."""
 
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from slambed.caller import will_be_callers
 from slambed.errors import ExitCode, SlambedError
-from slambed.outputs import writing
+from slambed.outputs import make_folder, writing
 from slambed.report.places import experiment_folder, result_folders
 from slambed.selection import SYNTAX
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
@@ -31,7 +33,13 @@ def report(
         bool, typer.Option("--losses", help="Only say why track was lost; write no report.")
     ] = False,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="--losses: one a row, .csv or .md.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Folder of the report, of results that are somebody else's; "
+            "--losses: one a row, .csv or .md.",
+        ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="--losses: one JSON document instead, for a script.")
@@ -44,8 +52,8 @@ def report(
     standstill: frames are missing right before it; gap behind an update: an update took newer
     keyframes away at most half a second before; view change: none of these.
     """
-    if output is not None and not losses:
-        raise SlambedError("-o is the table of --losses; the report goes to the results folder")
+    if output is not None and again:
+        raise SlambedError("--again writes into the runs; leave out --output")
     if as_json and not losses:
         raise SlambedError("--json goes with --losses; a report's numbers are in its summary.csv")
     folders = (
@@ -61,11 +69,14 @@ def report(
         show_losses(folders[0], experiment, output, as_json)
         return
     for folder in folders:
-        _report(folder, figures, every, again, quiet=len(folders) > 1)
+        place = folder if output is None else output / (folder.name if len(folders) > 1 else "")
+        _report(folder, place, figures, every, again, quiet=len(folders) > 1)
 
 
-def _report(folder: Path, figures: bool, every: bool, again: bool, quiet: bool) -> None:
-    """One experiment's; `quiet`: only where its page is."""
+def _report(
+    folder: Path, place: Path, figures: bool, every: bool, again: bool, quiet: bool
+) -> None:
+    """One experiment's, into `place`; `quiet`: only where its page is."""
     from slambed.report.experiment import Told, terminal_summary, write_report
     from slambed.report.load import load
     from slambed.report.plots import TIME_FOR_FIGURES_S
@@ -78,11 +89,17 @@ def _report(folder: Path, figures: bool, every: bool, again: bool, quiet: bool) 
                 typer.echo(line)
     told = Told.of(load(folder))
     limit_s = None if every else TIME_FOR_FIGURES_S
-    paths = write_report(folder, figures=figures, limit_s=limit_s, told=told)
+    if place != folder:
+        make_folder(place, "--output")
+    elif not os.access(place, os.W_OK):
+        line = f"{place} is not ours to write to; give a folder of your own: --output FOLDER"
+        raise SlambedError(line, ExitCode.ENVIRONMENT)
+    will_be_callers(place)
+    paths = write_report(folder, figures=figures, limit_s=limit_s, told=told, place=place)
     if quiet:
         typer.echo(f"{paths.html}")
     else:
-        terminal_summary(folder, console(), told)
+        terminal_summary(folder, console(), told, place)
 
 
 def diff_command(

@@ -22,12 +22,12 @@ def is_current(experiment_dir: Path) -> bool:
     return stamp.is_file() and stamp.read_text() == made_of(experiment_dir)
 
 
-def begin(experiment_dir: Path) -> str:
-    """What the report will be made of. Until `finish` there is no whole one."""
-    (experiment_dir / "report" / STAMP).unlink(missing_ok=True)
+def begin(experiment_dir: Path, place: Path) -> str:
+    """What the report in `place` will be made of. Until `finish` there is no whole one."""
+    (place / "report" / STAMP).unlink(missing_ok=True)
     return made_of(experiment_dir)
 
 
-def finish(experiment_dir: Path, runs: str) -> None:
+def finish(place: Path, runs: str) -> None:
     """The report is whole."""
-    (experiment_dir / "report" / STAMP).write_text(runs)
+    (place / "report" / STAMP).write_text(runs)

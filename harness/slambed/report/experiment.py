@@ -84,19 +84,21 @@ def write_report(
     limit_s: float | None = TIME_FOR_FIGURES_S,
     told: Told | None = None,
     formats: tuple[str, ...] = FORMATS,
+    place: Path | None = None,
 ) -> ReportPaths:
     """Writes summary.csv, report.md and report/ (index.html, figures, tables) from the runs alone.
 
     Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
     is not there. `told`: what is in the folder, where the caller has read it; `formats`: of the
-    figures.
+    figures; `place`: where all of it goes instead of the folder of the runs.
     """
-    runs = current.begin(experiment_dir)
+    place = place or experiment_dir
+    runs = current.begin(experiment_dir, place)
     told = told or Told.of(load(experiment_dir))
     results, cells = told.results, told.cells
-    folder = experiment_dir / "report"
+    folder = place / "report"
     folder.mkdir(exist_ok=True)
-    summary_csv = write_summary_csv(results)
+    summary_csv = write_summary_csv(results, place)
     made_by = command or f"slambed report {results.name}"
     drawn = Drawn([], 0)
     if figures and len(results.trusted):
@@ -121,16 +123,16 @@ def write_report(
     ]  # fmt: skip
     write_tables(tables, folder / "tables")
     html = write_html(results, content, folder)
-    markdown = experiment_dir / "report.md"
+    markdown = place / "report.md"
     markdown.write_text(_markdown(results, content), encoding="utf-8")
-    current.finish(experiment_dir, runs)
+    current.finish(place, runs)
     return ReportPaths(markdown, html, summary_csv, folder, results.problems)
 
 
-def write_summary_csv(results: Results) -> Path:
+def write_summary_csv(results: Results, place: Path) -> Path:
     """One row per run: the keys of summary.json, systems' own, label, host and parameters; replaced
     by one rename."""
-    path = results.folder / "summary.csv"
+    path = place / "summary.csv"
     with replacing(path) as out:
         results.runs[_columns(results)].to_csv(out, index=False)
     return path
@@ -206,9 +208,13 @@ def _failed(results: Results) -> str:
 
 
 def terminal_summary(
-    experiment_dir: Path, console: Console | None = None, told: Told | None = None
+    experiment_dir: Path,
+    console: Console | None = None,
+    told: Told | None = None,
+    place: Path | None = None,
 ) -> RenderableType:
-    """The tables for a terminal; printed when a console is given."""
+    """The tables for a terminal; printed when a console is given. `place`: of the report, where
+    that is not beside the runs."""
     told = told or Told.of(load(experiment_dir))
     results, cells = told.results, told.cells
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
@@ -219,7 +225,7 @@ def terminal_summary(
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
     if len(notes) > MOST_TERMINAL_LINES:
         parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))
-    parts.append(Text(f"report: {experiment_dir / 'report' / 'index.html'}"))
+    parts.append(Text(f"report: {(place or experiment_dir) / 'report' / 'index.html'}"))
     group = Group(*parts)
     if console is not None:
         console.print(group)
