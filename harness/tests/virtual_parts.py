@@ -86,7 +86,7 @@ class Quiet:
     def run_failed(self, spec: RunSpec, why: str, last: bool) -> None: ...
 
 
-CIRCUMSTANCES = {"load_1min", "started_utc", "command"}
+CIRCUMSTANCES = {"load_1min", "started_utc", "command", "tree"}
 """What the manifests of two equal virtual runs may differ in."""
 
 

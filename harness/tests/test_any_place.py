@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Circumstances in which a virtual campaign works as anywhere: each was tried once by hand."""
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
+
+from slambed.campaign.folder import ResultFolder
+from slambed.errors import ExitCode
+
+pytestmark = needs_programs
+SLAMBED = [sys.executable, "-c", "from slambed.cli import main; main()"]
+PLACES: dict[str, dict[str, str]] = {
+    "usual": {},
+    "no HOME": {"HOME": ""},
+    "another locale and time zone": {"LC_ALL": "tr_TR.UTF-8", "TZ": "Asia/Kathmandu"},
+    "optimized Python": {"PYTHONOPTIMIZE": "2"},
+    "many threads": {"OMP_NUM_THREADS": "64"},
+    "other libraries": {"LD_LIBRARY_PATH": "/nowhere"},
+}
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("a path with a space")
+    return write_experiment(folder, make_sequence(folder / "walk", 1), 1)
+
+
+def narrow() -> None:
+    """As strict as anybody's shell may be."""
+    os.umask(0o077)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+
+
+def poses(experiment: Path, results: Path, **environment: str) -> dict[str, str]:
+    command = [*SLAMBED, "run", str(experiment), "--engine", "virtual", "--no-figures"]
+    command += ["--results", str(results)]
+    environment["SLAMBED_CACHE"] = str(results.parent / "its cache")
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=200,
+        env={name: value for name, value in (os.environ | environment).items() if value},
+        preexec_fn=narrow,
+    )
+    assert done.returncode in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), done.stderr
+    return fingerprints(ResultFolder(results / "walk"))
+
+
+@pytest.fixture(scope="module")
+def usual(experiment: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    return poses(experiment, tmp_path_factory.mktemp("usual results"))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_same_bytes_come_out(
+    experiment: Path, tmp_path: Path, usual: dict[str, str], place: str
+) -> None:
+    assert poses(experiment, tmp_path / "its results", **PLACES[place]) == usual
