@@ -13,8 +13,8 @@ KEPT = (
     "CMakeLists.txt", "LICENSE", "cmake", "datasets", "devices", "docker", "examples",
     "experiments", "harness/pace", "harness/relay", "inference", "inputs", "netem_profiles",
     "networks", "papers", "schemas", "skeletons", "systems", "tools/base_image.sh",
-    "tools/build.sh", "tools/build_image.sh", "tools/programs.sh", "tools/setup.sh",
-    "tools/space.sh",
+    "tools/build.sh", "tools/build_image.sh", "tools/programs.sh", "tools/retry.sh",
+    "tools/setup.sh", "tools/space.sh",
 )  # fmt: skip
 """What is looked up by name, and the sources of the programs with what builds them."""
 LEFT_OUT = {"tests", "bench", "__pycache__", "bin"}

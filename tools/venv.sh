@@ -23,8 +23,10 @@ python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
   exit 3
 }
 "$root/tools/space.sh" 1500 ".venv"
+# shellcheck source=tools/retry.sh
+source "$root/tools/retry.sh"
 echo "making .venv"
 python3 -m venv "$venv"
-"$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
-"$venv/bin/pip" install -q --no-deps -e "$root"
+thrice "$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
+thrice "$venv/bin/pip" install -q --no-deps -e "$root"
 state "$kind" >"$stamp"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from chaos_campaign import Torment
+from chaos_instants import WITHIN_ENTRIES, Instants
 from chaos_place import Place
 from harness_parts import needs_root
 from virtual_parts import needs_programs
@@ -14,6 +15,23 @@ FAULTS = (
     *("kill -9 harness", "kill -9 worker", "kill -9 node", "kill -9 fork server", "SIGSTOP node"),
     *("disk full", "no inodes", "folder read-only"),
 )
+
+
+def test_a_fast_host_meets_as_many_faults() -> None:
+    """No time passes: the entries of the ledger alone say when."""
+    instants, struck = Instants("any", every_s=1e9), 0
+    instants.call(0)
+    instants.executes(0.0)
+    for entries in range(1, 9):
+        while instants.due(0.0, entries):
+            instants.drawn(0.0, struck=True)
+            struck += 1
+    assert 8 / WITHIN_ENTRIES - 1 <= struck < 8
+    instants.call(8)
+    assert not instants.due(0.0, 8), "the next call has not come on yet"
+    assert instants.due(0.0, 8 + WITHIN_ENTRIES)
+    instants.drawn(0.0, struck=False)
+    assert instants.due(0.0, 8 + WITHIN_ENTRIES), "it has met nothing"
 
 
 @needs_programs

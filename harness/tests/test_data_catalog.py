@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from data_samples import one_line, tum_recipe, write_prepared, write_tum
+from waiting import beside
 
 from slambed.data import places
 from slambed.data.catalog import Catalog, prepare
@@ -193,11 +194,8 @@ def test_two_at_once_prepare_only_once(home: Path) -> None:
         both_in.wait()
         mine.prepare("tiny_tum", home / "cache", lambda d, _: starts.append(d) if d == 1 else None)
 
-    threads = [threading.Thread(target=work) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60)
+    with beside(work):
+        work()
     assert starts == [1]
     assert len(entries(home)) == 1
 
