@@ -12,7 +12,12 @@ from typing import Any
 
 import pytest
 
-from slambed.campaign.campaign_state import CampaignState, is_alive, state_of_ledger
+from slambed.campaign.campaign_state import (
+    CampaignState,
+    being_run,
+    is_alive,
+    state_of_ledger,
+)
 from slambed.campaign.growing_file import GrowingFile
 from slambed.campaign.ledger import Ledger
 from slambed.serve.experiments import status_of
@@ -129,6 +134,16 @@ def test_a_real_ledger_is_read(tmp_path: Path) -> None:
     found = state_of_ledger("x", ledger.read(), datetime.now(UTC).timestamp())
     assert found is not None and found.alive and found.pid == os.getpid()
     assert [run.name for run in found.in_hand] == ["x #3"]
+
+
+def test_a_dry_run_is_told_who_runs_the_experiment(tmp_path: Path) -> None:
+    assert being_run(tmp_path, "x") == []
+    (tmp_path / "x").mkdir()
+    ledger = Ledger(tmp_path / "x" / "ledger.jsonl")
+    ledger.append("campaign_started", runs=2, todo=["a", "b"])
+    assert being_run(tmp_path, "x") == [f"being run by process {os.getpid()}: 0 of 2 runs so far"]
+    ledger.append("campaign_ended", interrupted=False)
+    assert being_run(tmp_path, "x") == []
 
 
 def test_a_growing_file_gives_each_line_once_and_whole(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ No lock is asked for: whoever holds one for a moment, to see whether it is free,
 fail that begins in that moment.
 """
 
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -178,6 +179,14 @@ def campaign_states(results: Path, now_s: float) -> list[CampaignState]:
 def state_of(folder: Path, now_s: float) -> CampaignState | None:
     """The last campaign of one experiment's folder."""
     return state_of_ledger(folder.name, Ledger(folder / "ledger.jsonl").read(), now_s)
+
+
+def being_run(results: Path, experiment: str) -> list[str]:
+    """That a campaign has the experiment in hand now, for whoever asks what is missing of it."""
+    state = state_of(results / experiment, time.time())
+    if state is None or not state.alive:
+        return []
+    return [f"being run by process {state.pid}: {state.done} of {state.asked} runs so far"]
 
 
 def title_of(folder: Path) -> str:

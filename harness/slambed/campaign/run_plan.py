@@ -10,8 +10,8 @@ from functools import partial
 from rich.console import Console
 
 from slambed.caller import give_to_caller
-from slambed.campaign.executors import Executor, NoRuns, Played
 from slambed.campaign.campaign_state import being_run
+from slambed.campaign.executors import Executor, NoRuns, Played
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.further import further_repetitions
 from slambed.campaign.host_executor import HostExecutor
