@@ -10,8 +10,8 @@ once; and so is a test that met its time limit, which no stall of a host explain
 conftest.py registers the plugin. docs/testing.md says what else a host can spoil.
 """
 
-import contextlib
 import json
+import os
 import select
 import subprocess
 import sys
@@ -37,7 +37,7 @@ PRESSURE_SHARE, PRESSURE_S = 0.95, 10.0
 work on all processors it was up to 91 % in tests of such length, of which none failed, and up to
 100 % in shorter ones. Where tests really starved it was 96 % for minutes."""
 PATIENCE_S = 10.0
-"""With the watcher, whose answer takes a millisecond."""
+"""With the watcher, whose answer takes a millisecond: a host where it does not come is late."""
 REPEATED = "repeated because the host was late"
 """Name of the property by which reports tell it, also those of pytest-xdist's workers."""
 NOT_BESIDE = ("usepdb", "setuponly", "setupshow")
@@ -89,8 +89,7 @@ class Window:
 
 
 class Watch:
-    """The watcher, and what it saw so far. Whoever ends it ends the knowledge: nothing is repeated
-    then."""
+    """The watcher, and what it saw so far. Where somebody ends it, nothing is known to be late."""
 
     def __init__(self) -> None:
         self.process: subprocess.Popen[bytes] | None = None
@@ -114,10 +113,20 @@ class Watch:
             return
         question, answer = self.process.stdin, self.process.stdout
         assert question is not None and answer is not None
-        with contextlib.suppress(BrokenPipeError):
+        asked_s, line = time.monotonic(), b""
+        try:
             question.write(b"\n")
             question.flush()
-            self.looks += [Look(**look) for look in json.loads(_line(answer) or "[]")]
+            line = _line(answer, asked_s + PATIENCE_S)
+        except BrokenPipeError:
+            pass
+        except TimeoutError:
+            self.looks.append(Look(asked_s, time.monotonic(), 1e3 * PATIENCE_S, 0.0, None))
+        finally:
+            # Half an answer may be left, as a test's time limit may be over here, too.
+            if not line:
+                self.close()
+        self.looks += [Look(**look) for look in json.loads(line or "[]")]
 
     def lateness(self, windows: Iterable[Window]) -> Lateness:
         """Within these together, as far as it was asked."""
@@ -145,12 +154,14 @@ class Watch:
             self.process = None
 
 
-def _line(answer: IO[bytes]) -> bytes:
-    """The next one; nothing where it does not come."""
-    deadline, line = time.monotonic() + PATIENCE_S, b""
+def _line(answer: IO[bytes], deadline: float) -> bytes:
+    """The next one; nothing where nobody writes any more."""
+    line = b""
     while not line.endswith(b"\n"):
         ready, _, _ = select.select([answer], [], [], max(0.0, deadline - time.monotonic()))
-        part = answer.read1() if ready else b""  # type: ignore[attr-defined]
+        if not ready:
+            raise TimeoutError
+        part = os.read(answer.fileno(), 65536)
         if not part:
             return b""
         line += part
@@ -167,6 +178,8 @@ class Attempt:
     limit: pytest_timeout.Settings
     began_s: float = field(default_factory=time.monotonic)
     failed: list[pytest.TestReport] = field(default_factory=list)
+    judged: bool = False
+    """Whether it was asked if the host was late; a nap after a failure explains nothing."""
     excused: Lateness | None = None
     """How late the host was, where the failure is discarded for it."""
 
@@ -251,8 +264,8 @@ class HostLate:
 
     def _excuse(self, attempt: Attempt) -> Lateness | None:
         """The host's, for the failure of this attempt, if that is to be discarded."""
-        if attempt.failed and not attempt.last and not attempt.excused:
-            lateness = self.lateness()
+        if attempt.failed and not attempt.last and not attempt.judged:
+            attempt.judged, lateness = True, self.lateness()
             if lateness.is_late and not attempt.is_over_its_limit():
                 attempt.excused = lateness
         return attempt.excused

@@ -2,13 +2,16 @@
 """A live test that fails while the host is late is repeated and told; no other one is."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import harness_parts
+import host_late
 import pytest
 from harness_parts import is_trusted
 from host_late import NAP_MS, PRESSURE_S, PRESSURE_SHARE, STEAL_SHARE, Lateness, Look, Watch, Window
@@ -198,10 +201,24 @@ def test_a_watcher_that_somebody_ended_is_started_again() -> None:
         watch.process.kill()
         watch.process.wait()
         watch.ask()
+        assert watch.process is None
         seen = len(watch.looks)
         watch.start()
-        watch.ask()
         assert len(watch.looks) > seen
+    finally:
+        watch.close()
+
+
+def test_a_watcher_that_does_not_answer_is_late_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(host_late, "PATIENCE_S", 0.2)
+    watch, began_s = Watch(), time.monotonic()
+    try:
+        watch.start()
+        assert watch.process is not None
+        watch.process.send_signal(signal.SIGSTOP)
+        watch.ask()
+        assert watch.lateness([Window(began_s, time.monotonic())]).is_late
+        assert watch.process is None
     finally:
         watch.close()
 
