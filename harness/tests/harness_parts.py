@@ -30,7 +30,7 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for namesp
 def nodes_of_tests() -> Iterator[None]:
     """For every test that starts nodes: a campaign that began meanwhile would take them for
     leftovers and kill them, and what a killed test run left behind would be taken for ours."""
-    with host_lock("tests of nodes", wait_s=300):
+    with host_lock("tests of nodes", wait_s=120):
         reap()
         yield
 

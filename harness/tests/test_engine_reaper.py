@@ -21,7 +21,7 @@ pytestmark = needs_root
 @pytest.fixture(autouse=True)
 def nobody_else() -> Iterator[None]:
     """The reaper may work only while no campaign runs on this host."""
-    with host_lock("tests of the reaper", wait_s=300):
+    with host_lock("tests of the reaper", wait_s=120):
         yield
 
 
