@@ -131,7 +131,7 @@ def test_prepare_makes_once_and_reuses(home: Path) -> None:
 
 def test_a_changed_source_or_recipe_is_prepared_anew(home: Path) -> None:
     first = catalog(home).prepare("tiny_tum", home / "cache")
-    (home / "data/tiny_tum/groundtruth.txt").write_text("1305031102.2 0 0 0 0 0 0 1\n")
+    (home / "data/tiny_tum/groundtruth.txt").write_text("1305031102.18 0 0 0 0 0 0 1\n")
     second = catalog(home).prepare("tiny_tum", home / "cache")
     assert second.path != first.path and second.checksum == first.checksum
     tum_recipe(home / "datasets", depth_unit_m="0.0003")
