@@ -239,6 +239,26 @@ def download(
     typer.echo(f"{chosen.id}: in {folder}, sha256 {digest}")
 
 
+@app.command("import-camera")
+def import_camera(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Kalibr camchain, OpenCV or ROS YAML, ORB-SLAM settings, sensor.yaml"),
+    ],
+    camera: Annotated[int, typer.Option(min=0, help="which camera of the file")] = 0,
+    baseline_m: Annotated[
+        float | None, typer.Option(min=0, help="to the right camera; of depth, a virtual one")
+    ] = None,
+) -> None:
+    """Print the `camera` of a dataset file from another tool's calibration."""
+    from slambed.data.import_camera import camera_yaml
+
+    text, notes = camera_yaml(file, camera, baseline_m)
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(text)
+
+
 def describe(sequence: PreparedSequence) -> str:
     """One line about a sequence."""
     info = sequence.info

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.association import MAX_DIFFERENCE_S, match_nearest
+from slambed.data.association import MAX_DIFFERENCE_S, match_nearest, nearest_distance_s
 from slambed.data.stamps import NS_PER, UNIT_NAMES
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
@@ -66,8 +66,7 @@ def _misfit(frames_s: Floats, poses_s: Floats, where: str) -> SlambedError:
             f"{where}: the ground truth does not overlap the frames: {ranges}; use one clock for "
             "both, or remove the ground truth to go without"
         )
-    near, poses = match_nearest(frames_s, poses_s, np.inf)
-    nearest_ms = 1e3 * float(np.abs(frames_s[near] - poses_s[poses]).min())
+    nearest_ms = 1e3 * nearest_distance_s(frames_s, poses_s)
     return SlambedError(
         f"{where}: the ground truth is too sparse: no frame has a pose "
         f"within {1e3 * MAX_DIFFERENCE_S:g} ms, the nearest is {nearest_ms:.3g} ms away; {ranges}; "
