@@ -10,7 +10,7 @@ import pytest
 from data_samples import one_line, tum_recipe, write_prepared, write_tum
 
 from slambed.data import places
-from slambed.data.catalog import Catalog, prepare
+from slambed.data.catalog import Catalog, in_reading_order, prepare
 from slambed.data.recipe_file import load_recipe
 from slambed.errors import ExitCode, SlambedError
 
@@ -231,3 +231,12 @@ def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert path[:2] == [tmp_path / "a", tmp_path / "b"]
     assert path[-1] == tmp_path / "c/data"
     assert places.prepared_folder() == tmp_path / "c/prepared"
+
+
+def test_parts_of_a_recording_are_in_the_order_of_their_numbers(home: Path) -> None:
+    """As ros2 bag and rosbag --split number them."""
+    for i in (0, 2, 10):
+        (home / f"data/walk_{i}.mcap").write_bytes(b"")
+    names = ["walk_0.mcap", "walk_2.mcap", "walk_10.mcap"]
+    paths = [home / "data" / name for name in names]
+    assert sorted((home / "data").glob("walk_*.mcap"), key=in_reading_order) == paths

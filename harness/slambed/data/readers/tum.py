@@ -101,6 +101,10 @@ class Reader(FolderReader):
         for number, time_ns, name in zip(lines, times_ns, names, strict=True):
             file = _named_file(path, number, name)
             images.setdefault(time_ns, _Image(time_ns, file, number))
+        if len(images) == 1 < len(lines):
+            raise SlambedError(
+                f"{path}: all {len(lines)} lines have the time {stamps[0][1]}; record time stamps"
+            )
         if len(images) < len(lines):
             self.notes.append(
                 f"{path}: {len(lines) - len(images)} lines have the time of another one and are "
