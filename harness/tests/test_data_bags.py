@@ -229,3 +229,11 @@ def test_parts_of_a_split_bag_are_one_recording(tmp_path: Path) -> None:
     found = reader(parts[0], parts=tuple(parts[1:]))
     assert len(found) == 6 and list(found.files()) == parts
     assert all(np.array_equal(frame.grey, grey(i)) for i, frame in enumerate(found))
+
+
+def test_a_bag_that_a_crash_cut_off(tmp_path: Path) -> None:
+    bag = write(tmp_path / "b.bag", {"/grey": pictures()})
+    bag.write_bytes(bag.read_bytes()[:-500])
+    with pytest.raises(SlambedError, match="repair it with 'rosbag reindex'") as error:
+        len(reader(bag))
+    one_line(error)

@@ -215,10 +215,10 @@ def test_kitti_with_dates_headers_and_commas(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "text", "complaint"),
     [
-        ("calib.txt", "P0: 1 2 x\n", r"calib.txt:1: .*'x'; expected 12 numbers"),
-        ("calib.txt", "P0: 1 2 3\n", r"calib.txt:1: 3 values; expected 12 numbers"),
+        ("calib.txt", "P0: 1 2 x\n", r"calib.txt:1: .*'x', expected 12 numbers"),
+        ("calib.txt", "P0: 1 2 3\n", r"calib.txt:1: 3 values, expected 12 numbers"),
         ("calib.txt", "", r"calib.txt: no line P0"),
-        ("times.txt", "0\nsoon\n1\n", r"times.txt:2: 'soon' is not a time; expected seconds"),
+        ("times.txt", "0\nsoon\n1\n", r"times.txt:2: 'soon' is not a time, expected seconds"),
         ("times.txt", "0\n1\n", "2 times for 3 images"),
         ("times.txt", "0\n1e400\n1\n", r"times.txt:2: '1e400' is not a time"),
         ("poses", "1 0 0 0 0 1 0 0 0 0 1 0\n" * 2 + "1 2\n", r"07.txt:3: 2 values"),
@@ -500,6 +500,13 @@ def test_a_bare_mcap_file_is_read(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "b", "mcap")
     file = next(folder.glob("*.mcap"))
     assert len(load_reader("bag")(file, options(extra=BAG_TOPICS))) == 4
+
+
+def test_an_mcap_that_a_crash_cut_off(tmp_path: Path) -> None:
+    file = next(write_bag(tmp_path / "b", "mcap").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(SlambedError, match=r"cut off, as a crash leaves it; .*'mcap recover'"):
+        len(load_reader("bag")(file, options(extra=BAG_TOPICS)))
 
 
 def test_bag_errors(tmp_path: Path) -> None:

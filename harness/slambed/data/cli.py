@@ -13,8 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from slambed.data import places
-from slambed.errors import ExitCode, SlambedError
-from slambed.outputs import writing
+from slambed.errors import ExitCode
+from slambed.outputs import figure_file, writing
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
@@ -173,9 +173,7 @@ def difficulty(
     if table is not None:
         with writing(table, "--table"):
             table.write_text(csv_of(measured))
-    file = output or places.picture("difficulty.png")
-    if file.suffix not in (".png", ".svg", ".pdf"):
-        raise SlambedError(f"unknown picture format {file}; known: .png, .svg, .pdf")
+    file = figure_file(output) if output else places.picture("difficulty.png")
     draw(measured, file)
     typer.echo(f"figure: {file}")
 

@@ -82,7 +82,7 @@ def number_rows(
     for number, line in table_lines(path):
         words = fields(line)
         if len(words) < columns or (len(words) > columns and not longer):
-            raise SlambedError(f"{path}:{number}: {len(words)} values; expected {expected}")
+            raise _bad_line(f"{path}:{number}: {len(words)} values", expected)
         values = [_number(word, path, number, expected) for word in words[:columns]]
         rows.append((number, values))
     return rows
@@ -91,8 +91,12 @@ def number_rows(
 def _number(word: str, path: Path, line: int, expected: str) -> float:
     value = float(word) if _is_number(word) else math.nan
     if not math.isfinite(value):
-        raise SlambedError(f"{path}:{line}: '{word}' is not a number; expected {expected}")
+        raise _bad_line(f"{path}:{line}: '{word}' is not a number", expected)
     return value
+
+
+def _bad_line(found: str, expected: str) -> SlambedError:
+    return SlambedError(f"{found}, expected {expected}; correct or remove the line")
 
 
 def _is_number(word: str) -> bool:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+import struct
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -12,7 +14,8 @@ from typing import Any
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError as ReaderError1
 from rosbags.rosbag2 import ReaderError as ReaderError2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from slambed.data.association import pairs_of_sensors
 from slambed.data.images import other_size
@@ -24,6 +27,11 @@ from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.suggestion import did_you_mean
 
+#: What `rosbags` raises for damaged files.
+_BROKEN = (
+    AnyReaderError, ReaderError1, ReaderError2, SerdeError, TypesysError, UnicodeDecodeError,
+    OSError, sqlite3.Error, struct.error,
+)  # fmt: skip
 #: The header's clock and the recorder's may differ by a constant, but not in how fast they go.
 _CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
 _LONGEST_REASON = 160
@@ -163,7 +171,7 @@ class Reader(SequenceReader):
             store = get_typestore(Stores.ROS2_HUMBLE)
             with AnyReader(self._parts, default_typestore=store) as bag:
                 yield bag
-        except (AnyReaderError, ReaderError1, ReaderError2) as broken:
+        except _BROKEN as broken:
             raise SlambedError(f"{self.path}: {_reason(broken)}") from broken
 
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:

@@ -121,7 +121,8 @@ class SequenceReader(ABC):
                 counts.append(number_or_date(text))
             except ValueError:
                 raise SlambedError(
-                    f"{file}:{line}: '{text}' is not a time; expected {UNIT_NAMES[usual]}"
+                    f"{file}:{line}: '{text}' is not a time, expected {UNIT_NAMES[usual]}; "
+                    "correct or remove the line"
                 ) from None
         asked = self.options.extra.get("time_unit")
         if asked is not None and asked not in NS_PER:

@@ -154,14 +154,16 @@ class Reader(FolderReader):
                 matrix = np.array([float(value) for value in values.split()])
             except ValueError as broken:
                 raise SlambedError(
-                    f"{self._calibration}:{number}: {broken}; expected {_PROJECTION}"
+                    f"{self._calibration}:{number}: {broken}, expected {_PROJECTION}; "
+                    "fetch the file again"
                 ) from None
             if matrix.shape != (12,) or not np.isfinite(matrix).all():
                 raise SlambedError(
-                    f"{self._calibration}:{number}: {len(matrix)} values; expected {_PROJECTION}"
+                    f"{self._calibration}:{number}: {len(matrix)} values, expected {_PROJECTION}; "
+                    "fetch the file again"
                 )
             return number, matrix.reshape(3, 4)
-        raise SlambedError(f"{self._calibration}: no line {wanted}; expected {_PROJECTION}")
+        raise SlambedError(f"{self._calibration}: no line {wanted} with {_PROJECTION}; complete it")
 
     def _poses_file(self) -> Path | None:
         if not self.options.groundtruth:

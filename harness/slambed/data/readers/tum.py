@@ -91,7 +91,10 @@ class Reader(FolderReader):
         for number, line in table_lines(path):
             entry = _ENTRY.fullmatch(line.split("#", 1)[0])
             if entry is None or not entry[2]:
-                raise SlambedError(f"{path}:{number}: expected 'time file', got '{line[:80]}'")
+                raise SlambedError(
+                    f"{path}:{number}: expected 'time file', got '{line[:80]}'; correct or remove "
+                    "the line"
+                )
             lines.append(number)
             stamps.append((number, entry[1]))
             names.append(entry[2])
