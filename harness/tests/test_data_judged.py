@@ -148,7 +148,10 @@ def test_lists_in_any_encoding_with_headers_and_commas(
         text = "\r\n".join(["timestamp, what", *rows, "# größer"]) + "\r\n"
         (walk / name).write_bytes(MARKS.get(encoding, b"") + text.encode(encoding))
     sequence, told = prepare(tmp_path)
-    assert sequence.checksum == before.checksum and told == ""
+    assert sequence.checksum == before.checksum
+    assert told.endswith(
+        "1 of 6 pictures have none of the second sensor near them and are left out"
+    )
     assert (sequence.path / "groundtruth.txt").read_text() == (
         before.path / "groundtruth.txt"
     ).read_text()
@@ -265,3 +268,12 @@ def test_a_pattern_with_several_hits_is_told(walk: Path, tmp_path: Path) -> None
     write_tum(tmp_path / "data/tiny_tum_2")
     tum_recipe(tmp_path / "datasets", paths="['tiny_tum*']")
     assert "'paths' matches 1 more" in prepare(tmp_path)[1]
+
+
+def test_stereo_is_not_straightened_by_one_lens(tmp_path: Path) -> None:
+    lens = "distortion: [0.1, 0, 0, 0], distortion_model: equidistant"
+    tum_recipe(
+        tmp_path / "datasets", sensor="stereo", reader="bag", camera=CAMERA.format(more=lens)
+    )
+    with pytest.raises(SlambedError, match="stereo pictures must be rectified"):
+        Catalog.load(tmp_path / "datasets", [tmp_path / "data"]).get("tiny_tum")

@@ -253,6 +253,8 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path: Path) -> None:
         kitti(folder, sensor="rgbd")
     with pytest.raises(SlambedError, match=r"08.txt is missing .ground truth."):
         list(kitti(folder, groundtruth="08.txt").files())
+    with pytest.raises(SlambedError, match="'distortion' of the dataset's camera is not used"):
+        kitti(folder, distortion=(0.1, 0.0, 0.0, 0.0))
     with pytest.raises(SlambedError, match=r"'groundtruth: a.txt' is not used by this reader"):
         load_reader("bag")(tmp_path, options(groundtruth="a.txt"))
 

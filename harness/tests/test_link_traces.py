@@ -187,3 +187,7 @@ def test_traces_in_any_encoding(tmp_path: Path, encoding: str) -> None:
 def test_lines_of_comments_count(tmp_path: Path) -> None:
     with pytest.raises(SlambedError, match=r"not two numbers but '0.1, x'.* line 5;"):
         trace(tmp_path, "# a\n# b\ntime_s,rtt_ms\n0,1\n0.1,x\n")
+
+
+def test_semicolons_with_decimal_commas(tmp_path: Path) -> None:
+    assert trace(tmp_path, "time_s;rtt_ms\n0;1,5\n0,5;3,5;\n").rtt_ms(0.25) == 2.5

@@ -263,6 +263,7 @@ def open_source(dataset: Dataset, source: Path, *more: Path) -> SequenceReader:
         sensor=dataset.sensor,
         size=(camera.width, camera.height) if camera else None,
         camera=camera.camera() if camera else None,
+        distortion=camera.distortion if camera else (),
         depth_unit_m=dataset.depth_unit_m,
         fps=dataset.fps,
         groundtruth=dataset.groundtruth,

@@ -196,6 +196,11 @@ class Dataset(_Strict):
             raise ValueError("paths is needed: where the source lies below the search path")
         if self.reader and self.sensor == "rgbd" and self.depth_unit_m == 0:
             raise ValueError("depth_unit_m is needed for rgbd (TUM 0.0002, millimetres 0.001)")
+        if self.sensor == "stereo" and self.camera is not None and self.camera.is_straightened:
+            raise ValueError(
+                "stereo pictures must be rectified: their camera has no distortion of this model; "
+                "rectify them before, or take reader euroc, which does"
+            )
         if self.synthetic and self.camera is not None:
             raise ValueError("camera belongs to recorded sequences; the generator has its own")
         return self

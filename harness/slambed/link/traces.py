@@ -156,6 +156,8 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
     """Number (from 1) and fields of each line with content."""
     written = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    if written and ";" in written[0][1]:  # as spreadsheets write where the comma is decimal
+        return [(n, line.replace(",", ".").split(";")) for n, line in written]
     if written and "," in written[0][1]:
         return [(n, row) for n, line in written for row in csv.reader([line])]
     return [(n, line.split()) for n, line in written]

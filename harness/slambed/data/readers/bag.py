@@ -75,6 +75,7 @@ class Reader(SequenceReader):
             second = sorted(set(times[self._second]))
             found = pairs_of_sensors(first, second, self.max_difference_s)
             pairs = [(first[i], second[j]) for i, j in found]
+            self._tell_unpaired(len(first), len(pairs))
         if not pairs:
             raise SlambedError(
                 f"{self.path}: no pair of images on {', '.join(times)}; check the topics"
@@ -92,7 +93,7 @@ class Reader(SequenceReader):
                 "out, but for the first"
             )
         own_s, bag_s = (1e-9 * (max(t) - min(t)) if t else 0.0 for t in (stamps, received))
-        if bag_s > _CLOCK_RATIO * own_s + _CLOCK_SLACK_S:
+        if max(own_s, bag_s) > _CLOCK_RATIO * min(own_s, bag_s) + _CLOCK_SLACK_S:
             self.notes.append(
                 f"{self.path} {topic}: header stamps last {own_s:.1f} s and the bag {bag_s:.1f} s; "
                 "frames are played by their header stamps"

@@ -36,6 +36,7 @@ class ReaderOptions:
     sensor: Sensor
     size: tuple[int, int] | None = None  #: width, height; None: the reader finds out
     camera: Camera | None = None  #: None: the reader takes it from the dataset's own files
+    distortion: tuple[float, ...] = ()  #: that the dataset file gives its camera
     depth_unit_m: float = 0.0
     fps: float = 30.0
     groundtruth: str | None = None  #: file in the source folder
@@ -54,6 +55,8 @@ class SequenceReader(ABC):
     common_options = ("grey_range", "max_gap_s")
     #: What the format can hold.
     sensors: tuple[Sensor, ...] = ("rgbd", "stereo", "mono")
+    #: False where the format's own calibration says how the lens distorts.
+    takes_distortion = True
     #: True where what a pattern of `paths` finds in several files is one recording.
     reads_parts = False
     #: Where poses come from in a format without `groundtruth:`; empty where that names their file.
@@ -80,6 +83,11 @@ class SequenceReader(ABC):
             raise SlambedError(
                 f"{path}: this format holds {' or '.join(self.sensors)}, not {options.sensor}; "
                 "correct sensor or reader of the dataset file"
+            )
+        if any(options.distortion) and not self.takes_distortion:
+            raise SlambedError(
+                f"{path}: 'distortion' of the dataset's camera is not used by this reader, the "
+                "format's own calibration counts; remove it"
             )
         if options.groundtruth and self.truth_without_key:
             raise SlambedError(
@@ -112,6 +120,14 @@ class SequenceReader(ABC):
     def max_difference_s(self) -> float:
         """How far the times of two sensors may be apart."""
         return self._positive_option("max_difference_s", MAX_DIFFERENCE_S) or MAX_DIFFERENCE_S
+
+    def _tell_unpaired(self, first: int, paired: int) -> None:
+        """What has no partner is not played; a benchmark's recordings have some at their ends."""
+        if paired < first:
+            self.notes.append(
+                f"{self.path}: {first - paired} of {first} pictures have none of the second sensor "
+                "near them and are left out"
+            )
 
     def _in_ns(self, file: Path, stamps: list[tuple[int, str]], usual: str) -> list[int]:
         """Nanoseconds of a file's times, given with their lines; `usual` is the format's unit."""

@@ -49,14 +49,10 @@ class Reader(FolderReader):
 
     known_options = ("time_unit",)
     sensors = ("stereo", "mono")
+    takes_distortion = False
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
-        if options.camera is not None and any(options.camera.distortion):
-            raise SlambedError(
-                f"{path}: 'distortion' of the dataset's camera is not used by this reader, "
-                "sensor.yaml has it; remove it"
-            )
         self._mav = path / "mav0" if (path / "mav0").is_dir() else path
         self._names = ("cam0",) if options.sensor == "mono" else ("cam0", "cam1")
         left, *right = (self._image_list(self._mav / name) for name in self._names)
@@ -65,6 +61,7 @@ class Reader(FolderReader):
             times = [[image.time_ns for image in images] for images in (left, right[0])]
             pairs = pairs_of_sensors(times[0], times[1], 1e-3)
             self._frames = [(left[i], right[0][j]) for i, j in pairs]
+            self._tell_unpaired(len(left), len(pairs))
         if not self._frames:
             raise SlambedError(f"{self._mav}: cam0 and cam1 have no time in common")
         self._sensors = [read_asl(self._sensor_file(name)) for name in self._names]

@@ -39,6 +39,7 @@ class Reader(FolderReader):
 
     known_options = ("time_unit",)
     sensors = ("stereo", "mono")
+    takes_distortion = False
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)

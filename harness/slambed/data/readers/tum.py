@@ -55,6 +55,7 @@ class Reader(FolderReader):
                 "check the times in rgb.txt and depth.txt"
             )
         self._frames = [(colour[i], depth[0][j]) for i, j in pairs]
+        self._tell_unpaired(len(colour), len(pairs))
 
     def __len__(self) -> int:
         return len(self._frames)
