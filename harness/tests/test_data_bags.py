@@ -237,3 +237,15 @@ def test_a_bag_that_a_crash_cut_off(tmp_path: Path) -> None:
     with pytest.raises(SlambedError, match="repair it with 'rosbag reindex'") as error:
         len(reader(bag))
     one_line(error)
+
+
+def test_a_topic_without_pictures_is_named(tmp_path: Path) -> None:
+    bag = write(tmp_path / "b.bag", {"/grey": [odometry(0)]})
+    with pytest.raises(SlambedError, match=r"topic '/grey' has nav_msgs/msg/Odometry, expected"):
+        len(reader(bag))
+
+
+def test_what_lies_beside_a_bag_is_no_part_of_it(tmp_path: Path) -> None:
+    bag = write(tmp_path / "b.bag", {"/grey": pictures()})
+    found = reader(bag, parts=(tmp_path / "b.bag.txt", tmp_path / "old" / "b.bag"))
+    assert len(found) == 3 and "matches 2 more that are no parts of it" in found.notes[0]

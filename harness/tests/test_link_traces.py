@@ -191,3 +191,9 @@ def test_lines_of_comments_count(tmp_path: Path) -> None:
 
 def test_semicolons_with_decimal_commas(tmp_path: Path) -> None:
     assert trace(tmp_path, "time_s;rtt_ms\n0;1,5\n0,5;3,5;\n").rtt_ms(0.25) == 2.5
+
+
+def test_two_logs_in_one_file_are_not_one(tmp_path: Path) -> None:
+    lines = [UNIX_REPLY.format(seq=i, ms=i) for i in (1, 2, 3)]
+    with pytest.raises(SlambedError, match=r"icmp_seq 1 comes again .*; give the log of one ping"):
+        ping_trace(tmp_path, [*lines, "", *lines])

@@ -19,6 +19,7 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+_DIGITS_OF_A_NAME = 2
 _BETWEEN = re.compile(r"[\s,;]+")
 
 
@@ -69,8 +70,10 @@ def table_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def is_header(words: list[str]) -> bool:
-    """True for names of columns: the first has a letter and no number in front."""
-    return re.match(r"[^\W\d]", words[0]) is not None and not _is_number(words[0])
+    """True for names of columns, as `timestamp` or `r11`, and not for a time with a slip in it."""
+    name = words[0]
+    begins = re.match(r"[^\W\d]", name) is not None and not _is_number(name)
+    return begins and sum(letter.isdecimal() for letter in name) <= _DIGITS_OF_A_NAME
 
 
 def number_rows(

@@ -12,6 +12,8 @@ _NUMBER = r"(\d+(?:[.,]\d+)?)"
 _UNIX = re.compile(rf"seq=(\d+)\s+[^\s=]+=\d+\s+[^\s=<]+\s*[=<]+\s*{_NUMBER}\s*(\D*)")
 #: `time=12ms TTL=57`, `time<1ms`; IPv6 has no TTL, and the statistics have blanks around `=`.
 _WINDOWS = re.compile(rf"\s[^\s=<]+[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
+#: Of duplicates, `(DUP!)` in whatever language.
+_MARKED = "!)"
 _STAMP = re.compile(r"\s*\[(\d+(?:\.\d+)?)\]")
 _MS_PER = {"s": 1e3, "sec": 1e3, "us": 1e-3, "usec": 1e-3, "µs": 1e-3, "μs": 1e-3}
 #: Sequence numbers have 16 bits.
@@ -35,7 +37,7 @@ class PingLog:
 
 
 def read_ping(lines: list[str]) -> PingLog:
-    """Replies of either kind of log; a mixture is none."""
+    """Replies of either kind of log; a mixture is none. Raises ValueError for two logs in one."""
     unix = [(line, found) for line in lines if (found := _UNIX.search(line))]
     return _unix(unix) if unix else PingLog(_windows(lines), False)
 
@@ -47,11 +49,15 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
     is_stamped = all(stamps)
     echoes: dict[int, Echo] = {}
     number = int(replies[0][1][1])
-    for (_, found), stamp in zip(replies, stamps, strict=True):
+    for (line, found), stamp in zip(replies, stamps, strict=True):
         number += (int(found[1]) - number + _WRAP // 2) % _WRAP - _WRAP // 2
+        if number in echoes:
+            if not line.rstrip().endswith(_MARKED):
+                raise ValueError(f"icmp_seq {found[1]} comes again, not as a duplicate")
+            continue
         rtt_ms = _ms(found[2], found[3])
         sent = float(stamp[1]) - 1e-3 * rtt_ms if is_stamped and stamp else float(number)
-        echoes.setdefault(number, Echo(sent, rtt_ms))
+        echoes[number] = Echo(sent, rtt_ms)
     return PingLog([echoes[key] for key in sorted(echoes)], is_stamped)
 
 

@@ -164,7 +164,10 @@ def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
 
 
 def _read_ping(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
-    log = read_ping(read_lines(path))
+    try:
+        log = read_ping(read_lines(path))
+    except ValueError as two:
+        raise SlambedError(f"{two}, {path}; give the log of one ping") from None
     start = log.echoes[0].sent if log.echoes else 0.0
     # Subtracted before scaling, as above.
     sent = np.array([echo.sent - start for echo in log.echoes])

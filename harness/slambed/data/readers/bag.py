@@ -27,6 +27,7 @@ from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.suggestion import did_you_mean
 
+_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 #: What `rosbags` raises for damaged files.
 _BROKEN = (
     AnyReaderError, ReaderError1, ReaderError2, SerdeError, TypesysError, UnicodeDecodeError,
@@ -51,7 +52,9 @@ class Reader(SequenceReader):
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
-        self._parts = [path, *options.further_parts]
+        self._parts = [path, *(part for part in options.further_parts if _goes_on(path, part))]
+        if (others := len(options.further_parts) + 1 - len(self._parts)) > 0:
+            self.notes.append(f"{path}: 'paths' matches {others} more that are no parts of it")
         self._second = None if options.sensor == "mono" else self._topic_option("second_topic")
         self._first = self._topic_option("first_topic")
 
@@ -185,8 +188,23 @@ class Reader(SequenceReader):
                     f"in the bag: {', '.join(present)}"
                 )
         chosen = [c for c in bag.connections if c.topic in topics]
+        for connection in chosen:
+            self._check_kind(connection.topic, connection.msgtype)
         for connection, received_ns, raw in bag.messages(connections=chosen):
             yield connection.topic, bag.deserialize(raw, connection.msgtype), received_ns
+
+    def _check_kind(self, topic: str, kind: str) -> None:
+        if topic in (self._first, self._second) and kind not in _IMAGES:
+            raise SlambedError(
+                f"{self.path}: topic '{topic}' has {kind}, expected {' or '.join(_IMAGES)}; "
+                "name the topic of the pictures"
+            )
+
+
+def _goes_on(first: Path, part: Path) -> bool:
+    """Parts lie beside each other and are of one kind."""
+    same_kind = (first.suffix, first.is_dir()) == (part.suffix, part.is_dir())
+    return same_kind and first.parent == part.parent
 
 
 def _reason(broken: Exception) -> str:
