@@ -157,6 +157,11 @@ def test_lists_in_any_encoding_with_headers_and_commas(
     ).read_text()
 
 
+def test_a_zero_byte_is_no_text(walk: Path, tmp_path: Path) -> None:
+    (walk / "rgb.txt").write_text("# colour\n12.0 rgb/\0.png\n")
+    assert "rgb.txt:2: a zero byte, which no text has" in refused(tmp_path)
+
+
 def test_names_with_blanks(walk: Path, tmp_path: Path) -> None:
     before = prepare(tmp_path)[0].checksum
     lines = (walk / "rgb.txt").read_text().splitlines()
@@ -277,3 +282,11 @@ def test_stereo_is_not_straightened_by_one_lens(tmp_path: Path) -> None:
     )
     with pytest.raises(SlambedError, match="stereo pictures must be rectified"):
         Catalog.load(tmp_path / "datasets", [tmp_path / "data"]).get("tiny_tum")
+
+
+def test_a_camera_without_baseline(walk: Path, tmp_path: Path) -> None:
+    camera = CAMERA.format(more="distortion: [0, 0, 0, 0]").replace("bf: 4", "bf: 0")
+    tum_recipe(tmp_path / "datasets", camera=camera)
+    assert "bf of the dataset's camera is 0" in refused(tmp_path)
+    tum_recipe(tmp_path / "datasets", camera=camera, sensor="mono")
+    assert prepare(tmp_path)[0].info.camera.bf == 0

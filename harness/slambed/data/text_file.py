@@ -41,7 +41,11 @@ def decode_text(data: bytes, name: str) -> str:
         if encoding != "utf-8":
             raise SlambedError(f"{name}: begins as {encoding} text but is none; {broken}") from None
         text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if (zero := text.find("\0")) >= 0:
+        line = text.count("\n", 0, zero) + 1
+        raise SlambedError(f"{name}:{line}: a zero byte, which no text has; fetch the file again")
+    return text
 
 
 def _without_mark(data: bytes) -> str:
@@ -76,16 +80,16 @@ def is_header(words: list[str]) -> bool:
     return begins and sum(letter.isdecimal() for letter in name) <= _DIGITS_OF_A_NAME
 
 
-def number_rows(
+def pose_rows(
     path: Path, columns: int, expected: str, *, longer: bool = False
 ) -> list[tuple[int, list[float]]]:
-    """Line number and values of each row of a table of finite numbers; longer: a row may have more,
-    which nobody asks for."""
+    """Line number and values of each row of a table of poses, which are finite; longer: a row may
+    have more, which nobody asks for."""
     rows = []
     for number, line in table_lines(path):
         words = fields(line)
         if len(words) < columns or (len(words) > columns and not longer):
-            raise _bad_line(f"{path}:{number}: {len(words)} values", expected)
+            raise _no_pose(f"{path}:{number}", f"{len(words)} values", expected)
         values = [_number(word, path, number, expected) for word in words[:columns]]
         rows.append((number, values))
     return rows
@@ -94,12 +98,14 @@ def number_rows(
 def _number(word: str, path: Path, line: int, expected: str) -> float:
     value = float(word) if _is_number(word) else math.nan
     if not math.isfinite(value):
-        raise _bad_line(f"{path}:{line}: '{word}' is not a number", expected)
+        raise _no_pose(f"{path}:{line}", f"'{word}' is not a number", expected)
     return value
 
 
-def _bad_line(found: str, expected: str) -> SlambedError:
-    return SlambedError(f"{found}, expected {expected}; correct or remove the line")
+def _no_pose(place: str, found: str, expected: str) -> SlambedError:
+    return SlambedError(
+        f"{place}: not a pose: {found}, expected {expected}; correct or remove the line"
+    )
 
 
 def _is_number(word: str) -> bool:

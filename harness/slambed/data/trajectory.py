@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.text_file import number_rows, read_lines
+from slambed.data.text_file import pose_rows, read_lines
 from slambed.errors import SlambedError
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _read_rows(path: Path) -> Floats:
     lines = read_lines(path)
     if (plain := _plain_rows(lines)) is not None:
         return plain
-    rows = [values for _, values in number_rows(path, COLUMNS, EXPECTED.removeprefix("expected "))]
+    rows = [values for _, values in pose_rows(path, COLUMNS, EXPECTED.removeprefix("expected "))]
     return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
 
 

@@ -179,6 +179,11 @@ class SequenceReader(ABC):
         """The camera of the frames as delivered."""
         if self.options.camera is None:
             raise SlambedError(f"{self.path}: this reader needs 'camera' in the dataset file")
+        if self.options.camera.bf == 0 and self.options.sensor != "mono":
+            raise SlambedError(
+                f"{self.path}: bf of the dataset's camera is 0, so nothing would be near; expected "
+                "fx times the baseline, of depth a virtual one (40 at 640x480)"
+            )
         return self.options.camera
 
     def size(self) -> tuple[int, int]:

@@ -19,7 +19,7 @@ from slambed.data.lens import rectified
 from slambed.data.model import Camera, Frame, GreyImage
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.rotations import check_quaternions
-from slambed.data.text_file import number_rows, table_lines
+from slambed.data.text_file import pose_rows, table_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
@@ -105,7 +105,7 @@ class Reader(FolderReader):
             return None
         if not self.options.groundtruth and file.parent.name == "mocap0":
             self.notes.append(f"{file}: taken as ground truth of the body (IMU)")
-        table = number_rows(file, 8, _POSE, longer=True)
+        table = pose_rows(file, 8, _POSE, longer=True)
         rows = np.array([values for _, values in table]).reshape(-1, 8)
         check_quaternions(rows[:, 4:8], [f"{file}:{line}" for line, _ in table])
         w, x, y, z = rows[:, 4:8].T

@@ -20,7 +20,7 @@ from slambed.data.readers.base import (
     require_poses,
 )
 from slambed.data.rotations import check_rotation
-from slambed.data.text_file import is_header, number_rows, read_lines
+from slambed.data.text_file import is_header, pose_rows, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
@@ -111,7 +111,7 @@ class Reader(FolderReader):
         file = self._poses_file()
         if file is None:
             return None
-        rows = number_rows(file, 12, _POSE)
+        rows = pose_rows(file, 12, _POSE)
         chosen = [rows[k] for k in self._places_in(len(rows), file, "poses")]
         for line, values in chosen:
             check_rotation(np.array(values).reshape(3, 4)[:, :3], f"{file}:{line}")
