@@ -120,6 +120,7 @@ UNIX_REPLY = "64 bytes from 1.2.3.4: icmp_seq={seq} ttl=57 time={ms} ms"
         "Antwort von 1.2.3.4: Bytes=32 Zeit={ms}ms TTL=57",
         "Réponse de 1.2.3.4 : octets=32 temps={ms} ms TTL=57",
         "Reply from ::1: time={ms}ms",
+        "1.2.3.4 からの応答: バイト数 =32 時間 ={ms}ms TTL=57",
     ],
 )
 def test_ping_logs_of_any_system_and_language(tmp_path: Path, reply: str) -> None:

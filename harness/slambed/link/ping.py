@@ -10,8 +10,8 @@ from dataclasses import dataclass
 _NUMBER = r"(\d+(?:[.,]\d+)?)"
 #: `icmp_seq=7 ttl=57 time=11,3 ms`: the words are translated, their order is not.
 _UNIX = re.compile(rf"seq=(\d+)\s+[^\s=]+=\d+\s+[^\s=<]+\s*[=<]+\s*{_NUMBER}\s*(\D*)")
-#: `time=12ms TTL=57`, `time<1ms`; IPv6 has no TTL, and the statistics have blanks around `=`.
-_WINDOWS = re.compile(rf"\s[^\s=<]+[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
+#: `time=12ms TTL=57`, `time<1ms`; IPv6 has no TTL, and the statistics have a blank behind `=`.
+_WINDOWS = re.compile(rf"\s[^\s=<]+\s?[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
 #: Of duplicates, `(DUP!)` in whatever language.
 _MARKED = "!)"
 _STAMP = re.compile(r"\s*\[(\d+(?:\.\d+)?)\]")
