@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 Say = Callable[[str], None]
 
 #: Raised when the same source must be prepared anew because this code changed.
-PREPARATION_VERSION = 2
+PREPARATION_VERSION = 3
 #: A median depth outside this range means a wrong unit, not an unusual room or street.
 DEPTH_MEDIAN_RANGE_M = (0.1, 50.0)
 _DEPTH_SAMPLE_EVERY = 25
