@@ -91,7 +91,7 @@ def left_on(board: StandInBoard) -> str:
     return kept + volumes.stdout
 
 
-@pytest.mark.parametrize("engine", ["docker", "local"])
+@pytest.mark.parametrize("engine", [pytest.param("docker", marks=pytest.mark.nightly), "local"])
 def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
     tmp_path: Path, cache: Path, board: StandInBoard, engine: str
 ) -> None:
@@ -182,6 +182,7 @@ def test_what_a_killed_campaign_left_on_a_board_is_removed(
     assert not list((cache / "boards").glob("*"))
 
 
+@pytest.mark.nightly
 def test_a_board_that_loses_power_costs_an_attempt_and_gets_its_runs_when_it_is_back(
     tmp_path: Path, cache: Path, board: StandInBoard
 ) -> None:

@@ -35,17 +35,22 @@ def test_a_fast_host_meets_as_many_faults() -> None:
 
 
 @needs_programs
+@pytest.mark.parametrize(
+    ("jobs", "faults"), [(2, 2), pytest.param(8, 4, marks=pytest.mark.nightly)]
+)
 def test_a_campaign_under_faults_ends_as_if_there_were_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    jobs: int, faults: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
-    place = Place(tmp_path, "virtual", runs=2)
-    outcome = place.play(Torment("virtual", 5, 8, 4, every_s=0.2, figures=False, only=FAULTS))
+    place = Place(tmp_path, "virtual", runs=faults // 2)
+    asked = Torment("virtual", 5, jobs, faults, every_s=0.2, figures=False, only=FAULTS)
+    outcome = place.play(asked)
     assert outcome.problems == []
     assert outcome.struck, "no fault met anything"
 
 
 @pytest.mark.live
+@pytest.mark.nightly
 @needs_root
 @needs_programs
 def test_a_live_campaign_under_faults_is_finished_by_the_same_command(

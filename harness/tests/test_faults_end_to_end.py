@@ -83,7 +83,10 @@ class Run:
 
 # Seven runs of nine seconds each, three times where the host was late: 200 s and more.
 pytestmark = [pytest.mark.programs, pytest.mark.timeout(900)]
-LIVE = [pytest.param(engine, marks=pytest.mark.live) for engine in ("local", "docker")]
+LIVE = [
+    pytest.param("local", marks=pytest.mark.live),
+    pytest.param("docker", marks=[pytest.mark.live, pytest.mark.nightly]),
+]
 
 
 @pytest.fixture(scope="module", params=[VIRTUAL, *LIVE])

@@ -113,6 +113,7 @@ def test_an_edge_of_others_that_is_killed_costs_frames_and_not_the_run(
         assert 1 <= summary["frames_tracked"] <= 12 and summary["track_losses"] == 1
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not image_is_built(), reason="needs Docker and the node image ('make images')")
 def test_the_same_in_containers_of_their_own_image(tmp_path: Path, sequence: Path) -> None:
     subprocess.run([EXAMPLES / "build_image.sh"], check=True, stdout=subprocess.DEVNULL)

@@ -66,6 +66,7 @@ def arguments(tmp_path: Path, hosts: list[StandInHost]) -> list[str]:
     ]  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
     tmp_path: Path, hosts: list[StandInHost]
 ) -> None:

@@ -54,7 +54,7 @@ def devices(namespace: Path) -> list[str]:
     return inside(namespace, lambda: [name for _, name in socket.if_nameindex()])
 
 
-@pytest.mark.parametrize("rtt_ms", [0, 40])
+@pytest.mark.parametrize("rtt_ms", [pytest.param(0, marks=pytest.mark.nightly), 40])
 @again_when_late
 def test_a_constant_profile_is_delivered_and_proved(
     ends: Ends, tmp_path: Path, rtt_ms: int

@@ -83,7 +83,7 @@ def stages(run: Run, name: str) -> pd.DataFrame:
     return found[found["name"] == name]
 
 
-@pytest.mark.parametrize("engine", ["local", "docker"])
+@pytest.mark.parametrize("engine", ["local", pytest.param("docker", marks=pytest.mark.nightly)])
 def test_every_picture_that_came_is_segmented_and_none_besides(engine: str, tmp_path: Path) -> None:
     if engine == "docker" and not image_is_built():
         pytest.skip("needs the node image ('make images')")
@@ -182,7 +182,10 @@ def goes_on_without_masks(variant: str, run: Run, uploads: int) -> int:
     return dead_ns
 
 
-@pytest.mark.parametrize(("engine", "meet"), [("local", kill), ("docker", kill_container)])
+@pytest.mark.parametrize(
+    ("engine", "meet"),
+    [("local", kill), pytest.param("docker", kill_container, marks=pytest.mark.nightly)],
+)
 def test_a_segmenter_that_dies_is_started_again(
     engine: str, meet: Callable[[psutil.Process], None], tmp_path: Path
 ) -> None:
@@ -203,6 +206,7 @@ def test_a_segmenter_that_dies_is_started_again(
         assert beside["segmenter_cpu_s"] is None, variant
 
 
+@pytest.mark.nightly
 def test_tracking_goes_on_beside_a_segmenter_that_hangs(tmp_path: Path) -> None:
     # Full offload waits for each mask, so it tracks next to nothing then.
     for variant, run in meet_segmenters("local", hang, ("no_adapt",), tmp_path).items():
