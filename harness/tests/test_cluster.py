@@ -86,6 +86,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 @needs_programs
 @pytest.mark.timeout(900)  # Dask starts, and two campaigns: 106 s at a load of 11.
+@pytest.mark.nightly
 def test_a_killed_worker_costs_no_run_and_makes_none_twice(
     tmp_path: Path, cluster: Cluster
 ) -> None:
