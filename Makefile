@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-browser test-asan test-tsan fuzz bench bench-against test-netem data images doctor clean
+.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-all test-browser test-asan test-tsan fuzz bench bench-against test-netem data images doctor clean
 # The Python environment and the C++ programs are made side by side: one loads, the other computes.
 MAKEFLAGS += -j2
 
@@ -53,7 +53,8 @@ plots: setup ## Draw all reports again without running anything
 shell: setup ## A shell in which `slambed` is a command
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $${SHELL:-/bin/bash}
 
-check: setup-dev ## For a change of Python only: ruff, mypy, import contracts, tests without programs
+check: setup-dev ## Before trying a change: ruff, mypy, import contracts, C++ headers one by one, tests without programs
+	@tools/setup.sh build test
 	@tools/check.sh
 
 tidy: setup-dev ## clang-tidy on the C++ of the product: [ONLY=systems/core/map]
@@ -62,11 +63,15 @@ tidy: setup-dev ## clang-tidy on the C++ of the product: [ONLY=systems/core/map]
 
 smoke: setup ## Three seconds of one run of every experiment, in virtual time
 	@tools/build.sh virtual
-	@tools/smoke.sh
+	@tools/smoke.sh all
 
 test: setup-dev ## All tests and checks: ctest, pytest, lint and format of both languages, mypy, import contracts, smoke
 	@tools/setup.sh build test
 	@tools/test.sh $(BUILD)
+
+test-all: setup-dev ## make test, and what only the nightly needs: slow tests, every experiment in smoke, clang-tidy everywhere
+	@tools/setup.sh build test
+	@tools/test.sh $(BUILD) all
 
 test-browser: setup-dev ## Tests that open the pages in Chromium, which this installs; make test runs them where it is there
 	@tools/setup.sh browser

@@ -14,6 +14,7 @@ KEPT = (
     "experiments", "harness/pace", "harness/relay", "inference", "inputs", "netem_profiles",
     "networks", "papers", "schemas", "skeletons", "systems", "tools/base_image.sh",
     "tools/build.sh", "tools/build_image.sh", "tools/environment.sh", "tools/programs.sh",
+    "tools/retry.sh",
     "tools/setup.sh", "tools/space.sh",
 )  # fmt: skip
 """What is looked up by name, and the sources of the programs with what builds them."""

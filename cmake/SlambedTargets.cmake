@@ -116,6 +116,10 @@ function(slambed_test name)
   cmake_parse_arguments(ARG "LIVE" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
+  # What a test compiles itself is compiled once and runs briefly: -O3 costs more than it gives.
+  if(NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
+    target_compile_options(${name} PRIVATE -O1)
+  endif()
   slambed_unity(${name})
   if(ARG_LIVE)
     add_test(NAME ${name} COMMAND ${name} --gtest_brief=1)
@@ -167,6 +171,29 @@ function(slambed_same_bytes_test)
   list(TRANSFORM libraries REPLACE "(.+)" "$<TARGET_FILE:\\1>" OUTPUT_VARIABLE files)
   add_test(NAME NoFloorHangsOnItsProcessor
     COMMAND ${PROJECT_SOURCE_DIR}/tools/same_bytes_symbols.sh ${files})
+endfunction()
+
+# After all floors and systems: the target slambed_headers, an object of every header by itself. A header that
+# lacks an include is only found by whoever includes it first.
+function(slambed_headers_alone)
+  if(NOT SLAMBED_HEADERS)
+    return()
+  endif()
+  file(GLOB_RECURSE headers RELATIVE ${PROJECT_SOURCE_DIR} CONFIGURE_DEPENDS
+    systems/*.hpp systems/*.h harness/*.hpp)
+  set(sources)
+  foreach(header IN LISTS headers)
+    set(source ${PROJECT_BINARY_DIR}/headers/${header}.cpp)
+    get_filename_component(folder ${source} DIRECTORY)
+    file(RELATIVE_PATH path ${folder} ${PROJECT_SOURCE_DIR}/${header})
+    file(CONFIGURE OUTPUT ${source} CONTENT "#include \"${path}\"\n")
+    list(APPEND sources ${source})
+  endforeach()
+  get_property(libraries GLOBAL PROPERTY SLAMBED_LIBRARIES)
+  add_library(slambed_headers OBJECT EXCLUDE_FROM_ALL ${sources})
+  target_link_libraries(slambed_headers PRIVATE ${libraries} GTest::gtest ${OpenCV_LIBS} Ceres::ceres)
+  # What a test program is given on its command line, headers of tests name.
+  target_compile_definitions(slambed_headers PRIVATE SLAMBED_NODE="" SLAMBED_DEVICES="")
 endfunction()
 
 # slambed_fuzzer(name SOURCES ... DEPENDS ...): a libFuzzer program, part of the target fuzz_targets.

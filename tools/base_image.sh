@@ -21,12 +21,19 @@ if [ "$(id -u)" -ne 0 ]; then
   exit 3
 fi
 bash "$(dirname "$0")/setup.sh" image
+# shellcheck source=tools/retry.sh
+source "$(dirname "$0")/retry.sh"
 folder=$(mktemp -d /var/tmp/slambed-base.XXXXXX)
 trap 'rm -rf "$folder"' EXIT
-debootstrap --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1 || {
+# Half a system from a failed attempt would stop the next one.
+make_system() {
+  rm -rf "$folder"
+  debootstrap --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
+}
+thrice make_system || {
   tail -n 5 "$folder.log" >&2
   rm -f "$folder.log"
-  echo "error: debootstrap failed, $mirror; check the network or set SLAMBED_DEBIAN_MIRROR" >&2
+  echo "error: debootstrap failed three times, $mirror; check the network or set SLAMBED_DEBIAN_MIRROR" >&2
   exit 3
 }
 rm -f "$folder.log"

@@ -7,7 +7,8 @@ packages_for() {
   case $1 in
     run) echo python3 python3-venv ca-certificates ;;
     live) echo iproute2 openssh-client ;;
-    build) echo g++ cmake ninja-build libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev libturbojpeg0-dev ;;
+    # ccache: what was compiled once, in this or another clone, is not compiled again.
+    build) echo g++ cmake ninja-build ccache libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev libturbojpeg0-dev ;;
     # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
     # the whole of it only. Tests start the ssh server themselves, on a port of the loopback.
     test) echo libgtest-dev libopencv-dev libceres-dev openssh-server ;;
@@ -58,20 +59,22 @@ fi
 bash "$(dirname "$0")/space.sh" 1500 "installing ${#missing[@]} packages"
 echo "installing: ${missing[*]}"
 
-# apt_get ARGUMENT ...: another apt (a new machine updates itself) is waited for, at most so long. Where an update empties
-# the folder of packages, as in Debian's images for Docker, it does so under an install that is at work: that one is repeated.
+# apt_get ARGUMENT ...: another apt (a new machine updates itself) is waited for, at most so long. Anything else that fails, a
+# mirror that does not answer or a package folder that another apt emptied meanwhile, is tried three times.
 apt_wait_s=${SLAMBED_APT_WAIT_S:-600}
+apt_pause_s=${SLAMBED_APT_PAUSE_S:-10}
 apt_get() {
-  local told= again= output
+  local told= attempt=1 output
   until output=$($sudo env LC_ALL=C DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" 2>&1 >/dev/null); do
-    if [ -z "$again" ] && grep -q "dpkg returned an error code" <<<"$output"; then
-      again=yes
-      echo "apt-get $1 did not come to its end; once more"
-      continue
-    fi
     if ! grep -q "Could not get lock\|Unable to lock\|Unable to acquire the dpkg" <<<"$output"; then
+      if [ "$attempt" -lt 3 ]; then
+        attempt=$((attempt + 1))
+        echo "apt-get $1 failed; attempt $attempt of 3 in $apt_pause_s s"
+        sleep "$apt_pause_s"
+        continue
+      fi
       echo "$output" >&2
-      echo "error: apt-get $1 failed; see the lines above, check the network" >&2
+      echo "error: apt-get $1 failed three times; see the lines above, check the network" >&2
       exit 3
     fi
     if [ "$SECONDS" -ge "$apt_wait_s" ]; then

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Three seconds of one run of every experiment, in virtual time: see smoke.sh.
+"""Three seconds of one run of experiments, in virtual time: see smoke.sh.
 
-    smoke.py FOLDER [EXPERIMENT ...]
+    smoke.py FOLDER [all | EXPERIMENT ...]
+
+Without names: so few experiments that every system is played.
 
 An experiment is cut down and otherwise left as it is: one cell of each of its systems, the last one
 that the virtual engine can play, on every dataset that a bare checkout has, with its faults early.
@@ -160,9 +162,28 @@ def not_over(number: int, frame: FrameType | None) -> NoReturn:
     raise TimeoutError(f"not over after {LIMIT_S} s")
 
 
+def one_per_system(library: Library, catalog: Catalog) -> list[str]:
+    """Few experiments that play all systems between them, the one with most new systems first."""
+    plays: dict[str, set[str]] = {}
+    for name in library.experiments():
+        experiment, source = library.experiment(name)
+        if any(catalog.available(catalog.resolve(dataset)) for dataset in experiment.datasets):
+            choices = cut(source.data, [])["systems"]
+            plays[name] = {choice["system"] for choice in choices}
+    left, chosen = set().union(*plays.values()), []
+    while left:
+        chosen.append(max(plays, key=lambda name: len(plays[name] & left)))
+        left -= plays[chosen[-1]]
+    return chosen
+
+
 def main() -> int:
-    place, names = Path(sys.argv[1]), sys.argv[2:] or Library().experiments()
+    place, names = Path(sys.argv[1]), sys.argv[2:]
     catalog = short_catalog()
+    if not names:
+        names = one_per_system(Library(), catalog)
+    elif names == ["all"]:
+        names = Library().experiments()
     began = time.monotonic()
     # One process for each CPU: what they load, they load once.
     with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:

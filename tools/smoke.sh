@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# smoke.sh [EXPERIMENT ...]: three seconds of one run of every experiment and system (or of those named), in virtual time, on short
-# generated sequences, as a machine without recordings has them. Fails when one cannot run.
+# smoke.sh [all | EXPERIMENT ...]: three seconds of one run in virtual time, on short generated sequences as a machine without
+# recordings has them: of a few experiments that play every system, of all experiments, or of those named. Fails when one
+# cannot run.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sourced by check.sh and test.sh: named steps with their durations; the first failure does not hide the next one.
-# What steps came to is in files: a lane of them may run in a process of its own.
+# Sourced by check.sh and test.sh: named steps with their durations; the first failure does not hide the next one. Steps may
+# run side by side in lanes, each with a time limit. What steps came to is in files, because a lane is a process of its own.
 logs=$(mktemp -d)
-trap 'rm -rf "$logs"' EXIT
+export logs
+trap 'end_lanes; rm -rf "$logs"' EXIT
+trap 'exit 130' INT TERM
 touch "$logs/failed" "$logs/durations"
+lanes=()
 
 step() {
   local name=$1 began=$SECONDS
@@ -11,6 +14,62 @@ step() {
   echo "== $name"
   "$@" || echo "$name" >>"$logs/failed"
   printf '%5s s  %s\n' $((SECONDS - began)) "$name" >>"$logs/durations"
+}
+
+# logged NAME COMMAND ...: shows all that the command prints, and keeps it in the log of this name.
+logged() {
+  local name=$1
+  shift
+  "$@" 2>&1 | tee "$logs/$name"
+  return "${PIPESTATUS[0]}"
+}
+
+# start_lane NAME LIMIT_S FUNCTION: runs the steps of an exported function beside this shell, in a session of its own: kernels
+# share CPUs out among sessions before they look at priorities. Its output is kept for wait_for_lane. What is still running
+# after LIMIT_S is ended.
+start_lane() {
+  local name=$1 limit_s=${SLAMBED_LANE_LIMIT_S:-$2}
+  mkdir -p "$logs/standing/$name"
+  echo "$limit_s" >"$logs/limit_$name"
+  SLAMBED_STANDING=$logs/standing/$name setsid timeout --verbose --kill-after=${SLAMBED_KILL_AFTER_S:-30} "$limit_s" bash -c "$3" >"$logs/lane_$name" 2>&1 &
+  lanes+=($!)
+  echo $! >"$logs/pid_$name"
+}
+
+# wait_for_lane NAME [show]: until it has ended. show: prints its output as it comes, else when it has ended.
+wait_for_lane() {
+  local name=$1 pid status=0 follower=
+  pid=$(cat "$logs/pid_$name")
+  if [ "${2:-}" = show ]; then
+    tail -q -n +1 --pid="$pid" -f "$logs/lane_$name" &
+    follower=$!
+  fi
+  wait "$pid" || status=$?
+  if [ -n "$follower" ]; then wait "$follower"; else cat "$logs/lane_$name"; fi
+  [ "$status" -ne 0 ] || return 0
+  local what="ended with status $status before its steps had"
+  if grep -q '^timeout: sending signal' "$logs/lane_$name"; then
+    what="was still running after $(cat "$logs/limit_$name") s and was ended; it stood at: $(standing "$name")"
+  fi
+  echo "error: lane '$name' $what" | tee -a "$logs/late" >&2
+  echo "lane $name" >>"$logs/failed"
+}
+
+# standing NAME: the tests that a lane had begun and not ended: pytest's, which conftest.py writes down, then ctest's, whose
+# log names each when it begins and when it ends.
+standing() {
+  local found
+  found=$(cat "$logs/standing/$1"/* 2>/dev/null | paste -sd ' ' -)
+  found+=" $(sed -n 's/.*Start *\([0-9]*\): \(.*\)/\1 \2/p; s/.*Test *#\([0-9]*\): .*/\1/p' "$logs/lane_$1" |
+    awk 'NF > 1 {begun[$1] = $2} NF == 1 {delete begun[$1]} END {for (n in begun) print begun[n]}' | paste -sd ' ' -)"
+  found=${found# }
+  found=${found% }
+  echo "${found:-$(grep '^== ' "$logs/lane_$1" | tail -n 1 || true)}"
+}
+
+end_lanes() {
+  local pid
+  for pid in "${lanes[@]}"; do kill -TERM -- "-$pid" 2>/dev/null; done
 }
 
 checks() {
@@ -26,13 +85,26 @@ lint_imports() {
   return "${PIPESTATUS[0]}"
 }
 
-# Durations, what a step kept for the end, and the exit status.
+# The commit at hand, and whether that is what was tested.
+tested() {
+  local commit changed
+  commit=$(git rev-parse --short HEAD 2>/dev/null) || { echo "sources without git"; return; }
+  changed=$(git status --porcelain 2>/dev/null | wc -l)
+  if [ "$changed" -eq 0 ]; then echo "$commit"; else echo "$commit with $changed files changed and not committed"; fi
+}
+
+# Durations, which commit this was, what steps kept for the end (the runners' own summaries), and the exit status.
 finish() {
+  local result=passed
+  [ ! -s "$logs/failed" ] || result=failed
   echo "== durations"
   cat "$logs/durations"
   printf '%5s s  %s\n' "$SECONDS" "everything"
+  echo "== $result: $(tested)"
   [ $# -eq 0 ] || cat "$@"
-  if [ -s "$logs/failed" ]; then
+  # Once more, where it is seen.
+  [ ! -e "$logs/late" ] || cat "$logs/late" >&2
+  if [ $result = failed ]; then
     echo "error: failed: $(paste -sd ' ' "$logs/failed")" >&2
     exit 1
   fi

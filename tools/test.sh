@@ -1,18 +1,23 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# test.sh BUILD_FOLDER: everything that must be green, with the time of every step. The C++ is compiled once, on this
-# host: the node image is made out of the same programs. Then two lanes run side by side: pytest's live tests, one at a
-# time, which mostly wait; and, behind them in every queue for a CPU, all that computes. The live programs of ctest come
-# when the computing is done. Ends with the summaries of ctest and pytest.
+# test.sh BUILD_FOLDER [all]: everything that must be green, with the time of every step. The C++ is compiled once, on this
+# host: the node image is made out of the same programs. Then three lanes run side by side, each with a time limit: pytest's
+# live tests, one at a time, which mostly wait; ctest's live programs; and, behind both in every queue for a CPU, all that
+# computes. all: with what only the nightly needs (tests marked nightly, every experiment in smoke, clang-tidy on every unit).
+# Ends with the summaries of ctest and pytest.
 set -uo pipefail
 
 cd "$(dirname "$0")/.."
-build=${1:-build}
+export build=${1:-build} jobs
+export all=${2:-}
 jobs=$(nproc)
 # shellcheck source=tools/steps.sh
 source tools/steps.sh
 # shellcheck source=tools/environment.sh
 source tools/environment.sh
+if [ -n "$(git status --porcelain 2>/dev/null)" ]; then
+  echo "note: this tests the files as they are here: $(git status --porcelain | wc -l) of them are changed and not committed"
+fi
 
 # A compiler that we do not test with may warn of more: its warnings stop nobody.
 werror=OFF
@@ -32,27 +37,21 @@ netem() {
   tools/netem_vm.sh || [ $? -eq 77 ]
 }
 
-# What is run with "$@" shows all it says, and leaves it in the log of this name.
-logged() {
-  local name=$1
-  shift
-  "$@" 2>&1 | tee "$logs/$name"
-  return "${PIPESTATUS[0]}"
-}
-
 # Not root, but may become it without being asked: what needs root is tested as root.
-sudo=
-if [ "$(id -u)" -ne 0 ] && sudo -n true 2>/dev/null; then sudo="sudo --preserve-env=PATH env PYTHONDONTWRITEBYTECODE=1"; fi
+export sudo=
+if [ "$(id -u)" -ne 0 ] && sudo -n true 2>/dev/null; then sudo="sudo --preserve-env=PATH,SLAMBED_STANDING env PYTHONDONTWRITEBYTECODE=1"; fi
+export nightly=${all:+--nightly}
 
 # Tests of one file share what they prepare, and stay in one process.
 pytest_computing() {
-  logged pytest .venv/bin/pytest -n "$jobs" --strict-skips --dist loadfile --no-loadscope-reorder --durations=15 -m "not live"
+  # shellcheck disable=SC2086
+  logged pytest .venv/bin/pytest $nightly -n "$jobs" --strict-skips --dist loadfile --no-loadscope-reorder --durations=25 -m "not live"
 }
 
 # One at a time. What needs root is among them.
 pytest_live() {
   # shellcheck disable=SC2086
-  logged pytest_live $sudo .venv/bin/pytest --strict-skips --durations=15 -p no:cacheprovider -m live
+  logged pytest_live $sudo .venv/bin/pytest $nightly --strict-skips --durations=25 -p no:cacheprovider -m live
 }
 
 # Folders with recordings, a colon list: those that SLAMBED_TEST_RECORDINGS names, else those where data is looked for.
@@ -77,6 +76,15 @@ cpp_format() {
   find examples harness skeletons systems -name '*.[ch]pp' -o -name '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
 }
 
+cpp_lint() {
+  if [ -n "$all" ]; then tools/tidy.sh "$build"; else tools/tidy.sh --changed "$build"; fi
+}
+
+# What is compiled together may hide a missing include.
+cpp_alone() {
+  if [ -n "$all" ]; then tools/alone.sh all; else tools/alone.sh all 240; fi
+}
+
 ctest_of() {
   local name=$1
   shift
@@ -89,13 +97,18 @@ live_lane() {
   step "pytest, live" pytest_live
 }
 
+ctest_live_lane() {
+  step "ctest, live" ctest_of ctest_live -L '^live$'
+}
+
 # Nodes and live tests go before this, by their priority and control groups.
 computing_lane() {
   renice -n 19 -p $BASHPID >/dev/null
   checks
   step "C++ format" cpp_format
-  step "C++ lint" tools/tidy.sh "$build"
-  step smoke tools/smoke.sh
+  step "C++ lint" cpp_lint
+  step "C++ alone" cpp_alone
+  step smoke tools/smoke.sh ${all:+all}
   if [ -n "$(recordings)" ]; then
     step recordings .venv/bin/pytest -m recordings "--recordings=$(recordings)" --durations=0 -v harness/tests
   else
@@ -118,16 +131,17 @@ if [ -n "$sudo" ] && ! docker info >/dev/null 2>&1; then as_docker=$sudo; fi
 if $as_docker docker info >/dev/null 2>&1; then
   step image $as_docker tools/build.sh docker
 fi
-# A session of its own: kernels share CPUs out among sessions before they look at priorities.
-export -f live_lane step netem pytest_live logged
-export sudo logs
-setsid bash -c live_lane >"$logs/live" 2>&1 &
-live=$!
-trap 'kill -TERM -- "-$live" 2>/dev/null; rm -rf "$logs"' EXIT
-(computing_lane)
-step "ctest, live" ctest_of ctest_live -L '^live$'
-wait "$live"
-cat "$logs/live"
+# What lanes call, they find in their environment.
+export -f step logged checks lint_imports netem pytest_computing pytest_live recordings browser cpp_format cpp_lint cpp_alone \
+  ctest_of live_lane ctest_live_lane computing_lane
+limit_s=2400
+[ -z "$all" ] || limit_s=7200
+start_lane live $limit_s live_lane
+start_lane "ctest, live" $limit_s ctest_live_lane
+start_lane computing $limit_s computing_lane
+wait_for_lane computing show
+wait_for_lane "ctest, live"
+wait_for_lane live
 tail -q -n 12 "$logs/ctest" "$logs/ctest_live" >"$logs/ctest_end"
-sed -s -n '/^skipped: \|^left out: /p; $p' "$logs/pytest" "$logs/pytest_live" >"$logs/pytest_end"
+sed -s -n '/^skipped: \|^left out: \|^repeated: /p; $p' "$logs/pytest" "$logs/pytest_live" >"$logs/pytest_end"
 finish "$logs/ctest_end" "$logs/pytest_end"

@@ -33,10 +33,12 @@ python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
   exit 3
 }
 "$root/tools/space.sh" 1500 ".venv"
+# shellcheck source=tools/retry.sh
+source "$root/tools/retry.sh"
 echo "making .venv$again"
 python3 -m venv "$venv"
-"$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
-"$venv/bin/pip" install -q --no-deps -e "$root"
+thrice "$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
+thrice "$venv/bin/pip" install -q --no-deps -e "$root"
 # Wherever the tree lies by now, its code runs: the path is seen from the folder of packages, and the program finds its
 # Python beside itself.
 for link in "$venv"/lib/python3*/site-packages/__editable__.slambed-*.pth; do echo ../../../../harness >"$link"; done

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from slambed.errors import SlambedError
 
+FIGURES = (".png", ".svg", ".pdf")
+
 
 @contextmanager
 def writing(path: Path, option: str = "--output") -> Iterator[None]:
@@ -26,3 +28,12 @@ def make_folder(path: Path, option: str) -> None:
         path.mkdir(parents=True, exist_ok=True)
         if not os.access(path, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
+def figure_file(path: Path) -> Path:
+    """The name that a figure gets: PNG where the user named no kind of picture."""
+    if path.suffix == "":
+        return path.with_name(f"{path.name}.png")
+    if path.suffix not in FIGURES:
+        raise SlambedError(f"unknown picture format {path}; known: {', '.join(FIGURES)}")
+    return path

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from select import select
 from typing import Any
 
 WAIT_S = 60.0
@@ -51,6 +52,7 @@ class Page:
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
+            assert select([self._read], [], [], WAIT_S)[0], "the browser does not answer"
             data = os.read(self._read, 1 << 16)
             assert data, "the browser has gone"
             self._rest += data

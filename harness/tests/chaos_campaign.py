@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One campaign of short runs that meets faults at seeded random instants, is called again until it
-is done, and is then looked at."""
+"""One campaign of short runs that meets seeded random faults, is called again until it is done, and
+is then looked at."""
 
 import contextlib
 import json
@@ -17,11 +17,17 @@ from typing import Any
 
 import chaos_faults as faults
 import psutil
-from chaos_checks import problems_of_bytes, problems_of_host, problems_of_results
+from chaos_checks import (
+    ENDS_WITHIN_S,
+    problems_of_bytes,
+    problems_of_host,
+    problems_of_results,
+)
 from chaos_clock import Clock
 from chaos_cluster import Cluster
 from chaos_daemon import DAEMON_ERRORS, Daemon
 from chaos_faults import CLOCK, IN_DOCKER, KILL, ON_DISK, STOP, TERMINATE, Disk, Fault
+from chaos_instants import Instants
 from chaos_user import User
 
 from slambed.campaign.folder import ResultFolder
@@ -87,14 +93,14 @@ OF_KIND: dict[str, list[tuple[Fault, int]]] = {
 
 @dataclass(frozen=True)
 class Torment:
-    """What to do to one campaign; equal ones draw equal faults at equal instants."""
+    """What to do to one campaign."""
 
     kind: str
     seed: int
     jobs: int
     faults: int
     every_s: float
-    """Mean time between faults."""
+    """Mean time between faults, where a fast host leaves it (chaos_instants.py)."""
     figures: bool = True
     """Whether reports draw any: most of what a campaign of short runs computes."""
     only: tuple[str, ...] = ()
@@ -144,7 +150,9 @@ class Campaign:
         self.folder.mkdir()
         (self.folder / "tmp").mkdir()
         self.disk = Disk(self.folder / "results", self.own_disk)
-        self.rng = random.Random(f"chaos/{t.kind}/{t.seed}/{t.jobs}")
+        seed = f"chaos/{t.kind}/{t.seed}/{t.jobs}"
+        self.rng = random.Random(seed)
+        self._instants = Instants(seed, t.every_s)
         self.out = Outcome(t)
         self._held: list[tuple[float, str, Callable[[], None]]] = []
         """When to let go of what was done to disk, clock or a process, and how."""
@@ -245,21 +253,23 @@ class Campaign:
         self._pids.append(process.pid)
         # Now and then while it starts; mostly once it executes runs, however slow the host is.
         early = self.rng.random() < EARLY
-        began_ns, next_s = time.time_ns(), None
-        last_s = time.monotonic()
+        began_ns, last_s = time.time_ns(), time.monotonic()
+        self._instants.call(self._entries())
         while (code := process.poll()) is None:
             self._let_go()
             now_s = time.monotonic()
-            if next_s is None and (early or self._executes_since(began_ns)):
-                next_s = now_s + self.rng.expovariate(1 / self.torment.every_s)
-            if len(self.out.struck) < self.torment.faults and next_s and now_s >= next_s:
-                next_s = now_s + self.rng.expovariate(1 / self.torment.every_s)
-                if self._strike(process.pid):
+            if early or self._executes_since(began_ns):
+                self._instants.executes(now_s)
+            more = len(self.out.struck) < self.torment.faults
+            if more and self._instants.due(now_s, self._entries()):
+                struck = self._strike(process.pid)
+                self._instants.drawn(now_s, struck)
+                if struck:
                     last_s = now_s
             if now_s - last_s > HANGS_S:
                 self.out.problems.append(f"hangs: {self._last_line()}")
                 process.kill()
-                process.wait()
+                process.wait(ENDS_WITHIN_S)
             time.sleep(LOOK_EVERY_S)
         self._let_go(everything=self.rng.random() < 0.5)
         self.out.calls.append([code, self._last_line()])
@@ -272,6 +282,14 @@ class Campaign:
             return plan.stat().st_mtime_ns > began_ns
         except OSError:
             return False
+
+    def _entries(self) -> int:
+        """Of runs in the ledger: how far the campaign has come."""
+        try:
+            ledger = (self.disk.folder / self.experiment.stem / "ledger.jsonl").read_bytes()
+        except OSError:
+            return 0
+        return ledger.count(b'"event": "run_')
 
     def _judge(self, code: int) -> None:
         text = self._log.read_text(errors="replace")

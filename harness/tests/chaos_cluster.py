@@ -8,6 +8,8 @@ import sys
 import threading
 from pathlib import Path
 
+from waiting import LIMIT_S
+
 LOOK_EVERY_S = 0.2
 
 
@@ -27,7 +29,7 @@ class Cluster:
             self._commands.append([*worker, "--local-directory", scratch])
         self._processes: dict[int, subprocess.Popen[bytes]] = {}
         self._over = threading.Event()
-        self._keeper = threading.Thread(target=self._keep)
+        self._keeper = threading.Thread(target=self._keep, daemon=True)
         self._keeper.start()
 
     def _keep(self) -> None:
@@ -50,7 +52,7 @@ class Cluster:
     def close(self) -> None:
         """Ends them all."""
         self._over.set()
-        self._keeper.join()
+        self._keeper.join(LIMIT_S)
         for process in self._processes.values():
             process.kill()
             process.wait()

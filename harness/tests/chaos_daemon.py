@@ -18,6 +18,7 @@ import psutil
 from docker.errors import DockerException
 from pyroute2 import IPRoute
 from requests.exceptions import RequestException
+from waiting import LIMIT_S
 
 from slambed.engines.base import LABEL
 
@@ -59,7 +60,7 @@ class Daemon:
         self._over = threading.Event()
         self._process = self._start()
         self.client = self._connected()
-        self._keeper = threading.Thread(target=self._keep)
+        self._keeper = threading.Thread(target=self._keep, daemon=True)
         self._keeper.start()
 
     @property
@@ -135,7 +136,7 @@ class Daemon:
     def close(self) -> None:
         """Ends it; nothing of it is left."""
         self._over.set()
-        self._keeper.join()
+        self._keeper.join(LIMIT_S)
         with contextlib.suppress(*DAEMON_ERRORS):
             for container in self.client.containers.list(all=True):
                 container.remove(force=True, v=True)

@@ -17,12 +17,18 @@ from pathlib import Path
 
 import pytest
 from browser import Page, browser
+from dead_worker import DeadWorker
+from host_late import HOST
 from skip_rules import unexpected
+from time_limit import TimeLimit
 
 from slambed.native import repository_root
 
 PLACE = "SLAMBED_TEST_PLACE"
 """Set for the processes of one session: pytest-xdist's workers, and what tests start."""
+STANDING = "SLAMBED_STANDING"
+"""A folder where each process writes the test that it has begun: who ends a session that hangs
+(tools/test.sh) tells where it stood."""
 QUIET = "quiet.lock"
 """Held alone by a live test, together by all others: nothing computes beside a live one."""
 GIVEN = {"recordings": "FOLDER", "browser": "PROGRAM"}
@@ -33,6 +39,7 @@ ROOT_NEEDED, PROGRAMS_NEEDED = ("needs root", "needs Docker", "TUN", "netem"), "
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--recordings", default="", help="Folders of recordings, a colon list.")
     parser.addoption("--browser", default="", help="Chromium, for the tests that open pages in it.")
+    parser.addoption("--nightly", action="store_true", help="With the tests marked nightly.")
     parser.addoption(
         "--strict-skips", action="store_true", help="Fail for a skip that this host explains not."
     )
@@ -42,8 +49,14 @@ def pytest_configure(config: pytest.Config) -> None:
     if repository_root() != Path(__file__).resolve().parents[2]:
         # Of a copied tree: what is tested would be the other one.
         pytest.exit(f"slambed is that of {repository_root()}; run 'make setup-dev' here", 3)
-    if PLACE in os.environ:
-        return
+    if PLACE not in os.environ:
+        _settle(config)
+    config.pluginmanager.register(TimeLimit())
+    config.pluginmanager.register(HOST)
+    config.pluginmanager.register(DeadWorker(Path(os.environ[PLACE])))
+
+
+def _settle(config: pytest.Config) -> None:
     place = Path(tempfile.mkdtemp(prefix="slambed-tests-"))
     config.add_cleanup(lambda: _leave(place))
     home = place / "home"
@@ -74,20 +87,33 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if any(PROGRAMS_NEEDED in reason for reason in reasons):
             item.add_marker("programs")
     items.sort(key=lambda item: item.get_closest_marker("live") is not None)
-    missing = [name for name in GIVEN if not config.getoption(f"--{name}")]
+    missing = [name for name in (*GIVEN, "nightly") if not config.getoption(f"--{name}")]
     without = [item for item in items if any(map(item.get_closest_marker, missing))]
     if without:
         config.hook.pytest_deselected(items=without)
         items[:] = [item for item in items if item not in without]
 
 
-@pytest.hookimpl(wrapper=True)
+# First: the limit of a test begins within, when it need not wait for others any more.
+@pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     live = item.get_closest_marker("live") is not None
-    with (Path(os.environ[PLACE]) / QUIET).open("w") as file:
+    with _standing(item.nodeid), (Path(os.environ[PLACE]) / QUIET).open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX if live else fcntl.LOCK_SH)
         with _before_others() if live else contextlib.nullcontext():
             return (yield)
+
+
+@contextlib.contextmanager
+def _standing(test: str) -> Iterator[None]:
+    folder = os.environ.get(STANDING)
+    if folder is None:
+        yield
+        return
+    file = Path(folder) / str(os.getpid())
+    file.write_text(f"{test}\n")
+    yield
+    file.unlink()
 
 
 @contextlib.contextmanager
@@ -135,10 +161,12 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         why = "UNEXPECTED here" if unexpected(reason) else "expected here"
         terminalreporter.write_line(f"skipped: {count} ({why}): {reason}")
     left_out = terminalreporter.stats.get("deselected", [])
-    for name, what in GIVEN.items():
+    options = {name: f"no {name}, give --{name}={what}" for name, what in GIVEN.items()}
+    options["nightly"] = "for the nightly, give --nightly"
+    for name, why in options.items():
         count = sum(1 for item in left_out if item.get_closest_marker(name))
         if count and not config.getoption(f"--{name}"):
-            terminalreporter.write_line(f"left out: {count}: no {name}, give --{name}={what}")
+            terminalreporter.write_line(f"left out: {count}: {why}")
 
 
 @pytest.fixture

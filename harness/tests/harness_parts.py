@@ -5,7 +5,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 
 import psutil
 import pytest
+from host_late import is_late
 
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import reap
@@ -29,24 +30,40 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for namesp
 def nodes_of_tests() -> Iterator[None]:
     """For every test that starts nodes: a campaign that began meanwhile would take them for
     leftovers and kill them, and what a killed test run left behind would be taken for ours."""
-    with host_lock("tests of nodes", wait_s=300):
+    with host_lock("tests of nodes", wait_s=120):
         reap()
         yield
 
 
+TOLERANCES = {
+    "rtt_error_ms_median": 50.0,
+    "host_stall_ms_max": 100.0,
+    "cpu_wait_share_max": 0.9,
+}
+"""Of experiments of live tests, whose question is not how exact the link is. docs/testing.md says
+what a quiet host and a late one were measured to do."""
 OF_THE_HOST = re.compile(
     "RTT error|RTT probes came back|stalled the mobile node|waited for a processor"
 )
 """What a busy host does to a run, as the line says that tells why it is not to be trusted."""
+OF_A_LATE_HOST = re.compile(r" came at \d|was not measured|no RTT was measured")
+"""The same, where the host was measured to be late meanwhile (`host_late`): a fault came late, or
+no probe was back in time. On a host that was in time that is a fault of ours."""
 
 
-def is_trusted(summary: dict[str, Any], attempts: int = 3) -> bool:
+def is_valid(distrust: Sequence[str]) -> bool:
+    """Whether nothing speaks against a live run. What does must be the host's part."""
+    others = [line for line in distrust if not OF_THE_HOST.search(line)]
+    assert not others or (all(map(OF_A_LATE_HOST.search, others)) and is_late()), distrust
+    return not distrust
+
+
+def is_trusted(summary: Mapping[str, Any], attempts: int = 3) -> bool:
     """Whether what the system did in a live run may be judged. A busy host may spoil all attempts:
     what is promised then is that each was made, and that the last one tells the host's part."""
     if summary["trusted"]:
         return True
-    lines = str(summary["distrust"]).split("; ")
-    assert lines and all(map(OF_THE_HOST.search, lines)), lines
+    assert not is_valid(str(summary["distrust"] or "").split("; "))
     assert summary["attempts"] == attempts
     return False
 

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import ParamSpec, Self
 
 import pytest
+from waiting import LIMIT_S
 
 from slambed.errors import SlambedError
 from slambed.native import find_program
@@ -70,7 +71,7 @@ class Lateness:
         trace: TracebackType | None,
     ) -> None:
         self._stopped.set()
-        self._thread.join()
+        self._thread.join(LIMIT_S)
 
 
 def again_when_late(test: Callable[P, None]) -> Callable[P, None]:

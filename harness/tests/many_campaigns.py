@@ -17,6 +17,7 @@ import psutil
 from chaos_faults import role_of
 from test_processes import SlowFolder, children, runs
 from virtual_parts import Quiet
+from waiting import LIMIT_S
 
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor
@@ -79,7 +80,7 @@ def campaign(place: Path, asked: argparse.Namespace, number: int) -> bool:
     played = {"room": (place / "sequence", 0.5)}
     runner = Runner(folder, ledger, ProcessExecutor(played, program, None, asked.jobs))
     killer = Killer(asked.kill_every or 0.0)
-    thread = threading.Thread(target=killer.run)
+    thread = threading.Thread(target=killer.run, daemon=True)
     todo = runs(asked.runs)
     began_s = time.monotonic()
     if asked.kill_every:
@@ -89,7 +90,7 @@ def campaign(place: Path, asked: argparse.Namespace, number: int) -> bool:
     finally:
         killer.over.set()
         if asked.kill_every:
-            thread.join()
+            thread.join(LIMIT_S)
     took_s = time.monotonic() - began_s
     finished = [e["run_key"] for e in ledger.read() if e["event"] == "run_finished"]
     once = sorted(finished) == folder.run_keys() == sorted(spec.run_key for spec in todo)

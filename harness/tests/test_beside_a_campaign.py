@@ -14,6 +14,7 @@ import pytest
 from command_line import refused, slambed
 from harness_parts import needs_root
 from virtual_parts import make_sequence, needs_programs, write_experiment
+from waiting import LIMIT_S
 
 from slambed.campaign import choose, live_plan
 from slambed.campaign.plan import check
@@ -121,7 +122,7 @@ def test_who_waits_says_for_whom_and_that_it_goes_on(
             held.set()
             over.wait(30)
 
-    holder = threading.Thread(target=hold)
+    holder = threading.Thread(target=hold, daemon=True)
     holder.start()
     assert held.wait(30)
     looks = []
@@ -130,7 +131,7 @@ def test_who_waits_says_for_whom_and_that_it_goes_on(
         looks.append(fd)
         if len(looks) == 3:
             over.set()
-            holder.join()
+            holder.join(LIMIT_S)
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -178,6 +178,7 @@ def search(workshop: Workshop, good: str, bad: str, lines: list[str]) -> Bisecte
 
 @needs_history
 @needs_programs
+@pytest.mark.nightly
 def test_a_planted_default_is_found_and_what_was_measured_is_kept(
     clone: Clone, workshop: Workshop
 ) -> None:
@@ -211,6 +212,7 @@ def test_a_planted_default_is_found_and_what_was_measured_is_kept(
 
 @needs_history
 @needs_programs
+@pytest.mark.nightly
 def test_equal_commits_show_no_change(clone: Clone, workshop: Workshop) -> None:
     good = clone.head
     clone.features(1500)
@@ -236,6 +238,7 @@ PYTHONPATH="$root/harness" python3 -m slambed.spec.software >"$root/build/bin/so
 
 @needs_history
 @needs_programs
+@pytest.mark.nightly
 def test_commits_with_other_sources_are_built_by_their_own_script(
     clone: Clone, workshop: Workshop
 ) -> None:

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 import yaml
 from command_line import slambed_process
-from harness_parts import needs_root
+from harness_parts import is_trusted, needs_root
 from stand_in_board import CLOCK_AHEAD_S, StandInBoard
 from test_campaign_end_to_end import image_is_built
 from virtual_parts import make_sequence, needs_programs, write_experiment
@@ -32,6 +32,8 @@ from slambed.records.manifest import Manifest
 from slambed.spec.board import RoleHost
 
 pytestmark = [
+    # A board that boots, and campaigns on it that are given PATIENCE_S.
+    pytest.mark.timeout(900),
     pytest.mark.live,
     needs_root,
     needs_programs,
@@ -48,6 +50,7 @@ playback: {{mode: realtime, fps: 10}}
 link: {{profiles: [none]}}
 devices: {{mobile: raspberry_pi_4, edge: host}}
 runs: {{default: {runs}}}
+tolerances: {tolerances}
 """
 PATIENCE_S = 300.0
 TRUE_OFFSET_NS = CLOCK_AHEAD_S * 1_000_000_000
@@ -88,7 +91,7 @@ def left_on(board: StandInBoard) -> str:
     return kept + volumes.stdout
 
 
-@pytest.mark.parametrize("engine", ["docker", "local"])
+@pytest.mark.parametrize("engine", [pytest.param("docker", marks=pytest.mark.nightly), "local"])
 def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
     tmp_path: Path, cache: Path, board: StandInBoard, engine: str
 ) -> None:
@@ -102,15 +105,19 @@ def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
     for key in folder.run_keys():
         run = folder.store.runs / key
         facts = Manifest.read(run / "manifest.json")
-        assert facts is not None and facts.board is not None and facts.outcome == "completed", out
+        assert facts is not None and facts.board is not None, out
         assert facts.host is not None and facts.host.name == facts.board.name == "pi4"
         assert (facts.board.address, facts.board.edge_address) == (board.address, board.here)
+        summary = json.loads((run / "summary.json").read_text())
+        assert summary["device_mobile"] == "pi4"
+        if not is_trusted(summary, attempts=1):
+            continue
+        assert facts.outcome == "completed", summary["outcome_reason"]
         clocks = facts.board.clocks
         assert clocks is not None and clocks.after is not None
         for told in (clocks.before, clocks.after):
             assert abs(told.offset_ns - TRUE_OFFSET_NS) <= told.error_ns < 5_000_000
-        summary = json.loads((run / "summary.json").read_text())
-        assert summary["device_mobile"] == "pi4" and summary["frames_tracked"] > 10
+        assert summary["frames_tracked"] > 10
         assert summary["mobile_cpu_percent_mean"] > 0 and summary["mobile_mem_mb_peak"] > 1
         samples = pd.read_parquet(run / "samples.parquet").query("node == 'mobile'")
         # On the run clock, not on that of a board that booted long before.
@@ -175,6 +182,7 @@ def test_what_a_killed_campaign_left_on_a_board_is_removed(
     assert not list((cache / "boards").glob("*"))
 
 
+@pytest.mark.nightly
 def test_a_board_that_loses_power_costs_an_attempt_and_gets_its_runs_when_it_is_back(
     tmp_path: Path, cache: Path, board: StandInBoard
 ) -> None:

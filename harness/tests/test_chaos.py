@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from chaos_campaign import Torment
+from chaos_instants import WITHIN_ENTRIES, Instants
 from chaos_place import Place
 from harness_parts import needs_root
 from virtual_parts import needs_programs
@@ -16,18 +17,40 @@ FAULTS = (
 )
 
 
+def test_a_fast_host_meets_as_many_faults() -> None:
+    """No time passes: the entries of the ledger alone say when."""
+    instants, struck = Instants("any", every_s=1e9), 0
+    instants.call(0)
+    instants.executes(0.0)
+    for entries in range(1, 9):
+        while instants.due(0.0, entries):
+            instants.drawn(0.0, struck=True)
+            struck += 1
+    assert 8 / WITHIN_ENTRIES - 1 <= struck < 8
+    instants.call(8)
+    assert not instants.due(0.0, 8), "the next call has not come on yet"
+    assert instants.due(0.0, 8 + WITHIN_ENTRIES)
+    instants.drawn(0.0, struck=False)
+    assert instants.due(0.0, 8 + WITHIN_ENTRIES), "it has met nothing"
+
+
 @needs_programs
+@pytest.mark.parametrize(
+    ("jobs", "faults"), [(2, 2), pytest.param(8, 4, marks=pytest.mark.nightly)]
+)
 def test_a_campaign_under_faults_ends_as_if_there_were_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    jobs: int, faults: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
-    place = Place(tmp_path, "virtual", runs=2)
-    outcome = place.play(Torment("virtual", 5, 8, 4, every_s=0.2, figures=False, only=FAULTS))
+    place = Place(tmp_path, "virtual", runs=faults // 2)
+    asked = Torment("virtual", 5, jobs, faults, every_s=0.2, figures=False, only=FAULTS)
+    outcome = place.play(asked)
     assert outcome.problems == []
     assert outcome.struck, "no fault met anything"
 
 
 @pytest.mark.live
+@pytest.mark.nightly
 @needs_root
 @needs_programs
 def test_a_live_campaign_under_faults_is_finished_by_the_same_command(

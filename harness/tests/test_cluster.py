@@ -18,6 +18,7 @@ import pytest
 from command_line import refused, slambed_process
 from distributed import Client
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
+from waiting import until
 
 from slambed.campaign.away import pack, unpack
 from slambed.campaign.away_result import LostWorkerError, result_of
@@ -29,6 +30,8 @@ from slambed.native import find_program
 
 RUNS = 3
 CELLS = 2
+STARTS_S = 120.0
+"""What Dask needs to start on a busy host; or a campaign, with its first run."""
 
 
 class Cluster:
@@ -41,7 +44,11 @@ class Cluster:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._start("scheduler", "scheduler", "--host", "127.0.0.1", "--port", "0")
         # The scheduler writes the file in place: there it is before its text is.
-        wait_until(lambda: self.file.is_file() and self.file.read_text().rstrip().endswith("}"))
+        until(
+            lambda: self.file.is_file() and self.file.read_text().rstrip().endswith("}"),
+            "the scheduler's address",
+            STARTS_S,
+        )
         self.address = str(json.loads(self.file.read_text())["address"])
 
     def add_worker(self, name: str) -> None:
@@ -69,13 +76,6 @@ class Cluster:
             process.wait()
 
 
-def wait_until(happened: Any, timeout_s: float = 300.0) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not happened():
-        assert time.monotonic() < deadline, "it does not happen"
-        time.sleep(0.02)
-
-
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
     (tmp_path / "cluster").mkdir()
@@ -85,6 +85,8 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 
 @needs_programs
+@pytest.mark.timeout(900)  # Dask starts, and two campaigns: 106 s at a load of 11.
+@pytest.mark.nightly
 def test_a_killed_worker_costs_no_run_and_makes_none_twice(
     tmp_path: Path, cluster: Cluster
 ) -> None:
@@ -101,7 +103,7 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
     command = ["run", str(path), "--no-figures", "--results", str(there.path.parent)]
     command += ["--scheduler", cluster.address]
     with Client(cluster.address) as client:
-        client.wait_for_workers(2, timeout=120)
+        client.wait_for_workers(2, timeout=STARTS_S)
         addresses = {info["name"]: a for a, info in client.scheduler_info()["workers"].items()}
         campaign = subprocess.Popen(
             [sys.executable, "-c", "from slambed.cli import main; main()", *command],
@@ -111,8 +113,11 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
         )
         ledger = Ledger(there.path / "ledger.jsonl")
         # In the middle: one run has ended, the worker is at another.
-        wait_until(lambda: "run_finished" in events(ledger))
-        wait_until(lambda: client.processing().get(addresses["a"]) and in_hand(cluster, "a"))
+        until(lambda: "run_finished" in events(ledger), "the end of a run", STARTS_S)
+        until(
+            lambda: client.processing().get(addresses["a"]) and in_hand(cluster, "a"),
+            "a run on worker a",
+        )
         os.kill(cluster.processes["a"].pid, signal.SIGKILL)
         out, _ = campaign.communicate(timeout=300)
         assert campaign.returncode == ExitCode.OK, out

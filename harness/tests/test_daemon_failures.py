@@ -14,6 +14,7 @@ import docker
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
 from virtual_parts import Quiet
+from waiting import beside
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
@@ -27,36 +28,38 @@ from slambed.errors import ExitCode, PassingError, SlambedError
 pytestmark = needs_root
 
 
+def client(port: int, limit_s: float = 5.0) -> docker.DockerClient:
+    """Of the daemon there. A busy host may take a while to answer."""
+    return docker.DockerClient(f"tcp://127.0.0.1:{port}", version="1.41", timeout=limit_s)
+
+
 @contextmanager
-def silent() -> Iterator[int]:
-    """Takes connections and never says a word."""
+def silent() -> Iterator[docker.DockerClient]:
+    """Takes connections and never says a word: no host answers within the limit."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        yield server.getsockname()[1]
+        yield client(server.getsockname()[1], limit_s=0.3)
 
 
 @contextmanager
-def away() -> Iterator[int]:
+def away() -> Iterator[docker.DockerClient]:
     """Nobody listens, and nobody else gets the port meanwhile."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
-        yield taken.getsockname()[1]
+        yield client(taken.getsockname()[1])
 
 
 @contextmanager
 def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
     """The port; a test that fails must not leave a thread that never ends."""
-    with HTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
+    with HTTPServer(("127.0.0.1", 0), handler) as server, beside(server.serve_forever):
         try:
             yield server.server_port
         finally:
             server.shutdown()
-            thread.join()
 
 
 @contextmanager
-def answers(code: int) -> Iterator[int]:
+def answers(code: int) -> Iterator[docker.DockerClient]:
     """To every request with this code."""
 
     class Handler(BaseHTTPRequestHandler):
@@ -72,7 +75,7 @@ def answers(code: int) -> Iterator[int]:
         def log_message(self, format: str, *args: object) -> None: ...
 
     with served(Handler) as port:
-        yield port
+        yield client(port)
 
 
 @contextmanager
@@ -124,18 +127,17 @@ def test_a_container_that_cannot_be_removed_is_one_line(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("daemon", [away(), silent()], ids=["away", "silent"])
 def test_a_daemon_that_goes_before_its_image_is_found_is_one_line(daemon: ExitStack) -> None:
-    with daemon as port, pytest.raises(SlambedError) as raised:
-        find_image(docker.DockerClient(f"tcp://127.0.0.1:{port}", version="1.41", timeout=0.3))
+    with daemon as asked, pytest.raises(SlambedError) as raised:
+        find_image(asked)
     assert "look for the node image" in str(raised.value)
     assert raised.value.code == ExitCode.ENVIRONMENT
 
 
-def executor(folder: Path, port: int) -> LiveExecutor:
+def executor(folder: Path, asked: docker.DockerClient) -> LiveExecutor:
     """The real engine and the real client; the daemon alone is not what it should be."""
-    client = docker.DockerClient(f"tcp://127.0.0.1:{port}", version="1.41", timeout=0.3)
     image = SimpleNamespace(id="sha256:1", tags=["slambed-node:1"])
     (folder / "sequence").mkdir()
-    engine = DockerEngine(client, image)
+    engine = DockerEngine(asked, image)
     return LiveExecutor(engine, lambda *_: IdleLink(), {"room": (folder / "sequence", 0.5)})
 
 
@@ -154,8 +156,8 @@ def test_what_a_daemon_does_is_told_and_judged(
     tmp_path: Path, daemon: ExitStack, passes: bool, line: str
 ) -> None:
     (tmp_path / "raw").mkdir()
-    with daemon as port, pytest.raises(SlambedError, match=line) as raised:
-        executor(tmp_path, port).execute(run_spec(), tmp_path / "raw", threading.Event())
+    with daemon as asked, pytest.raises(SlambedError, match=line) as raised:
+        executor(tmp_path, asked).execute(run_spec(), tmp_path / "raw", threading.Event())
     assert isinstance(raised.value, PassingError) == passes
     assert raised.value.code == ExitCode.ENVIRONMENT
 
@@ -164,9 +166,9 @@ def test_a_campaign_tries_again_before_it_gives_up(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "results" / "tiny")
     folder.create()
     ledger = Ledger(folder.path / "ledger.jsonl")
-    with away() as port, pytest.raises(PassingError, match="Connection refused"):
+    with away() as asked, pytest.raises(PassingError, match="Connection refused"):
         # The first run of a campaign: without a daemon no other one could do better.
-        campaign = Runner(folder, ledger, executor(tmp_path, port), pauses_s=(0.01, 0.02))
+        campaign = Runner(folder, ledger, executor(tmp_path, asked), pauses_s=(0.01, 0.02))
         campaign.run([run_spec()], Quiet())
     folder.close()
     events = [entry["event"] for entry in ledger.read()]

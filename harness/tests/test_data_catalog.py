@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from data_samples import one_line, tum_recipe, write_prepared, write_tum
+from waiting import beside
 
 from slambed.data import places
-from slambed.data.catalog import Catalog, prepare
+from slambed.data.catalog import Catalog, in_reading_order, prepare
 from slambed.data.recipe_file import load_recipe
 from slambed.errors import ExitCode, SlambedError
 
@@ -131,7 +132,7 @@ def test_prepare_makes_once_and_reuses(home: Path) -> None:
 
 def test_a_changed_source_or_recipe_is_prepared_anew(home: Path) -> None:
     first = catalog(home).prepare("tiny_tum", home / "cache")
-    (home / "data/tiny_tum/groundtruth.txt").write_text("1 0 0 0 0 0 0 1\n")
+    (home / "data/tiny_tum/groundtruth.txt").write_text("1305031102.18 0 0 0 0 0 0 1\n")
     second = catalog(home).prepare("tiny_tum", home / "cache")
     assert second.path != first.path and second.checksum == first.checksum
     tum_recipe(home / "datasets", depth_unit_m="0.0003")
@@ -193,11 +194,8 @@ def test_two_at_once_prepare_only_once(home: Path) -> None:
         both_in.wait()
         mine.prepare("tiny_tum", home / "cache", lambda d, _: starts.append(d) if d == 1 else None)
 
-    threads = [threading.Thread(target=work) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60)
+    with beside(work):
+        work()
     assert starts == [1]
     assert len(entries(home)) == 1
 
@@ -231,3 +229,12 @@ def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert path[:2] == [tmp_path / "a", tmp_path / "b"]
     assert path[-1] == tmp_path / "c/data"
     assert places.prepared_folder() == tmp_path / "c/prepared"
+
+
+def test_parts_of_a_recording_are_in_the_order_of_their_numbers(home: Path) -> None:
+    """As ros2 bag and rosbag --split number them."""
+    for i in (0, 2, 10):
+        (home / f"data/walk_{i}.mcap").write_bytes(b"")
+    names = ["walk_0.mcap", "walk_2.mcap", "walk_10.mcap"]
+    paths = [home / "data" / name for name in names]
+    assert sorted((home / "data").glob("walk_*.mcap"), key=in_reading_order) == paths

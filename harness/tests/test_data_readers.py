@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -106,8 +107,7 @@ def test_a_bad_image_is_named(tmp_path: Path, kind: str) -> None:
     assert str(victim) in one_line(error)
 
 
-def test_seven_scenes(tmp_path: Path) -> None:
-    folder = tmp_path / "seq-01"
+def write_seven_scenes(folder: Path) -> None:
     folder.mkdir()
     for i in range(3):
         cv2.imwrite(str(folder / f"frame-{i:06}.color.png"), grey(i))
@@ -117,6 +117,11 @@ def test_seven_scenes(tmp_path: Path) -> None:
         pose = np.eye(4)
         pose[0, 3] = i
         np.savetxt(folder / f"frame-{i:06}.pose.txt", pose)
+
+
+def test_seven_scenes(tmp_path: Path) -> None:
+    folder = tmp_path / "seq-01"
+    write_seven_scenes(folder)
     reader = load_reader("seven_scenes")(tmp_path, options(extra={"sequence": "seq-01"}))
     frames = list(reader)
     assert [frame.timestamp_ns for frame in frames] == [0, 100_000_000, 200_000_000]
@@ -126,6 +131,28 @@ def test_seven_scenes(tmp_path: Path) -> None:
     (folder / "frame-000001.pose.txt").write_text("1 2 3")
     with pytest.raises(SlambedError, match=r"000001\.pose\.txt"):
         reader.trajectory()
+
+
+def test_a_pose_that_was_lost_is_left_out_and_told(tmp_path: Path) -> None:
+    """As ScanNet writes it."""
+    write_seven_scenes(tmp_path / "s")
+    np.savetxt(tmp_path / "s/frame-000001.pose.txt", np.full((4, 4), -np.inf))
+    reader: Any = load_reader("seven_scenes")(tmp_path / "s", options())
+    assert reader.trajectory().stamps_s.tolist() == pytest.approx([0, 0.2])
+    assert "000001.pose.txt: not finite, tracking was lost: 1 of 3 frames" in reader.notes[0]
+    np.savetxt(tmp_path / "s/frame-000001.pose.txt", 2 * np.eye(4))
+    with pytest.raises(SlambedError, match=r"000001.pose.txt: not a rotation"):
+        reader.trajectory()
+
+
+def test_seven_scenes_with_a_missing_frame_goes_by_numbers(tmp_path: Path) -> None:
+    write_seven_scenes(tmp_path / "s")
+    for file in (tmp_path / "s").glob("frame-000001.*"):
+        file.unlink()
+    reader: Any = load_reader("seven_scenes")(tmp_path / "s", options())
+    assert reader.times_ns() == [0, 200_000_000] and reader[1].timestamp_ns == 200_000_000
+    assert reader.trajectory().stamps_s.tolist() == pytest.approx([0, 0.2])
+    assert "1 images are missing, the first is number 1" in reader.notes[0]
 
 
 def write_kitti(root: Path, right: bool = True) -> Path:
@@ -152,6 +179,88 @@ def test_kitti(tmp_path: Path) -> None:
     assert np.array_equal(frames[2].second, grey(12))
     truth = reader.trajectory()
     assert truth is not None and len(truth) == 3 and truth.positions_m[2, 2] == 2
+
+
+def kitti(folder: Path, **changes: Any) -> Any:
+    values = {"sensor": "stereo", "size": None, "camera": None, "groundtruth": "07.txt"}
+    return load_reader("kitti")(folder, options(**(values | changes)))
+
+
+def test_kitti_with_a_missing_image_goes_by_numbers(tmp_path: Path) -> None:
+    folder = write_kitti(tmp_path)
+    for side in (0, 1):
+        (folder / f"image_{side}/000001.png").unlink()
+    reader = kitti(folder)
+    assert reader.times_ns() == [0, 207_900_000] and reader[1].timestamp_ns == 207_900_000
+    assert reader.trajectory().positions_m[:, 2].tolist() == [0, 2]
+    assert "1 images are missing, the first is number 1" in reader.notes[0]
+    (folder / "times.txt").write_text("0.0\n0.2\n0.3\n0.4\n0.5\n")
+    (tmp_path / "poses/07.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    with pytest.raises(SlambedError, match=r"1 poses for 2 images, the last is 000002.png"):
+        kitti(folder).trajectory()
+
+
+def test_kitti_with_dates_headers_and_commas(tmp_path: Path) -> None:
+    folder = write_kitti(tmp_path)
+    expected = kitti(folder).trajectory()
+    dates = [f"2011-09-26 13:02:25.{i}94360375" for i in range(3)]
+    (folder / "times.txt").write_text("\r\n".join(dates))
+    poses = (tmp_path / "poses/07.txt").read_text().replace(" ", ", ")
+    (tmp_path / "poses/07.txt").write_text("r11, r12, r13\n" + poses)
+    reader = kitti(folder)
+    assert reader.times_ns()[0] == 1317042145_094360375
+    assert np.array_equal(reader.trajectory().positions_m, expected.positions_m)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "complaint"),
+    [
+        ("calib.txt", "P0: 1 2 x\n", r"calib.txt:1: .*'x', expected 12 numbers"),
+        ("calib.txt", "P0: 1 2 3\n", r"calib.txt:1: 3 values, expected 12 numbers"),
+        ("calib.txt", "", r"calib.txt: no line P0"),
+        ("times.txt", "0\nsoon\n1\n", r"times.txt:2: 'soon' is not a time, expected seconds"),
+        ("times.txt", "0\n1\n", "2 times for 3 images"),
+        ("times.txt", "0\n1e400\n1\n", r"times.txt:2: '1e400' is not a time"),
+        ("poses", "1 0 0 0 0 1 0 0 0 0 1 0\n" * 2 + "1 2\n", r"07.txt:3: not a pose: 2 values"),
+        (
+            "poses",
+            "1 0 0 0 0 1 0 0 0 0 1 nan\n" * 3,
+            r"07.txt:1: not a pose: 'nan' is not a number",
+        ),
+        ("poses", "2 0 0 0 0 2 0 0 0 0 2 0\n" * 3, r"07.txt:1: not a rotation"),
+        ("poses", "1 0 0 0 0 1 0 0 0 0 -1 0\n" * 3, r"07.txt:1: a mirror image"),
+    ],
+)
+def test_a_bad_line_of_kitti_is_named(tmp_path: Path, file: str, text: str, complaint: str) -> None:
+    folder = write_kitti(tmp_path)
+    path = tmp_path / "poses/07.txt" if file == "poses" else folder / file
+    path.write_text(text)
+    with pytest.raises(SlambedError, match=complaint) as error:
+        reader = kitti(folder)
+        reader.camera()
+        reader.trajectory()
+    one_line(error)
+
+
+@pytest.mark.parametrize("fourth", [0, 380])
+def test_a_rig_without_baseline_or_the_wrong_way_round(tmp_path: Path, fourth: int) -> None:
+    folder = write_kitti(tmp_path)
+    text = (folder / "calib.txt").read_text().replace("-380", str(fourth))
+    (folder / "calib.txt").write_text(text)
+    with pytest.raises(SlambedError, match=f"calib.txt:2: the fourth number of P1 is {fourth}"):
+        kitti(folder).camera()
+
+
+def test_what_a_format_cannot_hold_is_refused(tmp_path: Path) -> None:
+    folder = write_kitti(tmp_path)
+    with pytest.raises(SlambedError, match="holds stereo or mono, not rgbd"):
+        kitti(folder, sensor="rgbd")
+    with pytest.raises(SlambedError, match=r"08.txt is missing .ground truth."):
+        list(kitti(folder, groundtruth="08.txt").files())
+    with pytest.raises(SlambedError, match="'distortion' of the dataset's camera is not used"):
+        kitti(folder, distortion=(0.1, 0.0, 0.0, 0.0))
+    with pytest.raises(SlambedError, match=r"'groundtruth: a.txt' is not used by this reader"):
+        load_reader("bag")(tmp_path, options(groundtruth="a.txt"))
 
 
 def test_kitti_left_only(tmp_path: Path) -> None:
@@ -219,6 +328,125 @@ def test_euroc_rectifies_to_the_camera_orb_slam2_uses(tmp_path: Path) -> None:
     assert truth.positions_m[0] == pytest.approx([1 - 0.02164, 2 - 0.06468, 3 + 0.00981], abs=1e-4)
 
 
+def euroc(folder: Path, **changes: Any) -> Any:
+    values = {"sensor": "stereo", "camera": None, "size": None}
+    return load_reader("euroc")(folder, options(**(values | changes)))
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def test_euroc_with_one_camera(tmp_path: Path) -> None:
+    folder = write_euroc(tmp_path)
+    shutil.rmtree(folder / "mav0/cam1")
+    reader = euroc(folder, sensor="mono")
+    frame = reader[0]
+    assert frame.second is None and frame.grey.shape == (480, 752)
+    assert (reader.camera().fx, reader.camera().cx, reader.camera().bf) == (458.654, 367.215, 0)
+    # cam0 stays as it is turned on the body, without the turn of a rectification.
+    assert reader.trajectory().positions_m[0] == pytest.approx([0.97836, 1.93532, 3.00981], 1e-4)
+
+
+@pytest.mark.parametrize("unit", ["s", "us"])
+def test_euroc_in_another_unit_of_time(tmp_path: Path, unit: str) -> None:
+    folder = write_euroc(tmp_path)
+    for name in ("cam0", "cam1"):
+        file = folder / "mav0" / name / "data.csv"
+        for stamp in (1403636579763555584, 1403636579813555456):
+            other = f"{stamp / 1e9:.6f}" if unit == "s" else str(stamp // 1000)
+            edit(file, f"{stamp},", f"{other},")
+        edit(file, "#timestamp", "timestamp")
+    reader = euroc(folder)
+    assert reader.times_ns()[0] == pytest.approx(1403636579763555584, abs=1000)
+    assert len(reader) == 2 and "are read as" in reader.notes[0]
+
+
+def test_motion_capture_of_tum_vi(tmp_path: Path) -> None:
+    folder = write_euroc(tmp_path)
+    expected = euroc(folder).trajectory()
+    (folder / "mav0/state_groundtruth_estimate0").rename(folder / "mav0/mocap0")
+    reader = euroc(folder)
+    assert np.array_equal(reader.trajectory().rows(), expected.rows())
+    assert "mocap0/data.csv: taken as ground truth" in reader.notes[0]
+    asked = euroc(folder, groundtruth="mocap0/data.csv")
+    assert asked.trajectory() is not None and not asked.notes
+    with pytest.raises(SlambedError, match=r"vicon0/data.csv is missing"):
+        list(euroc(folder, groundtruth="vicon0/data.csv").files())
+
+
+def test_an_equidistant_rig_is_rectified_by_its_model(tmp_path: Path) -> None:
+    folder = write_euroc(tmp_path)
+    plain = euroc(folder)[0]
+    for name in ("cam0", "cam1"):
+        file = folder / "mav0" / name / "sensor.yaml"
+        file.write_text(file.read_text() + "distortion_model: equidistant\n")
+    reader = euroc(folder)
+    assert not np.array_equal(reader[0].grey, plain.grey)
+    left, right = (sensor.lens for sensor in reader._sensors)
+    poses = [sensor.pose for sensor in reader._sensors]
+    point = np.array([0.3, -0.2, 3.0])  # seen from cam0
+    seen = []
+    for lens, pose, maps in zip((left, right), poses, reader._maps, strict=True):
+        own = np.linalg.inv(pose) @ poses[0] @ np.append(point, 1)
+        turn = np.zeros(3)
+        raw, _ = cv2.fisheye.projectPoints(
+            own[:3].reshape(1, 1, 3), turn, turn, lens.matrix, lens.coefficients
+        )
+        distance = (maps[0] - raw[0, 0, 0]) ** 2 + (maps[1] - raw[0, 0, 1]) ** 2
+        seen.append(np.unravel_index(int(distance.argmin()), distance.shape))
+    (row, column), (right_row, right_column) = seen
+    camera = reader.camera()
+    assert abs(int(row) - int(right_row)) <= 1
+    depth_m = camera.bf / (int(column) - int(right_column))
+    assert depth_m == pytest.approx(3.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("T_BS", "distortion_model: omni\nT_BS", "distortion model 'omni' is not supported"),
+        ("T_BS", "camera_model: omni\nT_BS", "camera model 'omni' is not supported"),
+        ("0.0148655429818", "0.7", "T_BS: not a rotation"),
+        ("distortion_coefficients: [", "distortion_coefficients: [1, 2, ", "6 numbers of radial"),
+        ("intrinsics: [458.654", "intrinsics: [-1", "focal lengths -1 and"),
+        ("intrinsics", "intrinsic", "key 'intrinsics' is missing"),
+        ("resolution: [752, 480]", "resolution: none", "not an ASL sensor.yaml"),
+        ("resolution", "cam0: {", "not YAML"),
+        ("resolution", "cam0: 1\nresolution", "this is a Kalibr camchain.*import-camera"),
+        ("resolution", "camera_matrix: 1\nresolution", "an OpenCV or ROS calibration.*import"),
+    ],
+)
+def test_a_bad_calibration_is_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+    file = write_euroc(tmp_path) / "mav0/cam0/sensor.yaml"
+    edit(file, old, new)
+    with pytest.raises(SlambedError, match=complaint) as error:
+        euroc(tmp_path)
+    assert str(file) in one_line(error)
+
+
+def test_rigs_that_are_not_side_by_side(tmp_path: Path) -> None:
+    folder = write_euroc(tmp_path)
+    left, right = (folder / f"mav0/cam{i}/sensor.yaml" for i in (0, 1))
+    before = right.read_text()
+    edit(right, str(EUROC_SENSORS["cam1"][2]), str(EUROC_SENSORS["cam0"][2]))
+    with pytest.raises(SlambedError, match="cam1 is 0 mm to the right of cam0"):
+        euroc(folder)
+    right.write_text(left.read_text())
+    left.write_text(before)
+    with pytest.raises(SlambedError, match=r"cam1 is -110.* mm to the right of cam0.*swap"):
+        euroc(folder)
+
+
+def test_a_quaternion_in_wrong_columns(tmp_path: Path) -> None:
+    folder = write_euroc(tmp_path)
+    edit(folder / "mav0/state_groundtruth_estimate0/data.csv", "1,0,0,0,9", "1,1,1,0,9")
+    with pytest.raises(SlambedError, match=r"data.csv:2: not a rotation: the quaternion has"):
+        euroc(folder).trajectory()
+
+
 def ros_image(store: Any, ns: int, plane: np.ndarray[Any, Any], encoding: str) -> Any:
     types = store.types
     header_type = types["std_msgs/msg/Header"]
@@ -278,6 +506,13 @@ def test_a_bare_mcap_file_is_read(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "b", "mcap")
     file = next(folder.glob("*.mcap"))
     assert len(load_reader("bag")(file, options(extra=BAG_TOPICS))) == 4
+
+
+def test_an_mcap_that_a_crash_cut_off(tmp_path: Path) -> None:
+    file = next(write_bag(tmp_path / "b", "mcap").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(SlambedError, match=r"cut off, as a crash leaves it; .*'mcap recover'"):
+        len(load_reader("bag")(file, options(extra=BAG_TOPICS)))
 
 
 def test_bag_errors(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ trusted, or costs an attempt, and the campaign goes on."""
 
 import os
 import signal
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
 from test_engine_local import Bench
+from waiting import beside, until
 
 from slambed.endings import ended_from_outside, signal_of
 from slambed.engines import launcher, local
@@ -54,14 +53,13 @@ def test_a_mobile_ended_from_outside_is_no_result(
     bench: Bench, number: signal.Signals, told: str
 ) -> None:
     def end() -> None:
-        while not (bench.folder / "raw" / "mobile" / "events.jsonl").exists():
-            time.sleep(0.01)
+        until((bench.folder / "raw" / "mobile" / "events.jsonl").exists, "the first events")
         assert bench.live is not None
         os.kill(bench.live._nodes["mobile"].pid, number)
 
-    threading.Thread(target=end, daemon=True).start()
     playback = run_spec().playback.model_copy(update={"end_s": 1.5})
-    result = bench.run(run_spec(playback=playback))
+    with beside(end):
+        result = bench.run(run_spec(playback=playback))
     assert (result.outcome, result.reason) == ("died", f"mobile node: {told}")
     assert result.distrust == [f"the mobile node {told}"]
 
@@ -72,8 +70,7 @@ def test_a_node_killed_at_its_gate_costs_an_attempt(bench: Bench) -> None:
         assert bench.live is not None
         node = bench.live._nodes["edge"]
         os.kill(node.pid, signal.SIGKILL)
-        while node.exit_code() is None:
-            time.sleep(0.005)
+        until(lambda: node.exit_code() is not None, "the end of the edge")
         raise environment_error("no such namespace")
 
     bench.open_link = kill_the_edge  # type: ignore[method-assign]

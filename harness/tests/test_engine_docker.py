@@ -20,6 +20,7 @@ from docker.errors import APIError, DockerException
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec
 from link_parts import needs_relay
 from virtual_parts import Quiet
+from waiting import beside, until
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
@@ -205,16 +206,13 @@ def test_a_container_ended_from_outside_is_no_result(
     """Docker tells it as exit code 137, as it does of a node at its memory limit."""
 
     def end() -> None:
-        while not (bench.raw / "start.json").exists():
-            time.sleep(0.01)
+        until((bench.raw / "start.json").exists, "start.json")
         assert CLIENT is not None
         (container,) = CLIENT.containers.list(filters={"label": f"slambed.role={role}"})
         container.kill(number)
 
-    thread = threading.Thread(target=end)
-    thread.start()
-    result = bench.run(docker_spec(variant=variant, playback=Playback(end_s=1.0)))
-    thread.join()
+    with beside(end):
+        result = bench.run(docker_spec(variant=variant, playback=Playback(end_s=1.0)))
     assert result.outcome == "died" and told in str(result.reason)
     assert [f"the {role} node {told}" in line for line in result.distrust] == [True]
 
@@ -269,15 +267,11 @@ def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) ->
     )
 
     def wait_and_act() -> None:
-        while not (bench.raw / "start.json").exists():
-            time.sleep(0.01)
+        until((bench.raw / "start.json").exists, "start.json")
         during()
 
-    watcher = threading.Thread(target=wait_and_act)
-    watcher.start()
-    result = live.execute()
-    watcher.join()
-    return result
+    with beside(wait_and_act):
+        return live.execute()
 
 
 @needs_relay
@@ -369,16 +363,14 @@ def test_a_daemon_that_is_away_for_a_while_costs_a_run_an_attempt(
     todo = [docker_spec(seed=n, repetition=n) for n in range(2)]
 
     def cut_once() -> None:
-        while not list((tmp_path / "results").rglob("start.json")):
-            time.sleep(0.01)
+        until(lambda: list((tmp_path / "results").rglob("start.json")), "the start of a run")
         between.cut.set()
-        while "run_failed" not in {entry["event"] for entry in ledger.read()}:
-            time.sleep(0.01)
-        between.cut.clear()
+        try:
+            until(lambda: "run_failed" in {entry["event"] for entry in ledger.read()}, "run_failed")
+        finally:
+            between.cut.clear()
 
-    cutter = threading.Thread(target=cut_once, daemon=True)
-    with nodes_of_tests():
-        cutter.start()
+    with nodes_of_tests(), beside(cut_once):
         verdict = Runner(folder, ledger, executor, retries=0, pauses_s=(0.5, 1)).run(todo, Quiet())
         assert CLIENT is not None
         assert CLIENT.containers.list(all=True, filters={"label": "slambed"}) == []

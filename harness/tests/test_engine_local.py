@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec, stand_in
+from waiting import beside, until
 
 from slambed.engines.base import NodePlan, allot_cpus, differences, netns, parse_cpus
 from slambed.engines.cgroups import CgroupMaker
@@ -106,8 +107,7 @@ def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
         )
 
     def look() -> None:
-        while not (bench.folder / "raw" / "start.json").exists():
-            time.sleep(0.01)
+        until((bench.folder / "raw" / "start.json").exists, "start.json")
         assert bench.live is not None
         group = bench.live._nodes["mobile"].reader.paths.v1("cpu")
         assert group is not None
@@ -117,12 +117,9 @@ def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
                 seen[:] = [group_of(folder) for folder in group.glob("thread-*")]
 
     over = threading.Event()
-    watcher = threading.Thread(target=look)
-    watcher.start()
     spec = run_spec(params={"mobile_act": "threads"}, device_mobile=device(**CAPPED))
-    result = bench.run(spec)
-    over.set()
-    watcher.join()
+    with beside(look, over):
+        result = bench.run(spec)
     assert result.outcome == "completed" and result.distrust == []
     assert len(seen) == 3
     for tid, members, quota, period in seen:
@@ -248,13 +245,11 @@ def test_a_missing_program_is_an_error(bench: Bench) -> None:
 
 def test_a_stop_request_ends_a_run_quickly(bench: Bench) -> None:
     def stop_once_it_runs() -> None:
-        while not (bench.folder / "raw" / "mobile" / "events.jsonl").exists():
-            time.sleep(0.01)
+        until((bench.folder / "raw" / "mobile" / "events.jsonl").exists, "the first events")
         bench.stop.set()
 
-    threading.Thread(target=stop_once_it_runs, daemon=True).start()
     began = time.monotonic()
-    with pytest.raises(InterruptedRunError):
+    with beside(stop_once_it_runs), pytest.raises(InterruptedRunError):
         bench.run(
             run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 60}))
         )
@@ -266,13 +261,12 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
     spec = run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 1.5}))
 
     def stop_edge() -> None:
-        while not (bench.folder / "raw" / "edge" / "events.jsonl").exists():
-            time.sleep(0.01)
+        until((bench.folder / "raw" / "edge" / "events.jsonl").exists, "the edge's first events")
         assert bench.live is not None
         os.kill(bench.live._nodes["edge"].pid, signal.SIGTERM)
 
-    threading.Thread(target=stop_edge, daemon=True).start()
-    result = bench.run(spec)
+    with beside(stop_edge):
+        result = bench.run(spec)
     assert result.outcome == "died"
     # As when the daemon goes down: nobody takes that for the system's own end.
     assert result.distrust == ["the edge node was told to stop from outside"]

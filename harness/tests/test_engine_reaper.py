@@ -3,12 +3,12 @@
 
 import os
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from harness_parts import needs_root
+from waiting import until
 
 from slambed.engines.cgroups import CgroupMaker
 from slambed.engines.host_lock import host_lock
@@ -21,7 +21,7 @@ pytestmark = needs_root
 @pytest.fixture(autouse=True)
 def nobody_else() -> Iterator[None]:
     """The reaper may work only while no campaign runs on this host."""
-    with host_lock("tests of the reaper", wait_s=300):
+    with host_lock("tests of the reaper", wait_s=120):
         yield
 
 
@@ -29,8 +29,9 @@ def sleeper(owner: str) -> subprocess.Popen[bytes]:
     process = subprocess.Popen(
         ["sleep", "60"], env={**os.environ, OWNER_VARIABLE: owner}, start_new_session=True
     )
-    while Path(f"/proc/{process.pid}/comm").read_text() != "sleep\n":
-        time.sleep(0.005)  # Before its exec it still shows our environment.
+    # Before its exec it still shows our environment.
+    name = Path(f"/proc/{process.pid}/comm")
+    until(lambda: name.read_text() == "sleep\n", "sleep")
     return process
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from command_line import slambed
-from harness_parts import is_trusted, needs_root
+from harness_parts import TOLERANCES, is_trusted, needs_root
 from test_campaign_end_to_end import image_is_built, programs_are_built
 from virtual_parts import make_sequence
 
@@ -31,7 +31,7 @@ link:
     - {{profile: ramp, name: ramp, params: {{peak_ms: 40, rise_s: 1, hold_s: 1, fall_s: 1}}}}
 devices: {{mobile: raspberry_pi_4, edge: edge_i7_6700t}}
 runs: {{default: 1}}
-tolerances: {{rtt_error_ms_median: 50}}
+tolerances: {tolerances}
 """
 
 pytestmark = [
@@ -50,7 +50,12 @@ def run_them(
 ) -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     """System -> summary and manifest of its run."""
     path = folder / "theirs.yaml"
-    path.write_text(EXPERIMENT.format(examples=EXAMPLES, sequence=sequence, faults=faults))
+    tolerances = json.dumps(TOLERANCES)
+    path.write_text(
+        EXPERIMENT.format(
+            examples=EXAMPLES, sequence=sequence, faults=faults, tolerances=tolerances
+        )
+    )
     code, out, err = slambed(
         *("run", str(path), "--engine", engine, "--results", str(folder / "results")),
         *("--wait", "--no-figures"),
@@ -108,6 +113,7 @@ def test_an_edge_of_others_that_is_killed_costs_frames_and_not_the_run(
         assert 1 <= summary["frames_tracked"] <= 12 and summary["track_losses"] == 1
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not image_is_built(), reason="needs Docker and the node image ('make images')")
 def test_the_same_in_containers_of_their_own_image(tmp_path: Path, sequence: Path) -> None:
     subprocess.run([EXAMPLES / "build_image.sh"], check=True, stdout=subprocess.DEVNULL)

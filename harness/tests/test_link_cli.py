@@ -129,3 +129,12 @@ def test_a_picture_that_nobody_asked_for_is_not_put_where_one_works(
     picture = tmp_path / "cache" / "pictures" / "profile_sine.png"
     assert f"plot: {picture}" in shown and picture.is_file()
     assert not list(here.iterdir())
+
+
+def test_a_figure_is_told_by_the_name_that_it_gets(tmp_path: Path) -> None:
+    arguments = ["show", "ramp", "--output", str(tmp_path / "x")]
+    result = RUNNER.invoke(app, arguments, catch_exceptions=False)
+    assert f"plot: {tmp_path / 'x.png'}" in result.stdout.replace("\n", "")
+    assert [file.name for file in tmp_path.iterdir()] == ["x.png"]
+    with pytest.raises(SlambedError, match=r"unknown picture format .*x\.xyz; known: \.png"):
+        RUNNER.invoke(app, [*arguments[:-1], str(tmp_path / "x.xyz")], catch_exceptions=False)

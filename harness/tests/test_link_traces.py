@@ -99,3 +99,102 @@ def test_a_bad_rate_trace_gets_one_clear_line(tmp_path: Path, text: str, message
     file.write_text(text)
     with pytest.raises(SlambedError, match=message):
         read_rate_trace(str(file), None)
+
+
+def ping_trace(tmp_path: Path, lines: list[str], **keys: Any) -> Profile:
+    return trace(tmp_path, "\n".join(lines) + "\n", format="ping", **keys)
+
+
+UNIX_REPLY = "64 bytes from 1.2.3.4: icmp_seq={seq} ttl=57 time={ms} ms"
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        UNIX_REPLY,
+        "64 Bytes von 1.2.3.4: icmp_seq={seq} ttl=57 Zeit={ms} ms",
+        "64 octets de 1.2.3.4 : icmp_seq={seq} ttl=57 temps={ms} ms",
+        "64 字节 来自 1.2.3.4: icmp_seq={seq} ttl=57 时间={ms} 毫秒",
+        "64 bytes from 1.2.3.4: seq={seq} ttl=57 time={ms} ms",
+        "Reply from 1.2.3.4: bytes=32 time={ms}ms TTL=57",
+        "Antwort von 1.2.3.4: Bytes=32 Zeit={ms}ms TTL=57",
+        "Réponse de 1.2.3.4 : octets=32 temps={ms} ms TTL=57",
+        "Reply from ::1: time={ms}ms",
+        "1.2.3.4 からの応答: バイト数 =32 時間 ={ms}ms TTL=57",
+    ],
+)
+def test_ping_logs_of_any_system_and_language(tmp_path: Path, reply: str) -> None:
+    lines = ["PING a (1.2.3.4) 56(84) bytes of data.", ""]
+    lines += [reply.format(seq=i, ms=10 * i) for i in (1, 2, 3)]
+    lines += ["", "--- a ping statistics ---", "    Minimum = 10ms, Maximum = 30ms, Average = 20ms"]
+    profile = ping_trace(tmp_path, lines)
+    assert [profile.rtt_ms(t) for t in (0, 1, 2)] == pytest.approx([10, 20, 30])
+    assert profile.duration == pytest.approx(2)
+
+
+def test_a_decimal_comma_is_one(tmp_path: Path) -> None:
+    lines = [UNIX_REPLY.format(seq=i, ms=f"1{i},5") for i in (1, 2)]
+    assert ping_trace(tmp_path, lines).rtt_ms(1) == pytest.approx(12.5)
+
+
+def test_windows_counts_requests_without_a_reply(tmp_path: Path) -> None:
+    reply = "Reply from 1.2.3.4: bytes=32 time<1ms TTL=57"
+    assert ping_trace(tmp_path, [reply, "Request timed out.", reply]).duration == 2
+
+
+def test_one_lost_reply_is_no_gap_and_two_are(tmp_path: Path) -> None:
+    numbers = [1, 2, 3, 5, 6]
+    lines = [UNIX_REPLY.format(seq=i, ms=i) for i in numbers]
+    assert ping_trace(tmp_path, lines).duration == 5
+    lines[3:] = [UNIX_REPLY.format(seq=i, ms=i) for i in (7, 8)]
+    with pytest.raises(SlambedError, match=r"gap of 4.0 s in the trace at 2.0 s.*max_gap_s"):
+        ping_trace(tmp_path, lines)
+
+
+def test_duplicates_and_replies_out_of_order(tmp_path: Path) -> None:
+    replies = [(1, "10 ms"), (3, "30 ms"), (2, "20 ms"), (2, "99 ms (DUP!)")]
+    lines = [f"64 bytes from a: icmp_seq={n} ttl=1 time={told}" for n, told in replies]
+    profile = ping_trace(tmp_path, lines)
+    assert [profile.rtt_ms(t) for t in (0, 1, 2)] == pytest.approx([10, 20, 30])
+
+
+def test_sequence_numbers_wrap(tmp_path: Path) -> None:
+    lines = [UNIX_REPLY.format(seq=n % 65536, ms=n - 65500) for n in range(65530, 65540)]
+    profile = ping_trace(tmp_path, lines)
+    assert profile.duration == 9 and profile.rtt_ms(9) == pytest.approx(39)
+
+
+def test_stamps_of_a_log_count_instead_of_an_interval(tmp_path: Path) -> None:
+    """A stamp is of the reply: its request was sent a round trip before."""
+    lines = [
+        f"[{1714560000 + 0.2 * i + 0.1 * i:.6f}] " + UNIX_REPLY.format(seq=i, ms=100 * i)
+        for i in range(1, 4)
+    ]
+    profile = ping_trace(tmp_path, lines, ping_interval_s=1.0)
+    assert profile.duration == pytest.approx(0.4, abs=1e-5)
+    assert profile.rtt_ms(0.2) == pytest.approx(200, abs=0.1)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
+def test_traces_in_any_encoding(tmp_path: Path, encoding: str) -> None:
+    file = tmp_path / "mine.csv"
+    file.write_bytes("time_s,rtt_ms\r\n0,1\r\n0.5,3,\r\n# Größe\r\n".encode(encoding))
+    profile = parse_profile({"rtt_ms": {"trace": {"file": str(file)}}}, "here")
+    assert profile.rtt_ms(0.5) == 3
+    file.write_bytes("5\r\n7\r\n\r\n".encode(encoding))
+    assert read_rate_trace(str(file), None) == [5, 7]
+
+
+def test_lines_of_comments_count(tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match=r"not two numbers but '0.1, x'.* line 5;"):
+        trace(tmp_path, "# a\n# b\ntime_s,rtt_ms\n0,1\n0.1,x\n")
+
+
+def test_semicolons_with_decimal_commas(tmp_path: Path) -> None:
+    assert trace(tmp_path, "time_s;rtt_ms\n0;1,5\n0,5;3,5;\n").rtt_ms(0.25) == 2.5
+
+
+def test_two_logs_in_one_file_are_not_one(tmp_path: Path) -> None:
+    lines = [UNIX_REPLY.format(seq=i, ms=i) for i in (1, 2, 3)]
+    with pytest.raises(SlambedError, match=r"icmp_seq 1 comes again.*; give the log of one ping"):
+        ping_trace(tmp_path, [*lines, "", *lines])

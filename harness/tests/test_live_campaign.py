@@ -10,6 +10,7 @@ import psutil
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, stand_in
 from virtual_parts import Quiet
+from waiting import beside
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
@@ -58,13 +59,8 @@ def events_of(campaign: Runner, spec: RunSpec) -> list[str]:
 
 def run_with_killer(campaign: Runner, todo: list[RunSpec], may: Callable[[], bool]) -> None:
     over = threading.Event()
-    thread = threading.Thread(target=kill_samplers, args=(over, may))
-    thread.start()
-    try:
+    with beside(lambda: kill_samplers(over, may), over):
         campaign.run(todo, Quiet())
-    finally:
-        over.set()
-        thread.join()
 
 
 def test_a_sampler_that_is_killed_costs_its_run_an_attempt(campaign: Runner) -> None:

@@ -268,3 +268,25 @@ def test_a_trajectory_is_read_alike_at_once_and_line_by_line(tmp_path: Path) -> 
     assert len(found) == 2
     for name in ("stamps_s", "positions_m", "quaternions_xyzw"):
         assert np.array_equal(getattr(found, name), getattr(expected, name))
+
+
+@pytest.mark.parametrize(
+    ("later_s", "complaint"),
+    [
+        (1000.0, "they do not overlap; use one clock and seconds"),
+        (0.025, "the nearest two poses are 25 ms apart; raise the limit"),
+    ],
+)
+def test_too_few_pairs_say_what_keeps_them_apart(later_s: float, complaint: str) -> None:
+    walk = Trajectory.of_rows(np.array([[t, t, 0, 0, 0, 0, 0, 1.0] for t in range(5)]))
+    other = Trajectory(walk.stamps_s + later_s, walk.positions_m, walk.quaternions_xyzw)
+    with pytest.raises(SlambedError, match=rf"0 pose pairs within 20 ms.*{complaint}"):
+        absolute_error(walk, other)
+
+
+def test_a_short_path_is_told_how_to_be_compared() -> None:
+    rows = [[t / 10, t, 0, 0, 0, 0, 0, 1.0] for t in range(5)]
+    walk = Trajectory.of_rows(np.array(rows))
+    with pytest.raises(SlambedError, match=r"which last 0.4 s; take a shorter interval .--delta-s"):
+        relative_error(walk, walk, 1.0)
+    assert relative_error(walk, walk, 0.2).translation_m.pairs == 3

@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ from browser import Page
 from data_samples import write_prepared
 from results_factory import quickstart_like
 from test_reports_in_browser import ATE, near
+from waiting import beside
 
 from slambed.campaign.ledger import Ledger
 from slambed.data import places
@@ -49,12 +49,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(results: Path) -> Iterator[str]:
-    with open_server(Site(results), 0) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
-        thread.start()
+    with open_server(Site(results), 0) as server, beside(lambda: server.serve_forever(0.02)):
         yield f"http://localhost:{server.server_port}"
         server.shutdown()
-        thread.join()
 
 
 @pytest.fixture

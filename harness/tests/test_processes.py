@@ -12,8 +12,10 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from multiprocessing import forkserver
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +23,10 @@ import psutil
 import pytest
 from harness_parts import needs_root, stand_in_sim, virtual_spec
 from virtual_parts import Quiet
+from waiting import LIMIT_S, beside, until
 
 from slambed.campaign import processes, server_folder
+from slambed.campaign.executors import Executor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor, Worker
@@ -48,18 +52,37 @@ def runs(count: int, **changes: Any) -> list[RunSpec]:
     return [virtual_spec(seed=n, repetition=n, **changes) for n in range(count)]
 
 
+MADE: list[ProcessExecutor] = []
+"""By this test."""
+
+
+@pytest.fixture(autouse=True)
+def nothing_goes_on() -> Iterator[None]:
+    """No process of one test is a child that the next one sees."""
+    yield
+    while MADE:
+        MADE.pop().close()
+
+
 def runner(tmp_path: Path, jobs: int) -> Runner:
     (tmp_path / "sequence").mkdir()
     folder = SlowFolder(tmp_path / "tiny")
     folder.create()
     played = {"room": (tmp_path / "sequence", 0.5)}
     executor = ProcessExecutor(played, stand_in_sim(tmp_path), None, jobs)
+    MADE.append(executor)
     return Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor)
 
 
 def children() -> list[psutil.Process]:
     """Every process below this one that has a run in hand: simulation or its parent."""
     return psutil.Process().children(recursive=True)
+
+
+def processes_of(executor: Executor) -> list[BaseProcess]:
+    """Its own, which wait for a run."""
+    assert isinstance(executor, ProcessExecutor)
+    return [worker._process for worker in executor._idle]
 
 
 def simulations(tmp_path: Path) -> list[psutil.Process]:
@@ -98,11 +121,20 @@ def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path
         assert manifest.started_utc
 
 
+def is_fork_server(process: psutil.Process) -> bool:
+    """Or what one has forked: that keeps its command line."""
+    with contextlib.suppress(psutil.Error):
+        return "multiprocessing.forkserver" in " ".join(process.cmdline())
+    return False
+
+
 def fork_server(tmp_path: Path) -> psutil.Process | None:
     """What forked the process that waits for a simulation, where that is a fork server."""
-    with contextlib.suppress(psutil.Error, IndexError):
-        _, server, *_ = simulations(tmp_path)[0].parents()
-        return server if "multiprocessing.forkserver" in " ".join(server.cmdline()) else None
+    for simulation in simulations(tmp_path):
+        with contextlib.suppress(psutil.Error, ValueError):
+            _, server, *_ = simulation.parents()
+            if is_fork_server(server):
+                return server
     return None
 
 
@@ -112,25 +144,31 @@ def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
     killed: list[int] = []
     twice = tmp_path / "killed_twice"  # no run ends before: how fast this host is decides nothing
 
-    def kill() -> None:
-        for _ in range(2):
-            # One that was killed may be seen for a while on a busy host.
-            while (server := fork_server(tmp_path)) is None or server.pid in killed:
-                time.sleep(0.005)
-            killed.append(server.pid)
-            server.kill()
-            # Its processes live on without it; only who needs a new one needs another server.
-            for simulation in simulations(tmp_path):
-                with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
-                    if simulation.ppid() not in (1, os.getpid()):
-                        os.kill(simulation.ppid(), signal.SIGKILL)
-        twice.touch()
+    def another() -> tuple[psutil.Process, list[psutil.Process]] | None:
+        # One that was killed may be seen for a while on a busy host.
+        if (server := fork_server(tmp_path)) is None or server.pid in killed:
+            return None
+        with contextlib.suppress(psutil.NoSuchProcess):
+            return server, server.children()
+        return None
 
-    thread = threading.Thread(target=kill, daemon=True)
-    thread.start()
+    def kill() -> None:
+        try:
+            for number in ("first", "second"):
+                server, workers = until(another, f"the {number} fork server with a run")
+                killed.append(server.pid)
+                server.kill()
+                # They live on without it, as children of init; only who needs a new one needs
+                # another server.
+                for worker in workers:
+                    with contextlib.suppress(psutil.NoSuchProcess):
+                        worker.kill()
+        finally:
+            twice.touch()
+
     todo = runs(9, params={"sim_until": str(twice)})
-    verdict = campaign.run(todo, Quiet())
-    thread.join()
+    with beside(kill):
+        verdict = campaign.run(todo, Quiet())
     assert len(set(killed)) == 2 and os.getpid() not in killed
     assert (verdict.done, verdict.trusted, verdict.given_up) == (9, 9, {})
     assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
@@ -167,14 +205,9 @@ class Killer:
 def test_killed_processes_cost_no_run(tmp_path: Path) -> None:
     campaign = runner(tmp_path, 8)
     killer = Killer(tmp_path, every_s=0.5, enough=tmp_path / "killed_thrice")
-    thread = threading.Thread(target=killer.run)
-    thread.start()
     todo = runs(24, params={"sim_until": str(killer.enough), "sim_sleep_s": 0.3})
-    try:
+    with beside(killer.run, killer.over):
         verdict = campaign.run(todo, Quiet())
-    finally:
-        killer.over.set()
-        thread.join()
     assert killer.killed >= 3
     assert (verdict.done, verdict.trusted, verdict.given_up) == (24, 24, {})
     assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
@@ -196,11 +229,8 @@ def test_virtual_runs_go_behind_what_is_live(tmp_path: Path) -> None:
                     shared = group.read_text().split()[-1] if group.exists() else str(NICE)
                     seen.append((process.nice(), process.parent().nice(), shared))
 
-    watcher = threading.Thread(target=look)
-    watcher.start()
-    runner(tmp_path, 2).run(runs(2, params={"sim_sleep_s": 0.5}), Quiet())
-    over.set()
-    watcher.join()
+    with beside(look, over):
+        runner(tmp_path, 2).run(runs(2, params={"sim_sleep_s": 0.5}), Quiet())
     least = max(NICE, os.getpriority(os.PRIO_PROCESS, 0))
     assert seen and all(min(process, parent) >= least for process, parent, _ in seen)
     assert {shared for *_, shared in seen} == {str(NICE)}
@@ -242,17 +272,21 @@ def test_what_a_killed_harness_left_goes_with_the_next_campaign(
         [sys.executable, "-c", KILLED_HARNESS, str(tmp_path)],
         env={**os.environ, "TMPDIR": str(scratch), "PYTHONPATH": str(Path(__file__).parent)},
     )
-    while len(simulations(tmp_path)) < 3:  # itself, too
+
+    def both_run() -> bool:
         assert harness.poll() is None
-        time.sleep(0.02)
+        return len(simulations(tmp_path)) >= 3  # itself, too
+
+    until(both_run, "two simulations of the harness")
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     started = harness.children(recursive=True)
     (folder,) = scratch.iterdir()
     server_folder.sweep()
     assert list(folder.rglob("listener-*")), "its owner lives"
     harness.kill()
-    harness.wait()
-    psutil.wait_procs(started)
+    harness.wait(LIMIT_S)
+    _, alive = psutil.wait_procs(started, LIMIT_S)
+    assert alive == []
     server_folder.sweep()
     assert list(scratch.iterdir()) == []
 
@@ -272,12 +306,11 @@ def test_half_a_request_to_the_fork_server_is_no_traceback(
     """A harness that is killed leaves a server that reads what it had begun to say."""
     ended = runner(tmp_path, 1).run(runs(1), Quiet())
     assert ended.done == 1
-    server = next(p for p in children() if "multiprocessing.forkserver" in " ".join(p.cmdline()))
+    server = next(filter(is_fork_server, psutil.Process().children()))
     with socket.socket(socket.AF_UNIX) as client:
         client.connect(forkserver._forkserver._forkserver_address)
     # Not waited for: its owner does that, when the next run needs one.
-    while server.status() != psutil.STATUS_ZOMBIE:
-        time.sleep(0.02)
+    until(lambda: server.status() == psutil.STATUS_ZOMBIE, "the end of the fork server")
     assert capfd.readouterr().err == ""
 
 
@@ -352,11 +385,8 @@ def test_a_process_takes_the_next_run_and_goes_with_the_campaign(tmp_path: Path)
                 with contextlib.suppress(psutil.Error):
                     seen.add(simulation.ppid())
 
-    watcher = threading.Thread(target=look)
-    watcher.start()
-    assert campaign.run(runs(4, params={"sim_sleep_s": 0.1}), Quiet()).trusted == 4
-    over.set()
-    watcher.join()
+    with beside(look, over):
+        assert campaign.run(runs(4, params={"sim_sleep_s": 0.1}), Quiet()).trusted == 4
     (worker,) = seen - {os.getpid()}
     assert psutil.pid_exists(worker)
     campaign.executor.close()
@@ -368,9 +398,11 @@ def test_one_that_is_killed_between_two_runs_costs_nothing(tmp_path: Path) -> No
     campaign = runner(tmp_path, 1)
     first, second = runs(2)
     assert campaign.run([first], Quiet()).trusted == 1
-    (worker,) = [p for p in children() if p.ppid() != os.getpid()]
+    # Not any process below this one: a worker of another test may be about to end.
+    (worker,) = processes_of(campaign.executor)
     worker.kill()
-    psutil.wait_procs([worker])
+    worker.join(LIMIT_S)
+    assert worker.exitcode is not None
     assert campaign.run([second], Quiet()).done == 2
     assert not [e for e in campaign.ledger.read() if e["event"] == "run_failed"]
 
@@ -398,8 +430,6 @@ def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None
         executor.execute(spec, tmp_path / "no_folder", never)
     assert "execute_run" in "".join(error.value.__notes__)
     (tmp_path / "raw").mkdir()
-    before = children()
+    before = processes_of(executor)
     assert executor.execute(spec, tmp_path / "raw", never).trusted
-    # No new one; those of tests before may end meanwhile.
-    assert set(children()) <= set(before)
-    executor.close()
+    assert len(before) == 1 and processes_of(executor) == before

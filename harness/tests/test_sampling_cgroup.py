@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from harness_parts import needs_root
+from waiting import LIMIT_S
 
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
 from slambed.link.scratch import two_namespaces
@@ -142,10 +143,11 @@ def test_a_group_limits_a_busy_process_and_is_removed(tmp_path: Path) -> None:
 
 def test_time_on_the_run_queue_is_counted_over_threads_that_ended() -> None:
     delay = RunQueueDelay(os.getpid())
-    thread = threading.Thread(target=time.sleep, args=(0.2,))
+    thread = threading.Thread(target=time.sleep, args=(0.2,), daemon=True)
     thread.start()
     first = delay.seconds()
-    thread.join()
+    thread.join(LIMIT_S)
+    assert not thread.is_alive()
     second = delay.seconds()
     assert first is not None and second is not None and second >= first >= 0
     assert RunQueueDelay(1 << 22).seconds() is None

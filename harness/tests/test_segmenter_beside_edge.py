@@ -8,8 +8,7 @@ import struct
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from harness_parts import (
     segmenters,
     stand_in,
 )
+from waiting import until
 
 from slambed.engines.base import NODE_UID, BesideEdge, Node, NodePlan
 from slambed.engines.live_run import LiveRun
@@ -41,13 +41,6 @@ from slambed.spec.masks import Masks
 OURS = "slambed_people"
 NETWORKS = Path(__file__).parents[2] / "networks"
 pytestmark = needs_root
-
-
-def wait_until(true: Callable[[], bool], seconds: float = 10) -> bool:
-    deadline = time.monotonic() + seconds
-    while not true() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return true()
 
 
 class Beside:
@@ -150,7 +143,7 @@ def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
             assert run.stdout is not None and run.stdout.readline() == b"up\n"
             assert len(segmenters(tmp_path)) == 1
             run.send_signal(signal.SIGKILL)
-        assert wait_until(lambda: segmenters(tmp_path) == [])
+        until(lambda: segmenters(tmp_path) == [], "the end of the segmenter")
         Beside(tmp_path).close()  # and the control group with it
 
 

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import socket
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import pytest
 from command_line import refused
 from data_samples import write_prepared
 from results_factory import quickstart_like
+from waiting import beside
 
 from slambed.campaign.ledger import Ledger
 from slambed.data.trajectory import read_tum
@@ -82,12 +82,9 @@ def results(made: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def client(results: Path) -> Iterator[Client]:
-    with open_server(Site(results), 0) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
-        thread.start()
+    with open_server(Site(results), 0) as server, beside(lambda: server.serve_forever(0.02)):
         yield Client(server)
         server.shutdown()
-        thread.join()
 
 
 def text_of(page: str) -> str:

@@ -37,7 +37,8 @@ def install(folder: Path, busy: int, refusal: str, wait_s: int = 60) -> tuple[in
         text=True,
         check=False,
         env=os.environ
-        | {"PATH": f"{folder}:{os.environ['PATH']}", "SLAMBED_APT_WAIT_S": str(wait_s)},
+        | {"PATH": f"{folder}:{os.environ['PATH']}", "SLAMBED_APT_WAIT_S": str(wait_s)}
+        | {"SLAMBED_APT_PAUSE_S": "0"},
     )
     calls = (folder / "calls").read_text().splitlines()
     return done.returncode, done.stdout + done.stderr, calls
@@ -52,21 +53,26 @@ def test_another_apt_is_waited_for(tmp_path: Path) -> None:
 
 
 BROKEN = "Sub-process /usr/bin/dpkg returned an error code (1)"
+UNREACHED = "Failed to fetch http://deb.debian.org/debian/dists/bookworm/InRelease"
 
 
-def test_an_install_whose_packages_another_apt_removed_is_repeated_once(tmp_path: Path) -> None:
-    code, told, calls = install(tmp_path, 1, BROKEN)
+@pytest.mark.parametrize("refusal", [BROKEN, UNREACHED])
+def test_what_fails_is_tried_three_times(tmp_path: Path, refusal: str) -> None:
+    code, told, calls = install(tmp_path, 2, refusal)
     assert code == 0, told
-    assert told.count("once more") == 1
-    assert [call.split()[1] for call in calls] == ["update"] * 2 + ["install"]
+    assert [line for line in told.splitlines() if "attempt" in line] == [
+        "apt-get update failed; attempt 2 of 3 in 0 s",
+        "apt-get update failed; attempt 3 of 3 in 0 s",
+    ]
+    assert [call.split()[1] for call in calls] == ["update"] * 3 + ["install"]
 
 
 @pytest.mark.parametrize(
     ("refusal", "wait_s", "part"),
     [
         (LOCKED, 0, "another apt has held its lock"),
-        ("Unable to fetch", 60, "Unable to fetch"),
-        (BROKEN, 60, "apt-get update failed"),
+        (UNREACHED, 60, "Failed to fetch"),
+        (BROKEN, 60, "apt-get update failed three times"),
     ],
 )
 def test_what_waiting_does_not_help_ends_with_code_3(
@@ -74,6 +80,24 @@ def test_what_waiting_does_not_help_ends_with_code_3(
 ) -> None:
     code, told, _ = install(tmp_path, 99, refusal, wait_s)
     assert code == 3 and part in told
+
+
+RETRIED = """
+source {root}/tools/retry.sh
+sleep() {{ :; }}
+work() {{ echo called >>{folder}/calls; [ "$(wc -l <{folder}/calls)" -gt {failures} ]; }}
+thrice work
+"""
+
+
+@pytest.mark.parametrize(("failures", "calls", "code"), [(0, 1, 0), (2, 3, 0), (3, 3, 1)])
+def test_what_is_loaded_from_a_network_is_tried_three_times(
+    tmp_path: Path, failures: int, calls: int, code: int
+) -> None:
+    script = RETRIED.format(root=repository_root(), folder=tmp_path, failures=failures)
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == code, done.stderr
+    assert len((tmp_path / "calls").read_text().splitlines()) == calls
 
 
 def test_a_build_needs_nothing_but_python_to_name_its_sources() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 from harness_parts import stand_in_sim, virtual_spec
+from waiting import beside, until
 
 from slambed.engines.virtual import VirtualRun
 from slambed.errors import ExitCode, PassingError
@@ -66,16 +67,14 @@ def test_a_host_that_leaves_a_run_little_time_changes_no_outcome(
     began_s = time.monotonic()
 
     def starve() -> None:
-        while (found := simulation()) is None:
-            time.sleep(0.01)
+        found = until(simulation, "the simulation")
+        assert found is not None
         os.kill(found.pid, signal.SIGSTOP)
         time.sleep(3.0)
         spent.append(sum(found.cpu_times()[:2]))
         os.kill(found.pid, signal.SIGCONT)
 
-    thread = threading.Thread(target=starve)
-    thread.start()
-    result = run.execute(threading.Event())
-    thread.join()
+    with beside(starve):
+        result = run.execute(threading.Event())
     assert result.outcome == "timed_out"
     assert spent[0] < 2.0 and time.monotonic() - began_s > 3.0 + 2.0 - spent[0]

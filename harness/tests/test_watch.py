@@ -6,13 +6,13 @@ import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from command_line import refused, slambed
 from results_factory import RawRun, write_raw
 from virtual_parts import make_sequence, needs_programs, write_experiment
+from waiting import until
 
 from slambed.campaign.campaign_state import InHand
 from slambed.campaign.ledger import Ledger
@@ -151,9 +151,8 @@ def test_a_real_campaign_is_followed_to_its_end(tmp_path: Path) -> None:
     run = [*command, "run", str(path), "--no-figures", "--jobs", "1", *place]
     with subprocess.Popen(run, stdout=subprocess.PIPE, text=True) as campaign:
         ledger = results / "walk" / "ledger.jsonl"
-        while not ledger.is_file():
-            assert campaign.poll() is None
-            time.sleep(0.1)
+        until(lambda: ledger.is_file() or campaign.poll() is not None, "the ledger or the end")
+        assert ledger.is_file()
         watched = subprocess.run(
             [*command, "watch", "walk", *place], capture_output=True, text=True, check=False
         )

@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from harness_parts import TOLERANCES
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.plan import Plan, check, make_plan
@@ -57,7 +58,8 @@ def make_sequence(path: Path, seconds: int = 4, *more: str, name: str = "walk") 
 
 def write_experiment(folder: Path, sequence: Path, runs: int = 2, text: str = EXPERIMENT) -> Path:
     path = folder / "walk.yaml"
-    path.write_text(text.format(sequence=sequence, runs=runs))
+    tolerances = json.dumps(TOLERANCES)
+    path.write_text(text.format(sequence=sequence, runs=runs, tolerances=tolerances))
     return path
 
 

@@ -15,7 +15,7 @@ struct BacklogMessage {
   std::uint32_t keyframes = 0;
 };
 
-inline Bytes encode(const BacklogMessage& message) {
+inline wire::Bytes encode(const BacklogMessage& message) {
   wire::ByteWriter out;
   out.u32(message.keyframes);
   return out.take();

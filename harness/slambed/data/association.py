@@ -28,6 +28,12 @@ def match_nearest(
     return close, nearest[close]
 
 
+def nearest_distance_s(queries_s: NDArray[np.float64], stamps_s: NDArray[np.float64]) -> float:
+    """How near any of the queries comes to any of the sorted stamps."""
+    near, found = match_nearest(queries_s, stamps_s, np.inf)
+    return float(np.abs(queries_s[near] - stamps_s[found]).min(initial=np.inf))
+
+
 def match_tum(
     first: ArrayLike, second: ArrayLike, max_difference: float
 ) -> tuple[Indices, Indices]:

@@ -5,19 +5,18 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from slambed.atomic import lock_file
 from slambed.data.places import no_cache
-from slambed.data.preparation import Job, Progress
+from slambed.data.preparation import Job, Progress, Say
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
 from slambed.errors import SlambedError, environment_error
 from slambed.json_file import read_object
 
-Say = Callable[[str], None]
 _KEY_DIGITS = 12
 
 
@@ -43,7 +42,7 @@ class SequenceCache:
                 return ready
             self._sweep(dataset.id)
             self._check_space(job)
-            job.write(path, progress)
+            job.write(path, progress, say)
             return PreparedSequence.open(path)
 
     def find(self, dataset: Dataset) -> Path | None:

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.data import places
-from slambed.data.cache import Say, SequenceCache
-from slambed.data.preparation import Progress, SourceJob, SynthJob
+from slambed.data.cache import SequenceCache
+from slambed.data.preparation import Progress, Say, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
@@ -142,6 +143,10 @@ class Catalog:
 
     def locate(self, dataset: Dataset) -> Path | None:
         """The source on the search path, or beside a dataset file of one's own; None: nowhere."""
+        return next(iter(self._located(dataset)), None)
+
+    def _located(self, dataset: Dataset) -> list[Path]:
+        """All that the first pattern with a hit finds in one folder: parts of one recording."""
         splits = [split_pattern(pattern) for pattern in dataset.paths]
         named = [(folder, rest) for folder, rest in splits if folder is not None]
         searched = [
@@ -149,9 +154,9 @@ class Catalog:
             if own is None
         ]  # fmt: skip
         for folder, pattern in named + searched:
-            if found := sorted(folder.glob(pattern)):
-                return found[0]
-        return None
+            if found := sorted(folder.glob(pattern), key=in_reading_order):
+                return found
+        return []
 
     def _path_file(self, dataset: Dataset) -> Path | None:
         """The trajectory file of a generated dataset that follows a recorded path."""
@@ -210,7 +215,8 @@ class Catalog:
             raise MissingDataError(self._missing(dataset))
         if (source / SEQUENCE_FILE).is_file():
             return PreparedSequence.open(source)
-        return cache.get(dataset, SourceJob(dataset, open_source(dataset, source)), progress, say)
+        reader = open_source(dataset, *self._located(dataset))
+        return cache.get(dataset, SourceJob(dataset, reader), progress, say)
 
     def prepared(self, name: str, cache_dir: Path | None = None) -> PreparedSequence | None:
         """What `prepare` would open without making anything; None where it would make it first."""
@@ -242,17 +248,26 @@ class Catalog:
         )
 
 
-def open_source(dataset: Dataset, source: Path) -> SequenceReader:
-    """The reader of a recorded dataset on its source."""
+def in_reading_order(path: Path) -> list[tuple[int, str]]:
+    """Parts as a recorder numbers them: `_9` before `_10`."""
+    pieces = re.split(r"(\d+)", str(path))
+    return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in pieces]
+
+
+def open_source(dataset: Dataset, source: Path, *more: Path) -> SequenceReader:
+    """The reader of a recorded dataset on its source; `more` is what its pattern found beside it:
+    the other parts of a split bag."""
     assert dataset.reader is not None
     camera = dataset.camera
     options = ReaderOptions(
         sensor=dataset.sensor,
         size=(camera.width, camera.height) if camera else None,
         camera=camera.camera() if camera else None,
+        distortion=camera.distortion if camera else (),
         depth_unit_m=dataset.depth_unit_m,
         fps=dataset.fps,
         groundtruth=dataset.groundtruth,
+        further_parts=more,
         extra=dataset.reader_options,
     )
     return load_reader(dataset.reader)(source, options)

@@ -13,8 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from slambed.data import places
-from slambed.errors import ExitCode, SlambedError
-from slambed.outputs import writing
+from slambed.errors import ExitCode
+from slambed.outputs import figure_file, writing
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
@@ -173,9 +173,7 @@ def difficulty(
     if table is not None:
         with writing(table, "--table"):
             table.write_text(csv_of(measured))
-    file = output or places.picture("difficulty.png")
-    if file.suffix not in (".png", ".svg", ".pdf"):
-        raise SlambedError(f"unknown picture format {file}; known: .png, .svg, .pdf")
+    file = figure_file(output) if output else places.picture("difficulty.png")
     draw(measured, file)
     typer.echo(f"figure: {file}")
 
@@ -237,6 +235,26 @@ def download(
             chosen, folder, force, lambda done, total: bar.update(task, completed=done, total=total)
         )
     typer.echo(f"{chosen.id}: in {folder}, sha256 {digest}")
+
+
+@app.command("import-camera")
+def import_camera(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Kalibr camchain, OpenCV or ROS YAML, ORB-SLAM settings, sensor.yaml"),
+    ],
+    camera: Annotated[int, typer.Option(min=0, help="which camera of the file")] = 0,
+    baseline_m: Annotated[
+        float | None, typer.Option(min=0, help="to the right camera; of depth, a virtual one")
+    ] = None,
+) -> None:
+    """Print the `camera` of a dataset file from another tool's calibration."""
+    from slambed.data.import_camera import camera_yaml
+
+    text, notes = camera_yaml(file, camera, baseline_m)
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(text)
 
 
 def describe(sequence: PreparedSequence) -> str:

@@ -175,5 +175,6 @@ def _write(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
 def _seconds(time_ns: int, digits: int) -> str:
     """Exact, where floats of the time since 1970 would not be."""
     unit = 10 ** (9 - digits)
-    whole, rest = divmod((time_ns + unit // 2) // unit, 10**digits)
-    return f"{whole}.{rest:0{digits}d}"
+    steps = (time_ns + unit // 2) // unit
+    whole, rest = divmod(abs(steps), 10**digits)
+    return f"{'-' if steps < 0 else ''}{whole}.{rest:0{digits}d}"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -14,13 +15,43 @@ from slambed.errors import SlambedError
 
 _PNG_START, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+#: In the coded pixels of a JPEG: what is neither a stuffed byte, a restart nor a filling.
+_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+#: Pixels as the camera has them: calibrations know nothing of EXIF's orientation, and 16 bits are
+#: not cut to 8 without a word.
+GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+GreyRange = tuple[float, float]
 
 
-def read_grey(path: Path, size: tuple[int, int] | None = None) -> GreyImage:
-    """8-bit grey image of a PNG or JPEG file; size: (width, height) it must have."""
-    image = decode(_bytes(path), cv2.IMREAD_GRAYSCALE, str(path))
-    _check_size(image, size, path)
-    return image.astype(np.uint8, copy=False)
+def read_grey(
+    path: Path, size: tuple[int, int] | None = None, grey_range: GreyRange | None = None
+) -> GreyImage:
+    """8-bit grey image of a picture file; size: (width, height) it must have."""
+    image = eight_bits(decode(_bytes(path), GREY, str(path)), grey_range, str(path))
+    if size is not None and _size_of(image) != size:
+        raise SlambedError(
+            f"{path}: {_in_pixels(image)} pixels, not {size[0]}x{size[1]}; "
+            "correct width and height of the dataset's camera"
+        )
+    return image
+
+
+def eight_bits(
+    image: NDArray[np.uint8] | NDArray[np.uint16], grey_range: GreyRange | None, name: str
+) -> GreyImage:
+    """Of more than 8 bits those that the range says, which is the same for all pictures: stretched
+    one by one, the same place would change its brightness."""
+    if image.dtype == np.uint8 and grey_range is None:
+        return image.astype(np.uint8, copy=False)
+    if grey_range is None:
+        raise SlambedError(
+            f"{name}: a picture of {8 * image.dtype.itemsize} bits with values {image.min()} to "
+            f"{image.max()}, 8 are expected; say 'reader_options: {{grey_range: [LOW, HIGH]}}' for "
+            "what becomes 0 and 255 in all pictures"
+        )
+    low, high = grey_range
+    scaled = (image.astype(np.float64) - low) * (255 / (high - low))
+    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
 
 def read_depth(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:
@@ -31,21 +62,69 @@ def read_depth(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.ui
             f"{path}: depth must be a 16-bit one-channel PNG, this is {image.dtype} with "
             f"{1 if image.ndim == 2 else image.shape[2]} channel(s); export the raw depth"
         )
-    _check_size(image, size, path)
+    if size is not None and _size_of(image) != size:
+        raise other_size(str(path), "depth", _size_of(image), size)
     return image.astype(np.uint16, copy=False)
 
 
+def other_size(
+    name: str, what: str, found: tuple[int, int], first: tuple[int, int]
+) -> SlambedError:
+    """The complaint of a second picture that has not the size of the first."""
+    advice = (
+        "align depth to colour when recording (align_depth of realsense-ros, depth_registered)"
+        if what == "depth"
+        else "both cameras of a rig must deliver the same size"
+    )
+    return SlambedError(
+        f"{name}: {what} of {found[0]}x{found[1]} pixels, the first camera has "
+        f"{first[0]}x{first[1]}; {advice}"
+    )
+
+
 def decode(data: bytes, flags: int, name: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Decodes an image; a cut-off file is an error even where the decoder would show a part."""
-    tail = data[-64:].rstrip(b"\0")
-    if data.startswith(_PNG_START) and not tail.endswith(_PNG_END):
-        raise SlambedError(f"{name}: PNG is truncated ({len(data)} bytes); fetch the file again")
-    if data.startswith(_JPEG_START) and not tail.endswith(_JPEG_END):
-        raise SlambedError(f"{name}: JPEG is truncated ({len(data)} bytes); fetch the file again")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    """Decodes an image; a cut-off file is an error even where the decoder would show a part, and
+    bytes behind its end, as cameras and web servers leave them, are none."""
+    for start, kind, is_whole in (
+        (_PNG_START, "PNG", _png_is_whole),
+        (_JPEG_START, "JPEG", _jpeg_is_whole),
+    ):
+        if data.startswith(start) and not is_whole(data):
+            raise SlambedError(
+                f"{name}: {kind} is truncated ({len(data)} bytes); fetch the file again"
+            )
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:  # of a size that no picture has
+        image = None
     if image is None:
         raise SlambedError(f"{name}: cannot be decoded as an image; fetch the file again")
     return image  # type: ignore[return-value]
+
+
+def _png_is_whole(data: bytes) -> bool:
+    if data.endswith(_PNG_END):
+        return True
+    at = len(_PNG_START)
+    while at + 12 <= len(data):
+        end = at + 12 + int.from_bytes(data[at : at + 4], "big")
+        if data[at + 4 : at + 8] == _PNG_END[:4]:
+            return end <= len(data)
+        at = end
+    return False
+
+
+def _jpeg_is_whole(data: bytes) -> bool:
+    """Walks from segment to segment: the end of a thumbnail in EXIF is not that of the picture."""
+    if data.endswith(_JPEG_END):
+        return True
+    at = len(_JPEG_START)
+    while (marker := _JPEG_MARKER.search(data, at)) is not None:
+        if marker[0] == _JPEG_END:
+            return True
+        at = marker.end()
+        at += int.from_bytes(data[at : at + 2], "big")
+    return False
 
 
 def _bytes(path: Path) -> bytes:
@@ -55,9 +134,9 @@ def _bytes(path: Path) -> bytes:
         raise SlambedError(f"{path}: {refused.strerror}; complete the dataset") from refused
 
 
-def _check_size(image: NDArray[np.generic], size: tuple[int, int] | None, path: Path) -> None:
-    if size is not None and (image.shape[1], image.shape[0]) != size:
-        raise SlambedError(
-            f"{path}: {image.shape[1]}x{image.shape[0]} pixels, not {size[0]}x{size[1]}; "
-            "correct width and height of the dataset's camera"
-        )
+def _size_of(image: NDArray[np.generic]) -> tuple[int, int]:
+    return image.shape[1], image.shape[0]
+
+
+def _in_pixels(image: NDArray[np.generic]) -> str:
+    return f"{image.shape[1]}x{image.shape[0]}"

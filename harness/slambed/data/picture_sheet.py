@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.atomic import replacing
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
 from slambed.outputs import writing
@@ -34,8 +35,8 @@ def write_sheet(
     done, png = cv2.imencode(".png", np.vstack(rows))
     if not done:
         raise SlambedError(f"{file}: the picture could not be encoded")
-    with writing(file):
-        file.write_bytes(png.tobytes())
+    with writing(file), replacing(file) as partial:  # a full disk leaves no empty picture
+        partial.write_bytes(png.tobytes())
 
 
 def colours_of(grey: NDArray[np.uint8]) -> Picture:

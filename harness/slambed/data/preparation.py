@@ -10,6 +10,7 @@ import subprocess
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -18,15 +19,20 @@ import numpy as np
 from slambed.data.model import Frame
 from slambed.data.prepared import PreparedWriter, stride_bytes
 from slambed.data.readers.base import FolderReader, SequenceReader
-from slambed.data.recipe import Dataset
+from slambed.data.recipe import CameraRecipe, Dataset
+from slambed.data.stamps import check_times
+from slambed.data.trajectory import Trajectory
+from slambed.data.truth_times import fitting_truth
 from slambed.errors import ExitCode, SlambedError
 from slambed.native import find_program
 
 #: Called with frames done and frames in all.
 Progress = Callable[[int, int], None]
+#: Called with a line for whoever waits.
+Say = Callable[[str], None]
 
 #: Raised when the same source must be prepared anew because this code changed.
-PREPARATION_VERSION = 2
+PREPARATION_VERSION = 3
 #: A median depth outside this range means a wrong unit, not an unusual room or street.
 DEPTH_MEDIAN_RANGE_M = (0.1, 50.0)
 _DEPTH_SAMPLE_EVERY = 25
@@ -43,8 +49,8 @@ class Job(Protocol):
     def size_bytes(self) -> int:
         """About how much will be written."""
 
-    def write(self, path: Path, progress: Progress | None) -> None:
-        """Makes the folder, whole or not at all."""
+    def write(self, path: Path, progress: Progress | None, say: Say) -> None:
+        """Makes the folder, whole or not at all; `say` hears what was left out or recognized."""
 
 
 class SourceJob:
@@ -67,9 +73,16 @@ class SourceJob:
     def size_bytes(self) -> int:
         return len(self._reader) * stride_bytes(self._dataset.sensor, *self._reader.size())
 
-    def write(self, path: Path, progress: Progress | None) -> None:
+    def write(self, path: Path, progress: Progress | None, say: Say) -> None:
         dataset, reader = self._dataset, self._reader
         width, height = reader.size()
+        times_ns = reader.times_ns()
+        check_times(times_ns, reader.place, reader.max_gap_s)
+        truth = self._trajectory(times_ns)
+        later_s = _seconds_to_zero(reader, times_ns)
+        for note in reader.notes:
+            say(f"note: {note}")
+        straighten = _straightener(dataset.camera)
         with PreparedWriter(
             path,
             id=dataset.id,
@@ -88,17 +101,58 @@ class SourceJob:
                 "preparation_version": PREPARATION_VERSION,
             },
         ) as writer:
-            medians: list[float] = []
+            depths = DepthSample()
             for i, frame in enumerate(_read_ahead(reader)):
-                writer.add(frame)
+                time_ns = frame.timestamp_ns + later_s * 1_000_000_000
+                writer.add(replace(straighten(frame), timestamp_ns=time_ns))
                 if dataset.sensor == "rgbd" and i % _DEPTH_SAMPLE_EVERY == 0:
-                    medians += _median_depth(frame)
+                    depths.add(frame)
                 if progress:
                     progress(i + 1, len(reader))
             if dataset.sensor == "rgbd":
-                check_depth_scale(dataset, medians)
-            if (trajectory := reader.trajectory()) is not None:
-                writer.set_groundtruth(trajectory)
+                check_depth_scale(dataset, depths)
+            if truth is not None:
+                writer.set_groundtruth(replace(truth, stamps_s=truth.stamps_s + later_s))
+
+    def _trajectory(self, times_ns: list[int]) -> Trajectory | None:
+        truth = self._reader.trajectory()
+        if truth is None:
+            return None
+        fitted, notes = fitting_truth(times_ns, truth, str(self._reader.path))
+        self._reader.notes += notes
+        return fitted
+
+
+def _seconds_to_zero(reader: SequenceReader, times_ns: list[int]) -> int:
+    """What is added to all times: programs that read a trajectory know none before zero."""
+    later_s = -(min(times_ns, default=0) // 1_000_000_000)
+    if later_s <= 0:
+        return 0
+    reader.notes.append(
+        f"{reader.place(0)}: times begin at {times_ns[0] * 1e-9:.6f} s; {later_s} s are added to "
+        "those of frames and ground truth"
+    )
+    return later_s
+
+
+def _straightener(camera: CameraRecipe | None) -> Callable[[Frame], Frame]:
+    """Takes the distortion out that a node cannot take out: depth lies on the same pixels, and has
+    nothing between two of them."""
+    if camera is None or not camera.is_straightened:
+        return lambda frame: frame
+    import cv2  # takes long to load
+
+    lens = camera.lens()
+    maps = lens.maps(np.eye(3), lens.matrix, (camera.width, camera.height))
+
+    def straighten(frame: Frame) -> Frame:
+        grey = np.asarray(cv2.remap(frame.grey, *maps, cv2.INTER_LINEAR), np.uint8)
+        second = frame.second
+        if second is not None:
+            second = np.asarray(cv2.remap(second, *maps, cv2.INTER_NEAREST), np.uint16)
+        return Frame(frame.timestamp_ns, grey, second)
+
+    return straighten
 
 
 class SynthJob:
@@ -143,7 +197,7 @@ class SynthJob:
                 command.append(str(value))
         return command
 
-    def write(self, path: Path, progress: Progress | None) -> None:
+    def write(self, path: Path, progress: Progress | None, say: Say = lambda line: None) -> None:
         process = subprocess.Popen(
             self.command(path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
@@ -167,24 +221,34 @@ class SynthJob:
             )
 
 
-def check_depth_scale(dataset: Dataset, medians: list[float]) -> None:
+@dataclass
+class DepthSample:
+    """Raw depth of some frames."""
+
+    medians: list[float] = field(default_factory=list)
+    largest: int = 0
+
+    def add(self, frame: Frame) -> None:
+        assert frame.second is not None
+        known = frame.second[frame.second > 0]
+        if known.size:
+            self.medians.append(float(np.median(known)))
+            self.largest = max(self.largest, int(known.max()))
+
+
+def check_depth_scale(dataset: Dataset, depths: DepthSample) -> None:
     """Raises when the depth cannot be metres."""
     low, high = DEPTH_MEDIAN_RANGE_M
-    if not medians:
+    if not depths.medians:
         raise SlambedError(f"dataset '{dataset.id}': no depth in any image; check the depth files")
-    median_m = float(np.median(medians)) * dataset.depth_unit_m
+    median_m = float(np.median(depths.medians)) * dataset.depth_unit_m
     if not low <= median_m <= high:
         raise SlambedError(
             f"dataset '{dataset.id}': wrong depth scale: the median depth is {median_m:.4g} m with "
-            f"depth_unit_m {dataset.depth_unit_m:g}, not within {low:g} to {high:g} m; set "
-            "depth_unit_m in its dataset file (TUM 0.0002, millimetres 0.001)"
+            f"depth_unit_m {dataset.depth_unit_m:g}, not within {low:g} to {high:g} m (the largest "
+            f"value is {depths.largest}); set depth_unit_m in its dataset file (TUM 0.0002, "
+            "millimetres 0.001)"
         )
-
-
-def _median_depth(frame: Frame) -> list[float]:
-    assert frame.second is not None
-    known = frame.second[frame.second > 0]
-    return [float(np.median(known))] if known.size else []
 
 
 def _read_ahead(reader: SequenceReader) -> Iterator[Frame]:

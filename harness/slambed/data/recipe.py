@@ -9,9 +9,12 @@ import os
 from pathlib import Path
 from typing import Any, Literal, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
 from slambed.data.model import Camera, Sensor
+from slambed.errors import SlambedError
 
 UNVERIFIED = "unverified here"
 
@@ -30,11 +33,37 @@ class CameraRecipe(_Strict):
     cx: float
     cy: float
     bf: float = Field(ge=0, description="fx times baseline, px m")
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1 k2 p1 p2 [k3 [k4 k5 k6]] as OpenCV has them, or k1 k2 k3 k4 of `equidistant`."""
+    distortion_model: str = "radial-tangential"
+    """What a node cannot take out (equidistant, k4 and more) is taken out when preparing."""
+
+    @model_validator(mode="after")
+    def _known_distortion(self) -> Self:
+        try:
+            self.lens()
+        except SlambedError as refused:
+            raise ValueError(str(refused)) from None
+        return self
+
+    def lens(self) -> Lens:
+        """With what distorts the source images."""
+        model = model_of(self.distortion_model, "distortion_model")
+        matrix = np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+        return Lens(matrix, coefficients_of(self.distortion, model, "distortion"), model)
+
+    @property
+    def is_straightened(self) -> bool:
+        """True where the distortion is taken out when preparing."""
+        lens = self.lens()
+        return lens.model == "equidistant" or bool(lens.coefficients[PLAIN_COUNT:].any())
 
     def camera(self) -> Camera:
-        """Without the image size."""
-        return Camera(**self.model_dump(exclude={"width", "height"}))
+        """Of the frames as prepared, without the image size."""
+        left = () if self.is_straightened else self.distortion[:PLAIN_COUNT]
+        k1, k2, p1, p2, k3 = (*left, *[0.0] * (PLAIN_COUNT - len(left)))
+        pinhole = self.model_dump(exclude={"width", "height", "distortion", "distortion_model"})
+        return Camera(**pinhole, distortion=(k1, k2, p1, p2, k3))
 
 
 class Playback(_Strict):
@@ -167,6 +196,11 @@ class Dataset(_Strict):
             raise ValueError("paths is needed: where the source lies below the search path")
         if self.reader and self.sensor == "rgbd" and self.depth_unit_m == 0:
             raise ValueError("depth_unit_m is needed for rgbd (TUM 0.0002, millimetres 0.001)")
+        if self.sensor == "stereo" and self.camera is not None and self.camera.is_straightened:
+            raise ValueError(
+                "stereo pictures must be rectified: their camera has no distortion of this model; "
+                "rectify them before, or take reader euroc, which does"
+            )
         if self.synthetic and self.camera is not None:
             raise ValueError("camera belongs to recorded sequences; the generator has its own")
         return self
@@ -177,6 +211,9 @@ class Dataset(_Strict):
         aside |= {"window_of", "prior_map", "reference"}
         content = self.model_dump(mode="json", exclude=aside)
         # What a recipe does not ask for leaves its key as it was before one could ask for it.
+        camera = content["camera"]
+        if camera is not None and camera["distortion_model"] == "radial-tangential":
+            del camera["distortion_model"]
         if content["synthetic"] is not None:
             asked = self.model_dump(mode="json", exclude_unset=True)["synthetic"]
             old = Synthetic.model_fields.keys() - _LATER

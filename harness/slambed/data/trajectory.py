@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.data.text_file import pose_rows, read_lines
 from slambed.errors import SlambedError
 
 if TYPE_CHECKING:
@@ -112,24 +113,10 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 def _read_rows(path: Path) -> Floats:
     """The numbers of the file; says file and line when one is not."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SlambedError(f"{path}: cannot be read as a trajectory ({error})") from error
+    lines = read_lines(path)
     if (plain := _plain_rows(lines)) is not None:
         return plain
-    rows: list[list[float]] = []
-    for number, line in enumerate(lines, start=1):
-        text = line.split("#", 1)[0].replace(",", " ").split()
-        if not text:
-            continue
-        try:
-            values = [float(item) for item in text]
-        except ValueError:
-            values = []
-        if len(values) != COLUMNS or not np.all(np.isfinite(values)):
-            raise SlambedError(f"{path}:{number}: not a pose; {EXPECTED}")
-        rows.append(values)
+    rows = [values for _, values in pose_rows(path, COLUMNS, EXPECTED.removeprefix("expected "))]
     return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
 
 

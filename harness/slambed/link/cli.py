@@ -13,7 +13,7 @@ from rich.table import Table
 from slambed.data.places import picture
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.profiles_cli import SetOption, load_changed
-from slambed.outputs import make_folder, writing
+from slambed.outputs import figure_file, make_folder, writing
 from slambed.terminal import console
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def measure(
     from slambed.link.bench import measure_link
     from slambed.link.plots import plot_links
 
+    output = figure_file(output) if output else None
     run = measure_link(load_changed(name, values or []), backend, seconds, seed, with_tcp=tcp)
     table = Table("", "", box=None, show_header=False)
     for key, value in vars(run.record.proof).items():
@@ -183,6 +184,6 @@ def compare(
             raise SlambedError(f"no such link log: {path}")
         read = pd.read_parquet if path.suffix == ".parquet" else pd.read_csv
         frames[path.stem.replace("_", ", ", 1)] = read(path)
-    file = output or picture("links.png")
+    file = figure_file(output) if output else picture("links.png")
     plot_links(frames, file)
     typer.echo(f"plot: {file}")

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from slambed.data.places import picture
 from slambed.errors import SlambedError
+from slambed.outputs import figure_file
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def show(
     console().print(table)
     for line in facts(profile, end):
         typer.echo(line)
-    target = output or picture(f"profile_{profile.name}.png")
+    target = figure_file(output) if output else picture(f"profile_{profile.name}.png")
     plot_profile(profile, target, end)
     typer.echo(f"plot: {target}")
 

@@ -4,7 +4,6 @@
 import csv
 import hashlib
 import math
-import re
 from pathlib import Path
 from typing import Literal
 
@@ -12,13 +11,15 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from slambed.data.places import search_path
+from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
 from slambed.link.curves import Trace
+from slambed.link.ping import read_ping
 from slambed.native import repository_root
 from slambed.suggestion import suggestion
 
 MAHIMAHI_PACKET_BITS = 1500 * 8
-_PING_TIME = re.compile(r"icmp_seq=(\d+).*time=([0-9.]+) ms")
+_MAX_GAP_S = 1.0
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -39,11 +40,13 @@ class TraceFile(BaseModel):
     """Name of the RTT column."""
     rtt_unit: Literal["s", "ms", "us", "ns"] = "ms"
     ping_interval_s: float = Field(default=1.0, gt=0)
+    """Between two requests; of a log with `-D` the stamps count instead."""
     start_s: float = Field(default=0.0, ge=0)
     """First second of the recording to use; it becomes run time 0."""
     length_s: float | None = Field(default=None, gt=0)
-    max_gap_s: float = Field(default=1.0, gt=0)
-    """A longer silence in the recording is an error: it would be invented by interpolation."""
+    max_gap_s: float | None = Field(default=None, gt=0)
+    """A longer silence in the recording is an error: it would be invented by interpolation. Without
+    it 1 s, of a ping log two intervals, so that one reply may be lost."""
     hold: bool = False
 
 
@@ -103,32 +106,44 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         raise SlambedError(
             f"time does not increase at {times[bad[0]]:.3f} s, {path}; sort the file"
         )
-    if (bad := np.flatnonzero(steps > description.max_gap_s)).size:
+    longest_s = _longest_gap_s(steps, description)
+    if (bad := np.flatnonzero(steps > longest_s)).size:
         start = times[bad[0]] + description.start_s
         raise SlambedError(
-            f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, {path}; "
-            "choose another window (start_s, length_s) or raise max_gap_s"
+            f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
+            f"{longest_s:g} s, {path}; choose another window (start_s, length_s) or raise max_gap_s"
         )
 
 
+def _longest_gap_s(steps: np.ndarray, description: TraceFile) -> float:
+    if description.max_gap_s is not None:
+        return description.max_gap_s
+    if description.format != "ping" or not steps.size:
+        return _MAX_GAP_S
+    # Requests are sent a little late, and stamps have their own jitter.
+    return max(_MAX_GAP_S, 2.5 * float(np.median(steps)))
+
+
 def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
-    lines = path.read_text(encoding="utf-8").splitlines()
-    rows = [row for row in _split(lines) if row]
+    rows = _split(read_lines(path))
     if len(rows) < 2:
         raise SlambedError(f"no samples, {path}; expected a header line and numbers")
-    header = [name.strip() for name in rows[0]]
+    header = [name.strip() for name in rows[0][1]]
     places = []
     for name in (description.time, description.rtt):
         if name not in header:
             raise SlambedError(f"no column '{name}', {path}; {suggestion(name, header)}")
         places.append(header.index(name))
     times, values = [], []
-    for number, row in enumerate(rows[1:], start=2):
+    for number, row in rows[1:]:
         try:
             times.append(float(row[places[0]]))
             values.append(float(row[places[1]]))
         except (ValueError, IndexError):
-            raise SlambedError(f"not two numbers, {path} line {number}; clean the file") from None
+            found = ", ".join(row)[:60]
+            raise SlambedError(
+                f"not two numbers but '{found}', {path} line {number}; clean the file"
+            ) from None
         if not math.isfinite(times[-1]):
             raise SlambedError(f"time is not a number, {path} line {number}; clean the file")
     to_ms = _UNITS_S[description.rtt_unit] / _UNITS_S["ms"]
@@ -138,26 +153,35 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     return relative, np.array(values) * to_ms
 
 
-def _split(lines: list[str]) -> list[list[str]]:
-    written = [line for line in lines if line.strip() and not line.startswith("#")]
-    if written and "," in written[0]:
-        return list(csv.reader(written))
-    return [line.split() for line in written]
+def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
+    """Number (from 1) and fields of each line with content."""
+    written = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    if written and ";" in written[0][1]:  # as spreadsheets write where the comma is decimal
+        return [(n, line.replace(",", ".").split(";")) for n, line in written]
+    if written and "," in written[0][1]:
+        return [(n, row) for n, line in written for row in csv.reader([line])]
+    return [(n, line.split()) for n, line in written]
 
 
 def _read_ping(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
-    matches = _PING_TIME.finditer(path.read_text(encoding="utf-8", errors="replace"))
-    samples = np.array([(int(m[1]), float(m[2])) for m in matches], dtype=float)
-    if samples.size == 0:
-        return np.array([]), np.array([])
-    return samples[:, 0] * description.ping_interval_s, samples[:, 1]
+    try:
+        log = read_ping(read_lines(path))
+    except ValueError as two:
+        raise SlambedError(f"{two}, {path}; give the log of one ping") from None
+    start = log.echoes[0].sent if log.echoes else 0.0
+    # Subtracted before scaling, as above.
+    sent = np.array([echo.sent - start for echo in log.echoes])
+    step_s = 1.0 if log.is_stamped else description.ping_interval_s
+    return sent * step_s, np.array([echo.rtt_ms for echo in log.echoes])
 
 
 def read_rate_trace(name: str, near: Path | None) -> list[int]:
     """A Mahimahi trace: one delivery opportunity of 1,500 bytes per line, in milliseconds."""
     path = find_trace(name, near)
     opportunities: list[int] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, line in enumerate(read_lines(path), start=1):
+        if not line.strip():
+            continue
         try:
             time_ms = int(line)
         except ValueError:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.association import MAX_DIFFERENCE_S, match_nearest
+from slambed.data.association import MAX_DIFFERENCE_S, match_nearest, nearest_distance_s
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.metrics.association import Method, associate
@@ -76,10 +76,7 @@ def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) 
     Raises SlambedError with fewer than three pairs.
     """
     if len(source_m) != len(target_m) or len(source_m) < MINIMUM_PAIRS:
-        raise SlambedError(
-            f"{len(source_m)} pose pairs, need at least {MINIMUM_PAIRS} to align, "
-            "check that time stamps of both trajectories overlap"
-        )
+        raise SlambedError(f"{len(source_m)} pose pairs, need at least {MINIMUM_PAIRS} to align")
     source_mean, target_mean = source_m.mean(axis=0), target_m.mean(axis=0)
     source, target = source_m - source_mean, target_m - target_mean
     covariance = target.T @ source / len(source_m)
@@ -130,10 +127,37 @@ def absolute_error_and_alignment(
 ) -> tuple[ErrorStatistics, Alignment]:
     """The same, and what moves the estimate onto the truth."""
     matched, reference = associate(estimate, truth, max_difference_s, method)
+    if len(matched) < MINIMUM_PAIRS:
+        raise _too_few_pairs(len(matched), estimate, truth, max_difference_s)
     alignment = align_umeyama(matched.positions_m, reference.positions_m, with_scale)
     errors = np.linalg.norm(alignment.apply(matched.positions_m) - reference.positions_m, axis=1)
     name = "Sim3" if with_scale else "SE3"
     return statistics_of(errors, name, alignment.scale), alignment
+
+
+def _too_few_pairs(
+    pairs: int, estimate: Trajectory, truth: Trajectory, max_difference_s: float
+) -> SlambedError:
+    """What keeps two trajectories apart: their clocks, or how far the nearest stamps are."""
+    found = (
+        f"{pairs} pose pairs within {1e3 * max_difference_s:g} ms, need at least {MINIMUM_PAIRS} "
+        "to align"
+    )
+    if not len(estimate) or not len(truth):
+        empty = "estimate" if not len(estimate) else "ground truth"
+        return SlambedError(f"{found}: no pose in the {empty}")
+    own_s, true_s = np.sort(estimate.stamps_s), np.sort(truth.stamps_s)
+    ranges = (
+        f"the estimate is from {own_s[0]:.3f} to {own_s[-1]:.3f} s, the ground truth from "
+        f"{true_s[0]:.3f} to {true_s[-1]:.3f} s"
+    )
+    if own_s[-1] < true_s[0] or own_s[0] > true_s[-1]:
+        return SlambedError(f"{found}: {ranges}, they do not overlap; use one clock and seconds")
+    nearest_ms = 1e3 * nearest_distance_s(own_s, true_s)
+    return SlambedError(
+        f"{found}: {ranges}, and the nearest two poses are {nearest_ms:.3g} ms apart; raise the "
+        "limit (--max-difference-s of 'slambed evaluate') or interpolate the ground truth"
+    )
 
 
 def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[np.intp]:
@@ -178,9 +202,10 @@ def relative_error(
         pairs = pairs_by_frames(len(matched), delta_frames, all_pairs)
         label = f"{delta_frames} frames"
     if len(pairs) == 0:
+        lasts_s = float(np.ptp(matched.stamps_s)) if len(matched) else 0.0
         raise SlambedError(
-            f"no pose pairs {label} apart among {len(matched)} matched poses, "
-            "take a shorter interval"
+            f"no pose pairs {label} apart among {len(matched)} matched poses, which last "
+            f"{lasts_s:.3g} s; take a shorter interval (--delta-s of 'slambed evaluate')"
         )
     return _error_of_pairs(matched, reference, pairs, label)
 

@@ -256,6 +256,7 @@ def evaluate(
     association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
     max_difference_s: Annotated[float, typer.Option(help="Of two time stamps.")] = 0.02,
     with_scale: Annotated[bool, typer.Option("--with-scale", help="Sim(3); is marked.")] = False,
+    delta_s: Annotated[float, typer.Option(help="RPE: between the poses of a pair.")] = 1.0,
 ) -> None:
     """ATE and RPE of two trajectory files."""
     from slambed.data.trajectory import read_tum
@@ -270,7 +271,7 @@ def evaluate(
         f"ATE RMSE {ate.rmse:.6f} m ({ate.alignment}, {ate.pairs} pairs, mean {ate.mean:.6f}, "
         f"median {ate.median:.6f}, max {ate.maximum:.6f})"
     )
-    rpe = relative_error(own, true, 1.0, max_difference_s=max_difference_s, method=method)
+    rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
     typer.echo(
         f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
         f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"

@@ -11,6 +11,7 @@ namespace slambed {
 class EdgeMapping;
 class EdgeNode;
 class MapDownlink;
+class MessageCodec;
 class MobileNode;
 class OffloadChannels;
 class Parameters;

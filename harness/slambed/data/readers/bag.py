@@ -3,44 +3,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import sqlite3
+import struct
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError as ReaderError1
 from rosbags.rosbag2 import ReaderError as ReaderError2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
-from slambed.data.association import MAX_DIFFERENCE_S, pairs_of_sensors
-from slambed.data.images import decode
+from slambed.data.association import pairs_of_sensors
+from slambed.data.images import other_size
 from slambed.data.model import Frame
 from slambed.data.readers.base import ReaderOptions, SequenceReader
+from slambed.data.ros_images import depth_of, grey_of
+from slambed.data.ros_poses import is_without_turn, poses_of, truth_of
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.suggestion import did_you_mean
 
-#: compressed_depth_image_transport puts this many bytes before the PNG.
-_COMPRESSED_DEPTH_HEADER_BYTES = 12
+_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+#: What `rosbags` raises for damaged files.
+_BROKEN = (
+    AnyReaderError, ReaderError1, ReaderError2, SerdeError, TypesysError, UnicodeDecodeError,
+    OSError, sqlite3.Error, struct.error,
+)  # fmt: skip
+#: The header's clock and the recorder's may differ by a constant, but not in how fast they go.
+_CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
+_LONGEST_REASON = 160
 
 
 class Reader(SequenceReader):
-    """Two image topics paired by header stamp.
+    """Two image topics paired by header stamp. Parts of a split bag are read as one.
 
     reader_options: first_topic (grey or colour), second_topic (depth or right image),
-    groundtruth_topic (PoseStamped, TransformStamped or Odometry of the camera in the world),
-    max_difference_s (0.02).
+    groundtruth_topic (PoseStamped, PoseWithCovarianceStamped, TransformStamped, Odometry, Path or
+    PointStamped of the camera in the world), max_difference_s (0.02).
     """
 
     known_options = ("first_topic", "second_topic", "groundtruth_topic", "max_difference_s")
+    reads_parts = True
+    truth_without_key = "say 'reader_options: {groundtruth_topic: TOPIC}'"
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
+        self._parts = [path, *(part for part in options.further_parts if _goes_on(path, part))]
+        if (others := len(options.further_parts) + 1 - len(self._parts)) > 0:
+            self.notes.append(f"{path}: 'paths' matches {others} more that are no parts of it")
         self._second = None if options.sensor == "mono" else self._topic_option("second_topic")
         self._first = self._topic_option("first_topic")
 
@@ -50,24 +64,52 @@ class Reader(SequenceReader):
         times: dict[str, list[int]] = {self._first: []}
         if self._second:
             times[self._second] = []
+        received: list[int] = []
         with self._open() as bag:
-            for topic, message in self._messages(bag, list(times)):
+            for topic, message, received_ns in self._messages(bag, list(times)):
                 times[topic].append(_stamp_ns(message))
+                received.append(received_ns)
+        for topic, stamps in times.items():
+            self._check_stamps(topic, stamps, received)
         first = sorted(set(times[self._first]))
         if self._second is None:
             pairs: list[tuple[int, int | None]] = [(t, None) for t in first]
         else:
             second = sorted(set(times[self._second]))
-            limit_s = float(self.options.extra.get("max_difference_s", MAX_DIFFERENCE_S))
-            pairs = [(first[i], second[j]) for i, j in pairs_of_sensors(first, second, limit_s)]
+            found = pairs_of_sensors(first, second, self.max_difference_s)
+            pairs = [(first[i], second[j]) for i, j in found]
+            self._tell_unpaired(len(first), len(pairs))
         if not pairs:
             raise SlambedError(
                 f"{self.path}: no pair of images on {', '.join(times)}; check the topics"
             )
         return pairs
 
+    def _check_stamps(self, topic: str, stamps: list[int], received: list[int]) -> None:
+        if len(stamps) > 1 and not any(stamps):
+            raise SlambedError(
+                f"{self.path} {topic}: all header stamps are zero; let the driver stamp its images"
+            )
+        if (again := len(stamps) - len(set(stamps))) > 0:
+            self.notes.append(
+                f"{self.path} {topic}: {again} images have the stamp of another one and are left "
+                "out, but for the first"
+            )
+        own_s, bag_s = (1e-9 * (max(t) - min(t)) if t else 0.0 for t in (stamps, received))
+        if max(own_s, bag_s) > _CLOCK_RATIO * min(own_s, bag_s) + _CLOCK_SLACK_S:
+            self.notes.append(
+                f"{self.path} {topic}: header stamps last {own_s:.1f} s and the bag {bag_s:.1f} s; "
+                "frames are played by their header stamps"
+            )
+
     def __len__(self) -> int:
         return len(self._pairs)
+
+    def times_ns(self) -> list[int]:
+        return [first for first, _ in self._pairs]
+
+    def place(self, i: int) -> str:
+        return f"{self.path} {self._first}"
 
     def __iter__(self) -> Iterator[Frame]:
         wanted = {self._first: {a for a, _ in self._pairs}}
@@ -76,7 +118,7 @@ class Reader(SequenceReader):
         waiting: dict[tuple[str, int], Any] = {}
         position = 0
         with self._open() as bag:
-            for topic, message in self._messages(bag, list(wanted)):
+            for topic, message, _ in self._messages(bag, list(wanted)):
                 if (stamp := _stamp_ns(message)) in wanted[topic]:
                     waiting.setdefault((topic, stamp), message)
                 while position < len(self._pairs):
@@ -90,25 +132,37 @@ class Reader(SequenceReader):
                     position += 1
 
     def files(self) -> Iterable[Path]:
-        yield from sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
+        for part in self._parts:
+            yield from sorted(part.iterdir()) if part.is_dir() else [part]
 
     def trajectory(self) -> Trajectory | None:
         topic = self.options.extra.get("groundtruth_topic")
         if topic is None:
             return None
+        where = f"{self.path} {topic}"
         with self._open() as bag:
-            rows = {_stamp_ns(m): _pose(m) for _, m in self._messages(bag, [str(topic)])}
-        table = np.array([[stamp * 1e-9, *rows[stamp]] for stamp in sorted(rows)])
-        return Trajectory.of_rows(table.reshape(-1, 8))
+            messages = (message for _, message, _ in self._messages(bag, [str(topic)]))
+            poses = poses_of(messages, where)
+        if is_without_turn(poses):
+            self.notes.append(f"{where}: points have no orientation; compare positions alone")
+        return truth_of(poses, where)
 
     def _frame(self, stamp: int, messages: list[Any]) -> Frame:
-        grey = _grey(messages[0], f"{self.path} {self._first}")
+        where = f"{stamp * 1e-9:.6f} s of {self.path}"
+        grey = grey_of(messages[0], f"{where} {self._first}", self.grey_range)
         if self.options.sensor == "mono":
             return Frame(stamp, grey, None)
-        name = f"{self.path} {self._second}"
-        if self.options.sensor == "stereo":
-            return Frame(stamp, grey, _grey(messages[1], name))
-        return Frame(stamp, grey, _depth(messages[1], name, self.options.depth_unit_m))
+        name = f"{where} {self._second}"
+        is_stereo = self.options.sensor == "stereo"
+        second = (
+            grey_of(messages[1], name, self.grey_range)
+            if is_stereo
+            else depth_of(messages[1], name, self.options.depth_unit_m)
+        )
+        if second.shape != grey.shape:
+            what = "the right picture" if is_stereo else "depth"
+            raise other_size(name, what, second.shape[::-1], grey.shape[::-1])
+        return Frame(stamp, grey, second)
 
     def _topic_option(self, name: str) -> str:
         if name not in self.options.extra:
@@ -119,13 +173,13 @@ class Reader(SequenceReader):
     def _open(self) -> Iterator[AnyReader]:
         try:
             store = get_typestore(Stores.ROS2_HUMBLE)
-            with AnyReader([self.path], default_typestore=store) as bag:
+            with AnyReader(self._parts, default_typestore=store) as bag:
                 yield bag
-        except (AnyReaderError, ReaderError1, ReaderError2) as broken:
-            what = " ".join(str(part) for part in broken.args)
-            raise SlambedError(f"{self.path}: cannot be read as a bag: {what}") from broken
+        except _BROKEN as broken:
+            raise SlambedError(f"{self.path}: {_reason(broken)}") from broken
 
-    def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any]]:
+    def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:
+        """Topic, message, and when the bag got it."""
         present = sorted({connection.topic for connection in bag.connections})
         for topic in topics:
             if topic not in present:
@@ -134,67 +188,36 @@ class Reader(SequenceReader):
                     f"in the bag: {', '.join(present)}"
                 )
         chosen = [c for c in bag.connections if c.topic in topics]
-        for connection, _, raw in bag.messages(connections=chosen):
-            yield connection.topic, bag.deserialize(raw, connection.msgtype)
+        for connection in chosen:
+            self._check_kind(connection.topic, connection.msgtype)
+        for connection, received_ns, raw in bag.messages(connections=chosen):
+            yield connection.topic, bag.deserialize(raw, connection.msgtype), received_ns
+
+    def _check_kind(self, topic: str, kind: str) -> None:
+        if topic in (self._first, self._second) and kind not in _IMAGES:
+            raise SlambedError(
+                f"{self.path}: topic '{topic}' has {kind}, expected {' or '.join(_IMAGES)}; "
+                "name the topic of the pictures"
+            )
+
+
+def _goes_on(first: Path, part: Path) -> bool:
+    """Parts lie beside each other and are of one kind."""
+    same_kind = (first.suffix, first.is_dir()) == (part.suffix, part.is_dir())
+    return same_kind and first.parent == part.parent
+
+
+def _reason(broken: Exception) -> str:
+    """What a library says, in one short line, and what to do about what crashes leave behind."""
+    told: Sequence[object] = broken.args or (broken,)
+    lines = " ".join(str(part) for part in told).strip().splitlines()
+    what = lines[0][:_LONGEST_REASON] if lines else type(broken).__name__
+    if "end magic" in what:
+        return "the file is cut off, as a crash leaves it; repair it with 'mcap recover'"
+    if "index" in what.lower():
+        return f"cannot be read as a bag: {what}; repair it with 'rosbag reindex'"
+    return f"cannot be read as a bag: {what}"
 
 
 def _stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
-
-
-def _pose(message: Any) -> list[float]:
-    if hasattr(message, "transform"):
-        p, q = message.transform.translation, message.transform.rotation
-    else:
-        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        p, q = pose.position, pose.orientation
-    return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
-
-
-def _pixels(message: Any, name: str) -> tuple[NDArray[Any], str]:
-    """The image as an array, and its encoding; rows may be padded."""
-    layouts: dict[str, tuple[str, int]] = {
-        "mono8": ("u1", 1), "8UC1": ("u1", 1), "rgb8": ("u1", 3), "bgr8": ("u1", 3),
-        "8UC3": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4),
-        "mono16": ("u2", 1), "16UC1": ("u2", 1), "32FC1": ("f4", 1),
-    }  # fmt: skip
-    if message.encoding not in layouts:
-        raise SlambedError(f"{name}: encoding '{message.encoding}' is not known; convert the bag")
-    kind, channels = layouts[message.encoding]
-    dtype = np.dtype((">" if message.is_bigendian else "<") + kind)
-    data = np.frombuffer(message.data.tobytes(), np.uint8)
-    if data.size < message.height * message.step:
-        raise SlambedError(f"{name}: an image is shorter than its header says; record it again")
-    rows = data[: message.height * message.step].reshape(message.height, message.step)
-    width_bytes = message.width * channels * dtype.itemsize
-    image = np.ascontiguousarray(rows[:, :width_bytes]).view(dtype)
-    shape = (message.height, message.width) + ((channels,) if channels > 1 else ())
-    return image.reshape(shape), str(message.encoding)
-
-
-def _grey(message: Any, name: str) -> NDArray[np.uint8]:
-    if hasattr(message, "format"):
-        return decode(message.data.tobytes(), cv2.IMREAD_GRAYSCALE, name).astype(np.uint8)
-    image, encoding = _pixels(message, name)
-    if image.dtype != np.uint8:
-        raise SlambedError(f"{name}: {encoding} is not a grey or colour image; swap the topics?")
-    if image.ndim == 2:
-        return image
-    order = "RGB" if encoding.startswith("rgb") else "BGR"
-    code = getattr(cv2, f"COLOR_{order}{'A' if image.shape[2] == 4 else ''}2GRAY")
-    return cv2.cvtColor(image, code).astype(np.uint8)
-
-
-def _depth(message: Any, name: str, unit_m: float) -> NDArray[np.uint16]:
-    if hasattr(message, "format"):
-        skip = _COMPRESSED_DEPTH_HEADER_BYTES if "compressedDepth" in message.format else 0
-        image = decode(message.data.tobytes()[skip:], cv2.IMREAD_UNCHANGED, name)
-    else:
-        image, _ = _pixels(message, name)
-    if image.dtype.kind == "f":  # metres
-        metres = np.asarray(image, dtype=np.float64)
-        steps = np.nan_to_num(metres, nan=0.0, posinf=0.0, neginf=0.0) / unit_m
-        return np.where((steps > 0) & (steps < 65535), np.rint(steps), 0).astype(np.uint16)
-    if image.dtype.itemsize != 2 or image.ndim != 2:
-        raise SlambedError(f"{name}: depth must be 16UC1, mono16 or 32FC1; swap the topics?")
-    return image.astype(np.uint16)

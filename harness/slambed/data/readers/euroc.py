@@ -1,73 +1,113 @@
 # SPDX-License-Identifier: Apache-2.0
-"""EuRoC MAV (ASL) folders: mav0/cam0, mav0/cam1, mav0/state_groundtruth_estimate0."""
+"""EuRoC MAV (ASL) folders: mav0/cam0, mav0/cam1, mav0/state_groundtruth_estimate0; TUM-VI's, too,
+with mav0/mocap0."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import yaml
+from numpy.typing import NDArray
 
 from slambed.data.association import pairs_of_sensors
+from slambed.data.camera_files import CalibratedCamera, read_asl
 from slambed.data.images import read_grey
+from slambed.data.lens import rectified
 from slambed.data.model import Camera, Frame, GreyImage
-from slambed.data.readers.base import FolderReader, ReaderOptions, require
+from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
+from slambed.data.rotations import check_quaternions
+from slambed.data.text_file import pose_rows, table_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
-from slambed.yaml_text import read_yaml
+
+_POSE = "time, x, y, z, qw, qx, qy, qz"
+#: Of the body, as its IMU is; TUM-VI's motion capture is given for the IMU as well.
+_POSES = ("state_groundtruth_estimate0/data.csv", "mocap0/data.csv")
+
+
+@dataclass(frozen=True)
+class _Image:
+    """A line of data.csv."""
+
+    time_ns: int
+    file: Path
+    line: int
 
 
 class Reader(FolderReader):
-    """Stereo, rectified here from the two sensor.yaml.
+    """Stereo, rectified here from the two sensor.yaml, or cam0 alone (sensor mono), undistorted.
 
     The rectified camera is the dataset file's `camera` (OpenCV's own choice of it changed between
     versions) or, without one, the one that keeps no invalid pixels. Ground truth is moved
     from the body (IMU) to the rectified left camera.
+
+    reader_options: time_unit (ns).
     """
+
+    known_options = ("time_unit",)
+    sensors = ("stereo", "mono")
+    takes_distortion = False
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
         self._mav = path / "mav0" if (path / "mav0").is_dir() else path
-        lists = [_image_list(self._mav / name) for name in ("cam0", "cam1")]
-        pairs = pairs_of_sensors([t for t, _ in lists[0]], [t for t, _ in lists[1]], 1e-3)
-        self._frames = [(lists[0][i][0], lists[0][i][1], lists[1][j][1]) for i, j in pairs]
+        self._names = ("cam0",) if options.sensor == "mono" else ("cam0", "cam1")
+        left, *right = (self._image_list(self._mav / name) for name in self._names)
+        self._frames: list[tuple[_Image, ...]] = [(image,) for image in left]
+        if right:
+            times = [[image.time_ns for image in images] for images in (left, right[0])]
+            pairs = pairs_of_sensors(times[0], times[1], 1e-3)
+            self._frames = [(left[i], right[0][j]) for i, j in pairs]
+            self._tell_unpaired(len(left), len(pairs))
         if not self._frames:
             raise SlambedError(f"{self._mav}: cam0 and cam1 have no time in common")
-        self._sensors = [_sensor(self._mav / name) for name in ("cam0", "cam1")]
-        self._rectify()
+        self._sensors = [read_asl(self._sensor_file(name)) for name in self._names]
+        if len({sensor.size for sensor in self._sensors}) > 1:
+            raise SlambedError(f"{self._mav}: cam0 and cam1 have different resolutions")
+        self._size = self._sensors[0].size
+        self._straighten()
 
     def __len__(self) -> int:
         return len(self._frames)
 
     def __getitem__(self, i: int) -> Frame:
-        time_ns, left, right = self._frames[i]
-        return Frame(time_ns, self._remap(left, 0), self._remap(right, 1))
+        planes = [self._remap(image.file, side) for side, image in enumerate(self._frames[i])]
+        return Frame(self._frames[i][0].time_ns, planes[0], planes[1] if len(planes) > 1 else None)
+
+    def times_ns(self) -> list[int]:
+        return [images[0].time_ns for images in self._frames]
+
+    def place(self, i: int) -> str:
+        return f"{self._mav / 'cam0' / 'data.csv'}:{self._frames[i][0].line}"
 
     def files(self) -> Iterable[Path]:
-        for name in ("cam0", "cam1"):
-            yield self._mav / name / "sensor.yaml"
-        if (poses := self._poses_file()).is_file():
+        for name in self._names:
+            yield self._sensor_file(name)
+        if (poses := self._poses_file()) is not None:
             yield poses
-        for _, left, right in self._frames:
-            yield left
-            yield right
+        for images in self._frames:
+            yield from (image.file for image in images)
 
     def size(self) -> tuple[int, int]:
         return self._size
 
     def camera(self) -> Camera:
-        p0, p1 = self._projections
-        return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=-p1[0, 3])
+        p0 = self._projections[0]
+        bf = -self._projections[1][0, 3] if len(self._projections) > 1 else 0.0
+        return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=bf)
 
     def trajectory(self) -> Trajectory | None:
         file = self._poses_file()
-        if not file.is_file():
+        if file is None:
             return None
-        rows = np.loadtxt(file, delimiter=",", comments="#", ndmin=2)[:, :8]
+        if not self.options.groundtruth and file.parent.name == "mocap0":
+            self.notes.append(f"{file}: taken as ground truth of the body (IMU)")
+        table = pose_rows(file, 8, _POSE, longer=True)
+        rows = np.array([values for _, values in table]).reshape(-1, 8)
+        check_quaternions(rows[:, 4:8], [f"{file}:{line}" for line, _ in table])
         w, x, y, z = rows[:, 4:8].T
         rotations = np.moveaxis(
             np.array(
@@ -85,57 +125,79 @@ class Reader(FolderReader):
         world_body[:, :3, 3] = rows[:, 1:4]
         raw_rectified = np.eye(4)
         raw_rectified[:3, :3] = self._rotations[0].T
-        body_camera = self._sensors[0]["T_BS"] @ raw_rectified
-        return Trajectory.of_matrices(rows[:, 0] * 1e-9, world_body @ body_camera)
+        pose = self._sensors[0].pose
+        assert pose is not None
+        found = Trajectory.of_matrices(rows[:, 0] * 1e-9, world_body @ (pose @ raw_rectified))
+        return found.take(np.argsort(found.stamps_s, kind="stable"))
 
-    def _rectify(self) -> None:
-        a, b = self._sensors
-        self._size: tuple[int, int] = a["resolution"]
-        right_left = np.linalg.inv(b["T_BS"]) @ a["T_BS"]
-        rotation, translation = right_left[:3, :3].copy(), right_left[:3, 3:].copy()
-        r0, r1, p0, p1, *_ = cv2.stereoRectify(
-            a["K"], a["D"], b["K"], b["D"], self._size, rotation, translation,
-            flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
-        )  # fmt: skip
+    def _straighten(self) -> None:
+        """Rotations, projections and maps of the cameras."""
+        if len(self._sensors) == 1:
+            self._rotations = [np.eye(3)]
+            self._projections = [np.column_stack([self._sensors[0].lens.matrix, np.zeros(3)])]
+        else:
+            r0, r1, p0, p1 = self._rectify(*self._sensors)
+            self._rotations, self._projections = [r0, r1], [p0, p1]
         if (camera := self.options.camera) is not None:
-            baseline_m = -p1[0, 3] / p1[0, 0]
             p0 = np.array(
                 [[camera.fx, 0, camera.cx, 0], [0, camera.fy, camera.cy, 0], [0, 0, 1.0, 0]]
             )
-            p1 = p0.copy()
-            p1[0, 3] = -camera.fx * baseline_m
-        self._rotations, self._projections = (r0, r1), (p0, p1)
+            projections = [p0]
+            for old in self._projections[1:]:
+                projections.append(p0.copy())
+                projections[1][0, 3] = camera.fx * (old[0, 3] / old[0, 0])
+            self._projections = projections
         self._maps = [
-            cv2.initUndistortRectifyMap(s["K"], s["D"], r, p, self._size, cv2.CV_32FC1)
-            for s, r, p in ((a, r0, p0), (b, r1, p1))
+            sensor.lens.maps(rotation, projection, self._size)
+            for sensor, rotation, projection in zip(
+                self._sensors, self._rotations, self._projections, strict=True
+            )
         ]
 
+    def _rectify(
+        self, left: CalibratedCamera, right: CalibratedCamera
+    ) -> tuple[NDArray[np.float64], ...]:
+        assert left.pose is not None and right.pose is not None
+        right_left = np.linalg.inv(right.pose) @ left.pose
+        x, y, z = np.linalg.inv(right_left)[:3, 3]  # the right camera, seen from the left one
+        if not x > max(abs(y), abs(z)):
+            raise SlambedError(
+                f"{self._mav}: cam1 is {1e3 * x:.4g} mm to the right of cam0, {1e3 * y:.4g} mm "
+                f"below and {1e3 * z:.4g} mm in front of it (T_BS of both sensor.yaml); a rig side "
+                "by side is expected, cam0 on the left; correct T_BS, swap the cameras, or take "
+                "'sensor: mono'"
+            )
+        return rectified(
+            left.lens, right.lens, self._size, right_left[:3, :3].copy(), right_left[:3, 3:].copy()
+        )
+
     def _remap(self, file: Path, side: int) -> GreyImage:
-        image = read_grey(file, self._size)
+        image = read_grey(file, self._size, self.grey_range)
         map_x, map_y = self._maps[side]
         warped = cv2.remap(image, map_x, map_y, interpolation=cv2.INTER_LINEAR)
         return np.asarray(warped, dtype=np.uint8)
 
-    def _poses_file(self) -> Path:
-        return self._mav / "state_groundtruth_estimate0" / "data.csv"
+    def _sensor_file(self, name: str) -> Path:
+        return require(self._mav / name / "sensor.yaml", "calibration")
 
+    def _poses_file(self) -> Path | None:
+        if asked := self.options.groundtruth:
+            beside = self.path / asked
+            return beside if beside.is_file() else require_poses(self._mav / asked)
+        return next((self._mav / name for name in _POSES if (self._mav / name).is_file()), None)
 
-def _image_list(folder: Path) -> list[tuple[int, Path]]:
-    with require(folder / "data.csv", "list of images").open(newline="") as file:
-        rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
-    return sorted((int(row[0]), folder / "data" / row[1].strip()) for row in rows)
-
-
-def _sensor(folder: Path) -> dict[str, Any]:
-    file = require(folder / "sensor.yaml", "calibration")
-    try:
-        raw = read_yaml(file.read_text())
-        fu, fv, cu, cv = raw["intrinsics"]
-        return {
-            "K": np.array([[fu, 0, cu], [0, fv, cv], [0, 0, 1]], dtype=np.float64),
-            "D": np.array(raw["distortion_coefficients"], dtype=np.float64),
-            "T_BS": np.array(raw["T_BS"]["data"], dtype=np.float64).reshape(4, 4),
-            "resolution": (int(raw["resolution"][0]), int(raw["resolution"][1])),
-        }
-    except (yaml.YAMLError, KeyError, TypeError, ValueError) as broken:
-        raise SlambedError(f"{file}: not an ASL camera calibration ({broken})") from broken
+    def _image_list(self, folder: Path) -> list[_Image]:
+        """Lines `time, file`; without a name the file has that of the time."""
+        listing = require(folder / "data.csv", "list of images")
+        rows = []
+        for number, line in table_lines(listing):
+            time, _, name = (part.strip() for part in line.partition(","))
+            rows.append((number, time, name.rstrip(" ,;") or f"{time}.png"))
+        times_ns = self._in_ns(listing, [(number, time) for number, time, _ in rows], "ns")
+        images = [
+            _Image(time_ns, folder / "data" / name, number)
+            for time_ns, (number, _, name) in zip(times_ns, rows, strict=True)
+        ]
+        if not images:
+            raise SlambedError(f"{listing}: no image in it; expected lines 'time, file'")
+        return sorted(images, key=lambda image: image.time_ns)

@@ -10,42 +10,73 @@ import numpy as np
 
 from slambed.data.images import read_grey
 from slambed.data.model import Camera, Frame
-from slambed.data.readers.base import FolderReader, ReaderOptions, require, seconds_to_ns
+from slambed.data.readers.base import (
+    FolderReader,
+    ReaderOptions,
+    first_missing,
+    number_of,
+    numbered,
+    require,
+    require_poses,
+)
+from slambed.data.rotations import check_rotation
+from slambed.data.text_file import is_header, pose_rows, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+
+_POSE = "12 numbers, a 3x4 camera-to-world matrix"
+_PROJECTION = "12 numbers, a 3x4 projection"
 
 
 class Reader(FolderReader):
     """Rectified grey stereo (or left only, sensor mono); the camera comes from calib.txt.
 
-    The path is sequences/NN. groundtruth is searched there, then in ../../poses.
+    The path is sequences/NN. groundtruth is searched there, then in ../../poses. Where an image is
+    missing, times and poses go by the numbers of the images.
+
+    reader_options: time_unit (s).
     """
+
+    known_options = ("time_unit",)
+    sensors = ("stereo", "mono")
+    takes_distortion = False
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
+        if options.camera is not None:
+            self.notes.append(f"{path}: 'camera' of the dataset file is not used, calib.txt has it")
         self._calibration = require(path / "calib.txt", "calibration")
         self._times_file = require(path / "times.txt", "times of the frames")
-        self._left = sorted((path / "image_0").glob("*.png"))
+        self._left = numbered(path / "image_0", "*.png")
         if not self._left:
             raise SlambedError(f"{path / 'image_0'}: no PNG images; unpack the grey images there")
         if options.sensor == "stereo":
             require(path / "image_1", "right grey images; 'sensor: mono' works without")
-        self._times_ns = [seconds_to_ns(t) for t in self._times_file.read_text().split()]
-        if len(self._times_ns) < len(self._left):
-            raise SlambedError(
-                f"{self._times_file}: {len(self._times_ns)} times for {len(self._left)} images; "
-                "fetch the file again"
+        missing, first = first_missing(self._left)
+        if missing:
+            self.notes.append(
+                f"{path / 'image_0'}: {missing} images are missing, the first is number {first}; "
+                "times and poses go by number"
             )
-        height, width = read_grey(self._left[0]).shape
+        self._lines, self._times_ns = self._read_times()
+        height, width = read_grey(self._left[0], None, self.grey_range).shape
         self._size = (width, height)
 
     def __len__(self) -> int:
         return len(self._left)
 
     def __getitem__(self, i: int) -> Frame:
-        left = read_grey(self._left[i], self._size)
-        right = None if self.options.sensor == "mono" else read_grey(self._right(i), self._size)
+        left = read_grey(self._left[i], self._size, self.grey_range)
+        right = None
+        if self.options.sensor == "stereo":
+            right = read_grey(self._right(i), self._size, self.grey_range)
         return Frame(self._times_ns[i], left, right)
+
+    def times_ns(self) -> list[int]:
+        return self._times_ns
+
+    def place(self, i: int) -> str:
+        return f"{self._times_file}:{self._lines[i]}"
 
     def files(self) -> Iterable[Path]:
         yield self._calibration
@@ -61,33 +92,87 @@ class Reader(FolderReader):
 
     def camera(self) -> Camera:
         """From P0 and P1 of calib.txt: bf is minus the fourth entry of P1."""
-        matrices = {}
-        for line in self._calibration.read_text().splitlines():
-            name, _, values = line.partition(":")
-            if name in ("P0", "P1"):
-                matrices[name] = np.array([float(v) for v in values.split()])
-        if any(matrices.get(name, np.empty(0)).shape != (12,) for name in ("P0", "P1")):
-            raise SlambedError(f"{self._calibration}: lines P0 and P1 with 12 numbers are needed")
-        p0, p1 = matrices["P0"].reshape(3, 4), matrices["P1"].reshape(3, 4)
-        return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=-p1[0, 3])
+        (line0, p0), (line1, p1) = (self._projection(name) for name in ("P0", "P1"))
+        if not (p0[0, 0] > 0 and p0[1, 1] > 0):
+            raise SlambedError(
+                f"{self._calibration}:{line0}: the focal lengths of P0 are {p0[0, 0]:g} and "
+                f"{p0[1, 1]:g}, expected to be above 0; fetch the file again"
+            )
+        bf = -p1[0, 3]
+        if bf < 0 or (bf == 0 and self.options.sensor == "stereo"):
+            raise SlambedError(
+                f"{self._calibration}:{line1}: the fourth number of P1 is {p1[0, 3]:g}, expected "
+                "below 0 (minus fx times baseline): the right camera is not to the right of the "
+                "left one; correct the file or swap image_0 and image_1"
+            )
+        return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=bf)
 
     def trajectory(self) -> Trajectory | None:
         file = self._poses_file()
         if file is None:
             return None
-        matrices = np.loadtxt(file, dtype=np.float64, ndmin=2)[: len(self)]
-        if matrices.shape != (len(self), 12):
-            raise SlambedError(f"{file}: {len(self)} lines with 12 numbers are needed")
-        times_s = np.array(self._times_ns[: len(self)]) * 1e-9
-        return Trajectory.of_matrices(times_s, matrices.reshape(-1, 3, 4))
+        rows = pose_rows(file, 12, _POSE)
+        chosen = [rows[k] for k in self._places_in(len(rows), file, "poses")]
+        for line, values in chosen:
+            check_rotation(np.array(values).reshape(3, 4)[:, :3], f"{file}:{line}")
+        matrices = np.array([values for _, values in chosen]).reshape(-1, 3, 4)
+        return Trajectory.of_matrices(np.array(self._times_ns) * 1e-9, matrices)
+
+    def _read_times(self) -> tuple[list[int], list[int]]:
+        """Line and time of every image."""
+        rows = [
+            (number, line.strip().rstrip(",;"))
+            for number, line in enumerate(read_lines(self._times_file), 1)
+            if line.strip() and not line.startswith("#")
+        ]
+        if rows and is_header(rows[0][1].split()):
+            rows = rows[1:]
+        # One time a line, a date and a time of day, or all in one line.
+        if len(rows) == 1 and len(self._left) > 1:
+            rows = [(rows[0][0], word) for word in rows[0][1].split()]
+        chosen = [rows[k] for k in self._places_in(len(rows), self._times_file, "times")]
+        return [line for line, _ in chosen], self._in_ns(self._times_file, chosen, "s")
+
+    def _places_in(self, count: int, file: Path, what: str) -> list[int]:
+        """Which of so many rows belong to the images: those with their numbers, or, where images
+        and rows were left out together, those in their places."""
+        numbers = [-1 if (n := number_of(image)) is None else n for image in self._left]
+        if count != len(numbers) and min(numbers) >= 0 and max(numbers) < count:
+            return numbers
+        if count == len(numbers) or (min(numbers) < 0 and count > len(numbers)):
+            return list(range(len(numbers)))
+        raise SlambedError(
+            f"{file}: {count} {what} for {len(numbers)} images, the last is "
+            f"{self._left[-1].name}; expected a line for each; fetch the file again"
+        )
+
+    def _projection(self, wanted: str) -> tuple[int, np.ndarray]:
+        for number, line in enumerate(read_lines(self._calibration), 1):
+            name, _, values = line.partition(":")
+            if name.strip() != wanted:
+                continue
+            try:
+                matrix = np.array([float(value) for value in values.split()])
+            except ValueError as broken:
+                raise SlambedError(
+                    f"{self._calibration}:{number}: {broken}, expected {_PROJECTION}; "
+                    "fetch the file again"
+                ) from None
+            if matrix.shape != (12,) or not np.isfinite(matrix).all():
+                raise SlambedError(
+                    f"{self._calibration}:{number}: {len(matrix)} values, expected {_PROJECTION}; "
+                    "fetch the file again"
+                )
+            return number, matrix.reshape(3, 4)
+        raise SlambedError(f"{self._calibration}: no line {wanted} with {_PROJECTION}; complete it")
 
     def _poses_file(self) -> Path | None:
         if not self.options.groundtruth:
             return None
-        for folder in (self.path, self.path.parent.parent / "poses"):
-            if (file := folder / self.options.groundtruth).is_file():
-                return file
-        return None
+        beside = self.path / self.options.groundtruth
+        if beside.is_file():
+            return beside
+        return require_poses(self.path.parent.parent / "poses" / self.options.groundtruth)
 
     def _right(self, i: int) -> Path:
         return self.path / "image_1" / self._left[i].name

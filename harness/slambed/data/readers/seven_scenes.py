@@ -3,14 +3,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slambed.data.images import read_depth, read_grey
 from slambed.data.model import Frame
-from slambed.data.readers.base import FolderReader, ReaderOptions
+from slambed.data.readers.base import (
+    FolderReader,
+    ReaderOptions,
+    first_missing,
+    number_of,
+    numbered,
+)
+from slambed.data.rotations import check_rotation
+from slambed.data.text_file import fields, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
@@ -19,46 +29,85 @@ _INVALID_DEPTH = 65535
 
 
 class Reader(FolderReader):
-    """Frames have no recorded time: frame i gets i / fps. Poses are camera to world.
+    """Frames have no recorded time: frame i gets (its number - the first one's) / fps. Poses are
+    camera to world; where tracking was lost (ScanNet writes -inf) there is none.
 
     reader_options: sequence ("seq-01", a folder below the path; without it the path itself).
     """
 
     known_options = ("sequence",)
+    sensors = ("rgbd", "mono")
+    truth_without_key = "poses come from frame-*.pose.txt; remove the key"
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
         folder = path / str(options.extra["sequence"]) if "sequence" in options.extra else path
-        self._colour = sorted(folder.glob("frame-*.color.png"))
+        self._colour = numbered(folder, "frame-*.color.png")
         if not self._colour:
             raise SlambedError(f"{folder}: no frame-*.color.png in it; unpack the sequence there")
+        numbers = [number_of(file) for file in self._colour]
+        if None in numbers:
+            raise SlambedError(f"{folder}: expected frame-NUMBER.color.png; rename the images")
+        missing, first = first_missing(self._colour)
+        if missing:
+            self.notes.append(
+                f"{folder}: {missing} images are missing, the first is number {first}; "
+                "times go by number"
+            )
+        self._numbers = [(n or 0) - (numbers[0] or 0) for n in numbers]
 
     def __len__(self) -> int:
         return len(self._colour)
 
     def __getitem__(self, i: int) -> Frame:
         size = self.options.size
+        grey = read_grey(self._colour[i], size, self.grey_range)
+        if self.options.sensor == "mono":
+            return Frame(self._time_ns(i), grey, None)
         depth = read_depth(self._sibling(i, "depth.png"), size).copy()
         depth[depth == _INVALID_DEPTH] = 0
-        return Frame(round(i * 1e9 / self.options.fps), read_grey(self._colour[i], size), depth)
+        return Frame(self._time_ns(i), grey, depth)
+
+    def times_ns(self) -> list[int]:
+        return [self._time_ns(i) for i in range(len(self))]
+
+    def place(self, i: int) -> str:
+        return str(self._colour[i])
 
     def files(self) -> Iterable[Path]:
         for i, colour in enumerate(self._colour):
             yield colour
-            yield self._sibling(i, "depth.png")
+            if self.options.sensor == "rgbd":
+                yield self._sibling(i, "depth.png")
             yield self._sibling(i, "pose.txt")
 
     def trajectory(self) -> Trajectory | None:
-        matrices = []
-        for i in range(len(self)):
-            file = self._sibling(i, "pose.txt")
-            try:
-                matrices.append(np.loadtxt(file, dtype=np.float64).reshape(4, 4))
-            except (OSError, ValueError) as broken:
-                raise SlambedError(f"{file}: not a 4x4 pose; fetch the file again") from broken
-        times_s = np.round(np.arange(len(self)) * 1e9 / self.options.fps) * 1e-9
-        return Trajectory.of_matrices(times_s, np.array(matrices))
+        poses = [_read_pose(self._sibling(i, "pose.txt")) for i in range(len(self))]
+        known = [i for i, pose in enumerate(poses) if np.isfinite(pose).all()]
+        if len(known) < len(poses):
+            first = next(i for i in range(len(poses)) if i not in known)
+            self.notes.append(
+                f"{self._sibling(first, 'pose.txt')}: not finite, tracking was lost: "
+                f"{len(poses) - len(known)} of {len(poses)} frames are without a pose"
+            )
+        for i in known:
+            check_rotation(poses[i][:3, :3], str(self._sibling(i, "pose.txt")))
+        times_s = np.array([self._time_ns(i) for i in known], dtype=np.float64) * 1e-9
+        return Trajectory.of_matrices(times_s, np.array([poses[i] for i in known]))
+
+    def _time_ns(self, i: int) -> int:
+        return round(self._numbers[i] * 1e9 / self.options.fps)
 
     def _sibling(self, i: int, suffix: str) -> Path:
         colour = self._colour[i]
         return colour.with_name(colour.name.removesuffix("color.png") + suffix)
+
+
+def _read_pose(file: Path) -> NDArray[np.float64]:
+    try:
+        values = [float(word) for line in read_lines(file) for word in fields(line)]
+    except ValueError:
+        values = []
+    if len(values) != 16 or any(math.isnan(v) for v in values[12:]):
+        raise SlambedError(f"{file}: not a 4x4 pose, expected 16 numbers; fetch the file again")
+    return np.array(values).reshape(4, 4)

@@ -3,79 +3,137 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from decimal import InvalidOperation
+from dataclasses import dataclass
 from pathlib import Path
 
-from slambed.data.association import MAX_DIFFERENCE_S, pairs_of_sensors
+from slambed.data.association import pairs_of_sensors
 from slambed.data.images import read_depth, read_grey
 from slambed.data.model import Frame
-from slambed.data.readers.base import FolderReader, ReaderOptions, require, seconds_to_ns
+from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
+from slambed.data.text_file import table_lines
 from slambed.data.trajectory import Trajectory, read_groundtruth
 from slambed.errors import SlambedError
+
+_ENTRY = re.compile(r"\s*([^\s,;]+)[\s,;]+(.*?)[\s,;]*")
+
+
+@dataclass(frozen=True)
+class _Image:
+    """A line of rgb.txt or depth.txt."""
+
+    time_ns: int
+    file: Path
+    line: int
 
 
 class Reader(FolderReader):
     """Colour and depth paired by time, closest first, one-to-one; the frame has the colour's time.
     With `sensor: mono` every colour image, and no depth is asked for.
 
-    reader_options: max_difference_s (0.02).
+    reader_options: max_difference_s (0.02), time_unit (s).
     """
 
-    known_options = ("max_difference_s",)
+    known_options = ("max_difference_s", "time_unit")
+    sensors = ("rgbd", "mono")
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
         kinds = ("rgb",) if options.sensor == "mono" else ("rgb", "depth")
         self._lists = [require(path / f"{kind}.txt", "list of images") for kind in kinds]
-        self._frames: list[tuple[int, Path, Path | None]]
-        if options.sensor == "mono":
-            self._frames = [(t, file, None) for t, file in read_file_list(self._lists[0])]
+        colour, *depth = (self._read_list(file) for file in self._lists)
+        self._frames: list[tuple[_Image, _Image | None]]
+        if not depth:
+            self._frames = [(image, None) for image in colour]
             return
-        colour, depth = (read_file_list(file) for file in self._lists)
-        limit_s = float(options.extra.get("max_difference_s", MAX_DIFFERENCE_S))
-        pairs = pairs_of_sensors([t for t, _ in colour], [t for t, _ in depth], limit_s)
+        times = [[image.time_ns for image in images] for images in (colour, depth[0])]
+        pairs = pairs_of_sensors(times[0], times[1], self.max_difference_s)
         if not pairs:
             raise SlambedError(
-                f"{path}: no colour image has a depth image within {limit_s} s; "
+                f"{path}: no colour image has a depth image within {self.max_difference_s} s; "
                 "check the times in rgb.txt and depth.txt"
             )
-        self._frames = [(colour[i][0], colour[i][1], depth[j][1]) for i, j in pairs]
+        self._frames = [(colour[i], depth[0][j]) for i, j in pairs]
+        self._tell_unpaired(len(colour), len(pairs))
 
     def __len__(self) -> int:
         return len(self._frames)
 
     def __getitem__(self, i: int) -> Frame:
-        time_ns, colour, depth = self._frames[i]
+        colour, depth = self._frames[i]
         size = self.options.size
-        second = None if depth is None else read_depth(depth, size)
-        return Frame(time_ns, read_grey(colour, size), second)
+        second = None if depth is None else read_depth(depth.file, size)
+        return Frame(colour.time_ns, read_grey(colour.file, size, self.grey_range), second)
+
+    def times_ns(self) -> list[int]:
+        return [colour.time_ns for colour, _ in self._frames]
+
+    def place(self, i: int) -> str:
+        return f"{self._lists[0]}:{self._frames[i][0].line}" if self._frames else str(self.path)
 
     def files(self) -> Iterable[Path]:
         yield from self._lists
         if self.options.groundtruth:
-            yield self.path / self.options.groundtruth
-        for _, colour, depth in self._frames:
-            yield colour
+            yield require_poses(self.path / self.options.groundtruth)
+        for colour, depth in self._frames:
+            yield colour.file
             if depth is not None:
-                yield depth
+                yield depth.file
 
     def trajectory(self) -> Trajectory | None:
         if not self.options.groundtruth:
             return None
-        return read_groundtruth(require(self.path / self.options.groundtruth, "ground truth"))
+        return read_groundtruth(require_poses(self.path / self.options.groundtruth))
+
+    def _read_list(self, path: Path) -> list[_Image]:
+        """Lines `time file`, sorted by time; of those with the same time the first."""
+        lines, stamps, names = [], [], []
+        for number, line in table_lines(path):
+            entry = _ENTRY.fullmatch(line.split("#", 1)[0])
+            if entry is None or not entry[2]:
+                raise SlambedError(
+                    f"{path}:{number}: expected 'time file', got '{line[:80]}'; correct or remove "
+                    "the line"
+                )
+            lines.append(number)
+            stamps.append((number, entry[1]))
+            names.append(entry[2])
+        times_ns = self._in_ns(path, stamps, "s")
+        self._tell_order(path, lines, times_ns)
+        images: dict[int, _Image] = {}
+        for number, time_ns, name in zip(lines, times_ns, names, strict=True):
+            file = _named_file(path, number, name)
+            images.setdefault(time_ns, _Image(time_ns, file, number))
+        if len(images) == 1 < len(lines):
+            raise SlambedError(
+                f"{path}: all {len(lines)} lines have the time {stamps[0][1]}; record time stamps"
+            )
+        if len(images) < len(lines):
+            self.notes.append(
+                f"{path}: {len(lines) - len(images)} lines have the time of another one and are "
+                "left out, but for the first"
+            )
+        return [images[time_ns] for time_ns in sorted(images)]
+
+    def _tell_order(self, path: Path, lines: list[int], times_ns: list[int]) -> None:
+        later = zip(lines[1:], times_ns, times_ns[1:], strict=False)
+        back = [(line, a - b) for line, a, b in later if b < a]
+        if back:
+            self.notes.append(
+                f"{path}:{back[0][0]}: time goes back by {back[0][1] * 1e-9:.6f} s; images are "
+                f"played in the order of their times ({len(back)} such lines)"
+            )
 
 
-def read_file_list(path: Path) -> list[tuple[int, Path]]:
-    """Lines `time file`; '#' comments. Sorted by time, repeated times dropped."""
-    entries: dict[int, Path] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        content = line.split("#", 1)[0].split()
-        if not content:
-            continue
-        try:
-            time_ns = seconds_to_ns(content[0])
-            entries.setdefault(time_ns, path.parent / content[1])
-        except (InvalidOperation, ValueError, OverflowError, IndexError) as broken:
-            raise SlambedError(f"{path}:{number}: expected 'time file', got '{line}'") from broken
-    return sorted(entries.items())
+def _named_file(listing: Path, line: int, name: str) -> Path:
+    """A name may have blanks in it; a line may have more columns behind the name."""
+    whole, first = listing.parent / name, listing.parent / name.split()[0]
+    if whole == first or whole.is_file():
+        return whole
+    if not first.is_file():
+        raise SlambedError(
+            f"{listing}:{line}: there is neither '{name}' nor '{name.split()[0]}' in "
+            f"{listing.parent}; a name with a blank? Complete the dataset"
+        )
+    return first

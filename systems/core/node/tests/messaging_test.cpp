@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/tests/temporary_folder.hpp"
+#include "node/event_log.hpp"
 #include "wire/handover_messages.hpp"
 #include "wire/messages.hpp"
 

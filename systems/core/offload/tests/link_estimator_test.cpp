@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.hpp"
+#include "node/messaging.hpp"
 #include "offload/tests/two_nodes.hpp"
 
 namespace slambed::testing {

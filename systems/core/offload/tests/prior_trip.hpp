@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include "offload/tests/turning_pair.hpp"
 #include "store/map_file.hpp"
 

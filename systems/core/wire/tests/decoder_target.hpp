@@ -13,7 +13,6 @@ struct Target {
   const char* name;
   Bytes valid;
   std::function<void(std::span<const std::uint8_t>)> decode;
-  std::size_t bit_step = 1;  ///< text is long, and its bits are much alike
 };
 
 }  // namespace slambed::wire

@@ -55,7 +55,6 @@ inline FrameResult example_frame_result() {
 
 /// The same messages as text, with few features: the grid alone makes them long.
 inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& sensor) {
-  constexpr std::size_t kStep = 7;
   const auto vocabulary = default_vocabulary();
   KeyFrameMessage keyframe{.keyframe = keyframe_id(40),
                            .captured = {},
@@ -80,15 +79,15 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
   };
   return {
       {"reloc_request_text", encode_text(RelocRequest{300, 7, frame}, *vocabulary),
-       both([=](auto b, DirectText* m) { decode_reloc_request_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_reloc_request_text(b, sensor, m); })},
       {"reloc_ok_text", encode_text(found, frame, *vocabulary),
-       both([=](auto b, DirectText* m) { decode_reloc_ok_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_reloc_ok_text(b, sensor, m); })},
       {"keyframe_text", encode_text(keyframe, {}, *vocabulary),
-       both([=](auto b, DirectText* m) { decode_keyframe_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_keyframe_text(b, sensor, m); })},
       {"update_text", encode_text(update, *vocabulary),
-       both([=](auto b, DirectText* m) { decode_update_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_update_text(b, sensor, m); })},
       {"frame_text", encode_text(frame, *vocabulary),
-       both([=](auto b, DirectText* m) { decode_frame_text(b, sensor, m); }), kStep},
+       both([=](auto b, DirectText* m) { decode_frame_text(b, sensor, m); })},
   };
 }
 

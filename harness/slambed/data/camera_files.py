@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Camera calibrations as tools write them: ASL (EuRoC), Kalibr, OpenCV and ROS, ORB-SLAM."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from slambed.data.lens import Lens, coefficients_of, model_of
+from slambed.data.rotations import check_rotation
+from slambed.data.text_file import read_lines
+from slambed.errors import SlambedError
+from slambed.yaml_text import read_yaml
+
+Floats = NDArray[np.float64]
+
+_OPENCV = re.compile(r"^%YAML:?\s*1\.0\s*$|!!opencv[-_]matrix|!!opencv[-_]nd[-_]matrix", re.M)
+
+
+@dataclass(frozen=True)
+class CalibratedCamera:
+    """One camera of a file."""
+
+    size: tuple[int, int]
+    lens: Lens
+    pose: Floats | None = None
+    """[4,4] as the file has it: body from camera (ASL), camera from the one before (Kalibr)."""
+    bf: float | None = None
+    """fx times baseline where the file says it itself."""
+
+
+def read_asl(file: Path) -> CalibratedCamera:
+    """sensor.yaml of a camera, with its place on the body."""
+    kind, data = _load(file)
+    if kind != "an ASL sensor.yaml":
+        raise SlambedError(
+            f"{file}: this is {kind}, expected an ASL sensor.yaml (intrinsics, resolution, T_BS); "
+            f"'slambed data import-camera {file}' makes the camera of a dataset file of it"
+        )
+    return _checked(_asl, data, file, kind)[0]
+
+
+def read_cameras(file: Path) -> tuple[str, list[CalibratedCamera]]:
+    """What kind of file it is, and its cameras."""
+    kind, data = _load(file)
+    readers = {
+        "an ASL sensor.yaml": _asl,
+        "a Kalibr camchain": _kalibr,
+        "an OpenCV or ROS calibration": _opencv,
+        "a settings file of ORB-SLAM": _orbslam,
+    }
+    if kind not in readers:
+        raise SlambedError(
+            f"{file}: this is {kind}; known are ASL (EuRoC) sensor.yaml, Kalibr camchains, OpenCV "
+            "and ROS calibrations and settings of ORB-SLAM"
+        )
+    return kind, _checked(readers[kind], data, file, kind)
+
+
+def _load(file: Path) -> tuple[str, dict[str, Any]]:
+    text = _OPENCV.sub("", "\n".join(read_lines(file)))
+    try:
+        data = read_yaml(text)
+    except yaml.YAMLError as broken:
+        line = getattr(getattr(broken, "problem_mark", None), "line", 0) + 1
+        problem = getattr(broken, "problem", None) or "it cannot be parsed"
+        raise SlambedError(f"{file}:{line}: not YAML: {problem}; correct the file") from None
+    if not isinstance(data, dict):
+        return "no calibration", {}
+    return _kind_of(data), data
+
+
+def _kind_of(data: Mapping[str, Any]) -> str:
+    if "cam0" in data:
+        return "a Kalibr camchain"
+    if "Camera.fx" in data or "Camera1.fx" in data:
+        return "a settings file of ORB-SLAM"
+    if any(name in data for name in _MATRIX):
+        return "an OpenCV or ROS calibration"
+    return "an ASL sensor.yaml" if "intrinsics" in data or "T_BS" in data else "no calibration"
+
+
+def _checked(
+    read: Callable[[dict[str, Any], str], list[CalibratedCamera]],
+    data: dict[str, Any],
+    file: Path,
+    kind: str,
+) -> list[CalibratedCamera]:
+    try:
+        return read(data, str(file))
+    except KeyError as missing:
+        raise SlambedError(f"{file}: key {missing} is missing, which {kind} has") from None
+    except (TypeError, ValueError, AttributeError, IndexError) as broken:
+        raise SlambedError(f"{file}: not {kind}: {broken}; correct the file") from None
+
+
+def _lens(intrinsics: Sequence[Any], model: object, distortion: Sequence[Any], where: str) -> Lens:
+    fx, fy, cx, cy = (float(value) for value in intrinsics)
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    if not (fx > 0 and fy > 0 and np.isfinite(matrix).all()):
+        raise SlambedError(f"{where}: focal lengths {fx:g} and {fy:g}, expected above 0")
+    name = model_of(str(model), where)
+    return Lens(matrix, coefficients_of([float(v) for v in distortion], name, where), name)
+
+
+def _size(width: Any, height: Any) -> tuple[int, int]:
+    size = int(width), int(height)
+    if min(size) < 1:
+        raise ValueError(f"a picture of {size[0]}x{size[1]} pixels")
+    return size
+
+
+def _must_be_pinhole(data: Mapping[str, Any], where: str) -> None:
+    if (model := str(data.get("camera_model", "pinhole"))) != "pinhole":
+        raise SlambedError(
+            f"{where}: camera model '{model}' is not supported, expected pinhole; calibrate with a "
+            "pinhole model (radtan or equi), or undistort the pictures before"
+        )
+
+
+def _pose(values: Any, where: str) -> Floats:
+    matrix = np.array(values, dtype=np.float64).reshape(4, 4)
+    check_rotation(matrix[:3, :3], where)
+    if not np.isfinite(matrix).all():
+        raise SlambedError(f"{where}: a number of the pose is not finite; calibrate again")
+    return matrix
+
+
+def _asl(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
+    _must_be_pinhole(data, where)
+    lens = _lens(
+        data["intrinsics"],
+        data.get("distortion_model", "radial-tangential"),
+        data["distortion_coefficients"],
+        where,
+    )
+    size = _size(*data["resolution"])
+    return [CalibratedCamera(size, lens, _pose(data["T_BS"]["data"], f"{where}: T_BS"))]
+
+
+def _kalibr(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
+    cameras = []
+    for name in sorted(key for key in data if re.fullmatch(r"cam\d+", key)):
+        entry, place = data[name], f"{where}: {name}"
+        _must_be_pinhole(entry, place)
+        lens = _lens(
+            entry["intrinsics"], entry["distortion_model"], entry["distortion_coeffs"], place
+        )
+        before = entry.get("T_cn_cnm1")
+        pose = None if before is None else _pose(before, f"{place}: T_cn_cnm1")
+        cameras.append(CalibratedCamera(_size(*entry["resolution"]), lens, pose))
+    return cameras
+
+
+_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")
+_DISTORTION = (
+    "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist_coeffs", "D", "D1",
+)  # fmt: skip
+_WIDTH, _HEIGHT = (
+    ("image_width", "image_Width", "width"),
+    ("image_height", "image_Height", "height"),
+)
+
+
+def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
+    matrix = np.array(_numbers(_first(data, _MATRIX)), dtype=np.float64).reshape(3, 3)
+    model = data.get("distortion_model") or "plumb_bob"
+    intrinsics = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+    lens = _lens(intrinsics, model, _numbers(_first(data, _DISTORTION)), where)
+    return [CalibratedCamera(_size(_first(data, _WIDTH), _first(data, _HEIGHT)), lens)]
+
+
+def _orbslam(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
+    head = "Camera" if "Camera.fx" in data else "Camera1"
+    intrinsics = [data[f"{head}.{name}"] for name in ("fx", "fy", "cx", "cy")]
+    fisheye = str(data.get("Camera.type", "PinHole")) == "KannalaBrandt8"
+    names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
+    distortion = [data.get(f"{head}.{name}", 0.0) for name in names]
+    lens = _lens(intrinsics, "equidistant" if fisheye else "plumb_bob", distortion, where)
+    bf = data.get("Camera.bf")
+    size = _size(data["Camera.width"], data["Camera.height"])
+    return [CalibratedCamera(size, lens, bf=None if bf is None else float(bf))]
+
+
+def _first(data: Mapping[str, Any], names: Sequence[str]) -> Any:
+    for name in names:
+        if name in data:
+            return data[name]
+    raise KeyError(names[0])
+
+
+def _numbers(value: Any) -> list[float]:
+    """A matrix of OpenCV ({rows, cols, data}), or a list of numbers or rows."""
+    inner = value["data"] if isinstance(value, dict) else value
+    return [float(number) for number in np.array(inner, dtype=np.float64).ravel()]

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether what a file calls a rotation is one."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.errors import SlambedError
+
+#: Calibrations and poses with three digits are as far from a rotation as this; a scaled, mirrored
+#: or transposed-with-translation matrix is further.
+_TOLERANCE = 0.02
+
+Floats = NDArray[np.float64]
+
+
+def check_rotation(matrix: Floats, where: str) -> None:
+    """Raises where the matrix [3,3] is no rotation."""
+    apart = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if not apart < _TOLERANCE:
+        raise SlambedError(
+            f"{where}: not a rotation: its rows are not of length 1 and at right angles "
+            f"({apart:.3g} off); expected a rotation matrix; correct or remove the pose"
+        )
+    if np.linalg.det(matrix) < 0:
+        raise SlambedError(f"{where}: a mirror image, not a rotation; check the order of the axes")
+
+
+def check_quaternions(quaternions: Floats, where: list[str]) -> None:
+    """Raises for the first quaternion [N,4] whose length is not 1."""
+    lengths = np.linalg.norm(quaternions, axis=1)
+    for i in np.flatnonzero(~(np.abs(lengths - 1) < 5 * _TOLERANCE)):
+        raise SlambedError(
+            f"{where[i]}: not a rotation: the quaternion has length {lengths[i]:.4g}, expected 1; "
+            "are the columns in the order that the format has?"
+        )

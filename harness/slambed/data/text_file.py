@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Text files as people have them: any usual encoding, any end of line, tables with or without a
+header line, numbers apart by blanks, commas or semicolons."""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from slambed.errors import SlambedError
+
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # begins as UTF-16's mark does, so it is asked for first
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_DIGITS_OF_A_NAME = 2
+_BETWEEN = re.compile(r"[\s,;]+")
+
+
+def read_lines(path: Path) -> list[str]:
+    """The lines of a text file, without their ends."""
+    try:
+        return decode_text(path.read_bytes(), str(path)).split("\n")
+    except OSError as refused:
+        raise SlambedError(f"{path}: cannot be read: {refused.strerror}") from refused
+
+
+def decode_text(data: bytes, name: str) -> str:
+    """UTF-8, UTF-16 as PowerShell writes it, else Latin-1, in which every byte is a letter; lines
+    end as on Unix."""
+    encoding = next((kind for mark, kind in _MARKS if data.startswith(mark)), _without_mark(data))
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as broken:
+        if encoding != "utf-8":
+            raise SlambedError(f"{name}: begins as {encoding} text but is none; {broken}") from None
+        text = data.decode("latin-1")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if (zero := text.find("\0")) >= 0:
+        line = text.count("\n", 0, zero) + 1
+        raise SlambedError(f"{name}:{line}: a zero byte, which no text has; fetch the file again")
+    return text
+
+
+def _without_mark(data: bytes) -> str:
+    """Every other byte of Western text in UTF-16 is zero; no text has a zero otherwise."""
+    if data[1:2] == b"\0":
+        return "utf-16-le"
+    return "utf-16-be" if data[:1] == b"\0" else "utf-8"
+
+
+def fields(line: str) -> list[str]:
+    """What stands between blanks, commas and semicolons; a separator at the end adds nothing."""
+    return [field for field in _BETWEEN.split(line.split("#", 1)[0]) if field]
+
+
+def table_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number (from 1) and text of each line with content: neither comment nor, as the first one,
+    the names of the columns."""
+    first = True
+    for number, line in enumerate(read_lines(path), 1):
+        words = fields(line)
+        if not words:
+            continue
+        if not (first and is_header(words)):
+            yield number, line
+        first = False
+
+
+def is_header(words: list[str]) -> bool:
+    """True for names of columns, as `timestamp` or `r11`, and not for a time with a slip in it."""
+    name = words[0]
+    begins = re.match(r"[^\W\d]", name) is not None and not _is_number(name)
+    return begins and sum(letter.isdecimal() for letter in name) <= _DIGITS_OF_A_NAME
+
+
+def pose_rows(
+    path: Path, columns: int, expected: str, *, longer: bool = False
+) -> list[tuple[int, list[float]]]:
+    """Line number and values of each row of a table of poses, which are finite; longer: a row may
+    have more, which nobody asks for."""
+    rows = []
+    for number, line in table_lines(path):
+        words = fields(line)
+        if len(words) < columns or (len(words) > columns and not longer):
+            raise _no_pose(f"{path}:{number}", f"{len(words)} values", expected)
+        values = [_number(word, path, number, expected) for word in words[:columns]]
+        rows.append((number, values))
+    return rows
+
+
+def _number(word: str, path: Path, line: int, expected: str) -> float:
+    value = float(word) if _is_number(word) else math.nan
+    if not math.isfinite(value):
+        raise _no_pose(f"{path}:{line}", f"'{word}' is not a number", expected)
+    return value
+
+
+def _no_pose(place: str, found: str, expected: str) -> SlambedError:
+    return SlambedError(
+        f"{place}: not a pose: {found}, expected {expected}; correct or remove the line"
+    )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

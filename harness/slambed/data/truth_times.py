@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether ground truth belongs to the frames of a recording: told before anything is run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slambed.data.association import MAX_DIFFERENCE_S, match_nearest, nearest_distance_s
+from slambed.data.stamps import NS_PER, UNIT_NAMES
+from slambed.data.trajectory import Trajectory
+from slambed.errors import SlambedError
+
+#: As many pairs are needed to align two paths.
+_FEWEST_PAIRS = 3
+#: Of less of the frames with a pose it is told.
+_USUAL_SHARE = 0.5
+
+Floats = NDArray[np.float64]
+
+
+def fitting_truth(
+    times_ns: Sequence[int], truth: Trajectory, where: str
+) -> tuple[Trajectory, list[str]]:
+    """The truth in seconds, and what should be told about it.
+
+    Raises SlambedError where no frame has a pose near it.
+    """
+    frames_s = np.array(times_ns, dtype=np.float64) * 1e-9
+    for unit, ns in NS_PER.items():
+        scaled = truth
+        if unit != "s":
+            scaled = replace(truth, stamps_s=truth.stamps_s * (ns / NS_PER["s"]))
+        if (paired := _paired(frames_s, scaled)) >= min(_FEWEST_PAIRS, len(frames_s)):
+            return scaled, _notes(unit, paired, frames_s, scaled, where)
+    if (paired := _paired(frames_s, truth)) > 0:
+        return truth, _notes("s", paired, frames_s, truth, where)
+    raise _misfit(frames_s, np.sort(truth.stamps_s), where)
+
+
+def _paired(frames_s: Floats, truth: Trajectory) -> int:
+    return len(match_nearest(frames_s, np.sort(truth.stamps_s), MAX_DIFFERENCE_S)[0])
+
+
+def _notes(unit: str, paired: int, frames_s: Floats, truth: Trajectory, where: str) -> list[str]:
+    notes = []
+    if unit != "s":
+        notes.append(f"{where}: times of the ground truth are read as {UNIT_NAMES[unit]}")
+    if paired < max(_FEWEST_PAIRS, _USUAL_SHARE * len(frames_s)):
+        notes.append(
+            f"{where}: {paired} of {len(frames_s)} frames have a pose of the ground truth within "
+            f"{1e3 * MAX_DIFFERENCE_S:g} ms; {_ranges(frames_s, truth.stamps_s)}"
+        )
+    return notes
+
+
+def _misfit(frames_s: Floats, poses_s: Floats, where: str) -> SlambedError:
+    if not len(poses_s):
+        return SlambedError(f"{where}: no pose in the ground truth; remove it to go without")
+    ranges = _ranges(frames_s, poses_s)
+    if poses_s[-1] < frames_s[0] or poses_s[0] > frames_s[-1]:
+        return SlambedError(
+            f"{where}: the ground truth does not overlap the frames: {ranges}; use one clock for "
+            "both, or remove the ground truth to go without"
+        )
+    nearest_ms = 1e3 * nearest_distance_s(frames_s, poses_s)
+    return SlambedError(
+        f"{where}: the ground truth is too sparse: no frame has a pose "
+        f"within {1e3 * MAX_DIFFERENCE_S:g} ms, the nearest is {nearest_ms:.3g} ms away; {ranges}; "
+        "interpolate it to the times of the frames, or remove it to go without"
+    )
+
+
+def _ranges(frames_s: Floats, poses_s: Floats) -> str:
+    return (
+        f"frames from {frames_s[0]:.3f} to {frames_s[-1]:.3f} s, "
+        f"{len(poses_s)} poses from {poses_s.min():.3f} to {poses_s.max():.3f} s"
+    )

@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A live test that fails while the host is measurably late is repeated, at most twice, and told.
+
+A process beside the tests (`host_watcher`), at their priority, measures how late this host is. That
+is asked of what a test met itself and of the wider fixtures that it uses, as a module's campaign.
+They are all set up anew before a test is repeated; pytest-rerunfailures keeps them, and so would
+judge the same spoiled campaign once more. A failure on a host that was in time is a failure at
+once; and so is a test that met its time limit, which no stall of a host explains.
+
+conftest.py registers the plugin. docs/testing.md says what else a host can spoil.
+"""
+
+import json
+import os
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import pytest
+import pytest_timeout
+from _pytest.runner import runtestprotocol
+
+MOST_REPEATS = 2
+NAP_MS = 100.0
+"""Beside three compilers and two busy loops no nap was longer than 35 ms; where processes of a
+higher class had the processors for two fifths of the time, so that nodes waited nearly always, 264.
+"""
+STEAL_SHARE = 0.05
+"""Ten times what was ever seen beside a run that was to be trusted."""
+PRESSURE_SHARE, PRESSURE_S = 0.95, 10.0
+"""So much of at least so long. Any process counts, also one that is to go behind live tests: beside
+work on all processors it was up to 91 % in tests of such length, of which none failed, and up to
+100 % in shorter ones. Where tests really starved it was 96 % for minutes."""
+PATIENCE_S = 10.0
+"""With the watcher, whose answer takes a millisecond: a host where it does not come is late."""
+REPEATED = "repeated because the host was late"
+"""Name of the property by which reports tell it, also those of pytest-xdist's workers."""
+NOT_BESIDE = ("usepdb", "setuponly", "setupshow")
+"""Options with which nothing is repeated."""
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """How late the host was within some time, at its worst. Nothing where nobody watched."""
+
+    nap_ms: float = 0.0
+    """The longest by which a sleep of 10 ms was too long."""
+    steal: float = 0.0
+    """What a hypervisor gave to others, of all processors, in the worst second."""
+    pressure: float | None = None
+    """Of the whole time, that in which some process waited for a processor."""
+    seconds: float = 0.0
+    """The whole time."""
+
+    @property
+    def is_late(self) -> bool:
+        """So late that it may have spoiled a live test."""
+        pressed = self.pressure is not None and self.pressure >= PRESSURE_SHARE
+        starved = pressed and self.seconds >= PRESSURE_S
+        return self.nap_ms >= NAP_MS or self.steal >= STEAL_SHARE or starved
+
+    def __str__(self) -> str:
+        pressure = "unknown" if self.pressure is None else f"{self.pressure:.0%}"
+        return f"largest nap {self.nap_ms:.0f} ms, steal {self.steal:.1%}, pressure {pressure}"
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the watcher saw in about a second."""
+
+    began_s: float
+    ended_s: float
+    nap_ms: float
+    stolen_s: float
+    waited_s: float | None
+
+
+@dataclass(frozen=True)
+class Window:
+    """From when to when, on the monotonic clock."""
+
+    began_s: float
+    ended_s: float
+
+
+class Watch:
+    """The watcher, and what it saw so far. Where somebody ends it, nothing is known to be late."""
+
+    def __init__(self) -> None:
+        self.process: subprocess.Popen[bytes] | None = None
+        self.looks: list[Look] = []
+
+    def start(self) -> None:
+        """Has its watcher from here on, which gets the priority of whoever calls this."""
+        if self.process is None or self.process.poll() is not None:
+            program = Path(__file__).with_name("host_watcher.py")
+            self.process = subprocess.Popen(
+                [sys.executable, "-IS", program],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env={},
+            )
+        self.ask()
+
+    def ask(self) -> None:
+        """Everything that it saw until now."""
+        if self.process is None:
+            return
+        question, answer = self.process.stdin, self.process.stdout
+        assert question is not None and answer is not None
+        asked_s, line = time.monotonic(), b""
+        try:
+            question.write(b"\n")
+            question.flush()
+            line = _line(answer, asked_s + PATIENCE_S)
+        except BrokenPipeError:
+            pass
+        except TimeoutError:
+            self.looks.append(Look(asked_s, time.monotonic(), 1e3 * PATIENCE_S, 0.0, None))
+        finally:
+            # Half an answer may be left, as a test's time limit may be over here, too.
+            if not line:
+                self.close()
+        self.looks += [Look(**look) for look in json.loads(line or "[]")]
+
+    def lateness(self, windows: Iterable[Window]) -> Lateness:
+        """Within these together, as far as it was asked."""
+        found = {
+            look: None
+            for window in windows
+            for look in self.looks
+            if look.began_s < window.ended_s and look.ended_s > window.began_s
+        }
+        seconds = sum(look.ended_s - look.began_s for look in found)
+        waited = [look.waited_s for look in found if look.waited_s is not None]
+        return Lateness(
+            nap_ms=max((look.nap_ms for look in found), default=0.0),
+            # A part of a second has too few of the kernel's ticks for a share of its own.
+            steal=max((look.stolen_s for look in found), default=0.0),
+            pressure=sum(waited) / seconds if waited else None,
+            seconds=seconds,
+        )
+
+    def close(self) -> None:
+        """Ends the watcher."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.communicate()
+            self.process = None
+
+
+def _line(answer: IO[bytes], deadline: float) -> bytes:
+    """The next one; nothing where nobody writes any more."""
+    line = b""
+    while not line.endswith(b"\n"):
+        ready, _, _ = select.select([answer], [], [], max(0.0, deadline - time.monotonic()))
+        if not ready:
+            raise TimeoutError
+        part = os.read(answer.fileno(), 65536)
+        if not part:
+            return b""
+        line += part
+    return line
+
+
+@dataclass
+class Attempt:
+    """At one live test."""
+
+    item: pytest.Item
+    last: bool
+    """No other one may follow."""
+    limit: pytest_timeout.Settings
+    began_s: float = field(default_factory=time.monotonic)
+    failed: list[pytest.TestReport] = field(default_factory=list)
+    judged: bool = False
+    """Whether it was asked if the host was late; a nap after a failure explains nothing."""
+    excused: Lateness | None = None
+    """How late the host was, where the failure is discarded for it."""
+
+    def is_over_its_limit(self) -> bool:
+        """No stall of a host explains that."""
+        return 0 < (self.limit.timeout or 0) <= time.monotonic() - self.began_s
+
+    def start_its_limit(self) -> None:
+        """A further attempt has all the time that a test has."""
+        if self.limit.timeout and not self.limit.func_only:
+            hook = self.item.config.hook
+            hook.pytest_timeout_cancel_timer(item=self.item)
+            hook.pytest_timeout_set_timer(item=self.item, settings=self.limit)
+
+
+@dataclass(eq=False)
+class HostLate:
+    """The plugin."""
+
+    watch: Watch = field(default_factory=Watch)
+    live: int = 0
+    """Tests that were reported."""
+    repeated: list[dict[str, Any]] = field(default_factory=list)
+    """Discarded failures, as reports tell them."""
+    _wide: dict[pytest.FixtureDef[Any], Window] = field(default_factory=dict)
+    """When fixtures that are wider than one test were last set up."""
+    _attempt: Attempt | None = None
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(
+        self, fixturedef: pytest.FixtureDef[Any]
+    ) -> Generator[None, object, object]:
+        began_s = time.monotonic()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                self._wide[fixturedef] = Window(began_s, time.monotonic())
+
+    @pytest.hookimpl
+    def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> object:
+        if item.get_closest_marker("live") is None or any(map(item.config.getoption, NOT_BESIDE)):
+            return None
+        item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+        for report in self._reports(item, nextitem):
+            item.ihook.pytest_runtest_logreport(report=report)
+        item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+        return True
+
+    def _reports(self, item: pytest.Item, nextitem: pytest.Item | None) -> list[pytest.TestReport]:
+        """Of the attempt that counts."""
+        limit = pytest_timeout._get_item_settings(item)
+        for number in range(1 + MOST_REPEATS):
+            self.watch.start()
+            self._attempt = attempt = Attempt(item, number == MOST_REPEATS, limit)
+            if number:
+                attempt.start_its_limit()
+            reports = runtestprotocol(item, log=False, nextitem=nextitem)
+            lateness = self._excuse(attempt)
+            self._attempt = None
+            if lateness is None:
+                break
+            told = {"test": item.nodeid, "why": _reason(attempt.failed[0]), "late": vars(lateness)}
+            item.user_properties.append((REPEATED, told))
+            item._report_sections.clear()
+            for name in ("_instance", "_obj"):
+                item.__dict__.pop(name, None)
+        return reports
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        report = yield
+        if self._attempt is not None and report.failed:
+            self._attempt.failed.append(report)
+        return report
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_runtest_teardown(self, item: pytest.Item) -> None:
+        """After what nobody needs any more; here within the limit of the test."""
+        if self._attempt is not None and self._excuse(self._attempt) is not None:
+            item.session._setupstate.teardown_exact(None)
+
+    def _excuse(self, attempt: Attempt) -> Lateness | None:
+        """The host's, for the failure of this attempt, if that is to be discarded."""
+        if attempt.failed and not attempt.last and not attempt.judged:
+            attempt.judged, lateness = True, self.lateness()
+            if lateness.is_late and not attempt.is_over_its_limit():
+                attempt.excused = lateness
+        return attempt.excused
+
+    def lateness(self) -> Lateness:
+        """Of the host, for the live test in hand, so far."""
+        if self._attempt is None:
+            return Lateness()
+        self.watch.ask()
+        info = getattr(self._attempt.item, "_fixtureinfo", None)
+        used = [d for found in info.name2fixturedefs.values() for d in found] if info else []
+        own = Window(self._attempt.began_s, time.monotonic())
+        return self.watch.lateness([own, *(self._wide[d] for d in used if d in self._wide)])
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "setup" and "live" in report.keywords:
+            self.live += 1
+            self.repeated += [told for name, told in report.user_properties if name == REPEATED]
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if not self.live:
+            return
+        found = [Lateness(**told["late"]) for told in self.repeated]
+        names = sorted({told["test"].rpartition("/")[2] for told in self.repeated})
+        more = f" ({', '.join(names)}; at most {_worst(found)})" if found else ""
+        terminalreporter.write_line(
+            f"repeated: {len(names)} live tests because the host was late{more}"
+        )
+        for told, late in zip(self.repeated, found, strict=True):
+            terminalreporter.write_line(f"repeated: {told['test']} after {told['why']} ({late})")
+
+    def pytest_unconfigure(self) -> None:
+        self.watch.close()
+
+
+HOST = HostLate()
+"""The one of this process."""
+
+
+def is_late() -> bool:
+    """Whether the host was, for the live test in hand, so far."""
+    return HOST.lateness().is_late
+
+
+def _worst(found: list[Lateness]) -> Lateness:
+    pressures = [late.pressure for late in found if late.pressure is not None]
+    return Lateness(
+        nap_ms=max(late.nap_ms for late in found),
+        steal=max(late.steal for late in found),
+        pressure=max(pressures, default=None),
+    )
+
+
+def _reason(report: pytest.TestReport) -> str:
+    """Why it failed, in one line."""
+    crash = getattr(report.longrepr, "reprcrash", None)
+    lines = str(crash.message if crash else report.longrepr).split("\n")
+    return lines[0 if crash else -1]

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process that only sleeps and looks how late it wakes: what was late for it was late for the
+tests beside it. It needs nothing but Python, and is no thread of theirs: threads of one Python
+process wait for each other, which is not the host's part.
+
+For every line on its input it writes one with all its looks since the last one, as JSON.
+"""
+
+import json
+import os
+import select
+import sys
+import time
+from pathlib import Path
+
+SLEEP_S = 0.01
+LOOK_S = 1.0
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+PRESSURE = Path("/proc/pressure/cpu")
+STEAL = 8
+"""Its place in the first line of /proc/stat (proc(5))."""
+
+
+def _stolen_s() -> float:
+    """What a hypervisor gave to others so far, a mean over the processors."""
+    with Path("/proc/stat").open() as file:
+        return int(file.readline().split()[STEAL]) / TICKS_PER_S / (os.cpu_count() or 1)
+
+
+def _waited_s() -> float | None:
+    """How long any process waited for a processor so far; not every kernel tells."""
+    try:
+        with PRESSURE.open() as file:
+            return int(file.readline().rpartition("=")[2]) / 1e6
+    except OSError:
+        return None
+
+
+class Looks:
+    """One a second, and one whenever somebody asks."""
+
+    def __init__(self) -> None:
+        self.told: list[dict[str, float | None]] = []
+        self._begin()
+
+    def _begin(self) -> None:
+        self._began, self._nap_s = time.monotonic(), 0.0
+        self._stolen, self._waited = _stolen_s(), _waited_s()
+
+    def woke(self, late_s: float) -> None:
+        """After a sleep that was so much longer than asked for."""
+        self._nap_s = max(self._nap_s, late_s)
+        if time.monotonic() - self._began >= LOOK_S:
+            self.end()
+
+    def end(self) -> None:
+        """Ends the look in hand."""
+        waited = _waited_s()
+        self.told.append({
+            "began_s": self._began,
+            "ended_s": time.monotonic(),
+            "nap_ms": 1e3 * self._nap_s,
+            "stolen_s": _stolen_s() - self._stolen,
+            "waited_s": None if waited is None or self._waited is None else waited - self._waited,
+        })  # fmt: skip
+        self._begin()
+
+
+def watch() -> None:
+    """Until nobody can ask any more."""
+    looks = Looks()
+    while True:
+        slept = time.monotonic()
+        asked, _, _ = select.select([0], [], [], SLEEP_S)
+        if not asked:
+            looks.woke(time.monotonic() - slept - SLEEP_S)
+            continue
+        # Whoever asks may have been held up just as long: a sleep that is over counts, too.
+        looks.woke(max(0.0, time.monotonic() - slept - SLEEP_S))
+        if not os.read(0, 4096):
+            return
+        looks.end()
+        sys.stdout.write(json.dumps(looks.told) + "\n")
+        sys.stdout.flush()
+        looks.told = []
+
+
+if __name__ == "__main__":
+    watch()

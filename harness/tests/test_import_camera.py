@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed data import-camera`: calibrations of other tools as the camera of a dataset file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_line import slambed
+from data_samples import one_line
+
+from slambed.data.import_camera import camera_yaml
+from slambed.data.recipe import CameraRecipe
+from slambed.errors import SlambedError
+from slambed.yaml_text import read_yaml
+
+KALIBR = """cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.01, 0.02, 0.003, 0.0001]
+  distortion_model: equidistant
+  intrinsics: [190.5, 190.8, 254.9, 256.8]
+  resolution: [512, 500]
+cam1:
+  T_cn_cnm1: [[1, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+  camera_model: pinhole
+  distortion_coeffs: [-0.2, 0.1, 0, 0]
+  distortion_model: radtan
+  intrinsics: [200, 201, 250, 251]
+  resolution: [512, 500]
+"""
+OPENCV = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 5.1e+02, 0., 3.2e+02, 0., 5.2e+02,
+       2.4e+02, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ 1.e-01, -2.e-01, 0., 0., 1.e-02 ]
+"""
+ROS = """image_width: 640
+image_height: 480
+camera_name: left
+camera_matrix: {rows: 3, cols: 3, data: [510, 0, 320, 0, 520, 240, 0, 0, 1]}
+distortion_model: rational_polynomial
+distortion_coefficients: {rows: 1, cols: 8, data: [0.1, 0, 0, 0, 0, 0.2, 0, 0]}
+"""
+ORBSLAM = """%YAML:1.0
+Camera.fx: 535.4
+Camera.fy: 539.2
+Camera.cx: 320.1
+Camera.cy: 247.6
+Camera.k1: 0.1
+Camera.k2: 0.0
+Camera.p1: 0.0
+Camera.p2: 0.0
+Camera.width: 640
+Camera.height: 480
+Camera.bf: 40.0
+"""
+
+
+def imported(tmp_path: Path, text: str, number: int = 0, baseline_m: float | None = None) -> object:
+    file = tmp_path / "other.yaml"
+    file.write_text(text)
+    return CameraRecipe(**read_yaml(camera_yaml(file, number, baseline_m)[0])["camera"])
+
+
+def test_a_camchain(tmp_path: Path) -> None:
+    first = imported(tmp_path, KALIBR)
+    assert first == CameraRecipe(
+        width=512, height=500, fx=190.5, fy=190.8, cx=254.9, cy=256.8, bf=19.05,
+        distortion=(0.01, 0.02, 0.003, 0.0001), distortion_model="equidistant",
+    )  # fmt: skip
+    second = imported(tmp_path, KALIBR, 1, baseline_m=0.5)
+    assert second == CameraRecipe(
+        width=512, height=500, fx=200, fy=201, cx=250, cy=251, bf=100, distortion=(-0.2, 0.1, 0, 0)
+    )
+    with pytest.raises(SlambedError, match=r"a Kalibr camchain with 2 camera\(s\)"):
+        imported(tmp_path, KALIBR, 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "distortion"), [(OPENCV, (0.1, -0.2, 0, 0, 0.01)), (ROS, (0.1, 0, 0, 0, 0, 0.2, 0, 0))]
+)
+def test_opencv_and_ros(tmp_path: Path, text: str, distortion: tuple[float, ...]) -> None:
+    assert imported(tmp_path, text, 0, 0.1) == CameraRecipe(
+        width=640, height=480, fx=510, fy=520, cx=320, cy=240, bf=51, distortion=distortion
+    )
+
+
+def test_settings_of_orbslam(tmp_path: Path) -> None:
+    assert imported(tmp_path, ORBSLAM) == CameraRecipe(
+        width=640, height=480, fx=535.4, fy=539.2, cx=320.1, cy=247.6, bf=40,
+        distortion=(0.1, 0, 0, 0, 0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("equidistant", "fov", "cam0: distortion model 'fov' is not supported"),
+        ("camera_model: pinhole", "camera_model: ds", "cam0: camera model 'ds' is not supported"),
+        ("resolution", "size", "key 'resolution' is missing, which a Kalibr camchain has"),
+        ("[190.5,", "[x,", "not a Kalibr camchain: could not convert"),
+        ("cam0", "camera0", "this is no calibration"),
+        ("cam0:", "cam0: [", "other.yaml:.*: not YAML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+    with pytest.raises(SlambedError, match=complaint) as error:
+        imported(tmp_path, KALIBR.replace(old, new))
+    one_line(error)
+
+
+def test_the_command_prints_lines_for_a_dataset_file(tmp_path: Path) -> None:
+    (tmp_path / "chain.yaml").write_text(KALIBR)
+    code, out, err = slambed("data", "import-camera", "chain.yaml", cwd=tmp_path)
+    assert code == 0 and read_yaml(out)["camera"]["distortion_model"] == "equidistant"
+    assert "chain.yaml is a Kalibr camchain" in err

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No test takes longer than its limit: `timeout` in pyproject.toml, or the mark of that name.
+
+pytest-timeout reads those and says when a test begins and ends. What strikes is here, because its
+own alarm strikes once and is taken back as soon as a test has failed: what waits in a `finally`, in
+a fixture that is taken down after a failure or behind an `except BaseException` would go on for
+ever. This alarm strikes again until the test is done, and ends the process where nothing helps.
+"""
+
+import faulthandler
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import pytest
+import pytest_timeout
+
+AGAIN_S = 60.0
+"""So long after it has struck the alarm strikes again."""
+LAST_S = 300.0
+"""So long after its limit, what no alarm ends, such as C code that does not return, ends with its
+process."""
+EXIT_S = 60.0
+"""A process that is done with all tests has this long to end: a thread may not let it."""
+
+
+@dataclass
+class Limit:
+    """Of one test."""
+
+    item: pytest.Item
+    seconds: float
+    began_s: float = field(default_factory=time.monotonic)
+    works: bool = False
+    """The test, or a fixture of it."""
+    struck: str = ""
+    """What it says, until a report tells it."""
+
+    def start(self, stderr: int) -> None:
+        """Sets the alarm, which may have been taken back meanwhile."""
+        left_s = self.seconds - (time.monotonic() - self.began_s)
+        signal.setitimer(signal.ITIMER_REAL, left_s if left_s > 0 else AGAIN_S, AGAIN_S)
+        last_s = max(left_s + LAST_S, AGAIN_S)
+        faulthandler.dump_traceback_later(last_s, exit=True, file=stderr)
+
+    def strike(self) -> None:
+        """Fails the test where it stands; whoever else works now, pytest itself, is left alone."""
+        __tracebackhide__ = True
+        if not self.works or pytest_timeout.is_debugging():
+            return
+        passed_s = time.monotonic() - self.began_s
+        self.struck = (
+            f"the limit of {self.seconds:g} s is over: {self.item.nodeid} is not done "
+            f"after {passed_s:.0f} s"
+        )
+        self.item.add_report_section("at the limit", "stacks", _stacks())
+        pytest.fail(self.struck)
+
+
+def _stacks() -> str:
+    """Of all threads."""
+    with tempfile.TemporaryFile("w+") as file:
+        faulthandler.dump_traceback(file)
+        file.seek(0)
+        return file.read()
+
+
+class TimeLimit:
+    """A plugin."""
+
+    def __init__(self) -> None:
+        # pytest captures what tests write to the other one.
+        self._stderr = os.dup(2)
+        self._limit: Limit | None = None
+
+    def pytest_timeout_set_timer(
+        self, item: pytest.Item, settings: pytest_timeout.Settings
+    ) -> bool:
+        self._limit = limit = Limit(item, settings.timeout)
+        signal.signal(signal.SIGALRM, lambda *_: limit.strike())
+        limit.start(self._stderr)
+        return True
+
+    def pytest_timeout_cancel_timer(self, item: pytest.Item) -> bool:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        faulthandler.cancel_dump_traceback_later()
+        return True
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_exception_interact(self, node: pytest.Item) -> None:
+        """Here pytest and pytest-timeout take alarms back, for whoever debugs now; but what is
+        taken down after a failure may hang as well."""
+        if self._limit is not None and self._limit.item is node:
+            self._limit.start(self._stderr)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_setup(self) -> Iterator[None]:
+        with self._at_work():
+            return (yield)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self) -> Iterator[None]:
+        with self._at_work():
+            return (yield)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_teardown(self) -> Iterator[None]:
+        with self._at_work():
+            return (yield)
+
+    @contextmanager
+    def _at_work(self) -> Iterator[None]:
+        if self._limit is None:  # --timeout=0
+            yield
+            return
+        self._limit.works = True
+        try:
+            yield
+        finally:
+            self._limit.works = False
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[None]:
+        """A test that caught what the alarm raised has failed all the same."""
+        report = yield
+        if self._limit is not None and self._limit.struck:
+            if report.outcome != "failed":
+                report.outcome, report.longrepr = "failed", self._limit.struck
+            self._limit.struck = ""
+        return report
+
+    def pytest_unconfigure(self) -> None:
+        faulthandler.dump_traceback_later(EXIT_S, exit=True, file=self._stderr)
