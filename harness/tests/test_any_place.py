@@ -59,7 +59,16 @@ def usual(experiment: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     return poses(experiment, tmp_path_factory.mktemp("usual results"))
 
 
-@pytest.mark.parametrize("place", PLACES)
+IN_THE_GATE = "no HOME"
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        pytest.param(name, marks=[] if name == IN_THE_GATE else pytest.mark.nightly)
+        for name in PLACES
+    ],
+)
 def test_the_same_bytes_come_out(
     experiment: Path, tmp_path: Path, usual: dict[str, str], place: str
 ) -> None:
