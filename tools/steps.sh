@@ -31,7 +31,9 @@ start_lane() {
   local name=$1 limit_s=${SLAMBED_LANE_LIMIT_S:-$2}
   mkdir -p "$logs/standing/$name"
   echo "$limit_s" >"$logs/limit_$name"
-  SLAMBED_STANDING=$logs/standing/$name setsid timeout --verbose --kill-after=${SLAMBED_KILL_AFTER_S:-30} "$limit_s" bash -c "$3" >"$logs/lane_$name" 2>&1 &
+  # Whoever follows it may be quicker than the lane.
+  : >"$logs/lane_$name"
+  SLAMBED_STANDING=$logs/standing/$name setsid timeout --verbose --kill-after=${SLAMBED_KILL_AFTER_S:-30} "$limit_s" bash -c "$3" >>"$logs/lane_$name" 2>&1 &
   lanes+=($!)
   echo $! >"$logs/pid_$name"
 }

@@ -133,5 +133,7 @@ class TimeLimit:
             self._limit.struck = ""
         return report
 
-    def pytest_unconfigure(self) -> None:
+    def pytest_unconfigure(self, config: pytest.Config) -> None:
+        if hasattr(config, "workerinput"):
+            return  # pytest-xdist's workers wait for each other, and are ended by who started them
         faulthandler.dump_traceback_later(EXIT_S, exit=True, file=self._stderr)

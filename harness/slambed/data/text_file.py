@@ -63,14 +63,19 @@ def fields(line: str) -> list[str]:
 def table_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Number (from 1) and text of each line with content: neither comment nor, as the first one,
     the names of the columns."""
-    first = True
+    header, rows = None, 0
     for number, line in enumerate(read_lines(path), 1):
         words = fields(line)
         if not words:
             continue
-        if not (first and is_header(words)):
-            yield number, line
-        first = False
+        if header is None and not rows and is_header(words):
+            header = number, line
+            continue
+        rows += 1
+        yield number, line
+    # Over no row it is no header: whoever reads the file says what is wrong with that line.
+    if header is not None and not rows:
+        yield header
 
 
 def is_header(words: list[str]) -> bool:
