@@ -225,8 +225,10 @@ def terminal_summary(
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
     if len(notes) > MOST_TERMINAL_LINES:
         parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))
-    parts.append(Text(f"report: {(place or experiment_dir) / 'report' / 'index.html'}"))
+    # A path that is broken in two cannot be copied.
+    page = f"report: {(place or experiment_dir) / 'report' / 'index.html'}"
+    parts.append(Text(page, no_wrap=True, overflow="ignore"))
     group = Group(*parts)
     if console is not None:
-        console.print(group)
+        console.print(group, crop=False)
     return group
