@@ -44,9 +44,10 @@ def simulated_s() -> float:
 
 
 def main() -> None:
-    from slambed.campaign import processes, run
+    from slambed.campaign import processes
+    from slambed.campaign import run_experiment as run
     from slambed.campaign.processes import ProcessExecutor
-    from slambed.report.run import show_report
+    from slambed.commands.run_and_report import show_report
     from slambed.spec.run_spec import RunSpec
     from slambed.terminal import console
 

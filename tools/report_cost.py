@@ -84,7 +84,12 @@ def main() -> None:
         folder = multiply(source, Path(scratch), runs, cells)
         for which in ("first", "again"):
             before = os.times()
-            called = [sys.executable, "-c", "from slambed.cli import main; main()", "report"]
+            called = [
+                sys.executable,
+                "-c",
+                "from slambed.commands.main import main; main()",
+                "report",
+            ]
             subprocess.run([*called, str(folder)], check=True, stdout=subprocess.DEVNULL)
             after = os.times()
             cpu_s = after.children_user + after.children_system

@@ -25,7 +25,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from slambed.cli import run_command
+from slambed.commands.main import run_command
 from slambed.data.catalog import Catalog
 from slambed.errors import SlambedError
 from slambed.spec.input_recipe import YIELDED

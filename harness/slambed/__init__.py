@@ -15,7 +15,7 @@ def __getattr__(name: str) -> Any:
     """What is for notebooks stands above everything that imports this file: it is loaded when
     asked for."""
     if name in FOR_NOTEBOOKS:
-        return getattr(import_module("slambed.report.notebook"), name)
+        return getattr(import_module("slambed.notebook"), name)
     raise AttributeError(f"module 'slambed' has no attribute '{name}'")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
-from slambed.record_tables import RECORDS, record_table
+from slambed.schema.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
 from slambed.spec.linked import below, floors_of
 from slambed.spec.parameter_header import HEADER, parameter_header

@@ -8,6 +8,6 @@ from slambed.isolation import isolate
 def main() -> None:
     """The `slambed` command, with the packages of its own environment."""
     isolate()
-    from slambed.cli import main as slambed
+    from slambed.commands.main import main as slambed
 
     slambed()

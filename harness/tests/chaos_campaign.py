@@ -34,7 +34,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.engines.lock_file import default_lock_path
 from slambed.errors import ExitCode
 
-COMMAND = "from slambed.cli import main; main()"
+COMMAND = "from slambed.commands.main import main; main()"
 MOST_HELD_S = 1.5
 """How long something stays stopped, or the disk bad."""
 MOST_WORKERS = 3

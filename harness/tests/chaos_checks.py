@@ -19,7 +19,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.store import LOCK, WORK
 from slambed.engines.base import LABEL
 from slambed.engines.cgroups import CgroupMaker
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.metrics.digest import digest
 
 ALWAYS = ("manifest.json", "summary.json")

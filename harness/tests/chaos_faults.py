@@ -48,7 +48,7 @@ def _is_in(process: psutil.Process, group: str) -> bool:
 
 MARKS = {
     "slambed.engines.attend": "sampler",
-    "slambed.campaign.link_helper": "helper container",
+    "slambed.link.link_helper": "helper container",
     "slambed-relay": "relay",
     "slambed-pace": "metronome",
     "slambed-sim": "node",

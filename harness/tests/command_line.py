@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from unittest.mock import patch
 
-from slambed.cli import run_command
+from slambed.commands.main import run_command
 
 
 def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str, str]:
@@ -32,7 +32,7 @@ def slambed_process(
 ) -> tuple[int, str, str]:
     """The same as users start it."""
     done = subprocess.run(
-        [sys.executable, "-c", "from slambed.cli import main; main()", *arguments],
+        [sys.executable, "-c", "from slambed.commands.main import main; main()", *arguments],
         capture_output=True,
         text=True,
         cwd=cwd,

@@ -10,7 +10,7 @@ from typing import Any
 from results_factory import RawRun, spec_of, write_raw
 
 from slambed.metrics.catalog import METRICS_VERSION
-from slambed.metrics.run import summarise_run
+from slambed.metrics.run_summary import summarise_run
 from slambed.spec.faults import Fault
 
 KEPT = Path(__file__).parent / "kept_summary.json"

@@ -15,8 +15,8 @@ from slambed.engines.faults import write_planned
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.collect import keep_groundtruth
 from slambed.metrics.parquet import to_parquet
-from slambed.metrics.run import summarise_run
 from slambed.metrics.run_data import RunData
+from slambed.metrics.run_summary import summarise_run
 from slambed.records.kept_spec import KeptSpec
 from slambed.spec.faults import Fault
 

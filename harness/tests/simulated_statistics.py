@@ -12,9 +12,9 @@ from slambed.metrics.catalog import metric
 from slambed.metrics.changes import paired_share_change, share_change, shift
 from slambed.metrics.comparison import holm, signed_rank
 from slambed.metrics.statistics import Interval, interval
-from slambed.report.gate import ALPHA, is_relevant
-from slambed.report.nights import paired_p, worsening_p
-from slambed.report.verdicts.means import Effect, decide, effects, margin_bound
+from slambed.papers.verdicts.means import Effect, decide, effects, margin_bound
+from slambed.regression.gate import ALPHA, is_relevant
+from slambed.regression.nights import paired_p, worsening_p
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.errors import ExitCode
 
 pytestmark = needs_programs
-SLAMBED = [sys.executable, "-c", "from slambed.cli import main; main()"]
+SLAMBED = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
 PLACES: dict[str, dict[str, str]] = {
     "usual": {},
     "no HOME": {"HOME": ""},

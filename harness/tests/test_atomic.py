@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from slambed.atomic import lock_file, replacing
+from slambed.files.atomic import lock_file, replacing
 
 
 def names(folder: Path) -> list[str]:
@@ -17,7 +17,7 @@ def names(folder: Path) -> list[str]:
 
 def another_process(path: Path, lines: str, rivals: bool = False) -> int:
     """What it ends with after these lines of Python, within the block that writes `path`."""
-    script = "import os, signal, sys, pathlib\nfrom slambed.atomic import replacing\n"
+    script = "import os, signal, sys, pathlib\nfrom slambed.files.atomic import replacing\n"
     script += f"with replacing(pathlib.Path(sys.argv[1]), rivals={rivals}) as out:\n    {lines}\n"
     return subprocess.run([sys.executable, "-c", script, str(path)], check=False).returncode
 

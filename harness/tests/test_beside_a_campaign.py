@@ -19,10 +19,10 @@ from waiting import LIMIT_S
 from slambed.campaign import choose, live_plan
 from slambed.campaign.plan import check
 from slambed.campaign.store import RunStore
+from slambed.commands import run_and_report as reporting
 from slambed.engines import host_lock as locking
 from slambed.engines.host_lock import host_lock
 from slambed.errors import ExitCode, SlambedError
-from slambed.report import run as reporting
 from slambed.spec.library import Library
 
 LIVE = """\

@@ -16,8 +16,8 @@ from virtual_parts import make_sequence, needs_programs
 
 from slambed.errors import SlambedError
 from slambed.native import find_program, repository_root
-from slambed.report.bisect import Bisected, Commit, Judge, SkippedError, bisect
-from slambed.report.candidates import RECORD, TREE, Repository, Workshop
+from slambed.regression.bisect import Bisected, Commit, Judge, SkippedError, bisect
+from slambed.regression.candidates import RECORD, TREE, Repository, Workshop
 from slambed.report.load import Results, load
 from slambed.spec.software import STAMP
 
@@ -184,8 +184,12 @@ def test_a_planted_default_is_found_and_what_was_measured_is_kept(
 ) -> None:
     good = clone.head
     clone.words("Words before")
-    clone.change("Break the harness", "harness/slambed/cli.py", lambda text: "1 / 0\n" + text)
-    clone.change("Mend it", "harness/slambed/cli.py", lambda text: text.removeprefix("1 / 0\n"))
+    clone.change(
+        "Break the harness", "harness/slambed/commands/main.py", lambda text: "1 / 0\n" + text
+    )
+    clone.change(
+        "Mend it", "harness/slambed/commands/main.py", lambda text: text.removeprefix("1 / 0\n")
+    )
     planted = clone.features(2000)
     clone.words("Words behind")
     bad = clone.words("More words behind")

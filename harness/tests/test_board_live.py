@@ -149,7 +149,7 @@ def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
 def campaign_on(board: StandInBoard, arguments: list[str]) -> "subprocess.Popen[str]":
     """One whose mobile node is at work on the board."""
     process = subprocess.Popen(
-        [sys.executable, "-c", "from slambed.cli import main; main()", *arguments],
+        [sys.executable, "-c", "from slambed.commands.main import main; main()", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -7,9 +7,9 @@ import pytest
 from command_line import slambed
 from pydantic import ValidationError
 
-from slambed.campaign.links import read_profile
 from slambed.campaign.plan import check, notes
 from slambed.errors import ExitCode, SlambedError
+from slambed.link.named_profile import read_profile
 from slambed.spec.board import Board, RoleHost
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, expand, read_profiles

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from command_line import refused, slambed
 
-from slambed.data import cache_cli
+from slambed.commands import cache as cache_cli
 from slambed.data.places import MADE_AGAIN
 from slambed.errors import ExitCode
 

@@ -13,11 +13,11 @@ from slambed.calibrate.match import Fit, scaled, solve
 from slambed.calibrate.seen import Seen, look
 from slambed.calibrate.targets import Component, Targets
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import load_yaml, parse
 from slambed.metrics.events import EventLog
 from slambed.native import repository_root
 from slambed.spec.device import StageCost
 from slambed.spec.library import Library
-from slambed.yaml_source import load_yaml, parse
 
 FITS = repository_root() / "devices" / "fits"
 

@@ -4,8 +4,8 @@
 import pytest
 
 from slambed.campaign.runner import Verdict
+from slambed.commands.run_and_report import raise_unless_good
 from slambed.errors import ExitCode, SlambedError
-from slambed.report.run import raise_unless_good
 
 GOOD = Verdict(done=3, trusted=3)
 

@@ -168,10 +168,10 @@ def test_no_docker_is_one_line() -> None:
 def test_a_bug_is_one_line_too() -> None:
     code = """
 import sys
-import slambed.doctor
-from slambed import cli
-slambed.doctor.examine = lambda: 1 / 0
-sys.exit(cli.run_command(["doctor"]))
+import slambed.commands.doctor
+from slambed.commands import main
+slambed.commands.doctor.examine = lambda: 1 / 0
+sys.exit(main.run_command(["doctor"]))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == ExitCode.INTERNAL

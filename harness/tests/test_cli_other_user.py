@@ -23,7 +23,7 @@ import slambed
 # Python itself may lie where nobody else can read, so all of it is loaded before.
 for module in pkgutil.walk_packages(slambed.__path__, "slambed."):
     importlib.import_module(module.name)
-from slambed.cli import run_command
+from slambed.commands.main import run_command
 os.chdir(sys.argv[1])
 os.setgroups([]); os.setgid(65534); os.setuid(65534)
 sys.exit(run_command(sys.argv[2:]))

@@ -106,7 +106,7 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
         client.wait_for_workers(2, timeout=STARTS_S)
         addresses = {info["name"]: a for a, info in client.scheduler_info()["workers"].items()}
         campaign = subprocess.Popen(
-            [sys.executable, "-c", "from slambed.cli import main; main()", *command],
+            [sys.executable, "-c", "from slambed.commands.main import main; main()", *command],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

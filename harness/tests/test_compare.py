@@ -11,20 +11,20 @@ import pyarrow.parquet as pq
 import pytest
 
 from slambed.errors import SlambedError
-from slambed.report.compare import Column, PaperVerdicts, compare_paper, comparison_table
-from slambed.report.fits import Fit, read_fits
-from slambed.report.fitted import far_off
-from slambed.report.judged import Judged
+from slambed.papers.compare import Column, PaperVerdicts, compare_paper, comparison_table
+from slambed.papers.experiment_tables import comparisons_for
+from slambed.papers.fits import Fit, read_fits
+from slambed.papers.fitted import far_off
+from slambed.papers.judged import Judged
+from slambed.papers.lookup import Found, Pool, pool_of
+from slambed.papers.measured import Measured
+from slambed.papers.paper_runs import experiments_of
+from slambed.papers.peer import peer_tables
+from slambed.papers.published import Paper, cells_of, read_paper, read_papers
+from slambed.papers.published.mapping import OtherReading
+from slambed.papers.verdicts.means import judge_mean
+from slambed.papers.verdicts.model import Mean
 from slambed.report.load import Results
-from slambed.report.lookup import Found, Pool, pool_of
-from slambed.report.measured import Measured
-from slambed.report.paper_runs import experiments_of
-from slambed.report.papers import Paper, cells_of, read_paper, read_papers
-from slambed.report.papers.mapping import OtherReading
-from slambed.report.peer import peer_tables
-from slambed.report.published import comparisons_for
-from slambed.report.verdicts.means import judge_mean
-from slambed.report.verdicts.model import Mean
 
 OFFICE = "fr3_long_office_household"
 

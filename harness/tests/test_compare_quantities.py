@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from test_compare import column_of, results_of, runs_of, told
 
+from slambed.papers.published import Paper, read_papers
 from slambed.report.load import Results
-from slambed.report.papers import Paper, read_papers
 
 SYSTEMS = {
     ("edgeslam", "conventional"),

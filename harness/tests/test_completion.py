@@ -11,8 +11,8 @@ import pytest
 import typer
 from command_line import slambed, slambed_process
 
-from slambed import cli
-from slambed.completion import TAKES, VALUES, Asked, asked, names_for
+from slambed.commands import main as cli
+from slambed.commands.completion import TAKES, VALUES, Asked, asked, names_for
 from slambed.spec.library import Library
 
 
@@ -119,7 +119,7 @@ def test_names_load_no_commands_module() -> None:
     """What makes it fast: seconds of imports are left out."""
     code = """
 import sys
-from slambed.cli import run_command
+from slambed.commands.main import run_command
 try:
     run_command([])
 except SystemExit:
@@ -138,9 +138,9 @@ def test_help_and_a_mistyped_name_load_no_more_than_commands() -> None:
     """A module of commands loads what it needs when one is executed: all of it takes seconds."""
     code = """
 import sys
-from slambed.cli import COMMANDS, run_command
+from slambed.commands.main import COMMANDS, run_command
 assert run_command([sys.argv[1]]) == int(sys.argv[2])
-assert all(f"slambed.{place.partition(':')[0]}" in sys.modules for place in COMMANDS.values())
+assert all(f"slambed.commands.{place.partition(':')[0]}" in sys.modules for place in COMMANDS.values())
 print([name for name in ("numpy", "pandas", "scipy", "yaml") if name in sys.modules])
 """
     for word, ends_with in (("--help", "0"), ("reprot", "2")):
@@ -171,7 +171,7 @@ def test_bash_completes_with_what_was_installed(tmp_path: Path) -> None:
     """From --install-completion in a real bash to the names in its COMPREPLY."""
     (tmp_path / "bin").mkdir()
     program = tmp_path / "bin" / "slambed"
-    program.write_text(f"#!{sys.executable}\nfrom slambed.cli import main\nmain()\n")
+    program.write_text(f"#!{sys.executable}\nfrom slambed.commands.main import main\nmain()\n")
     program.chmod(0o755)
     environment = os.environ | {
         "HOME": str(tmp_path), "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}",

@@ -9,10 +9,10 @@ from pydantic import ValidationError
 
 from slambed.calibrate.device_file import write_model
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import read_model
 from slambed.native import repository_root
 from slambed.spec.device import Accelerator, CostModel, Device, StageCost
 from slambed.spec.library import Library
-from slambed.yaml_source import read_model
 
 DEVICE = """\
 # SPDX-License-Identifier: Apache-2.0

@@ -17,12 +17,12 @@ from results_factory import RawRun, spec_of, write_experiment
 from rich.console import Console
 
 from slambed.errors import SlambedError
-from slambed.report import diff_page
-from slambed.report.diff import Change, diff_json, diff_table
-from slambed.report.diff import diff as diff_of
-from slambed.report.diff_page import relative, write_diff_page
+from slambed.regression import diff_page
+from slambed.regression.diff import Change, diff_json, diff_table
+from slambed.regression.diff import diff as diff_of
+from slambed.regression.diff_page import relative, write_diff_page
+from slambed.regression.diff_sides import Sides
 from slambed.report.load import Results, load
-from slambed.report.sides import Sides
 from slambed.spec.device import VIRTUAL
 
 PAIRS = 100

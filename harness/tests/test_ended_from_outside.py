@@ -13,9 +13,9 @@ from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
 from test_engine_local import Bench
 from waiting import beside, until
 
-from slambed.endings import ended_from_outside, signal_of
 from slambed.engines import launcher, local
 from slambed.errors import KilledError, PassingError, environment_error
+from slambed.process.endings import ended_from_outside, signal_of
 
 
 @pytest.fixture

@@ -24,9 +24,7 @@ from waiting import beside, until
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.links import read_profile
 from slambed.campaign.live_executor import LiveExecutor
-from slambed.campaign.remote_link import HelperLinks
 from slambed.campaign.runner import Runner
 from slambed.engines.base import LABEL, NodePlan
 from slambed.engines.docker import DockerEngine
@@ -35,6 +33,8 @@ from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.link.named_profile import read_profile
+from slambed.link.remote_link import HelperLinks
 from slambed.sampling.cgroup import paths_of
 from slambed.spec.device import Limits
 from slambed.spec.experiment import Playback

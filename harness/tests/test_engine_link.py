@@ -12,15 +12,15 @@ from virtual_parts import Quiet
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.links import backend_for, read_profile
 from slambed.campaign.live_executor import LiveExecutor
-from slambed.campaign.remote_link import HelperLinks
-from slambed.campaign.run_link import RunLink, open_for_run
 from slambed.campaign.runner import Runner
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.errors import SlambedError
+from slambed.link.named_profile import backend_for, read_profile
 from slambed.link.relay import RelayShaper
+from slambed.link.remote_link import HelperLinks
+from slambed.link.run_link import RunLink, open_for_run
 from slambed.native import find_program
 from slambed.spec.experiment import Playback
 from slambed.spec.run_spec import LinkSpec

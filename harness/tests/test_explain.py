@@ -15,8 +15,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from virtual_parts import EXPERIMENT, make_sequence, needs_programs, write_experiment
 
+from slambed.commands.explain import choose_window
 from slambed.errors import ExitCode, SlambedError
-from slambed.explain.cli import choose_window
 from slambed.explain.picture import LOSS_COLOUR, STATE_COLOURS, Window, figure_of
 from slambed.explain.run_log import RunLog, read_run
 from slambed.explain.story import story

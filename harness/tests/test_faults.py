@@ -13,10 +13,10 @@ import pytest
 from harness_parts import EXPERIMENT, run_spec
 from test_spec import HOST, complaint, complaint_of, matrix, named
 
-from slambed.campaign.links import backend_for, read_profile
 from slambed.engines.faults import FaultDriver, RunEdge, steps, write_planned
 from slambed.engines.virtual import sim_config
 from slambed.errors import ExitCode, SlambedError
+from slambed.link.named_profile import backend_for, read_profile
 from slambed.link.profile import parse_profile
 from slambed.metrics.events import read_events
 from slambed.metrics.faults import faults_in_words, spans

@@ -14,7 +14,7 @@ from harness_parts import needs_root, run_spec
 from test_data_export import write_stereo
 from test_foreign import MINE, write_system
 
-from slambed.campaign.left_poses import (
+from slambed.campaign.foreign_trajectory import (
     check_rotations,
     frames_of,
     read_poses,
@@ -26,8 +26,8 @@ from slambed.engines.base import NodePlan
 from slambed.engines.foreign import container_options, environment, player_arguments
 from slambed.engines.result import RunResult, time_limit_s
 from slambed.errors import SlambedError
-from slambed.metrics.run import summary_of
 from slambed.metrics.run_data import RunData
+from slambed.metrics.run_summary import summary_of
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
 from slambed.spec.device import Limits

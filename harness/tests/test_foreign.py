@@ -19,8 +19,8 @@ from slambed.engines.foreign import container_options, environment, player_argum
 from slambed.errors import SlambedError
 from slambed.link.record import LinkDetails, LinkFacts
 from slambed.metrics.declared import described_by
-from slambed.metrics.run import summary_of
 from slambed.metrics.run_data import RunData
+from slambed.metrics.run_summary import summary_of
 from slambed.native import repository_root
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest

@@ -11,9 +11,9 @@ from command_line import slambed
 from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import holm
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
-from slambed.report import nights
-from slambed.report.gate import ALPHA, append_history, is_relevant, judge, read_runs
-from slambed.report.nights import worsening_p
+from slambed.regression import nights
+from slambed.regression.gate import ALPHA, append_history, is_relevant, judge, read_runs
+from slambed.regression.nights import worsening_p
 
 NIGHTS, CELLS, RUNS = 1000, 6, 10
 # Metric and the spread of one run in a quiet lab (share of the value).

@@ -9,7 +9,7 @@ from harness_parts import needs_root
 
 from slambed.calibrate.host import HostMeasurement, measure_host
 from slambed.calibrate.limits import expected_cores, measure_limits, quiet_host
-from slambed.cli import run_command
+from slambed.commands.main import run_command
 from slambed.engines.attendant import free_cpus, metronome_cpus
 from slambed.engines.local import LocalEngine
 from slambed.errors import SlambedError

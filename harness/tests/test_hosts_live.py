@@ -74,7 +74,7 @@ def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
     folder = ResultFolder(tmp_path / "results" / "walk")
     ledger = Ledger(folder.path / "ledger.jsonl")
     campaign = subprocess.Popen(
-        [sys.executable, "-c", "from slambed.cli import main; main()", *command],
+        [sys.executable, "-c", "from slambed.commands.main import main; main()", *command],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -135,7 +135,13 @@ def test_a_host_that_another_campaign_has_is_refused_in_a_line(
         )
         assert dry == ExitCode.OK and f"{RUNS} runs to execute" in out, told
         with subprocess.Popen(
-            [sys.executable, "-c", "from slambed.cli import main; main()", *command, "--wait"],
+            [
+                sys.executable,
+                "-c",
+                "from slambed.commands.main import main; main()",
+                *command,
+                "--wait",
+            ],
             stdout=subprocess.PIPE,
             text=True,
             env=os.environ | {"SLAMBED_CACHE": str(tmp_path / "cache")},

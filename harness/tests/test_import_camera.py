@@ -12,7 +12,7 @@ from data_samples import one_line
 from slambed.data.import_camera import camera_yaml
 from slambed.data.recipe import CameraRecipe
 from slambed.errors import SlambedError
-from slambed.yaml_text import read_yaml
+from slambed.files.yaml_text import read_yaml
 
 KALIBR = """cam0:
   camera_model: pinhole

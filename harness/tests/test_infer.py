@@ -12,6 +12,7 @@ import pytest
 from scipy import special, stats
 
 from slambed.infer.design import Point, printed_point, rounds_of, spread
+from slambed.infer.inference_plan import Criterion, Form, OpenItem
 from slambed.infer.mixture import (
     Counts,
     best_possible,
@@ -21,10 +22,9 @@ from slambed.infer.mixture import (
     predict_share,
     weights_of,
 )
-from slambed.infer.plan import Criterion, Form, OpenItem
 from slambed.infer.search import Fit, search
 from slambed.infer.success import Beside, judge
-from slambed.report.verdicts.model import Mean, Share
+from slambed.papers.verdicts.model import Mean, Share
 
 ALONE = np.ones(1)
 

@@ -14,12 +14,12 @@ from command_line import refused
 from infer_parts import plan_content
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.infer.inference_plan import FOLDER, find_plan
 from slambed.infer.keys import Key, split_key
-from slambed.infer.plan import FOLDER, find_plan
 from slambed.infer.registered import Registration, commit_of, registered_lines
 from slambed.infer.rows import changed_device
 from slambed.native import repository_root
-from slambed.report.papers import cells_of, read_papers
+from slambed.papers.published import cells_of, read_papers
 from slambed.spec.device import CostModel, Device, DeviceChange, Limits, StageCost
 
 Change = Callable[[dict[str, Any]], object]

@@ -98,7 +98,7 @@ def test_a_compiler_of_ones_own_is_taken_and_told() -> None:
 
 FONTS = """
 import os
-from slambed.font_caches import settle_font_caches
+from slambed.commands.font_caches import settle_font_caches
 os.setgroups([]); os.setgid(65534); os.setuid(65534)
 settle_font_caches()
 place = os.environ["XDG_CACHE_HOME"]

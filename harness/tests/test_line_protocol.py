@@ -11,7 +11,7 @@ import pytest
 
 from slambed.engines.attend_messages import REQUESTS, Follow, Start, Stop
 from slambed.errors import ExitCode, PassingError, SlambedError
-from slambed.line_protocol import (
+from slambed.process.line_protocol import (
     Failure,
     LineProcess,
     LineReader,
@@ -25,7 +25,7 @@ from slambed.line_protocol import (
 PEER = """
 import sys
 from slambed.errors import PassingError, SlambedError
-from slambed.line_protocol import Failure, LineReader, tell
+from slambed.process.line_protocol import Failure, LineReader, tell
 requests = LineReader(0)
 while (line := requests.next(None)) is not None:
     if b"twice" in line:

@@ -23,7 +23,7 @@ from slambed.link.netlink import NetemSettings
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.scratch import two_namespaces
 from slambed.link.traffic import TcpFollower, one_way
-from slambed.namespaces import inside
+from slambed.process.namespaces import inside
 
 Ends = tuple[Path, Path]
 

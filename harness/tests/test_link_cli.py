@@ -9,9 +9,9 @@ import pytest
 from link_parts import needs_relay
 from typer.testing import CliRunner
 
+from slambed.commands.link import app as link_app
+from slambed.commands.profiles import app
 from slambed.errors import SlambedError
-from slambed.link.cli import app as link_app
-from slambed.link.profiles_cli import app
 from slambed.native import repository_root
 
 RUNNER = CliRunner()

@@ -30,8 +30,8 @@ from slambed.link.relay import RelayShaper
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import DEVICE, LinkOptions, LinkSession
 from slambed.link.traffic import TCPI_RTT_OFFSET, one_way, tcp_throughput_mbps
-from slambed.namespaces import inside
 from slambed.native import find_program
+from slambed.process.namespaces import inside
 
 pytestmark = needs_relay
 Ends = tuple[Path, Path]

@@ -13,7 +13,7 @@ from wall_walk import write_walk
 from slambed.errors import ExitCode
 from slambed.metrics.events import EventLog
 from slambed.metrics.losses import Cause, losses_of, sentence
-from slambed.report.losses import LostRun, all_by_cause, by_cause
+from slambed.report.loss_table import LostRun, all_by_cause, by_cause
 
 
 def frame(t_s: float, state: str = "ok", **more: Any) -> dict[str, Any]:

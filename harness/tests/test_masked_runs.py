@@ -13,7 +13,7 @@ from harness_parts import run_spec
 from virtual_parts import fingerprints, make_sequence, needs_programs, plan_of
 
 from slambed.campaign.folder import ResultFolder
-from slambed.cli import run_command
+from slambed.commands.main import run_command
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
 from slambed.native import find_program

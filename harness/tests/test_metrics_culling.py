@@ -12,7 +12,7 @@ from results_factory import RawRun, spec_of, write_raw
 
 from slambed.errors import SlambedError
 from slambed.metrics.culling import Culling, culling_of, widened
-from slambed.metrics.run import summarise_run
+from slambed.metrics.run_summary import summarise_run
 from slambed.segment.frame_file import MASKS, encode_frames
 from slambed.segment.instances import Instance, Mask, Segmented
 from slambed.segment.mask_cache import LABELS_FILE, LABELS_KEY, encode_frame

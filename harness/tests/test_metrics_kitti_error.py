@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from slambed.data.trajectory import EMPTY, Trajectory
 from slambed.metrics.kitti_error import kitti_error
-from slambed.metrics.run import summarise_run
+from slambed.metrics.run_summary import summarise_run
 
 
 def drive(metres: int, scale: float = 1.0, deg_per_m: float = 0.0) -> Trajectory:

@@ -22,7 +22,7 @@ from slambed.metrics.accuracy import (
 from slambed.metrics.device_share import device_cores
 from slambed.metrics.loss_times import in_window, loss_times_of, loss_times_text
 from slambed.metrics.reference_path import error_to_reference, reference_of
-from slambed.metrics.run import summarise_run
+from slambed.metrics.run_summary import summarise_run
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
 from slambed.sampling.record import GrantedLimits, NodeLimits

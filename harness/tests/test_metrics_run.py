@@ -19,8 +19,8 @@ from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.network import rtt_proof, traffic
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.resources import resources_of
-from slambed.metrics.run import summarise_run, summarise_with_problems
 from slambed.metrics.run_data import RunData
+from slambed.metrics.run_summary import summarise_run, summarise_with_problems
 from slambed.metrics.stages import delays, stage_times
 from slambed.metrics.tracking import tracking_of
 from slambed.records.kept_spec import KeptSpec

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from results_factory import RawRun, spec_of, write_raw
 
-from slambed.metrics.run import summarise_run
+from slambed.metrics.run_summary import summarise_run
 
 EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from command_line import slambed
 
-from slambed.cli import COMMANDS
-from slambed.older_verbs import OLDER, renewed
+from slambed.commands.main import COMMANDS
+from slambed.commands.older_verbs import OLDER, renewed
 
 
 @pytest.mark.parametrize("name", OLDER)

@@ -18,12 +18,12 @@ import pytest
 from virtual_parts import make_sequence, needs_programs
 
 from slambed.campaign.runner import stop_on_signal
-from slambed.cli import main
+from slambed.commands.main import main
 from slambed.engines.virtual import as_child
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, REMEDIES, refused_write
 
-SLAMBED = [sys.executable, "-c", "from slambed.cli import main; main()"]
+SLAMBED = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
 LONG = """\
 id: long
 title: More runs than anybody waits for

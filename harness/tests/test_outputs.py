@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from slambed.errors import SlambedError
-from slambed.outputs import make_folder
+from slambed.files.outputs import make_folder
 
 NOBODY = 65534
 REFUSED, TAKEN = 42, 43

@@ -225,7 +225,7 @@ def test_a_page_follows_a_campaign(page: Page, address: str, results: Path) -> N
 
 
 def test_ctrl_c_ends_the_server_and_its_pages_say_so(page: Page, results: Path) -> None:
-    command = [sys.executable, "-c", "from slambed.cli import main; main()"]
+    command = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
     serve = [*command, "serve", "--port", "0", "--results", str(results)]
     with subprocess.Popen(
         serve, stdout=subprocess.PIPE, text=True,

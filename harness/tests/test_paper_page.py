@@ -10,15 +10,15 @@ import pytest
 from test_compare import DOCUMENTED, PAPER_CONVENTIONAL, PAPER_ENHANCED, results_of, table_2
 
 from slambed.errors import SlambedError
-from slambed.report import compare, paper_view
-from slambed.report.compare import compare_paper
-from slambed.report.fits import Fit
+from slambed.papers import compare, paper_view
+from slambed.papers.compare import compare_paper
+from slambed.papers.fits import Fit
+from slambed.papers.lookup import pool_of
+from slambed.papers.paper_claims import claim_lines, in_short
+from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
+from slambed.papers.paper_view import twelve_lines
+from slambed.papers.published import Paper, read_papers
 from slambed.report.load import Results
-from slambed.report.lookup import pool_of
-from slambed.report.paper_claims import claim_lines, in_short
-from slambed.report.paper_page import PaperPage, write_overview, write_paper_page
-from slambed.report.paper_view import twelve_lines
-from slambed.report.papers import Paper, read_papers
 
 
 class Anchors(HTMLParser):

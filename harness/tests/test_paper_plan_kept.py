@@ -12,11 +12,12 @@ import pytest
 from test_compare import PAPER_ENHANCED, table_2
 from typer.testing import CliRunner
 
-from slambed.report.compare import compare_paper
-from slambed.report.load import Results
-from slambed.report.lookup import pool_of
-from slambed.report.papers import Paper, read_papers
-from slambed.report.papers.plan import (
+from slambed.commands.papers import app
+from slambed.papers.compare import compare_paper
+from slambed.papers.lookup import pool_of
+from slambed.papers.power import costs, ordering_powers, seconds_per_run
+from slambed.papers.published import Paper, read_papers
+from slambed.papers.published.paper_plan import (
     PaperPlan,
     PlannedRuns,
     ReplacedPlan,
@@ -24,9 +25,8 @@ from slambed.report.papers.plan import (
     plans_of_today,
     read_plan,
 )
-from slambed.report.papers_cli import app
-from slambed.report.power import costs, ordering_powers, seconds_per_run
-from slambed.report.registered import plan_lines, plan_words
+from slambed.papers.registered import plan_lines, plan_words
+from slambed.report.load import Results
 
 WRITTEN = datetime(2026, 5, 1, tzinfo=UTC)
 

@@ -9,12 +9,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from slambed.commands.papers import app
 from slambed.errors import SlambedError
-from slambed.report.papers import Paper, read_paper, read_papers, table_cells
-from slambed.report.papers.checkout import Checkout
-from slambed.report.papers.lint import lint
-from slambed.report.papers.reading import papers_folder
-from slambed.report.papers_cli import app
+from slambed.papers.lint.checkout import Checkout
+from slambed.papers.lint.lint import lint
+from slambed.papers.published import Paper, read_paper, read_papers, table_cells
+from slambed.papers.published.reading import papers_folder
 from slambed.spec.library import Library
 
 Mistake = Callable[[dict[str, Any]], None]
@@ -265,7 +265,7 @@ def test_the_command_lists_mistakes_and_ends_with_1(monkeypatch: pytest.MonkeyPa
     content = raw("dynnetslam")
     content["metrics"]["ate_rmse"]["key"] = "ate_rms_m"
     wrong = Paper.model_validate(content)
-    monkeypatch.setattr("slambed.report.papers.reading.read_papers", lambda names: [wrong])
+    monkeypatch.setattr("slambed.papers.published.reading.read_papers", lambda names: [wrong])
     result = CliRunner().invoke(app, ["lint", "dynnetslam"])
     assert "dynnetslam, metrics, ate_rmse: no number of a run is called ate_rms_m" in result.output
     assert isinstance(result.exception, SlambedError)

@@ -6,9 +6,9 @@ from fnmatch import fnmatchcase
 import pytest
 
 from slambed.metrics.device_share import device_cores, share_of_device
+from slambed.papers.published import Cell, Paper, cells_of, read_papers, table_cells
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
-from slambed.report.papers import Cell, Paper, cells_of, read_papers, table_cells
 from slambed.spec.library import Library
 
 OTHER_READINGS = {"rpe_trans_rmse", "rpe_rot_rmse", "cpu_mobile_mean"}

@@ -10,15 +10,15 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from slambed.commands.papers import app
 from slambed.errors import SlambedError
-from slambed.report.papers import Cell, Paper, PaperPlan, cells_of, read_papers
-from slambed.report.papers.checkout import Checkout
-from slambed.report.papers.lint_plan import plan_problems
-from slambed.report.papers.plan import PlannedLater, frozen_digest, read_plan
-from slambed.report.papers.reading import papers_folder
-from slambed.report.papers_cli import app
-from slambed.report.verdicts.contrasts import Published, Step, power_of
-from slambed.report.verdicts.model import Mean, Share
+from slambed.papers.lint.checkout import Checkout
+from slambed.papers.lint.lint_plan import plan_problems
+from slambed.papers.published import Cell, Paper, PaperPlan, cells_of, read_papers
+from slambed.papers.published.paper_plan import PlannedLater, frozen_digest, read_plan
+from slambed.papers.published.reading import papers_folder
+from slambed.papers.verdicts.contrasts import Published, Step, power_of
+from slambed.papers.verdicts.model import Mean, Share
 from slambed.spec.library import Library
 
 POWER_ERROR = 0.03

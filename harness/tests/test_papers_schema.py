@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from slambed.report.papers import (
+from slambed.papers.published import (
     Claim,
     Contrast,
     Erratum,

@@ -14,7 +14,7 @@ from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.runner import Runner
 from slambed.data.playlist import offered_frames
 from slambed.data.prepared import PreparedSequence
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.native import find_program
 
 pytestmark = needs_programs

@@ -12,13 +12,13 @@ from harness_parts import run_spec
 
 from slambed.campaign.manifest import manifest
 from slambed.engines.result import RunResult
-from slambed.field_table import field_rows
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 from slambed.link.proof import LinkProof
 from slambed.link.record import LinkDetails, LinkFacts, RelaySummary
 from slambed.metrics.summary import Summary
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import EngineFacts, Manifest
+from slambed.schema.field_table import field_rows
 from slambed.spec.run_spec import RunSpec
 
 KEPT = Path(__file__).with_name("kept_manifest.json")

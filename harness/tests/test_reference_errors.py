@@ -12,8 +12,8 @@ from results_factory import RawRun, spec_of, write_raw
 from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.metrics.events import EventLog
 from slambed.metrics.reference_path import reference_errors, scored_part
-from slambed.metrics.run import summarise_run
 from slambed.metrics.run_data import REFERENCE_FILE
+from slambed.metrics.run_summary import summarise_run
 
 QUATERNION = np.array([[0, 0, 0, 1.0]])
 

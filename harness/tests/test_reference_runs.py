@@ -10,11 +10,11 @@ from path_files import write_path
 from results_factory import quickstart_like
 
 from slambed.data.trajectory import Trajectory, read_tum
+from slambed.papers.lookup import pool_of
+from slambed.papers.measured import measure
+from slambed.papers.published import Paper
+from slambed.papers.reference_runs import live_path, reference_errors
 from slambed.report.load import Results, load
-from slambed.report.lookup import pool_of
-from slambed.report.measured import measure
-from slambed.report.papers import Paper
-from slambed.report.reference_runs import live_path, reference_errors
 
 
 def shifted(path: Trajectory, by_m: float) -> Trajectory:

@@ -15,21 +15,21 @@ from command_line import refused, slambed
 from results_factory import quickstart_like
 from rich.console import Console
 
-from slambed.campaign.find_run import find_run
+from slambed.commands.find_run import find_run
+from slambed.commands.report_request import FIGURES
+from slambed.commands.run_and_report import show_report
 from slambed.errors import SlambedError
+from slambed.explain.view import view_of, write_png, write_rerun
 from slambed.metrics.catalog import SUMMARY_KEYS, keys_for
 from slambed.metrics.metric import Use
 from slambed.report import plots
-from slambed.report.asked import FIGURES
 from slambed.report.cells import cells_of, metrics_to_show
 from slambed.report.differences import difference_tables, differences
 from slambed.report.experiment import terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.page import cell
-from slambed.report.run import show_report
 from slambed.report.tables import Table, cell_tables
 from slambed.report.timeline import timeline_svg
-from slambed.report.view import view_of, write_png, write_rerun
 
 
 @pytest.fixture(scope="module")
@@ -225,7 +225,7 @@ def test_a_campaign_reads_its_runs_once_for_page_and_terminal(
     def once_more(folder: Path) -> None:
         raise AssertionError(f"{folder} is read once more")
 
-    for module in ("again", "experiment"):
+    for module in ("recompute", "experiment"):
         monkeypatch.setattr(f"slambed.report.{module}.load", once_more)
     monkeypatch.setattr("slambed.report.experiment.draw_all", lambda *_: plots.Drawn([], 0))
     console = Console(width=220, record=True)

@@ -19,9 +19,9 @@ from slambed.data.trajectory import Trajectory
 from slambed.metrics import catalog, run_data
 from slambed.metrics.catalog import METRICS_VERSION
 from slambed.metrics.digest import digest
-from slambed.report import again
-from slambed.report.again import prepared_truth, recompute, recompute_refused
+from slambed.report import recompute as again
 from slambed.report.load import load
+from slambed.report.recompute import prepared_truth, recompute, recompute_refused
 
 RUNS = [
     (spec_of(system, variant, "ramp_85", repetition),

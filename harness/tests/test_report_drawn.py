@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from results_factory import quickstart_like
 
-from slambed.report import drawn
+from slambed.report import figure_cache as drawn
 from slambed.report.experiment import write_report
 from slambed.report.style import ON_PAGES, FigureWriter
 

@@ -11,9 +11,9 @@ from command_line import refused, slambed
 from results_factory import quickstart_like
 from rich.console import Console
 
+from slambed.commands.run_and_report import show_report
 from slambed.errors import ExitCode
 from slambed.report import current, plots
-from slambed.report.run import show_report
 
 
 @pytest.fixture

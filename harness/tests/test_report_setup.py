@@ -16,8 +16,9 @@ from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
 from rich.console import Console
 
-from slambed.campaign.find_run import find_run
+from slambed.commands.find_run import find_run
 from slambed.data.trajectory import Trajectory, read_tum
+from slambed.explain.view import view_of, write_png
 from slambed.report.compute_times import compute_times
 from slambed.report.conditions import conditions_of
 from slambed.report.differences import difference_table, differences
@@ -28,7 +29,6 @@ from slambed.report.settings import settings_table
 from slambed.report.setup import setup_lines
 from slambed.report.style import FigureWriter, figure, from_zero_if_it_shows, legend_beneath
 from slambed.report.truth import truth_table
-from slambed.report.view import view_of, write_png
 from slambed.serve.experiment_view import Loaded
 
 PI = {"name": "raspberry_pi_4"}

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from results_factory import RawRun, spec_of, write_experiment
 from test_sweep import experiment_file, runs_of
 
+from slambed.regression.diff import diff
+from slambed.regression.diff_sides import Sides
 from slambed.report.cells import cells_of, metrics_to_show
-from slambed.report.diff import diff
 from slambed.report.experiment import write_report
 from slambed.report.figures.swept import MOST_LINES, Swept, _without, draw_swept, swept
 from slambed.report.load import Results, load
-from slambed.report.sides import Sides
 from slambed.report.style import FigureWriter, lay_out
 from slambed.report.tables import cell_tables
 

@@ -13,10 +13,10 @@ from results_factory import quickstart_like
 from test_diff import NAMES
 from test_diff import results as differing
 
-from slambed.report.diff import diff
-from slambed.report.diff_page import write_diff_page
+from slambed.regression.diff import diff
+from slambed.regression.diff_page import write_diff_page
+from slambed.regression.diff_sides import Sides
 from slambed.report.experiment import write_report
-from slambed.report.sides import Sides
 
 pytestmark = pytest.mark.browser
 

@@ -12,8 +12,8 @@ from harness_parts import (
 )
 
 from slambed.campaign.folder import ResultFolder
-from slambed.campaign.further import further_repetitions
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.runs_beyond_plan import further_repetitions
 from slambed.campaign.status import status_of
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec.run_spec import RunSpec

@@ -15,7 +15,7 @@ from waiting import LIMIT_S
 
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
 from slambed.link.scratch import two_namespaces
-from slambed.namespaces import inside
+from slambed.process.namespaces import inside
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader, Mount, mounted, paths_of, version
 from slambed.sampling.sampler import NodeWatch, Sampler
 from slambed.sampling.tasks import Pressure, RunQueueDelay

@@ -13,7 +13,7 @@ from checkout import known_files
 from command_line import refused, slambed
 from jsonschema import Draft202012Validator
 
-from slambed.completion import KINDS as OFFERED
+from slambed.commands.completion import KINDS as OFFERED
 from slambed.native import repository_root
 from slambed.schema.kinds import KINDS, schema_text
 

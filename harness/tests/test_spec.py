@@ -9,9 +9,9 @@ import pytest
 from harness_parts import EXPERIMENT, run_spec, write_library
 
 from slambed.campaign.plan import check
+from slambed.commands.report_request import check_asked
 from slambed.errors import SlambedError
 from slambed.native import repository_root
-from slambed.report.asked import check_asked
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profiles
 from slambed.spec.run_spec import RunSpec, canonical_json

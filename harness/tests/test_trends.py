@@ -10,9 +10,9 @@ import pytest
 from command_line import refused, slambed
 from test_gate import TYPICAL, some_runs
 
-from slambed.report.gate import append_history
-from slambed.report.trend_page import publish
-from slambed.report.trends import read_history, trends_of
+from slambed.regression.gate import append_history
+from slambed.regression.trend_page import publish
+from slambed.regression.trends import read_history, trends_of
 
 NIGHTS, SLOW_FROM, SLOW_UNTIL = 16, 8, 12
 CELL = "alone/room/none"

@@ -9,7 +9,7 @@ import pytest
 from results_factory import RawRun, quickstart_like, spec_of, write_experiment, write_raw
 
 from slambed.metrics.events import EventLog
-from slambed.metrics.run import summarise_with_problems
+from slambed.metrics.run_summary import summarise_with_problems
 from slambed.metrics.stages import delays
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS, PART_FIELDS, update_rounds
 from slambed.report.experiment import write_report

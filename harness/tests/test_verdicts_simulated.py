@@ -11,13 +11,13 @@ import pytest
 
 from slambed.metrics.changes import newcombe
 from slambed.metrics.comparison import holm
-from slambed.report.verdicts import contrasts, rates, shares, statements
-from slambed.report.verdicts.contrasts import Step, judge_blocks, judge_contrast, power_of
-from slambed.report.verdicts.means import Effect, judge_mean
-from slambed.report.verdicts.model import Mean, Share
-from slambed.report.verdicts.prediction import score, share_position
-from slambed.report.verdicts.shares import chance_to_reproduce, judge_share
-from slambed.report.verdicts.statements import (
+from slambed.papers.verdicts import contrasts, rates, shares, statements
+from slambed.papers.verdicts.contrasts import Step, judge_blocks, judge_contrast, power_of
+from slambed.papers.verdicts.means import Effect, judge_mean
+from slambed.papers.verdicts.model import Mean, Share
+from slambed.papers.verdicts.prediction import score, share_position
+from slambed.papers.verdicts.shares import chance_to_reproduce, judge_share
+from slambed.papers.verdicts.statements import (
     Pair,
     judge_about,
     judge_bound,
@@ -29,7 +29,7 @@ from slambed.report.verdicts.statements import (
     judge_window,
     pair_by_seed,
 )
-from slambed.report.verdicts.trends import cochran_armitage, jonckheere, page, shares_rising
+from slambed.papers.verdicts.trends import cochran_armitage, jonckheere, page, shares_rising
 
 MOST = 0.06
 

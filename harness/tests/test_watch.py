@@ -146,7 +146,7 @@ def test_a_real_campaign_is_followed_to_its_end(tmp_path: Path) -> None:
     sequence = make_sequence(tmp_path / "walk")
     path = write_experiment(tmp_path, sequence, runs=2)
     results = tmp_path / "results"
-    command = [sys.executable, "-c", "from slambed.cli import main; main()"]
+    command = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
     place = ["--results", str(results)]
     run = [*command, "run", str(path), "--no-figures", "--jobs", "1", *place]
     with subprocess.Popen(run, stdout=subprocess.PIPE, text=True) as campaign:

@@ -17,13 +17,13 @@ from slambed.campaign.masks import make_masks
 from slambed.campaign.plan import masks_asked
 from slambed.data.places import cache_folder
 from slambed.errors import ExitCode, SlambedError
+from slambed.files.yaml_source import load_yaml, parse
 from slambed.native import SIMULATION, find_program
 from slambed.spec.device import CostModel
 from slambed.spec.host_speed import load_host_speed, save_host_speed
 from slambed.spec.library import Library
 from slambed.spec.software import host_software
 from slambed.terminal import console
-from slambed.yaml_source import load_yaml, parse
 
 
 def calibrate_host() -> None:

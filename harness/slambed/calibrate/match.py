@@ -21,9 +21,10 @@ from scipy.optimize import nnls
 
 from slambed.calibrate.seen import Seen, look
 from slambed.calibrate.targets import Targets
-from slambed.campaign.links import read_profile
 from slambed.engines.virtual import VirtualRun
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import YamlSource
+from slambed.link.named_profile import read_profile
 from slambed.metrics.events import EventLog, read_events
 from slambed.spec.device import VIRTUAL, CostModel, Device, StageCost
 from slambed.spec.experiment import DeviceChoice, Experiment
@@ -32,7 +33,6 @@ from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.matrix import Circumstances, expand, read_profiles
 from slambed.spec.run_spec import RunSpec
 from slambed.spec.system import Role
-from slambed.yaml_source import YamlSource
 
 Values = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from slambed.campaign.datasets import prepare_sequence
 from slambed.errors import SlambedError
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.spec.run_spec import RunSpec
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 
 from slambed.campaign.ledger import Ledger
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.spec.run_spec import run_name
 
 CLOCKS_APART_S = 2.0

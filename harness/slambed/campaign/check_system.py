@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slambed.atomic import replacing
 from slambed.campaign.check_metrics import about_metric
-from slambed.campaign.left_poses import (
+from slambed.campaign.foreign_trajectory import (
     check_rotations,
     frames_of,
     read_poses,
@@ -31,7 +30,8 @@ from slambed.engines.base import NodePlan, last_line
 from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
 from slambed.engines.result import RunResult
 from slambed.errors import SlambedError
-from slambed.json_file import object_or_empty
+from slambed.files.atomic import replacing
+from slambed.files.json_file import object_or_empty
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.events import Event, read_jsonl
 from slambed.native import find_program

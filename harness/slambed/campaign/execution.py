@@ -7,16 +7,16 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from slambed.campaign.foreign_trajectory import record_poses
 from slambed.campaign.ledger import utc_now
-from slambed.campaign.left_poses import record_poses
 from slambed.campaign.manifest import manifest
 from slambed.campaign.recordings import Recording, played_frames
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.engines.result import RunResult
 from slambed.metrics.digest import digest
 from slambed.metrics.parquet import to_parquet
-from slambed.metrics.run import summary_of
 from slambed.metrics.run_data import REFERENCE_FILE, RunData
+from slambed.metrics.run_summary import summary_of
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import EngineFacts
 from slambed.spec import inputs

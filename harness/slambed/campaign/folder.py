@@ -10,9 +10,9 @@ import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
-from slambed.atomic import replacing
 from slambed.campaign.store import STORE, RunStore, State
 from slambed.errors import environment_error
+from slambed.files.atomic import replacing
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined
 from slambed.campaign.host_worker import harness_digest
 from slambed.errors import PassingError, SlambedError, environment_error
-from slambed.line_protocol import LineProcess
+from slambed.process.line_protocol import LineProcess
 from slambed.spec.hosts import Host
 
 MODULE = "slambed.campaign.host_worker"

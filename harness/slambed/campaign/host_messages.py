@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from slambed.line_protocol import Message
+from slambed.process.line_protocol import Message
 
 
 class AskPorts(Message):

@@ -32,7 +32,15 @@ from slambed.campaign.host_run import ThisHost, begin
 from slambed.engines.host_lock import host_lock
 from slambed.errors import SlambedError, environment_error
 from slambed.failures import line_and_code
-from slambed.line_protocol import Failure, LineReader, Message, Note, adapter, message_in, tell
+from slambed.process.line_protocol import (
+    Failure,
+    LineReader,
+    Message,
+    Note,
+    adapter,
+    message_in,
+    tell,
+)
 from slambed.records.manifest import RunHost
 from slambed.spec.host_speed import HostSpeed, cpu_model, load_host_speed
 
@@ -91,11 +99,11 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
     # Containers and links take half a second to load, which a question for ports does not need.
     from slambed.campaign.choose import check_privilege, choose_engine
     from slambed.campaign.quiet import wait_for_quiet
-    from slambed.campaign.remote_link import HelperLinks
-    from slambed.campaign.run_link import open_for_run
     from slambed.engines.docker_image import build_image
     from slambed.engines.reaper import mark_children, reap
     from slambed.link.netem import netem_available
+    from slambed.link.remote_link import HelperLinks
+    from slambed.link.run_link import open_for_run
 
     check_privilege(asked.engine)
     cpus = _choose_cpus(asked.cores)
@@ -168,7 +176,7 @@ def _speed(measure: bool) -> HostSpeed:
     """What was measured of this host, once it is needed."""
     speed = load_host_speed()
     if measure and speed.measured_utc is None:
-        command = [sys.executable, "-c", "from slambed.cli import main; main()"]
+        command = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
         done = subprocess.run(
             [*command, "calibrate", "--host"], capture_output=True, text=True, check=False
         )

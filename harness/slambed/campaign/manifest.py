@@ -12,7 +12,7 @@ from typing import Any
 
 from slambed import __version__
 from slambed.engines.result import RunResult
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.native import is_installed, repository_root
 from slambed.records.board import BoardFacts
 from slambed.records.manifest import EngineFacts, Manifest, RunHost

@@ -13,11 +13,11 @@ from contextlib import contextmanager
 from lzma import LZMAError
 from pathlib import Path, PurePosixPath
 
-from slambed.atomic import replacing
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.size import plans
 from slambed.campaign.store import STORE, RunStore
 from slambed.errors import SlambedError, environment_error
+from slambed.files.atomic import replacing
 
 NEEDED = ("manifest.json", "summary.json")
 """Of a run: what it takes to know that it is there, and all its numbers."""

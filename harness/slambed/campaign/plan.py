@@ -17,11 +17,12 @@ from slambed.campaign.datasets import (
     sensor_of,
     stand_in,
 )
-from slambed.campaign.further import of_other_engines
 from slambed.campaign.ledger import utc_now
-from slambed.campaign.links import adds_nothing, backend_for, read_profile
 from slambed.campaign.masks import Say, make_masks, networks_of
+from slambed.campaign.runs_beyond_plan import of_other_engines
 from slambed.errors import MissingDataError, SlambedError
+from slambed.files.yaml_source import YamlSource
+from slambed.link.named_profile import adds_nothing, backend_for, read_profile
 from slambed.spec import inputs
 from slambed.spec.board import NETWORK, Board
 from slambed.spec.device import LOCAL, VIRTUAL
@@ -39,7 +40,6 @@ from slambed.spec.matrix import (
 from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import software_of_systems
 from slambed.spec.system import System
-from slambed.yaml_source import YamlSource
 
 Provider = Callable[[str], Path]
 """Name of a prepared input -> its file, made now where it is missing."""

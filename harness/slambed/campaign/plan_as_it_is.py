@@ -6,12 +6,12 @@ from slambed.campaign.datasets import must_be_made
 from slambed.campaign.plan import Files, Plan, check, make_plan, masks_asked, repetitions
 from slambed.campaign.prepared_inputs import kept_input
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import YamlSource
 from slambed.native import SIMULATION
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
 from slambed.spec.library import Library
 from slambed.spec.software import host_software
-from slambed.yaml_source import YamlSource
 
 
 def plan_as_it_is(experiment: Experiment, source: YamlSource, library: Library) -> Plan:

@@ -22,7 +22,7 @@ MODULES = (
     *("slambed.campaign.processes", "slambed.campaign.execution"),
     *("pyarrow.dataset", "pyarrow.pandas_compat", "scipy.spatial.transform"),
     # The program that the user called is imported by the process of every run.
-    "slambed.cli",
+    "slambed.commands.main",
 )
 """What executes a run, and what it would import late."""
 

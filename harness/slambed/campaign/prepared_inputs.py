@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slambed.atomic import lock_file
 from slambed.campaign.ledger import utc_now
 from slambed.campaign.plan import Plan, Provider, make_plan
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError
-from slambed.json_file import object_or_empty
+from slambed.files.atomic import lock_file
+from slambed.files.json_file import object_or_empty
 from slambed.metrics.collect import read_log
 from slambed.metrics.summary import Summary
 from slambed.native import SIMULATION, find_program

@@ -5,13 +5,13 @@ from collections.abc import Iterable
 
 from slambed.campaign.progress import duration
 from slambed.campaign.store import RunStore
-from slambed.selection import facts_of, meant
 from slambed.spec.run_spec import RunSpec
+from slambed.spec.selection import facts_of, meant
 
 
 def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") -> list[RunSpec]:
-    """The runs of the cells that are selected (slambed.selection); all where nothing is. Raises
-    SlambedError for what is no cell."""
+    """The runs of the cells that are selected (slambed.spec.selection); all where nothing is.
+    Raises SlambedError for what is no cell."""
     runs = [
         facts_of(
             s.cell, s.system, s.variant, [s.label], s.dataset, s.profile, s.device_mobile.name,

@@ -13,7 +13,6 @@ from slambed.caller import give_to_caller, will_be_callers
 from slambed.campaign.campaign_state import being_run
 from slambed.campaign.executors import Executor, NoRuns, Played
 from slambed.campaign.folder import ResultFolder
-from slambed.campaign.further import further_repetitions
 from slambed.campaign.host_executor import HostExecutor
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
@@ -22,14 +21,15 @@ from slambed.campaign.plan import Plan, experiment_json, notes
 from slambed.campaign.preview import chosen, preview
 from slambed.campaign.progress import CampaignProgress, duration
 from slambed.campaign.runner import Runner, Verdict
+from slambed.campaign.runs_beyond_plan import further_repetitions
 from slambed.engines.host_lock import host_lock
-from slambed.json_file import object_or_empty
+from slambed.files.json_file import object_or_empty
+from slambed.files.outputs import make_folder
+from slambed.files.yaml_source import YamlSource
 from slambed.metrics.collect import keep_groundtruth
-from slambed.outputs import make_folder
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
-from slambed.yaml_source import YamlSource
 
 # Containers, link and start signal, before and after the played time.
 OVERHEAD_S = 3.0

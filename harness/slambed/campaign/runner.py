@@ -16,14 +16,14 @@ from slambed.campaign.executors import Executor
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.manifest import add_plans
-from slambed.campaign.places import AnyPlace, Places
 from slambed.campaign.progress import Reporter
+from slambed.campaign.run_places import AnyPlace, Places
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
 from slambed.failures import refused_write
 from slambed.metrics.summary import Summary
+from slambed.process.standard_streams import ERROR, replace_gone
 from slambed.spec.run_spec import RunSpec
-from slambed.standard_streams import ERROR, replace_gone
 
 PAUSES_S = (1.0, 10.0, 60.0)
 """Before each further attempt of a run whose environment failed it."""

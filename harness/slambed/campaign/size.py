@@ -7,7 +7,7 @@ from pathlib import Path
 
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 
 MEGABYTE = 1e6
 

@@ -10,7 +10,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.plan import planned_runs
 from slambed.campaign.plan_as_it_is import plan_as_it_is
 from slambed.errors import SlambedError
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.metrics.summary import Summary
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec

@@ -13,7 +13,7 @@ from typing import Literal
 
 from slambed.campaign.work_place import WORK, work_name
 from slambed.errors import environment_error
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.metrics.digest import MOBILE_FILES
 from slambed.metrics.run_data import REFERENCE_FILE
 from slambed.metrics.summary import Summary

@@ -21,7 +21,7 @@ from slambed.campaign.work_place import raw_of
 from slambed.data import places
 from slambed.data.cache import SequenceCache
 from slambed.errors import SlambedError
-from slambed.json_file import object_or_empty
+from slambed.files.json_file import object_or_empty
 from slambed.spec.run_spec import RunSpec
 
 

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from slambed.atomic import lock_file
 from slambed.data.places import no_cache
 from slambed.data.preparation import Job, Progress, Say
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
 from slambed.errors import SlambedError, environment_error
-from slambed.json_file import read_object
+from slambed.files.atomic import lock_file
+from slambed.files.json_file import read_object
 
 _KEY_DIGITS = 12
 

@@ -17,7 +17,7 @@ from slambed.data.lens import Lens, coefficients_of, model_of
 from slambed.data.rotations import check_rotation
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
-from slambed.yaml_text import read_yaml
+from slambed.files.yaml_text import read_yaml
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from slambed.data.difficulty import LEAST_MATCHES, Difficulty, GapDifficulty
-from slambed.outputs import writing
+from slambed.files.outputs import writing
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.atomic import replacing
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
-from slambed.outputs import writing
+from slambed.files.atomic import replacing
+from slambed.files.outputs import writing
 
 TILE_WIDTH_PX = 320
 Picture = NDArray[np.uint8]

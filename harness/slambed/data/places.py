@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 
 from slambed.errors import SlambedError, environment_error
+from slambed.files.outputs import make_folder
 from slambed.native import cache_folder as cache_folder
 from slambed.native import is_installed, repository_root
-from slambed.outputs import make_folder
 
 DATASETS_VARIABLE = "SLAMBED_DATASETS"
 PICTURES = "pictures"

@@ -5,7 +5,7 @@ intention."""
 from pathlib import Path
 
 from slambed.data.recipe import Dataset
-from slambed.yaml_source import load_yaml, read_model
+from slambed.files.yaml_source import load_yaml, read_model
 
 DATASET_FILE = "dataset.yaml"
 """Its folder has the name of the dataset; any other file has it itself."""

@@ -27,11 +27,11 @@ from slambed.engines.attend_messages import (
     Started,
     Stopped,
 )
-from slambed.engines.cpu_group import leave_cpu_group
 from slambed.engines.thread_caps import ThreadCaps
 from slambed.errors import ExitCode, SlambedError
-from slambed.line_protocol import Failure, LineReader, message_in, tell
+from slambed.process.line_protocol import Failure, LineReader, message_in, tell
 from slambed.sampling.cgroup import CgroupReader, GroupProcesses, paths_of
+from slambed.sampling.cpu_group import leave_cpu_group
 from slambed.sampling.record import Beside, ThreadCap
 from slambed.sampling.sampler import NodeWatch, Sampler
 from slambed.sampling.tasks import Pressure, RunQueueDelay

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from slambed.line_protocol import Message
+from slambed.process.line_protocol import Message
 from slambed.sampling.cgroup import Usage
 from slambed.sampling.record import Beside, ThreadCap
 

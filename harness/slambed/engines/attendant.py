@@ -18,8 +18,8 @@ from slambed.engines.attend_messages import (
     Stopped,
 )
 from slambed.engines.base import Node
-from slambed.line_protocol import LineProcess
 from slambed.native import find_program
+from slambed.process.line_protocol import LineProcess
 from slambed.spec.device import Limits
 from slambed.spec.system import Role
 

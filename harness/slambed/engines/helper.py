@@ -20,7 +20,7 @@ CAPABILITIES = {
     # setns; metronome with real-time priority.
     "slambed.engines.attend": ["SYS_ADMIN", "SYS_NICE"],
     # setns; devices, addresses, queueing; ICMP; real-time priority and memory that stays.
-    "slambed.campaign.link_helper": ["SYS_ADMIN", "NET_ADMIN", "NET_RAW", "SYS_NICE", "IPC_LOCK"],
+    "slambed.link.link_helper": ["SYS_ADMIN", "NET_ADMIN", "NET_RAW", "SYS_NICE", "IPC_LOCK"],
 }
 ALLOWED = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
 

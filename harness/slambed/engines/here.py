@@ -6,10 +6,10 @@ import os
 from abc import ABC, abstractmethod
 from pathlib import Path
 
-from slambed.atomic import replacing
 from slambed.engines.attendant import AttendantClient
 from slambed.engines.base import Attendance, Node, allot_cpus
 from slambed.engines.result import NETWORK_EDGE_ADDRESS, START_AHEAD_S
+from slambed.files.atomic import replacing
 from slambed.records.board import BoardFacts
 from slambed.spec.device import Limits
 from slambed.spec.system import Role

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from slambed.engines.lock_file import default_lock_path, open_lock, taken
 from slambed.errors import environment_error
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 
 WAIT_STEP_S = 0.2
 STOP_OR_WAIT = "stop it, or wait for it with --wait"

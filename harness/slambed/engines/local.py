@@ -9,7 +9,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from slambed.endings import ended_from_outside, ending
 from slambed.engines import launcher
 from slambed.engines.base import (
     NODE_UID,
@@ -35,6 +34,7 @@ from slambed.engines.segmenter import ENVIRONMENT, LOG, SOCKET, SegmenterProcess
 from slambed.engines.segmenter import command as segmenter_command
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
 from slambed.native import find_program
+from slambed.process.endings import ended_from_outside, ending
 from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupPaths, CgroupReader
 from slambed.spec.runtime import Runtime

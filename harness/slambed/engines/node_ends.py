@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from slambed.endings import ended_from_outside, ending
 from slambed.engines.base import Node, last_line
 from slambed.errors import KilledError, SlambedError
+from slambed.process.endings import ended_from_outside, ending
 from slambed.records.node_report import NodeReport
 from slambed.spec.system import Role
 

@@ -12,9 +12,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from slambed.endings import ended_from_outside, ending
 from slambed.engines.base import last_line
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
+from slambed.process.endings import ended_from_outside, ending
 from slambed.records.run_config import Segmenter
 
 FOLDER, SOCKET, LOG = "segmenter", "socket", "log.txt"

@@ -18,7 +18,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from slambed.endings import ended_from_outside, ending
 from slambed.engines.base import last_line
 from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
@@ -30,6 +29,7 @@ from slambed.link.modelled import modelled_link, write_link_log
 from slambed.link.profile import parse_profile
 from slambed.link.record import LinkFacts
 from slambed.native import SIMULATION
+from slambed.process.endings import ended_from_outside, ending
 from slambed.records.sim_config import CacheFile, MaskFile, SimConfig, SimDevices
 from slambed.spec.device import CostModel, Device
 from slambed.spec.run_spec import RunSpec, canonical_json

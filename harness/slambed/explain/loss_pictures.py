@@ -15,7 +15,7 @@ from slambed.data.camera_motion import CameraMotion
 from slambed.data.difficulty import compare, features_of, match
 from slambed.data.prepared import PreparedSequence
 from slambed.explain.run_log import RunLog
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.metrics.collect import stored_log
 from slambed.metrics.events import read_events
 from slambed.metrics.losses import EVENTS, Loss, losses_of

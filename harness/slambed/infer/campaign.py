@@ -15,19 +15,19 @@ import yaml
 from rich.console import Console
 
 from slambed.campaign.options import Options
-from slambed.campaign.run import run_experiment
+from slambed.campaign.run_experiment import run_experiment
 from slambed.campaign.runner import Verdict
 from slambed.errors import SlambedError
+from slambed.files.outputs import make_folder
+from slambed.files.yaml_source import load_yaml
 from slambed.infer.design import Point
 from slambed.infer.mixture import Counts
 from slambed.infer.rows import Made, Rows
-from slambed.outputs import make_folder
+from slambed.papers.lookup import Found, Pool, matching
+from slambed.papers.measured import Measured, values_of
+from slambed.papers.power import seconds_per_run
 from slambed.report.load import load
-from slambed.report.lookup import Found, Pool, matching
-from slambed.report.measured import Measured, values_of
-from slambed.report.power import seconds_per_run
 from slambed.spec.device import VIRTUAL
-from slambed.yaml_source import load_yaml
 
 LEFT_OUT = ("grid", "reproduces", "report")
 """Keys of an experiment's file that one written from it does not have."""

@@ -9,7 +9,7 @@ from math import prod
 import numpy as np
 from scipy.stats import qmc
 
-from slambed.infer.plan import Form, OpenItem
+from slambed.infer.inference_plan import Form, OpenItem
 from slambed.spec.system import Scalar
 
 DIGITS = 3

@@ -13,16 +13,16 @@ from slambed.campaign.progress import duration
 from slambed.errors import SlambedError
 from slambed.infer.campaign import Campaign
 from slambed.infer.design import Point, printed_point, rounds_of, shown, spread
+from slambed.infer.inference_plan import QUICK, Form, Inference, find_plan, read_its_paper
 from slambed.infer.mixture import Counts, predict_mean, predict_share, weights_of
-from slambed.infer.plan import QUICK, Form, Inference, find_plan, read_its_paper
 from slambed.infer.registered import Registration, register, registered_lines
 from slambed.infer.rows import Rows
 from slambed.infer.search import Evaluated, Fit, search
 from slambed.infer.slots import Places, find_places
 from slambed.infer.success import Beside, Met, judge
-from slambed.report.measured import Measured
-from slambed.report.registered import PlanLine
-from slambed.report.verdicts.model import Share
+from slambed.papers.measured import Measured
+from slambed.papers.registered import PlanLine
+from slambed.papers.verdicts.model import Share
 
 RESULTS = "inference"
 """Folder of `results/` that the pages are in."""

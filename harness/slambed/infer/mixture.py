@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize
 
-from slambed.report.verdicts.model import Floats, Mean, Share
-from slambed.report.verdicts.prediction import (
+from slambed.papers.verdicts.model import Floats, Mean, Share
+from slambed.papers.verdicts.prediction import (
     EXPECTED,
     inside,
     mean_position,

@@ -8,19 +8,19 @@ from typing import Any
 
 from markupsafe import Markup
 
-from slambed.atomic import replacing
+from slambed.files.atomic import replacing
+from slambed.files.outputs import make_folder
 from slambed.infer.design import shown
-from slambed.infer.drawn import Lane, lanes_svg, profile_svg
 from slambed.infer.inference import Back, Outcome, described
 from slambed.infer.mixture import best_possible
 from slambed.infer.search import Evaluated
 from slambed.infer.success import Beside
-from slambed.outputs import make_folder
-from slambed.report.judged import printed as printed_text
+from slambed.infer.svg_figures import Lane, lanes_svg, profile_svg
+from slambed.papers.judged import printed as printed_text
+from slambed.papers.paper_page import environment
+from slambed.papers.strip import COLOURS
+from slambed.papers.verdicts.model import Mean, Share
 from slambed.report.page import STYLE
-from slambed.report.paper_page import environment
-from slambed.report.strip import COLOURS
-from slambed.report.verdicts.model import Mean, Share
 
 PAGE = "index.html"
 NUMBERS = "inference.json"
@@ -76,7 +76,7 @@ def _page(outcome: Outcome) -> str:
     plan, fit = outcome.plan, outcome.fit
     fitted, held_out = _rows(outcome, outcome.fitted), _rows(outcome, outcome.held_out)
     cells = list(fit.printed)
-    template = environment().get_template("inference.html.j2")
+    template = environment("slambed.infer").get_template("inference.html.j2")
     return template.render(
         style=Markup(STYLE),
         colours=COLOURS,

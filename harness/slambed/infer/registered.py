@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from slambed.infer.plan import Inference
+from slambed.files.yaml_source import YamlSource
+from slambed.infer.inference_plan import Inference
 from slambed.infer.slots import Places
-from slambed.report.papers import frozen_digest
-from slambed.report.papers.plan import DIGITS
-from slambed.report.registered import PlanLine, written_in
+from slambed.papers.published import frozen_digest
+from slambed.papers.published.paper_plan import DIGITS
+from slambed.papers.registered import PlanLine, written_in
 from slambed.spec.run_spec import canonical_json
-from slambed.yaml_source import YamlSource
 
 SHORT_COMMIT = 10
 """Letters of a commit in a sentence."""

@@ -10,19 +10,19 @@ from functools import cached_property
 from typing import Any
 
 from slambed.campaign.datasets import sensor_of
-from slambed.campaign.links import read_profile
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import YamlSource
 from slambed.infer.design import Point, shown
+from slambed.infer.inference_plan import Change, Inference, OpenItem
 from slambed.infer.keys import OF_A_DEVICE, Key, split_key
-from slambed.infer.plan import Change, Inference, OpenItem
 from slambed.infer.slots import Places, Slot
+from slambed.link.named_profile import read_profile
 from slambed.spec.device import DeviceChange
 from slambed.spec.inputs import FROM_DATASET, find_input
 from slambed.spec.library import Library
 from slambed.spec.matrix import label_of
 from slambed.spec.system import Scalar, System
 from slambed.suggestion import suggestion
-from slambed.yaml_source import YamlSource
 
 
 @dataclass(frozen=True)

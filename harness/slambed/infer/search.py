@@ -11,7 +11,7 @@ import numpy as np
 
 from slambed.infer.design import Point
 from slambed.infer.mixture import Counts, drawn_log_likelihoods, log_likelihood, weights_of
-from slambed.report.verdicts.model import Floats, Share
+from slambed.papers.verdicts.model import Floats, Share
 
 Evaluate = Callable[[Sequence[Point], int], Mapping[Point, Counts]]
 """(points, runs of every fitted cell) -> counts of each point. The same call gives the same."""

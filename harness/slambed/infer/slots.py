@@ -10,21 +10,21 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
-from slambed.campaign.links import read_profile
 from slambed.campaign.plan import Plan
-from slambed.campaign.run import plan_virtually
+from slambed.campaign.run_experiment import plan_virtually
 from slambed.campaign.run_plan import expected_run_s
-from slambed.infer.plan import YAML, Inference
-from slambed.report.lookup import find_runs
-from slambed.report.margins import published_of
-from slambed.report.papers import Cell, Paper, cells_of
-from slambed.report.verdicts.model import Mean, Share
+from slambed.files.yaml_source import YamlSource
+from slambed.infer.inference_plan import YAML, Inference
+from slambed.link.named_profile import read_profile
+from slambed.papers.lookup import find_runs
+from slambed.papers.margins import published_of
+from slambed.papers.published import Cell, Paper, cells_of
+from slambed.papers.verdicts.model import Mean, Share
 from slambed.spec.library import Library
 from slambed.spec.matrix import label_of, read_profiles
 from slambed.spec.run_spec import RunSpec
 from slambed.spec.system import System
 from slambed.suggestion import suggestion
-from slambed.yaml_source import YamlSource
 
 
 @dataclass(frozen=True)

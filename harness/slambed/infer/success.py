@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
+from slambed.infer.inference_plan import Criterion
 from slambed.infer.mixture import Prediction
-from slambed.infer.plan import Criterion
-from slambed.report.verdicts.contrasts import Ours, rising
-from slambed.report.verdicts.model import LEVEL, Mean, Share
+from slambed.papers.verdicts.contrasts import Ours, rising
+from slambed.papers.verdicts.model import LEVEL, Mean, Share
 
 ROUNDING = 1e-9
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from slambed.errors import PassingError
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 
 MOST_RATE = 5e-4
 """By which two clocks may run apart: the most that NTP slews one (RFC 5905, sec. 11.3: 500 ppm)."""

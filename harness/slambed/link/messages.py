@@ -25,8 +25,8 @@ from slambed.link.modelled import modelled_link
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import EDGE_ADDRESS
-from slambed.namespaces import inside
 from slambed.native import SIMULATION, find_program
+from slambed.process.namespaces import inside
 
 PORT = 47095
 HEADER_BYTES = 44

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from pyroute2 import IPRoute
 
 from slambed.errors import SlambedError, environment_error
-from slambed.namespaces import inside, namespace_path
+from slambed.process.namespaces import inside, namespace_path
 
 Result = TypeVar("Result")
 

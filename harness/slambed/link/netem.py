@@ -35,7 +35,7 @@ from slambed.link.session import (
     LinkOptions,
     Outcome,
 )
-from slambed.namespaces import inside
+from slambed.process.namespaces import inside
 
 STEP_S = 0.01
 UNLIMITED_BYTES_PER_S = 12_500_000_000

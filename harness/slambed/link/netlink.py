@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slambed.errors import SlambedError, environment_error
-from slambed.namespaces import CLONE_NEWNET, inside
+from slambed.process.namespaces import CLONE_NEWNET, inside
 
 # linux/rtnetlink.h, linux/pkt_sched.h
 RTM_NEWQDISC = 36

@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from slambed.files.outputs import writing
 from slambed.link.profile import Profile
 from slambed.link.traces import MAHIMAHI_PACKET_BITS
-from slambed.outputs import writing
 
 ASKED, APPLIED, MEASURED, TCP = "#555555", "#D55E00", "#0072B2", "#009E73"
 SIZE_IN = (8.0, 3.2)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slambed.errors import environment_error
-from slambed.namespaces import inside
+from slambed.process.namespaces import inside
 
 # linux/net_tstamp.h, linux/errqueue.h
 SO_TIMESTAMPING = 37

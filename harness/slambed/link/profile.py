@@ -14,13 +14,13 @@ from typing import Any, Literal
 import numpy as np
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import in_words, load_yaml
 from slambed.link.curves import Curve, Times
 from slambed.link.impairments import Gap, Jitter, Loss, Rate, Side
 from slambed.link.profile_reader import ProfileReader, substitute
 from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
 from slambed.native import repository_root
 from slambed.suggestion import suggestion
-from slambed.yaml_source import in_words, load_yaml
 
 LONGEST_MS = 60_000.0
 """One way; a longer delay is a mistake of unit."""

@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import in_words, mistake
 from slambed.link import curves
 from slambed.link.curves import Curve
 from slambed.link.traces import TraceFile, find_trace, read_rtt_trace, sha256_of
 from slambed.suggestion import suggestion
-from slambed.yaml_source import in_words, mistake
 
 Model = TypeVar("Model", bound=BaseModel)
 

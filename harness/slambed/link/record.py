@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a manifest says about a link."""
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 from slambed.link.proof import LinkProof
 from slambed.spec.device import VIRTUAL
 

@@ -13,9 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from slambed.endings import ended_from_outside, ending
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
-from slambed.line_protocol import LineReader, Message, adapter, message_in
 from slambed.link.direction import RelayConfig, RelayEnd
 from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
@@ -33,6 +31,8 @@ from slambed.link.session import (
     Series,
 )
 from slambed.native import find_program
+from slambed.process.endings import ended_from_outside, ending
+from slambed.process.line_protocol import LineReader, Message, adapter, message_in
 
 READY_TIMEOUT_S = 10.0
 STOP_TIMEOUT_S = 5.0

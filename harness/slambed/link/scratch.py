@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from slambed.errors import environment_error
-from slambed.namespaces import CLONE_NEWNET
+from slambed.process.namespaces import CLONE_NEWNET
 
 
 def _new_namespace() -> int:

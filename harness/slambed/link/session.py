@@ -19,7 +19,7 @@ from slambed.link.profile import Profile
 from slambed.link.proof import LinkTolerance, Waits, compare, judge
 from slambed.link.record import LinkDetails
 from slambed.link.route import acknowledge_at_once
-from slambed.namespaces import namespace_path
+from slambed.process.namespaces import namespace_path
 
 MOBILE_ADDRESS, EDGE_ADDRESS, PREFIX_LENGTH = "10.77.0.1", "10.77.0.2", 30
 NETWORK = "10.77.0.0/30"

@@ -23,7 +23,7 @@ from slambed.link.probe import (
     sent_stamp,
     software_stamp,
 )
-from slambed.namespaces import inside
+from slambed.process.namespaces import inside
 
 ONE_WAY_PORT, ECHO_PORT, FLOOD_PORT, UDP_PORT = 47091, 47092, 47093, 47094
 TCPI_RTT_OFFSET = 68

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from slambed.atomic import replacing
+from slambed.files.atomic import replacing
 from slambed.metrics.events import Event, EventLog, read_events, read_jsonl
 from slambed.metrics.tables import (
     EXTRA_COLUMN,

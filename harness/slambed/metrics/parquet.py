@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from slambed.atomic import replacing
 from slambed.errors import SlambedError
+from slambed.files.atomic import replacing
 from slambed.metrics.run_data import RunData
 from slambed.metrics.tables import (
     EVENT_COLUMNS,

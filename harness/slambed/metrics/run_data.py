@@ -12,7 +12,7 @@ import pandas as pd
 from slambed.data.prepared import SEQUENCE_FILE
 from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.errors import SlambedError
-from slambed.json_file import object_or_empty
+from slambed.files.json_file import object_or_empty
 from slambed.link.proof import LinkProof
 from slambed.link.record import LinkFacts
 from slambed.metrics.accuracy import (

@@ -4,7 +4,7 @@
 from pathlib import Path
 from typing import Self
 
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 
 Value = float | int | bool | str | None
 

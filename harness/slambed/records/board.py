@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a manifest says about the board that executed a mobile node."""
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 from slambed.link.clocks import Clocks
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import JsonValue
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE, HOST_PACE
 from slambed.spec.system import Role

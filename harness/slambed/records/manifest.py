@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 from slambed.link.record import LinkFacts
 from slambed.records.board import BoardFacts
 from slambed.records.kept_spec import KeptSpec

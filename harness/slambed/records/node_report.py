@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """node.json: the last thing that a node writes."""
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 
 
 class NodeReport(Record):

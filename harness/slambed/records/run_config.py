@@ -3,7 +3,7 @@
 
 from typing import Literal
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 from slambed.spec.device import CostModel
 from slambed.spec.experiment import Playback
 from slambed.spec.system import Scalar

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of one experiment: everything that is written beside its runs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from slambed.atomic import replacing
+from slambed.files.atomic import replacing
 from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.comparison import power_hint
 from slambed.report import current
@@ -20,7 +21,6 @@ from slambed.report.hosts import host_table
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
-from slambed.report.published import comparisons_for
 from slambed.report.rounds import update_round_tables
 from slambed.report.settings import settings_table
 from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
@@ -65,8 +65,8 @@ class Told:
         return [line for line in found if line is not None]
 
     @classmethod
-    def of(cls, results: Results) -> "Told":
-        """Of the runs that were read."""
+    def of(cls, results: Results, comparisons: Iterable[Table] = ()) -> "Told":
+        """Of the runs that were read. `comparisons`: tables of them beside published numbers."""
         metrics = metrics_to_show(results)
         cells = cells_of(results, metrics)
         tables = [*cell_tables(cells, metrics), *update_round_tables(results)]
@@ -74,7 +74,7 @@ class Told:
             tables.append(by_host)
         if (boards := board_table(results)) is not None:
             tables.append(boards)
-        return cls(results, cells, tables, comparisons_for(results), compute_times(results))
+        return cls(results, cells, tables, list(comparisons), compute_times(results))
 
 
 def write_report(

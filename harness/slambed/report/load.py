@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from slambed.data.stand_in import played_instead
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
-from slambed.json_file import object_or_empty
+from slambed.files.json_file import object_or_empty
 from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
 from slambed.metrics.collect import stored_log
 from slambed.metrics.declared import described_by

@@ -14,7 +14,7 @@ from slambed.metrics.metric import Use
 from slambed.report.cells import Cell, metrics_asked
 from slambed.report.conditions import conditions_of
 from slambed.report.differences import differences
-from slambed.report.drawn import DrawnBefore, files_of, made_of
+from slambed.report.figure_cache import DrawnBefore, files_of, made_of
 from slambed.report.figures.boxes import draw_metric
 from slambed.report.figures.changes import draw_changes
 from slambed.report.figures.link import draw_rtt

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.text import Text
 
-from slambed.outputs import writing
+from slambed.files.outputs import writing
 from slambed.report.figure_points import points_of
 
 # Okabe and Ito's palette (2008), told apart by all common kinds of colour vision. Yellow is left

@@ -11,9 +11,9 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from slambed.errors import SlambedError
+from slambed.files.outputs import writing
 from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import Interval
-from slambed.outputs import writing
 from slambed.report.cells import Cell
 from slambed.report.load import Results
 from slambed.spec.board import NETWORK

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from slambed.json_file import Record
+from slambed.files.json_file import Record
 
 
 @dataclass(frozen=True)

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON schemas of every YAML file, from the models that read them: editors complete by these."""
+"""What is said of our formats, from the models that read them: JSON schemas of every YAML file, by
+which editors complete, and tables of docs/."""

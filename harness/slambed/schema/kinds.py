@@ -9,9 +9,9 @@ from functools import partial
 
 from slambed.calibrate.targets import Targets
 from slambed.data.recipe import Dataset
-from slambed.infer.plan import Inference
-from slambed.report.papers.paper import Paper
-from slambed.report.papers.plan import PaperPlan
+from slambed.infer.inference_plan import Inference
+from slambed.papers.published.paper import Paper
+from slambed.papers.published.paper_plan import PaperPlan
 from slambed.schema.described import DIALECT, Schema, schema_of
 from slambed.schema.profile import profile_definitions, profile_schema
 from slambed.segment.network import Network

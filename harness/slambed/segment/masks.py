@@ -12,12 +12,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from slambed.atomic import replacing
 from slambed.data.model import GreyImage
 from slambed.data.places import cache_folder, no_cache
 from slambed.data.preparation import Progress
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
+from slambed.files.atomic import replacing
 from slambed.segment import TRUTH
 from slambed.segment.frame_file import MASKS, encode_frames
 from slambed.segment.mask_cache import LABELS_FILE, LABELS_KEY, MaskCache, encode_frame

@@ -16,9 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError, environment_error
+from slambed.files.yaml_source import load_yaml, parse
 from slambed.native import repository_root
 from slambed.suggestion import did_you_mean
-from slambed.yaml_source import load_yaml, parse
 
 _SHA256 = r"^[0-9a-f]{64}$"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from slambed.json_file import read_list
+from slambed.files.json_file import read_list
 from slambed.metrics.catalog import metric
 from slambed.metrics.metric import Metric
 from slambed.report.cells import Cell, cells_of, metrics_to_show, number, text

@@ -15,7 +15,7 @@ from slambed.data.prepared import PreparedSequence
 from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.explain.run_log import RunLog, read_run
-from slambed.json_file import object_or_empty
+from slambed.files.json_file import object_or_empty
 from slambed.metrics.network import curve
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest

@@ -4,11 +4,11 @@
 from collections.abc import Mapping
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import Location, YamlSource
 from slambed.spec.board import Board
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE, Experiment, has_cuts
 from slambed.spec.system import Scalar, System
-from slambed.yaml_source import Location, YamlSource
 
 
 def chosen_board(

@@ -2,12 +2,12 @@
 """Which device a role of a system gets: its own, else the experiment's, as it is or changed."""
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import Location, YamlSource
 from slambed.spec.device import VIRTUAL, Device, DeviceChange
 from slambed.spec.experiment import HOST_PACE, Experiment
 from slambed.spec.library import Library
 from slambed.spec.stages import costs_with
 from slambed.spec.system import Role, System
-from slambed.yaml_source import Location, YamlSource
 
 
 def has_boards(experiment: Experiment, source: YamlSource, library: Library) -> bool:

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from slambed.atomic import replacing
 from slambed.data.places import cache_folder
 from slambed.errors import environment_error
-from slambed.json_file import read_object
+from slambed.files.atomic import replacing
+from slambed.files.json_file import read_object
 
 FORMAT = "slambed-host-speed"
 FILE = "host_speed.json"

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.suggestion import suggestion
-from slambed.yaml_source import YamlSource, load_yaml, parse
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True)
 HERE = "here"

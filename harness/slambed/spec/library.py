@@ -8,6 +8,7 @@ from typing import TypeVar
 from pydantic import BaseModel
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.native import repository_root
 from slambed.spec.device import Device
 from slambed.spec.experiment import Experiment
@@ -16,7 +17,6 @@ from slambed.spec.shared_params import with_shared_params
 from slambed.spec.sweep import changed, swept
 from slambed.spec.system import System
 from slambed.suggestion import suggestion
-from slambed.yaml_source import YamlSource, load_yaml, parse
 
 Model = TypeVar("Model", bound=BaseModel)
 SYSTEM_FILE = "system.yaml"

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import Location, YamlSource
 from slambed.spec import inputs
 from slambed.spec.board import Board
 from slambed.spec.chosen_board import chosen_board, must_go_to_board
@@ -26,7 +27,6 @@ from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.run_spec import LinkSpec, RunSpec
 from slambed.spec.system import Scalar, System
 from slambed.suggestion import suggestion
-from slambed.yaml_source import Location, YamlSource
 
 END_SLACK_S = 1.0
 """A sequence of 20 s ends with its last frame, a little before 20 s; some are called by a rounded

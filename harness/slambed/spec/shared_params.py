@@ -3,7 +3,7 @@
 
 from typing import Any
 
-from slambed.yaml_source import YamlSource, load_yaml
+from slambed.files.yaml_source import YamlSource, load_yaml
 
 KEY = "params_from"
 

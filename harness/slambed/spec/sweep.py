@@ -13,9 +13,9 @@ from typing import Any
 import yaml
 
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import Location, YamlSource
+from slambed.files.yaml_text import read_yaml
 from slambed.suggestion import suggestion
-from slambed.yaml_source import Location, YamlSource
-from slambed.yaml_text import read_yaml
 
 GRID = "grid"
 PARAMS = "params."

@@ -11,7 +11,7 @@ import slambed
 LEAST_PYTHON = (3, 10)
 AGENT = "slambed.engines.board.agent"
 SHIPPED = (
-    "errors", "namespaces", "engines.lock_file", "engines.board.agent",
+    "errors", "process.namespaces", "engines.lock_file", "engines.board.agent",
     "sampling.cgroup", "sampling.kept_files", "sampling.tasks", "sampling.tcp_info",
 )  # fmt: skip
 """Modules that need nothing but Python's own library."""
@@ -33,7 +33,7 @@ def agent_source() -> str:
     packed = io.BytesIO()
     root = Path(slambed.__file__).parent
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for package in ("", "engines/", "engines/board/", "sampling/"):
+        for package in ("", "engines/", "engines/board/", "process/", "sampling/"):
             archive.writestr(f"slambed/{package}__init__.py", "")
         for module in SHIPPED:
             name = module.replace(".", "/") + ".py"

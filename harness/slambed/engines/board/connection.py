@@ -26,8 +26,8 @@ from slambed.engines.board.messages import (
 )
 from slambed.engines.docker_errors import DAEMON_ERRORS
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
-from slambed.line_protocol import LineProcess, Message
 from slambed.link.clocks import ClockComparison, Exchange, compare_by
+from slambed.process.line_protocol import LineProcess, Message
 from slambed.spec.board import Board, RoleHost
 
 ASKED_EVERY_S, UNANSWERED = 5, 3

@@ -14,12 +14,12 @@ import docker
 from docker.errors import NotFound
 from pydantic import ValidationError
 
-from slambed.atomic import replacing
 from slambed.data.places import cache_folder
 from slambed.engines.base import LABEL
 from slambed.engines.board.connection import BoardConnection
 from slambed.engines.docker_errors import daemon_failures
 from slambed.errors import SlambedError
+from slambed.files.atomic import replacing
 from slambed.spec.board import RoleHost
 
 FOLDER = "boards"

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from slambed.line_protocol import Message
+from slambed.process.line_protocol import Message
 
 
 class Look(Message):

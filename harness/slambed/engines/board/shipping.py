@@ -19,7 +19,7 @@ from slambed.engines.board.connection import BoardConnection
 from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.docker_image import image_tag
 from slambed.errors import SlambedError, environment_error
-from slambed.json_file import read_object
+from slambed.files.json_file import read_object
 from slambed.native import repository_root
 
 ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64"}

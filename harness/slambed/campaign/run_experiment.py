@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed run`: executes what is missing of an experiment."""
+
+import math
+import os
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+
+from slambed.campaign.cluster import join_cluster, start_on_slurm
+from slambed.campaign.datasets import must_be_made
+from slambed.campaign.executors import Executor, Played
+from slambed.campaign.options import Options
+from slambed.campaign.plan import (
+    Files,
+    Plan,
+    check,
+    make_plan,
+    repetitions,
+)
+from slambed.campaign.prepared_inputs import prepare_input
+from slambed.campaign.processes import ProcessExecutor
+from slambed.campaign.run_plan import is_idle, run_plan, say_on
+from slambed.campaign.runner import Verdict, stop_on_signal
+from slambed.campaign.store import ATTEMPTS, STORE, RunStore
+from slambed.data.places import cache_folder
+from slambed.engines.host_lock import host_lock
+from slambed.engines.virtual import prune_features
+from slambed.errors import SlambedError, environment_error
+from slambed.files.outputs import make_folder
+from slambed.files.yaml_source import YamlSource
+from slambed.native import SIMULATION, find_program
+from slambed.spec.chosen_device import has_boards
+from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import Experiment
+from slambed.spec.hosts import Host, read_hosts
+from slambed.spec.library import Library
+from slambed.spec.software import host_software
+
+RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
+"""Folders of `results/` that are no experiments."""
+
+
+def run_experiment(name: str, options: Options, console: Console) -> Verdict:
+    """Executes what is missing of an experiment into `results/<its id>`.
+
+    Everything that can be wrong with the files is found before anything is started.
+    """
+    library = Library()
+    experiment, source = library.experiment(name, options.settings)
+    if experiment.id in RESERVED:
+        raise source.complaint(f"no experiment may be called '{experiment.id}'", ("id",))
+    count = repetitions(experiment, options.runs)
+    hosts = _hosts(options)
+    asked = hosts[0].engine if hosts else options.engine or experiment.engine
+    profiles = check(experiment, source, library, asked)
+    files = (experiment, source, library, profiles)
+    if hosts and experiment.roles is not None:
+        raise source.complaint("a mobile node on a board has its edge here: no --hosts", ("roles",))
+    if hosts:
+        return _run_on_hosts(files, hosts, options, count, console)
+    if asked == VIRTUAL:
+        return _run_virtually(files, options, count, console)
+    return _run_live(files, asked, options, count, console)
+
+
+def _provider(library: Library, console: Console) -> Callable[[str], Path]:
+    return lambda name: prepare_input(name, library, partial(say_on, console)).file
+
+
+def _run_live(files: Files, asked: str, options: Options, count: int, console: Console) -> Verdict:
+    """On this host, which is ours alone meanwhile."""
+    # Containers and links take half a second to load, which virtual runs do not need.
+    from slambed.campaign.boards import BoardLinks, bring_sequences, take_board
+    from slambed.campaign.choose import choose_engine, decide
+    from slambed.campaign.live_executor import LiveExecutor
+    from slambed.campaign.live_plan import look_ahead, plan_of, without_making
+    from slambed.campaign.quiet import wait_for_quiet
+    from slambed.engines.board.engine import BoardEngine
+    from slambed.engines.live_run import LinkOpener
+    from slambed.engines.reaper import mark_children, reap
+    from slambed.link.remote_link import HelperLinks
+    from slambed.link.run_link import open_for_run
+
+    experiment, source, library, _ = files
+    if options.scheduler or options.slurm:
+        raise SlambedError(
+            "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
+            "add --engine virtual"
+        )
+    decide(asked)
+    say = partial(say_on, console)
+    provide = _provider(library, console)
+    if options.dry_run:
+        plan = look_ahead(files, asked, count, provide, console, say)
+        return run_plan(plan, source, options, _not_idle, console)
+    make_folder(options.results, "--results")
+    there = without_making(files, asked, count) if _may_be_there(experiment, options) else None
+    if there is not None and is_idle(there, options):
+        return run_plan(there, source, options, _not_idle, console)
+    with host_lock(
+        f"slambed run {experiment.id}",
+        wait_s=math.inf if options.wait else 0.0,
+        where=options.results / experiment.id,
+        say=say,
+    ):
+        mark_children()
+        if found := str(reap()):
+            say(f"removed what a killed campaign left: {found}")
+        engine, software = choose_engine(asked, console)
+        open_link: LinkOpener = HelperLinks(engine) if engine.unprivileged else open_for_run
+        board: BoardEngine | None = None
+        with ExitStack() as cleanup:
+            if experiment.roles is not None:
+                board = take_board(engine, experiment.roles.mobile, say)
+                cleanup.callback(board.close)
+                open_link = BoardLinks(board)
+            known = None if board is None else board.board
+            plan = plan_of(files, engine, software, count, provide, say, known)
+
+            def executor_of(played: Played) -> Executor:
+                with stop_on_signal() as stop:
+                    wait_for_quiet(60.0 * options.quiet_within_min, stop, say)
+                if board is not None:
+                    bring_sequences(board, played)
+                return LiveExecutor(board or engine, open_link, played)
+
+            return run_plan(plan, source, options, executor_of, console)
+
+
+def _not_idle(played: Played) -> Executor:
+    """Instead of an executor, where nothing was to be executed when we looked."""
+    raise environment_error("runs that were there have gone meanwhile; call the same command again")
+
+
+def _hosts(options: Options) -> list[Host]:
+    """Those that execute the live runs; none without --hosts."""
+    if options.hosts is None:
+        if options.on:
+            raise SlambedError("--on chooses hosts of a file: give it with --hosts FILE")
+        return []
+    if options.scheduler or options.slurm or options.engine == VIRTUAL:
+        raise SlambedError(
+            "--hosts is for live runs; virtual ones go to many machines with --scheduler or --slurm"
+        )
+    return read_hosts(options.hosts, options.on, options.engine)
+
+
+def _run_on_hosts(
+    files: Files, hosts: list[Host], options: Options, count: int, console: Console
+) -> Verdict:
+    """On the hosts of a file, each of which is ours alone meanwhile."""
+    from slambed.campaign.hosts import JoinedHosts
+
+    experiment, source, library, _ = files
+    say = partial(say_on, console)
+
+    def plan_of(joined: JoinedHosts) -> Plan:
+        return make_plan(
+            *files,
+            joined.engine,
+            joined.software,
+            count,
+            _provider(library, console),
+            foreign=joined.foreign(experiment),
+            say=say,
+            netem=joined.netem,
+        )
+
+    if not options.dry_run:
+        make_folder(options.results, "--results")
+    if options.dry_run or _may_be_there(experiment, options):
+        told = say if options.dry_run else lambda line: None
+        with JoinedHosts(hosts, told, take=False) as joined:
+            plan = plan_of(joined)
+        if options.dry_run or is_idle(plan, options):
+            return run_plan(plan, source, options, _not_idle, console, len(hosts))
+    boards = has_boards(experiment, source, library)
+    quiet_s = 60.0 * options.quiet_within_min
+    with JoinedHosts(hosts, say, options.wait, quiet_s, boards) as joined:
+        plan = plan_of(joined)
+
+        def executor_of(played: Played) -> Executor:
+            return joined.executor(played, experiment.seed)
+
+        return run_plan(plan, source, options, executor_of, console, len(hosts))
+
+
+def _may_be_there(experiment: Experiment, options: Options) -> bool:
+    """Whether it is worth a look if there is anything to execute, before a host is taken."""
+    return bool(RunStore(options.results).keys()) and not any(
+        must_be_made(name) for name in experiment.datasets
+    )
+
+
+def _run_virtually(files: Files, options: Options, count: int, console: Console) -> Verdict:
+    """No privilege, no lock on the host: only the result folder is ours alone."""
+    program = find_program(SIMULATION)
+    features = cache_folder() / "features"
+    if not options.dry_run:
+        make_folder(options.results, "--results")
+    plan = _virtual_plan(files, count, console)
+    prune_features(features)
+
+    def executor_of(played: Played) -> Executor:
+        if options.scheduler:
+            return join_cluster(played, options.scheduler, options.jobs)
+        if options.slurm:
+            return start_on_slurm(played, options.jobs)
+        jobs = options.jobs or len(os.sched_getaffinity(0))
+        return ProcessExecutor(played, program, features, jobs)
+
+    return run_plan(plan, files[1], options, executor_of, console)
+
+
+def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Plan, YamlSource]:
+    """An experiment as virtual runs of this host, one per cell; its datasets are prepared, and
+    nothing is executed."""
+    library = Library()
+    experiment, source = library.experiment(name, settings)
+    profiles = check(experiment, source, library, VIRTUAL)
+    return _virtual_plan((experiment, source, library, profiles), 1, console), source
+
+
+def _virtual_plan(files: Files, count: int, console: Console) -> Plan:
+    provide = _provider(files[2], console)
+    software = host_software(program=SIMULATION)
+    return make_plan(*files, VIRTUAL, software, count, provide, say=partial(say_on, console))

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed bisect`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.errors import ExitCode, SlambedError
+from slambed.spec.selection import CELL, Selection
+from slambed.terminal import console
+
+LEAST_RUNS = 2
+"""Pairs that a test needs to show anything."""
+
+
+def bisect(
+    experiment: Annotated[str, typer.Argument(help="Name in experiments/, or path of a file.")],
+    good: Annotated[str, typer.Option(help="Commit, tag, or results folder of one commit.")],
+    bad: Annotated[str, typer.Option(help="The same, where the gate fell.")] = "HEAD",
+    metric: Annotated[
+        list[str] | None, typer.Option(help="Only this; else all that the gate looks at.")
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Only this cell; * is any text.")] = None,
+    runs: Annotated[
+        int | None, typer.Option(min=LEAST_RUNS, help="Runs per cell; else the experiment's.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="KEY=VALUE instead of the file's.")
+    ] = None,
+    alpha: Annotated[float, typer.Option(help="Chance of a false alarm at a commit.")] = 0.05,
+    results: Annotated[Path, typer.Option(help="Folder of all results.")] = Path("results"),
+) -> None:
+    """Find the first commit that the gate would not pass, by virtual runs of equal seeds.
+
+    Commits are checked out beside the results, built where their sources differ, and measured by
+    their own harness; what was measured is kept. Ends with 1 where skipped commits leave it open.
+    """
+    from slambed.campaign.plan import check, repetitions
+    from slambed.files.outputs import make_folder
+    from slambed.native import build_folder, repository_root
+    from slambed.regression.bisect import bisect as first_bad
+    from slambed.regression.candidates import Repository, Workshop
+    from slambed.spec.device import VIRTUAL
+    from slambed.spec.library import Library
+
+    for text in only or []:
+        if Selection.of(text).keys != {CELL}:
+            raise SlambedError(
+                f"--only {text}: of bisect it is a cell (* is any text); commits of before know "
+                "no KEY=VALUE"
+            )
+    library = Library()
+    found, source = library.experiment(experiment, settings)
+    check(found, source, library, VIRTUAL)
+    count = repetitions(found, runs)
+    if count < LEAST_RUNS:
+        raise SlambedError(
+            f"{found.id} makes {count} run a cell, too few to compare; add --runs 10"
+        )
+    repository = Repository(repository_root())
+    first, last = repository.commit(good), repository.commit(bad)
+    candidates = repository.after(first, last)
+    place = results.resolve() / "bisect" / found.id
+    make_folder(place, "--results")
+
+    def say(line: str) -> None:
+        console().print(line, highlight=False, markup=False, soft_wrap=True)
+
+    workshop = Workshop(
+        repository, place, source.path.resolve(), count, settings or [], only or [],
+        build_folder() / "bin", say,
+    )  # fmt: skip
+    say(f"{found.id}: {len(candidates)} commits after {first.short} up to {last.short}")
+    with workshop.opened():
+        answer = first_bad(first, candidates, workshop, metric or [], alpha, say)
+    if not answer.first:
+        say("no change for the worse between the two: nothing to look for")
+        return
+    for line in answer.why:
+        say(f"worse: {line}")
+    if len(answer.first) > 1:
+        for commit in answer.first:
+            say(f"first bad commit, or one of these: {commit}")
+        raise SlambedError(
+            f"skipped commits leave open which of {len(answer.first)} it is",
+            ExitCode.NOT_ALL_GOOD,
+        )
+    say(f"first bad commit: {answer.first[0]}")

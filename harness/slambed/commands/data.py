@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed data`: which sequences there are, and making them ready."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from slambed.data import places
+from slambed.errors import ExitCode
+from slambed.files.outputs import figure_file, writing
+from slambed.terminal import JsonOption, console, lists_alone, print_json
+
+if TYPE_CHECKING:
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import PreparedSequence
+    from slambed.data.recipe import Dataset
+
+app = typer.Typer(help="Recorded and generated sequences.")
+Id = Annotated[
+    str, typer.Argument(help="id or alias of a dataset, its YAML file, or a prepared folder")
+]
+
+
+def state(catalog: Catalog, dataset: Dataset) -> str:
+    """prepared, found, generated or missing; a choice tells which it takes, and instead of what."""
+    from slambed.data.cache import SequenceCache
+
+    if dataset.first_of:
+        taken, wanted = catalog.resolve(dataset.id).id, catalog.stands_in_for(dataset.id)
+        return f"takes {taken}" + (f", {wanted.id} is missing" if wanted else "")
+    if SequenceCache(places.prepared_folder()).find(dataset) is not None:
+        return "prepared"
+    if not catalog.available(dataset):
+        return "missing"
+    return "generated" if dataset.synthetic is not None else "found"
+
+
+def list_datasets(as_json: JsonOption = False) -> None:
+    """All datasets and whether they are here; exit 2 where a file of them cannot be read."""
+    from slambed.data.catalog import Catalog
+
+    catalog = Catalog.load()
+    if as_json:
+        print_json(_entries(catalog))
+        raise typer.Exit(ExitCode.BAD_INPUT if catalog.broken else ExitCode.OK)
+    table = Table("id", "sensor", "state", "title", box=None)
+    for dataset in catalog.datasets.values():
+        names = ", ".join((dataset.id, *dataset.aliases))
+        sensor = "" if dataset.first_of else dataset.sensor
+        table.add_row(names, sensor, state(catalog, dataset), dataset.title)
+    screen = console()
+    screen.print(table)
+    screen.print("pictures of one: 'slambed data show ID'")
+    screen.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
+    for error in catalog.broken.values():
+        typer.echo(f"not listed: {error}", err=True)
+    if catalog.broken:
+        raise typer.Exit(ExitCode.BAD_INPUT)
+
+
+def _entries(catalog: Catalog) -> list[dict[str, object]]:
+    """For a script: what the files say and what is here of them."""
+    return [
+        *({**d.model_dump(mode="json"), "state": state(catalog, d)}
+          for d in catalog.datasets.values()),
+        *({"id": name, "error": str(error)} for name, error in catalog.broken.items()),
+    ]  # fmt: skip
+
+
+@app.command("prepare")
+def prepare_dataset(
+    dataset: Id,
+    cache: Annotated[Path | None, typer.Option(help="cache folder; default $SLAMBED_CACHE")] = None,
+) -> None:
+    """Decode or generate a sequence once; playback then only maps memory."""
+    from slambed.data.catalog import prepare
+    from slambed.data.prepared import SEQUENCE_FILE
+
+    if not (Path(dataset) / SEQUENCE_FILE).is_file():
+        _offer_download(dataset)
+    with _progress_bar() as bar:
+        task = bar.add_task(dataset, total=None)
+        sequence = prepare(
+            dataset,
+            cache,
+            lambda done, total: bar.update(task, completed=done, total=total),
+            lambda line: bar.console.print(line, highlight=False, soft_wrap=True),
+        )
+    typer.echo(f"{sequence.path}: {describe(sequence)}")
+
+
+def _offer_download(name: str) -> None:
+    """What a stand-in stands for, to fetch now where somebody can be asked, else with the command
+    that fetches it."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.download import how_to_get, recipe_text
+    from slambed.data.stand_in import played_instead
+
+    catalog = Catalog.load()
+    if (wanted := catalog.stands_in_for(name)) is None:
+        return
+    told = played_instead(catalog.resolve(name).id, wanted.id)
+    if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
+        typer.echo(f"note: {told}. {wanted.id}: {how_to_get(wanted)}", err=True)
+    elif typer.confirm(f"{told}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"):
+        # Whoever answered has read that no checksum is known.
+        download(wanted.id, force=True)
+
+
+@app.command()
+def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared sequence")]) -> None:
+    """Check a prepared sequence against its checksums, every frame."""
+    from slambed.data.prepared import PreparedSequence
+
+    sequence = PreparedSequence.open(path)
+    sequence.verify(full=True)
+    typer.echo(f"{path}: intact; {describe(sequence)}; checksum {sequence.checksum}")
+
+
+@app.command()
+def show(
+    dataset: Id,
+    output: Annotated[
+        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
+) -> None:
+    """Write a contact sheet of a sequence."""
+    from slambed.data.catalog import prepare
+    from slambed.data.contact_sheet import write_contact_sheet
+
+    sequence = prepare(dataset)
+    file = output or places.picture(f"{sequence.info.id}.png")
+    write_contact_sheet(sequence, file, frames)
+    typer.echo(f"{file}: {describe(sequence)}")
+
+
+@app.command()
+def difficulty(
+    datasets: Annotated[
+        list[str], typer.Argument(help="ids or aliases, YAML files, or prepared folders")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="figure: .png, .svg, .pdf; default: in the cache, and said"
+        ),
+    ] = None,
+    table: Annotated[Path | None, typer.Option(help="CSV to write: a row per gap")] = None,
+) -> None:
+    """Measure how hard sequences are across a gap: matches 0.1 to 2 s apart, and which are right.
+
+    Features are matched by descriptors alone, as ORB-SLAM2 falls back to after missing frames; what
+    is right is known from ground truth and depth (a camera without depth: from the epipolar line).
+    """
+    from slambed.data.catalog import prepare
+    from slambed.data.difficulty import measure
+    from slambed.data.difficulty_report import csv_of, draw, lines_of
+
+    measured = []
+    for name in datasets:
+        sequence = prepare(name)
+        measured.append(measure(sequence))
+        for line in lines_of(measured[-1]):
+            typer.echo(line)
+    if table is not None:
+        with writing(table, "--table"):
+            table.write_text(csv_of(measured))
+    file = figure_file(output) if output else places.picture("difficulty.png")
+    draw(measured, file)
+    typer.echo(f"figure: {file}")
+
+
+@app.command()
+def export(
+    dataset: Id,
+    layout: Annotated[str, typer.Option("--format", help="tum, euroc, kitti or mcap")],
+    output: Annotated[Path | None, typer.Option(help="folder to write; default ID-FORMAT")] = None,
+) -> None:
+    """Write a sequence as a folder of pictures, or a ROS 2 bag, that other programs read."""
+    from slambed.data.catalog import prepare
+    from slambed.data.export import export as write_export
+
+    sequence = prepare(dataset)
+    folder = output or Path(f"{sequence.info.id}-{layout}")
+    with _progress_bar() as bar:
+        task = bar.add_task(dataset, total=None)
+        write_export(
+            sequence,
+            layout,
+            folder,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    typer.echo(f"{folder}: {describe(sequence)}")
+
+
+@app.command()
+def where() -> None:
+    """Folders that are searched, and the cache."""
+    for folder in places.dataset_folders():
+        state = places.state_of(folder)
+        typer.echo(f"{folder}  (dataset files{f', {state}' if state else ''})")
+    for folder in places.search_path():
+        state = places.state_of(folder)
+        typer.echo(f"{folder}  ({state})" if state else f"{folder}")
+    typer.echo(f"{places.prepared_folder()}  (prepared sequences)")
+
+
+@app.command()
+def download(
+    dataset: Id,
+    force: Annotated[bool, typer.Option(help="fetch although the checksum is not known")] = False,
+    dry_run: Annotated[bool, typer.Option(help="only print the recipe")] = False,
+) -> None:
+    """Fetch a dataset whose checksum is known, or print where it comes from."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.download import download as fetch
+    from slambed.data.download import recipe_text
+
+    chosen = Catalog.load().get(dataset)
+    folder = places.download_folder()
+    if dry_run:
+        typer.echo(recipe_text(chosen, folder))
+        return
+    with _progress_bar() as bar:
+        task = bar.add_task(chosen.id, total=None)
+        digest = fetch(
+            chosen, folder, force, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    typer.echo(f"{chosen.id}: in {folder}, sha256 {digest}")
+
+
+@app.command("import-camera")
+def import_camera(
+    file: Annotated[
+        Path,
+        typer.Argument(help="Kalibr camchain, OpenCV or ROS YAML, ORB-SLAM settings, sensor.yaml"),
+    ],
+    camera: Annotated[int, typer.Option(min=0, help="which camera of the file")] = 0,
+    baseline_m: Annotated[
+        float | None, typer.Option(min=0, help="to the right camera; of depth, a virtual one")
+    ] = None,
+) -> None:
+    """Print the `camera` of a dataset file from another tool's calibration."""
+    from slambed.data.import_camera import camera_yaml
+
+    text, notes = camera_yaml(file, camera, baseline_m)
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(text)
+
+
+def describe(sequence: PreparedSequence) -> str:
+    """One line about a sequence."""
+    info = sequence.info
+    truth = "with" if sequence.groundtruth_file else "without"
+    return (
+        f"{info.frames} frames, {info.width}x{info.height} {info.sensor}, "
+        f"{sequence.duration_s:.1f} s, {truth} ground truth"
+    )
+
+
+def _joined(folders: tuple[Path, ...]) -> str:
+    return ":".join(str(folder) for folder in folders)
+
+
+def _progress_bar() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
+lists_alone(app, list_datasets)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed explain`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from slambed.errors import SlambedError
+from slambed.files.outputs import make_folder
+
+if TYPE_CHECKING:
+    from slambed.explain.picture import Window
+    from slambed.explain.run_log import RunLog
+
+FORMATS = (".png", ".svg", ".pdf")
+PICTURES = "pictures"
+"""In the run's folder."""
+AROUND_S = 2.0
+"""Shown before and after what `--around` asks for."""
+
+
+def explain(
+    run: Annotated[str, typer.Argument(help="Run folder, or (the beginning of) a run key.")],
+    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
+        "results"
+    ),
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture: .png, .svg or .pdf.")
+    ] = None,
+    begin: Annotated[float | None, typer.Option("--from", help="Run time in s.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Run time in s.")] = None,
+    around: Annotated[
+        str | None, typer.Option(help="'loss' (the first one) or a run time: 2 s on either side.")
+    ] = None,
+    count: Annotated[
+        int | None,
+        typer.Option(
+            "--slowest", min=1, help="Instead: so many frames that took longest, and why."
+        ),
+    ] = None,
+    path: Annotated[
+        bool, typer.Option("--path", help="Draw its path over the true one instead.")
+    ] = False,
+    rerun: Annotated[
+        bool, typer.Option("--rerun", help="--path: a Rerun recording too, where installed.")
+    ] = False,
+    sequence: Annotated[
+        Path | None, typer.Option(help="--rerun: prepared sequence, for images.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the pictures; pictures/ beside the run's files.")
+    ] = None,
+) -> None:
+    """Show what happened in one run: a time line picture, and its story in lines.
+
+    Who computed what when, messages under way, states, RTT and track losses; live and virtual runs
+    alike. --around loss also says why track was lost and shows the pictures on both sides of it,
+    where the sequence is prepared here. --slowest tells of the longest frames whether they had more
+    to compute, were throttled by their limits, stalled by the host, or queued; it draws nothing.
+    """
+    from slambed.commands.find_run import find_run
+    from slambed.explain.loss_pictures import draw_loss, losses_in
+    from slambed.explain.picture import draw
+    from slambed.explain.run_log import read_run
+    from slambed.explain.slowest import slowest, tell
+    from slambed.explain.story import story
+    from slambed.metrics.losses import sentence
+
+    folder = find_run(run, results)
+    if count is not None:
+        if path or rerun or any(given is not None for given in (output, begin, end, around)):
+            raise SlambedError("--slowest draws nothing; give it alone")
+        log = read_run(folder)
+        for line in tell(log, slowest(log, count)):
+            typer.echo(line)
+        return
+    if path or rerun:
+        for drawn in draw_path(folder, out or folder / PICTURES, rerun, sequence):
+            typer.echo(drawn)
+        return
+    log = read_run(folder)
+    window = choose_window(log, begin, end, around)
+    target = output or (out or folder / PICTURES) / "explain.png"
+    if target.suffix not in FORMATS:
+        raise SlambedError(f"unknown picture format {target}; known: {', '.join(FORMATS)}")
+    if output is None:
+        make_folder(target.parent, "--out")
+    for line in story(log):
+        typer.echo(line)
+    if (begin is not None and begin < 0.0) or (end is not None and end > log.end_s):
+        typer.echo(f"note: the run is from 0 to {log.end_s:.1f} s, there is nothing beyond")
+    if around == "loss":
+        for loss in losses_in(log)[:1]:  # none where events tell losses but no frames
+            typer.echo(f"why it was lost at {loss.t_s:.2f} s ({loss.cause}): {sentence(loss)}")
+            typer.echo(draw_loss(log, loss, target.with_stem(f"{target.stem}_loss")))
+    draw(log, window, target)
+    typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {target}")
+
+
+def draw_path(folder: Path, out: Path, rerun: bool, sequence: Path | None) -> Iterator[Path]:
+    """The run's path over the true one, and a Rerun recording where asked for."""
+    from slambed.explain.view import view_of, write_png, write_rerun
+
+    found = view_of(folder)
+    make_folder(out, "--out")
+    yield write_png(found, out)
+    if rerun:
+        yield write_rerun(found, out / f"{found.run_key}.rrd", sequence)
+
+
+def choose_window(
+    log: "RunLog", begin: float | None, end: float | None, around: str | None
+) -> "Window":
+    """What the options ask for of the run; the whole of it when they ask for nothing."""
+    from slambed.explain.picture import Window
+
+    if around is not None:
+        centre_s = _centre(log, around)
+        if not 0.0 <= centre_s <= log.end_s:
+            raise SlambedError(f"--around {around} is outside the run, 0 to {log.end_s:.1f} s")
+        return Window(max(0.0, centre_s - AROUND_S), centre_s + AROUND_S)
+    begin_s = 0.0 if begin is None else begin
+    end_s = log.end_s if end is None else end
+    if end is not None and not end_s > begin_s:
+        raise SlambedError(f"--to {end_s:g} is not after --from {begin_s:g}")
+    if not begin_s < log.end_s or end_s <= 0.0:
+        asked = f"--from {begin_s:g}" if end is None else f"{begin_s:g} to {end_s:g} s"
+        raise SlambedError(f"{asked} is outside the run, 0 to {log.end_s:.1f} s")
+    return Window(max(0.0, begin_s), min(end_s, log.end_s))
+
+
+def _centre(log: "RunLog", around: str) -> float:
+    if around != "loss":
+        try:
+            return float(around)
+        except ValueError:
+            raise SlambedError(f"--around {around} is neither 'loss' nor seconds") from None
+    losses = log.losses_s()
+    if not losses:
+        raise SlambedError("tracking was never lost in this run; give --around SECONDS")
+    return losses[0]

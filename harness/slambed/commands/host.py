@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed doctor`, `images` and `clean`: this host, and what runs leave on it."""
+
+import os
+import subprocess
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.files.outputs import make_folder
+from slambed.terminal import JsonOption, console, print_json
+
+
+def doctor(as_json: JsonOption = False) -> None:
+    """Say what this machine can do, and what each missing thing costs."""
+    from slambed.commands import doctor as examination
+
+    findings = examination.examine()
+    if as_json:
+        can_run = examination.can_run(findings)
+        print_json({"can_run": can_run, "findings": [asdict(item) for item in findings]})
+        raise typer.Exit(ExitCode.OK if can_run else ExitCode.ENVIRONMENT)
+    marks = {
+        "good": Text("ok", "green"), "missing": Text("--", "yellow"), "fatal": Text("no", "red")
+    }  # fmt: skip
+    table = Table("", "", "found", "without it", box=None)
+    for item in findings:
+        table.add_row(marks[item.level], item.topic, item.found, item.cost)
+    console().print(table)
+    if not examination.can_run(findings):
+        raise typer.Exit(ExitCode.ENVIRONMENT)
+
+
+def images(
+    force: Annotated[bool, typer.Option("--force", help="Build even if it is there.")] = False,
+) -> None:
+    """Build the node image that belongs to the sources of this checkout."""
+    from slambed.engines.docker_image import build_image, connect, find_image, image_tag
+
+    client = connect()
+    there = find_image(client) is not None
+    client.close()
+    if there and not force:
+        typer.echo(f"{image_tag()} is there")
+        return
+    build_image()
+
+
+def setup(
+    engine: Annotated[
+        str, typer.Option(help="auto, docker, local or virtual: what the programs are for.")
+    ] = "auto",
+) -> None:
+    """Compile the C++ programs of this package, or take them from the node image where that is.
+
+    Missing packages are installed by apt. In a checkout 'make build' does the same.
+    """
+    from slambed.native import build_folder, repository_root
+    from slambed.spec.software import source_hash
+
+    if engine not in ("auto", "docker", "local", "virtual"):
+        raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
+    place = build_folder()
+    make_folder(place, "$SLAMBED_CACHE")
+    told = {"SLAMBED_BUILD": str(place), "SLAMBED_SOURCES": source_hash()}
+    command = ["bash", str(repository_root() / "tools" / "build.sh"), engine]
+    if subprocess.run(command, check=False, env=os.environ | told).returncode != 0:
+        raise environment_error("the programs could not be built; see the lines above")
+    typer.echo(f"programs: {place / 'bin'}")
+
+
+def clean() -> None:
+    """Remove what killed campaigns left on this host: containers, processes, control groups; and
+    on boards that they had."""
+    from slambed.engines.board.leftovers import clean_boards
+    from slambed.engines.host_lock import STOP, host_lock
+    from slambed.engines.reaper import reap
+
+    with host_lock("slambed clean", advice=STOP):
+        typer.echo(f"removed: {reap() or 'nothing'}")
+        clean_boards(typer.echo)

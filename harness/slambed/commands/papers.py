@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands about published numbers: papers compare, run, list, lint, plan, power, rates."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.errors import ExitCode, SlambedError
+from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
+
+PAGES = "papers"
+ABOUT = "Published numbers beside ours; alone it is `papers compare` of all."
+app = typer.Typer(help=ABOUT)
+
+
+@app.callback(invoke_without_command=True)
+def papers(context: typer.Context, results: ResultsOption = RESULTS) -> None:
+    if context.invoked_subcommand is None:
+        write_pages(None, results, results / PAGES, every=False)
+
+
+@app.command()
+def compare(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
+    ] = None,
+    results: ResultsOption = RESULTS,
+    out: Annotated[Path | None, typer.Option(help="Where pages go: <results>/papers.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="List every number here too.")] = False,
+) -> None:
+    """Put every published number beside ours, and write one page per paper."""
+    write_pages(names or None, results, out or results / PAGES, every)
+
+
+@app.command()
+def run(
+    name: Annotated[str, typer.Argument(help="A name in papers/, or 'all'.")] = "all",
+    results: ResultsOption = RESULTS,
+    runs: Annotated[str | None, typer.Option(help="Runs per cell: a number, 'paper'.")] = None,
+    engine: Annotated[str | None, typer.Option(help="docker, local, virtual or auto.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
+    ] = None,
+    reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
+) -> None:
+    """Run or reuse every experiment of a paper and write one page about it."""
+    from slambed.commands.run_and_report import raise_unless_good, run_and_report
+    from slambed.papers.published import read_papers
+    from slambed.terminal import console
+
+    chosen = read_papers(None if name == "all" else [name])
+    verdicts = []
+    if not reuse_only:
+        from slambed.campaign.options import Options
+        from slambed.papers.paper_runs import experiments_of
+
+        for experiment in experiments_of(chosen):
+            options = Options(runs, engine, results, jobs=jobs)
+            verdicts.append(run_and_report(experiment, options, console()))
+            if verdicts[-1].interrupted:
+                raise SlambedError(
+                    "interrupted; finished runs are kept, the same command goes on",
+                    ExitCode.NOT_ALL_GOOD,
+                )
+    write_pages([p.id for p in chosen], results, results / PAGES, every=False)
+    raise_unless_good(verdicts, "EXPERIMENT")
+
+
+@app.command()
+def lint(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Check that every published number is mapped, or says why not, and that all names exist."""
+    from slambed.papers.lint.checkout import Checkout
+    from slambed.papers.lint.lint import lint as look
+    from slambed.papers.published.cells import cells_of, table_cells
+    from slambed.papers.published.reading import read_papers
+    from slambed.spec.library import Library
+
+    papers = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
+    problems = look(papers, Checkout(Library()))
+    if as_json:
+        print_json({"papers": [paper.id for paper in papers], "problems": list(map(str, problems))})
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD if problems else ExitCode.OK)
+    for problem in problems:
+        typer.echo(f"{problem}")
+    if problems:
+        raise SlambedError(f"{len(problems)} problems in papers/, see above", ExitCode.NOT_ALL_GOOD)
+    for paper in papers:
+        claims = [cell for cell in cells_of(paper).values() if cell.claim is not None]
+        judged = sum(cell.standing.judged for cell in (*table_cells(paper).values(), *claims))
+        typer.echo(
+            f"{paper.id}: {len(table_cells(paper))} cells and {len(claims)} claims are mapped or "
+            f"say why not ({judged} to be judged), {len(paper.contrasts)} orderings"
+        )
+
+
+@app.command()
+def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
+    """Show what a campaign about a paper will decide, as written before it is run."""
+    from slambed.papers.published.paper_plan import read_plan
+    from slambed.papers.published.reading import read_papers
+
+    paper = read_papers([name])[0]
+    found = read_plan(paper.id)
+    if found is None:
+        raise SlambedError(f"no plan for '{paper.id}', write papers/{paper.id}.plan.yaml")
+    says = {item.id: item.says for item in paper.contrasts}
+    typer.echo(f"{paper.id}: plan {found.digest} of {found.written_utc:%Y-%m-%d %H:%M} UTC, "
+               f"engine {found.engine}, mapping {found.frozen}")  # fmt: skip
+    for item in found.data.items():
+        kind = "stand-in" if item[1].stand_in else "the paper's sequence"
+        typer.echo(f"  {item[0]}: {item[1].played} ({kind}; {item[1].why})")
+    for runs in found.runs:
+        typer.echo(f"  {runs.experiment}: {runs.runs} runs per cell, seed {runs.seed}")
+        for decided in runs.decides:
+            power = f" (power {runs.power[decided]:g})" if decided in runs.power else ""
+            typer.echo(f"    {decided}{power}: {says.get(decided, '?')}")
+    for later in found.later:
+        typer.echo(f"  later, {later.runs} runs per cell: {later.waits_for}")
+        for decided in later.decides:
+            power = f" (power {later.power[decided]:g})" if decided in later.power else ""
+            typer.echo(f"    {decided}{power}: {says.get(decided, '?')}")
+    for limit in found.limits:
+        typer.echo(f"  limit: {limit}")
+
+
+@app.command("list")
+def list_(as_json: JsonOption = False) -> None:
+    """List the papers that results are put beside."""
+    from slambed.papers.compare import plain_list
+    from slambed.papers.published.reading import read_papers
+
+    if as_json:
+        print_json([
+            {"id": paper.id, "kind": paper.kind, **paper.paper.model_dump(mode="json")}
+            for paper in read_papers()
+        ])  # fmt: skip
+        return
+    for paper in read_papers():
+        typer.echo(plain_list(paper))
+    typer.echo("one of them beside our results: 'slambed papers compare NAME'")
+
+
+@app.command()
+def rates() -> None:
+    """Tell how often the rules of verdicts err, as in docs/metrics.md."""
+    from slambed.papers.verdicts.rates import rates_markdown
+
+    typer.echo(rates_markdown())
+
+
+@app.command()
+def power(
+    name: Annotated[str, typer.Argument(help="Name in papers/.")],
+    results: Annotated[
+        Path, typer.Option(help="Where earlier runs say how long one takes.")
+    ] = Path("results"),
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Virtual runs side by side.")] = 2,
+) -> None:
+    """Tell before a campaign what it can decide about a paper, and what it costs."""
+    from slambed.papers.paper_runs import sizes_of
+    from slambed.papers.power import costs, number_powers, ordering_powers
+    from slambed.papers.published.paper_plan import read_plan
+    from slambed.papers.published.reading import read_papers
+    from slambed.terminal import console
+
+    paper = read_papers([name])[0]
+    if paper.kind == "peer":
+        raise SlambedError(f"'{name}' is no paper but a program beside ours, nothing to decide")
+    screen = console()
+    screen.print(ordering_powers(paper).rich())
+    screen.print(number_powers(paper).rich())
+    sizes = sizes_of(paper)
+    if sizes:
+        screen.print(costs(paper, sizes, read_plan(paper.id), results, jobs).rich())
+    else:
+        screen.print(f"no experiment reproduces anything of {name} yet")
+
+
+def write_pages(names: list[str] | None, results: Path, out: Path, every: bool) -> None:
+    """One page per paper, and one over all; on the terminal the same in a few lines."""
+    from slambed.commands.results_folders import result_folders
+    from slambed.files.outputs import make_folder
+    from slambed.papers.compare import comparison_table
+    from slambed.papers.paper_page import write_overview, write_paper_page
+    from slambed.papers.published import read_papers
+    from slambed.report.load import load
+    from slambed.terminal import console
+
+    chosen = read_papers(names)
+    if not results.is_dir():
+        raise SlambedError(f"no such folder: {results}; give the right --results")
+    make_folder(out, "--results" if out == results / PAGES else "--out")
+    screen = console()
+    experiments = [load(folder) for folder in result_folders(results)]
+    pages = []
+    for item in chosen:
+        page = write_paper_page(item, experiments, out, overview=len(chosen) > 1)
+        for line in page.lines:
+            screen.print(line, highlight=False, soft_wrap=True)
+        verdicts = page.verdicts
+        for column in verdicts.columns if verdicts is not None and every else []:
+            assert verdicts is not None
+            screen.print(comparison_table(verdicts, column, list(column.rows)).rich())
+        screen.print(f"page: {page.html}", highlight=False, soft_wrap=True)
+        pages += [verdicts] if verdicts is not None else []
+    if len(pages) > 1:
+        overview = write_overview(pages, experiments, out)
+        screen.print(f"all papers: {overview}", highlight=False, soft_wrap=True)

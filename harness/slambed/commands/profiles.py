@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed profiles`: every profile, and what one means."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from slambed.data.places import picture
+from slambed.errors import SlambedError
+from slambed.files.outputs import figure_file
+from slambed.terminal import JsonOption, console, lists_alone, print_json
+
+if TYPE_CHECKING:
+    from slambed.link.impairments import Side
+    from slambed.link.profile import Profile
+
+app = typer.Typer(help="Link profiles: how latency, loss and rate change.")
+
+ROWS = 12
+CROSSING_MS = 40.0
+"""DynNetSLAM's offloading limit L_OL."""
+LEAST_SHOWN_S, MOST_SHOWN_S = 0.1, 86_400.0
+
+
+def _params(values: list[str]) -> dict[str, float]:
+    params = {}
+    for value in values:
+        name, _, number = value.partition("=")
+        try:
+            params[name] = float(number)
+        except ValueError:
+            raise SlambedError(f"--set {value} is not name=number") from None
+    return params
+
+
+def load_changed(name: str, values: list[str]) -> Profile:
+    """The profile of this name or file, with other parameters (`name=number`)."""
+    from slambed.link.profile import load_profile, parse_profile
+
+    if not values:
+        return load_profile(name)
+    if name.endswith((".yaml", ".yml")):
+        profile = load_profile(name, _params(values))
+        return replace(profile, name=f"{profile.name}[{','.join(values)}]")
+    return parse_profile({"profile": name, "params": _params(values)}, "--set")
+
+
+SetOption = Annotated[list[str] | None, typer.Option("--set", help="Parameter: name=number.")]
+
+
+def list_profiles(as_json: JsonOption = False) -> None:
+    """Every profile that has a file."""
+    from slambed.link.profile import load_profile, profile_names
+
+    if as_json:
+        print_json([_entry(name) for name in profile_names()])
+        return
+    table = Table("profile", "RTT [ms]", "length [s]", "description", box=None)
+    for name in profile_names():
+        try:
+            profile = load_profile(name)
+        except SlambedError as error:
+            table.add_row(name, "-", "-", f"not usable here: {error}")
+            continue
+        low, high = _range(profile)
+        rtt = f"{low:g}" if low == high else f"{low:.4g} to {high:.4g}"
+        length = "for ever" if not profile.duration else f"{profile.duration:g}"
+        table.add_row(name, rtt, length, profile.description)
+    screen = console()
+    screen.print(table)
+    screen.print("values over time, with a picture: 'slambed profiles show NAME'")
+
+
+@app.command()
+def show(
+    name: Annotated[str, typer.Argument(help="Name in netem_profiles/, or path of a YAML file.")],
+    values: SetOption = None,
+    output: Annotated[
+        Path | None, typer.Option(help="PNG to write; default: in the cache, and said.")
+    ] = None,
+    until_s: Annotated[float | None, typer.Option(help="Seconds to show.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print a profile's values over time and plot them."""
+    import numpy as np
+
+    from slambed.link.plots import plot_profile, span_s
+
+    if until_s is not None and not LEAST_SHOWN_S <= until_s <= MOST_SHOWN_S:
+        raise SlambedError(
+            f"--until-s {until_s:g} is not between {LEAST_SHOWN_S:g} and {MOST_SHOWN_S:g}"
+        )
+    profile = load_changed(name, values or [])
+    if as_json:
+        print_json(_facts(profile))
+        return
+    for line in _heading(profile, _params(values or [])):
+        typer.echo(line)
+    end = span_s(profile) if until_s is None else until_s
+    table = Table("time [s]", "RTT [ms]", "up [ms]", "down [ms]", box=None)
+    for t in np.linspace(0.0, end, ROWS):
+        up, down = profile.delays_ms(float(t))
+        table.add_row(f"{t:.2f}", f"{up + down:.3f}", f"{up:.3f}", f"{down:.3f}")
+    console().print(table)
+    for line in facts(profile, end):
+        typer.echo(line)
+    target = figure_file(output) if output else picture(f"profile_{profile.name}.png")
+    plot_profile(profile, target, end)
+    typer.echo(f"plot: {target}")
+
+
+def _entry(name: str) -> dict[str, object]:
+    from slambed.link.profile import load_profile
+
+    try:
+        return _facts(load_profile(name))
+    except SlambedError as error:
+        return {"name": name, "error": str(error)}
+
+
+def _facts(profile: Profile) -> dict[str, object]:
+    """For a script: what the file says, and what follows from it."""
+    return {
+        "name": profile.name, "description": profile.description, "source": profile.source,
+        "duration_s": profile.duration, "rtt_range_ms": _range(profile),
+        "up": profile.up.model_dump(mode="json"), "down": profile.down.model_dump(mode="json"),
+        "definition": dict(profile.content),
+    }  # fmt: skip
+
+
+def _heading(profile: Profile, params: dict[str, float]) -> list[str]:
+    """Name and words of the file, which are about its own numbers and not about `params`."""
+    source = f"source: {profile.source}" if profile.source else ""
+    if not params:
+        lines = [f"{profile.name}: {profile.description}", source]
+    else:
+        changed = ", ".join(f"{key} = {value:g}" for key, value in params.items())
+        lines = [
+            f"{profile.name}: changed, {changed}",
+            f"the file, of its own numbers: {profile.description}",
+            source and f"their {source}",
+        ]
+    return [line for line in lines if line]
+
+
+def _range(profile: Profile) -> tuple[float, float]:
+    import numpy as np
+
+    from slambed.link.plots import span_s
+
+    values = profile.rtt_series_ms(np.arange(0.0, span_s(profile), 0.01))
+    return float(values.min()), float(values.max())
+
+
+def facts(profile: Profile, end_s: float) -> list[str]:
+    """What a table of samples does not show."""
+    import numpy as np
+
+    t = np.arange(0.0, end_s, 0.01)
+    rtt = profile.rtt_series_ms(t)
+    lines = [f"RTT: mean {rtt.mean():.2f} ms, {rtt.min():.2f} to {rtt.max():.2f} ms"]
+    crossings = int(np.count_nonzero(np.diff(rtt > CROSSING_MS)))
+    if crossings:
+        lines.append(f"crosses {CROSSING_MS:g} ms {crossings} times in {end_s:.0f} s")
+    for name, side in (("up", profile.up), ("down", profile.down)):
+        lines += [f"{name}: {text}" for text in _impairments(side)]
+    for gap in profile.gaps:
+        again = f", every {gap.every_s:g} s" if gap.every_s else ""
+        what = "waits" if profile.gap_mode == "hold" else "is dropped"
+        lines.append(f"silence of {gap.length_s:g} s at {gap.start_s:g} s{again}; traffic {what}")
+    return lines
+
+
+def _impairments(side: Side) -> list[str]:
+    lines = []
+    if side.rate is not None:
+        lines.append(f"rate {side.rate.trace or f'{side.rate.mbps:g} Mbit/s'}")
+    if side.jitter is not None:
+        size = side.jitter.sd_ms or side.jitter.mean_ms
+        lines.append(f"{side.jitter.shape} jitter {size:g} ms")
+    if side.loss is not None:
+        lines.append(f"loss {side.loss.mean():.3%}")
+    return lines
+
+
+lists_alone(app, list_profiles)

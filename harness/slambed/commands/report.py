@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands about results: report, diff, gate; evaluate about two files of poses."""
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from slambed.caller import will_be_callers
+from slambed.commands.results_folders import experiment_folder, result_folders
+from slambed.errors import ExitCode, SlambedError
+from slambed.files.outputs import make_folder, writing
+from slambed.spec.selection import SYNTAX
+from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
+
+if TYPE_CHECKING:
+    from slambed.report.tables import Table
+
+
+def report(
+    experiment: Annotated[
+        str, typer.Argument(help="Experiment, or its results folder; 'all' of --results.")
+    ] = "all",
+    results: ResultsOption = RESULTS,
+    figures: Annotated[bool, typer.Option(help="Draw figures too.")] = True,
+    every: Annotated[bool, typer.Option("--all", help="Every figure, however long.")] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Compute every number again from the stored events.")
+    ] = False,
+    losses: Annotated[
+        bool, typer.Option("--losses", help="Only say why track was lost; write no report.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Folder of the report, of results that are somebody else's; "
+            "--losses: one a row, .csv or .md.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="--losses: one JSON document instead, for a script.")
+    ] = False,
+) -> None:
+    """Write tables, figures and the page of an experiment again from its runs.
+
+    With --again the numbers too: after a change of a metric, or of a dataset's ground truth.
+    --losses sorts them by cause. relocalisation failed: found again less than a second before;
+    standstill: frames are missing right before it; gap behind an update: an update took newer
+    keyframes away at most half a second before; view change: none of these.
+    """
+    if output is not None and again:
+        raise SlambedError("--again writes into the runs; leave out --output")
+    if as_json and not losses:
+        raise SlambedError("--json goes with --losses; a report's numbers are in its summary.csv")
+    folders = (
+        result_folders(results) if experiment == "all" else [experiment_folder(results, experiment)]
+    )
+    if not folders:
+        raise SlambedError(f"no results in {results}; start with 'slambed run quickstart'")
+    if losses:
+        if experiment == "all":
+            raise SlambedError("--losses is about one experiment; name it")
+        from slambed.commands.report_losses import show_losses
+
+        show_losses(folders[0], experiment, output, as_json)
+        return
+    for folder in folders:
+        place = folder if output is None else output / (folder.name if len(folders) > 1 else "")
+        _report(folder, place, figures, every, again, quiet=len(folders) > 1)
+
+
+def _report(
+    folder: Path, place: Path, figures: bool, every: bool, again: bool, quiet: bool
+) -> None:
+    """One experiment's, into `place`; `quiet`: only where its page is."""
+    from slambed.papers.experiment_tables import comparisons_for
+    from slambed.report.experiment import Told, terminal_summary, write_report
+    from slambed.report.load import load
+    from slambed.report.plots import TIME_FOR_FIGURES_S
+
+    if again:
+        from slambed.report.recompute import recompute
+
+        with writing(folder, "--results"):
+            for line in recompute(folder).lines():
+                typer.echo(line)
+    found = load(folder)
+    told = Told.of(found, comparisons_for(found))
+    limit_s = None if every else TIME_FOR_FIGURES_S
+    if place != folder:
+        make_folder(place, "--output")
+    elif not os.access(place, os.W_OK):
+        line = f"{place} is not ours to write to; give a folder of your own: --output FOLDER"
+        raise SlambedError(line, ExitCode.ENVIRONMENT)
+    will_be_callers(place)
+    paths = write_report(folder, figures=figures, limit_s=limit_s, told=told, place=place)
+    if quiet:
+        typer.echo(f"{paths.html}")
+    else:
+        terminal_summary(folder, console(), told, place)
+
+
+def diff_command(
+    a: Annotated[Path, typer.Argument(help="Results folder, the one before.")],
+    b: Annotated[
+        Path | None,
+        typer.Argument(help="Results folder, the one after; none: --a and --b are parts of A."),
+    ] = None,
+    of_a: Annotated[
+        list[str] | None, typer.Option("--a", help=f"Side A is only this: {SYNTAX}.")
+    ] = None,
+    of_b: Annotated[
+        list[str] | None, typer.Option("--b", help="Side B is only this; as for --a.")
+    ] = None,
+    metrics: Annotated[
+        list[str] | None, typer.Option("--metric", help="Only this; else the experiment's.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Table to write: .csv or .md.")
+    ] = None,
+    html: Annotated[Path | None, typer.Option(help="Page to write, one file.")] = None,
+    truth: Annotated[
+        bool,
+        typer.Option("--truth", help="A is live, B the same in virtual time: how far B is from A."),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare two results folders, or two systems, links, devices, ... of one.
+
+    slambed diff FOLDER --a system=edgeslam --b system=orbslam2
+
+    Cells are matched by what the sides are not chosen to differ in. Ends with 1 where a change was
+    shown.
+    """
+    from slambed.regression.diff import diff, diff_json, diff_table, write_diff
+    from slambed.regression.diff_sides import Sides
+    from slambed.report.load import load
+    from slambed.report.tables import check_format
+
+    if output is not None:
+        check_format(output)
+    before = load(a)
+    after = None if b is None else load(b)
+    if truth:
+        if metrics or html is not None or as_json:
+            raise SlambedError(
+                "--truth is one table of its own; leave out --metric, --html and --json"
+            )
+        from slambed.report.truth import truth_table
+
+        if of_a or of_b:
+            raise SlambedError("--truth takes whole folders; leave out --a and --b")
+        _show_table(truth_table(before, after or before), output)
+        return
+    sides = Sides.of(before, after, of_a or (), of_b or ())
+    found = diff(sides, metrics)
+    table = diff_table(found, sides)
+    if as_json:
+        print_json(diff_json(found, sides))
+    else:
+        console().print(table.rich())
+    if output is not None:
+        write_diff(table, sides, output)
+        typer.echo(f"table: {output}", err=as_json)
+    if html is not None:
+        from slambed.regression.diff_page import write_diff_page
+
+        write_diff_page(found, sides, html)
+        typer.echo(f"page: {html}", err=as_json)
+    shown = sum(change.shown for change in found)
+    if not as_json:
+        typer.echo(f"{shown} of {len(found)} comparisons show a change")
+    if shown:
+        raise typer.Exit(ExitCode.NOT_ALL_GOOD)
+
+
+def _show_table(table: "Table", output: Path | None) -> None:
+    from slambed.report.tables import write_table
+
+    console().print(table.rich())
+    if output is not None:
+        write_table(table, output)
+        typer.echo(f"table: {output}")
+
+
+def gate(
+    experiments: Annotated[
+        list[str] | None,
+        typer.Argument(help="Experiments of tonight; none: --publish what the history has."),
+    ] = None,
+    baseline: Annotated[
+        Path | None, typer.Option(help="Results folder, history (.parquet) or .csv.")
+    ] = None,
+    results: ResultsOption = RESULTS,
+    alpha: Annotated[float, typer.Option(help="Chance of a false alarm in a night.")] = 0.05,
+    history: Annotated[Path | None, typer.Option(help="Append tonight's runs here.")] = None,
+    first_night: Annotated[
+        bool,
+        typer.Option("--first-night", help="No baseline yet: only look for runs to be trusted."),
+    ] = False,
+    publish: Annotated[
+        Path | None, typer.Option(help="Write the history as a page over commits there.")
+    ] = None,
+    link_to: Annotated[
+        str, typer.Option("--link-to", help="Address of a commit on that page, up to its hash.")
+    ] = "",
+) -> None:
+    """Fail when tonight is significantly and relevantly worse, or when nothing was measured.
+
+    --publish FOLDER also draws every metric over the commits of --history, with the changes marked.
+    """
+    from slambed.campaign.manifest import git_state
+    from slambed.regression.gate import append_history, judge, read_runs
+
+    if publish is not None and history is None:
+        raise SlambedError("--publish shows what --history has; give both")
+    if not experiments and publish is None:
+        raise SlambedError("name tonight's experiments, or --publish what a history has")
+    if experiments and baseline is None and not first_night:
+        raise SlambedError("nothing to compare with, no --baseline: give one or --first-night")
+    screen = console()
+    reasons = 0
+    for name in experiments or []:
+        tonight, problems = read_runs(results, Path(name).stem)
+        before = tonight if baseline is None else read_runs(baseline, Path(name).stem)[0]
+        found = judge(before, tonight, alpha / len(experiments or []))
+        screen.print(f"{name}: {len(found.findings)} comparisons, {len(found.failures)} failures")
+        if any(f.alarm or f.relevant for f in found.findings):
+            screen.print(found.table().rich())
+        for line in [*problems, *found.notes]:
+            screen.print(f"note: {line}", highlight=False, markup=False, soft_wrap=True)
+        for line in found.failures:
+            screen.print(f"FAIL: {line}", highlight=False, markup=False, soft_wrap=True)
+        reasons += len(found.failures)
+        if history is not None and len(tonight):
+            night = datetime.now(UTC).strftime("%Y-%m-%d")
+            append_history(history, tonight, night, found.passed, git_state()[0] or "")
+    if publish is not None and history is not None:
+        from slambed.regression.trend_page import publish as write_page
+        from slambed.regression.trends import read_history
+
+        screen.print(
+            f"page: {write_page(read_history(history), publish, link_to)}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    if reasons:
+        raise SlambedError(f"gate closed: {reasons} reasons above", ExitCode.NOT_ALL_GOOD)
+
+
+def evaluate(
+    estimate: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
+    truth: Annotated[Path, typer.Argument(help="Ground truth in TUM format.")],
+    association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
+    max_difference_s: Annotated[float, typer.Option(help="Of two time stamps.")] = 0.02,
+    with_scale: Annotated[bool, typer.Option("--with-scale", help="Sim(3); is marked.")] = False,
+    delta_s: Annotated[float, typer.Option(help="RPE: between the poses of a pair.")] = 1.0,
+) -> None:
+    """ATE and RPE of two trajectory files."""
+    from slambed.data.trajectory import read_tum
+    from slambed.metrics.accuracy import absolute_error, relative_error
+
+    if association not in ("nearest", "tum"):
+        raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
+    method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
+    own, true = read_tum(estimate), read_tum(truth)
+    ate = absolute_error(own, true, max_difference_s, method, with_scale)
+    typer.echo(
+        f"ATE RMSE {ate.rmse:.6f} m ({ate.alignment}, {ate.pairs} pairs, mean {ate.mean:.6f}, "
+        f"median {ate.median:.6f}, max {ate.maximum:.6f})"
+    )
+    rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
+    typer.echo(
+        f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
+        f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"
+    )

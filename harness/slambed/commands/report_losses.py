@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed report NAME --losses`."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from slambed.errors import SlambedError
+from slambed.metrics.losses import sentence
+from slambed.report.load import load
+from slambed.report.loss_table import LostRun, all_by_cause, by_cause, every_loss, lost_runs
+from slambed.report.tables import check_format, write_table
+from slambed.terminal import console, print_json
+
+
+def show_losses(folder: Path, experiment: str, output: Path | None, as_json: bool) -> None:
+    """The first loss of each run by its cause, all of them, and a file with one a row."""
+    if output is not None:
+        check_format(output)
+    found = load(folder)
+    runs = lost_runs(found)
+    if not runs:
+        raise SlambedError(f"no run of {experiment} counts; 'slambed status {experiment}' says why")
+    if as_json:
+        print_json({"experiment": folder.name, "runs": [_told(run) for run in runs]})
+    else:
+        for table in (by_cause(runs), all_by_cause(runs)):
+            console().print(table.rich())
+        typer.echo("'slambed explain RUN --around loss' shows the first of a run")
+    for problem in found.problems:
+        typer.echo(f"note: {problem}", err=as_json)
+    if output is not None:
+        write_table(every_loss(runs), output)
+        typer.echo(f"every loss: {output}", err=as_json)
+
+
+def _told(run: LostRun) -> dict[str, Any]:
+    losses = [{**asdict(loss), "why": sentence(loss)} for loss in run.losses]
+    return {**asdict(run), "losses": losses}

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an experiment asks of its report by name, checked before anything runs."""
+
+from collections.abc import Iterable
+
+from slambed.files.yaml_source import Location, YamlSource
+from slambed.metrics.catalog import METRICS, own_of
+from slambed.papers.published import read_papers
+from slambed.spec.experiment import Experiment
+from slambed.suggestion import suggestion
+
+FIGURES = (
+    "losses", "trajectory", "rtt", "cpu", "memory", "stages", "losses_by_profile", "tradeoff",
+    "changes", "sweep",
+)  # fmt: skip
+"""Kinds of figures beside those of a metric."""
+
+
+def check_asked(experiment: Experiment, source: YamlSource) -> None:
+    """Raises SlambedError for a metric, a plot or a published number that nobody knows."""
+    report = experiment.report
+    own = own_of(choice.system for choice in experiment.systems).values()
+    numbers = [item.key for item in (*METRICS, *own) if item.is_number]
+    # Faults are words, shown wherever there were any: asking for them is no mistake.
+    _known("metric", report.metrics, [*numbers, "faults"], source, ("report", "metrics"))
+    _known("plot", report.plots, [*FIGURES, *numbers], source, ("report", "plots"))
+    if experiment.reproduces:
+        published = {name for paper in read_papers() for name in paper.names()}
+        _known("published number", experiment.reproduces, published, source, ("reproduces",))
+
+
+def _known(
+    what: str, names: list[str], known: Iterable[str], source: YamlSource, place: Location
+) -> None:
+    for index, name in enumerate(names):
+        if name not in known:
+            advice = suggestion(name, known)
+            raise source.complaint(f"unknown {what} '{name}'", (*place, index), advice)

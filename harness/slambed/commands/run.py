@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed run`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slambed.errors import SlambedError
+from slambed.failures import INTERRUPTED
+from slambed.spec.experiment_name import must_be_an_experiment
+from slambed.spec.selection import SYNTAX
+from slambed.terminal import RESULTS, ResultsOption, console
+
+
+def run(
+    experiment: Annotated[
+        str, typer.Argument(help="Name in experiments/, or path of a YAML file.")
+    ],
+    runs: Annotated[
+        str | None, typer.Option(help="Runs per cell: a number, 'default' or 'paper'.")
+    ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="docker, local, virtual or auto; instead of the experiment's."),
+    ] = None,
+    results: ResultsOption = RESULTS,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Only check the files, and whether this host has the engine."),
+    ] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait for another campaign on this host to end.")
+    ] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Make virtual runs on the workers of this Dask scheduler: tcp://..."),
+    ] = None,
+    slurm: Annotated[
+        bool, typer.Option("--slurm", help="Make virtual runs in --jobs Slurm jobs.")
+    ] = False,
+    hosts: Annotated[
+        Path | None,
+        typer.Option(help="Make live runs on the hosts of this YAML file, one at a time on each."),
+    ] = None,
+    on: Annotated[
+        list[str] | None,
+        typer.Option("--on", help="With --hosts: only this host, or those with this label."),
+    ] = None,
+    retries: Annotated[
+        int, typer.Option(min=0, help="Further attempts of a run that is not to be trusted.")
+    ] = 2,
+    wait_for_quiet: Annotated[
+        float,
+        typer.Option(min=0, help="Minutes to wait for a quiet host before live runs."),
+    ] = 0.0,
+    figures: Annotated[bool, typer.Option(help="Draw figures for the report.")] = True,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE instead of the file's, or params.NAME=VALUE."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help=f"Execute these only: {SYNTAX}.")
+    ] = None,
+    force: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--force", help="Execute these again, also where they are there; as for --only."
+        ),
+    ] = None,
+    keep_going: Annotated[
+        bool, typer.Option("--keep-going", help="Go on however many runs have to be given up.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be executed, and how long it takes.")
+    ] = False,
+) -> None:
+    """Run what is missing of an experiment, then show and write its report.
+
+    Runs that are there and to be trusted are kept: call it again after an interrupt and it goes on.
+    """
+    from slambed.campaign import plan
+    from slambed.campaign.check_engine import engine_here
+    from slambed.campaign.options import Options
+    from slambed.commands.report_request import check_asked
+    from slambed.commands.run_and_report import raise_unless_good, run_and_report
+    from slambed.spec.hosts import read_hosts
+    from slambed.spec.library import Library
+
+    must_be_an_experiment(experiment, Library().experiments())
+    if engine not in (None, "auto", "docker", "local", "virtual"):
+        raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
+    if check:
+        library = Library()
+        if only or force:
+            raise SlambedError("--check looks at the files alone; --dry-run looks at cells, too")
+        found, source = library.experiment(experiment, settings)
+        plan.repetitions(found, runs)
+        check_asked(found, source)
+        others = read_hosts(hosts, on or [], engine) if hosts else []
+        asked = others[0].engine if others else engine or found.engine
+        plan.check(found, source, library, asked)
+        typer.echo(f"{source.path}: good")
+        for line in plan.notes(found, library):
+            typer.echo(f"note: {line}")
+        if others:
+            typer.echo(f"engine: {asked}, which only the hosts can tell when they are asked")
+            return
+        for line in engine_here(asked, found, library):
+            typer.echo(line)
+        return
+    screen = console()
+    if scheduler and slurm:
+        raise SlambedError("give one of --scheduler ADDRESS, --slurm")
+    options = Options(runs, engine, results, wait, jobs, scheduler, slurm, hosts, on or [], retries,
+                      wait_for_quiet, settings or [], only or [], force or [], keep_going,
+                      dry_run)  # fmt: skip
+    verdict = run_and_report(experiment, options, screen, figures)
+    if verdict.interrupted:
+        again = " ".join(["slambed", *sys.argv[1:]])
+        typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
+        raise typer.Exit(INTERRUPTED)
+    raise_unless_good([verdict], experiment)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A campaign with its report: what `slambed run` and `slambed papers run` do."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from slambed.campaign.options import Options
+from slambed.campaign.run_experiment import run_experiment
+from slambed.campaign.runner import Verdict
+from slambed.commands.report_request import check_asked
+from slambed.errors import ExitCode, SlambedError
+from slambed.papers.experiment_tables import comparisons_for
+from slambed.papers.published.paper_plan import plans_of_today
+from slambed.report.current import is_current
+from slambed.report.experiment import Told, terminal_summary, write_report
+from slambed.report.load import load
+from slambed.report.recompute import recompute_refused
+from slambed.report.style import ON_PAGES
+from slambed.spec.library import Library
+
+
+def run_and_report(name: str, options: Options, console: Console, figures: bool = True) -> Verdict:
+    """Executes what is missing of an experiment, then shows and writes its report."""
+    check_asked(*Library().experiment(name, options.settings))
+    verdict = run_experiment(name, replace(options, plans=plans_of_today()), console)
+    if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
+        show_report(verdict.folder, console, verdict.done > 0, figures)
+    return verdict
+
+
+def raise_unless_good(verdicts: list[Verdict], what: str) -> None:
+    """Raises SlambedError (exit code 1) where a campaign did not end as one would wish."""
+    given_up = [line for verdict in verdicts for line in verdict.given_up.values()]
+    done = sum(verdict.done for verdict in verdicts)
+    untrusted = done - sum(verdict.trusted for verdict in verdicts)
+    broken_off = sum(verdict.not_completed for verdict in verdicts)
+    line = None
+    if given_up:
+        line = f"{len(given_up)} runs have no result: {given_up[0]}; the same command tries again"
+    elif untrusted:
+        line = f"{untrusted} of {done} runs are not to be trusted; 'slambed status {what}' says why"
+    elif broken_off:
+        line = f"{broken_off} of {done} runs did not complete: a result, which the report tells"
+    if line is not None:
+        raise SlambedError(line, ExitCode.NOT_ALL_GOOD)
+
+
+def show_report(folder: Path, console: Console, anew: bool = True, figures: bool = True) -> None:
+    """Shows the tables of a result folder and writes its report, unless one of these runs is there
+    already."""
+    results = load(folder)
+    if results.refused and (again := recompute_refused(folder)) is not None:
+        anew = True
+        for line in again.lines():
+            _say(console, line)
+        results = load(folder)
+    told = Told.of(results, comparisons_for(results))
+    if anew or not is_current(folder):
+        write_report(folder, figures=figures, told=told, formats=ON_PAGES)
+    terminal_summary(folder, console, told)
+    _say(console, f"every run: {folder / 'summary.csv'}")
+
+
+def _say(console: Console, line: str) -> None:
+    console.print(line, highlight=False, markup=False, soft_wrap=True)

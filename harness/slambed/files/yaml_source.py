@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML that remembers the line of every key, so that a complaint can name it."""
+
+import types
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from slambed.errors import SlambedError
+from slambed.files.yaml_text import with_parser
+from slambed.suggestion import suggestion
+
+Location = tuple[str | int | float, ...]
+KINDS = {
+    "bool_type": "true or false",
+    "int_type": "an integer",
+    "float_type": "a number",
+    "string_type": "text",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+}
+"""What pydantic misses, by its type of error, in words of YAML."""
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class YamlSource:
+    """A parsed YAML file: its data, and the line (from 1) of each key and list entry."""
+
+    path: Path
+    data: Any
+    lines: dict[Location, int] = field(repr=False)
+
+    def line_of(self, location: Location) -> int:
+        """Line of the deepest part of `location` that is written in the file."""
+        for length in range(len(location), 0, -1):
+            if (line := self.lines.get(location[:length])) is not None:
+                return line
+        return 1
+
+    def complaint(self, what: str, location: Location = (), advice: str = "") -> SlambedError:
+        """`what, where` in the form every error of slambed has."""
+        place = f"{self.path} line {self.line_of(location)}"
+        return SlambedError(f"{what}, {place}" + (f"; {advice}" if advice else ""))
+
+
+def load_yaml(path: Path) -> YamlSource:
+    """Reads one YAML document safely (no Python tags); duplicate keys are errors."""
+    return _parsed(_text(path), path)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SlambedError(f"no such file: {path}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SlambedError(f"cannot read {path}: {error}") from None
+
+
+def _parsed(text: str, path: Path) -> YamlSource:
+    try:
+        return with_parser(lambda parser: _read(parser(text), path))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = mark.line + 1 if mark is not None else 1
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise SlambedError(f"not YAML: {problem}, {path} line {line}") from None
+
+
+def _read(loader: yaml.SafeLoader, path: Path) -> YamlSource:
+    lines: dict[Location, int] = {}
+    try:
+        root = loader.get_single_node()
+        data = None if root is None else _construct(loader, root, (), lines, path)
+    finally:
+        loader.dispose()
+    return YamlSource(path, data, lines)
+
+
+def _construct(
+    loader: yaml.SafeLoader,
+    node: yaml.Node,
+    location: Location,
+    lines: dict[Location, int],
+    path: Path,
+) -> Any:
+    lines.setdefault(location, node.start_mark.line + 1)
+    if isinstance(node, yaml.MappingNode):
+        loader.flatten_mapping(node)
+        mapping: dict[str | int | float, Any] = {}
+        for key_node, value_node in node.value:
+            key = loader.construct_object(key_node)
+            line = key_node.start_mark.line + 1
+            if not isinstance(key, str | int | float) or isinstance(key, bool):
+                # YAML 1.1 reads a bare `on` or `no` as true/false: a trap worth naming.
+                raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
+            if key in mapping:
+                raise SlambedError(f"key '{key}' is given twice, {path} line {line}")
+            lines[(*location, key)] = line
+            mapping[key] = _construct(loader, value_node, (*location, key), lines, path)
+        return mapping
+    if isinstance(node, yaml.SequenceNode):
+        return [
+            _construct(loader, child, (*location, index), lines, path)
+            for index, child in enumerate(node.value)
+        ]
+    return loader.construct_object(node)
+
+
+def parse(model: type[Model], source: YamlSource) -> Model:
+    """Checks `source` against `model`; the first complaint becomes one line with its place."""
+    if not isinstance(source.data, dict):
+        raise source.complaint("expected a mapping of keys")
+    try:
+        return model.model_validate(source.data)
+    except ValidationError as error:
+        raise _explain(model, source, error.errors()) from None
+
+
+def read_model(model: type[Model], path: Path) -> Model:
+    """A YAML file that is one `model`; of the same text the same object, which nobody may change: a
+    campaign and its report ask several times for each dataset and each paper."""
+    found: Model = _model(model, path, _text(path))
+    return found
+
+
+@lru_cache(maxsize=512)
+def _model(model: type[Model], path: Path, text: str) -> Model:
+    return parse(model, _parsed(text, path))
+
+
+def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
+    """Of several mistakes an unknown key is told first: it explains a "missing" one next to it."""
+    # Union branches add their own name to the location; they are not in the file.
+    # What is missing is in no file; nor is a key that the command line has put there (--set).
+    open_ends = ("missing", "extra_forbidden")
+    found = [(_written(source, tuple(i["loc"]), i["type"] in open_ends), i) for i in items]
+    found = [(place, item) for place, item in found if not _is_inside(place, item, found)]
+    location, first = min(found, key=lambda pair: pair[1]["type"] != "extra_forbidden")
+    name = ".".join(str(part) for part in location)
+    if first["type"] == "extra_forbidden":
+        key = str(location[-1])
+        known = _fields_at(model, location[:-1])
+        return source.complaint(f"unknown key '{key}'", location, suggestion(key, known))
+    if first["type"] == "missing":
+        return source.complaint(f"key '{name}' is missing", location)
+    message = mistake([item for place, item in found if place == location])
+    return source.complaint(f"'{name}': {message}" if name else message, location)
+
+
+def _is_inside(location: Location, item: Any, found: list[tuple[Location, Any]]) -> bool:
+    """Who writes a mapping where a name would do as well has a mistake inside the mapping."""
+    deeper = (place[: len(location)] == location != place for place, _ in found)
+    return item["type"] in KINDS and any(deeper)
+
+
+def _written(source: YamlSource, location: Location, open_end: bool) -> Location:
+    """The part of `location` that is in the file, with an open end also its last key."""
+    kept: Location = ()
+    for index, part in enumerate(location):
+        last = index == len(location) - 1
+        if (*kept, part) in source.lines or (last and open_end):
+            kept = (*kept, part)
+    return kept
+
+
+def mistake(items: list[Any]) -> str:
+    """What pydantic's errors about one place say: what was expected, and what is written there."""
+    kinds = dict.fromkeys(KINDS[item["type"]] for item in items if item["type"] in KINDS)
+    first = items[0]
+    if first["type"] in KINDS:
+        if "a number" in kinds:
+            kinds.pop("an integer", None)
+        *others, last = kinds
+        expected = f"{', '.join(others)} or {last}" if others else last
+        return f"expected {expected}, not {in_words(first['input'])}"
+    message = str(first["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    shown = first["input"]
+    scalar = isinstance(shown, str | int | float) and not isinstance(shown, bool)
+    if scalar or first["type"] == "literal_error":
+        message += f" (it is {in_words(shown)})"
+    return message[:1].lower() + message[1:]
+
+
+def in_words(value: object) -> str:
+    """A value of a YAML file for a complaint; what is not one value by its kind."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, dict):
+        return "a mapping"
+    return "a list" if isinstance(value, list) else repr(value)
+
+
+def _fields_at(model: type[BaseModel], location: Location) -> list[str]:
+    """Keys that the model allows at a place in the file."""
+    current: list[Any] = [model]
+    for part in location:
+        following: list[Any] = []
+        for kind in current:
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                if isinstance(part, str) and part in kind.model_fields:
+                    following += _branches(kind.model_fields[part].annotation)
+            elif get_origin(kind) is list:
+                following += _branches(get_args(kind)[0])
+            elif get_origin(kind) is dict:
+                following += _branches(get_args(kind)[1])
+        current = following
+    return [
+        name
+        for kind in current
+        if isinstance(kind, type) and issubclass(kind, BaseModel)
+        for name in kind.model_fields
+    ]
+
+
+def _branches(annotation: Any) -> list[Any]:
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [branch for arg in get_args(annotation) for branch in _branches(arg)]
+    return [annotation]

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The YAML of an inference: what is open, fitted and predicted, and what counts as success."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from slambed.errors import SlambedError
+from slambed.files.yaml_source import YamlSource, load_yaml, parse
+from slambed.infer.keys import split_key
+from slambed.native import repository_root
+from slambed.papers.published import Paper, papers_folder, read_paper, read_papers
+from slambed.papers.published.contrasts import expanded
+from slambed.spec.experiment import NAME
+from slambed.spec.system import Scalar
+from slambed.suggestion import suggestion
+
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+FOLDER = "inference"
+YAML = (".yaml", ".yml")
+QUICK = "-quick"
+"""What the folder of a quick form ends in."""
+
+
+def _each_once(patterns: list[str]) -> list[str]:
+    found = [cell for pattern in patterns for cell in expanded(pattern)]
+    if len(set(found)) < len(found):
+        twice = next(cell for cell in found if found.count(cell) > 1)
+        raise ValueError(f"{twice} is named twice")
+    return found
+
+
+Cells = Annotated[list[str], AfterValidator(_each_once)]
+"""Ids of published numbers; braces stand for several (`T2.x.rtt{0,20}`)."""
+
+
+class Change(BaseModel):
+    """What a system of the experiments is instead, in a case or throughout."""
+
+    model_config = STRICT
+
+    variant: str | None = None
+    params: dict[str, Scalar] = Field(default_factory=dict)
+
+
+class OpenItem(BaseModel):
+    """One thing that the paper leaves open: a range, some values, or cases of several changes."""
+
+    model_config = STRICT
+
+    says: str
+    """What it is, and where it is left open."""
+    set: str | None = None
+    """`params.<name>`, `devices.<role>`, `devices.<role>.<cores|speed|background|jitter.<stage>>`,
+    `datasets.<name>` or `profiles.<name>`; none with cases."""
+    range: list[float | int] | None = Field(default=None, min_length=2, max_length=2)
+    """Lowest and highest; whole numbers where both are."""
+    values: list[Scalar] | None = None
+    cases: dict[str, dict[str, Change]] | None = None
+    """Name -> what the paper's systems (patterns) are then."""
+    systems: list[str] | None = Field(default=None, min_length=1)
+    """The paper's systems (patterns) it is about; all that have the parameter."""
+    printed: Scalar
+    """The value that is taken where nothing is fitted: what the paper prints, or the usual one."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "OpenItem":
+        if [self.range, self.values, self.cases].count(None) != 2:
+            raise ValueError("give one of range, values, cases")
+        if (self.set is None) != (self.cases is not None):
+            raise ValueError("set belongs to range and values, and cases set what they name")
+        if self.set is not None:
+            split_key(self.set)
+        if self.range is not None and not self.range[0] < self.range[1]:
+            low, high = self.range
+            raise ValueError(f"range {low:g} to {high:g} is reversed or empty")
+        if self.range is not None and (isinstance(self.printed, bool | str)):
+            raise ValueError(f"printed {self.printed!r} is no number")
+        if self.range is None:
+            if len({str(v) for v in self.choices}) < max(2, len(self.choices)):
+                raise ValueError("something open has two values at least, each once")
+            if self.cases is not None and self.printed not in self.cases:
+                raise ValueError(f"printed {self.printed!r} is none of {', '.join(self.cases)}")
+        return self
+
+    @property
+    def choices(self) -> list[Scalar]:
+        """The values to choose from; none of a range."""
+        return list(self.cases) if self.cases is not None else list(self.values or [])
+
+
+class Form(BaseModel):
+    """How many points are looked at, and how often each is run."""
+
+    model_config = STRICT
+
+    points: int = Field(ge=2, le=4096)
+    """Spread over what is open, with the printed one."""
+    first_runs: int = Field(ge=5)
+    """Runs of every fitted cell in the first round; each round has twice as many, and only points
+    that may still be kept."""
+    final_runs: int = Field(ge=5)
+    """Runs of every fitted cell in the last round."""
+    predict_runs: int = Field(ge=5)
+    """Runs of every predicted cell."""
+    budget_runs: int = Field(ge=1)
+    """Of everything together."""
+
+    @model_validator(mode="after")
+    def _grows(self) -> "Form":
+        if self.final_runs < self.first_runs:
+            raise ValueError(f"final_runs {self.final_runs} is below first_runs {self.first_runs}")
+        return self
+
+
+class Criterion(BaseModel):
+    """One thing that success asks for."""
+
+    model_config = STRICT
+
+    says: str
+    kind: Literal["fitted_inside", "held_out_inside", "mean_error", "rank", "rises"]
+    """Share of cells inside their 95 % predictive intervals; mean error in points; Spearman's rank
+    correlation of ours with the paper's over `cells`; every cell of `cells` above the one before in
+    the runs of the best point (one-sided, p < 0.05 each)."""
+    at_least: float | None = None
+    at_most: float | None = None
+    cells: Cells = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "Criterion":
+        wanted = {"mean_error": "at_most", "rises": None}.get(self.kind, "at_least")
+        given = {name for name in ("at_least", "at_most") if getattr(self, name) is not None}
+        if given != ({wanted} if wanted else set()):
+            raise ValueError(f"{self.kind} takes {wanted or 'neither at_least nor at_most'}")
+        needed = {"rises": 2, "rank": 3}.get(self.kind, 0)
+        if len(self.cells) < needed or (self.cells and not needed):
+            raise ValueError(
+                f"{self.kind} takes {f'{needed} cells at least' if needed else 'no cells'}"
+            )
+        return self
+
+
+class Inference(BaseModel):
+    """One plan of an inference."""
+
+    model_config = STRICT
+
+    id: str = Field(pattern=NAME)
+    title: str
+    paper: str
+    """Name in papers/, or a file beside the plan that ends in .yaml."""
+    experiments: list[str] = Field(min_length=1)
+    """Names, or files beside the plan. Their cells stand beside the paper's; the first that
+    reproduces a table is taken for it."""
+    playback: dict[str, Any] = Field(default_factory=dict)
+    """Keys of `playback` put in for the experiments'."""
+    instead: dict[str, Change] = Field(default_factory=dict)
+    """The paper's systems (patterns) -> what they are instead at every point."""
+    open: dict[str, OpenItem]
+    fit: Cells = Field(min_length=1)
+    held_out: Cells = Field(min_length=1)
+    within_log: float = Field(default=2.0, gt=0)
+    """Points whose log-likelihood is so near to the best one's are kept, and predict."""
+    seed: int = Field(ge=0, lt=2**31)
+    """Of the spread of points and of the runs."""
+    full: Form
+    quick: Form
+    success: list[Criterion] = Field(min_length=1)
+    limits: list[str] = Field(default_factory=list)
+    """What it cannot show, and why."""
+
+    def form(self, quick: bool) -> Form:
+        """How much is run."""
+        return self.quick if quick else self.full
+
+    @model_validator(mode="after")
+    def _is_an_inference(self) -> "Inference":
+        if not self.open:
+            raise ValueError("nothing is open: there is nothing to infer")
+        if both := [cell for cell in self.held_out if cell in self.fit]:
+            raise ValueError(f"{both[0]} is held out and fitted too: a fitted cell is no evidence")
+        for criterion in self.success:
+            for cell in criterion.cells:
+                if cell not in (*self.fit, *self.held_out):
+                    raise ValueError(
+                        f"success asks for {cell}, which is neither fitted nor held out"
+                    )
+        return self
+
+
+def find_plan(name: str) -> tuple[Inference, YamlSource]:
+    """A plan by name (in inference/) or by path (anything that ends in .yaml). Raises SlambedError
+    with file, line and reason where it is not as described."""
+    if name.endswith(YAML):
+        path = Path(name)
+    else:
+        folder = repository_root() / FOLDER
+        path = folder / f"{name}.yaml"
+        if not path.is_file():
+            known = sorted(file.stem for file in folder.glob("*.yaml"))
+            raise SlambedError(f"unknown plan '{name}', no {path}; {suggestion(name, known)}")
+    source = load_yaml(path)
+    plan = parse(Inference, source)
+    if plan.id != path.stem:
+        told = f"id '{plan.id}' is not the file's name"
+        raise source.complaint(told, ("id",), f"write id: {path.stem}")
+    return plan, source
+
+
+def read_its_paper(plan: Inference, source: YamlSource) -> tuple[Paper, Path]:
+    """The published numbers of a plan, and their file."""
+    if plan.paper.endswith(YAML):
+        path = source.path.parent / plan.paper
+        return read_paper(path), path
+    return read_papers([plan.paper])[0], papers_folder() / f"{plan.paper}.yaml"

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The harness's hold on a link that a helper container keeps (`slambed.link.link_helper`)."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from slambed.errors import SlambedError
+from slambed.link.helper_messages import (
+    Alive,
+    AskAlive,
+    LinkStarted,
+    LinkStopped,
+    Opened,
+    OpenLink,
+    StartLink,
+    StopLink,
+)
+from slambed.link.record import LinkFacts
+from slambed.process.line_protocol import LineProcess
+from slambed.spec.run_spec import RunSpec
+
+MODULE = "slambed.link.link_helper"
+OPEN_TIMEOUT_S = 60.0
+ANSWER_TIMEOUT_S = 10.0
+STOP_TIMEOUT_S = 30.0
+ALIVE_EVERY_S = 0.2
+
+
+class RemoteLink:
+    """Same life as `run_link.RunLink`; a helper that ends is a link that went away."""
+
+    def __init__(self, process: LineProcess) -> None:
+        self._process = process
+        self._looked_s = 0.0
+        self._alive = True
+        self._facts: LinkFacts | None = None
+
+    def start(self, t0_ns: int) -> None:
+        """Run time 0 on CLOCK_MONOTONIC."""
+        self._process.ask(StartLink(t0_ns=t0_ns), LinkStarted, ANSWER_TIMEOUT_S)
+
+    def alive(self) -> bool:
+        """False once the link, or the helper that keeps it, went away."""
+        if self._alive and time.monotonic() - self._looked_s > ALIVE_EVERY_S:
+            self._looked_s = time.monotonic()
+            try:
+                self._alive = self._process.ask(AskAlive(), Alive, ANSWER_TIMEOUT_S).alive
+            except SlambedError:
+                self._alive = False
+        return self._alive
+
+    def stop(self) -> LinkFacts:
+        """Takes the link down; what it says goes into the manifest."""
+        if self._facts is None:
+            try:
+                self._facts = self._process.ask(StopLink(), LinkStopped, STOP_TIMEOUT_S).link
+            except SlambedError as error:
+                self._facts = LinkFacts.gone(str(error))
+            finally:
+                self._process.close()
+        return self._facts
+
+
+class HelperStarter(Protocol):
+    """What a link needs of an engine."""
+
+    def beside(self, module: str, writable: list[Path]) -> list[str]:
+        """The command that runs a module of slambed beside the nodes that are started, with what
+        it may write to."""
+
+
+@dataclass(frozen=True)
+class HelperLinks:
+    """Opens links in helper containers of an engine."""
+
+    engine: HelperStarter
+
+    def __call__(
+        self, spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float
+    ) -> RemoteLink:
+        """Joins the two namespaces by the link that the run asks for."""
+        # The helper is root without a root's right to write anywhere.
+        log_dir.chmod(0o777)
+        log_dir = log_dir.resolve()
+        command = self.engine.beside(MODULE, [log_dir])
+        process = LineProcess(command, "link", log_dir / "helper_errors.txt")
+        asked = OpenLink(
+            spec=spec,
+            mobile=str(mobile_ns),
+            edge=str(edge_ns),
+            log_dir=str(log_dir),
+            longest_s=longest_s,
+        )
+        try:
+            process.ask(asked, Opened, OPEN_TIMEOUT_S)
+        except BaseException:
+            process.close()
+            raise
+        return RemoteLink(process)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A paper beside our runs: every number and every declared ordering, per kind of engine."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import pandas as pd
+
+from slambed.papers.fits import Fit, fits_used, read_fits
+from slambed.papers.judged import MARKS, Judge, Judged, Mark, is_number
+from slambed.papers.lookup import MISSING_WORDS, Pool
+from slambed.papers.orderings import JudgedOrdering, judge_orderings
+from slambed.papers.published import Cell, Paper, cells_of
+from slambed.papers.verdicts.prediction import Score, score
+from slambed.report.tables import Table
+
+CLAIMS = "claims"
+"""Name of the bar over the numbers stated in sentences."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """All verdicts from one kind of engine. Live and virtual are never summed."""
+
+    engine: str
+    rows: dict[str, Judged]
+    orderings: list[JudgedOrdering]
+    fits: list[Fit]
+    runs: pd.DataFrame
+
+    @property
+    def score(self) -> Score:
+        """How well numbers that no fit has seen were predicted."""
+        known = [r.position for r in self.rows.values() if r.position is not None]
+        return score(known)
+
+    def marks(self, ids: list[str]) -> "Counter[Mark]":
+        """How many of these numbers got which mark."""
+        return Counter(self.rows[i].mark for i in ids)
+
+
+@dataclass(frozen=True)
+class PaperVerdicts:
+    """Everything that is said of one paper."""
+
+    paper: Paper
+    cells: dict[str, Cell]
+    """The numbers that the paper prints, by id: the denominator of every count."""
+    columns: list[Column]
+
+    def groups(self) -> list[tuple[str, str, list[str]]]:
+        """(name, label, ids): one per table, then one of the claims."""
+        found = []
+        for table in self.paper.tables:
+            own = [i for i, c in self.cells.items() if c.source == table.id]
+            if own:
+                found.append((table.id, table.label, own))
+        claims = [i for i, c in self.cells.items() if c.claim is not None]
+        return [*found, (CLAIMS, "Text", claims)] if claims else found
+
+    def column(self, engine: str) -> Column | None:
+        """The verdicts of one kind of engine."""
+        return next((c for c in self.columns if c.engine == engine), None)
+
+
+def compare_paper(paper: Paper, pool: Pool, fits: list[Fit] | None = None) -> PaperVerdicts:
+    """Every printed number and every declared ordering of a paper; one column per kind of engine
+    that has runs, one without any where there is none."""
+    cells = cells_of(paper)
+    numbers = {i: c for i, c in cells.items() if is_number(c)}
+    fits = read_fits() if fits is None else fits
+    columns = []
+    pool = pool.of_paper(paper)
+    for engine in pool.engines() or [""]:
+        own = pool.of_engine(engine) if engine else pool
+        used = fits_used(fits, own.runs)
+        fitted = frozenset(i for i in cells if any(fit.has(i) for fit in used))
+        judge = Judge(paper, own, cells, fitted)
+        rows = {i: judge.judge(c) for i, c in numbers.items()}
+        orderings = judge_orderings(judge)
+        columns.append(Column(engine, _told_once(rows), orderings, used, own.runs))
+    return PaperVerdicts(paper, numbers, columns)
+
+
+def _told_once(rows: dict[str, Judged]) -> dict[str, Judged]:
+    """A number that stands in two places is judged at one; the other shows that verdict."""
+    found = {}
+    for name, row in rows.items():
+        target = row.cell.standing.duplicate_of
+        if row.provenance == "duplicate" and target in rows:
+            first = rows[str(target)]
+            row = Judged(row.cell, "duplicate", first.verdict, first.measured, row.why)
+        found[name] = row
+    return found
+
+
+def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) -> Table:
+    """Cell by cell: for CSV, Markdown and LaTeX."""
+    engine = f" ({column.engine})" if column.engine else ""
+    table = Table(
+        "numbers", f"{verdicts.paper.paper.title}{engine}",
+        ["where", "row", "column", "metric", "paper", "ours", "verdict", "provenance", "reason"],
+        words=4,
+    )  # fmt: skip
+    for name in ids:
+        row = column.rows[name]
+        cell = row.cell
+        outcome = row.verdict.outcome.replace("_", " ")
+        told = MISSING_WORDS[row.missing] if row.missing else outcome
+        table.rows.append(
+            [cell.id, cell.row, cell.column, cell.metric, row.stated, row.ours,
+             told if row.mark in "RDINE" else MARKS[row.mark], row.provenance.replace("_", " "),
+             row.why]
+        )  # fmt: skip
+    return table
+
+
+def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
+    """The declared orderings, one per line."""
+    engine = f" ({column.engine})" if column.engine else ""
+    table = Table(
+        "orderings", f"Declared orderings of {verdicts.paper.paper.title}{engine}",
+        ["id", "statement", "paper", "ours", "outcome", "provenance", "reason", "pairs"], words=2,
+    )  # fmt: skip
+    for item in column.orderings:
+        table.rows.append(
+            [item.contrast.id, item.contrast.says, item.values(False), item.values(True),
+             item.words, item.provenance.replace("_", " "), item.ordering.why, item.holding]
+        )  # fmt: skip
+    return table
+
+
+def pair_table(verdicts: PaperVerdicts, column: Column) -> Table:
+    """Every pair of an ordering that consists of several, one per line."""
+    engine = f" ({column.engine})" if column.engine else ""
+    table = Table(
+        "pairs", f"Pairs of declared orderings of {verdicts.paper.paper.title}{engine}",
+        ["id", "where", "paper", "ours", "outcome", "p"], words=2,
+    )  # fmt: skip
+    for item in column.orderings:
+        table.rows += [
+            [item.contrast.id, p.where, p.paper, p.ours, p.outcome, f"{p.p_value:.2g}"]
+            for p in item.pairs
+        ]  # fmt: skip
+    return table
+
+
+def plain_list(paper: Paper) -> str:
+    """One line: id, title, and what it has."""
+    source = paper.paper
+    if paper.kind == "peer":
+        return f"{paper.id}: {source.title}, {len(paper.setups)} set-ups"
+    numbers = sum(is_number(c) for c in cells_of(paper).values())
+    return (
+        f"{paper.id}: {source.title} ({source.year}), {numbers} printed numbers, "
+        f"{len(paper.contrasts)} declared orderings"
+    )

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is said of a number that a device was set to match: no evidence, and how far it is off all
+the same."""
+
+from math import isfinite, log, log1p
+
+from slambed.papers.measured import Measured
+from slambed.papers.published import Cell
+from slambed.papers.verdicts.model import Verdict
+
+SET_TO_MATCH = "set to match a published value; no evidence"
+OWN_DATA = "follows from the paper's own data; no evidence"
+USUAL_MARGIN = 0.2
+"""Where the verdict has none: of too few runs, for instance."""
+TIMES = 2.0
+"""From here on a factor reads better than percent."""
+
+
+def far_off(cell: Cell, measured: Measured, verdict: Verdict) -> str:
+    """`fitted, yet 41 % below the printed value`; empty within the margin of the number."""
+    if cell.value is None or not measured.there or verdict.outcome == "reproduced":
+        return ""
+    margin = verdict.margin if isfinite(verdict.margin) else USUAL_MARGIN
+    if measured.is_share:
+        points = 100 * measured.share.value - cell.value
+        if abs(points) <= 100 * margin:
+            return ""
+        return f"fitted, yet {abs(points):.3g} points {_side(points)} the printed value"
+    ours = measured.mean.value
+    if verdict.scale == "difference":
+        far = ours - cell.value
+        if abs(far) <= margin:
+            return ""
+        return f"fitted, yet {abs(far):.3g} {cell.unit} {_side(far)} the printed value"
+    if not (ours > 0 and cell.value > 0):
+        return ""
+    ratio = ours / cell.value
+    if abs(log(ratio)) <= log1p(margin):
+        return ""
+    if ratio >= TIMES:
+        return f"fitted, yet {ratio:.3g} times the printed value"
+    if ratio <= 1 / TIMES:
+        return f"fitted, yet the printed value is {1 / ratio:.3g} times ours"
+    return f"fitted, yet {100 * abs(ratio - 1):.0f} % {_side(ratio - 1)} the printed value"
+
+
+def _side(difference: float) -> str:
+    return "above" if difference > 0 else "below"

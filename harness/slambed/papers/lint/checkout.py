@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a mapping may name: systems, datasets, profiles, devices and metrics of this checkout."""
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from slambed.files.yaml_source import load_yaml
+from slambed.metrics.catalog import SUMMARY_KEYS
+from slambed.metrics.tracking import Tracking
+from slambed.metrics.update_round import PART_FIELDS
+from slambed.papers.fits import read_fits
+from slambed.spec.library import Library
+from slambed.spec.system import System
+
+SPECIAL_KEYS = ("rmse_vs_reference_live_m",)
+"""Computed when runs are compared, because they need a second run."""
+DELAYS = (*PART_FIELDS, "T_Total", "T_Computed")
+
+
+@dataclass(frozen=True)
+class Checkout:
+    """The files of one checkout as far as papers/*.yaml speak about them."""
+
+    library: Library
+
+    @cached_property
+    def systems(self) -> dict[str, System]:
+        """By name."""
+        return {name: self.library.system(name) for name in self.library.systems()}
+
+    @cached_property
+    def datasets(self) -> set[str]:
+        """Names of datasets/."""
+        return self._stems("datasets")
+
+    @cached_property
+    def profiles(self) -> set[str]:
+        """Names of netem_profiles/, and those that experiments make of a constant."""
+        return self._stems("netem_profiles") | {"rtt_0"}
+
+    @cached_property
+    def devices(self) -> set[str]:
+        """Names of devices/ and of those that experiments derive from them."""
+        found = set(self.library.devices())
+        for path in sorted((self.root / "experiments").glob("*.yaml")):
+            content = _yaml(path)
+            for system in content.get("systems") or []:
+                changes = (system.get("devices") or {}).values() if isinstance(system, dict) else ()
+                found |= {str(c["name"]) for c in changes if isinstance(c, dict) and "name" in c}
+        return found
+
+    @cached_property
+    def keys(self) -> set[str]:
+        """Everything that a run's summary can hold."""
+        own = {key for system in self.systems.values() for key in system.metrics}
+        return set(SUMMARY_KEYS) | own | set(SPECIAL_KEYS)
+
+    @cached_property
+    def fits(self) -> dict[str, list[str]]:
+        """Name of every fit -> patterns of the cells that it was fitted to."""
+        found = read_fits(self.root / "devices" / "fits")
+        return {fit.name: list(fit.patterns) for fit in found}
+
+    @property
+    def root(self) -> Path:
+        """Folder of the checkout."""
+        return self.library.root
+
+    def has_key(self, key: str) -> bool:
+        """Whether a metric can be taken from runs."""
+        source, _, part = key.partition(".")
+        if part and source == "delay":
+            return part in DELAYS
+        if part and source == "tracking":
+            return part in Tracking.__dataclass_fields__ or hasattr(Tracking, part)
+        return key in self.keys
+
+    def has_param(self, column: str, systems: set[str] | None = None) -> bool:
+        """Whether `params.<name>` is a parameter of one of these systems, or of any."""
+        name = column.removeprefix("params.")
+        chosen = [s for n, s in self.systems.items() if systems is None or n in systems]
+        return any(name in system.params for system in chosen)
+
+    def value_of(self, kind: str, name: str, key: str) -> Any:
+        """A value under a dotted path of netem_profiles/<name>.yaml or datasets/<name>.yaml; None
+        where there is none."""
+        folder = {"profile": "netem_profiles", "dataset": "datasets"}[kind]
+        value: Any = _yaml(self.root / folder / f"{name}.yaml")
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        return value
+
+    def first_of(self, dataset: str) -> list[str]:
+        """The sequences of which the first that is there is played; itself where it is one."""
+        chosen = _yaml(self.root / "datasets" / f"{dataset}.yaml").get("first_of")
+        return [str(name) for name in chosen] if isinstance(chosen, list) else [dataset]
+
+    def _stems(self, folder: str) -> set[str]:
+        return {path.stem for path in (self.root / folder).glob("*.yaml")}
+
+
+def fits_any(pattern: str, names: set[str]) -> bool:
+    """Whether a pattern stands for at least one name."""
+    return any(fnmatchcase(name, pattern) for name in names)
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    content = load_yaml(path).data
+    return content if isinstance(content, dict) else {}

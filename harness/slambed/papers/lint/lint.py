@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a paper's file means what it says: every number is mapped or says why it is not, and all
+that a mapping names is there.
+
+A wrong mapping is worse than a missing one: it gives a verdict about something else.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from slambed.papers.lint.checkout import Checkout, fits_any
+from slambed.papers.lint.lint_names import name_problems
+from slambed.papers.lint.lint_open import open_problems
+from slambed.papers.lint.lint_plan import plan_problems
+from slambed.papers.lint.problem import Problem
+from slambed.papers.lint.resolve import unresolved
+from slambed.papers.published.cells import Cell, cells_of, resolution_of, table_cells
+from slambed.papers.published.claims import Claim, Configured
+from slambed.papers.published.paper import Paper
+from slambed.papers.published.paper_plan import read_plan
+from slambed.papers.published.quantities import At, Operand, Quantity, computed
+
+SET_UP = ("setup", "parameter", "background")
+"""Kinds of claims that are no results."""
+
+
+def lint(papers: Iterable[Paper], checkout: Checkout) -> list[Problem]:
+    """Everything that is wrong with these papers, in the order of their files."""
+    found: list[Problem] = []
+    chosen = [paper for paper in papers if paper.kind == "paper"]
+    for paper in chosen:
+        mistakes = lint_paper(paper, checkout)
+        # What names nothing cannot be looked up in experiments.
+        found += mistakes or open_problems(paper, checkout)
+        if (plan := read_plan(paper.id, checkout.root / "papers")) is not None:
+            found += plan_problems(plan, paper, checkout)
+    cells = {name: cell for paper in chosen for name, cell in cells_of(paper).items()}
+    known = {name.split(".")[0] for name in cells}
+    for fit, patterns in checkout.fits.items():
+        for pattern in patterns:
+            about = pattern.split(".")[0]
+            if about in known and not fits_any(pattern, set(cells)):
+                found.append(Problem(f"devices/fits/{fit}.yaml", f"fits: no cell {pattern}"))
+    return found
+
+
+def lint_paper(paper: Paper, checkout: Checkout) -> list[Problem]:
+    """Everything that is wrong with one paper."""
+    look = _Look(paper, checkout, cells_of(paper))
+    parts = (look.ids(), name_problems(paper, checkout), look.tables(), look.figures(),
+             look.claims(), look.contrasts())  # fmt: skip
+    return [problem for part in parts for problem in part]
+
+
+@dataclass(frozen=True)
+class _Look:
+    paper: Paper
+    checkout: Checkout
+    cells: dict[str, Cell]
+
+    def ids(self) -> Iterator[Problem]:
+        paper = self.paper
+        given = [table.id for table in paper.tables] + [figure.id for figure in paper.figures]
+        given += [claim.id for claim in paper.claims] + [item.id for item in paper.contrasts]
+        for name, times in Counter(given).items():
+            if times > 1:
+                yield Problem(name, "an id is given twice")
+
+    def tables(self) -> Iterator[Problem]:
+        for cell in table_cells(self.paper).values():
+            yield from self._standing(cell)
+            if not cell.standing.judged:
+                continue
+            if cell.value is None:
+                yield Problem(cell.id, "words, and no reason why they are not judged: unmappable?")
+                continue
+            yield from self._mapped(cell)
+
+    def figures(self) -> Iterator[Problem]:
+        claims = {claim.id for claim in self.paper.claims}
+        for figure in self.paper.figures:
+            for name in figure.stated:
+                if name not in claims:
+                    yield Problem(figure.id, f"stated: no claim {name}")
+            if not figure.stated and not figure.series and not figure.unmappable:
+                yield Problem(figure.id, "nothing of it is stated or compared: unmappable: why?")
+            for cell in self.cells.values():
+                if cell.source == figure.id and cell.standing.judged:
+                    yield from self._mapped(cell)
+
+    def claims(self) -> Iterator[Problem]:
+        judged = {claim for contrast in self.paper.contrasts for claim in contrast.claims}
+        for claim in self.paper.claims:
+            cell = self.cells[claim.id]
+            yield from self._standing(cell)
+            if claim.configured is not None:
+                yield from self._configured(claim, claim.configured)
+            elif not claim.judged:
+                continue
+            elif claim.kind in SET_UP:
+                yield Problem(claim.id, f"{claim.kind} that is not compared: configured, "
+                              "parameter or unmappable: where, or why?")  # fmt: skip
+            elif claim.quantity is not None:
+                for operand in claim.quantity.operands():
+                    yield from self._operand(claim.id, operand)
+                yield from self._computed(claim, claim.quantity)
+            elif claim.kind == "qualitative":
+                if claim.id not in judged:
+                    yield Problem(claim.id, "stated in words, and no contrast names it in claims")
+            elif isinstance(claim.value, list):
+                yield Problem(claim.id, "several numbers need a quantity, or unmappable: why?")
+            else:
+                yield from self._mapped(cell)
+
+    def contrasts(self) -> Iterator[Problem]:
+        claims = {claim.id: claim for claim in self.paper.claims}
+        for contrast in self.paper.contrasts:
+            for name in contrast.ids():
+                cell = self.cells.get(name)
+                if cell is None:
+                    yield Problem(contrast.id, f"cells: no cell, claim or point {name}")
+                elif cell.standing.parameter:
+                    yield Problem(contrast.id, f"cells: {name} is a setting, not a result")
+            for name in contrast.claims:
+                if name not in claims:
+                    yield Problem(contrast.id, f"claims: no claim {name}")
+                elif claims[name].kind != "qualitative":
+                    yield Problem(contrast.id, f"claims: {name} has a number of its own")
+
+    def _mapped(self, cell: Cell) -> Iterator[Problem]:
+        for what in unresolved(self.paper, cell):
+            yield Problem(cell.id, what)
+        if cell.metric in self.paper.metrics and cell.metric not in self.paper.margins:
+            yield Problem(cell.id, f"margins: none for '{cell.metric}', write one before the runs")
+
+    def _standing(self, cell: Cell) -> Iterator[Problem]:
+        target = cell.standing.duplicate_of
+        if target is not None:
+            other = self.cells.get(target)
+            if other is None:
+                yield Problem(cell.id, f"duplicate_of: no cell or claim {target}")
+            elif other.standing.duplicate_of is not None:
+                yield Problem(cell.id, f"duplicate_of: {target} is a duplicate itself")
+            elif cell.value != other.value:
+                yield Problem(cell.id, f"duplicate_of: {target} is {other.value}, not {cell.value}")
+        erratum = cell.standing.erratum
+        if erratum and isinstance(erratum.judge_as, str) and erratum.judge_as not in self.cells:
+            yield Problem(cell.id, f"erratum: no cell or claim {erratum.judge_as}")
+
+    def _operand(self, where: str, operand: Operand) -> Iterator[Problem]:
+        if isinstance(operand, At):
+            at = Cell(where, where, "", "", operand.metric, "", None, system=operand.system,
+                      conditions=operand.conditions)  # fmt: skip
+            for what in unresolved(self.paper, at):
+                yield Problem(where, f"quantity: {what}")
+        elif operand not in self.cells:
+            yield Problem(where, f"quantity: no cell, claim or point {operand}")
+
+    def _computed(self, claim: Claim, quantity: Quantity) -> Iterator[Problem]:
+        """What the paper's own cells give must be what it prints, or it is an erratum."""
+        ours = computed(quantity, self._value)
+        judged = claim.erratum.judge_as if claim.erratum else None
+        numbers = [n for n in (judged, claim.recomputed, claim.value) if isinstance(n, int | float)]
+        if ours is None or not numbers:
+            return
+        expected = numbers[0]
+        agrees = abs(ours - expected) <= (resolution_of(expected) or 0.0)
+        bounds = {"lt": ours < expected, "le": ours <= expected,
+                  "gt": ours > expected, "ge": ours >= expected}  # fmt: skip
+        if not agrees and not bounds.get(str(claim.op), False):
+            yield Problem(claim.id, f"quantity: the paper's cells give {ours:.4g}, not {expected}")
+
+    def _value(self, operand: Operand) -> float | None:
+        cell = None if isinstance(operand, At) else self.cells.get(operand)
+        return cell.value if cell else None
+
+    def _configured(self, claim: Claim, at: Configured) -> Iterator[Problem]:
+        if at.system is not None and at.param is not None:
+            system = self.checkout.systems.get(at.system)
+            if system is None:
+                yield Problem(claim.id, f"configured: no system {at.system}")
+                return
+            if at.variant is not None and at.variant not in system.variants:
+                yield Problem(claim.id, f"configured: {at.system} has no variant {at.variant}")
+                return
+            ours = system.resolve(at.variant or "", {}).get(at.param)
+        else:
+            kind, name = ("profile", at.profile) if at.profile else ("dataset", at.dataset)
+            known = self.checkout.profiles if at.profile else self.checkout.datasets
+            if name not in known:
+                yield Problem(claim.id, f"configured: no {kind} {name}")
+                return
+            ours = self.checkout.value_of(kind, str(name), str(at.key))
+        value = self.cells[claim.id].value
+        if not isinstance(ours, int | float) or value != ours * at.scale:
+            yield Problem(claim.id, f"configured: the paper has {value}, we have {ours}")

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds the runs of ours that a published number is about, or says why there are none."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any, Literal
+
+import pandas as pd
+
+from slambed.papers.published import Match, Paper, PaperDataset
+from slambed.report.load import Results
+
+LIVE = "live"
+VIRTUAL = "virtual"
+ENGINES = (VIRTUAL, LIVE)
+
+Missing = Literal["no_system", "no_data", "no_metric", "too_few_runs", "no_events"]
+"""Why nothing of ours stands beside a number."""
+MISSING_WORDS: dict[Missing, str] = {
+    "no_system": "no system", "no_data": "no data", "no_metric": "no metric",
+    "too_few_runs": "too few runs", "no_events": "run, events not kept",
+}  # fmt: skip
+LEFT_OPEN = ("dataset", "variant", "profile", "device_mobile", "device_edge")
+"""Columns that one number may not be pooled over, as every `params.*`."""
+
+
+@dataclass
+class Pool:
+    """The runs of several experiments that count; `experiment_folder` finds their files."""
+
+    runs: pd.DataFrame
+    results: dict[str, Results]
+    engine: str = ""
+    """The only kind of engine in it; none: all."""
+    from_events: dict[tuple[str, str], float | None] = field(default_factory=dict)
+    """What was read from event logs, by run key and quantity: they are large."""
+    narrowed: dict[str, "Pool"] = field(default_factory=dict)
+    """`about` of every source that was asked for."""
+
+    def of_engine(self, engine: str) -> "Pool":
+        """Only live or only virtual runs: the two are never mixed in one number."""
+        if not engine:
+            return self
+        virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
+        runs = self.runs[virtual if engine == VIRTUAL else ~virtual]
+        return Pool(runs, self.results, engine, self.from_events)
+
+    def about(self, paper: Paper, source: str) -> "Pool":
+        """Only runs of experiments that say they reproduce this table, figure or claim: others,
+        such as sensitivity studies, differ from it in ways its coordinates do not name."""
+        if source not in self.narrowed:
+            own = [r for r in self.results.values() if source in paper.sources(reproduces(r))]
+            self.narrowed[source] = pool_of(own).of_engine(self.engine)
+            self.narrowed[source].from_events = self.from_events
+        return self.narrowed[source]
+
+    def of_paper(self, paper: Paper) -> "Pool":
+        """Only experiments that reproduce anything of this paper."""
+        own = [r for r in self.results.values() if paper.sources(reproduces(r))]
+        return pool_of(own)
+
+    def engines(self) -> list[str]:
+        """`virtual`, `live`, both or none."""
+        virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
+        found = [VIRTUAL] if virtual.any() else []
+        return [*found, LIVE] if (~virtual).any() else found
+
+
+def reproduces(results: Results) -> set[str]:
+    """What an experiment says it reproduces: ids of papers, tables, figures and claims."""
+    return {str(name) for name in results.spec.get("reproduces") or []}
+
+
+def pool_of(experiments: list[Results]) -> Pool:
+    """Runs of all experiments that count; a run that several of them share counts once."""
+    parts = [r.trusted.assign(experiment_folder=r.name) for r in experiments if len(r.trusted)]
+    if not parts:
+        columns = ["engine", "system", "variant", "dataset", "profile", "run_key"]
+        return Pool(pd.DataFrame(columns=columns), {})
+    runs = pd.concat(parts, ignore_index=True).drop_duplicates("run_key", ignore_index=True)
+    return Pool(runs, {r.name: r for r in experiments})
+
+
+@dataclass(frozen=True)
+class Found:
+    """The runs at some coordinates, or (`missing`, `reason`) why there are none."""
+
+    runs: pd.DataFrame | None
+    missing: Missing | None = None
+    reason: str = ""
+    dataset: str = ""
+    """Our name of the sequence."""
+    stand_in: bool = False
+
+
+def find_runs(
+    paper: Paper, runs: pd.DataFrame, system: str | None, conditions: Mapping[str, Any]
+) -> Found:
+    """Runs with this system, dataset and conditions in the paper's words."""
+    if system is None:
+        return Found(None, "no_system", "the paper names no system here")
+    if system not in paper.systems:
+        return Found(None, "no_system", f"system '{system}' has no counterpart of ours")
+    label, not_built = paper.systems[system].label, paper.systems[system].not_built
+    if not_built is not None:
+        return Found(None, "no_system", f"{label}: {not_built}")
+    own = matching(runs, paper.systems[system].match)
+    if not len(own):
+        return Found(None, "too_few_runs", f"{label}: no trusted run yet")
+    left = dict(conditions)
+    name = left.pop("dataset", None)
+    if name not in paper.datasets:
+        told = "the paper names no dataset here" if name is None else f"no data for '{name}'"
+        return Found(None, "no_data", told)
+    where = paper.datasets[name]
+    first = None
+    for dataset, chosen, stand_in in _sequences(where, own):
+        for condition, value in left.items():
+            narrowed = _condition(paper, chosen, system, condition, value)
+            if isinstance(narrowed, str):
+                first = first or Found(None, "too_few_runs", f"{label}: {narrowed}")
+                break
+            chosen = narrowed
+        else:
+            if open_columns := left_open(chosen, where.each_sequence_once):
+                told = f"runs differ in {open_columns}, which the paper's numbers leave open"
+                return Found(None, "no_metric", told)
+            return Found(chosen, dataset=dataset, stand_in=stand_in)
+    note = f" ({where.note})" if where.note else ""
+    return first or Found(None, "no_data", f"{where.label}: no trusted run yet{note}")
+
+
+def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame, bool]]:
+    """The sequence itself, then its stand-ins, best first and one at a time."""
+    exact = matching(runs, {"dataset": where.match})
+    found = [(", ".join(sorted(set(exact["dataset"]))), exact, False)] if len(exact) else []
+    for pattern in where.stand_in:
+        fits = matching(runs, {"dataset": pattern})
+        found += [(str(name), part, True) for name, part in fits.groupby("dataset", sort=True)]
+    return found
+
+
+def left_open(runs: pd.DataFrame, several_sequences: bool = False) -> str:
+    """What differs between runs that one number would pool, in words; nothing if nothing does."""
+    if not len(runs):
+        return ""
+    columns = [c for c in runs if c in LEFT_OPEN or str(c).startswith("params.")]
+    columns = [c for c in columns if c != "dataset" or not several_sequences]
+    if "link_backend" in runs and runs["link_backend"].isna().all():
+        columns = [c for c in columns if c not in ("profile", "device_edge")]
+    told = []
+    for column in columns:
+        values = sorted(set(runs[column].dropna().astype(str)))
+        if len(values) > 1:
+            told.append(f"{column} ({', '.join(values[:3])}{', ...' if len(values) > 3 else ''})")
+    return " and ".join(told)
+
+
+def matching(runs: pd.DataFrame, match: Match) -> pd.DataFrame:
+    """Rows whose columns fit the patterns; a column that is not there fits nothing."""
+    for column, patterns in match.items():
+        wanted = [patterns] if isinstance(patterns, str) else patterns
+        if column not in runs:
+            return runs.iloc[:0]
+        text = runs[column].map(str)
+        fits = text.map({v: any(fnmatchcase(v, p) for p in wanted) for v in text.unique()})
+        runs = runs[fits.astype(bool)]
+    return runs
+
+
+def _condition(
+    paper: Paper, runs: pd.DataFrame, system: str, name: str, value: Any
+) -> pd.DataFrame | str:
+    rule = paper.conditions.get(name)
+    if rule == "ignore":
+        return runs
+    if not isinstance(rule, dict):
+        return f"condition '{name}' cannot be expressed in our runs"
+    if "column" in rule:
+        only = rule.get("systems")
+        if only and not any(fnmatchcase(system, pattern) for pattern in only):
+            return runs
+        column = str(rule["column"])
+        if column not in runs:
+            return f"no run with {column}"
+        chosen = runs[pd.to_numeric(runs[column], errors="coerce").eq(value)]
+        return chosen if len(chosen) else f"no run with {column} = {value}"
+    match = rule.get(value, rule.get("*"))
+    if match is None:
+        return f"{name} = {value} cannot be expressed in our runs"
+    # Without an edge there is no link: the profile does not matter to such a system.
+    if runs["link_backend"].isna().all() and set(match) == {"profile"}:
+        return runs
+    chosen = matching(runs, match)
+    return chosen if len(chosen) else f"no run with {name} = {value}"

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Our number beside a published one: the values of single runs in the paper's unit."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from slambed.metrics.collect import EVENTS
+from slambed.metrics.stages import delays
+from slambed.metrics.tracking import tracking_of
+from slambed.papers.lookup import Found, Pool, find_runs, matching
+from slambed.papers.published import Paper, PaperMetric
+from slambed.papers.reference_runs import reference_errors
+from slambed.papers.verdicts.model import Floats, Mean, Share
+from slambed.report.figures.stages import event_log
+
+EXPOSURE = 0.05
+"""Part by which the time played may differ where a number grows with it."""
+MEDIAN_DRAWS = 1000
+MEDIAN_SEED = 20263
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What our runs say at some coordinates; without runs `found` says why."""
+
+    found: Found
+    values: Floats
+    """One per run, in the paper's unit; for a share 0 or 1."""
+    repetitions: tuple[int, ...] = ()
+    keys: tuple[tuple[str, str], ...] = ()
+    """(experiment, run key) of every value."""
+    is_share: bool = False
+    median: bool = False
+
+    @property
+    def there(self) -> bool:
+        """Whether there is any value."""
+        return len(self.values) > 0
+
+    @property
+    def share(self) -> Share:
+        """Runs with a loss, of all."""
+        return Share(int((self.values > 0).sum()), len(self.values))
+
+    @property
+    def ours(self) -> Share | Floats:
+        """For tests of orderings."""
+        return self.share if self.is_share else self.values
+
+    @property
+    def mean(self) -> Mean:
+        """Mean; a median with the spread that its bootstrap stands for."""
+        if not self.median or len(self.values) < 2:
+            return Mean.of(self.values)
+        generator = np.random.default_rng(MEDIAN_SEED)
+        size = (MEDIAN_DRAWS, len(self.values))
+        drawn = np.median(self.values[generator.integers(0, len(self.values), size)], axis=1)
+        spread = float(drawn.std(ddof=1)) * len(self.values) ** 0.5
+        return Mean(float(np.median(self.values)), spread, len(self.values))
+
+
+NOTHING: Floats = np.zeros(0)
+
+
+def measure(
+    paper: Paper, pool: Pool, name: str, system: str | None, conditions: dict[str, Any]
+) -> Measured:
+    """Our values for a metric of the paper at these coordinates."""
+    if name not in paper.metrics:
+        return Measured(Found(None, "no_metric", f"no number of ours for '{name}'"), NOTHING)
+    found = find_runs(paper, pool.runs, system, conditions)
+    return values_of(paper, pool, name, found, conditions)
+
+
+def values_of(
+    paper: Paper, pool: Pool, name: str, found: Found, conditions: dict[str, Any]
+) -> Measured:
+    """Our values of runs that were found for a metric that the paper's file maps."""
+    metric, runs = paper.metrics[name], found.runs
+    if runs is None:
+        return Measured(found, NOTHING)
+    if (odd := _exposure(paper, metric, runs, conditions)) and not found.stand_in:
+        return Measured(Found(None, "too_few_runs", odd), NOTHING)
+    if metric.only_without_loss:
+        runs = runs[runs["lost"].eq(False)]
+        if not len(runs):
+            return Measured(Found(None, "too_few_runs", "every run lost track"), NOTHING)
+    runs = matching(runs, metric.only)
+    if metric.reference is None:
+        values = _values(pool, runs, metric)
+    else:
+        against = find_runs(paper, pool.runs, metric.reference, {"dataset": conditions["dataset"]})
+        if against.runs is None:
+            return Measured(against, NOTHING)
+        values = reference_errors(pool.results, runs, against.runs)
+    known = values.notna()
+    if not known.any():
+        if played := _without_events(pool, runs, metric):
+            return Measured(replace(found, runs=None, missing="no_events", reason=played), NOTHING)
+        told = f"{metric.key} was not measured in {len(runs)} runs"
+        return Measured(Found(None, "no_metric", told), NOTHING)
+    runs, values = runs[known], values[known]
+    scale = 1.0 if metric.statistic == "share" else metric.scale
+    if paper.datasets[conditions["dataset"]].each_sequence_once:
+        one_each = np.asarray(values.groupby(runs["dataset"]).mean(), dtype=np.float64)
+        return Measured(found, one_each * scale, (), _keys(runs))
+    return Measured(
+        found, np.asarray(values, dtype=np.float64) * scale,
+        tuple(int(r) for r in runs["repetition"]) if "repetition" in runs else (),
+        _keys(runs), metric.statistic == "share", metric.statistic == "median",
+    )  # fmt: skip
+
+
+def _keys(runs: pd.DataFrame) -> tuple[tuple[str, str], ...]:
+    folders = runs["experiment_folder"].astype(str)
+    return tuple(zip(folders, runs["run_key"].astype(str), strict=True))
+
+
+def _exposure(
+    paper: Paper, metric: PaperMetric, runs: pd.DataFrame, conditions: dict[str, Any]
+) -> str:
+    """A share of runs with a loss needs as much of the sequence as the paper plays."""
+    played = paper.datasets[conditions["dataset"]].played_s
+    if not metric.needs_exposure or played is None or "wall_s" not in runs:
+        return ""
+    whole = pd.to_numeric(runs.loc[runs["lost"].eq(False), "wall_s"], errors="coerce").dropna()
+    if not len(whole) or abs(float(whole.median()) / played - 1) <= EXPOSURE:
+        return ""
+    return f"{whole.median():.0f} s were played, {played:g} s by the paper"
+
+
+def _values(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> "pd.Series[float]":
+    if source := _event_source(metric):
+        part = metric.key.partition(".")[2]
+        found = [
+            _from_events(pool, str(folder), str(key), source, part)
+            for folder, key in zip(runs["experiment_folder"], runs["run_key"], strict=True)
+        ]
+        return pd.Series(found, index=runs.index, dtype="float64")
+    if metric.key not in runs:
+        return pd.Series(np.nan, index=runs.index)
+    values = pd.to_numeric(runs[metric.key], errors="coerce").astype("float64")
+    for key in metric.plus:
+        values = values + (pd.to_numeric(runs[key], errors="coerce") if key in runs else np.nan)
+    return values
+
+
+def _event_source(metric: PaperMetric) -> str:
+    """`delay` or `tracking` of a number that is computed from events; else nothing."""
+    source, _, part = metric.key.partition(".")
+    return source if source in ("delay", "tracking") and part else ""
+
+
+def _without_events(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> str:
+    """What to do where runs are there and none has the events that this number is made of, as
+    those of `slambed results pack`."""
+    if not _event_source(metric):
+        return ""
+    places = zip(runs["experiment_folder"].astype(str), runs["run_key"].astype(str), strict=True)
+    if any((pool.results[f].run_dir(key) / EVENTS).exists() for f, key in places):
+        return ""
+    names = sorted(set(runs["experiment_folder"].astype(str)))
+    engine = str(runs["engine"].iloc[0])
+    play = f"slambed run {names[0]} --engine {engine} --runs {len(runs)} --force '*'"
+    return f"{len(runs)} runs are there, without events; {play} makes them"
+
+
+def _from_events(pool: Pool, folder: str, key: str, source: str, part: str) -> float | None:
+    place = (key, f"{source}.{part}")
+    if place not in pool.from_events:
+        log = event_log(pool.results[folder], key)
+        if source == "delay":
+            for name, delay in (delays(log) if log is not None else {}).items():
+                pool.from_events[key, f"delay.{name}"] = delay.mean_ms
+        elif log is not None:
+            value = getattr(tracking_of(log), part, None)
+            pool.from_events[place] = None if value is None else float(value)
+        pool.from_events.setdefault(place, None)
+    return pool.from_events[place]

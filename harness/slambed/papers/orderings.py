@@ -1,0 +1,375 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The declared orderings of a paper, judged with our runs."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from slambed.metrics.comparison import holm
+from slambed.papers.judged import Judge
+from slambed.papers.lookup import Missing
+from slambed.papers.margins import published_of
+from slambed.papers.measured import Measured
+from slambed.papers.published import Cell, Contrast, Provenance
+from slambed.papers.verdicts.contrasts import (
+    Ordering,
+    Published,
+    Step,
+    judge_blocks,
+    judge_contrast,
+    paper_shows,
+)
+from slambed.papers.verdicts.model import LEVEL, Floats, Mean, OrderOutcome
+from slambed.papers.verdicts.trends import page
+
+Chain = tuple[tuple[Cell, Measured], ...]
+WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
+"""Runs are there, the number is not."""
+
+
+OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_number"]
+KINDS: dict[OrderKind, str] = {
+    "holds": "holds", "reversed": "reversed", "not_seen": "not seen",
+    "too_few_runs": "too few runs", "inconclusive": "inconclusive",
+    "paper_cannot_tell": "paper cannot tell", "no_events": "run, events not kept",
+    "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
+}  # fmt: skip
+"""What is said of an ordering, in the words of the page, the terminal and the tables."""
+PARTLY: dict[OrderKind, str] = {"not_seen": "not seen in full", "reversed": "reversed in part"}
+"""Of one that consists of several pairs, some of which hold."""
+
+
+@dataclass(frozen=True)
+class PairLine:
+    """One of several pairs of a claim."""
+
+    outcome: str
+    """`holds`, `reversed` or `not shown`."""
+    paper: str
+    ours: str
+    where: str
+    p_value: float
+
+    @property
+    def line(self) -> str:
+        """For a list."""
+        place = f", {self.where}" if self.where else ""
+        return f"{self.outcome}{place}: paper {self.paper}, ours {self.ours} (p {self.p_value:.2g})"
+
+
+@dataclass(frozen=True)
+class JudgedOrdering:
+    """One declared ordering beside ours."""
+
+    contrast: Contrast
+    ordering: Ordering
+    provenance: Provenance
+    chains: tuple[Chain, ...]
+    """In the declared order, every cell with what we have there."""
+    systems: Mapping[str, str]
+    """What a reader calls the paper's systems."""
+    missing: Missing | None = None
+    """Why something of ours is not there; None where everything is."""
+    ignored: frozenset[str] = frozenset()
+    """Conditions that tell nothing apart, such as the paper's number of runs."""
+
+    @property
+    def stand_ins(self) -> list[str]:
+        """Our sequences that stand in for the paper's."""
+        found = {m.found.dataset for chain in self.chains for _, m in chain if m.found.stand_in}
+        return sorted(found)
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is any run of ours."""
+        return any(m.there for chain in self.chains for _, m in chain)
+
+    @property
+    def kind(self) -> OrderKind:
+        """Outcome, or why there is none."""
+        if self.missing is None or self.ordering.outcome != "inconclusive":
+            return self.ordering.outcome
+        if self.missing == "no_events":
+            return "no_events"
+        if self.begun:
+            return "half_run"
+        return "no_number" if self.missing == "no_metric" else "not_run"
+
+    @property
+    def words(self) -> str:
+        """The outcome as it is read."""
+        some = any(part.outcome == "holds" for part in self.ordering.parts)
+        return PARTLY.get(self.kind, KINDS[self.kind]) if some else KINDS[self.kind]
+
+    @property
+    def holding(self) -> str:
+        """`8 of 9 pairs hold`, of which how many the other way; empty of a single one."""
+        parts = Counter(part.outcome for part in self.ordering.parts)
+        if not parts:
+            return ""
+        other = f", {parts['reversed']} reversed" if parts["reversed"] else ""
+        return f"{parts['holds']} of {len(self.chains)} pairs hold{other}"
+
+    @property
+    def others(self) -> list[PairLine]:
+        """All pairs but the one that `values` shows: reversed ones first, then the weakest."""
+        shown = self.ordering.decides or 0
+        lines = [line for number, line in enumerate(self.pairs) if number != shown]
+        order = ("reversed", "not shown", "holds")
+        return sorted(lines, key=lambda line: (order.index(line.outcome), -line.p_value))
+
+    @property
+    def pairs(self) -> list[PairLine]:
+        """Pair by pair, where there are several and runs of ours for them."""
+        if not self.ordering.parts:
+            return []
+        return [
+            PairLine(
+                part.outcome.replace("_", " "), " ".join(self._ends(chain, ours=False)),
+                " ".join(self._ends(chain, ours=True)), self._where(chain), part.p_value,
+            )
+            for chain, part in zip(self.chains, self.ordering.parts, strict=True)
+        ]  # fmt: skip
+
+    def values(self, ours: bool) -> str:
+        """`Relocate: 446 < Edge-SLAM: 474 ms`: the ends of the chain that decides, as printed or as
+        ours; of a trend `rtt 0: 20 → rtt 80: 73 %`."""
+        if ours and not self.begun:
+            return KINDS["not_run" if self.missing is None else self.kind]
+        decides = self.ordering.decides
+        chain = self.chains[decides or 0]
+        told, unit = self._ends(chain, ours)
+        if not unit and told == IN_WORDS:
+            return told
+        which = "first" if decides is None else "weakest"
+        if decides is not None and self.ordering.outcome == "reversed":
+            which = "clearest"
+        what = "sequences" if self.contrast.kind == "blocks" else "pairs"
+        place = f", {where}" if (where := self._where(chain)) else ""
+        many = len(self.chains) > 1
+        more = f" ({which} of {len(self.chains)} {what}{place})" if many else ""
+        return f"{told} {unit}{more}"
+
+    def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
+        """Both ends of a chain, and their unit."""
+        ends = [chain[0], chain[-1]]
+        if ours:
+            texts = [_value(m) for _, m in ends]
+            numbers = [_number(m) for _, m in ends]
+        else:
+            texts = [NO_NUMBER if c.value is None else f"{c.value:g}" for c, _ in ends]
+            numbers = [c.value for c, _ in ends]
+        if set(texts) == {NO_NUMBER}:
+            return IN_WORDS, ""
+        between = " → " if len(chain) > 2 else f" {_relation(*numbers)} "
+        names = _names(ends[0][0], ends[1][0], self.systems, self.ignored)
+        told = between.join(
+            f"{name}: {text}" if name else text for name, text in zip(names, texts, strict=True)
+        )
+        counts = ours and any(m.there and m.is_share for _, m in ends)
+        return told, "runs" if counts else ends[0][0].unit  # 11/100 is no percentage
+
+    def _where(self, chain: Chain) -> str:
+        """The sequence, and what else both ends have in common and other pairs have not."""
+        common = [_common(c) for c in self.chains]
+        own = _common(chain)
+        told = [str(own["dataset"])] if "dataset" in own else []
+        told += [
+            str(value) if name == "metric" else f"{name} {value}"
+            for name, value in own.items()
+            if name not in self.ignored | {"dataset"}
+            and any(other.get(name) != value for other in common)
+        ]
+        return ", ".join(told)
+
+
+IN_WORDS = "in words"
+
+
+def _common(chain: Chain) -> dict[str, object]:
+    """Conditions, and the metric, that both ends of a chain have."""
+    first, last = ({"metric": c.metric} | c.conditions for c, _ in (chain[0], chain[-1]))
+    return {name: value for name, value in first.items() if last.get(name) == value}
+
+
+NO_NUMBER = "not printed"
+"""Of an end of a chain that the paper draws or tells in words."""
+
+
+def _names(
+    first: Cell, last: Cell, systems: Mapping[str, str], ignored: frozenset[str]
+) -> list[str]:
+    """What distinguishes the two, in the paper's words."""
+    found = []
+    for cell, other in ((first, last), (last, first)):
+        parts = []
+        if cell.system != other.system and cell.system is not None:
+            parts.append(systems.get(cell.system, cell.system))
+        parts += [
+            f"{name} {value}"
+            for name, value in cell.conditions.items()
+            if name not in ignored and other.conditions.get(name) != value
+        ]
+        if not parts and cell.metric != other.metric:
+            parts.append(cell.metric)
+        found.append(", ".join(parts))
+    return found
+
+
+def _relation(first: float | None, last: float | None) -> str:
+    if first is None or last is None:
+        return "to"
+    return "<" if first < last else ">" if first > last else "="
+
+
+def _number(measured: Measured) -> float | None:
+    if not measured.there:
+        return None
+    return measured.share.value if measured.is_share else measured.mean.value
+
+
+def _value(measured: Measured) -> str:
+    if not measured.there:
+        return "-"
+    if measured.is_share:
+        return f"{measured.share.bad}/{measured.share.runs}"
+    return f"{measured.mean.value:.3g}"
+
+
+def judge_orderings(judge: Judge) -> list[JudgedOrdering]:
+    """All contrasts of the paper, the paper's own p adjusted (Holm) over those of one table."""
+    found = [OrderingCase(judge, contrast) for contrast in judge.paper.contrasts]
+    by_table: dict[str, list[OrderingCase]] = {}
+    for case in found:
+        if case.testable:
+            by_table.setdefault(case.source, []).append(case)
+    adjusted: dict[str, float] = {}
+    for cases in by_table.values():
+        p_values = holm([case.p_paper() for case in cases])
+        adjusted |= {c.contrast.id: float(p) for c, p in zip(cases, p_values, strict=True)}
+    return [case.judged(adjusted.get(case.contrast.id)) for case in found]
+
+
+class OrderingCase:
+    """A contrast with the paper's numbers and ours, rising."""
+
+    def __init__(self, judge: Judge, contrast: Contrast) -> None:
+        self.contrast = contrast
+        self.judge = judge
+        self.chains = tuple(
+            tuple((judge.cells[c], judge.measured(judge.cells[c])) for c in chain)
+            for chain in contrast.chains
+        )
+        falling = contrast.direction == "falls"
+        self.rising = [chain[::-1] if falling else chain for chain in self.chains]
+        self.testable = contrast.basis == "data" and all(
+            self._published(c) is not None for chain in self.chains for c, _ in chain
+        )
+
+    @property
+    def source(self) -> str:
+        """The table whose contrasts are adjusted together."""
+        return self.chains[0][0][0].source
+
+    def _published(self, cell: Cell) -> Published | None:
+        metric = self.judge.paper.metrics.get(cell.metric)
+        return published_of(cell, metric is not None and metric.statistic == "share")
+
+    def steps(self) -> list[Step]:
+        """What is to rise, chain by chain."""
+        found = []
+        for chain in self.rising:
+            paper = [self._published(c) for c, _ in chain] if self.testable else []
+            ours = tuple(m.ours for _, m in chain)
+            label = f"{chain[0][0].id} and {chain[-1][0].id}"
+            found.append(Step(ours, tuple(p for p in paper if p is not None), label))
+        return found
+
+    def table(self, ours: bool) -> Floats:
+        """Means, one row per chain; NaN where there is nothing."""
+        rows = [
+            [
+                (float(np.mean(m.values)) if m.there else np.nan) if ours else (c.value or np.nan)
+                for c, m in chain
+            ]
+            for chain in self.rising
+        ]
+        return np.array(rows, dtype=np.float64)
+
+    def _spreads(self) -> tuple[Floats, Floats]:
+        """Coefficients of variation and numbers of runs of ours, one row per chain."""
+        spread = [[Mean.of(m.values).cv or np.nan for _, m in chain] for chain in self.rising]
+        runs = [[len(m.values) for _, m in chain] for chain in self.rising]
+        return np.array(spread, dtype=np.float64), np.array(runs, dtype=np.float64)
+
+    def p_paper(self) -> float:
+        """By the paper's own numbers, not yet adjusted."""
+        if self.contrast.kind == "blocks":
+            return page(self.table(ours=False))
+        return paper_shows(self.steps())[0]
+
+    def judged(self, p_paper: float | None) -> JudgedOrdering:
+        """`p_paper` is adjusted; None where it could not be tested."""
+        used = [(c, m) for chain in self.chains for c, m in chain]
+        provenance: Provenance = "measured"
+        if any(c.id in self.judge.fitted for c, m in used):
+            provenance = "fitted"
+        elif any(m.found.stand_in for _, m in used):
+            provenance = "stand_in"
+        paper = self.judge.paper
+        labels = {name: system.label for name, system in paper.systems.items()}
+        ignored = frozenset(n for n, rule in paper.conditions.items() if rule == "ignore")
+        ordering = self._ordering(p_paper)
+        missing = self._missing()
+        return JudgedOrdering(
+            self.contrast, ordering, provenance, self.chains, labels,
+            missing.found.missing or "too_few_runs" if missing else None, ignored,
+        )  # fmt: skip
+
+    def _missing(self) -> Measured | None:
+        """The first place without a number of ours, one that was not run before one that was."""
+        absent = [m for chain in self.chains for _, m in chain if not m.there]
+        return min(absent, key=lambda m: m.found.missing in WAS_RUN, default=None)
+
+    def _ordering(self, p_paper: float | None) -> Ordering:
+        if self.contrast.basis == "data" and p_paper is None:
+            why = "the paper prints no numbers that could be tested"
+            return Ordering("paper_cannot_tell", why)
+        if missing := self._missing():
+            if p_paper is not None and p_paper > LEVEL:
+                return judge_contrast(self.steps(), p_paper, self._assumed())
+            why = missing.found.reason
+            return Ordering(
+                "inconclusive", why if missing.found.missing in WAS_RUN else f"not run: {why}"
+            )
+        if mixed := self._mixed():
+            return Ordering("inconclusive", mixed)
+        if self.contrast.kind == "blocks":
+            return judge_blocks(
+                self.table(ours=True), self.table(ours=False), p_paper, *self._spreads()
+            )
+        steps = self.steps()
+        if p_paper is None:
+            return judge_contrast(steps, float("nan"))
+        return judge_contrast(steps, p_paper, self._assumed())
+
+    def _assumed(self) -> tuple[str, ...]:
+        return () if self.contrast.kind == "blocks" else paper_shows(self.steps())[1]
+
+    def _mixed(self) -> str:
+        """A direction on stand-ins counts only within one of them."""
+        ours: dict[str, set[str]] = {}
+        for chain in self.chains:
+            for cell, measured in chain:
+                ours.setdefault(str(cell.conditions.get("dataset")), set()).add(
+                    measured.found.dataset
+                )
+        for name, datasets in ours.items():
+            if len(datasets) > 1:
+                return (
+                    f"its cells on {name} are on several sequences: {', '.join(sorted(datasets))}"
+                )
+        return ""

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The main claims of a paper as they are read: badge, both values, pairs, notes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from slambed.papers.compare import Column
+from slambed.papers.orderings import KINDS, JudgedOrdering, OrderKind, PairLine
+from slambed.papers.published import Provenance
+from slambed.papers.verdicts.model import MOST_RUNS, SEEN_POWER
+
+WEAK: dict[Provenance, str] = {"stand_in": "on a stand-in", "fitted": "fitted"}
+"""What is added to an outcome that is no evidence about the paper's own sequences."""
+WEAK_BADGE = {"on a stand-in": " ON A STAND-IN", "fitted": " (FITTED, NO EVIDENCE)"}
+SHOWN: tuple[OrderKind, ...] = ("holds", "reversed", "not_seen")
+"""Outcomes that say something of ours, and so must say on what."""
+DEFINITIONS: dict[OrderKind, str] = {
+    "not_seen": "our runs do not show it (in full: not for each of its pairs), and would have with "
+    f"a chance of at least {100 * SEEN_POWER:.0f} % if the paper's numbers were true of them",
+    "too_few_runs": "our runs do not show it, and may well have missed it; beside it stands how "
+    "many would decide",
+    "inconclusive": "our runs do not show it, and nothing printed tells how many would",
+    "paper_cannot_tell": "the paper's own numbers do not show it beyond doubt",
+    "no_events": "our runs are kept without the events that the number is computed from",
+}
+NAMED = 2
+"""Pairs that do not hold and are named on the terminal, beside the weakest."""
+
+
+@dataclass(frozen=True)
+class ClaimLine:
+    """One main claim for one kind of engine."""
+
+    engine: str
+    badge: str
+    words: str
+    """The badge, without what it stands on."""
+    kind: OrderKind
+    """Outcome, or why there is none."""
+    style: str
+    """Its CSS classes: what is no evidence looks like none."""
+    says: str
+    paper: str
+    ours: str
+    note: str
+    where: str
+    anchor: str
+    weak: str
+    """Why it is no evidence: fitted, or on a stand-in; else empty."""
+    chance: str
+    """With what chance it would have shown, or how many runs would decide; else empty."""
+    pairs: str
+    """`8 of 9 pairs hold`; empty of a single one."""
+    others: list[PairLine]
+    """The pairs that are not shown, those that do not hold first."""
+
+    @property
+    def failing(self) -> list[PairLine]:
+        """Pairs beside the shown one that do not hold."""
+        return [pair for pair in self.others if pair.outcome != "holds"]
+
+    @property
+    def beside(self) -> str:
+        """What the disclosure with the other pairs is called."""
+        many, failing = len(self.others), len(self.failing)
+        what = "the other pair" if many == 1 else f"the other {many} pairs"
+        if not failing:
+            return what
+        if failing == many:
+            return f"{what}, not holding either"
+        return f"{what}, {failing} not holding"
+
+    @property
+    def line(self) -> str:
+        """For the terminal."""
+        told = f"[{self.badge}] {self.says}: paper {self.paper}, ours {self.ours}"
+        parts = [f"; {words}" for words in (self.pairs, self.chance) if words]
+        if failing := self.failing:
+            more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
+            named = ", ".join(f"{pair.where} {pair.ours}".strip() for pair in failing[:NAMED])
+            parts.append(f"; nor do {named}{more}")
+        return told + "".join(parts)
+
+
+def claim_lines(column: Column) -> list[ClaimLine]:
+    """The main claims; all declared orderings where none is called a main one."""
+    main = [o for o in column.orderings if o.contrast.main] or column.orderings
+    return [_claim(column.engine, o) for o in main]
+
+
+def claims_beside(columns: list[Column]) -> list[list[ClaimLine]]:
+    """Every main claim with what each kind of engine says of it."""
+    return [list(lines) for lines in zip(*map(claim_lines, columns), strict=True)]
+
+
+def in_short(assumed: Sequence[str]) -> list[str]:
+    """What differs in its percentage alone is one assumption, with the smallest and the largest."""
+    percents: dict[str, list[int]] = {}
+    for text in assumed:
+        what, _, rest = text.partition(" (")
+        percent = rest.removesuffix("%)")
+        percents.setdefault(what if percent.isdigit() else text, []).extend(
+            [int(percent)] if percent.isdigit() else []
+        )
+    return [
+        f"{what} ({min(found)} to {max(found)} %)" if len(found) > 1
+        else f"{what} ({found[0]} %)" if found else what
+        for what, found in percents.items()
+    ]  # fmt: skip
+
+
+def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
+    ordering, kind = item.ordering, item.kind
+    weak = WEAK.get(item.provenance, "") if kind in SHOWN else ""
+    notes = [ordering.why]
+    if item.provenance == "fitted":
+        notes.insert(0, "a device was set to match some of these numbers: no evidence")
+    if item.stand_ins:
+        notes.insert(0, f"stand-in {', '.join(item.stand_ins)}")
+    chance = _chance(item)
+    if kind == "too_few_runs" and chance:
+        notes.append(chance)
+    if ordering.assumed:
+        notes.append(f"assumed: {', '.join(in_short(ordering.assumed))}")
+    contrast = item.contrast
+    lines = f", {text_lines(contrast.lines)} of its text" if contrast.lines else ""
+    return ClaimLine(
+        engine, item.words.upper() + WEAK_BADGE.get(weak, ""), item.words, kind,
+        f"{kind} weak" if weak else kind, contrast.says, item.values(False), item.values(True),
+        "; ".join(notes), contrast.where + lines, contrast.id, weak, chance, item.holding,
+        item.others,
+    )  # fmt: skip
+
+
+def _chance(item: JudgedOrdering) -> str:
+    ordering = item.ordering
+    if item.kind == "not_seen" and ordering.power is not None:
+        return f"would have shown with a chance of {100 * ordering.power:.0f} %"
+    if item.kind != "too_few_runs":
+        return ""
+    if ordering.runs_needed is not None:
+        return f"{ordering.runs_needed} runs per cell would decide"
+    tested = ordering.power is not None
+    return f"more than {MOST_RUNS} runs per cell are needed" if tested else ""
+
+
+def definitions(columns: list[Column]) -> list[tuple[str, str]]:
+    """Of the outcomes on this page that do not explain themselves."""
+    found = {line.kind for column in columns for line in claim_lines(column)}
+    return [(KINDS[kind].upper(), words) for kind, words in DEFINITIONS.items() if kind in found]
+
+
+def text_lines(lines: list[int]) -> str:
+    """`line 12`, `lines 12, 14`: where the paper's plain text says so."""
+    return f"line{'s' if len(lines) > 1 else ''} {', '.join(map(str, lines))}"

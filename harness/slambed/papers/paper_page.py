@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One page per paper, one over all: HTML, Markdown and LaTeX of the same verdicts."""
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from slambed.papers.compare import (
+    Column,
+    PaperVerdicts,
+    compare_paper,
+    comparison_table,
+    ordering_table,
+    pair_table,
+)
+from slambed.papers.judged import MARKS, Judged
+from slambed.papers.lookup import Pool, pool_of
+from slambed.papers.paper_claims import claim_lines, claims_beside, definitions, text_lines
+from slambed.papers.paper_view import (
+    MARK_WORDS,
+    bar,
+    bars,
+    circumstance,
+    headline,
+    twelve_lines,
+    twin,
+    why_not,
+)
+from slambed.papers.peer import peer_tables
+from slambed.papers.published import Paper
+from slambed.papers.strip import COLOURS, histogram_svg, strip_svg
+from slambed.report.experiment import write_tables
+from slambed.report.load import Results
+from slambed.report.page import STYLE
+from slambed.report.tables import Table
+
+RUNS_LINKED = 5
+"""Runs of a number that are named; the others are counted."""
+
+
+@dataclass(frozen=True)
+class PaperPage:
+    """What was written for one paper."""
+
+    html: Path
+    markdown: Path
+    lines: list[str]
+    """The page in the terminal."""
+    verdicts: PaperVerdicts | None
+
+
+@lru_cache
+def environment(package: str = "slambed.papers") -> jinja2.Environment:
+    """Templates of a package, which may include those of papers; everything that is not marked safe
+    is escaped."""
+    folders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, "slambed.papers"))]
+    return jinja2.Environment(
+        loader=jinja2.ChoiceLoader(folders), autoescape=True,
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+
+
+def write_paper_page(
+    paper: Paper, experiments: list[Results], folder: Path, overview: bool = False
+) -> PaperPage:
+    """Writes `<folder>/<paper id>/index.html`, page.md and tables; `overview` says that the page
+    over all papers will be written too, so that this one may point to it."""
+    target = folder / paper.id
+    target.mkdir(parents=True, exist_ok=True)
+    pool = pool_of(experiments)
+    if paper.kind == "peer":
+        return _peer_page(paper, pool, target)
+    verdicts = compare_paper(paper, pool)
+    html = target / "index.html"
+    html.write_text(
+        environment()
+        .get_template("paper.html.j2")
+        .render(_content(verdicts, experiments, target), overview=overview),
+        encoding="utf-8",
+    )
+    tables = [table for column in verdicts.columns for table in _tables(verdicts, column)]
+    write_tables(tables, target / "tables")
+    markdown = target / "page.md"
+    markdown.write_text(_markdown(verdicts, experiments, tables), encoding="utf-8")
+    return PaperPage(html, markdown, twelve_lines(verdicts, experiments), verdicts)
+
+
+def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folder: Path) -> Path:
+    """Writes `<folder>/index.html` over all these papers."""
+    papers = [
+        {
+            "id": v.paper.id,
+            "title": f"{v.paper.paper.title} ({v.paper.paper.year})",
+            "columns": [
+                {
+                    "engine": c.engine, "made": circumstance(v, c, experiments),
+                    "headline": headline(v, c), "claims": claim_lines(c), "score": c.score,
+                    "whole": bar("all numbers", "", c, list(c.rows)), "why_not": why_not(v, c),
+                }
+                for c in v.columns
+            ],
+        }
+        for v in pages
+    ]  # fmt: skip
+    path = folder / "index.html"
+    page = environment().get_template("papers.html.j2")
+    path.write_text(page.render(papers=papers, **_look()), encoding="utf-8")
+    return path
+
+
+def _look() -> dict[str, Any]:
+    return {"style": Markup(STYLE), "marks": MARKS, "legend_words": MARK_WORDS, "colours": COLOURS}
+
+
+def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:
+    links = {r.name: _relative(r.folder / "report" / "index.html", target) for r in experiments}
+    folders = {r.name: r.folder for r in experiments}
+    columns = []
+    for c in verdicts.columns:
+        made = circumstance(verdicts, c, experiments)
+        columns.append(
+            {
+                "engine": c.engine, "made": made, "headline": headline(verdicts, c),
+                "bars": bars(verdicts, c), "score": c.score,
+                "strip": strip_svg(list(c.rows.values()), "v-"), "why_not": why_not(verdicts, c),
+                "histogram": histogram_svg(c.score.histogram),
+                "links": [(name, links[name]) for name in made.experiments],
+            }
+        )  # fmt: skip
+    return _look() | {
+        "paper": verdicts.paper, "columns": columns,
+        "command": f"slambed papers compare {verdicts.paper.id}",
+        "claims": claims_beside(verdicts.columns), "definitions": definitions(verdicts.columns),
+        "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
+        "groups": [
+            {"name": name, "label": label,
+             "entries": [_entry(verdicts, i, folders, target) for i in ids]}
+            for name, label, ids in verdicts.groups()
+        ],
+        "margins": [_margin_words(name, m) for name, m in verdicts.paper.margins.items()],
+    }  # fmt: skip
+
+
+def _margin_words(name: str, margin: Any) -> str:
+    size = f"{margin.ratio:.0%}" if margin.ratio is not None else f"{margin.points:g} points"
+    ends = f" ({margin.points_at_ends:g} at the ends)" if margin.points_at_ends else ""
+    return f"{name.replace('_', ' ')} {size}{ends}"
+
+
+def _entry(
+    verdicts: PaperVerdicts, name: str, folders: dict[str, Path], target: Path
+) -> dict[str, Any]:
+    """A number with all that led to its marks."""
+    cell = verdicts.cells[name]
+    return {
+        "id": name,
+        "words": ", ".join(w for w in (cell.row, cell.column) if w),
+        "paper": next(c.rows[name].stated for c in verdicts.columns),
+        "where": _place(verdicts.paper, cell.source),
+        "ours": [_ours(c, c.rows[name], folders, target) for c in verdicts.columns],
+    }
+
+
+def _ours(column: Column, row: Judged, folders: dict[str, Path], target: Path) -> dict[str, Any]:
+    verdict = row.verdict
+    margin = ""
+    if verdict.margin == verdict.margin:
+        parts = {"ratio": f"{verdict.margin:.0%}", "points": f"{100 * verdict.margin:.3g} points"}
+        margin = parts.get(verdict.scale, f"{verdict.margin:.3g}")
+    keys = row.measured.keys
+    told = row.why
+    if row.provenance in ("fitted", "stand_in") and verdict.why and verdict.why not in told:
+        told = f"{told}; {verdict.why}"
+    if verdict.runs_needed:
+        told = f"{told}; {verdict.runs_needed} runs would decide"
+    return {
+        "engine": column.engine, "mark": row.mark, "value": row.ours, "why": told,
+        "formula": verdict.formula, "margin": margin, "assumed": verdict.assumed,
+        "runs": [
+            (key[:8], _relative(folders[experiment] / "runs" / key, target))
+            for experiment, key in keys[:RUNS_LINKED]
+        ],
+        "more": max(0, len(keys) - RUNS_LINKED),
+    }  # fmt: skip
+
+
+def _place(paper: Paper, source: str) -> str:
+    """Section, and lines of the paper's plain text."""
+    places = {t.id: (t.where, t.lines) for t in paper.tables}
+    places |= {c.id: (c.where, c.lines) for c in paper.claims}
+    where, lines = places.get(source, (source, []))
+    return where + (f", text {text_lines(lines)}" if lines else "")
+
+
+def _relative(path: Path, target: Path) -> str:
+    return Path(os.path.relpath(path, target)).as_posix()
+
+
+def counts_table(verdicts: PaperVerdicts, column: Column) -> Table:
+    """The stacked bars as numbers."""
+    headings = ["table", *MARKS.values(), "all", "compared"]
+    table = Table("counts", "Printed numbers by verdict", headings)
+    for _, label, ids in verdicts.groups():
+        found = column.marks(ids)
+        compared = str(found["R"] + found["D"] + found["I"])
+        table.rows.append([label, *(str(found[m]) for m in MARKS), str(len(ids)), compared])
+    return table
+
+
+def _tables(verdicts: PaperVerdicts, column: Column) -> list[Table]:
+    tables = [counts_table(verdicts, column), ordering_table(verdicts, column)]
+    tables.append(pair_table(verdicts, column))
+    tables.append(comparison_table(verdicts, column, list(column.rows)))
+    for table in tables:
+        table.name = "_".join(n for n in (verdicts.paper.id, table.name, column.engine) if n)
+        if column.engine and column.engine not in table.caption:
+            table.caption += f" ({column.engine})"
+    return [table for table in tables if table.rows]
+
+
+def _markdown(verdicts: PaperVerdicts, experiments: list[Results], tables: list[Table]) -> str:
+    lines = [f"# {verdicts.paper.paper.title}", ""]
+    lines += [f"    {line}" for line in twelve_lines(verdicts, experiments)]
+    for table in tables:
+        lines += ["", f"## {table.caption}", "", table.markdown()]
+    return "\n".join(lines)
+
+
+def _peer_page(paper: Paper, pool: Pool, target: Path) -> PaperPage:
+    """Another program beside ours: a table per set-up, no verdicts of these rules."""
+    tables = peer_tables(paper, pool)
+    line = f"{paper.id}: {len(tables)} of {len(paper.setups)} set-ups were run"
+    html, markdown = target / "index.html", target / "page.md"
+    page = environment().get_template("peer.html.j2")
+    html.write_text(page.render(paper=paper, line=line, tables=tables, **_look()), encoding="utf-8")
+    write_tables(tables, target / "tables")
+    parts = [f"# {paper.paper.title}", "", line]
+    for table in tables:
+        parts += ["", f"## {table.caption}", "", table.markdown()]
+    markdown.write_text("\n".join(parts), encoding="utf-8")
+    return PaperPage(html, markdown, [line], None)

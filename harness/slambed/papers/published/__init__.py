@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""papers/*.yaml: published numbers, how they are read, and where ours are found."""
+
+from slambed.papers.published.base import Match, Provenance
+from slambed.papers.published.cells import Cell, cells_of, table_cells
+from slambed.papers.published.claims import BOUNDS, Claim, Operator
+from slambed.papers.published.contrasts import Contrast
+from slambed.papers.published.mapping import Margin, PaperDataset, PaperMetric, PaperSystem
+from slambed.papers.published.paper import Paper, Source
+from slambed.papers.published.paper_plan import PaperPlan, frozen_digest, read_plan
+from slambed.papers.published.peer import PeerRow, PeerSetup
+from slambed.papers.published.published_tables import (
+    Column,
+    PublishedFigure,
+    PublishedTable,
+    Row,
+    Series,
+)
+from slambed.papers.published.quantities import (
+    At,
+    Difference,
+    Each,
+    Increase,
+    MaxOver,
+    Operand,
+    Quantity,
+    Ratio,
+    Reduction,
+    Trend,
+    WindowShare,
+)
+from slambed.papers.published.reading import paper_files, papers_folder, read_paper, read_papers
+from slambed.papers.published.standing import Erratum, Standing
+
+__all__ = [
+    "BOUNDS", "At", "Cell", "Claim", "Column", "Contrast", "Difference", "Each", "Erratum",
+    "Increase", "Margin", "Match", "MaxOver", "Operand", "Operator", "Paper", "PaperDataset",
+    "PaperMetric", "PaperPlan", "PaperSystem", "PeerRow", "PeerSetup", "Provenance",
+    "PublishedFigure", "PublishedTable", "Quantity", "Ratio", "Reduction", "Row", "Series",
+    "Source", "Standing", "Trend", "WindowShare", "cells_of", "frozen_digest", "paper_files",
+    "papers_folder", "read_paper", "read_papers", "read_plan", "table_cells",
+]  # fmt: skip

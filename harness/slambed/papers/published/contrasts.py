@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Orderings that a paper declares: what is judged as an ordering, and nothing else."""
+
+import re
+from typing import Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from slambed.papers.published.base import Strict
+from slambed.papers.published.quantities import Direction
+
+ContrastKind = Literal["pair", "trend", "all_below", "blocks"]
+
+
+class Contrast(Strict):
+    """An ordering between cells, declared before the runs.
+
+    pair: two cells. trend: three or more along one condition. all_below: in every chain the first
+    cell is below the second, a statement that holds only as a whole. blocks: chains of equal
+    length, one per block (a sequence, say), with the same order in each (Page's L).
+    """
+
+    id: str
+    kind: ContrastKind
+    cells: list[str] | list[list[str]] = Field(min_length=1)
+    """Ids of cells, claims or points of figures: one chain, or (all_below, blocks) several.
+
+    Braces stand for several ids: within one chain in place (`T2.x.rtt{0,20}` is two cells), in a
+    list of chains for as many chains, in step where two cells have them.
+    """
+    direction: Direction
+    """Of the value along each chain, in the order given."""
+    where: str
+    lines: list[int] = Field(default_factory=list)
+    """Lines of the paper's plain text that say so."""
+    says: str
+    """The statement in one sentence, for the page."""
+    basis: Literal["data", "text"] = "data"
+    """data: it enters only if the paper's own numbers show it; text: the paper says it in words or
+    draws it, with no numbers to test."""
+    main: bool = False
+    """Stands among the main claims, on top of the paper's page."""
+    claims: list[str] = Field(default_factory=list)
+    """Recorded claims that this ordering judges."""
+    note: str = ""
+
+    @property
+    def chains(self) -> list[list[str]]:
+        """The cells as a list of ordered chains."""
+        return [[c for c in self.cells if isinstance(c, str)]] if self._one else [
+            list(c) for c in self.cells if isinstance(c, list)
+        ]  # fmt: skip
+
+    @property
+    def _one(self) -> bool:
+        return isinstance(self.cells[0], str)
+
+    def ids(self) -> list[str]:
+        """Every cell it speaks about, once each, in order."""
+        return list(dict.fromkeys(cell for chain in self.chains for cell in chain))
+
+    @field_validator("cells", mode="before")
+    @classmethod
+    def _braces(cls, cells: Any) -> Any:
+        if not isinstance(cells, list):
+            return cells
+        if all(isinstance(cell, str) for cell in cells):
+            return [one for cell in cells for one in expanded(cell)]
+        return [one for chain in cells for one in _in_step(chain)]
+
+    @model_validator(mode="after")
+    def _shape(self) -> "Contrast":
+        chains = self.chains
+        lengths = {len(chain) for chain in chains}
+        if self._one != (self.kind in ("pair", "trend")):
+            raise ValueError(f"{self.id}: {self.kind} has another shape of cells")
+        if self.kind in ("pair", "all_below") and lengths != {2}:
+            raise ValueError(f"{self.id}: {self.kind} compares two cells at a time")
+        if self.kind == "trend" and min(lengths) < 3:
+            raise ValueError(f"{self.id}: a trend needs three cells, two are a pair")
+        if self.kind == "blocks" and (len(lengths) > 1 or min(lengths) < 2 or len(chains) < 2):
+            raise ValueError(f"{self.id}: blocks are two or more chains of equal length")
+        if self.kind == "all_below" and self.direction != "rises":
+            raise ValueError(f"{self.id}: all_below rises from the first cell to the second")
+        if any(len(set(chain)) != len(chain) for chain in chains):
+            raise ValueError(f"{self.id}: a cell stands twice in a chain")
+        return self
+
+
+def expanded(text: str) -> list[str]:
+    """`a{b,c}d` is abd and acd; several braces vary the last one fastest."""
+    found = re.search(r"\{([^{}]*)\}", text)
+    if found is None:
+        return [text]
+    before, after = text[: found.start()], text[found.end() :]
+    parts = (part.strip() for part in found[1].split(","))
+    return [one for part in parts for one in expanded(before + part + after)]
+
+
+def _in_step(chain: list[str]) -> list[list[str]]:
+    columns = [expanded(cell) for cell in chain]
+    count = max(len(column) for column in columns)
+    if any(len(column) not in (1, count) for column in columns):
+        raise ValueError(f"cells of {chain} stand for different numbers of cells")
+    return [[column[min(index, len(column) - 1)] for column in columns] for index in range(count)]

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables and figures of a paper."""
+
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from slambed.papers.published.base import Number, Strict
+from slambed.papers.published.standing import Standing
+
+Value = Number | bool | str | list[Number]
+
+
+class Column(Strict):
+    """A column of a published table."""
+
+    label: str
+    unit: str | None = None
+    dims: dict[str, Any]
+
+
+class Row(Standing):
+    """A row; a value is a number, or [number, printed spread]."""
+
+    label: str
+    metric: str
+    unit: str
+    dims: dict[str, Any]
+    values: dict[str, Value]
+    metrics: dict[str, str] = Field(default_factory=dict)
+    """Column -> metric, where neither row nor column alone names it."""
+    runs: dict[str, int] = Field(default_factory=dict)
+    """Column -> runs behind that value, where they are not those of the table."""
+    spread_of: Literal["runs", "rounds"] = "runs"
+    """What the printed spread is over. The number of rounds is printed nowhere."""
+
+
+class PublishedTable(Standing):
+    """One table of a paper; full coordinates of a value = conditions + column dims + row dims."""
+
+    id: str
+    label: str
+    where: str
+    lines: list[int] = Field(default_factory=list)
+    """Lines of the paper's plain text that hold it."""
+    caption: str
+    conditions: dict[str, Any]
+    columns: dict[str, Column]
+    rows: dict[str, Row]
+    cells: dict[str, Standing] = Field(default_factory=dict)
+    """`<row>.<column>` -> what is said of that cell alone."""
+    notes: list[str] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> "PublishedTable":
+        places = {f"{row}.{column}" for row in self.rows for column in self.rows[row].values}
+        if unknown := set(self.cells) - places:
+            raise ValueError(f"{self.id} has no cell {min(unknown)}")
+        for name, row in self.rows.items():
+            if unknown := (set(row.values) | set(row.metrics) | set(row.runs)) - set(self.columns):
+                raise ValueError(f"{self.id}, row {name}: no column {min(unknown)}")
+        return self
+
+
+class Series(Strict):
+    """Points along one condition that a figure or a sentence is about, as places for contrasts.
+
+    Their ids are `<figure>.<series>.<value>`. `values` holds what the paper prints of them; a curve
+    that was never printed in numbers has none, and none are read off a picture.
+    """
+
+    label: str
+    metric: str
+    system: str
+    conditions: dict[str, Any] = Field(default_factory=dict)
+    along: str
+    """The condition that varies."""
+    at: list[Number | str] = Field(min_length=1)
+    values: list[Number | None] = Field(default_factory=list)
+    unmappable: str | None = None
+    """Why no run of ours can stand for these points."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> "Series":
+        if self.values and len(self.values) != len(self.at):
+            raise ValueError(f"{self.label}: as many values as places, or none")
+        return self
+
+
+class PublishedFigure(Strict):
+    """A data figure; no points were digitised."""
+
+    id: str
+    label: str
+    where: str
+    shows: str
+    stated: list[str]
+    """Claims that give numbers of this figure in words."""
+    series: dict[str, Series] = Field(default_factory=dict)
+    unmappable: str | None = None
+    """Why nothing of it is compared."""

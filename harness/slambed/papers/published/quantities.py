@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that a paper states about several of its cells: reductions, ratios, maxima, windows."""
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from slambed.papers.published.base import Strict
+
+Direction = Literal["rises", "falls"]
+
+
+class At(Strict):
+    """A place without a cell of its own: a metric of a system under conditions."""
+
+    metric: str
+    system: str
+    conditions: dict[str, Any] = Field(default_factory=dict)
+
+
+Operand = str | At
+"""Id of a cell, a claim or a point of a figure; or the coordinates where nothing is printed."""
+
+
+class Ratio(Strict):
+    """of / base."""
+
+    kind: Literal["ratio"]
+    of: Operand
+    base: Operand
+
+    def operands(self) -> list[Operand]:
+        """What it is computed from."""
+        return [self.of, self.base]
+
+
+class Reduction(Ratio):
+    """1 - of / base, in percent; a gain of something that should be small."""
+
+    kind: Literal["reduction"]  # type: ignore[assignment]
+
+
+class Difference(Ratio):
+    """of - base, in the metric's unit."""
+
+    kind: Literal["difference"]  # type: ignore[assignment]
+
+
+class Increase(Ratio):
+    """of / base - 1, in percent."""
+
+    kind: Literal["increase"]  # type: ignore[assignment]
+
+
+class MaxOver(Strict):
+    """The largest of several: what `up to` speaks about, the paper's sequences for instance. All
+    are reductions (stated in percent), or all are differences (in the unit of the cells)."""
+
+    kind: Literal["max_over"]
+    over: (
+        Annotated[list[Reduction], Field(min_length=1)]
+        | Annotated[list[Difference], Field(min_length=1)]
+    )
+
+    def operands(self) -> list[Operand]:
+        """What it is computed from."""
+        return [operand for part in self.over for operand in part.operands()]
+
+
+class Each(Strict):
+    """One number that is said of several cells at once, in the metric's unit."""
+
+    kind: Literal["each"]
+    of: Annotated[list[Operand], Field(min_length=2)]
+
+    def operands(self) -> list[Operand]:
+        """What it is said of."""
+        return list(self.of)
+
+
+class WindowShare(Strict):
+    """Share of the track losses of `of`, or of its runs, with a loss that begins within a window of
+    the sequence; in percent."""
+
+    kind: Literal["window_share"]
+    of: Operand
+    from_s: float = Field(ge=0)
+    to_s: float = Field(gt=0)
+    per: Literal["losses", "runs"] = "losses"
+
+    @model_validator(mode="after")
+    def _window(self) -> "WindowShare":
+        if self.to_s <= self.from_s:
+            raise ValueError("a window ends after it begins")
+        return self
+
+    def operands(self) -> list[Operand]:
+        """What it is computed from."""
+        return [self.of]
+
+
+class Trend(Strict):
+    """Whether a value rises or falls along cells in the order given."""
+
+    kind: Literal["trend"]
+    cells: Annotated[list[Operand], Field(min_length=3)]
+    direction: Direction
+
+    def operands(self) -> list[Operand]:
+        """What it is computed from."""
+        return list(self.cells)
+
+
+def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) -> float | None:
+    """The number in percent (reduction, increase), one (ratio) or the metric's unit (difference);
+    None where an operand has no value, and for what is no one function of values (each, windows,
+    trends)."""
+    if isinstance(quantity, MaxOver):
+        parts = [computed(part, value_of) for part in quantity.over]
+        known = [part for part in parts if part is not None]
+        return max(known) if len(known) == len(parts) else None
+    if isinstance(quantity, Each | WindowShare | Trend):
+        return None
+    of, base = value_of(quantity.of), value_of(quantity.base)
+    if of is None or base is None:
+        return None
+    if isinstance(quantity, Difference):
+        return of - base
+    if isinstance(quantity, Increase):
+        return 100 * (of / base - 1)
+    return 100 * (1 - of / base) if isinstance(quantity, Reduction) else of / base
+
+
+Quantity = Annotated[
+    Reduction | Increase | Ratio | Difference | MaxOver | Each | WindowShare | Trend,
+    Field(discriminator="kind"),
+]

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Statements about several cells: reductions, increases, ratios, differences, maxima, one number of
+each, windows of time."""
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from slambed.metrics.loss_times import in_window, loss_times_of
+from slambed.papers.lookup import Pool, find_runs
+from slambed.papers.margins import margin_of_cell, published_of
+from slambed.papers.measured import Measured, measure
+from slambed.papers.published import (
+    At,
+    Cell,
+    Difference,
+    Each,
+    Increase,
+    MaxOver,
+    Operand,
+    Paper,
+    Ratio,
+    Reduction,
+    WindowShare,
+)
+from slambed.papers.verdicts.means import Effect, judge_effect, judge_mean
+from slambed.papers.verdicts.model import FEWEST_RUNS, Outcome, Share, Verdict, not_run, too_few
+from slambed.papers.verdicts.shares import judge_share
+from slambed.papers.verdicts.statements import (
+    ABOUT_MARGIN,
+    REDUCTION_MARGIN,
+    Pair,
+    judge_bound,
+    judge_difference,
+    judge_reduction,
+    judge_up_to,
+    judge_up_to_more,
+    judge_window,
+    pair_by_seed,
+)
+
+BOUND_OPS: dict[str, Literal["lt", "le", "gt", "ge"]] = {
+    "lt": "lt", "le": "le", "gt": "gt", "ge": "ge",
+}  # fmt: skip
+WORST: tuple[Outcome, ...] = ("differs", "not_run", "inconclusive", "reproduced")
+"""What is said of several numbers at once is no better than the first of these among them."""
+
+
+def judge_quantity(
+    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell
+) -> tuple[Verdict, Measured]:
+    """The verdict on a claim with a `quantity`, and the runs behind it (those of `of`)."""
+    claim = cell.claim
+    assert claim is not None and claim.quantity is not None
+    quantity = claim.quantity
+    about = pool.about(paper, cell.source)
+    if isinstance(quantity, WindowShare):
+        return _window(paper, about, cells, cell, quantity)
+    if isinstance(quantity, MaxOver):
+        return _up_to(paper, about, cells, cell, quantity)
+    if isinstance(quantity, Each):
+        return _each(paper, about, cells, cell, quantity)
+    if isinstance(quantity, Reduction | Increase | Ratio | Difference):
+        return _two(paper, about, cells, cell, quantity)
+    why = "an ordering: judged among the contrasts"
+    nothing = _measured(paper, about, cells, quantity.operands()[0])
+    return not_run(why), replace(nothing, values=np.zeros(0))
+
+
+def _measured(paper: Paper, pool: Pool, cells: dict[str, Cell], operand: Operand) -> Measured:
+    if isinstance(operand, At):
+        return measure(paper, pool, operand.metric, operand.system, dict(operand.conditions))
+    place = cells[operand]
+    return measure(paper, pool, place.metric, place.system, place.conditions)
+
+
+def _pair(of: Measured, base: Measured) -> Pair:
+    """Paired by seed where both have the same repetitions, once each."""
+    one, two = (
+        dict(zip(base.repetitions, base.values, strict=False)),
+        dict(zip(of.repetitions, of.values, strict=False)),
+    )
+    whole = len(one) == len(base.values) and len(two) == len(of.values)
+    if whole and one.keys() == two.keys():
+        return pair_by_seed([one[r] for r in sorted(one)], [two[r] for r in sorted(two)])
+    return Pair(base.mean, of.mean)
+
+
+def _two(
+    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: Ratio
+) -> tuple[Verdict, Measured]:
+    of = _measured(paper, pool, cells, quantity.of)
+    base = _measured(paper, pool, cells, quantity.base)
+    for side in (of, base):
+        if not side.there:
+            return not_run(side.found.reason), side
+    of = replace(of, found=replace(of.found, stand_in=of.found.stand_in or base.found.stand_in))
+    if of.found.stand_in and of.found.dataset != base.found.dataset:
+        return Verdict("inconclusive", "its two sides are on different sequences"), of
+    claim = cell.claim
+    assert claim is not None and cell.value is not None
+    pair = _pair(of, base)
+    digit = cell.resolution or 0.0
+    written = paper.margins.get("reduction")
+    margin = written.ratio if written is not None and written.ratio else REDUCTION_MARGIN
+    if isinstance(quantity, Difference):
+        scale = 100.0 if of.is_share else 1.0
+        return judge_difference(pair, cell.value, digit, scale), _of_two(quantity, of, base)
+    if isinstance(quantity, Increase):
+        verdict = _increase(pair, cell.value, digit, str(claim.op))
+        return verdict, _of_two(quantity, of, base)
+    stated, small = (
+        (cell.value / 100, digit / 100)
+        if isinstance(quantity, Reduction)
+        else (1 - cell.value, digit)
+    )
+    if claim.op in BOUND_OPS:
+        verdict = _bounded(pair, stated, str(claim.op), isinstance(quantity, Reduction))
+        return verdict, _of_two(quantity, of, base)
+    if claim.op == "about":
+        about = paper.margins.get("about")
+        margin = max(margin, about.ratio if about is not None and about.ratio else 0.0)
+    return judge_reduction(pair, stated, small, margin), _of_two(quantity, of, base)
+
+
+def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
+    """`More than 50 % less`: the one-sided limit of what is left, as a bound on its logarithm."""
+    if pair.fewest < FEWEST_RUNS:
+        return too_few(pair.fewest, "ratio", None)
+    left = pair.left()
+    limit = float(np.log1p(-stated))
+    below = (op in ("gt", "ge")) if reduction else (op in ("lt", "le"))
+    low, high = left.interval(0.9)
+    told = f"ours {pair.reduction:+.1%} less [{1 - np.exp(high):.1%}, {1 - np.exp(low):.1%}]"
+    found = Verdict(
+        "inconclusive", f"{told}, stated {stated:.1%}", "one-sided 95 % limits of ln(of / base)",
+        "ratio", left.value - limit, low - limit, high - limit,
+    )  # fmt: skip
+    if (high <= limit) if below else (low >= limit):
+        return replace(found, outcome="reproduced")
+    if (low > limit) if below else (high < limit):
+        return replace(found, outcome="differs")
+    return found
+
+
+def _increase(pair: Pair, stated: float, digit: float, op: str) -> Verdict:
+    """`About x % more`: ours in percent, within a third of what is stated, for `about` a
+    quarter."""
+    if pair.fewest < FEWEST_RUNS:
+        return too_few(pair.fewest, "difference", None)
+    if not (pair.before.value > 0 and pair.after.value > 0):
+        return Verdict("inconclusive", "an increase of or to nothing", scale="difference")
+    left = pair.left()
+    times = float(np.exp(left.value))
+    effect = Effect(
+        100 * (times - 1) - stated, float(np.hypot(100 * times * left.se, digit / 12**0.5)), left.df
+    )
+    margin = (ABOUT_MARGIN if op == "about" else REDUCTION_MARGIN) * abs(stated)
+    verdict = judge_effect(
+        effect, margin, "difference", "increase of ours - stated, delta method, in points"
+    )
+    told = f"ours {times - 1:+.1%}, stated {stated:+.3g} %"
+    return replace(verdict, why=f"{told}; {verdict.why}")
+
+
+def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
+    """The quantity of every run against the base's mean, in the claim's unit: its mean is what the
+    verdict is about. A share is one number of all runs and stays as it is."""
+    against = base.mean.value
+    if of.is_share or not against:
+        return of
+    if isinstance(quantity, Difference):
+        return replace(of, values=of.values - against)
+    ratio = of.values / against
+    if isinstance(quantity, Reduction):
+        ratio = 100 * (1 - ratio)
+    elif isinstance(quantity, Increase):
+        ratio = 100 * (ratio - 1)
+    return replace(of, values=ratio)
+
+
+def _each(
+    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: Each
+) -> tuple[Verdict, Measured]:
+    """Reproduced where each of them is, differs where one does; the one that decides is told."""
+    found = [(operand, _measured(paper, pool, cells, operand)) for operand in quantity.of]
+    for _, side in found:
+        if not side.there:
+            return not_run(side.found.reason), side
+    all_of_them = replace(
+        found[0][1],
+        found=next((side.found for _, side in found if side.found.stand_in), found[0][1].found),
+        values=np.concatenate([side.values for _, side in found]),
+        repetitions=(),
+        keys=tuple(key for _, side in found for key in side.keys),
+    )
+    margin = margin_of_cell(paper, cells, cell, [])
+    worst: Verdict | None = None
+    for operand, side in found:
+        name = operand if isinstance(operand, str) else operand.system
+        stated = published_of(cell, side.is_share)
+        if stated is None:
+            return Verdict("inconclusive", "the paper prints no number of runs for this"), side
+        if isinstance(stated, Share):
+            verdict = judge_share(side.share, stated, margin.value)
+        else:
+            verdict = judge_mean(side.mean, stated, margin.value, margin.kind)
+        if worst is None or WORST.index(verdict.outcome) < WORST.index(worst.outcome):
+            worst = replace(verdict, why=f"{name}: {verdict.why}")
+    assert worst is not None
+    return worst, all_of_them
+
+
+def _up_to(
+    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: MaxOver
+) -> tuple[Verdict, Measured]:
+    sides: dict[str, tuple[Ratio, Measured, Measured]] = {}
+    published: dict[str, float] = {}
+    gains = all(isinstance(part, Difference) for part in quantity.over)
+    first: Measured | None = None
+    stand_in = False
+    for number, part in enumerate(quantity.over):
+        name = part.of if isinstance(part.of, str) else f"part {number + 1}"
+        of, base = (_measured(paper, pool, cells, o) for o in (part.of, part.base))
+        ends = [cells[o].value if isinstance(o, str) else None for o in (part.of, part.base)]
+        if ends[0] is not None and ends[1]:
+            published[name] = ends[0] - ends[1] if gains else 1 - ends[0] / ends[1]
+        if first is None or (of.there and not first.there):
+            first = of
+        if of.there and base.there:
+            sides[name] = part, of, base
+            stand_in = stand_in or of.found.stand_in or base.found.stand_in
+    assert first is not None and cell.value is not None
+    if not sides:
+        return not_run(first.found.reason), replace(first, values=np.zeros(0))
+    at = max(published, key=lambda name: published[name]) if published else next(iter(sides))
+    shown = _of_two(*sides[at]) if at in sides else first
+    shown = replace(shown, found=replace(shown.found, stand_in=stand_in))
+    pairs = {name: _pair(of, base) for name, (_, of, base) in sides.items()}
+    digit = cell.resolution or 0.0
+    if gains:
+        scale = 100.0 if first.is_share else 1.0
+        return judge_up_to_more(pairs, cell.value, at, digit, scale), shown
+    return judge_up_to(pairs, cell.value / 100, at, digit / 100), shown
+
+
+def _window(
+    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: WindowShare
+) -> tuple[Verdict, Measured]:
+    """Losses (`loss_times_s`) that begin within the window, of all losses; or runs with such a
+    loss, of all runs."""
+    of = _measured(paper, pool, cells, quantity.of)
+    if not of.there:
+        return not_run(of.found.reason), of
+    place = cells[quantity.of] if isinstance(quantity.of, str) else quantity.of
+    found = find_runs(paper, pool.runs, place.system, place.conditions)
+    assert found.runs is not None
+    if "loss_times_s" not in found.runs:
+        return not_run("loss_times_s was not measured"), replace(of, values=np.zeros(0))
+    times = [loss_times_of(text) for text in found.runs["loss_times_s"]]
+    inside = [in_window(run, quantity.from_s, quantity.to_s) for run in times]
+    claim = cell.claim
+    assert claim is not None
+    if quantity.per == "runs" or cell.unit == "runs":
+        if cell.value is None or not cell.runs:
+            return Verdict("inconclusive", "the paper prints no number of runs"), of
+        bad = cell.value if cell.unit == "runs" else cell.value / 100 * cell.runs
+        runs = sum(count > 0 for count in inside)
+        return judge_share(Share(runs, len(times)), Share(round(bad), cell.runs)), of
+    played = pd.to_numeric(found.runs["wall_s"], errors="coerce").median()
+    share = (quantity.to_s - quantity.from_s) / float(played)
+    if claim.op in BOUND_OPS and cell.value is not None and cell.unit == "%":
+        lost = Share(sum(inside), sum(map(len, times)))
+        return judge_bound(lost, BOUND_OPS[claim.op], cell.value / 100), of
+    return judge_window(sum(inside), sum(map(len, times)), share), of

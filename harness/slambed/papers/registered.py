@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether results keep to the plan that was written before them (papers/<id>.plan.yaml)."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import pandas as pd
+
+from slambed.papers.compare import Column
+from slambed.papers.published import Paper
+from slambed.papers.published.paper_plan import PaperPlan, frozen_digest
+from slambed.report.load import Results
+
+
+@dataclass(frozen=True)
+class PlanLine:
+    """One sentence; `bad` where a result does not keep to its plan."""
+
+    text: str
+    bad: bool = False
+
+
+def plan_lines(
+    paper: Paper, plan: PaperPlan | None, column: Column, used: list[Results]
+) -> list[PlanLine]:
+    """What is to be known of the plan of these runs, which are those of `used`."""
+    own = _own(column, used)
+    if plan is None:
+        seen = written_in(own, f"plan.{paper.id}")
+        found = [PlanLine(f"No plan was written before these runs (papers/{paper.id}.plan.yaml).")]
+        if known := {name: count for name, count in seen.items() if name}:
+            text = f"{_counted(known, own)} made under a plan that is gone: {', '.join(known)}."
+            found = [PlanLine(text, bad=True)]
+        return found
+    written = f"{plan.written_utc.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+    found = [PlanLine(f"Plan {plan.digest} of {written}, mapping and margins {plan.frozen}.")]
+    if (today := frozen_digest(paper)) != plan.frozen:
+        told = f"The paper's contrasts, margins or mapping were changed after the plan: {today} now"
+        found.append(PlanLine(f"{told}, {plan.frozen} planned.", bad=True))
+    if not column.engine:
+        return found
+    if column.engine != plan.engine:
+        found.append(
+            PlanLine(f"The plan is for {plan.engine} runs, not {column.engine} ones.", True)
+        )
+    found += _made(plan, own)
+    behind = cells_behind(column)
+    planned = {item.experiment: item for item in plan.runs}
+    for results in used:
+        item = planned.get(results.name)
+        if item is None:
+            found.append(PlanLine(f"Experiment {results.name} is not in the plan.", bad=True))
+            continue
+        seed = results.spec.get("seed")
+        if seed is not None and seed != item.seed:
+            text = f"{results.name}: seed {seed}, {item.seed} was planned."
+            found.append(PlanLine(text, bad=True))
+        # A run that several experiments have in common is in the column once, under one of them.
+        # Cells that no number is of, such as another codec's, decide nothing and are not counted.
+        runs = results.runs[results.runs["run_key"].isin(behind)]
+        fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
+        if fewest < item.runs:
+            there = f"{fewest} run{'' if fewest == 1 else 's'} in a cell"
+            text = f"{results.name}: {there}, {item.runs} were planned"
+            if results.expected and results.expected > len(results.runs):
+                text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
+            found.append(PlanLine(f"{text}.", bad=True))
+    found += [
+        PlanLine(f"{name}: nothing played, {item.runs} runs a cell were planned.", bad=True)
+        for name, item in planned.items()
+        if column.engine == plan.engine and name not in {results.name for results in used}
+    ]
+    return found + _devices(plan, column.runs)
+
+
+def _own(column: Column, used: list[Results]) -> pd.DataFrame:
+    """The runs that stand behind numbers and orderings."""
+    if "experiment_folder" not in column.runs:
+        return column.runs.head(0)
+    return column.runs[column.runs["experiment_folder"].isin({r.name for r in used})]
+
+
+def _counted(told: Mapping[str, int], runs: pd.DataFrame) -> str:
+    count = sum(told.values())
+    return f"{count} of {len(runs)} runs {'was' if count == 1 else 'were'}"
+
+
+def cells_behind(column: Column) -> set[str]:
+    """Keys of the runs of all cells that a number or an ordering is made of, those among them that
+    a number leaves out too, such as lost ones."""
+    used = {key for row in column.rows.values() for _, key in row.measured.keys}
+    used |= {
+        key for o in column.orderings for chain in o.chains for _, m in chain for _, key in m.keys
+    }
+    runs = column.runs
+    if "experiment_folder" not in runs:
+        return used
+    cells = runs["experiment_folder"].astype(str) + "\n" + runs["cell"].astype(str)
+    return set(runs["run_key"][cells.isin(set(cells[runs["run_key"].isin(used)]))])
+
+
+def _made(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
+    """When and under which plan the runs were executed, by what they keep of it: a plan that was
+    rewritten after a look at results, with its old date, has another digest. Runs with one story
+    are told in one sentence, with its cause."""
+    times = [_time(value) for value in runs["started_utc"]] if "started_utc" in runs else []
+    early = [time is not None and plan.made_before(time) for time in times] or [False] * len(runs)
+    plans, mappings = (_written(runs, f"{k}.{plan.paper}") for k in ("plan", "plan_frozen"))
+    stories = Counter(zip(early, plans, mappings, strict=True))
+    found = [
+        PlanLine(f"{count} of {len(runs)} runs {told}.", bad=True)
+        for (before, digest, frozen), count in stories.items()
+        if (told := _story(plan, before, digest, frozen, count))
+    ]
+    if unknown := sum(time is None for time in times):
+        text = f"{unknown} of {len(times)} runs do not say when they were made."
+        found.append(PlanLine(text, bad=True))
+    return found
+
+
+def _story(plan: PaperPlan, before: bool, digest: str, frozen: str, count: int) -> str:
+    """How these runs were made, where that is not as planned."""
+    parts = ["before the plan was written"] if before else []
+    if digest and digest != plan.digest:
+        parts.append(f"under another plan ({digest})")
+    if frozen and frozen != plan.frozen:
+        parts.append(f"with another mapping than the plan's ({frozen})")
+    told = f"{'was' if count == 1 else 'were'} made {' and '.join(parts)}" if parts else ""
+    if not digest:
+        do = "does" if count == 1 else "do"
+        unsaid = f"{do} not say under which plan {'it was' if count == 1 else 'they were'} made"
+        told = f"{told}, and {unsaid}" if told else unsaid
+    if before and digest and digest != plan.digest:
+        told += ": the plan was written anew after them"
+        if plan.replaces is not None and plan.replaces.plan == digest:
+            told += f". {plan.replaces.why.rstrip('.')}"
+    return told
+
+
+def written_in(runs: pd.DataFrame, key: str) -> "Counter[str]":
+    """How many runs have what written into them; empty where nothing was."""
+    return Counter(_written(runs, key))
+
+
+def _written(runs: pd.DataFrame, key: str) -> list[str]:
+    """What was written into each run as it was executed; empty where nothing was."""
+    values = runs[key] if key in runs else [None] * len(runs)
+    return [value if isinstance(value, str) else "" for value in values]
+
+
+def _time(value: object) -> datetime | None:
+    if not isinstance(value, str):
+        return None
+    try:
+        found = datetime.fromisoformat(value.replace("Z", "+00:00"))
+    except ValueError:
+        return None
+    return found if found.tzinfo is not None else found.replace(tzinfo=UTC)
+
+
+def _devices(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
+    found = []
+    for role, name in plan.devices.items():
+        key = f"device_{role}"
+        used = runs[key].dropna().astype(str) if key in runs else pd.Series(dtype=str)
+        other = used[used != name]
+        if not len(other):
+            continue
+        names = sorted(set(other))
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        where = ", ".join(sorted(set(runs.loc[other.index, "experiment_folder"].astype(str))))
+        text = (
+            f"The {role} was {', '.join(names[:NAMED])}{more} in {len(other)} of {len(runs)} runs"
+        )
+        found.append(PlanLine(f"{text} ({where}), {name} was planned.", bad=True))
+    return found
+
+
+NAMED = 3
+"""Devices that are named; the others are counted."""
+
+
+def plan_words(lines: list[PlanLine], plan: PaperPlan | None, ran: bool = True) -> str:
+    """For one line of text: the plan's digest and how many things are not as planned."""
+    if plan is None:
+        return "no plan"
+    wrong = sum(line.bad for line in lines)
+    if not ran and not wrong:
+        return f"plan {plan.digest[:8]}"
+    things = f"{wrong} thing{'' if wrong == 1 else 's'}"
+    return f"plan {plan.digest[:8]}" + (f" ({things} not as planned)" if wrong else " kept")

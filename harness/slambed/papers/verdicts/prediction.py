@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well runs of ours predict published cells that no fit has seen.
+
+The only evidence that a fitted model can earn: what it says of numbers it was not shown.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from slambed.papers.verdicts.model import FEWEST_RUNS, Floats, Mean, Share
+
+EXPECTED = 0.95
+BINS = 10
+
+
+def share_position(ours: Share, paper: Share) -> float:
+    """Where the published count lies among what ours predicts (mid-p), 0 to 1.
+
+    The prediction is BetaBinomial(n_paper, k + 1/2, n - k + 1/2), Jeffreys' prior.
+    """
+    return float(share_positions(ours.bad, ours.runs, paper.bad, paper.runs))
+
+
+def share_positions(
+    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike
+) -> Floats:
+    """`share_position` of arrays."""
+    law, x = _law(ours_bad, ours_runs, paper_runs), np.asarray(paper_bad)
+    return np.asarray(law.cdf(x) - 0.5 * law.pmf(x))
+
+
+def share_log_likelihood(
+    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike
+) -> Floats:
+    """Logarithm of the chance that such a prediction gives just the published count."""
+    return np.asarray(_law(ours_bad, ours_runs, paper_runs).logpmf(np.asarray(paper_bad)))
+
+
+def _law(ours_bad: ArrayLike, ours_runs: ArrayLike, paper_runs: ArrayLike) -> Any:
+    k, n = np.asarray(ours_bad), np.asarray(ours_runs)
+    return stats.betabinom(np.asarray(paper_runs), k + 0.5, n - k + 0.5)
+
+
+def mean_position(ours: Mean, paper: Mean) -> float | None:
+    """The same for a mean, by a t predictive with factor sqrt(1/n_ours + 1/n_paper); None without
+    a spread. The paper's n must be there (`means.completed`)."""
+    if (spread := mean_spread(ours, paper)) is None or not ours.count:
+        return None
+    if spread == 0:
+        return 0.5 if paper.value == ours.value else float(paper.value > ours.value)
+    return float(stats.t.cdf((paper.value - ours.value) / spread, ours.count - 1))
+
+
+def mean_spread(ours: Mean, paper: Mean) -> float | None:
+    """Standard deviation of what ours predicts of a published mean; None where it is not known."""
+    if ours.sd is None or not ours.count or not paper.count:
+        return None
+    variance = ours.sd**2 * (1 / ours.count + 1 / paper.count) + paper.digit**2 / 12
+    return float(np.sqrt(variance))
+
+
+def inside(position: float) -> bool:
+    """Inside the central 95 %."""
+    tail = (1 - EXPECTED) / 2
+    return tail <= position <= 1 - tail
+
+
+def enough(runs: int) -> bool:
+    """Whether a cell of ours may predict anything."""
+    return runs >= FEWEST_RUNS
+
+
+@dataclass(frozen=True)
+class Score:
+    """`k of m` published cells inside our 95 % prediction intervals."""
+
+    inside: int
+    cells: int
+    p_value: float
+    """Of so few or fewer inside, if every interval were right (binomial)."""
+    histogram: tuple[int, ...]
+    """Positions in ten equal bins: flat if spread and level are right."""
+
+    def line(self) -> str:
+        """In one line."""
+        if not self.cells:
+            return "no published cell could be predicted out of sample"
+        return (
+            f"{self.inside} of {self.cells} published cells inside our 95 % prediction interval "
+            f"(expected {EXPECTED:.0%}; p {self.p_value:.2g})"
+        )
+
+
+def score(positions: Sequence[float]) -> Score:
+    """Counts the cells inside; cells are taken as independent."""
+    count = sum(inside(p) for p in positions)
+    total = len(positions)
+    p_value = float(stats.binomtest(count, total, EXPECTED, "less").pvalue) if total else 1.0
+    bins = np.histogram(np.asarray(positions), BINS, (0, 1))[0]
+    return Score(count, total, p_value, tuple(int(b) for b in bins))

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`slambed diff`: two results folders, or two parts of one, metric by metric, cell by cell, paired
+where seeds pair.
+
+Whatever differs between the two: the commit, the engine, the system, the host.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from slambed.errors import SlambedError
+from slambed.files.outputs import writing
+from slambed.metrics.catalog import keys_for
+from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p
+from slambed.metrics.metric import Metric, Use
+from slambed.metrics.statistics import Interval
+from slambed.regression.diff_sides import Side, Sides
+from slambed.report.cells import metrics_asked
+from slambed.report.contrast import contrast
+from slambed.report.tables import Table, around, check_format
+
+
+@dataclass(frozen=True)
+class Change:
+    """One metric of one cell in both folders."""
+
+    cell: str
+    metric: Metric
+    a: float
+    b: float
+    change: Interval
+    """b - a: the median difference of two runs (of pairs, where there are), or of the shares."""
+    p_value: float
+    """Adjusted for all comparisons of the two folders (Holm)."""
+    paired: bool
+    possible: bool
+    """Whether this many runs could have shown any change among so many comparisons."""
+
+    @property
+    def shown(self) -> bool:
+        """True where chance does not explain it."""
+        return self.p_value <= USUAL_ALPHA
+
+    @property
+    def verdict(self) -> str:
+        """In words; equality is never claimed."""
+        if not self.shown:
+            return "no change shown" if self.possible else "too few runs to show any"
+        if self.metric.better == "neither" or self.change.value == 0:
+            return "changed"
+        return "better" if (self.change.value > 0) == (self.metric.better == "higher") else "worse"
+
+
+def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
+    """Every metric that both were asked for (or those named) in every cell that both have.
+
+    Raises SlambedError where nothing matches.
+    """
+    a, b = sides.a.results, sides.b.results
+    asked = metrics or [key for key in metrics_asked(a) if key in metrics_asked(b)]
+    items = [a.metric(key) for key in asked or keys_for(Use.TESTED)]
+    found = [
+        change
+        for cell, own, other in sides.matched()
+        for item in items
+        if (change := _change(cell, item, own, other)) is not None
+    ]
+    if not found:
+        raise SlambedError(
+            f"nothing to compare: {_words(sides.a)} and {_words(sides.b)} share no cell with two "
+            "runs to be trusted on either side; 'slambed status' says what is there"
+        )
+    adjusted = holm([item.p_value for item in found])
+    return [
+        Change(c.cell, c.metric, c.a, c.b, c.change, float(p), c.paired,
+               least_p(c.change.count, c.paired) * len(found) <= USUAL_ALPHA)
+        for c, p in zip(found, adjusted, strict=True)
+    ]  # fmt: skip
+
+
+def _words(side: Side) -> str:
+    return " ".join([str(side.results.folder), *(f"({text})" for text in side.asked)])
+
+
+def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change | None:
+    found = contrast(item, a, b)
+    if found is None:
+        return None
+    return Change(cell, item, found.a, found.b, found.change, found.p_value, found.paired, True)
+
+
+TESTS = (
+    "Virtual runs of equal seed are pairs (Wilcoxon's signed-rank test, shares McNemar's), others "
+    "are not (Mann-Whitney's, shares Fisher's)"
+)
+
+
+def diff_table(found: list[Change], sides: Sides) -> Table:
+    """The shown changes first."""
+    rows = [
+        [
+            c.cell, c.metric.heading, c.metric.show(c.a), c.metric.show(c.b),
+            f"{c.metric.show(c.change.value)} {around(c.metric, c.change)}",
+            f"{c.change.count}{' pairs' if c.paired else ''}", f"{c.p_value:.2g}", c.verdict,
+        ]
+        for c in sorted(found, key=lambda c: c.p_value)
+    ]  # fmt: skip
+    headings = ["cell", "metric", *sides.headings(), "B - A [95 %]", "runs", "p (Holm)", "verdict"]
+    return Table("diff", "\n".join([*sides.lines, TESTS]), headings, rows, words=2)
+
+
+def write_diff(table: Table, sides: Sides, path: Path) -> None:
+    """The table as a file that says what A and B are: .csv in columns of its own, under headings
+    that are always the same for a script; .md above the table."""
+    check_format(path)
+    with writing(path):
+        if path.suffix == ".md":
+            above = "".join(f"{line}\n\n" for line in sides.lines)
+            path.write_text(above + table.markdown())
+            return
+        headings = [*table.headings[:2], "A", "B", *table.headings[4:], "A is", "B is"]
+        rows = [[*row, *sides.told] for row in table.rows]
+        path.write_text(Table(table.name, table.caption, headings, rows, table.words).csv())
+
+
+def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
+    """The same for a script: stored units; null where a failed run makes a number infinite."""
+
+    def number(value: float) -> float | None:
+        return value if isfinite(value) else None
+
+    changes = [
+        {
+            "cell": c.cell, "metric": c.metric.key, "unit": c.metric.unit,
+            "a": number(c.a), "b": number(c.b), "change": number(c.change.value),
+            "low": number(c.change.low), "high": number(c.change.high), "runs": c.change.count,
+            "paired": c.paired, "p_value": number(c.p_value), "shown": c.shown,
+            "verdict": c.verdict,
+        }
+        for c in sorted(found, key=lambda c: c.p_value)
+    ]  # fmt: skip
+    both = {"a": sides.a, "b": sides.b}
+    return {
+        **{letter: str(side.results.folder) for letter, side in both.items()},
+        "sides": {
+            letter: {"name": name, "selected": list(side.asked), **side.facts}
+            for (letter, side), name in zip(both.items(), sides.names, strict=True)
+        },
+        "differing": sides.differing,
+        "shown": sum(c.shown for c in found),
+        "changes": changes,
+    }

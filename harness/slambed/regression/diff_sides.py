@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two sides of `slambed diff`: which runs each has, what it is called, and what its cells are
+matched by."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import pandas as pd
+
+from slambed.errors import SlambedError
+from slambed.report.cells import text
+from slambed.report.load import Results
+from slambed.report.tables import Table
+from slambed.spec.selection import (
+    CELL,
+    KEYS,
+    NO_EDGE,
+    NO_LINK,
+    PARAMS,
+    Facts,
+    Selection,
+    facts_of,
+    meant,
+)
+
+Key = tuple[str, ...]
+MOST_NAMES = 3
+"""So many systems (links, devices) of a side are told by name."""
+LONGEST_NAME = 24
+"""Letters of what heads a column."""
+SHORT_COMMIT = 7
+COLUMNS = {
+    "system": "label", "device": "device_mobile", "edge": "device_edge", "dataset": "dataset",
+    "link": "profile", "engine": "engine",
+}  # fmt: skip
+"""What a side is told by -> the column that has it."""
+WHERE = ("dataset", "link")
+"""Where the systems of a cell are: what else cells are matched by."""
+ABSENT = {"link": NO_LINK, "edge": NO_EDGE}
+
+
+@dataclass(frozen=True)
+class Side:
+    """Some runs of a results folder."""
+
+    results: Results
+    asked: tuple[str, ...] = ()
+    """The selections that chose them; none: all runs of the folder."""
+
+    @classmethod
+    def of(cls, results: Results, asked: Iterable[str], option: str) -> "Side":
+        """The runs that are selected. Raises SlambedError for a selection of no run."""
+        texts = tuple(asked)
+        if not texts:
+            return cls(results)
+        return cls(results.only(meant(_facts(results.runs), texts, option)), texts)
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """What the selections are about."""
+        return frozenset().union(*(Selection.of(text).keys for text in self.asked))
+
+    @cached_property
+    def facts(self) -> dict[str, list[str]]:
+        """What it is, by name: folder, systems, devices, datasets, links, engine, commit."""
+        runs = self.results.runs
+        found = {"folder": [str(self.results.folder)]}
+        for name, column in COLUMNS.items():
+            values = list(runs[column]) if column in runs else []
+            found[name] = list(dict.fromkeys(text(v) or ABSENT.get(name, "-") for v in values))
+        changed = "+" if "True" in self.results.facts.get("dirty", {}) else ""
+        found["commit"] = [f"{commit}{changed}" for commit in self.results.facts.get("commit", ())]
+        return found
+
+
+@dataclass(frozen=True)
+class Sides:
+    """A and B."""
+
+    a: Side
+    b: Side
+
+    @classmethod
+    def of(
+        cls, a: Results, b: Results | None, of_a: Iterable[str] = (), of_b: Iterable[str] = ()
+    ) -> "Sides":
+        """Two folders, or two parts of one (`b` is None). Raises SlambedError where these are not
+        named, or have a run in common."""
+        of_a, of_b = tuple(of_a), tuple(of_b)
+        if b is None and not (of_a and of_b):
+            raise SlambedError(
+                f"{a.folder} is one folder: name a second one, or say with --a and --b what of it "
+                f"to compare{_varied(a.runs)}"
+            )
+        made = cls(Side.of(a, of_a, "--a"), Side.of(a if b is None else b, of_b, "--b"))
+        if b is None:
+            shared = set(made.a.results.runs["run_key"]) & set(made.b.results.runs["run_key"])
+            if shared:
+                runs = made.a.results.runs
+                cells = list(dict.fromkeys(runs[runs["run_key"].isin(shared)]["cell"].map(text)))
+                raise SlambedError(
+                    f"--a and --b both mean {_words_of('cell', cells)}; select more closely"
+                )
+        return made
+
+    @cached_property
+    def differing(self) -> list[str]:
+        """Names of the facts in which the two differ, in the order in which they are told."""
+        return [name for name, value in self.a.facts.items() if value != self.b.facts[name]]
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Short: what differs first; and next, until the two names do."""
+        if not self.differing:
+            return "", ""
+        first = self.differing[0]
+        if first == "folder":
+            return _folders(self.a.results.folder, self.b.results.folder)
+        told = _chosen(self.a.asked, self.b.asked), _chosen(self.b.asked, self.a.asked)
+        a, b = (
+            _words_of(first, side.facts[first])
+            if len(side.facts[first]) == 1 or not asked
+            else asked
+            for side, asked in zip((self.a, self.b), told, strict=True)
+        )
+        return _cut(a), _cut(b)
+
+    @property
+    def told(self) -> tuple[str, str]:
+        """In words: how each was selected, what differs, then what both have."""
+        same = self._in_words(self.a, self.shared)
+        a, b = ("; ".join(filter(None, (own, same))) for own in self._apart())
+        return a, b
+
+    @property
+    def shared(self) -> list[str]:
+        """Names of the facts in which the two are one."""
+        return [name for name in self.a.facts if name not in self.differing]
+
+    @property
+    def lines(self) -> list[str]:
+        """`A: ...`, `B: ...` and what both have."""
+        a, b = self._apart()
+        told = {"A": a, "B": b, "Both": self._in_words(self.a, self.shared)}
+        return [f"{who}: {words}" for who, words in told.items() if words]
+
+    def _apart(self) -> tuple[str, str]:
+        a, b = (
+            "; ".join(filter(None, (" or ".join(side.asked), self._in_words(side, self.differing))))
+            for side in (self.a, self.b)
+        )
+        return a, b
+
+    def _in_words(self, side: Side, names: list[str]) -> str:
+        return "; ".join(
+            f"{name} {_words_of(name, side.facts[name])}" for name in names if side.facts[name]
+        )
+
+    def headings(self) -> tuple[str, str]:
+        """Of the columns of a table."""
+        a, b = self.names
+        return (f"A: {a}", f"B: {b}") if a and b else ("A", "B")
+
+    def matched(self) -> list[tuple[str, pd.DataFrame, pd.DataFrame]]:
+        """(cell, its runs in A, in B): cells of equal label, dataset and link, in what the two
+        sides were not chosen to differ. Raises SlambedError where that would pool cells."""
+        trusted = [self.a.results.trusted, self.b.results.trusted]
+        chosen = self.a.keys & self.b.keys
+        labels = _labels(*trusted)
+        drop = {
+            c for c in WHERE if chosen & {c, CELL} and _apart(*(t[COLUMNS[c]] for t in trusted))
+        }
+        pools = [
+            self._pooled(letter, runs, own, drop)
+            for letter, runs, own in zip("AB", trusted, labels, strict=True)
+        ]
+        return [
+            (own.called(other), own.runs, other.runs)
+            for key, own in pools[0].items()
+            if (other := pools[1].get(key)) is not None
+        ]
+
+    def _pooled(
+        self, letter: str, runs: pd.DataFrame, labels: dict[str, str], drop: set[str]
+    ) -> dict[Key, "Pooled"]:
+        """What a cell is matched by -> the cell."""
+        found: dict[Key, Pooled] = {}
+        for cell, rows in runs.groupby(_cells(runs), sort=False):
+            first = rows.iloc[0]
+            shown = labels[text(first["label"])]
+            where = ["" if c in drop else text(first[COLUMNS[c]]) for c in WHERE]
+            key = (" ".join(_words(shown)), *where)
+            if key in found:
+                raise SlambedError(
+                    f"{letter} has two cells where the other side may have one: {found[key].cell} "
+                    f"and {cell}; select more closely, as in --{letter.lower()} link=..."
+                )
+            in_common = "/".join(filter(None, (shown, *where)))
+            found[key] = Pooled(str(cell), in_common, rows)
+        return found
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """A cell of a side."""
+
+    cell: str
+    in_common: str
+    """Its name without what the other side may have otherwise."""
+    runs: pd.DataFrame
+
+    def called(self, other: "Pooled") -> str:
+        """This cell and that of the other side."""
+        if self.cell == other.cell:
+            return self.cell
+        return self.in_common or f"{self.cell} | {other.cell}"
+
+
+def _apart(a: pd.Series, b: pd.Series) -> bool:
+    """Whether each side has one value, and the other one another."""
+    left, right = set(a.map(text)), set(b.map(text))
+    return len(left) == len(right) == 1 and left != right
+
+
+def _cells(runs: pd.DataFrame) -> pd.Series:
+    """The name of each run's cell, as its report has it."""
+    if "cell" in runs:
+        return runs["cell"].map(text)
+    parts = [runs[name].map(text) for name in ("label", "dataset", "profile")]
+    return parts[0] + "/" + parts[1] + parts[2].map(lambda link: f"/{link}" if link else "")
+
+
+def _labels(a: pd.DataFrame, b: pd.DataFrame) -> tuple[dict[str, str], dict[str, str]]:
+    """What the systems of either side are matched by: their labels, where the two have any in
+    common; else these with a * for what all of a side have and the other side has not:
+    `static n_orb 500` and `alone n_orb 500` are `* n_orb 500`. Of one system each nothing is left.
+    """
+    labels = [list(dict.fromkeys(side["label"].dropna().astype(str))) for side in (a, b)]
+    if len(labels[0]) == len(labels[1]) == 1:
+        return {labels[0][0]: ""}, {labels[1][0]: ""}
+    if set(labels[0]) & set(labels[1]):
+        return {x: x for x in labels[0]}, {x: x for x in labels[1]}
+    common = [set.intersection(*(set(_words(x)) for x in own)) if own else set() for own in labels]
+    shared = common[0] & common[1]
+    left, right = (
+        {label: _starred(label, all_have - shared) for label in own}
+        for own, all_have in zip(labels, common, strict=True)
+    )
+    return left, right
+
+
+_BETWEEN = r"[\s:,;()]+"
+
+
+def _words(label: str) -> list[str]:
+    return [word for word in re.split(_BETWEEN, label) if word]
+
+
+def _starred(label: str, words: set[str]) -> str:
+    parts = re.split(f"({_BETWEEN})", label)
+    starred = "".join("*" if part in words else part for part in parts)
+    return re.sub(rf"\*(?:{_BETWEEN}\*)+", "*", starred)
+
+
+def _chosen(asked: tuple[str, ...], other: tuple[str, ...]) -> str:
+    """What of a selection the other one has not; all of it, where that is hard to say."""
+    if not (len(asked) == len(other) == 1):
+        return " or ".join(asked)
+    own, its = Selection.of(asked[0]), Selection.of(other[0])
+    apart = [
+        f"{key.removeprefix(PARAMS)}={pattern}" if key.startswith(PARAMS) else pattern
+        for key, pattern in own.conditions
+        if key != CELL and (key, pattern) not in its.conditions
+    ]
+    return ", ".join(apart) or asked[0]
+
+
+def _facts(runs: pd.DataFrame) -> list[Facts]:
+    params = [name for name in runs if str(name).startswith("params.")]
+    found: list[Facts] = []
+    for row in runs.to_dict("records"):
+        own = {str(p).removeprefix("params."): row[p] for p in params if row[p] == row[p]}
+        found.append(
+            facts_of(
+                text(row["cell"]), text(row["system"]), text(row["variant"]),
+                [text(row["label"]), text(row["plain_label"])], text(row["dataset"]),
+                text(row["profile"]), text(row["device_mobile"]), text(row["device_edge"]),
+                text(row["engine"]), text(row["pace"]), own,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _varied(runs: pd.DataFrame) -> str:
+    """`: label=alone, label=static; link=...`: what there is more than one of."""
+    facts = _facts(runs)
+    for key in KEYS:
+        names = list(dict.fromkeys(own[key][0] for own in facts))
+        if len(names) > 1:
+            return f", as in --a '{key}={names[0]}' --b '{key}={names[1]}'"
+    return ""
+
+
+def _folders(a: Path, b: Path) -> tuple[str, str]:
+    """What tells two folders apart: their paths without what both begin and end with."""
+    left, right = list(a.parts), list(b.parts)
+    while len(left) > 1 and len(right) > 1 and left[-1] == right[-1]:
+        left, right = left[:-1], right[:-1]
+    while len(left) > 1 and len(right) > 1 and left[0] == right[0]:
+        left, right = left[1:], right[1:]
+    return _cut(str(Path(*left))), _cut(str(Path(*right)))
+
+
+def _words_of(name: str, values: list[str]) -> str:
+    """The first of them; commits as git shortens them."""
+    more = len(values) - MOST_NAMES
+    if name == "commit":
+        values = [v[:SHORT_COMMIT] + ("+" if v.endswith("+") else "") for v in values]
+    return ", ".join(values[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _cut(name: str) -> str:
+    """Its ends, where it is long: what tells two apart is often one of them."""
+    if len(name) <= LONGEST_NAME:
+        return name
+    half = (LONGEST_NAME - 3) // 2
+    return f"{name[:half]}...{name[-half:]}"
+
+
+def sides_table(sides: Sides) -> Table:
+    """What was compared: where it differs lies the reason, if anywhere."""
+    both = (sides.a, sides.b)
+    rows = [["selected", *(" or ".join(s.asked) or "all runs" for s in both)]]
+    rows += [[name, *(", ".join(s.facts[name]) or "-" for s in both)] for name in sides.a.facts]
+    rows.append(
+        [
+            "runs to be trusted",
+            *(f"{len(s.results.trusted)} of {len(s.results.runs)}" for s in both),
+        ]
+    )
+    rows.append(["first run", *(_first(s.results) for s in both)])
+    for name in ("cpu_model", "cores", "kernel"):
+        rows.append([name.replace("_", " "), *(_most(s.results, name) for s in both)])
+    return Table("sides", "The two sides", ["", *sides.headings()], rows, words=3)
+
+
+def _first(side: Results) -> str:
+    return min(map(text, side.runs["started_utc"].dropna()), default="-")
+
+
+def _most(side: Results, fact: str) -> str:
+    return ", ".join(value[:40] for value in side.facts.get(fact, {})) or "-"

@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Did tonight get worse than the baseline? Significant and relevant, or nothing measured: fail."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from slambed.errors import SlambedError
+from slambed.files.atomic import replacing
+from slambed.metrics.catalog import keys_for, metric, own_of
+from slambed.metrics.comparison import fisher, holm
+from slambed.metrics.metric import Metric, Use
+from slambed.metrics.older import two_axes
+from slambed.metrics.summary import Summary
+from slambed.regression.nights import Test, comparable, values_of_nights
+from slambed.report.load import load
+from slambed.report.tables import Table
+
+Floats = NDArray[np.float64]
+
+BASELINE_NIGHTS = 30
+"""Older nights of a history are another machine or another program."""
+ALPHA = 0.05
+"""Chance of any false alarm in a night, over all cells and metrics together (Holm)."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One comparison of tonight with the baseline."""
+
+    cell: str
+    metric: Metric
+    baseline: float
+    tonight: float
+    runs: tuple[int, int]
+    p_value: float
+    relevant: bool
+    alarm: bool
+
+
+@dataclass
+class GateResult:
+    """`failures` has a line per reason to fail; `notes` what could not be judged."""
+
+    findings: list[Finding] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        """True only when something was measured and nothing got worse."""
+        return not self.failures
+
+    def table(self) -> Table:
+        """The findings, worst first."""
+        rows = [
+            [
+                f.cell, f.metric.heading, f.metric.show(f.baseline), f.metric.show(f.tonight),
+                f"{f.runs[0]} / {f.runs[1]}", f"{f.p_value:.2g}",
+                "WORSE" if f.alarm else ("relevant, not significant" if f.relevant else "fine"),
+            ]
+            for f in sorted(self.findings, key=lambda f: (not f.alarm, f.p_value))
+        ]  # fmt: skip
+        headings = ["cell", "metric", "baseline", "tonight", "runs", "p (Holm)", "verdict"]
+        return Table("gate", "Tonight against the baseline", headings, rows, words=2)
+
+
+def is_relevant(baseline: Floats, tonight: Floats, item: Metric) -> NDArray[np.bool_]:
+    """Whether the median (share) worsened by more than the metric's minimum effect."""
+    middle = np.mean if item.kind == "share" else np.median
+    before = np.asarray(middle(baseline, axis=-1))
+    after = np.asarray(middle(tonight, axis=-1))
+    with np.errstate(invalid="ignore"):
+        change = before - after if item.better == "higher" else after - before
+    change = np.where(np.isfinite(before) & ~np.isfinite(after), np.inf, change)
+    share = 0.0 if item.kind == "share" else item.relevant_share
+    least = np.maximum(item.relevant_step, share * np.abs(before))
+    relevant: NDArray[np.bool_] = np.nan_to_num(change, nan=0.0) > least
+    return relevant
+
+
+def judge(
+    baseline: pd.DataFrame,
+    tonight: pd.DataFrame,
+    alpha: float = ALPHA,
+    metrics: Sequence[str] = (),
+) -> GateResult:
+    """Compares runs (rows with the summary keys) cell by cell: the gated metrics, or these."""
+    result = GateResult()
+    if not len(tonight) or not tonight["trusted"].eq(True).any():
+        result.failures.append("nothing was measured tonight: there is no run to be trusted")
+    elif len(baseline):
+        baseline, line = comparable(baseline, tonight)
+        result.notes += [line] if line else []
+    if not len(baseline) or not baseline["trusted"].eq(True).any():
+        result.failures.append(
+            "the baseline has no run to be trusted: there is nothing to compare with"
+        )
+    if result.failures:
+        return result
+    own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
+    gated = metrics or keys_for(Use.GATED, own)
+    tests: list[Test] = []
+    for cell, before in baseline.groupby("cell", sort=False):
+        after = tonight[tonight["cell"] == cell]
+        good, good_before = after[after["trusted"].eq(True)], before[before["trusted"].eq(True)]
+        if not len(good_before):
+            continue
+        if not len(good):
+            result.failures.append(
+                f"{cell}: nothing measured tonight ({len(after)} runs, none to be trusted)"
+            )
+            continue
+        _judge_trust(str(cell), before, after, alpha, result)
+        for key in gated:
+            item = metric(key, own)
+            a, b, paired = values_of_nights(good_before, good, item)
+            if len(a) and not len(b):
+                result.failures.append(f"{cell}: {item.name} was not measured tonight")
+            if len(b) and not len(a):
+                result.notes.append(f"{cell}: {item.name} is new tonight, without a baseline")
+            if len(a) and len(b):
+                tests.append(Test(str(cell), item, a, b, paired))
+    _new_cells(baseline, tonight, result)
+    _decide(tests, alpha, result)
+    return result
+
+
+def _new_cells(baseline: pd.DataFrame, tonight: pd.DataFrame, result: GateResult) -> None:
+    """A cell without a baseline is judged by whether it measured anything, and named."""
+    judged = set(baseline.loc[baseline["trusted"].eq(True), "cell"])
+    for cell, rows in tonight.groupby("cell", sort=False):
+        if cell in judged:
+            continue
+        good = int(rows["trusted"].eq(True).sum())
+        count = f"{len(rows)} runs, {good} to be trusted"
+        line = f"{cell}: new tonight, nothing to compare with ({count})"
+        (result.notes if good else result.failures).append(line)
+
+
+def _decide(tests: list[Test], alpha: float, result: GateResult) -> None:
+    if not tests:
+        result.failures.append("no gated metric was measured in both")
+        return
+    adjusted = holm([test.p_value() for test in tests])
+    blind: dict[str, list[Test]] = {}
+    for test, p in zip(tests, adjusted, strict=True):
+        item, counts = test.metric, (len(test.baseline), len(test.tonight))
+        relevant = bool(is_relevant(test.baseline, test.tonight, item))
+        alarm = relevant and float(p) <= alpha
+        middle = np.mean if item.kind == "share" else np.median
+        before, after = float(middle(test.baseline)), float(middle(test.tonight))
+        result.findings.append(
+            Finding(test.cell, item, before, after, counts, float(p), relevant, alarm)
+        )
+        if alarm:
+            result.failures.append(
+                f"{test.cell}: {item.name} {item.show(before)} -> {item.show(after)} "
+                f"{item.shown_unit} (p {p:.2g}, {counts[0]} / {counts[1]} runs)"
+            )
+        if test.least_p() > alpha / len(tests):
+            blind.setdefault(test.cell, []).append(test)
+    for cell, missed in sorted(blind.items()):
+        names = ", ".join(dict.fromkeys(test.metric.name for test in missed))
+        counts = (len(missed[0].baseline), len(missed[0].tonight))
+        needed = max(test.runs_needed(alpha / len(tests)) for test in missed)
+        result.notes.append(
+            f"{cell}: {counts[0]} and {counts[1]} runs can never raise an alarm about {names} "
+            f"among {len(tests)} tests; from {needed} runs a night on they can"
+        )
+
+
+def _judge_trust(
+    cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: GateResult
+) -> None:
+    """Runs not to be trusted are left out of all other tests, so they are tested themselves."""
+    bad_before = len(before) - int(before["trusted"].eq(True).sum())
+    bad_after = len(after) - int(after["trusted"].eq(True).sum())
+    p_value = fisher(bad_before, len(before), bad_after, len(after), "greater")
+    if p_value <= alpha / 10 and bad_after / len(after) - bad_before / len(before) > 0.1:
+        result.failures.append(
+            f"{cell}: {bad_after} of {len(after)} runs not to be trusted, before {bad_before} of "
+            f"{len(before)} (p {p_value:.2g})"
+        )
+
+
+def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame, list[str]]:
+    """Runs of a results folder, of `<folder>/<experiment>`, or of a kept history (Parquet, CSV).
+
+    Raises SlambedError when there is nothing of that name; an empty folder gives no rows.
+    """
+    if folder.is_file():
+        table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
+        if "trusted" not in table:  # nights of older versions
+            rows = ({str(k): v for k, v in r.items()} for r in table.to_dict("records"))
+            table = pd.DataFrame([two_axes(Summary(row)) for row in rows])
+        if experiment is not None and "experiment" in table:
+            table = table[table["experiment"] == experiment]
+        if "passed" in table:
+            table = table[table["passed"].eq(True)]
+            nights = sorted(table["night_utc"].unique())[-BASELINE_NIGHTS:]
+            table = table[table["night_utc"].isin(nights)]
+        return table, []
+    if experiment is not None and (folder / experiment).is_dir():
+        folder = folder / experiment
+    if (folder / "runs").is_dir():
+        results = load(folder)
+        return results.runs, results.problems
+    if (folder / "summary.csv").is_file():
+        return pd.read_csv(folder / "summary.csv"), []
+    if not folder.is_dir():
+        raise SlambedError(f"no results, {folder} is not there, give a results folder or a history")
+    return pd.DataFrame(columns=["cell", "trusted", *keys_for(Use.GATED)]), [
+        f"{folder}: no runs in it"
+    ]
+
+
+def append_history(
+    history: Path, runs: pd.DataFrame, night_utc: str, passed: bool, commit: str = ""
+) -> int:
+    """Adds tonight's runs to a Parquet history; those of the same night and experiment are
+    replaced. Nights that did not pass are kept too, but are no baseline. Returns its rows."""
+    new = runs.assign(night_utc=night_utc, passed=passed, commit=commit)
+    if history.exists():
+        old = pd.read_parquet(history)
+        same = (old["night_utc"] == night_utc) & old["experiment"].isin(new["experiment"].unique())
+        old = old[~same]
+        new = pd.concat([old.astype(object), new.astype(object)], ignore_index=True)
+    history.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(history) as out:
+        _plain(new).to_parquet(out, index=False)
+    return len(new)
+
+
+def _plain(table: pd.DataFrame) -> pd.DataFrame:
+    """One type per column: Parquet refuses mixtures, which nulls and booleans become."""
+    columns: dict[str, Any] = {}
+    for name in table:
+        values = table[name]
+        kinds = {type(v) for v in values if v is not None and v == v}
+        if kinds <= {bool, np.bool_}:
+            columns[str(name)] = values.astype("boolean")
+        elif kinds <= {int, float, np.int64, np.float64}:
+            columns[str(name)] = pd.to_numeric(values, errors="coerce").astype("float64")
+        else:
+            columns[str(name)] = values.map(lambda v: None if v is None or v != v else str(v))
+    return pd.DataFrame(columns)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a history of nights says: every gated metric of every cell over commits, and its changes.
+
+A night is judged as the gate judges it, against the nights since the last change; so a step is
+marked once, at the commit that was measured first with it (as asv does), and not every night after.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+
+from slambed.errors import SlambedError
+from slambed.metrics.catalog import keys_for, metric, own_of
+from slambed.metrics.metric import Metric, Use
+from slambed.metrics.statistics import Interval
+from slambed.regression.gate import BASELINE_NIGHTS, judge
+from slambed.report.cells import estimate, text
+
+STEP_ALPHA = 0.005
+"""Chance of a false mark in a night, and as much for the better: among many nights the gate's own
+(a twentieth) would mark some that are none."""
+MOST_NIGHTS = 120
+"""Older ones are left out of the page; the history keeps them."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A metric of a cell in one night."""
+
+    night: str
+    commit: str
+    value: Interval
+    passed: bool
+    """Whether the gate opened that night."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Where a metric changed, and the p-value (Holm, over the night) that shows it."""
+
+    night: str
+    commit: str
+    experiment: str
+    cell: str
+    metric: Metric
+    before: float
+    after: float
+    worse: bool
+    p_value: float
+
+
+@dataclass
+class Trend:
+    """One metric of one cell."""
+
+    metric: Metric
+    points: list[Point] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+
+
+@dataclass
+class ExperimentTrends:
+    """All that the history has of an experiment, cell by cell."""
+
+    name: str
+    nights: list[str]
+    cells: dict[str, list[Trend]]
+
+    @property
+    def steps(self) -> list[Step]:
+        """The latest first."""
+        found = [s for trends in self.cells.values() for trend in trends for s in trend.steps]
+        return sorted(found, key=lambda step: (step.night, -step.p_value), reverse=True)
+
+
+def read_history(path: Path) -> pd.DataFrame:
+    """Raises SlambedError where there is none, or where it is no history of the gate."""
+    if not path.is_file():
+        raise SlambedError(f"no history {path}; 'slambed gate NAME --history {path}' begins one")
+    try:
+        table = pd.read_parquet(path)
+    except (OSError, ValueError) as broken:
+        raise SlambedError(f"{path} is no history: {broken}") from None
+    if missing := {"night_utc", "experiment", "cell", "trusted"} - set(table):
+        raise SlambedError(f"{path} is no history of the gate, it has no column {min(missing)}")
+    return table
+
+
+def trends_of(history: pd.DataFrame) -> list[ExperimentTrends]:
+    """By experiment, in the order of their names."""
+    return [
+        _experiment(str(name), rows)
+        for name, rows in history.groupby("experiment", sort=True)
+        if rows["trusted"].eq(True).any()
+    ]
+
+
+def _experiment(name: str, rows: pd.DataFrame) -> ExperimentTrends:
+    nights = sorted(rows["night_utc"].astype(str).unique())[-MOST_NIGHTS:]
+    own = own_of(rows["system"].dropna().unique()) if "system" in rows else {}
+    items = [metric(key, own) for key in keys_for(Use.GATED, own) if key in rows]
+    found: dict[str, dict[str, Trend]] = {}
+    for night in nights:
+        tonight = rows[rows["night_utc"].eq(night)]
+        for cell, some in tonight[tonight["trusted"].eq(True)].groupby("cell", sort=False):
+            for item in items:
+                if (value := estimate(some, item)) is not None:
+                    trend = found.setdefault(str(cell), {}).setdefault(item.key, Trend(item))
+                    trend.points.append(_point(night, some, value))
+    for step in _steps(name, rows, nights):
+        found[step.cell][step.metric.key].steps.append(step)
+    cells = {cell: list(trends.values()) for cell, trends in sorted(found.items())}
+    return ExperimentTrends(name, nights, cells)
+
+
+def _point(night: str, some: pd.DataFrame, value: Interval) -> Point:
+    passed = bool(some["passed"].eq(True).all()) if "passed" in some else True
+    return Point(night, _commit(some), value, passed)
+
+
+def _commit(some: pd.DataFrame) -> str:
+    """Nights of older versions have none."""
+    return text(some["commit"].iloc[0]) if "commit" in some else ""
+
+
+def _steps(name: str, rows: pd.DataFrame, nights: list[str]) -> Iterator[Step]:
+    """Cell by cell each night against those before it, back to the cell's last change."""
+    begins: dict[tuple[str, str], int] = {}
+    """Cell and metric -> the night that its baseline begins with."""
+    for index, night in enumerate(nights[1:], start=1):
+        tonight = rows[rows["night_utc"].eq(night)]
+        by_begin: dict[int, list[tuple[str, str]]] = {}
+        for cell in tonight.loc[tonight["trusted"].eq(True), "cell"].unique():
+            own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
+            for key in keys_for(Use.GATED, own):
+                place = (str(cell), key)
+                begin = max(begins.get(place, 0), index - BASELINE_NIGHTS)
+                by_begin.setdefault(begin, []).append(place)
+        for begin, places in by_begin.items():
+            before = rows[rows["night_utc"].isin(nights[begin:index])]
+            for step in _changes(name, before, tonight, places):
+                begins[step.cell, step.metric.key] = index
+                yield step
+
+
+def _changes(
+    name: str, before: pd.DataFrame, tonight: pd.DataFrame, places: list[tuple[str, str]]
+) -> Iterator[Step]:
+    """What the gate would call worse tonight, and worse before, which is better tonight."""
+    keys = sorted({key for _, key in places})
+    for worse in (True, False):
+        sides = (before, tonight) if worse else (tonight, before)
+        for finding in judge(*sides, STEP_ALPHA, keys).findings:
+            place = (finding.cell, finding.metric.key)
+            if not finding.alarm or place not in places:
+                continue
+            ends = (finding.baseline, finding.tonight)
+            old, new = ends if worse else ends[::-1]
+            yield Step(
+                str(tonight["night_utc"].iloc[0]), _commit(tonight), name, finding.cell,
+                finding.metric, old, new, worse, finding.p_value,
+            )  # fmt: skip

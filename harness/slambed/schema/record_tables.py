@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of docs/ that follow from records: files about a run, lines between processes."""
+
+from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined
+from slambed.engines.attend_messages import (
+    Attend,
+    Attending,
+    Follow,
+    Following,
+    Start,
+    Started,
+    Stop,
+    Stopped,
+    Ticking,
+)
+from slambed.engines.board.messages import (
+    AskClock,
+    ClockTold,
+    Echo,
+    Echoing,
+    Lock,
+    Locked,
+    Look,
+    Sampled,
+    Sampling,
+    Seen,
+    StartSampling,
+    StopSampling,
+    Watching,
+    WatchNode,
+)
+from slambed.link.direction import DirectionConfig, RelayConfig
+from slambed.link.helper_messages import (
+    Alive,
+    AskAlive,
+    LinkStarted,
+    LinkStopped,
+    Opened,
+    OpenLink,
+    StartLink,
+    StopLink,
+)
+from slambed.link.record import LinkFacts
+from slambed.link.relay import RelayApplied, RelayReady, RelayStarted
+from slambed.process.line_protocol import Failure
+from slambed.records.kept_spec import KeptSpec
+from slambed.records.manifest import Manifest
+from slambed.records.run_config import RunConfig
+from slambed.records.sim_config import SimConfig
+from slambed.sampling.cgroup import Usage
+from slambed.sampling.record import Beside, Sample
+from slambed.schema.field_table import field_rows, in_a_row
+from slambed.spec.device import CostModel
+from slambed.spec.run_spec import RunSpec
+
+Rows = list[list[str]]
+HEADINGS = ["key", "type", "unit", "meaning"]
+RECORDS: dict[str, tuple[type, tuple[type, ...]]] = {
+    "run": (RunConfig, (CostModel,)),
+    "sim": (SimConfig, (CostModel,)),
+    "relay": (RelayConfig, (DirectionConfig,)),
+    "samples": (Sample, ()),
+    "manifest": (Manifest, (RunSpec, KeptSpec)),
+}
+"""Table -> the record that it is made from, and what it does not unfold."""
+LINES = (
+    (
+        "harness and the process beside the nodes",
+        (Attend, Attending, Start, Started, Follow, Following, Stop, Stopped),
+    ),
+    (
+        "harness and the keeper of a link",
+        (OpenLink, Opened, StartLink, LinkStarted, AskAlive, Alive, StopLink, LinkStopped),
+    ),
+    (
+        "campaign and its worker on a host of `--hosts`",
+        (AskPorts, FreePorts, JoinCampaign, Joined),
+    ),
+    (
+        "harness and the agent on a board",
+        (
+            *(Look, Seen, Lock, Locked, Echo, Echoing, AskClock, ClockTold, WatchNode, Watching),
+            *(StartSampling, Sampling, StopSampling, Sampled),
+        ),
+    ),
+    ("any of them, instead of an answer", (Failure,)),
+    ("`slambed-relay` to whoever started it", (RelayReady, RelayApplied, RelayStarted)),
+    ("`slambed-pace tick` to whoever started it", (Ticking,)),
+)
+"""Who talks, and what is said, in its order."""
+
+
+def record_table(name: str) -> tuple[list[str], Rows]:
+    """Headings and rows of one table."""
+    if name == "lines":
+        return ["who", "`ask` or `say`", "fields", "meaning"], _messages()
+    record, whole = RECORDS[name]
+    return HEADINGS, list(field_rows(record, whole))
+
+
+def _messages() -> Rows:
+    unfolded = (RunSpec, Usage, *(record for record, _ in RECORDS.values()), LinkFacts, Beside)
+    rows = []
+    for who, messages in LINES:
+        for message in messages:
+            tag = message.model_fields.get("ask") or message.model_fields.get("say")
+            said = "" if tag is None else f"`{tag.default}`"
+            rows.append([who, said, "", in_a_row(message.__doc__ or "")])
+            rows += [
+                ["", "", f"{key} ({kind})", meaning]
+                for key, kind, _, meaning in field_rows(message, unfolded, skipped=("ask", "say"))
+            ]
+            who = ""
+    return rows
