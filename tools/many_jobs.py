@@ -13,7 +13,8 @@ from pathlib import Path
 
 # The process of every run imports this file, too: what a campaign needs stands behind the guard.
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "harness" / "tests"))
+    tests = Path(__file__).resolve().parents[1] / "harness" / "tests"
+    sys.path[:0] = [str(tests), str(tests / "campaign")]
     from many_campaigns import main
 
     sys.exit(main())

@@ -21,8 +21,8 @@ no_machine() { echo "no virtual machine: $1" >&2; exit 77; }
 out=
 if [ "${1:-}" = --out ]; then out=$(mkdir -p "$2" && cd "$2" && pwd); shift 2; fi
 if [ $# -eq 0 ]; then
-  set -- .venv/bin/python -m pytest --color=no -p no:cacheprovider harness/tests/test_link_backends.py \
-    harness/tests/test_thread_caps.py harness/tests/test_sampling_cgroup.py
+  set -- .venv/bin/python -m pytest --color=no -p no:cacheprovider harness/tests/link/test_link_backends.py \
+    harness/tests/engines/test_thread_caps.py harness/tests/sampling/test_sampling_cgroup.py
 fi
 
 # The package is unpacked, not installed: it starts nothing and touches nothing.

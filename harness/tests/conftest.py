@@ -11,6 +11,7 @@ import contextlib
 import fcntl
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -34,6 +35,9 @@ QUIET = "quiet.lock"
 GIVEN = {"recordings": "FOLDER", "browser": "PROGRAM"}
 """Marks of tests that need what an option of their name gives."""
 ROOT_NEEDED, PROGRAMS_NEEDED = ("needs root", "needs Docker", "TUN", "netem"), "make build"
+
+# A test may use what tests of another room have, whichever of them were asked for.
+sys.path += [str(room) for room in sorted(Path(__file__).parent.iterdir()) if room.is_dir()]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

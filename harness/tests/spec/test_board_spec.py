@@ -113,7 +113,7 @@ def test_the_rtt_of_a_profile_is_none_of_a_real_network(file: Path) -> None:
 
 
 def test_a_program_of_its_own_stays_here(file: Path, tmp_path: Path) -> None:
-    system = Path(__file__).parents[2] / "examples"
+    system = Path(__file__).parents[3] / "examples"
     library = Library()
     own = next(iter(sorted(system.rglob("system.yaml"))))
     experiment, source = library.experiment(

@@ -26,7 +26,7 @@ from slambed.metrics.tracking import tracking_of
 from slambed.records.kept_spec import KeptSpec
 from slambed.spec.library import Library
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
 
 

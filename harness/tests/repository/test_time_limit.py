@@ -96,7 +96,7 @@ def session(
     """Exit code and output of pytest with our conftest, on the tests of a folder; with other
     constants of time_limit.py."""
     environment = {key: value for key, value in os.environ.items() if key != PLACE}
-    environment["PYTHONPATH"] = str(Path(__file__).parent)
+    environment["PYTHONPATH"] = str(Path(__file__).parents[1])
     if place is not None:
         environment[PLACE] = str(place)
     (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n  live: of this test\n")

@@ -58,7 +58,7 @@ def play(folder: Path, tests: str, *options: str) -> str:
             *("-q", f"--rootdir={folder}", "-o", "timeout=60", "-o", "markers=live", *options),
             folder / "test_planted.py",
         ],
-        env=ours | {"PYTHONPATH": str(Path(__file__).parent)},
+        env=ours | {"PYTHONPATH": str(Path(__file__).parents[1])},
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -140,7 +140,8 @@ def test_help_and_a_mistyped_name_load_no_more_than_commands() -> None:
 import sys
 from slambed.commands.main import COMMANDS, run_command
 assert run_command([sys.argv[1]]) == int(sys.argv[2])
-assert all(f"slambed.commands.{place.partition(':')[0]}" in sys.modules for place in COMMANDS.values())
+names = [place.partition(":")[0] for place in COMMANDS.values()]
+assert all(f"slambed.commands.{name}" in sys.modules for name in names)
 print([name for name in ("numpy", "pandas", "scipy", "yaml") if name in sys.modules])
 """
     for word, ends_with in (("--help", "0"), ("reprot", "2")):

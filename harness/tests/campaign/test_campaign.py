@@ -149,7 +149,7 @@ def test_a_full_disk_ends_the_campaign_in_one_line(tmp_path: Path, jobs: int) ->
 CAMPAIGN = """
 import sys
 from pathlib import Path
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {tests!r}
 import test_campaign as t
 from slambed.engines.reaper import mark_children, reap
 mark_children()
@@ -164,7 +164,7 @@ with t.host_lock("tests of interrupts", wait_s=120):
 
 
 def start_campaign(tmp_path: Path) -> subprocess.Popen[str]:
-    code = CAMPAIGN.format(tests=str(Path(__file__).parent), folder=str(tmp_path))
+    code = CAMPAIGN.format(tests=sys.path, folder=str(tmp_path))
     return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
 
 

@@ -270,7 +270,7 @@ def test_what_a_killed_harness_left_goes_with_the_next_campaign(
     request.addfinalizer(lambda: shutil.rmtree(scratch, ignore_errors=True))
     harness = psutil.Popen(
         [sys.executable, "-c", KILLED_HARNESS, str(tmp_path)],
-        env={**os.environ, "TMPDIR": str(scratch), "PYTHONPATH": str(Path(__file__).parent)},
+        env={**os.environ, "TMPDIR": str(scratch), "PYTHONPATH": os.pathsep.join(sys.path)},
     )
 
     def both_run() -> bool:

@@ -2,6 +2,7 @@
 """The segmenter of live runs as engines start it: where it lives, what it may, how it ends."""
 
 import json
+import os
 import signal
 import socket
 import struct
@@ -39,7 +40,7 @@ from slambed.spec.device import Limits
 from slambed.spec.masks import Masks
 
 OURS = "slambed_people"
-NETWORKS = Path(__file__).parents[2] / "networks"
+NETWORKS = Path(__file__).parents[3] / "networks"
 pytestmark = needs_root
 
 
@@ -139,7 +140,8 @@ def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
     )
     with nodes_of_tests():
         command = [sys.executable, "-c", code, str(tmp_path)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parent) as run:
+        ours = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, env=ours) as run:
             assert run.stdout is not None and run.stdout.readline() == b"up\n"
             assert len(segmenters(tmp_path)) == 1
             run.send_signal(signal.SIGKILL)

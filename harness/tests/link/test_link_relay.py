@@ -223,7 +223,7 @@ link = open_link("relay", *ends, parse_profile(5, "x"), 1, Path({str(tmp_path)!r
 print(link._shaper._process.pid, flush=True)
 time.sleep(60)
 """
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     harness = subprocess.Popen(
         [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment
     )

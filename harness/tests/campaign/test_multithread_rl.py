@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from test_cli import slambed
+from command_line import slambed
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
 from slambed.errors import ExitCode
