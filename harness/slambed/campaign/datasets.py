@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from slambed.data.prepared import SEQUENCE_FILE
-from slambed.data.recipe import Playback as DatasetPlayback
+from slambed.data.recipe import DatasetPlayback
 from slambed.errors import SlambedError
 from slambed.spec.experiment import Playback
 

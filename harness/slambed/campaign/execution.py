@@ -4,7 +4,8 @@
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from slambed.campaign.foreign_trajectory import record_poses
@@ -23,30 +24,42 @@ from slambed.spec import inputs
 from slambed.spec.run_spec import RunSpec
 
 
-def execute_run(
+@dataclass(frozen=True)
+class Start:
+    """When a run began, and how busy the host was then."""
+
+    utc: str
+    load: float
+
+
+def prepare_raw(spec: RunSpec, raw: Path) -> Start:
+    """Puts what a run needs into its folder; right before it begins."""
+    inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
+    if spec.reference:
+        shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
+    return Start(utc_now(), os.getloadavg()[0])
+
+
+def add_summary(
     spec: RunSpec,
     raw: Path,
     sequence: Path,
     engine: EngineFacts,
     command: list[str],
-    execute: Callable[[], RunResult],
+    start: Start,
+    result: RunResult,
     attempt: int = 1,
 ) -> Summary:
-    """Executes a run whose raw files land in `raw`, and adds what makes them a result.
+    """Adds what makes the raw files of a run a result: tables, summary and manifest.
 
     `engine` is what the engine says about itself, `command` what the user called. Returns the
     summary.
     """
-    inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
-    if spec.reference:
-        shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
-    started, load = utc_now(), os.getloadavg()[0]
-    result = execute()
     if spec.runtime is not None and spec.runtime.reads is not None:
         recording = recording_of(spec, sequence)
         result = record_poses(result, spec.runtime, recording, raw)
     offered = frames_offered(spec, sequence)
-    facts = manifest(spec, engine, command, result, started, load, attempt, offered)
+    facts = manifest(spec, engine, command, result, start.utc, start.load, attempt, offered)
     truth = sequence / "groundtruth.txt"
     run = RunData(raw, facts.kept, truth if truth.is_file() else None, facts)
     summary = summary_of(run)

@@ -6,7 +6,7 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slambed.campaign.execution import execute_run, recording_of
+from slambed.campaign.execution import add_summary, prepare_raw, recording_of
 from slambed.campaign.executors import Played
 from slambed.engines.base import Engine
 from slambed.engines.docker_errors import daemon_failures
@@ -41,7 +41,9 @@ class LiveExecutor:
         )
         with daemon_failures("keep the nodes of a run"):
             engine = self.engine.describe()
-            return execute_run(spec, raw, sequence, engine, self.command, run.execute, attempt)
+            start = prepare_raw(spec, raw)
+            result = run.execute()
+            return add_summary(spec, raw, sequence, engine, self.command, start, result, attempt)
 
     def close(self) -> None:
         """Nothing outlives a live run."""

@@ -3,6 +3,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -80,22 +81,31 @@ def check(
     """Finds what is wrong with an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
     _check_profiles(experiment, source, profiles)
-    _expand_unprepared(experiment, source, library, profiles, engine)
+    kept = _kept_sequences(experiment)
+    _expand_unprepared(experiment, source, library, profiles, engine, kept)
     _check_readers(experiment, source, library)
-    kept: dict[str, Sequence] = {}
     for index, name in enumerate(experiment.datasets):
         try:
             sensor = sensor_of(name)
             if experiment.missing_datasets == "refuse":
                 must_be_here(name)
-            if (sequence := kept_sequence(name)) is not None:
-                kept[name] = sequence
+            if name not in kept:
+                kept_sequence(name)
         except SlambedError as error:
             raise _of_dataset(error, source, index) from None
         _check_sensor(sensor, experiment, source, library, index)
-    if kept:
-        _expand_unprepared(experiment, source, library, profiles, engine, kept)
     return profiles
+
+
+def _kept_sequences(experiment: Experiment) -> dict[str, Sequence]:
+    """Of its datasets those that an earlier experiment prepared. What cannot be told of a dataset
+    is not complained of here."""
+    kept: dict[str, Sequence] = {}
+    for name in experiment.datasets:
+        with suppress(SlambedError):
+            if (sequence := kept_sequence(name)) is not None:
+                kept[name] = sequence
+    return kept
 
 
 def _check_profiles(

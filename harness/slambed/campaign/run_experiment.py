@@ -44,13 +44,20 @@ RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
 """Folders of `results/` that are no experiments."""
 
 
-def run_experiment(name: str, options: Options, console: Console) -> Verdict:
+def run_experiment(
+    name: str,
+    options: Options,
+    console: Console,
+    check_first: Callable[[Experiment, YamlSource], None] = lambda experiment, source: None,
+) -> Verdict:
     """Executes what is missing of an experiment into `results/<its id>`.
 
-    Everything that can be wrong with the files is found before anything is started.
+    Everything that can be wrong with the files is found before anything is started. `check_first`:
+    what the caller knows of experiments and this package does not.
     """
     library = Library()
     experiment, source = library.experiment(name, options.settings)
+    check_first(experiment, source)
     if experiment.id in RESERVED:
         raise source.complaint(f"no experiment may be called '{experiment.id}'", ("id",))
     count = repetitions(experiment, options.runs)
@@ -61,17 +68,19 @@ def run_experiment(name: str, options: Options, console: Console) -> Verdict:
     if hosts and experiment.roles is not None:
         raise source.complaint("a mobile node on a board has its edge here: no --hosts", ("roles",))
     if hosts:
-        return _run_on_hosts(files, hosts, options, count, console)
+        return _on_hosts(files, hosts, options, count, console)
     if asked == VIRTUAL:
-        return _run_virtually(files, options, count, console)
-    return _run_live(files, asked, options, count, console)
+        return _virtually(files, options, count, console)
+    return _on_this_host(files, asked, options, count, console)
 
 
 def _provider(library: Library, console: Console) -> Callable[[str], Path]:
     return lambda name: prepare_input(name, library, partial(say_on, console)).file
 
 
-def _run_live(files: Files, asked: str, options: Options, count: int, console: Console) -> Verdict:
+def _on_this_host(
+    files: Files, asked: str, options: Options, count: int, console: Console
+) -> Verdict:
     """On this host, which is ours alone meanwhile."""
     # Containers and links take half a second to load, which virtual runs do not need.
     from slambed.campaign.boards import BoardLinks, bring_sequences, take_board
@@ -149,7 +158,7 @@ def _hosts(options: Options) -> list[Host]:
     return read_hosts(options.hosts, options.on, options.engine)
 
 
-def _run_on_hosts(
+def _on_hosts(
     files: Files, hosts: list[Host], options: Options, count: int, console: Console
 ) -> Verdict:
     """On the hosts of a file, each of which is ours alone meanwhile."""
@@ -196,7 +205,7 @@ def _may_be_there(experiment: Experiment, options: Options) -> bool:
     )
 
 
-def _run_virtually(files: Files, options: Options, count: int, console: Console) -> Verdict:
+def _virtually(files: Files, options: Options, count: int, console: Console) -> Verdict:
     """No privilege, no lock on the host: only the result folder is ours alone."""
     program = find_program(SIMULATION)
     features = cache_folder() / "features"

@@ -79,7 +79,7 @@ def run_plan(
         executor = NoRuns() if is_idle(plan, options) else executor_of(played)
         try:
             folder.create()
-            return _execute(plan, source, options, folder, executor, console)
+            return _fill(plan, source, options, folder, executor, console)
         finally:
             executor.close()
             folder.close()
@@ -89,7 +89,7 @@ def run_plan(
                     give_to_caller(shared)
 
 
-def _execute(
+def _fill(
     plan: Plan,
     source: YamlSource,
     options: Options,

@@ -5,7 +5,7 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from slambed.campaign.execution import execute_run
+from slambed.campaign.execution import add_summary, prepare_raw
 from slambed.engines.virtual import VirtualRun
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import EngineFacts
@@ -33,12 +33,8 @@ class VirtualTask:
         )
         engine = EngineFacts(image_id=None)
         never = threading.Event()  # who wants this to stop ends the process
-        return execute_run(
-            self.spec,
-            self.raw,
-            self.sequence,
-            engine,
-            self.command,
-            lambda: run.execute(never),
-            self.attempt,
+        start = prepare_raw(self.spec, self.raw)
+        result = run.execute(never)
+        return add_summary(
+            self.spec, self.raw, self.sequence, engine, self.command, start, result, self.attempt
         )

@@ -18,13 +18,12 @@ from slambed.report.experiment import Told, terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.recompute import recompute_refused
 from slambed.report.style import ON_PAGES
-from slambed.spec.library import Library
 
 
 def run_and_report(name: str, options: Options, console: Console, figures: bool = True) -> Verdict:
     """Executes what is missing of an experiment, then shows and writes its report."""
-    check_asked(*Library().experiment(name, options.settings))
-    verdict = run_experiment(name, replace(options, plans=plans_of_today()), console)
+    options = replace(options, plans=plans_of_today())
+    verdict = run_experiment(name, options, console, check_asked)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
         show_report(verdict.folder, console, verdict.done > 0, figures)
     return verdict

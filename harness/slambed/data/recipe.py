@@ -66,7 +66,7 @@ class CameraRecipe(_Strict):
         return Camera(**pinhole, distortion=(k1, k2, p1, p2, k3))
 
 
-class Playback(_Strict):
+class DatasetPlayback(_Strict):
     """What an experiment uses when it does not say otherwise."""
 
     fps: float | None = Field(default=None, gt=0)
@@ -162,7 +162,7 @@ class Dataset(_Strict):
     depth_unit_m: float = Field(default=0.0, ge=0)
     close_depth_baselines: float = Field(default=40.0, gt=0)
     fps: float = Field(default=30.0, gt=0)
-    playback: Playback = Playback()
+    playback: DatasetPlayback = DatasetPlayback()
     groundtruth: str | None = None
     reader_options: dict[str, Any] = Field(default_factory=dict)
     download: Download | None = None

@@ -18,7 +18,7 @@ from slambed.infer.inference_plan import YAML, Inference
 from slambed.link.named_profile import read_profile
 from slambed.papers.lookup import find_runs
 from slambed.papers.margins import published_of
-from slambed.papers.published import Cell, Paper, cells_of
+from slambed.papers.published import Paper, PublishedCell, cells_of
 from slambed.papers.verdicts.model import Mean, Share
 from slambed.spec.library import Library
 from slambed.spec.matrix import label_of, read_profiles
@@ -43,7 +43,7 @@ class Slot:
 class Place:
     """A published number with its places among our runs."""
 
-    cell: Cell
+    cell: PublishedCell
     printed: Share | Mean
     slots: tuple[Slot, ...]
     stand_in: bool
@@ -107,7 +107,7 @@ def find_places(plan: Inference, source: YamlSource, paper: Paper, console: Cons
 
 
 def _printed(
-    paper: Paper, source: YamlSource, cells: dict[str, Cell], kind: str, name: str
+    paper: Paper, source: YamlSource, cells: dict[str, PublishedCell], kind: str, name: str
 ) -> Share | Mean:
     if name not in cells:
         told = f"{name} is no number of papers/{paper.id}.yaml"
@@ -169,8 +169,8 @@ def _row(spec: RunSpec, row: int, dataset: str) -> dict[str, Any]:
 
 
 def _place(
-    cell: Cell, printed: Share | Mean, bases: dict[str, Base], frames: dict[str, pd.DataFrame],
-    paper: Paper,
+    cell: PublishedCell, printed: Share | Mean, bases: dict[str, Base],
+    frames: dict[str, pd.DataFrame], paper: Paper,
 ) -> Place | str:  # fmt: skip
     """Where it is measured, in the first experiment that has it; else why nowhere."""
     why = f"no experiment of the plan reproduces {cell.source}"

@@ -10,7 +10,7 @@ from slambed.papers.fits import Fit, fits_used, read_fits
 from slambed.papers.judged import MARKS, Judge, Judged, Mark, is_number
 from slambed.papers.lookup import MISSING_WORDS, Pool
 from slambed.papers.orderings import JudgedOrdering, judge_orderings
-from slambed.papers.published import Cell, Paper, cells_of
+from slambed.papers.published import Paper, PublishedCell, cells_of
 from slambed.papers.verdicts.prediction import Score, score
 from slambed.report.tables import Table
 
@@ -44,7 +44,7 @@ class PaperVerdicts:
     """Everything that is said of one paper."""
 
     paper: Paper
-    cells: dict[str, Cell]
+    cells: dict[str, PublishedCell]
     """The numbers that the paper prints, by id: the denominator of every count."""
     columns: list[Column]
 

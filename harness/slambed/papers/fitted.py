@@ -5,7 +5,7 @@ the same."""
 from math import isfinite, log, log1p
 
 from slambed.papers.measured import Measured
-from slambed.papers.published import Cell
+from slambed.papers.published import PublishedCell
 from slambed.papers.verdicts.model import Verdict
 
 SET_TO_MATCH = "set to match a published value; no evidence"
@@ -16,7 +16,7 @@ TIMES = 2.0
 """From here on a factor reads better than percent."""
 
 
-def far_off(cell: Cell, measured: Measured, verdict: Verdict) -> str:
+def far_off(cell: PublishedCell, measured: Measured, verdict: Verdict) -> str:
     """`fitted, yet 41 % below the printed value`; empty within the margin of the number."""
     if cell.value is None or not measured.there or verdict.outcome == "reproduced":
         return ""

@@ -9,7 +9,7 @@ from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH, far_off
 from slambed.papers.lookup import MISSING_WORDS, Found, Missing, Pool
 from slambed.papers.margins import firm_contrasts, margin_of_cell, published_of
 from slambed.papers.measured import NOTHING, Measured, measure
-from slambed.papers.published import BOUNDS, Cell, Contrast, Paper, Provenance
+from slambed.papers.published import BOUNDS, Contrast, Paper, Provenance, PublishedCell
 from slambed.papers.quantities import judge_quantity
 from slambed.papers.verdicts.means import judge_mean
 from slambed.papers.verdicts.model import Mean, Share, Verdict, not_run
@@ -32,7 +32,7 @@ NEVER_COUNTED: dict[Provenance, Mark] = {
 class Judged:
     """One published number beside ours, for one kind of engine."""
 
-    cell: Cell
+    cell: PublishedCell
     provenance: Provenance
     verdict: Verdict
     measured: Measured
@@ -79,7 +79,7 @@ def shown(measured: Measured) -> str:
     return f"{mean.value:.4g}{spread} (n {mean.count})"
 
 
-def printed(cell: Cell) -> str:
+def printed(cell: PublishedCell) -> str:
     """A published number with its spread and unit."""
     claim = cell.claim
     if cell.value is None:
@@ -92,7 +92,7 @@ def printed(cell: Cell) -> str:
     return f"{sign}{cell.value:g}{spread} {cell.unit}".strip()
 
 
-def is_number(cell: Cell) -> bool:
+def is_number(cell: PublishedCell) -> bool:
     """Whether the paper prints a number here: what every count of the page is out of."""
     listed = cell.claim is not None and isinstance(cell.claim.value, list)
     return cell.value is not None or listed
@@ -104,7 +104,7 @@ class Judge:
 
     paper: Paper
     pool: Pool
-    cells: dict[str, Cell]
+    cells: dict[str, PublishedCell]
     fitted: frozenset[str]
     """Ids that the devices of these runs were fitted to."""
     known: dict[str, Measured] = field(default_factory=dict)
@@ -115,7 +115,7 @@ class Judge:
         """Contrasts that limit margins."""
         return firm_contrasts(self.paper, self.cells)
 
-    def judge(self, cell: Cell) -> Judged:
+    def judge(self, cell: PublishedCell) -> Judged:
         """Provenance, then value."""
         standing = cell.standing
         if standing.duplicate_of is not None:
@@ -134,7 +134,7 @@ class Judge:
             return self._judged(replace(cell, value=float(erratum.judge_as or 0.0)), erratum.why)
         return self._judged(cell, standing.read_as or "")
 
-    def measured(self, cell: Cell) -> Measured:
+    def measured(self, cell: PublishedCell) -> Measured:
         """Our values at a cell's own coordinates."""
         if cell.id not in self.known:
             pool = self.pool.about(self.paper, cell.source)
@@ -142,15 +142,15 @@ class Judge:
             self.known[cell.id] = found
         return self.known[cell.id]
 
-    def _aside(self, cell: Cell, provenance: Provenance, why: str) -> Judged:
+    def _aside(self, cell: PublishedCell, provenance: Provenance, why: str) -> Judged:
         nothing = Measured(Found(None, None, why), NOTHING)
         return Judged(cell, provenance, not_run(why), nothing, why)
 
-    def _missing(self, cell: Cell, missing: Missing, why: str) -> Judged:
+    def _missing(self, cell: PublishedCell, missing: Missing, why: str) -> Judged:
         nothing = Measured(Found(None, missing, why), NOTHING)
         return Judged(cell, "measured", not_run(why), nothing, why, missing)
 
-    def _judged(self, cell: Cell, note: str) -> Judged:
+    def _judged(self, cell: PublishedCell, note: str) -> Judged:
         claim = cell.claim
         if claim is not None and claim.quantity is not None:
             verdict, measured = judge_quantity(self.paper, self.pool, self.cells, cell)
@@ -185,7 +185,7 @@ class Judge:
             position = self._position(cell, measured)
         return Judged(cell, provenance, verdict, measured, why, None, position)
 
-    def _beside(self, cell: Cell) -> str:
+    def _beside(self, cell: PublishedCell) -> str:
         """What ours is by the other readings of the paper's words."""
         metric = self.paper.metrics.get(cell.metric)
         if metric is None:
@@ -200,7 +200,7 @@ class Judge:
                 found.append(f"{reading.key} ({reading.note}): {shown(ours)}")
         return "; ".join(found)
 
-    def _value(self, cell: Cell, measured: Measured) -> Verdict:
+    def _value(self, cell: PublishedCell, measured: Measured) -> Verdict:
         claim = cell.claim
         ours = measured.share if measured.is_share else measured.mean
         scale = 0.01 if measured.is_share else 1.0
@@ -232,7 +232,7 @@ class Judge:
             return judge_about(ours, published)
         return judge_mean(ours, published, margin.value, margin.kind)
 
-    def _position(self, cell: Cell, measured: Measured) -> float | None:
+    def _position(self, cell: PublishedCell, measured: Measured) -> float | None:
         published = published_of(cell, measured.is_share)
         if not enough(len(measured.values)) or published is None:
             return None

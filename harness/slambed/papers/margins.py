@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import expm1, log
 
 from slambed.metrics.comparison import holm
-from slambed.papers.published import Cell, Contrast, Paper
+from slambed.papers.published import Contrast, Paper, PublishedCell
 from slambed.papers.verdicts.contrasts import Step, paper_shows
 from slambed.papers.verdicts.means import Kind
 from slambed.papers.verdicts.model import LEVEL, Mean, Share
@@ -25,7 +25,7 @@ class CellMargin:
     ordering_only: bool = False
 
 
-def firm_contrasts(paper: Paper, cells: dict[str, Cell]) -> list[Contrast]:
+def firm_contrasts(paper: Paper, cells: dict[str, PublishedCell]) -> list[Contrast]:
     """Declared contrasts that the printed numbers show by themselves: counts of known runs, or
     means with spread and runs; Holm over those of one table. Nothing of ours plays a part."""
     found: dict[str, list[tuple[Contrast, float]]] = {}
@@ -46,7 +46,7 @@ def firm_contrasts(paper: Paper, cells: dict[str, Cell]) -> list[Contrast]:
     return firm
 
 
-def _printed(paper: Paper, cell: Cell) -> Share | Mean | None:
+def _printed(paper: Paper, cell: PublishedCell) -> Share | Mean | None:
     metric = paper.metrics.get(cell.metric)
     value = published_of(cell, metric is not None and metric.statistic == "share")
     complete = isinstance(value, Share) or (
@@ -55,7 +55,7 @@ def _printed(paper: Paper, cell: Cell) -> Share | Mean | None:
     return value if complete else None
 
 
-def published_of(cell: Cell, is_share: bool) -> Share | Mean | None:
+def published_of(cell: PublishedCell, is_share: bool) -> Share | Mean | None:
     """The published number as a count of runs or a mean; None for a share of unknown runs."""
     if cell.value is None:
         return None
@@ -68,7 +68,7 @@ def published_of(cell: Cell, is_share: bool) -> Share | Mean | None:
 
 
 def margin_of_cell(
-    paper: Paper, cells: dict[str, Cell], cell: Cell, firm: list[Contrast]
+    paper: Paper, cells: dict[str, PublishedCell], cell: PublishedCell, firm: list[Contrast]
 ) -> CellMargin:
     """The written margin, and at most half of the smallest contrast that the paper shows with this
     cell: what may differ by more would not be told from its neighbour. A share that then wants
@@ -100,7 +100,7 @@ def margin_of_cell(
 
 
 def _half_of_the_smallest(
-    firm: list[Contrast], cells: dict[str, Cell], cell: Cell, ratio: bool
+    firm: list[Contrast], cells: dict[str, PublishedCell], cell: PublishedCell, ratio: bool
 ) -> tuple[float, str]:
     smallest, name = float("inf"), ""
     for contrast in firm:
@@ -109,7 +109,9 @@ def _half_of_the_smallest(
     return smallest, name
 
 
-def _half(contrast: Contrast, cells: dict[str, Cell], cell: Cell, ratio: bool) -> float:
+def _half(
+    contrast: Contrast, cells: dict[str, PublishedCell], cell: PublishedCell, ratio: bool
+) -> float:
     """Between the ends of the chain: a trend is the statement about all of it."""
     found = float("inf")
     for chain in contrast.chains:

@@ -13,7 +13,7 @@ from slambed.papers.judged import Judge
 from slambed.papers.lookup import Missing
 from slambed.papers.margins import published_of
 from slambed.papers.measured import Measured
-from slambed.papers.published import Cell, Contrast, Provenance
+from slambed.papers.published import Contrast, Provenance, PublishedCell
 from slambed.papers.verdicts.contrasts import (
     Ordering,
     Published,
@@ -25,7 +25,7 @@ from slambed.papers.verdicts.contrasts import (
 from slambed.papers.verdicts.model import LEVEL, Floats, Mean, OrderOutcome
 from slambed.papers.verdicts.trends import page
 
-Chain = tuple[tuple[Cell, Measured], ...]
+Chain = tuple[tuple[PublishedCell, Measured], ...]
 WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
 """Runs are there, the number is not."""
 
@@ -200,7 +200,7 @@ NO_NUMBER = "not printed"
 
 
 def _names(
-    first: Cell, last: Cell, systems: Mapping[str, str], ignored: frozenset[str]
+    first: PublishedCell, last: PublishedCell, systems: Mapping[str, str], ignored: frozenset[str]
 ) -> list[str]:
     """What distinguishes the two, in the paper's words."""
     found = []
@@ -274,7 +274,7 @@ class OrderingCase:
         """The table whose contrasts are adjusted together."""
         return self.chains[0][0][0].source
 
-    def _published(self, cell: Cell) -> Published | None:
+    def _published(self, cell: PublishedCell) -> Published | None:
         metric = self.judge.paper.metrics.get(cell.metric)
         return published_of(cell, metric is not None and metric.statistic == "share")
 

@@ -13,7 +13,7 @@ from slambed.papers.judged import Judge, is_number
 from slambed.papers.lookup import pool_of
 from slambed.papers.margins import margin_of_cell, published_of
 from slambed.papers.orderings import OrderingCase
-from slambed.papers.published import Cell, Paper, cells_of
+from slambed.papers.published import Paper, PublishedCell, cells_of
 from slambed.papers.published.paper_plan import PaperPlan
 from slambed.papers.verdicts import means, shares
 from slambed.papers.verdicts.contrasts import (
@@ -83,11 +83,11 @@ def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     return table
 
 
-def _judged(cell: Cell) -> bool:
+def _judged(cell: PublishedCell) -> bool:
     return is_number(cell) and cell.standing.judged
 
 
-def _chance(judge: Judge, cell: Cell, runs: int) -> float:
+def _chance(judge: Judge, cell: PublishedCell, runs: int) -> float:
     metric = judge.paper.metrics.get(cell.metric)
     published = published_of(cell, metric is not None and metric.statistic == "share")
     if metric is None or published is None:

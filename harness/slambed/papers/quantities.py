@@ -14,13 +14,13 @@ from slambed.papers.margins import margin_of_cell, published_of
 from slambed.papers.measured import Measured, measure
 from slambed.papers.published import (
     At,
-    Cell,
     Difference,
     Each,
     Increase,
     MaxOver,
     Operand,
     Paper,
+    PublishedCell,
     Ratio,
     Reduction,
     WindowShare,
@@ -49,7 +49,7 @@ WORST: tuple[Outcome, ...] = ("differs", "not_run", "inconclusive", "reproduced"
 
 
 def judge_quantity(
-    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell
+    paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell
 ) -> tuple[Verdict, Measured]:
     """The verdict on a claim with a `quantity`, and the runs behind it (those of `of`)."""
     claim = cell.claim
@@ -69,7 +69,9 @@ def judge_quantity(
     return not_run(why), replace(nothing, values=np.zeros(0))
 
 
-def _measured(paper: Paper, pool: Pool, cells: dict[str, Cell], operand: Operand) -> Measured:
+def _measured(
+    paper: Paper, pool: Pool, cells: dict[str, PublishedCell], operand: Operand
+) -> Measured:
     if isinstance(operand, At):
         return measure(paper, pool, operand.metric, operand.system, dict(operand.conditions))
     place = cells[operand]
@@ -89,7 +91,7 @@ def _pair(of: Measured, base: Measured) -> Pair:
 
 
 def _two(
-    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: Ratio
+    paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell, quantity: Ratio
 ) -> tuple[Verdict, Measured]:
     of = _measured(paper, pool, cells, quantity.of)
     base = _measured(paper, pool, cells, quantity.base)
@@ -182,7 +184,7 @@ def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
 
 
 def _each(
-    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: Each
+    paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell, quantity: Each
 ) -> tuple[Verdict, Measured]:
     """Reproduced where each of them is, differs where one does; the one that decides is told."""
     found = [(operand, _measured(paper, pool, cells, operand)) for operand in quantity.of]
@@ -214,7 +216,11 @@ def _each(
 
 
 def _up_to(
-    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: MaxOver
+    paper: Paper,
+    pool: Pool,
+    cells: dict[str, PublishedCell],
+    cell: PublishedCell,
+    quantity: MaxOver,
 ) -> tuple[Verdict, Measured]:
     sides: dict[str, tuple[Ratio, Measured, Measured]] = {}
     published: dict[str, float] = {}
@@ -247,7 +253,11 @@ def _up_to(
 
 
 def _window(
-    paper: Paper, pool: Pool, cells: dict[str, Cell], cell: Cell, quantity: WindowShare
+    paper: Paper,
+    pool: Pool,
+    cells: dict[str, PublishedCell],
+    cell: PublishedCell,
+    quantity: WindowShare,
 ) -> tuple[Verdict, Measured]:
     """Losses (`loss_times_s`) that begin within the window, of all losses; or runs with such a
     loss, of all runs."""

@@ -28,6 +28,8 @@ class Library:
 
     def __init__(self, root: Path | None = None) -> None:
         self.root = root or repository_root()
+        self._read: dict[Path, tuple[int, BaseModel]] = {}
+        """Devices and systems that were read, with the time of their file's last change."""
 
     def experiment(
         self, name: str, settings: list[str] | None = None
@@ -116,8 +118,12 @@ class Library:
         if not path.is_file():
             raise SlambedError(f"unknown {kind} '{name}', no {path}; {suggestion(name, known)}")
 
-    @staticmethod
-    def _named(model: type[Model], path: Path) -> Model:
+    def _named(self, model: type[Model], path: Path) -> Model:
+        """Each file is read once; again after a change."""
+        changed_ns = path.stat().st_mtime_ns
+        known_ns, known = self._read.get(path, (0, None))
+        if known_ns == changed_ns and isinstance(known, model):
+            return known
         source = load_yaml(path)
         if model is System:
             source = with_shared_params(source)
@@ -125,6 +131,7 @@ class Library:
         wanted = path.parent.name if path.name == SYSTEM_FILE else path.stem
         if getattr(item, "name", None) != wanted:
             raise source.complaint(f"name is not '{wanted}', as the file's name says", ("name",))
+        self._read[path] = changed_ns, item
         return item
 
 

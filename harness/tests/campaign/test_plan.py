@@ -18,7 +18,7 @@ from slambed.campaign.datasets import prepare_sequence
 from slambed.campaign.order import interleaved
 from slambed.campaign.plan import Plan, make_plan, repetitions
 from slambed.data import places
-from slambed.data.recipe import Playback as DatasetPlayback
+from slambed.data.recipe import DatasetPlayback
 from slambed.errors import SlambedError
 from slambed.spec.experiment import Playback
 from slambed.spec.library import Library

@@ -9,7 +9,7 @@ from virtual_parts import needs_programs
 
 from slambed.campaign.datasets import Sequence
 from slambed.data.catalog import Catalog
-from slambed.data.recipe import Playback as DatasetPlayback
+from slambed.data.recipe import DatasetPlayback
 from slambed.engines.result import run_config
 from slambed.errors import SlambedError
 from slambed.spec.experiment import Playback

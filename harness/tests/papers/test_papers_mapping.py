@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 import pytest
 
 from slambed.metrics.device_share import device_cores, share_of_device
-from slambed.papers.published import Cell, Paper, cells_of, read_papers, table_cells
+from slambed.papers.published import Paper, PublishedCell, cells_of, read_papers, table_cells
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
 from slambed.spec.library import Library
@@ -20,7 +20,7 @@ def papers() -> dict[str, Paper]:
 
 
 @pytest.fixture(scope="module")
-def cells(papers: dict[str, Paper]) -> dict[str, Cell]:
+def cells(papers: dict[str, Paper]) -> dict[str, PublishedCell]:
     return {name: cell for paper in papers.values() for name, cell in cells_of(paper).items()}
 
 
@@ -35,7 +35,7 @@ def test_accuracy_is_that_of_the_runs_without_a_loss(papers: dict[str, Paper]) -
         assert cells[f"dynnet.T4.{name}"].runs == 100 - lost.value
 
 
-def test_the_spread_over_rounds_is_not_one_over_runs(cells: dict[str, Cell]) -> None:
+def test_the_spread_over_rounds_is_not_one_over_runs(cells: dict[str, PublishedCell]) -> None:
     assert cells["dynnet.T1.T_MU.conventional"].spread == 61.3
     assert cells["dynnet.T1.T_MU.conventional"].runs is None
 
@@ -55,7 +55,7 @@ def test_an_interruption_is_time_that_tracking_stood_still(papers: dict[str, Pap
 
 
 def test_cloudslam_is_compared_with_a_reference_run_and_both_directions(
-    papers: dict[str, Paper], cells: dict[str, Cell]
+    papers: dict[str, Paper], cells: dict[str, PublishedCell]
 ) -> None:
     paper = papers["cloudslam"]
     # To the path of ORB-SLAM2 in the prior map, of scored frames: the reference of the dataset.
@@ -76,7 +76,7 @@ def test_the_two_maps_of_orbslam_are_told_apart(papers: dict[str, Paper]) -> Non
     assert fnmatchcase("map.slm", str(prior["orbslam2_prior"]))
 
 
-def test_up_to_is_no_bound(cells: dict[str, Cell]) -> None:
+def test_up_to_is_no_bound(cells: dict[str, PublishedCell]) -> None:
     for number in (13, 14, 15, 17, 18):
         claim = cells[f"ijnc.C{number}"].claim
         assert claim is not None
@@ -121,7 +121,9 @@ def test_hand_held_is_no_robot_and_sequences_count_once(papers: dict[str, Paper]
     assert (metric.key, metric.only) == ("ate_mean_m", {"ate_alignment": "sim3"})
 
 
-def test_no_number_is_counted_twice(papers: dict[str, Paper], cells: dict[str, Cell]) -> None:
+def test_no_number_is_counted_twice(
+    papers: dict[str, Paper], cells: dict[str, PublishedCell]
+) -> None:
     """15 claims of DynNetSLAM once stood in its tables too, and settings among the results."""
     twice = {name for name, cell in cells.items() if cell.standing.duplicate_of}
     assert {f"dynnet.C{n}" for n in (*range(22, 25), *range(30, 38), *range(38, 42))} <= twice
@@ -131,7 +133,9 @@ def test_no_number_is_counted_twice(papers: dict[str, Paper], cells: dict[str, C
     assert len(settings) == 45 + 8 + 6  # edgesem T1, cloudslam T2, the words of cloudslam T1a
 
 
-def test_losses_in_the_turn_are_asked_as_a_share_of_the_losses(cells: dict[str, Cell]) -> None:
+def test_losses_in_the_turn_are_asked_as_a_share_of_the_losses(
+    cells: dict[str, PublishedCell],
+) -> None:
     for name, per in (("C21", "losses"), ("C28", "losses"), ("C29", "runs")):
         claim = cells[f"dynnet.{name}"].claim
         assert claim is not None

@@ -14,7 +14,7 @@ from slambed.commands.papers import app
 from slambed.errors import SlambedError
 from slambed.papers.lint.checkout import Checkout
 from slambed.papers.lint.lint_plan import plan_problems
-from slambed.papers.published import Cell, Paper, PaperPlan, cells_of, read_papers
+from slambed.papers.published import Paper, PaperPlan, PublishedCell, cells_of, read_papers
 from slambed.papers.published.paper_plan import PlannedLater, frozen_digest, read_plan
 from slambed.papers.published.reading import papers_folder
 from slambed.papers.verdicts.contrasts import Published, Step, power_of
@@ -135,7 +135,7 @@ def test_a_torn_plan_is_one_line(tmp_path: Path) -> None:
         read_plan("dynnetslam", tmp_path)
 
 
-def published(paper: Paper, cell: Cell) -> Published:
+def published(paper: Paper, cell: PublishedCell) -> Published:
     assert cell.value is not None
     if paper.metrics[cell.metric].statistic == "share":
         assert cell.runs is not None

@@ -15,7 +15,7 @@ from slambed.papers.lint.lint_open import open_problems
 from slambed.papers.lint.lint_plan import plan_problems
 from slambed.papers.lint.problem import Problem
 from slambed.papers.lint.resolve import unresolved
-from slambed.papers.published.cells import Cell, cells_of, resolution_of, table_cells
+from slambed.papers.published.cells import PublishedCell, cells_of, resolution_of, table_cells
 from slambed.papers.published.claims import Claim, Configured
 from slambed.papers.published.paper import Paper
 from slambed.papers.published.paper_plan import read_plan
@@ -57,7 +57,7 @@ def lint_paper(paper: Paper, checkout: Checkout) -> list[Problem]:
 class _Look:
     paper: Paper
     checkout: Checkout
-    cells: dict[str, Cell]
+    cells: dict[str, PublishedCell]
 
     def ids(self) -> Iterator[Problem]:
         paper = self.paper
@@ -128,13 +128,13 @@ class _Look:
                 elif claims[name].kind != "qualitative":
                     yield Problem(contrast.id, f"claims: {name} has a number of its own")
 
-    def _mapped(self, cell: Cell) -> Iterator[Problem]:
+    def _mapped(self, cell: PublishedCell) -> Iterator[Problem]:
         for what in unresolved(self.paper, cell):
             yield Problem(cell.id, what)
         if cell.metric in self.paper.metrics and cell.metric not in self.paper.margins:
             yield Problem(cell.id, f"margins: none for '{cell.metric}', write one before the runs")
 
-    def _standing(self, cell: Cell) -> Iterator[Problem]:
+    def _standing(self, cell: PublishedCell) -> Iterator[Problem]:
         target = cell.standing.duplicate_of
         if target is not None:
             other = self.cells.get(target)
@@ -150,8 +150,10 @@ class _Look:
 
     def _operand(self, where: str, operand: Operand) -> Iterator[Problem]:
         if isinstance(operand, At):
-            at = Cell(where, where, "", "", operand.metric, "", None, system=operand.system,
-                      conditions=operand.conditions)  # fmt: skip
+            at = PublishedCell(
+                where, where, "", "", operand.metric, "", None, system=operand.system,
+                conditions=operand.conditions,
+            )  # fmt: skip
             for what in unresolved(self.paper, at):
                 yield Problem(where, f"quantity: {what}")
         elif operand not in self.cells:

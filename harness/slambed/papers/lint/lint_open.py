@@ -13,7 +13,7 @@ from typing import Any
 from slambed.papers.lint.checkout import Checkout
 from slambed.papers.lint.problem import Problem
 from slambed.papers.published.base import Match
-from slambed.papers.published.cells import Cell, cells_of
+from slambed.papers.published.cells import PublishedCell, cells_of
 from slambed.papers.published.paper import Paper
 from slambed.spec.experiment import Experiment, SystemChoice
 from slambed.spec.system import System
@@ -51,7 +51,7 @@ def open_problems(paper: Paper, checkout: Checkout) -> Iterator[Problem]:
             yield from _of_cell(paper, cell, by_source[cell.source])
 
 
-def _of_cell(paper: Paper, cell: Cell, planned: list[PlannedCell]) -> Iterator[Problem]:
+def _of_cell(paper: Paper, cell: PublishedCell, planned: list[PlannedCell]) -> Iterator[Problem]:
     found = [item for item in planned if _stands_for(paper, cell, item)]
     if not found:
         yield Problem(cell.id, "an experiment reproduces it and makes no such runs")
@@ -101,7 +101,7 @@ def _profiles(experiment: Experiment, choice: SystemChoice, system: System) -> l
     ]
 
 
-def _stands_for(paper: Paper, cell: Cell, planned: PlannedCell) -> bool:
+def _stands_for(paper: Paper, cell: PublishedCell, planned: PlannedCell) -> bool:
     left = dict(cell.conditions)
     where = paper.datasets[left.pop("dataset")]
     names = (*where.match, *where.stand_in)

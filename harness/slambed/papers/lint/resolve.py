@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from typing import Any
 
-from slambed.papers.published.cells import Cell
+from slambed.papers.published.cells import PublishedCell
 from slambed.papers.published.paper import Paper
 
 
-def unresolved(paper: Paper, cell: Cell) -> Iterator[str]:
+def unresolved(paper: Paper, cell: PublishedCell) -> Iterator[str]:
     """What of its coordinates has no counterpart, one line each."""
     if cell.metric not in paper.metrics:
         yield f"metric '{cell.metric}' has no number of ours: metrics, or unmappable: why?"

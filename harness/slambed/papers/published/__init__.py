@@ -2,7 +2,7 @@
 """papers/*.yaml: published numbers, how they are read, and where ours are found."""
 
 from slambed.papers.published.base import Match, Provenance
-from slambed.papers.published.cells import Cell, cells_of, table_cells
+from slambed.papers.published.cells import PublishedCell, cells_of, table_cells
 from slambed.papers.published.claims import BOUNDS, Claim, Operator
 from slambed.papers.published.contrasts import Contrast
 from slambed.papers.published.mapping import Margin, PaperDataset, PaperMetric, PaperSystem
@@ -33,9 +33,9 @@ from slambed.papers.published.reading import paper_files, papers_folder, read_pa
 from slambed.papers.published.standing import Erratum, Standing
 
 __all__ = [
-    "BOUNDS", "At", "Cell", "Claim", "Column", "Contrast", "Difference", "Each", "Erratum",
-    "Increase", "Margin", "Match", "MaxOver", "Operand", "Operator", "Paper", "PaperDataset",
-    "PaperMetric", "PaperPlan", "PaperSystem", "PeerRow", "PeerSetup", "Provenance",
+    "BOUNDS", "At", "Claim", "Column", "Contrast", "Difference", "Each", "Erratum", "Increase",
+    "Margin", "Match", "MaxOver", "Operand", "Operator", "Paper", "PaperDataset", "PaperMetric",
+    "PaperPlan", "PaperSystem", "PeerRow", "PeerSetup", "Provenance", "PublishedCell",
     "PublishedFigure", "PublishedTable", "Quantity", "Ratio", "Reduction", "Row", "Series",
     "Source", "Standing", "Trend", "WindowShare", "cells_of", "frozen_digest", "paper_files",
     "papers_folder", "read_paper", "read_papers", "read_plan", "table_cells",

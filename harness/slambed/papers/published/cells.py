@@ -14,7 +14,7 @@ PER_COLUMN = "per_column"
 
 
 @dataclass(frozen=True)
-class Cell:
+class PublishedCell:
     """A cell of a table, a point of a figure or a claim, with its full coordinates."""
 
     id: str
@@ -44,7 +44,7 @@ class Cell:
         return {**self.conditions, "system": self.system, "metric": self.metric}
 
 
-def cells_of(paper: Paper) -> dict[str, Cell]:
+def cells_of(paper: Paper) -> dict[str, PublishedCell]:
     """All cells, points and claims of a paper by id. Words and flags are among them, valueless."""
     found = [cell for table in paper.tables for cell in _of_table(table)]
     found += [cell for cell in _of_figures(paper)]
@@ -52,12 +52,12 @@ def cells_of(paper: Paper) -> dict[str, Cell]:
     return {cell.id: cell for cell in found}
 
 
-def table_cells(paper: Paper) -> dict[str, Cell]:
+def table_cells(paper: Paper) -> dict[str, PublishedCell]:
     """The cells of its tables only."""
     return {cell.id: cell for table in paper.tables for cell in _of_table(table)}
 
 
-def _of_table(table: PublishedTable) -> list[Cell]:
+def _of_table(table: PublishedTable) -> list[PublishedCell]:
     return [
         _of_row(table, name, row, column, value)
         for name, row in table.rows.items()
@@ -65,7 +65,7 @@ def _of_table(table: PublishedTable) -> list[Cell]:
     ]
 
 
-def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Value) -> Cell:
+def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Value) -> PublishedCell:
     heading = table.columns[column]
     coordinates = {**table.conditions, **heading.dims, **row.dims}
     metric = str(coordinates.pop("metric", row.metrics.get(column, row.metric)))
@@ -75,7 +75,7 @@ def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Valu
     runs = row.runs.get(column, table.conditions.get("runs"))
     if row.spread_of != "runs":
         runs = None
-    return Cell(
+    return PublishedCell(
         id=f"{table.id}.{name}.{column}", source=table.id, row=row.label, column=heading.label,
         metric=column if metric == PER_COLUMN else metric,
         unit=(heading.unit if row.unit == PER_COLUMN else row.unit) or "",
@@ -85,14 +85,14 @@ def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Valu
     )  # fmt: skip
 
 
-def _of_figures(paper: Paper) -> list[Cell]:
+def _of_figures(paper: Paper) -> list[PublishedCell]:
     found = []
     for figure in paper.figures:
         for name, series in figure.series.items():
             for index, at in enumerate(series.at):
                 value = series.values[index] if series.values else None
                 found.append(
-                    Cell(
+                    PublishedCell(
                         id=f"{figure.id}.{name}.{at}", source=figure.id, row=series.label,
                         column=f"{series.along} {at}", metric=series.metric, unit="",
                         value=None if value is None else float(value),
@@ -104,10 +104,10 @@ def _of_figures(paper: Paper) -> list[Cell]:
     return found
 
 
-def _of_claim(claim: Claim) -> Cell:
+def _of_claim(claim: Claim) -> PublishedCell:
     number, _ = _number(None if isinstance(claim.value, list) else claim.value)
     runs = claim.conditions.get("runs")
-    return Cell(
+    return PublishedCell(
         id=claim.id, source=claim.id, row=claim.metric, column=claim.system or "",
         metric=claim.metric, unit=claim.unit or "", value=number,
         resolution=resolution_of(claim.value), system=claim.system,
