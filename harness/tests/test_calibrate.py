@@ -19,7 +19,7 @@ from slambed.spec.device import StageCost
 from slambed.spec.library import Library
 from slambed.yaml_source import load_yaml, parse
 
-FITS = repository_root() / "devices" / "fits"
+FITS = repository_root() / "catalog" / "devices" / "fits"
 
 
 def test_a_fit_finds_the_cost_that_made_the_times() -> None:

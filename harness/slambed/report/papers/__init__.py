@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/*.yaml: published numbers, how they are read, and where ours are found."""
+"""papers/*/paper.yaml: published numbers, how they are read, and where ours are found."""
 
 from slambed.report.papers.base import Match, Provenance
 from slambed.report.papers.cells import Cell, cells_of, table_cells
