@@ -4,9 +4,9 @@
 
     tools/score_people.py NETWORK FIRST_SEED SCENES [FRAMES]
 
-NETWORK is a name in networks/ or a YAML file. Prints one JSON object: overlap, recall and precision
-of the masks (recall by size of figure too), key point similarity, marked share where nobody is,
-and the time of a picture on this machine.
+NETWORK is a name in catalog/networks/ or a YAML file. Prints one JSON object: overlap, recall and
+precision of the masks (recall by size of figure too), key point similarity, marked share where
+nobody is, and the time of a picture on this machine.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a camera path of datasets/paths/ from a TUM ground truth: every nth pose, and its origin.
+"""Makes a camera path of catalog/datasets/paths/ from a TUM ground truth: every nth pose, and where
+it is from.
 
-    tools/thin_trajectory.py groundtruth.txt fr3_long_office_household 4 > datasets/paths/...
+    tools/thin_trajectory.py groundtruth.txt fr3_long_office_household 4 > FILE
 
 The lines that are kept are kept as they are. The generator smooths a path over 50 ms, so that
 25 poses a second say as much as 100.

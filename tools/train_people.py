@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
-"""Trains networks/slambed_people.onnx with Debian's python3-torch (1.13) on one core.
+"""Trains catalog/networks/slambed_people.onnx with Debian's python3-torch (1.13) on one core.
 
     tools/train_people.py SCENES OUT.onnx [--seed N] [--minutes M] [--check CHECK] [--pictures N]
 

@@ -23,6 +23,16 @@ def repository_root() -> Path:
     return package / CHECKOUT if is_installed() else package.parents[1]
 
 
+def left_behind(file: Path) -> str:
+    """What to do about a file of one's own, missing at `catalog/<kind>/<name>`, that still lies at
+    `<kind>/<name>`, which was read until the catalog had a folder; empty where none lies there."""
+    kind = file.parent
+    former = kind.parent.parent / kind.name / file.name
+    if kind.parent.name != "catalog" or not former.is_file():
+        return ""
+    return f"{former} is no longer read, move it to {kind}"
+
+
 def is_installed() -> bool:
     """True for a package from a wheel, which must not write beside itself."""
     return (Path(__file__).resolve().parent / CHECKOUT).is_dir()

@@ -127,9 +127,10 @@ def write_library(root: Path, experiment: str = EXPERIMENT) -> Path:
     for name, text in SYSTEMS.items():
         (root / "systems" / name).mkdir(parents=True, exist_ok=True)
         (root / "systems" / name / "system.yaml").write_text(text)
-    (root / "devices").mkdir(exist_ok=True)
+    (root / "catalog" / "devices").mkdir(parents=True, exist_ok=True)
     for name, quota in (("small", 0.5), ("big", 1.0)):
-        (root / "devices" / f"{name}.yaml").write_text(DEVICE.format(name=name, quota=quota))
+        device_file = root / "catalog" / "devices" / f"{name}.yaml"
+        device_file.write_text(DEVICE.format(name=name, quota=quota))
     (root / "experiments").mkdir(exist_ok=True)
     path = root / "experiments" / "tiny.yaml"
     path.write_text(experiment)

@@ -41,7 +41,7 @@ def calibrate_host() -> None:
     typer.echo(f"kept in {save_host_speed(speed)}")
     library = Library()
     table = Table("device", "board", "cores", "quota", "per thread", "missing here", box=None)
-    for path in sorted((library.root / "devices").glob("*.yaml")):
+    for path in sorted((library.root / "catalog" / "devices").glob("*.yaml")):
         device = library.device(path.stem)
         if (board := device.board) is None:
             continue
@@ -94,7 +94,7 @@ def fit_host(stages: list[Path], output: Path | None, cores: int | None) -> None
 def match_paper(name: str, jobs: int | None, check: bool) -> None:
     """`--match`, `--check`."""
     library = Library()
-    source = load_yaml(library.root / "devices" / "fits" / f"{name}.yaml")
+    source = load_yaml(library.root / "catalog" / "devices" / "fits" / f"{name}.yaml")
     targets = parse(Targets, source)
     sequences = {
         name: prepare_sequence(name) for name in sorted(map(targets.dataset_of, targets.conditions))
@@ -131,7 +131,7 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     for role, fitted in targets.devices.items():
         if fitted.given:
             continue
-        path = library.root / "devices" / f"{fitted.device}.yaml"
+        path = library.root / "catalog" / "devices" / f"{fitted.device}.yaml"
         head = f"Found by 'slambed calibrate --match {name}': {targets.title}."
         write_model(path, fit.model(role), {"": head}, targets.title)
         typer.echo(f"cost model written to {path}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""devices/fits/*.yaml: what a paper prints about its devices, and which stages stand for it."""
+"""catalog/devices/fits/*.yaml: what a paper prints about devices, and which stages stand for it."""
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 

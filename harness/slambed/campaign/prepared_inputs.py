@@ -153,7 +153,7 @@ def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
         found = _facts(raw, summary)
         if broken := recipe.must.broken_by(found):
             raise SlambedError(
-                f"input {recipe.id}: its run does not fulfil inputs/{recipe.id}.yaml: "
+                f"input {recipe.id}: its run does not fulfil catalog/inputs/{recipe.id}.yaml: "
                 f"{'; '.join(broken)}; nothing was kept"
             )
         name = YIELDED[recipe.yields]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed new`: writes a copy of a skeleton (folder skeletons/) under a name of one's own."""
+"""`slambed new`: writes a copy of a template (catalog/templates/) under a name of one's own."""
 
 import re
 import shlex
@@ -19,7 +19,7 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
         raise SlambedError(f"unknown kind '{kind}'; known: {', '.join(KINDS)}")
     if not NAME.fullmatch(name):
         raise SlambedError(f"'{name}' is no name: small letters, digits and _, a letter first")
-    source = repository_root() / "skeletons"
+    source = repository_root() / "catalog" / "templates"
     if kind != "system":
         target = folder / f"{name}.yaml"
         _write(source / f"{kind}.yaml", target, name)
@@ -52,7 +52,7 @@ def _write(source: Path, target: Path, name: str) -> None:
         raise SlambedError(f"{target} is there already; choose another name or --folder")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        text = source.read_text().replace(SCHEMAS, str(repository_root() / "schemas"))
+        text = source.read_text().replace(SCHEMAS, str(repository_root() / "catalog" / "schemas"))
         target.write_text(text.replace(PLACEHOLDER, name))
     except OSError as error:
         raise SlambedError(f"{target}: {error.strerror}; choose another --folder") from None

@@ -16,7 +16,9 @@ def calibrate(
     ] = None,
     match: Annotated[
         str | None,
-        typer.Option("--match", help="Name in devices/fits/: scale devices to a paper's times."),
+        typer.Option(
+            "--match", help="Name in catalog/devices/fits/: scale devices to a paper's times."
+        ),
     ] = None,
     check: Annotated[
         bool,

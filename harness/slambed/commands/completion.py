@@ -48,7 +48,11 @@ def _systems() -> list[str]:
 
 
 def _papers() -> list[str]:
-    return [name for name in _stems("papers") if not name.endswith(".plan")]
+    return [path.parent.name for path in (repository_root() / "papers").glob("*/paper.yaml")]
+
+
+def _inferences() -> list[str]:
+    return [path.stem for path in (repository_root() / "papers").glob("*/inference/*.yaml")]
 
 
 def _experiments() -> list[str]:
@@ -69,7 +73,7 @@ def _datasets() -> list[str]:
     own = [Path(part) for part in others if part]
     files = [path.stem for folder in own for path in folder.glob("*.yaml")]
     folders = [path.parent.name for folder in own for path in folder.glob("*/dataset.yaml")]
-    return [*_stems("datasets"), *files, *folders]
+    return [*_stems("catalog/datasets"), *files, *folders]
 
 
 SELECTIONS = {"--a", "--b", "--only", "--force"}
@@ -110,15 +114,15 @@ TAKES: dict[tuple[str, ...], Callable[[], Iterable[str]]] = {
     ("gate",): _with_results,
     ("bisect",): _experiments,
     ("explain",): _runs,
-    ("infer",): lambda: _stems("inference"),
+    ("infer",): _inferences,
     ("schema",): lambda: KINDS,
     ("new",): lambda: ("system", "dataset", "experiment"),
     ("systems", "show"): _systems,
-    ("devices", "show"): lambda: _stems("devices"),
+    ("devices", "show"): lambda: _stems("catalog/devices"),
     ("experiments", "show"): _experiments,
     ("profiles", "show"): lambda: _stems("netem_profiles"),
-    ("inputs", "prepare"): lambda: _stems("inputs"),
-    ("inputs", "show"): lambda: _stems("inputs"),
+    ("inputs", "prepare"): lambda: _stems("catalog/inputs"),
+    ("inputs", "show"): lambda: _stems("catalog/inputs"),
     **{("data", verb): _datasets for verb in ("prepare", "show", "difficulty", "export")},
     ("data", "download"): _datasets,
     **{("papers", verb): _papers for verb in ("compare", "lint", "plan", "power")},

@@ -13,7 +13,9 @@ from slambed.terminal import console
 
 
 def infer(
-    plan: Annotated[str, typer.Argument(help="Name in inference/, or path of a YAML file.")],
+    plan: Annotated[
+        str, typer.Argument(help="Name in papers/*/inference/, or path of a YAML file.")
+    ],
     quick: Annotated[bool, typer.Option("--quick", help="The plan's quick form.")] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say how many runs it takes, and how long.")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from slambed.spec.library import Library
 
 app = typer.Typer(help="Prior maps and reference paths, made by runs.")
-Name = Annotated[str, typer.Argument(help="Name of a recipe in inputs/.")]
+Name = Annotated[str, typer.Argument(help="Name of a recipe in catalog/inputs/.")]
 
 
 def list_inputs(as_json: JsonOption = False) -> None:

@@ -159,7 +159,8 @@ def _virtual(device: Device) -> str:
 
 @devices.command("show")
 def show_device(
-    name: Annotated[str, typer.Argument(help="Name in devices/.")], as_json: JsonOption = False
+    name: Annotated[str, typer.Argument(help="Name in catalog/devices/.")],
+    as_json: JsonOption = False,
 ) -> None:
     """Limits of a device, and what each stage costs on it."""
     from slambed.spec.library import Library

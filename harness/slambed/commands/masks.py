@@ -22,7 +22,9 @@ NETWORK, QUALITY, N_M = "slambed_people", 90, 0.8
 
 app = typer.Typer(help="Networks, and what they find in sequences.")
 Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
-NetworkName = Annotated[str, typer.Option("--network", help="name in networks/, or 'truth'")]
+NetworkName = Annotated[
+    str, typer.Option("--network", help="name in catalog/networks/, or 'truth'")
+]
 Quality = Annotated[int, typer.Option(min=1, max=100, help="of the JPEGs")]
 NMax = Annotated[float, typer.Option("--n-m", min=0, max=1, help="overlap at which two are one")]
 

@@ -108,7 +108,7 @@ def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
     paper = read_papers([name])[0]
     found = read_plan(paper.id)
     if found is None:
-        raise SlambedError(f"no plan for '{paper.id}', write papers/{paper.id}.plan.yaml")
+        raise SlambedError(f"no plan for '{paper.id}', write papers/{paper.id}/plan.yaml")
     says = {item.id: item.says for item in paper.contrasts}
     typer.echo(f"{paper.id}: plan {found.digest} of {found.written_utc:%Y-%m-%d %H:%M} UTC, "
                f"engine {found.engine}, mapping {found.frozen}")  # fmt: skip

@@ -15,7 +15,7 @@ from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
 from slambed.data.recipe_file import DATASET_FILE, dataset_files, dataset_name, load_recipe
 from slambed.errors import MissingDataError, SlambedError
-from slambed.native import repository_root
+from slambed.native import left_behind, repository_root
 from slambed.suggestion import did_you_mean
 
 YAML = (".yaml", ".yml")
@@ -39,9 +39,9 @@ class Catalog:
 
     @classmethod
     def load(cls, folder: Path | None = None, search: list[Path] | None = None) -> Catalog:
-        """Reads datasets/*.yaml of the checkout (or of another folder), and those of the folders
-        in $SLAMBED_DATASETS."""
-        folder = folder or repository_root() / "datasets"
+        """Reads catalog/datasets/*.yaml of the checkout (or of another folder), and those of the
+        folders in $SLAMBED_DATASETS."""
+        folder = folder or repository_root() / "catalog" / "datasets"
         searched = search if search is not None else places.search_path()
         catalog = cls({}, tuple(searched), folder)
         own = [file for place in places.dataset_folders() for file in dataset_files(place)]
@@ -82,6 +82,8 @@ class Catalog:
                 return dataset
         if (error := self.broken.get(name)) is not None:
             raise error
+        if moved := left_behind(self.folder / f"{name}.yaml"):
+            raise SlambedError(f"dataset '{name}' is not known; {moved}")
         known = [n for d in self.datasets.values() for n in (d.id, *d.aliases)]
         unread = f" ({', '.join(self.broken)} cannot be read)" if self.broken else ""
         raise SlambedError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of datasets/*.yaml. Unknown keys are errors."""
+"""The models of catalog/datasets/*.yaml. Unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Synthetic(_Strict):
 
     trajectory: str = Field(
         default="spline",
-        description="a named path, or a TUM-format .txt file in datasets/ or on the search path",
+        description="a named path, or a TUM-format .txt file in catalog/datasets/ or where data is",
     )
     seconds: float | None = Field(default=None, gt=0)
     seed: int = 1

@@ -57,7 +57,11 @@ def start_segmenter(
     clear()
     parent = group_of_edge(client, edge_pid)
     environment = ENVIRONMENT | {"SLAMBED_CACHE": str(cache_folder().resolve()), "HOME": "/tmp"}
-    bound = [*host_python(), repository_root() / "networks", cache_folder().resolve() / "networks"]
+    bound = [
+        *host_python(),
+        repository_root() / "catalog" / "networks",
+        cache_folder().resolve() / "networks",
+    ]
     if network.endswith(".yaml"):
         bound.append(Path(network).resolve())
     # Files of the host that are closed to others are open to whoever runs this, without any

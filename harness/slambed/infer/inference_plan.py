@@ -9,8 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from slambed.errors import SlambedError
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.infer.keys import split_key
-from slambed.native import repository_root
-from slambed.papers.published import Paper, papers_folder, read_paper, read_papers
+from slambed.papers.published import Paper, paper_files, papers_folder, read_paper, read_papers
 from slambed.papers.published.contrasts import expanded
 from slambed.spec.experiment import NAME
 from slambed.spec.system import Scalar
@@ -18,6 +17,7 @@ from slambed.suggestion import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 FOLDER = "inference"
+"""Of a paper's folder."""
 YAML = (".yaml", ".yml")
 QUICK = "-quick"
 """What the folder of a quick form ends in."""
@@ -190,17 +190,26 @@ class Inference(BaseModel):
         return self
 
 
+def plan_files() -> dict[str, Path]:
+    """Name of every plan of the checkout and where its file lies."""
+    return {path.stem: path for path in sorted(papers_folder().glob(f"*/{FOLDER}/*.yaml"))}
+
+
 def find_plan(name: str) -> tuple[Inference, YamlSource]:
-    """A plan by name (in inference/) or by path (anything that ends in .yaml). Raises SlambedError
-    with file, line and reason where it is not as described."""
+    """A plan by name (in papers/*/inference/) or by path (anything that ends in .yaml). Raises
+    SlambedError with file, line and reason where it is not as described."""
     if name.endswith(YAML):
         path = Path(name)
     else:
-        folder = repository_root() / FOLDER
-        path = folder / f"{name}.yaml"
-        if not path.is_file():
-            known = sorted(file.stem for file in folder.glob("*.yaml"))
-            raise SlambedError(f"unknown plan '{name}', no {path}; {suggestion(name, known)}")
+        files = plan_files()
+        if name not in files:
+            former = papers_folder().with_name(FOLDER) / f"{name}.yaml"
+            if former.is_file():
+                what_now = f"move it to {papers_folder()}/<paper>/{FOLDER}"
+                raise SlambedError(f"unknown plan '{name}': {former} is no longer read, {what_now}")
+            wanted = papers_folder() / "*" / FOLDER / f"{name}.yaml"
+            raise SlambedError(f"unknown plan '{name}', no {wanted}; {suggestion(name, files)}")
+        path = files[name]
     source = load_yaml(path)
     plan = parse(Inference, source)
     if plan.id != path.stem:
@@ -214,4 +223,4 @@ def read_its_paper(plan: Inference, source: YamlSource) -> tuple[Paper, Path]:
     if plan.paper.endswith(YAML):
         path = source.path.parent / plan.paper
         return read_paper(path), path
-    return read_papers([plan.paper])[0], papers_folder() / f"{plan.paper}.yaml"
+    return read_papers([plan.paper])[0], paper_files()[plan.paper]

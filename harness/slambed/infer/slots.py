@@ -110,7 +110,7 @@ def _printed(
     paper: Paper, source: YamlSource, cells: dict[str, PublishedCell], kind: str, name: str
 ) -> Share | Mean:
     if name not in cells:
-        told = f"{name} is no number of papers/{paper.id}.yaml"
+        told = f"{name} is no number of papers/{paper.id}/paper.yaml"
         raise source.complaint(told, (kind,), suggestion(name, list(cells)))
     cell = cells[name]
     metric = paper.metrics.get(cell.metric)

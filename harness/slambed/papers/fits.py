@@ -13,7 +13,7 @@ from slambed.native import repository_root
 
 @dataclass(frozen=True)
 class Fit:
-    """One file of devices/fits: ids (patterns) of published numbers, and the devices fitted."""
+    """One file of catalog/devices/fits: ids (patterns) of published numbers, and devices fitted."""
 
     name: str
     patterns: tuple[str, ...]
@@ -27,7 +27,9 @@ class Fit:
 def read_fits(folder: Path | None = None) -> list[Fit]:
     """All fits that name published numbers (`fits:`). Raises SlambedError on a torn file."""
     found = []
-    for path in sorted((folder or repository_root() / "devices" / "fits").glob("*.yaml")):
+    for path in sorted(
+        (folder or repository_root() / "catalog" / "devices" / "fits").glob("*.yaml")
+    ):
         content = load_yaml(path).data
         if not isinstance(content, dict) or not content.get("fits"):
             continue

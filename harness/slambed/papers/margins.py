@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The margin of one published number, from papers/*.yaml, cut where orderings would be blurred."""
+"""The margin of one published number, from papers/*/paper.yaml, cut where orderings would blur."""
 
 from dataclasses import dataclass
 from math import expm1, log
@@ -12,7 +12,7 @@ from slambed.papers.verdicts.model import LEVEL, Mean, Share
 from slambed.papers.verdicts.shares import MARGIN, MARGIN_AT_THE_ENDS, NEAR_THE_END, can_be_shown
 
 UNWRITTEN = 0.2
-"""Part of a mean, where papers/*.yaml has no margin for its metric."""
+"""Part of a mean, where papers/*/paper.yaml has no margin for its metric."""
 
 
 @dataclass(frozen=True)

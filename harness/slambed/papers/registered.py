@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether results keep to the plan that was written before them (papers/<id>.plan.yaml)."""
+"""Whether results keep to the plan that was written before them (papers/<id>/plan.yaml)."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ def plan_lines(
     own = _own(column, used)
     if plan is None:
         seen = written_in(own, f"plan.{paper.id}")
-        found = [PlanLine(f"No plan was written before these runs (papers/{paper.id}.plan.yaml).")]
+        found = [PlanLine(f"No plan was written before these runs (papers/{paper.id}/plan.yaml).")]
         if known := {name: count for name, count in seen.items() if name}:
             text = f"{_counted(known, own)} made under a plan that is gone: {', '.join(known)}."
             found = [PlanLine(text, bad=True)]

@@ -55,7 +55,7 @@ class ThreadCap(Record):
 
 
 class AskedLimits(Record):
-    """Limits of a node as they follow from its device (devices/*.yaml); null: none."""
+    """Limits of a node as they follow from its device (catalog/devices/*.yaml); null: none."""
 
     cores: int | None = None
     """CPUs of the host that it may run on."""

@@ -100,24 +100,28 @@ KINDS: dict[str, Kind] = {
     "shared-params": Kind(
         "Parameters that several systems share", ("systems/core/*/params.yaml",), _shared_params
     ),
-    "device": Kind("A device that a node may be", ("devices/*.yaml",), partial(schema_of, Device)),
-    "device-fit": Kind(
-        "What devices are fitted to", ("devices/fits/*.yaml",), partial(schema_of, Targets)
+    "device": Kind(
+        "A device that a node may be", ("catalog/devices/*.yaml",), partial(schema_of, Device)
     ),
-    "dataset": Kind("A sequence", ("datasets/*.yaml",), partial(schema_of, Dataset)),
+    "device-fit": Kind(
+        "What devices are fitted to", ("catalog/devices/fits/*.yaml",), partial(schema_of, Targets)
+    ),
+    "dataset": Kind("A sequence", ("catalog/datasets/*.yaml",), partial(schema_of, Dataset)),
     "profile": Kind(
         "How the latency of a link changes", ("netem_profiles/*.yaml",), profile_schema
     ),
-    "paper": Kind(
-        "Published numbers", ("papers/*.yaml", "!papers/*.plan.yaml"), partial(schema_of, Paper)
-    ),
+    "paper": Kind("Published numbers", ("papers/*/paper.yaml",), partial(schema_of, Paper)),
     "plan": Kind(
-        "What a paper's campaign decides", ("papers/*.plan.yaml",), partial(schema_of, PaperPlan)
+        "What a paper's campaign decides", ("papers/*/plan.yaml",), partial(schema_of, PaperPlan)
     ),
-    "input": Kind("A prepared input", ("inputs/*.yaml",), partial(schema_of, InputRecipe)),
-    "network": Kind("A network for masks", ("networks/*.yaml",), partial(schema_of, Network)),
+    "input": Kind("A prepared input", ("catalog/inputs/*.yaml",), partial(schema_of, InputRecipe)),
+    "network": Kind(
+        "A network for masks", ("catalog/networks/*.yaml",), partial(schema_of, Network)
+    ),
     "inference": Kind(
-        "What is fitted and what predicted", ("inference/*.yaml",), partial(schema_of, Inference)
+        "What is fitted and what predicted",
+        ("papers/*/inference/*.yaml",),
+        partial(schema_of, Inference),
     ),
     "hosts": Kind("Machines for live runs", ("**/hosts.yaml",), partial(schema_of, Hosts)),
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of networks/*.yaml, and getting a network's file. Unknown keys are errors."""
+"""The models of catalog/networks/*.yaml, and getting a network's file. Unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError, environment_error
 from slambed.files.yaml_source import load_yaml, parse
-from slambed.native import repository_root
+from slambed.native import left_behind, repository_root
 from slambed.suggestion import did_you_mean
 
 _SHA256 = r"^[0-9a-f]{64}$"
@@ -46,7 +46,7 @@ class Input(_Strict):
 
 
 class Network(_Strict):
-    """One networks/<id>.yaml."""
+    """One catalog/networks/<id>.yaml."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
     title: str
@@ -74,7 +74,7 @@ class Network(_Strict):
 
 def networks_folder() -> Path:
     """Of the checkout."""
-    return repository_root() / "networks"
+    return repository_root() / "catalog" / "networks"
 
 
 def network_names() -> list[str]:
@@ -86,6 +86,8 @@ def load_network(name: str) -> Network:
     """The network of this name, or of a YAML file."""
     path = Path(name) if name.endswith(".yaml") else networks_folder() / f"{name}.yaml"
     if not path.is_file():
+        if moved := left_behind(path):
+            raise SlambedError(f"network '{name}' is not known; {moved}")
         known = network_names()
         raise SlambedError(
             f"network '{name}' is not known{did_you_mean(name, known)}; known: {', '.join(known)}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""devices/*.yaml: what a node may use of this host, and what work costs on the device."""
+"""catalog/devices/*.yaml: what a node may use of this host, and what work costs on the device."""
 
 import math
 from typing import Annotated, Any
@@ -202,7 +202,7 @@ VIRTUAL = "virtual"
 
 
 class DeviceChange(BaseModel):
-    """A device of devices/*.yaml with other cores, another speed, other spreads or another
+    """A device of catalog/devices/*.yaml with other cores, another speed, other spreads or another
     background load: what if?"""
 
     model_config = STRICT

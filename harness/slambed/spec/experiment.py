@@ -58,7 +58,7 @@ class Playback(BaseModel):
 
 
 class DeviceChoice(BaseModel):
-    """Names of devices/*.yaml, or devices with changes (engine virtual only)."""
+    """Names of catalog/devices/*.yaml, or devices with changes (engine virtual only)."""
 
     model_config = STRICT
 

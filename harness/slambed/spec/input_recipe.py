@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""inputs/*.yaml: files that runs need and that other runs make (docs/inputs.md)."""
+"""catalog/inputs/*.yaml: files that runs need and that other runs make (docs/inputs.md)."""
 
 from typing import Literal
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from slambed.errors import SlambedError
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
-from slambed.native import repository_root
+from slambed.native import left_behind, repository_root
 from slambed.spec.device import Device
 from slambed.spec.experiment import Experiment
 from slambed.spec.input_recipe import InputRecipe
@@ -52,8 +52,8 @@ class Library:
         return experiment, source
 
     def input(self, name: str) -> tuple[InputRecipe, YamlSource]:
-        """A recipe of inputs/*.yaml."""
-        path = self.root / "inputs" / f"{name}.yaml"
+        """A recipe of catalog/inputs/*.yaml."""
+        path = self.root / "catalog" / "inputs" / f"{name}.yaml"
         self._must_exist(path, "input", name, self.inputs())
         source = load_yaml(path)
         recipe = parse(InputRecipe, source)
@@ -65,17 +65,17 @@ class Library:
 
     def inputs(self) -> list[str]:
         """Names of all recipes of inputs."""
-        return _stems(self.root / "inputs")
+        return _stems(self.root / "catalog" / "inputs")
 
     def device(self, name: str) -> Device:
-        """A device of devices/*.yaml."""
-        path = self.root / "devices" / f"{name}.yaml"
+        """A device of catalog/devices/*.yaml."""
+        path = self.root / "catalog" / "devices" / f"{name}.yaml"
         self._must_exist(path, "device", name, self.devices())
         return self._named(Device, path)
 
     def devices(self) -> list[str]:
         """Names of all devices."""
-        return _stems(self.root / "devices")
+        return _stems(self.root / "catalog" / "devices")
 
     def system(self, name: str) -> System:
         """A system of systems/*/system.yaml, of a folder in $SLAMBED_SYSTEMS, or of a file."""
@@ -116,7 +116,8 @@ class Library:
     @staticmethod
     def _must_exist(path: Path, kind: str, name: str, known: list[str]) -> None:
         if not path.is_file():
-            raise SlambedError(f"unknown {kind} '{name}', no {path}; {suggestion(name, known)}")
+            what_now = left_behind(path) or suggestion(name, known)
+            raise SlambedError(f"unknown {kind} '{name}', no {path}; {what_now}")
 
     def _named(self, model: type[Model], path: Path) -> Model:
         """Each file is read once; again after a change."""

@@ -19,7 +19,7 @@ from slambed.native import repository_root
 from slambed.spec.device import StageCost
 from slambed.spec.library import Library
 
-FITS = repository_root() / "devices" / "fits"
+FITS = repository_root() / "catalog" / "devices" / "fits"
 
 
 def test_a_fit_finds_the_cost_that_made_the_times() -> None:

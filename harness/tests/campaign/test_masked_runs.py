@@ -142,7 +142,7 @@ def test_what_is_wrong_with_a_network_is_one_line(
     crossing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     described = tmp_path / "other.yaml"
-    text = (Path(__file__).parents[3] / "networks" / "slambed_people.yaml").read_text()
+    text = (Path(__file__).parents[3] / "catalog" / "networks" / "slambed_people.yaml").read_text()
     text = text.replace("id: slambed_people", "id: other")
     described.write_text(text.replace("file: slambed_people", "file: nothing_here"))
     for network, told in (("slambed_peple", "did you mean"), (str(described), "cannot be read")):

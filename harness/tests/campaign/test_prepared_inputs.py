@@ -50,8 +50,8 @@ def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Library
     """A checkout with its own inputs and everybody's systems and devices."""
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
     root = tmp_path / "checkout"
-    (root / "inputs").mkdir(parents=True)
-    for name in ("systems", "devices"):
+    (root / "catalog" / "inputs").mkdir(parents=True)
+    for name in ("systems", "catalog/devices"):
         (root / name).symlink_to(repository_root() / name)
     yield Library(root)
 
@@ -59,7 +59,7 @@ def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Library
 def write(library: Library, text: str, **values: object) -> None:
     content = text.format(**values)
     name = content.split()[1]
-    (library.root / "inputs" / f"{name}.yaml").write_text(content)
+    (library.root / "catalog" / "inputs" / f"{name}.yaml").write_text(content)
 
 
 @needs_programs
@@ -105,7 +105,9 @@ def test_nothing_is_kept_of_a_run_that_breaks_a_condition(
 def test_a_recipe_with_a_slip_is_one_line(library: Library) -> None:
     with pytest.raises(SlambedError, match="unknown input 'walk'"):
         library.input("walk")
-    (library.root / "inputs" / "walk.yaml").write_text("id: walk\ntitle: t\nyield: map\n")
+    (library.root / "catalog" / "inputs" / "walk.yaml").write_text(
+        "id: walk\ntitle: t\nyield: map\n"
+    )
     with pytest.raises(SlambedError, match="yield"):
         library.input("walk")
 

@@ -16,7 +16,7 @@ from slambed.errors import ExitCode
 from slambed.native import repository_root
 
 pytestmark = needs_root
-READ = ("datasets", "devices", "experiments", "netem_profiles", "papers", "harness/slambed")
+READ = ("catalog", "experiments", "netem_profiles", "papers", "harness/slambed")
 AS_NOBODY = """
 import os, pkgutil, importlib, sys
 import slambed

@@ -66,7 +66,7 @@ def test_an_unknown_one_is_one_line(kind: str, name: str, told: str) -> None:
 def test_a_file_that_cannot_be_read_is_a_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for folder in ("systems", "devices"):
+    for folder in ("systems", "catalog"):
         (tmp_path / folder).symlink_to(repository_root() / folder)
     (tmp_path / "experiments").mkdir()
     (tmp_path / "experiments" / "torn.yaml").write_text("id: torn\ntitle: [\n")

@@ -19,7 +19,7 @@ from slambed.native import repository_root
 from slambed.spec.library import Library
 
 FR3 = "fr3_long_office_household"
-PATH = repository_root() / "datasets" / "paths" / f"{FR3}.txt"
+PATH = repository_root() / "catalog" / "datasets" / "paths" / f"{FR3}.txt"
 SYNTHETIC = """\
 id: along
 title: Along a path that is not here

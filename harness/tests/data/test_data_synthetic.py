@@ -64,7 +64,7 @@ def test_sequences_tuned_once_keep_their_bytes(tmp_path: Path, name: str) -> Non
     """Tuned with one system before others were played on them, so neither their recipes nor what
     the generator makes of them may change: small pictures from the beginning of the way to its end.
     When a change is meant, raise kGeneratorVersion and say so in docs/datasets.md."""
-    recipe = Catalog.load(repository_root() / "datasets", []).get(name)
+    recipe = Catalog.load(repository_root() / "catalog" / "datasets", []).get(name)
     assert recipe.synthetic is not None
     small = recipe.synthetic.model_copy(update={"width": 160, "height": 120, "texel_scale": 10.0})
     excerpt = recipe.model_copy(update={"fps": 0.1, "synthetic": small})

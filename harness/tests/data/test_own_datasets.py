@@ -99,7 +99,10 @@ def test_an_id_of_ours_is_refused_in_one_line(tmp_path: Path) -> None:
     file = write_dataset(tmp_path / "lab" / "synthetic_room.yaml", "synthetic_room")
     told = "'synthetic_room' is already taken by"
     line = refused(ExitCode.BAD_INPUT, "data", "show", str(file))
-    assert f"{file}: {told}" in line and "datasets/synthetic_room.yaml; give it another id" in line
+    assert (
+        f"{file}: {told}" in line
+        and "catalog/datasets/synthetic_room.yaml; give it another id" in line
+    )
     path = tmp_path / "one.yaml"
     path.write_text(EXPERIMENT.format(dataset="./lab/synthetic_room.yaml"))
     line = refused(ExitCode.BAD_INPUT, "run", str(path), "--check")

@@ -43,7 +43,7 @@ PI = {"name": "raspberry_pi_4", "model": {"cores": 4}}
 def specs(root: Path, text: str, engine: str = "local", models: bool = True) -> list[RunSpec]:
     write_library(root, text)
     for name in ("small", "big") if models else ():
-        path = root / "devices" / f"{name}.yaml"
+        path = root / "catalog" / "devices" / f"{name}.yaml"
         path.write_text(path.read_text() + MODEL)
     system = root / "systems" / "pair" / "system.yaml"
     system.write_text(system.read_text() + OWN)

@@ -40,7 +40,7 @@ from slambed.spec.device import Limits
 from slambed.spec.masks import Masks
 
 OURS = "slambed_people"
-NETWORKS = Path(__file__).parents[3] / "networks"
+NETWORKS = Path(__file__).parents[3] / "catalog" / "networks"
 pytestmark = needs_root
 
 

@@ -14,11 +14,10 @@ from command_line import refused
 from infer_parts import plan_content
 
 from slambed.errors import ExitCode, SlambedError
-from slambed.infer.inference_plan import FOLDER, find_plan
+from slambed.infer.inference_plan import find_plan, plan_files
 from slambed.infer.keys import Key, split_key
 from slambed.infer.registered import Registration, commit_of, registered_lines
 from slambed.infer.rows import changed_device
-from slambed.native import repository_root
 from slambed.papers.published import cells_of, read_papers
 from slambed.spec.device import CostModel, Device, DeviceChange, Limits, StageCost
 
@@ -79,10 +78,11 @@ def test_an_unknown_plan_lists_the_known_ones(tmp_path: Path) -> None:
 
 
 def test_every_plan_of_the_checkout_is_whole_and_its_cells_are_printed() -> None:
-    files = sorted((repository_root() / FOLDER).glob("*.yaml"))
+    files = plan_files()
     assert files
-    for file in files:
-        plan, _ = find_plan(file.stem)
+    for name, file in files.items():
+        plan, _ = find_plan(name)
+        assert file.parents[1].name == plan.paper
         known = cells_of(read_papers([plan.paper])[0])
         assert set(plan.fit) | set(plan.held_out) <= set(known)
         # What the paper's sequence looks like is one of the three, in steps or not.

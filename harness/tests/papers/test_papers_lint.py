@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lint of papers/*.yaml: nothing to say of our files, and something about every mistake."""
+"""The lint of papers/*/paper.yaml: nothing to say of ours, and something about every mistake."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +33,7 @@ def test_our_papers_are_mapped_whole(checkout: Checkout) -> None:
 
 
 def raw(name: str) -> dict[str, Any]:
-    content = yaml.safe_load((papers_folder() / f"{name}.yaml").read_text())
+    content = yaml.safe_load((papers_folder() / name / "paper.yaml").read_text())
     assert isinstance(content, dict)
     return content
 
@@ -238,7 +238,7 @@ def test_a_fit_to_a_cell_that_there_is_not_is_found(checkout: Checkout) -> None:
     own = {"made_up": ["dynnet.T1.T_*", "dynnet.T1.T_XY.enhanced", "else.T1.x"]}
     other.__dict__["fits"] = checkout.fits | own
     assert [str(problem) for problem in lint(papers, other)] == [
-        "devices/fits/made_up.yaml: fits: no cell dynnet.T1.T_XY.enhanced"
+        "catalog/devices/fits/made_up.yaml: fits: no cell dynnet.T1.T_XY.enhanced"
     ]
 
 

@@ -112,7 +112,7 @@ def test_frames_tried_while_lost_are_processed(papers: dict[str, Paper]) -> None
 
 def test_hand_held_is_no_robot_and_sequences_count_once(papers: dict[str, Paper]) -> None:
     tum = papers["edgeslam_semantic"].datasets["tum16"]
-    names = {p.stem for p in (Library().root / "datasets").glob("fr*.yaml")}
+    names = {p.stem for p in (Library().root / "catalog" / "datasets").glob("fr*.yaml")}
     chosen = {name for name in names if any(fnmatchcase(name, p) for p in tum.match)}
     assert "fr1_desk" in chosen
     assert not any("pioneer" in name for name in chosen)

@@ -38,7 +38,7 @@ def plan() -> PaperPlan:
 
 
 def raw_paper() -> dict[str, Any]:
-    content = yaml.safe_load((papers_folder() / "dynnetslam.yaml").read_text())
+    content = yaml.safe_load((papers_folder() / "dynnetslam" / "paper.yaml").read_text())
     assert isinstance(content, dict)
     return content
 
@@ -105,7 +105,7 @@ def waiting(contrast: str) -> PlannedLater:
     ("spoil", "told"),
     [
         (lambda p: changed(p, frozen="0"), "write a new plan"),
-        (lambda p: changed(p, fits=["pi"]), "no devices/fits/pi.yaml"),
+        (lambda p: changed(p, fits=["pi"]), "no catalog/devices/fits/pi.yaml"),
         (lambda p: changed(p, data={"attic": p.data["desk"]}), "no sequence attic"),
         (lambda p: changed(p, runs=p.runs[1:]), "no experiment decides dynnet.O01"),
         (lambda p: changed(p, later=[waiting("dynnet.O01")]), "O01 is decided by an experiment"),
@@ -125,11 +125,12 @@ def test_a_planted_mistake_in_a_plan_is_found(
 
 def test_a_torn_plan_is_one_line(tmp_path: Path) -> None:
     assert read_plan("dynnetslam", tmp_path) is None
-    path = tmp_path / "dynnetslam.plan.yaml"
+    path = tmp_path / "dynnetslam" / "plan.yaml"
+    path.parent.mkdir()
     path.write_text("paper: dynnetslam\n")
-    with pytest.raises(SlambedError, match=r"'written_utc' is missing, .*dynnetslam\.plan\.yaml"):
+    with pytest.raises(SlambedError, match=r"'written_utc' is missing, .*dynnetslam/plan\.yaml"):
         read_plan("dynnetslam", tmp_path)
-    text = (papers_folder() / "dynnetslam.plan.yaml").read_text()
+    text = (papers_folder() / "dynnetslam" / "plan.yaml").read_text()
     path.write_text(text.replace("paper: dynnetslam", "paper: other", 1))
     with pytest.raises(SlambedError, match="plan of 'other'"):
         read_plan("dynnetslam", tmp_path)

@@ -24,7 +24,7 @@ OTHERS = (".github/", ".vscode/")
 
 def kind_of(path: str) -> str:
     """The one kind with a pattern that fits; an editor with two of them would mix both."""
-    if path in ("skeletons/experiment.yaml", "skeletons/dataset.yaml"):
+    if path in ("catalog/templates/experiment.yaml", "catalog/templates/dataset.yaml"):
         return Path(path).stem
 
     def fits(pattern: str) -> bool:
@@ -62,8 +62,8 @@ VALIDATORS = {kind: Draft202012Validator(json.loads(schema_text(kind))) for kind
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_is_one_and_is_the_one_that_lies_in_the_checkout(kind: str) -> None:
     Draft202012Validator.check_schema(VALIDATORS[kind].schema)
-    told = f"'slambed schema --folder schemas' writes {kind}.json anew"
-    assert (ROOT / "schemas" / f"{kind}.json").read_text() == schema_text(kind), told
+    told = f"'slambed schema --folder catalog/schemas' writes {kind}.json anew"
+    assert (ROOT / "catalog/schemas" / f"{kind}.json").read_text() == schema_text(kind), told
 
 
 def test_every_yaml_file_of_the_repository_keeps_to_its_schema() -> None:
@@ -74,7 +74,7 @@ def test_every_yaml_file_of_the_repository_keeps_to_its_schema() -> None:
     for path in listed:
         kind = kind_of(path)
         used.add(kind)
-        # In skeletons NAME stands for a name.
+        # In templates NAME stands for a name.
         content = plain(yaml.safe_load((ROOT / path).read_text().replace("NAME", "mine")))
         wrong += [
             f"{path}: {e.json_path} {e.message}" for e in VALIDATORS[kind].iter_errors(content)
@@ -105,25 +105,25 @@ def bad(kind: str, path: str, change: Callable[[Any], Any]) -> list[str]:
         ("system", "systems/edgeslam/system.yaml", lambda d: d.update(roles=["car"])),
         ("system", "examples/visual_odometry/system.yaml", lambda d: d["runtime"].pop("mobile")),
         ("shared-params", "systems/core/offload/params.yaml", lambda d: d.update(x={"min": 1})),
-        ("device", "devices/raspberry_pi_4.yaml", lambda d: d.update(limits={"core": 1})),
-        ("device-fit", "devices/fits/ijnc.yaml", lambda d: d.update(components=[])),
-        ("dataset", "datasets/synthetic_room.yaml", lambda d: d.update(sensor="lidar")),
+        ("device", "catalog/devices/raspberry_pi_4.yaml", lambda d: d.update(limits={"core": 1})),
+        ("device-fit", "catalog/devices/fits/ijnc.yaml", lambda d: d.update(components=[])),
+        ("dataset", "catalog/datasets/synthetic_room.yaml", lambda d: d.update(sensor="lidar")),
         ("profile", "netem_profiles/sine.yaml", lambda d: d.pop("rtt_ms")),
         ("profile", "netem_profiles/sine.yaml", lambda d: d.update(rtt_ms={"wave": {}})),
         ("profile", "netem_profiles/sine.yaml", lambda d: d.update(rtt_ms="high")),
         ("profile", "netem_profiles/sine.yaml", lambda d: d.update(loss={"random": 2})),
-        ("paper", "papers/dynnetslam.yaml", lambda d: d.update(kind="book")),
-        ("plan", "papers/dynnetslam.plan.yaml", lambda d: d.pop("frozen")),
-        ("input", "inputs/{first}", lambda d: d.update(yields="gold")),
-        ("network", "networks/slambed_people.yaml", lambda d: d.update(licence=5)),
-        ("inference", "inference/dynnet_t2.yaml", lambda d: d.update(open=[])),
+        ("paper", "papers/dynnetslam/paper.yaml", lambda d: d.update(kind="book")),
+        ("plan", "papers/dynnetslam/plan.yaml", lambda d: d.pop("frozen")),
+        ("input", "catalog/inputs/{first}", lambda d: d.update(yields="gold")),
+        ("network", "catalog/networks/slambed_people.yaml", lambda d: d.update(licence=5)),
+        ("inference", "papers/dynnetslam/inference/dynnet_t2.yaml", lambda d: d.update(open=[])),
         ("hosts", "examples/hosts/hosts.yaml", lambda d: d.update(hosts=[])),
         ("hosts", "examples/hosts/hosts.yaml", lambda d: d["hosts"][0].update(core=4)),
         ("hosts", "examples/hosts/hosts.yaml", lambda d: d["hosts"][0].update(address="-oProxy")),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_refused(kind: str, path: str, change: Callable[[Any], Any]) -> None:
-    path = path.replace("{first}", min(p.name for p in (ROOT / "inputs").glob("*.yaml")))
+    path = path.replace("{first}", min(p.name for p in (ROOT / "catalog/inputs").glob("*.yaml")))
     assert bad(kind, path, lambda _: None) == []
     assert bad(kind, path, change)
 
@@ -136,7 +136,9 @@ def test_keys_say_what_they_mean() -> None:
 def test_editors_find_them() -> None:
     """The setting of VS Code's YAML extension names every schema and its places."""
     settings = json.loads((ROOT / ".vscode/settings.json").read_text())["yaml.schemas"]
-    assert settings == {f"./schemas/{k}.json": list(item.places) for k, item in KINDS.items()}
+    assert settings == {
+        f"./catalog/schemas/{k}.json": list(item.places) for k, item in KINDS.items()
+    }
     assert set(OFFERED) == set(KINDS)
 
 

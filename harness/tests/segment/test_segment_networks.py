@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of networks/, and the network that comes with the checkout on generated people."""
+"""Files of catalog/networks/, and the network that comes with the checkout on generated people."""
 
 from __future__ import annotations
 

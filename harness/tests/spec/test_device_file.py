@@ -104,12 +104,12 @@ hardware: none
 
 
 @pytest.mark.parametrize(
-    "name", sorted(p.stem for p in (repository_root() / "devices").glob("*.yaml"))
+    "name", sorted(p.stem for p in (repository_root() / "catalog" / "devices").glob("*.yaml"))
 )
 def test_a_device_of_ours_with_its_own_model_written_again_is_the_same(
     name: str, tmp_path: Path
 ) -> None:
-    ours = repository_root() / "devices" / f"{name}.yaml"
+    ours = repository_root() / "catalog" / "devices" / f"{name}.yaml"
     path = tmp_path / ours.name
     path.write_text(ours.read_text())
     before = read_model(Device, path)
@@ -170,7 +170,7 @@ FITTED_TO_AN_UPDATE = {"raspberry_pi_4", "raspberry_pi_4_ijnc"}
 
 
 @pytest.mark.parametrize(
-    "name", sorted(path.stem for path in (repository_root() / "devices").glob("*.yaml"))
+    "name", sorted(path.stem for path in (repository_root() / "catalog" / "devices").glob("*.yaml"))
 )
 def test_every_device_can_play_both_nodes_of_an_update(name: str) -> None:
     """Its stages are priced, in the shares that the paper prints where no fit found others."""

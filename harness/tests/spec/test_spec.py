@@ -329,8 +329,9 @@ def test_a_system_has_the_experiments_device_where_it_names_none(
 
 
 def test_a_device_that_nobody_names_is_the_host(tmp_path: Path) -> None:
-    (tmp_path / "devices").mkdir()
-    (tmp_path / "devices" / "host.yaml").write_text("name: host\ntitle: host\nlimits: {}\n")
+    folder = tmp_path / "catalog" / "devices"
+    folder.mkdir(parents=True)
+    (folder / "host.yaml").write_text("name: host\ntitle: host\nlimits: {}\n")
     for devices, expected in (("", ("host", "host")), ("devices: {edge: big}\n", ("host", "big"))):
         specs = matrix(
             tmp_path, EXPERIMENT.replace("devices: {mobile: small, edge: big}\n", devices)

@@ -45,7 +45,7 @@ def one_run(root: Path, stages: str, models: tuple[str, ...] = ("small", "big"))
     """Of the system `pair` on devices with a model, whose description has these stages too."""
     write_library(root, EXPERIMENT)
     for name in models:
-        device = root / "devices" / f"{name}.yaml"
+        device = root / "catalog" / "devices" / f"{name}.yaml"
         device.write_text(device.read_text() + MODEL)
     system = root / "systems" / "pair" / "system.yaml"
     system.write_text(system.read_text() + stages)

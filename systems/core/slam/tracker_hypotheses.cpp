@@ -19,7 +19,7 @@ constexpr float kLocalFactorRelocalised = 5;
 /// by chance.
 constexpr float kClearShare = 0.3f;
 /// What comparing a point with all of 1,000 features costs, in searches of a point in its window:
-/// 2.3 us against 0.21 us (devices/host.yaml, `track`).
+/// 2.3 us against 0.21 us (catalog/devices/host.yaml, `track`).
 constexpr int kWideWork = 11;
 
 }  // namespace

@@ -22,7 +22,7 @@ DELAYS = (*PART_FIELDS, "T_Total", "T_Computed")
 
 @dataclass(frozen=True)
 class Checkout:
-    """The files of one checkout as far as papers/*.yaml speak about them."""
+    """The files of one checkout as far as papers/*/paper.yaml speak about them."""
 
     library: Library
 
@@ -33,8 +33,8 @@ class Checkout:
 
     @cached_property
     def datasets(self) -> set[str]:
-        """Names of datasets/."""
-        return self._stems("datasets")
+        """Names of catalog/datasets/."""
+        return self._stems("catalog/datasets")
 
     @cached_property
     def profiles(self) -> set[str]:
@@ -43,7 +43,7 @@ class Checkout:
 
     @cached_property
     def devices(self) -> set[str]:
-        """Names of devices/ and of those that experiments derive from them."""
+        """Names of catalog/devices/ and of those that experiments derive from them."""
         found = set(self.library.devices())
         for path in sorted((self.root / "experiments").glob("*.yaml")):
             content = _yaml(path)
@@ -61,7 +61,7 @@ class Checkout:
     @cached_property
     def fits(self) -> dict[str, list[str]]:
         """Name of every fit -> patterns of the cells that it was fitted to."""
-        found = read_fits(self.root / "devices" / "fits")
+        found = read_fits(self.root / "catalog" / "devices" / "fits")
         return {fit.name: list(fit.patterns) for fit in found}
 
     @property
@@ -85,9 +85,9 @@ class Checkout:
         return any(name in system.params for system in chosen)
 
     def value_of(self, kind: str, name: str, key: str) -> Any:
-        """A value under a dotted path of netem_profiles/<name>.yaml or datasets/<name>.yaml; None
-        where there is none."""
-        folder = {"profile": "netem_profiles", "dataset": "datasets"}[kind]
+        """A value under a dotted path of netem_profiles/<name>.yaml or
+        catalog/datasets/<name>.yaml; None where there is none."""
+        folder = {"profile": "netem_profiles", "dataset": "catalog/datasets"}[kind]
         value: Any = _yaml(self.root / folder / f"{name}.yaml")
         for part in key.split("."):
             value = value.get(part) if isinstance(value, dict) else None
@@ -95,7 +95,7 @@ class Checkout:
 
     def first_of(self, dataset: str) -> list[str]:
         """The sequences of which the first that is there is played; itself where it is one."""
-        chosen = _yaml(self.root / "datasets" / f"{dataset}.yaml").get("first_of")
+        chosen = _yaml(self.root / "catalog" / "datasets" / f"{dataset}.yaml").get("first_of")
         return [str(name) for name in chosen] if isinstance(chosen, list) else [dataset]
 
     def _stems(self, folder: str) -> set[str]:

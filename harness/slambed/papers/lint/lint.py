@@ -41,7 +41,9 @@ def lint(papers: Iterable[Paper], checkout: Checkout) -> list[Problem]:
         for pattern in patterns:
             about = pattern.split(".")[0]
             if about in known and not fits_any(pattern, set(cells)):
-                found.append(Problem(f"devices/fits/{fit}.yaml", f"fits: no cell {pattern}"))
+                found.append(
+                    Problem(f"catalog/devices/fits/{fit}.yaml", f"fits: no cell {pattern}")
+                )
     return found
 
 

@@ -13,14 +13,15 @@ from slambed.papers.published.paper_plan import PaperPlan, PlannedLater, Planned
 
 def plan_problems(plan: PaperPlan, paper: Paper, checkout: Checkout) -> Iterator[Problem]:
     """Everything that is wrong with a plan."""
-    where = f"{paper.id}.plan.yaml"
+    where = f"papers/{paper.id}/plan.yaml"
     today = frozen_digest(paper)
     if plan.frozen != today:
-        told = f"frozen: {paper.id}.yaml is {today} now, not {plan.frozen}: what it compares was "
-        yield Problem(where, told + "changed, so write a new plan with a new written_utc")
+        told = f"frozen: papers/{paper.id}/paper.yaml is {today} now, not {plan.frozen}: "
+        told += "what it compares was changed, so write a new plan with a new written_utc"
+        yield Problem(where, told)
     for name in plan.fits:
         if name not in checkout.fits:
-            yield Problem(where, f"fits: no devices/fits/{name}.yaml")
+            yield Problem(where, f"fits: no catalog/devices/fits/{name}.yaml")
     for name, data in plan.data.items():
         if name not in paper.datasets:
             yield Problem(where, f"data: the paper has no sequence {name}")

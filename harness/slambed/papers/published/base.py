@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all models of papers/*.yaml share."""
+"""What all models of papers/*/paper.yaml share."""
 
 from typing import Literal
 
@@ -15,7 +15,7 @@ Provenance = Literal[
 ]
 """Where our number comes from, and so what its agreement is worth; only `measured` is evidence.
 
-fitted: our devices were fitted to the published number (`fits` of devices/fits/*.yaml).
+fitted: our devices were fitted to the published number (`fits` of catalog/devices/fits/*.yaml).
 same_data: ours follows from what the paper printed (sizes, traces); nothing was measured.
 stand_in: measured, but on another sequence than the paper's.
 parameter: a setting or a property of the data, compared with our configuration.

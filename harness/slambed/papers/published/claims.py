@@ -26,7 +26,7 @@ class Configured(Strict):
     profile: str | None = None
     dataset: str | None = None
     key: str | None = None
-    """Dotted path in netem_profiles/<profile>.yaml or datasets/<dataset>.yaml."""
+    """Dotted path in netem_profiles/<profile>.yaml or catalog/datasets/<dataset>.yaml."""
     scale: float = 1.0
     """Paper's unit = scale * our unit."""
 

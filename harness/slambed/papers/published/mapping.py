@@ -23,7 +23,7 @@ class PaperDataset(Strict):
     label: str
     match: list[str]
     stand_in: list[str] = Field(default_factory=list)
-    """Names of datasets/, best first; runs of one only are used, never of two together."""
+    """Names of catalog/datasets/, best first; runs of one only are used, never of two together."""
     played_s: float | None = Field(default=None, gt=0)
     """How much of it the paper plays: a share of runs with a loss needs equal exposure."""
     each_sequence_once: bool = False

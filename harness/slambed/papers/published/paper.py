@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One file of papers/: published numbers, and how their coordinates are found in our results."""
+"""papers/<id>/paper.yaml: published numbers, and how their coordinates are found in our results."""
 
 from typing import Any, Literal
 
@@ -29,7 +29,7 @@ class Source(Strict):
 
 
 class Paper(Strict):
-    """One file of papers/."""
+    """One file papers/<id>/paper.yaml."""
 
     id: str
     kind: Literal["paper", "peer"]

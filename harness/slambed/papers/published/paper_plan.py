@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/<id>.plan.yaml: what a campaign will decide, written before it is run.
+"""papers/<id>/plan.yaml: what a campaign will decide, written before it is run.
 
 The plan freezes what could be bent to fit a result (contrasts, margins, mapping) by their digest,
 and its own digest goes into the report. Runs from before it are told.
@@ -18,7 +18,7 @@ from slambed.files.yaml_source import read_model
 from slambed.papers.published.base import STRICT
 from slambed.papers.published.cells import cells_of
 from slambed.papers.published.paper import Paper
-from slambed.papers.published.reading import PLAN_SUFFIX, paper_files, papers_folder, read_paper
+from slambed.papers.published.reading import PLAN_FILE, paper_files, papers_folder, read_paper
 from slambed.spec.run_spec import canonical_json
 from slambed.spec.system import Role
 
@@ -87,7 +87,7 @@ class ReplacedPlan(BaseModel):
 
 
 class PaperPlan(BaseModel):
-    """One file papers/<id>.plan.yaml."""
+    """One file papers/<id>/plan.yaml."""
 
     model_config = STRICT
 
@@ -96,7 +96,7 @@ class PaperPlan(BaseModel):
     engine: Literal["virtual", "live"]
     devices: dict[Role, str]
     fits: list[str]
-    """Files of devices/fits that these devices come from."""
+    """Files of catalog/devices/fits that these devices come from."""
     frozen: str
     """Digest of contrasts, margins and mapping of the paper (`frozen_digest`)."""
     data: dict[str, PlannedData]
@@ -142,12 +142,12 @@ def frozen_digest(paper: Paper) -> str:
 
 def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
     """The plan of a paper; None where none was written. Raises SlambedError on a wrong file."""
-    path = (folder or papers_folder()) / f"{paper}{PLAN_SUFFIX}"
+    path = (folder or papers_folder()) / paper / PLAN_FILE
     if not path.exists():
         return None
     plan = read_model(PaperPlan, path)
     if plan.paper != paper:
-        raise SlambedError(f"plan of '{plan.paper}', {path.name}, write paper: {paper}")
+        raise SlambedError(f"plan of '{plan.paper}', {path}, write paper: {paper}")
     return plan
 
 

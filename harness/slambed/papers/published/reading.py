@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads papers/*.yaml."""
+"""Reads the published numbers, papers/<id>/paper.yaml."""
 
 from pathlib import Path
 
@@ -8,8 +8,8 @@ from slambed.files.yaml_source import read_model
 from slambed.native import repository_root
 from slambed.papers.published.paper import Paper
 
-PLAN_SUFFIX = ".plan.yaml"
-"""Plans lie beside the papers that they are about."""
+PAPER_FILE, PLAN_FILE = "paper.yaml", "plan.yaml"
+"""Of the folder that has everything about one paper, and its id as a name."""
 
 
 def papers_folder() -> Path:
@@ -24,8 +24,7 @@ def read_paper(path: Path) -> Paper:
 
 def paper_files() -> dict[str, Path]:
     """Name of every paper and where its file lies."""
-    files = sorted(papers_folder().glob("*.yaml"))
-    return {path.stem: path for path in files if not path.name.endswith(PLAN_SUFFIX)}
+    return {path.parent.name: path for path in sorted(papers_folder().glob(f"*/{PAPER_FILE}"))}
 
 
 def read_papers(names: list[str] | None = None) -> list[Paper]:
@@ -33,6 +32,9 @@ def read_papers(names: list[str] | None = None) -> list[Paper]:
     files = paper_files()
     for name in names or []:
         if name not in files:
+            if (former := papers_folder() / f"{name}.yaml").is_file():
+                what_now = f"move it to {papers_folder() / name / PAPER_FILE}"
+                raise SlambedError(f"no paper '{name}': {former} is no longer read, {what_now}")
             known = ", ".join(files)
             raise SlambedError(f"no paper '{name}' in {papers_folder()}; known: {known}")
     return [read_paper(files[name]) for name in names or files]

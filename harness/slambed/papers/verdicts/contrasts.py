@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declared orderings: does the paper show it, do ours, and is the opposite shown?
 
-A contrast is declared in papers/*.yaml before anything is run, never found in a table. A statement
-about several pairs holds when each of them holds (intersection-union: no adjustment); it is
-reversed when any opposite test passes after Holm's adjustment over all of them.
+A contrast is declared in papers/*/paper.yaml before anything is run, never found in a table. A
+statement about several pairs holds when each of them holds (intersection-union: no adjustment); it
+is reversed when any opposite test passes after Holm's adjustment over all of them.
 """
 
 from collections.abc import Callable, Sequence
