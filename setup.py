@@ -11,7 +11,7 @@ from setuptools.command.build_py import build_py
 ROOT = Path(__file__).resolve().parent
 KEPT = (
     "CMakeLists.txt", "LICENSE", "cmake", "datasets", "devices", "docker", "examples",
-    "experiments", "harness/pace", "harness/relay", "inference", "inputs", "netem_profiles",
+    "experiments", "inference", "inputs", "netem_profiles",
     "networks", "papers", "schemas", "skeletons", "systems", "tools/base_image.sh",
     "tools/build.sh", "tools/build_image.sh", "tools/environment.sh", "tools/programs.sh",
     "tools/retry.sh",

@@ -73,7 +73,7 @@ browser() {
 }
 
 cpp_format() {
-  find examples harness skeletons systems -name '*.[ch]pp' -o -name '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
+  find examples skeletons systems -name '*.[ch]pp' -o -name '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
 }
 
 cpp_lint() {
