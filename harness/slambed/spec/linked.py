@@ -84,7 +84,8 @@ def _targets(base: Path, call: re.Pattern[str]) -> dict[str, Target]:
     found: dict[str, Target] = {}
     for path in sorted((base / "systems").rglob("CMakeLists.txt")):
         for name, arguments in call.findall(path.read_text(encoding="utf-8")):
-            found[name] = Target(path.parent, LIBRARY.findall(arguments))
+            named = arguments.partition("DEPENDS")[2]
+            found[name] = Target(path.parent, LIBRARY.findall(named))
     return found
 
 
