@@ -24,6 +24,8 @@ TABLES = {
     "metrics.md": ("gate",),
 }
 """Page of docs/ and the tables in it."""
+UNNAMED = ("apps", "core")
+"""Folders of systems/ whose name is the room's, not that of what lies in it."""
 EVERY_SYSTEM = "registry"
 """The floor whose dependencies CMake finds: it links all systems."""
 
@@ -71,7 +73,9 @@ def _floors() -> str:
     for name, target in (*floors.items(), *programs.items()):
         found = {floors[item].folder for item in target.depends}
         used[target.folder] = used.get(target.folder, set()) | (found - {target.folder})
-        labels[target.folder] = name if name in programs else target.folder.name
+        parts = target.folder.relative_to(root).parts
+        path = "/".join(parts[1:] if parts[0] in UNNAMED else parts)
+        labels[target.folder] = name if name in programs else path
     rooms: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
     for folder in used:
         first = folder.relative_to(root).parts[0]

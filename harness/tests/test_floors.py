@@ -11,7 +11,7 @@ import pytest
 from slambed.native import repository_root
 from slambed.spec.linked import below, floors_of, programs_of
 
-INCLUDE = re.compile(r'#include "((?:apps/)?[a-z0-9_]+)/')
+INCLUDE = re.compile(r'#include "([^"]+)/[^"/]+"')
 NOT_LINKED = {"tests", "bench", "fuzz"}
 SHARED_PARTS = {"systems", "core"}
 """Folders that an include does not name: they are where it is looked for."""
@@ -28,23 +28,32 @@ def wrong_includes(root: Path) -> list[str]:
     floors = floors_of(root)
     stands_on: dict[Path, set[str]] = defaultdict(set)
     for name, floor in floors.items():
-        stands_on[floor.folder] |= {name}
+        stands_on[floor.folder].add(name)
     for program in programs_of(root).values():
-        stands_on[program.folder] |= set(program.depends)
+        stands_on[program.folder].update(program.depends)
+    names = {included_as(folder, root): folder for folder in stands_on}
     found = []
-    for folder, names in sorted(stands_on.items()):
-        used = {floors[item].folder for item in below(names, floors)} | {folder}
-        allowed = {included_as(item, root) for item in used}
+    for folder, libraries in sorted(stands_on.items()):
+        allowed = {floors[item].folder for item in below(libraries, floors)} | {folder}
         for path in sorted(folder.rglob("*")):
             inside = path.relative_to(folder).parts
             if path.suffix not in {".cpp", ".hpp", ".h"} or NOT_LINKED.intersection(inside):
                 continue
+            if any(parent in stands_on for parent in path.parents[: len(inside) - 1]):
+                continue  # of a room with a library of its own
             found += [
                 f"{path.relative_to(root)}: {include}"
                 for include in INCLUDE.findall(path.read_text(encoding="utf-8"))
-                if include not in allowed
+                if owner(include, names) not in allowed
             ]
     return found
+
+
+def owner(include: str, names: dict[str, Path]) -> Path | None:
+    """The innermost folder with a target in CMake that the included file lies in."""
+    parts = include.split("/")
+    heads = ("/".join(parts[:count]) for count in range(len(parts), 0, -1))
+    return next((names[head] for head in heads if head in names), None)
 
 
 def test_nothing_is_included_that_is_not_below() -> None:

@@ -100,8 +100,8 @@ def changed_by(
         ("systems/core/run/run_config.cpp", ALL | {PLAYER}, ALL),
         ("systems/core/features/data/orb_10k.slv", ALL | {PLAYER}, ALL),
         ("systems/core/CMakeLists.txt", ALL | {PLAYER}, ALL),
-        ("systems/core/offload/settings.cpp", WITH_EDGE, WITH_EDGE),
-        ("systems/core/offload/**/*mapper.cpp", WITH_EDGE, WITH_EDGE),
+        ("systems/core/offload/**/message_codec.cpp", WITH_EDGE, WITH_EDGE),
+        ("systems/core/offload/**/update_content.hpp", WITH_EDGE, WITH_EDGE),
         # A system: itself, and who builds on it.
         ("systems/orbslam2/orbslam2.cpp", {ORBSLAM2}, {ORBSLAM2}),
         ("systems/dynnetslam/strategy.cpp", {"dynnetslam"}, {"dynnetslam"}),
@@ -150,7 +150,7 @@ def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Pa
     try:
         for pattern, changes in (
             ("systems/edgeslam/edgeslam.cpp", True),
-            ("systems/core/offload/**/*mapper.cpp", True),
+            ("systems/core/offload/**/edge_mapper.cpp", True),
             ("systems/dynnetslam/strategy.cpp", False),
         ):
             file = min(sources.glob(pattern))
@@ -162,8 +162,8 @@ def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Pa
         shutil.rmtree(folder)
 
 
-def test_a_room_of_a_floor_counts_as_the_floor_does(sources: Path, keys: Keys) -> None:
-    room = sources / "systems" / "core" / "offload" / "a_room"
+def test_a_folder_inside_a_floor_counts_as_the_floor_does(sources: Path, keys: Keys) -> None:
+    room = sources / "systems" / "core" / "map" / "a_room"
     room.mkdir()
     try:
         (room / "new.hpp").write_text("#pragma once\n")
@@ -171,8 +171,31 @@ def test_a_room_of_a_floor_counts_as_the_floor_does(sources: Path, keys: Keys) -
     finally:
         shutil.rmtree(room)
     assert {name for name, virtual in keys if after[name, virtual] != keys[name, virtual]} == (
-        WITH_EDGE
+        ALL | {PLAYER}
     )
+
+
+def test_a_room_with_a_library_of_its_own_counts_where_that_is_linked(
+    sources: Path, keys: Keys
+) -> None:
+    room = sources / "systems" / "core" / "map" / "a_room"
+    room.mkdir()
+    user = sources / "systems" / "orbslam2" / "CMakeLists.txt"
+    before = user.read_text()
+    try:
+        (room / "CMakeLists.txt").write_text("slambed_floor(a_room SOURCES a.cpp)\n")
+        (room / "a.cpp").write_text("int a = 1;\n")
+        assert keys_of(sources) == keys
+        user.write_text(before.replace("DEPENDS ", "DEPENDS slambed_a_room "))
+        linking = keys_of(sources)
+        (room / "a.cpp").write_text("int a = 2;\n")
+        after = keys_of(sources)
+    finally:
+        user.write_text(before)
+        shutil.rmtree(room)
+    assert {name for name, virtual in keys if after[name, virtual] != linking[name, virtual]} == {
+        ORBSLAM2
+    }
 
 
 @pytest.mark.parametrize("comment", ["// why\n", "/* a\n b */\n", "\n\n", "  // it's \"so\n"])
