@@ -11,7 +11,7 @@ from setuptools.command.build_py import build_py
 ROOT = Path(__file__).resolve().parent
 KEPT = (
     "CMakeLists.txt", "LICENSE", "catalog", "cmake", "docker", "examples", "experiments",
-    "harness/pace", "harness/relay", "netem_profiles", "papers", "systems",
+    "netem_profiles", "papers", "systems",
     "tools/base_image.sh", "tools/build.sh", "tools/build_image.sh", "tools/environment.sh",
     "tools/programs.sh", "tools/retry.sh", "tools/setup.sh", "tools/space.sh",
 )  # fmt: skip

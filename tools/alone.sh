@@ -37,7 +37,7 @@ left_out() {
 status=0
 # What changed since the last commit that passed comes first.
 base=${SLAMBED_PASSED:-$(cat "$(git rev-parse --git-path ci-passed 2>/dev/null)" 2>/dev/null || true)}
-if [ -n "$base" ] && changed=$(git diff --name-only "$base" -- systems harness 2>/dev/null | grep -E '\.(cpp|hpp)$'); then
+if [ -n "$base" ] && changed=$(git diff --name-only "$base" -- systems 2>/dev/null | grep -E '\.(cpp|hpp)$'); then
   mapfile -t first < <(printf '%s\n' "${objects[@]}" | grep -F -f <(sed 's/.*/\/&/; s/.*\/\([^/]*\/[^/]*\)$/\1/' <<<"$changed") || true)
   if [ ${#first[@]} -gt 0 ]; then compile 0 "${first[@]}" || status=$?; fi
 fi

@@ -73,7 +73,7 @@ browser() {
 }
 
 cpp_format() {
-  find examples harness catalog/templates systems -name '*.[ch]pp' -o -name '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
+  find examples catalog/templates systems -name '*.[ch]pp' -o -name '*.h' | xargs .venv/bin/clang-format --dry-run -Werror
 }
 
 cpp_lint() {

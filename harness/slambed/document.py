@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what docs/ say that follows from the list of metrics, from records and from CMake, and
-what the C++ of each system takes from its system.yaml.
+"""Writes what docs/ say that follows from the list of metrics, from records, from CMake and from
+the imports, and what the C++ of each system takes from its system.yaml.
 
     python -m slambed.document
 
@@ -14,23 +14,33 @@ from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
 from slambed.schema.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
-from slambed.spec.linked import below, floors_of
+from slambed.spec.linked import floors_of, programs_of
 from slambed.spec.parameter_header import HEADER, parameter_header
 
 COMMAND = "python -m slambed.document"
 TABLES = {
-    "architecture.md": ("floors",),
+    "architecture.md": ("floors", "packages"),
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
 }
 """Page of docs/ and the tables in it."""
+UNNAMED = ("apps", "core")
+"""Folders of systems/ whose name is the room's, not that of what lies in it."""
+EVERY_SYSTEM = "registry"
+"""The floor whose dependencies CMake finds: it links all systems."""
 
 
 def table(name: str) -> str:
     """One table as Markdown."""
     if name == "lines" or name in RECORDS:
         return _lines(*record_table(name))
-    return {"summary": _summary, "own": _own, "gate": _gate, "floors": _floors}[name]()
+    return {
+        "summary": _summary,
+        "own": _own,
+        "gate": _gate,
+        "floors": _floors,
+        "packages": _packages,
+    }[name]()
 
 
 def _lines(headings: list[str], rows: list[list[str]]) -> str:
@@ -54,14 +64,70 @@ def _own() -> str:
 
 
 def _floors() -> str:
-    """Floors and systems, an arrow to each that is used and not reached over another one."""
-    floors = floors_of(repository_root())
+    """The folders of the C++ in their three rooms, an arrow to each that is used and not reached
+    over another one."""
+    root = repository_root() / "systems"
+    floors, programs = floors_of(repository_root()), programs_of(repository_root())
+    used: dict[Path, set[Path]] = {}
+    labels: dict[Path, str] = {}
+    for name, target in (*floors.items(), *programs.items()):
+        found = {floors[item].folder for item in target.depends}
+        used[target.folder] = used.get(target.folder, set()) | (found - {target.folder})
+        parts = target.folder.relative_to(root).parts
+        path = "/".join(parts[1:] if parts[0] in UNNAMED else parts)
+        labels[target.folder] = name if name in programs else path
+    rooms: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
+    for folder in used:
+        first = folder.relative_to(root).parts[0]
+        rooms[first if first in rooms else "systems"].append(folder)
+    ids = {
+        folder: "_".join(part for part in folder.relative_to(root).parts if part != "core")
+        for folder in used
+    }
     lines = ["```mermaid", "flowchart TD"]
-    for name in floors:
-        used = floors[name][1]
-        over = below([deeper for item in used for deeper in floors[item][1]], floors)
-        lines += [f"  {name} --> {item}" for item in used if item not in over]
-    return "\n".join([*lines, "```", ""])
+    for room, folders in rooms.items():
+        name = "*" if room == "systems" else room
+        nodes = [
+            f"    {ids[f]}" + (f"[{labels[f]}]" if labels[f] != ids[f] else "") for f in folders
+        ]
+        lines += [f"  subgraph {room}_room[systems/{name}]", *nodes, "  end"]
+    lines += _arrows({ids[a]: {ids[b] for b in found} for a, found in used.items()})
+    lines += [f"  {ids[floors[EVERY_SYSTEM].folder]} --> systems_room", "```", ""]
+    return "\n".join(lines)
+
+
+def _packages() -> str:
+    """The folders of harness/slambed, an arrow to each that is imported and not reached over
+    another one."""
+    from grimp import build_graph  # Comes with import-linter, so only where slambed is developed.
+
+    graph = build_graph("slambed", cache_dir=None)
+    names = {name for name in graph.find_children("slambed") if graph.find_children(name)}
+    used = {
+        a: {
+            b
+            for b in names - {a}
+            if graph.direct_import_exists(importer=a, imported=b, as_packages=True)
+        }
+        for a in names
+    }
+    short = {name: name.rpartition(".")[2] for name in names}
+    arrows = _arrows({short[a]: {short[b] for b in found} for a, found in used.items()})
+    return "\n".join(["```mermaid", "flowchart TD", *arrows, "```", ""])
+
+
+def _arrows(used: dict[str, set[str]]) -> list[str]:
+    """Lines of mermaid, without the arrows that say no more than a way over others."""
+
+    def reached(name: str) -> set[str]:
+        return {name}.union(*(reached(item) for item in used[name]))
+
+    return [
+        f"  {name} --> {item}"
+        for name in sorted(used)
+        for item in sorted(used[name])
+        if not any(item in reached(other) for other in used[name] - {item})
+    ]
 
 
 def _gate() -> str:

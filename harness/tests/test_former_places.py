@@ -9,8 +9,8 @@ import pytest
 
 from slambed.data.catalog import Catalog
 from slambed.errors import SlambedError
-from slambed.infer.plan import find_plan
-from slambed.report.papers import read_papers
+from slambed.infer.inference_plan import find_plan
+from slambed.papers.published import read_papers
 from slambed.segment.network import load_network
 from slambed.spec.library import Library
 
@@ -37,7 +37,7 @@ def test_who_asks_for_a_file_in_a_former_place_is_told_where_to_move_it(
     asks: Callable[[Path], Any],
     where: str,
 ) -> None:
-    for module in ("slambed.segment.network", "slambed.report.papers.reading"):
+    for module in ("slambed.segment.network", "slambed.papers.published.reading"):
         monkeypatch.setattr(f"{module}.repository_root", lambda: tmp_path)
     with pytest.raises(SlambedError) as unknown:
         asks(tmp_path)

@@ -20,7 +20,7 @@ ELF_INTERPRETER = 3
 
 def clients_folder() -> Path:
     """Where slambed_client.py and slambed_client.h lie."""
-    return repository_root() / "systems" / "play" / "client"
+    return repository_root() / "systems" / "apps" / "play" / "client"
 
 
 def player_arguments(plan: NodePlan, config: str, folder: str, frames: str = "") -> list[str]:

@@ -22,7 +22,7 @@ RECORD = np.dtype(
         ("padding", "V3"),
     ]
 )
-"""struct PacketRecord of harness/relay/packet_log.hpp: keep both in step."""
+"""struct PacketRecord of systems/apps/relay/packet_log.hpp: keep both in step."""
 
 PACKET_LOG = "packets.bin"
 """In the log folder of a link."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Backend relay: drives slambed-relay, the user-space link (harness/relay)."""
+"""Backend relay: drives slambed-relay, the user-space link (systems/apps/relay)."""
 
 import contextlib
 import json

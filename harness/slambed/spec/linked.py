@@ -3,20 +3,31 @@
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from slambed.native import repository_root
 
+
+class Target(NamedTuple):
+    """What CMake builds: the folder it stands in, and the floors that it names as dependencies."""
+
+    folder: Path
+    depends: list[str]
+
+
 FLOOR = re.compile(r"slambed_floor\(\s*(\w+)([^)]*)\)")
+PROGRAM = re.compile(r"slambed_(?:program|tool)\(\s*([\w-]+)([^)]*)\)")
 LIBRARY = re.compile(r"\bslambed_(\w+)")
-ALWAYS = (
-    "CMakeLists.txt", "cmake", "docker", "harness/pace", "harness/relay",
-    "systems/CMakeLists.txt", "systems/core/CMakeLists.txt", "systems/programs",
-)  # fmt: skip
-"""How everything is built, the programs around the system, and what every live run starts."""
-AROUND = "run"
-"""The floor that builds nodes out of a system; no system names it."""
+ALWAYS = ("CMakeLists.txt", "cmake", "systems/CMakeLists.txt", "systems/core/CMakeLists.txt")
+"""How everything is built."""
+ALWAYS_LIVE = (*ALWAYS, "docker")
+NODE = "slambed-node"
+LIVE_PROGRAMS = (NODE, "slambed-relay", "slambed-pace")
+"""What every live run starts. The node is another one where the system has a program of its own,
+as `play` has."""
+VIRTUAL_PROGRAMS = ("slambed-sim",)
 LEFT_OUT_FOLDERS = {"tests", "bench", "fuzz", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 CPP_SUFFIXES = {".cpp", ".hpp", ".inl", ".h"}
@@ -32,40 +43,61 @@ CPP_TOKEN = re.compile(
 CMAKE_COMMENT = re.compile(r"(?m)^\s*#[^\n]*$")
 
 
-def linked_hash(system: str, root: Path | None = None) -> str | None:
-    """SHA-256 (12 hex digits) over names and code of what a node of this system is built from,
-    comments and blank lines left out; None for a system without sources here."""
+def linked_hash(system: str, root: Path | None = None, *, virtual: bool = False) -> str | None:
+    """SHA-256 (12 hex digits) over names and code of what a live or a virtual run of this system is
+    built from, comments and blank lines left out; None for a system without sources here."""
     base = root or repository_root()
     floors = floors_of(base)
     if system not in floors:
         return None
-    relay = (base / "harness" / "relay" / "CMakeLists.txt").read_text(encoding="utf-8")
-    wanted = below([system, AROUND, *LIBRARY.findall(relay)], floors)
-    starts = [base / name for name in ALWAYS] + [floors[name][0] for name in wanted]
+    programs = _programs_of_runs(system, programs_of(base), virtual)
+    wanted = below([system, *(name for item in programs for name in item.depends)], floors)
+    folders = {floors[name].folder for name in wanted} | {item.folder for item in programs}
+    starts = [base / name for name in (ALWAYS if virtual else ALWAYS_LIVE)] + sorted(folders)
+    others = {item.folder for item in floors.values()} - folders
     digest = hashlib.sha256()
     for path in sorted({file for start in starts for file in _files(start, base)}):
-        digest.update(path.relative_to(base).as_posix().encode() + b"\0")
-        digest.update(hashlib.sha256(_code(path)).digest())
+        if not others.intersection(path.parents):
+            digest.update(path.relative_to(base).as_posix().encode() + b"\0")
+            digest.update(hashlib.sha256(_code(path)).digest())
     return digest.hexdigest()[:12]
 
 
-def floors_of(base: Path) -> dict[str, tuple[Path, list[str]]]:
-    """Name -> its folder and the floors that it names as dependencies."""
-    found: dict[str, tuple[Path, list[str]]] = {}
+def _programs_of_runs(system: str, programs: dict[str, Target], virtual: bool) -> list[Target]:
+    if virtual:
+        return [programs[name] for name in VIRTUAL_PROGRAMS]
+    own = f"slambed-{system}"
+    return [programs[own if name == NODE and own in programs else name] for name in LIVE_PROGRAMS]
+
+
+def floors_of(base: Path) -> dict[str, Target]:
+    """Name -> each library that CMake builds."""
+    return _targets(base, FLOOR)
+
+
+def programs_of(base: Path) -> dict[str, Target]:
+    """Name -> each program that CMake builds."""
+    return _targets(base, PROGRAM)
+
+
+def _targets(base: Path, call: re.Pattern[str]) -> dict[str, Target]:
+    found: dict[str, Target] = {}
     for path in sorted((base / "systems").rglob("CMakeLists.txt")):
-        for name, arguments in FLOOR.findall(path.read_text(encoding="utf-8")):
-            found[name] = (path.parent, LIBRARY.findall(arguments))
+        for name, arguments in call.findall(path.read_text(encoding="utf-8")):
+            named = arguments.partition("DEPENDS")[2]
+            found[name] = Target(path.parent, LIBRARY.findall(named))
     return found
 
 
-def below(names: list[str], floors: dict[str, tuple[Path, list[str]]]) -> set[str]:
+def below(names: Iterable[str], floors: dict[str, Target]) -> set[str]:
     """These floors and all that they stand on."""
     found: set[str] = set()
-    while names:
-        name = names.pop()
+    waiting = list(names)
+    while waiting:
+        name = waiting.pop()
         if name in floors and name not in found:
             found.add(name)
-            names += floors[name][1]
+            waiting += floors[name].depends
     return found
 
 

@@ -17,7 +17,7 @@ from slambed.errors import environment_error
 from slambed.native import SIMULATION, find_program, how_to_build, repository_root
 from slambed.spec.linked import linked_hash
 
-ROOTS = ("CMakeLists.txt", "cmake", "systems", "harness/pace", "harness/relay", "docker")
+ROOTS = ("CMakeLists.txt", "cmake", "systems", "docker")
 # None of these changes what a node does.
 LEFT_OUT_FOLDERS = {"tests", "bench", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
@@ -87,12 +87,13 @@ def _machine(simulation: Path, _mtime_ns: int) -> str:
 def software_of_systems(
     software: str, systems: Iterable[str], root: Path | None = None
 ) -> dict[str, str]:
-    """System -> tag of the sources that it links, where `software` is that of this checkout; for
-    programs of unknown sources nothing more is known than their own name."""
+    """System -> tag of the sources that its runs link, where `software` is that of this checkout,
+    live or virtual (a virtual one names its machine); for programs of unknown sources nothing more
+    is known than their own name."""
     sources, at, machine = software.partition(MACHINE)
     if sources != image_software(root):
         return {}
-    linked = {system: linked_hash(system, root) for system in systems}
+    linked = {system: linked_hash(system, root, virtual=bool(at)) for system in systems}
     return {
         name: f"{__version__}+{tag}{at}{machine}" for name, tag in linked.items() if tag is not None
     }

@@ -233,7 +233,7 @@ def test_a_skeleton_is_written_once(kind: str, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs a C compiler ('make build')")
 def test_the_header_is_c_and_below_200_lines(tmp_path: Path) -> None:
-    header = repository_root() / "systems" / "play" / "client" / "slambed_client.h"
+    header = repository_root() / "systems" / "apps" / "play" / "client" / "slambed_client.h"
     assert len(header.read_text().splitlines()) < 200
     program = tmp_path / "one.c"
     program.write_text(f'#include "{header}"\nint main(void) {{ slambed_client c; return '

@@ -1,61 +1,215 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system's software is what it links: a line elsewhere, or a comment, leaves its runs valid."""
+"""A system's runs are those of the code that they link: a line elsewhere, or a comment, leaves them
+valid."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from slambed.native import repository_root
+from slambed.spec import linked
 from slambed.spec.linked import linked_hash
 from slambed.spec.software import image_software, software_of_systems
 
-SYSTEMS = ("orbslam2", "edgeslam", "dynnetslam")
+ORBSLAM2 = "orbslam2"
+WITH_EDGE = {
+    "cloudslam", "dynnetslam", "edgeslam", "edgeslam_semantic", "example_backpressure",
+    "multithread_rl",
+}  # fmt: skip
+ALL = WITH_EDGE | {ORBSLAM2}
+EDGESLAM = {"edgeslam"} | {
+    name
+    for name in ALL
+    if "edgeslam" in linked.floors_of(repository_root())[name].depends and name != "edgeslam"
+}
+"""edgeslam and what CMake says to build on it."""
+PLAYER = "play"
+"""What plays frames to programs that are not ours: their runs have its key."""
+NONE: set[str] = set()
+ADDED = "int added = 1;\n"
+
+Keys = dict[tuple[str, bool], str | None]
 
 
-@pytest.fixture
-def checkout(tmp_path: Path) -> Path:
-    for name in ("CMakeLists.txt", "cmake", "docker", "systems", "harness/pace", "harness/relay"):
-        source, target = repository_root() / name, tmp_path / name
-        target.parent.mkdir(parents=True, exist_ok=True)
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """What programs are built from, copied; what has been read once is not parsed again."""
+    root = tmp_path_factory.mktemp("sources")
+    for name in ("CMakeLists.txt", "cmake", "docker", "systems"):
+        source, target = repository_root() / name, root / name
         if source.is_dir():
             shutil.copytree(source, target)
         else:
             shutil.copy(source, target)
-    return tmp_path
+    parsed: dict[tuple[Path, bytes], bytes] = {}
+    parse = linked._code
+
+    def code(path: Path) -> bytes:
+        key = (path, path.read_bytes())
+        if key not in parsed:
+            parsed[key] = parse(path)
+        return parsed[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(linked, "_code", code)
+        yield root
 
 
-def changed_by(checkout: Path, name: str, line: str) -> set[str]:
-    """Systems whose hash a line at the end of a file changes."""
-    before = {system: linked_hash(system, checkout) for system in SYSTEMS}
-    with (checkout / name).open("a") as out:
-        out.write(line)
-    return {system for system in SYSTEMS if linked_hash(system, checkout) != before[system]}
+@pytest.fixture(scope="module")
+def keys(sources: Path) -> Keys:
+    """The hash of each system, live and virtual."""
+    return keys_of(sources)
+
+
+def keys_of(sources: Path) -> Keys:
+    return {
+        (name, virtual): linked_hash(name, sources, virtual=virtual)
+        for name in {*ALL, PLAYER}
+        for virtual in (False, True)
+    }
+
+
+def changed_by(
+    sources: Path, keys: Keys, pattern: str, line: str = ADDED
+) -> tuple[set[str], set[str]]:
+    """Systems whose live runs, and those whose virtual runs, a line at the end of a file makes
+    others; of several files of that name the first."""
+    file = min(sources.glob(pattern))
+    before = file.read_bytes()
+    file.write_bytes(before + line.encode())
+    try:
+        after = keys_of(sources)
+    finally:
+        file.write_bytes(before)
+    live, virtual = (
+        {name for name, other in keys if other is kind and after[name, kind] != keys[name, kind]}
+        for kind in (False, True)
+    )
+    return live, virtual - {PLAYER}  # Its runs are live only.
 
 
 @pytest.mark.parametrize(
-    ("name", "systems"),
+    ("file", "live", "virtual"),
     [
-        ("systems/dynnetslam/strategy.cpp", {"dynnetslam"}),
-        ("systems/edgeslam/policies.hpp", {"edgeslam"}),
-        ("systems/core/offload/admission.cpp", {"edgeslam", "dynnetslam"}),
-        ("systems/core/slam/local_mapper.cpp", set(SYSTEMS)),
-        ("systems/core/link/rate.cpp", set(SYSTEMS)),
-        ("systems/core/slam/tests/new_test.cpp", set()),
-        ("systems/tools/retrieval.cpp", set()),
-        ("systems/dynnetslam/README.md", set()),
+        # The core: everybody who stands on that floor.
+        ("systems/core/map/map.cpp", ALL | {PLAYER}, ALL),
+        ("systems/core/slam/local_mapper.cpp", ALL | {PLAYER}, ALL),
+        ("systems/core/link/rate.cpp", ALL | {PLAYER}, ALL),
+        ("systems/core/run/run_config.cpp", ALL | {PLAYER}, ALL),
+        ("systems/core/features/data/orb_10k.slv", ALL | {PLAYER}, ALL),
+        ("systems/core/CMakeLists.txt", ALL | {PLAYER}, ALL),
+        ("systems/core/offload/**/message_codec.cpp", WITH_EDGE, WITH_EDGE),
+        ("systems/core/offload/**/update_content.hpp", WITH_EDGE, WITH_EDGE),
+        # A system: itself, and who builds on it.
+        ("systems/orbslam2/orbslam2.cpp", {ORBSLAM2}, {ORBSLAM2}),
+        ("systems/dynnetslam/strategy.cpp", {"dynnetslam"}, {"dynnetslam"}),
+        ("systems/cloudslam/strategy.cpp", {"cloudslam"}, {"cloudslam"}),
+        ("systems/multithread_rl/*.cpp", {"multithread_rl"}, {"multithread_rl"}),
+        ("systems/edgeslam_semantic/uploads.cpp", {"edgeslam_semantic"}, {"edgeslam_semantic"}),
+        ("systems/edgeslam/edgeslam.cpp", EDGESLAM, EDGESLAM),
+        ("systems/edgeslam/CMakeLists.txt", EDGESLAM, EDGESLAM),
+        # The programs: what a run of that kind starts.
+        ("systems/apps/node/slambed_node.cpp", ALL, NONE),
+        ("systems/apps/relay/pipe.cpp", ALL | {PLAYER}, NONE),
+        ("systems/apps/pace/metronome.cpp", ALL | {PLAYER}, NONE),
+        ("systems/apps/sim/slambed_sim.cpp", NONE, ALL),
+        ("systems/apps/registry/systems.cpp.in", ALL, ALL),
+        ("systems/apps/play/player.cpp", {PLAYER}, NONE),
+        ("systems/apps/play/client/slambed_client.h", {PLAYER}, NONE),
+        ("docker/Dockerfile", ALL | {PLAYER}, NONE),
+        ("cmake/SlambedTargets.cmake", ALL | {PLAYER}, ALL),
+        # What no run links.
+        ("systems/synth/renderer.cpp", NONE, NONE),
+        ("systems/synth/CMakeLists.txt", NONE, NONE),
+        ("systems/apps/CMakeLists.txt", NONE, NONE),
+        ("systems/apps/synth/slambed_synth.cpp", NONE, NONE),
+        ("systems/apps/vocabulary/retrieval.cpp", NONE, NONE),
+        ("systems/apps/vocabulary/slambed_vocab.cpp", NONE, NONE),
+        ("systems/apps/culling/slambed_culling.cpp", NONE, NONE),
+        ("systems/apps/maps/slambed_map.cpp", NONE, NONE),
+        ("systems/core/slam/tests/tracker_test.cpp", NONE, NONE),
+        ("systems/core/wire/fuzz/core_targets.cpp", NONE, NONE),
+        ("systems/dynnetslam/README.md", NONE, NONE),
     ],
 )
-def test_a_line_counts_where_it_is_linked(checkout: Path, name: str, systems: set[str]) -> None:
-    assert changed_by(checkout, name, "int added = 1;\n") == systems
+def test_a_line_counts_where_it_is_linked(
+    sources: Path, keys: Keys, file: str, live: set[str], virtual: set[str]
+) -> None:
+    assert changed_by(sources, keys, file) == (live, virtual)
+
+
+def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Path) -> None:
+    folder = sources / "systems" / "mine"
+    folder.mkdir()
+    (folder / "CMakeLists.txt").write_text(
+        "slambed_floor(mine SOURCES mine.cpp DEPENDS slambed_edgeslam)\n"
+    )
+    before = linked_hash("mine", sources)
+    try:
+        for pattern, changes in (
+            ("systems/edgeslam/edgeslam.cpp", True),
+            ("systems/core/offload/**/edge_mapper.cpp", True),
+            ("systems/dynnetslam/strategy.cpp", False),
+        ):
+            file = min(sources.glob(pattern))
+            text = file.read_bytes()
+            file.write_bytes(text + ADDED.encode())
+            assert (linked_hash("mine", sources) != before) is changes
+            file.write_bytes(text)
+    finally:
+        shutil.rmtree(folder)
+
+
+def test_a_folder_inside_a_floor_counts_as_the_floor_does(sources: Path, keys: Keys) -> None:
+    room = sources / "systems" / "core" / "map" / "a_room"
+    room.mkdir()
+    try:
+        (room / "new.hpp").write_text("#pragma once\n")
+        after = keys_of(sources)
+    finally:
+        shutil.rmtree(room)
+    assert {name for name, virtual in keys if after[name, virtual] != keys[name, virtual]} == (
+        ALL | {PLAYER}
+    )
+
+
+def test_a_room_with_a_library_of_its_own_counts_where_that_is_linked(
+    sources: Path, keys: Keys
+) -> None:
+    room = sources / "systems" / "core" / "map" / "a_room"
+    room.mkdir()
+    user = sources / "systems" / "orbslam2" / "CMakeLists.txt"
+    before = user.read_text()
+    try:
+        (room / "CMakeLists.txt").write_text("slambed_floor(a_room SOURCES a.cpp)\n")
+        (room / "a.cpp").write_text("int a = 1;\n")
+        assert keys_of(sources) == keys
+        user.write_text(before.replace("DEPENDS ", "DEPENDS slambed_a_room "))
+        linking = keys_of(sources)
+        (room / "a.cpp").write_text("int a = 2;\n")
+        after = keys_of(sources)
+    finally:
+        user.write_text(before)
+        shutil.rmtree(room)
+    assert {name for name, virtual in keys if after[name, virtual] != linking[name, virtual]} == {
+        ORBSLAM2
+    }
 
 
 @pytest.mark.parametrize("comment", ["// why\n", "/* a\n b */\n", "\n\n", "  // it's \"so\n"])
-def test_comments_do_not_count(checkout: Path, comment: str) -> None:
-    assert changed_by(checkout, "systems/core/slam/local_mapper.cpp", comment) == set()
+def test_comments_do_not_count(sources: Path, keys: Keys, comment: str) -> None:
+    for file in ("systems/core/slam/local_mapper.cpp", "systems/apps/relay/pipe.cpp"):
+        assert changed_by(sources, keys, file, comment) == (NONE, NONE)
 
 
-def test_what_looks_like_a_comment_in_a_string_counts(checkout: Path) -> None:
+def test_comments_of_cmake_do_not_count(sources: Path, keys: Keys) -> None:
+    for file in ("systems/CMakeLists.txt", "cmake/SlambedTargets.cmake"):
+        assert changed_by(sources, keys, file, "# why\n") == (NONE, NONE)
+
+
+def test_what_looks_like_a_comment_in_a_string_counts(sources: Path, keys: Keys) -> None:
     name = "systems/core/slam/local_mapper.cpp"
     for line in (
         'const char* a = "http://x";\n',
@@ -63,10 +217,15 @@ def test_what_looks_like_a_comment_in_a_string_counts(checkout: Path) -> None:
         'auto b = R"x( // y )x";\n',
         "const int n = 1'000; const char c = '\"'; // z\n",
     ):
-        assert changed_by(checkout, name, line) == set(SYSTEMS)
+        assert changed_by(sources, keys, name, line) == (ALL | {PLAYER}, ALL)
 
 
 def test_programs_of_unknown_sources_have_one_name() -> None:
-    tags = software_of_systems(image_software(), SYSTEMS)
-    assert set(tags) == set(SYSTEMS) and len(set(tags.values())) == 3
-    assert software_of_systems("0.1.0+bin.123", SYSTEMS) == {}
+    tags = software_of_systems(image_software(), ALL)
+    assert set(tags) == ALL and len(set(tags.values())) == len(ALL)
+    assert software_of_systems("0.1.0+bin.123", ALL) == {}
+
+
+def test_every_system_of_ours_is_in_the_table() -> None:
+    systems = {file.parent.name for file in (repository_root() / "systems").glob("*/system.yaml")}
+    assert systems & set(linked.floors_of(repository_root())) == ALL

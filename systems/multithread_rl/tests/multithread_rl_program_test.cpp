@@ -4,7 +4,7 @@
 #include <array>
 #include <string>
 
-#include "programs/tests/far_edge.hpp"
+#include "apps/node/tests/far_edge.hpp"
 #include "runtime/frame_header.hpp"
 #include "wire/hello.hpp"
 #include "wire/message_type.hpp"
