@@ -3,8 +3,7 @@
 
 #include "cloudslam/cloudslam.hpp"
 #include "node/messaging.hpp"
-#include "offload/rtt_monitor.hpp"
-#include "offload/settings.hpp"
+#include "offload/channels/rtt_monitor.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::cloudslam {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "cloudslam/pose_updates.hpp"
+#include "cloudslam/remote_mapping.hpp"
 #include "cloudslam/strategy.hpp"
+#include "cloudslam/trip_archive.hpp"
+#include "cloudslam/whole_keyframes.hpp"
 #include "node/mobile_node.hpp"
-#include "offload/farewell.hpp"
-#include "offload/pose_updates.hpp"
-#include "offload/remote_mapping.hpp"
-#include "offload/trip_archive.hpp"
-#include "offload/whole_keyframes.hpp"
+#include "offload/shutdown/shutdown.hpp"
 
 namespace slambed::cloudslam {
 

@@ -3,6 +3,7 @@
 
 #include "dynnetslam/parameters.hpp"
 #include "dynnetslam/policies.hpp"
+#include "offload/settings.hpp"
 
 namespace slambed {
 

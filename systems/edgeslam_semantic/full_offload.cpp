@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam_semantic/full_offload.hpp"
 
-#include "offload/rtt_monitor.hpp"
+#include "offload/channels/rtt_monitor.hpp"
 
 namespace slambed::edgeslam_semantic {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "offload/remote_tracking.hpp"
-#include "offload/tracking_service.hpp"
+#include "edgeslam_semantic/remote_tracking.hpp"
+#include "edgeslam_semantic/tracking_service.hpp"
 
 namespace slambed::edgeslam_semantic {
 

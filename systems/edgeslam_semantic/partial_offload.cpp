@@ -6,7 +6,7 @@
 #include <string>
 
 #include "node/messaging.hpp"
-#include "offload/rtt_monitor.hpp"
+#include "offload/channels/rtt_monitor.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::edgeslam_semantic {

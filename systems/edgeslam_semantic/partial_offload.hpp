@@ -8,7 +8,7 @@
 #include "edgeslam_semantic/mask_transfer.hpp"
 #include "edgeslam_semantic/mobile_map.hpp"
 #include "edgeslam_semantic/uploads.hpp"
-#include "offload/farewell.hpp"
+#include "offload/shutdown/shutdown.hpp"
 
 namespace slambed::edgeslam_semantic {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "node/messaging.hpp"
-#include "offload/admission.hpp"
+#include "offload/uplink/admission.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::edgeslam_semantic {

@@ -8,9 +8,9 @@
 #include "edgeslam_semantic/labels.hpp"
 #include "edgeslam_semantic/map_window.hpp"
 #include "edgeslam_semantic/messages.hpp"
-#include "offload/edge_mapper.hpp"
-#include "offload/farewell.hpp"
-#include "offload/segmentation_stage.hpp"
+#include "edgeslam_semantic/segmentation_stage.hpp"
+#include "offload/edge/edge_mapper.hpp"
+#include "offload/shutdown/shutdown.hpp"
 
 namespace slambed::edgeslam_semantic {
 

@@ -5,7 +5,9 @@
 
 #include "example_backpressure/backlog_message.hpp"
 #include "example_backpressure/parameters.hpp"
-#include "offload/sides.hpp"
+#include "offload/offload_edge.hpp"
+#include "offload/offload_mobile.hpp"
+#include "offload/settings.hpp"
 
 namespace slambed {
 namespace example_backpressure {

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "offload/settings.hpp"
 
-#include "base/error.hpp"
 #include "node/tracking_options.hpp"
-#include "offload/original_behaviour.hpp"
+#include "offload/original_behavior.hpp"
 
 namespace slambed {
 namespace {
 
-bool compatible(const Parameters& parameters) {
-  return parameters.text("codec") == "compatibility";
-}
-
-bool keeps_recovery(const Parameters& parameters) {
-  return relocalises_on_edge(parameters) && parameters.boolean("keep_recovery_keyframe");
+UpdatePathMaker update_path(const Parameters& parameters) {
+  const std::string mode = parameters.text("map_update");
+  return [mode](MobileNode& node, UpdateInbox& inbox,
+                UpdateExchange& exchange) -> std::unique_ptr<UpdatePath> {
+    if (mode == "serial") return std::make_unique<SerialUpdates>(node, inbox, exchange);
+    return std::make_unique<ParallelUpdates>(node, inbox, exchange, mode == "parallel_waiting");
+  };
 }
 
 }  // namespace
@@ -40,54 +40,13 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
   return system;
 }
 
-MessageCodec message_codec(const Parameters& parameters) {
-  return MessageCodec(compatible(parameters) ? MessageCodec::Form::kCompatibility
-                                             : MessageCodec::Form::kBinary);
-}
-
-OffloadChannels::OffloadChannels(Runtime& runtime, Network& network, Observer& observer,
-                                 const Parameters& parameters)
-    : control(network.open({.name = "control", .heartbeat = true})),
-      keyframe(open(runtime, network, observer, compatible(parameters),
-                    {.name = "keyframe",
-                     .send_queue = parameters.integer("keyframe_queue"),
-                     .receive_queue = parameters.integer("keyframe_queue")})),
-      map(open(runtime, network, observer, compatible(parameters),
-               {.name = "map", .receive_queue = 1})),
-      frame(open(runtime, network, observer, compatible(parameters),
-                 {.name = "frame", .send_queue = 1, .receive_queue = 1})) {}
-
-Channel& OffloadChannels::open(Runtime& runtime, Network& network, Observer& observer, bool waits,
-                               const ChannelOptions& options) {
-  if (!waits) return network.open(options);
-  Channel& below = network.open({.name = options.name, .max_payload = options.max_payload});
-  waiting_.push_back(std::make_unique<StopAndWaitChannel>(runtime, observer, below, options));
-  return *waiting_.back();
-}
-
-void OffloadChannels::start() {
-  for (const auto& channel : waiting_) channel->start();
-}
-
 DownlinkOptions downlink_options(const Parameters& parameters, const MessageCodec& codec) {
-  DownlinkOptions options{
-      .rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
-                .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
-                .local_map_size = original_behaviour(parameters).local_map_size,
-                .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
-      .codec = codec};
-  if (keeps_recovery(parameters)) options.recovery_keyframes = parameters.integer("n_kf");
-  const std::string mode = parameters.text("map_update");
-  if (mode == "parallel") options.mode = MapUpdateMode::kParallel;
-  if (mode == "parallel_waiting") options.mode = MapUpdateMode::kParallelWaiting;
-  if (mode == "staged") {
-    options.mode = MapUpdateMode::kStaged;
-    const std::string backup = parameters.text("keyframe_backup");
-    options.backup = backup == "none"     ? MapStaging::Backup::kNone
-                     : backup == "update" ? MapStaging::Backup::kUpdate
-                                          : MapStaging::Backup::kUncovered;
-  }
-  return options;
+  return {.rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
+                    .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
+                    .local_map_size = original_behaviour(parameters).local_map_size,
+                    .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
+          .codec = codec,
+          .path = update_path(parameters)};
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec) {
@@ -103,24 +62,14 @@ EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCo
                                    ? std::nullopt
                                    : std::optional(from_seconds(behaviour.first_update_s)),
                       .poses = parameters.boolean("update_poses"),
-                      .keep_recovery = keeps_recovery(parameters),
+                      .keep_recovery = false,
                       .codec = codec},
           .prior_map = edge_prior_map(parameters),
           .admission_when_idle = behaviour.admission_when_idle};
 }
 
 std::string edge_prior_map(const Parameters& parameters) {
-  if (!parameters.has("prior_map")) return {};
-  const std::string path = parameters.text("prior_map");
-  // RELOC_OK has one keyframe, from which the mobile could not tell which ids the map has taken.
-  if (!path.empty() && relocalises_on_edge(parameters))
-    throw bad_input(
-        "params: prior_map needs relocalisation: map, by which the mobile begins in it");
-  return path;
-}
-
-bool relocalises_on_edge(const Parameters& parameters) {
-  return parameters.has("relocalisation") && parameters.text("relocalisation") == "edge";
+  return parameters.has("prior_map") ? parameters.text("prior_map") : std::string();
 }
 
 }  // namespace slambed

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The global map of an edge: which keyframes it has taken in, which are mapped, when it begins
 // anew.
-#include "offload/edge_mapper.hpp"
+#include "offload/edge/edge_mapper.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/two_nodes.hpp"
-#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keyframes as they come to an edge: read, judged, given on or declined.
-#include "offload/keyframe_intake.hpp"
+#include "offload/uplink/keyframe_intake.hpp"
 
 #include <gtest/gtest.h>
 
-#include "offload/admission.hpp"
 #include "offload/tests/two_nodes.hpp"
+#include "offload/uplink/admission.hpp"
 
 namespace slambed::testing {
 namespace {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Map updates as they come to the mobile, and what is known of the last one.
-#include "offload/update_inbox.hpp"
+#include "offload/downlink/update_inbox.hpp"
 
 #include <gtest/gtest.h>
 
 #include "node/messaging.hpp"
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/two_nodes.hpp"
-#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // When a part of the global map leaves for the mobile, and which.
-#include "offload/update_sender.hpp"
+#include "offload/edge/update_sender.hpp"
 
 #include <gtest/gtest.h>
 
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/two_nodes.hpp"
-#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {
