@@ -44,7 +44,7 @@ class Vehicle final : public MobilePolicy {
   LocalMapping mapping_;
   PoseUpdates poses_;
   WholeKeyFrameSender sender_, uploader_;
-  MobileFarewell farewell_;
+  MobileShutdown shutdown_;
 
   State state_ = State::kAlign;
   bool align_failed_ = false;
@@ -68,7 +68,7 @@ class Edge final : public EdgePolicy {
   bool upload_;
   RemoteMapping mapping_;
   TripUpload trip_;
-  EdgeFarewell farewell_;
+  EdgeShutdown shutdown_;
 };
 
 }  // namespace slambed::cloudslam

@@ -20,7 +20,7 @@ RemoteMapping::RemoteMapping(EdgeNode& node, Channel& keyframes, RemoteMappingOp
       places_(std::make_shared<PlaceIndex>(default_vocabulary())),
       mapper_(options_.mapper, prior_.map, places_),
       queue_(node.runtime(), static_cast<std::size_t>(options_.queue)),
-      settled_(node.runtime().make_signal()) {
+      progressed_(node.runtime().make_signal()) {
   places_->follow(*prior_.map);  // and never again: it knows the earlier trips alone
   check_rig(prior_, node_.peer());
 }
@@ -38,7 +38,7 @@ void RemoteMapping::receive(Worker& worker) {
       on_keyframe(worker, *message);
     }
     received_sequence_ = message->sequence;
-    settled_->notify();
+    progressed_->notify();
   }
 }
 
@@ -72,7 +72,7 @@ void RemoteMapping::work(Worker& worker) {
   while (auto received = queue_.take(worker)) {
     answer(worker, std::move(*received));
     --open_;
-    settled_->notify();
+    progressed_->notify();
   }
 }
 
@@ -136,10 +136,10 @@ void RemoteMapping::drain(Worker& worker, std::uint64_t last_sequence, RunTime t
                           RunTime deadline) {
   const auto never = [] { return false; };
   Completion(
-      *settled_, [&] { return received_sequence_ >= last_sequence; }, never)
+      *progressed_, [&] { return received_sequence_ >= last_sequence; }, never)
       .wait(worker, transit);
   Completion(
-      *settled_, [&] { return open_ == 0; }, never)
+      *progressed_, [&] { return open_ == 0; }, never)
       .wait(worker, deadline);
 }
 

@@ -23,7 +23,7 @@ struct RemoteMappingOptions {
 
 /// CloudSLAM's edge during a trip: takes keyframes in, one after the other finds their place in the
 /// map of earlier trips, and answers each with a pose, also those that match nothing.
-class RemoteMapping final : public FarewellSource {
+class RemoteMapping final : public ShutdownSource {
  public:
   /// bad_input for a map that is missing, damaged, empty, or of another camera than the mobile's.
   RemoteMapping(EdgeNode& node, Channel& keyframes, RemoteMappingOptions options);
@@ -59,7 +59,7 @@ class RemoteMapping final : public FarewellSource {
   std::shared_ptr<PlaceIndex> places_;
   RemoteMapper mapper_;
   Mailbox<Received> queue_;
-  std::unique_ptr<Signal> settled_;
+  std::unique_ptr<Signal> progressed_;
   std::atomic<std::uint64_t> received_sequence_{0};
   std::atomic<int> open_{0};  ///< keyframes received and neither answered nor dropped
 };

@@ -36,7 +36,7 @@ void SwitchedMapping::start() {
 
 void SwitchedMapping::before_frame(Worker& worker) {
   offload_.before_frame(worker);
-  settle(worker);
+  finish_handover(worker);
   if (contact_.edge_is_empty() && place_ != MappingPlace::kMobile && !contact_.handing_over()) {
     node_.log().warning("the edge has no map; it gets the one there is here");
     begin_epoch();
@@ -79,7 +79,7 @@ std::uint64_t SwitchedMapping::move_to(MappingPlace place, std::optional<Duratio
   return epoch_;
 }
 
-void SwitchedMapping::settle(Worker& worker) {
+void SwitchedMapping::finish_handover(Worker& worker) {
   if (contact_.handing_over() || place_ == MappingPlace::kMobile) return;
   if (place_ == MappingPlace::kEdge) mapping_.park(true);
   send_deferred(worker);
@@ -131,18 +131,18 @@ void SwitchedMapping::finish(Worker& worker) {
     send_deferred(worker);
     worker.sleep_until(worker.now() + kLookEvery);
   }
-  offload_.say_goodbye(worker);
+  offload_.shut_down(worker);
 }
 
 void SwitchedMapping::place_keyframes(PoseBook& book) const {
-  offload_.farewell().place_keyframes(book);
-  if (edge_has_the_map_ && offload_.farewell().answered()) return;
+  offload_.shutdown().place_keyframes(book);
+  if (edge_has_the_map_ && offload_.shutdown().answered()) return;
   // The edge has not seen how the map went on here, or is not there to tell.
   book.placed_in(*node_.tracker().map());
 }
 
 MapCounts SwitchedMapping::counts() const {
-  return edge_has_the_map_ ? offload_.farewell().counts() : count(*node_.tracker().map());
+  return edge_has_the_map_ ? offload_.shutdown().counts() : count(*node_.tracker().map());
 }
 
 SwitchedMappingEdge::SwitchedMappingEdge(EdgeNode& node, const Parameters& parameters)

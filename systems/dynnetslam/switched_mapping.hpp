@@ -6,8 +6,8 @@
 #include "dynnetslam/edge_contact.hpp"
 #include "dynnetslam/handover_server.hpp"
 #include "node/local_mapping.hpp"
-#include "offload/offload_edge.hpp"
-#include "offload/offload_mobile.hpp"
+#include "offload/nodes/offload_edge.hpp"
+#include "offload/nodes/offload_mobile.hpp"
 
 namespace slambed {
 
@@ -31,7 +31,7 @@ class SwitchedMapping {
   std::uint64_t move_to(MappingPlace place, std::optional<Duration> rtt);
   /// What waited for the map to go over, once it has: the mapper here rests, deferred keyframes
   /// leave.
-  void settle(Worker& worker);
+  void finish_handover(Worker& worker);
   /// Whether one should be made of the frame that was tracked last.
   bool wants_keyframe();
   /// Makes it, and gives it to whoever maps.

@@ -5,7 +5,7 @@
 
 #include "node/messaging.hpp"
 #include "offload/maps/update_content.hpp"
-#include "offload/settings.hpp"
+#include "offload/nodes/settings.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed {
@@ -64,6 +64,6 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   keyframe_wanted_ = false;
 }
 
-void EdgeSlamMobile::place_keyframes(PoseBook& book) { offload_.farewell().place_keyframes(book); }
+void EdgeSlamMobile::place_keyframes(PoseBook& book) { offload_.shutdown().place_keyframes(book); }
 
 }  // namespace slambed

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "offload/offload_edge.hpp"
-#include "offload/offload_mobile.hpp"
+#include "offload/nodes/offload_edge.hpp"
+#include "offload/nodes/offload_mobile.hpp"
 
 namespace slambed {
 
@@ -10,7 +10,8 @@ namespace slambed {
 /// one is asked for that has no map.
 class EdgeSlamMobile final : public MobilePolicy {
  public:
-  EdgeSlamMobile(MobileNode& node, const Parameters& parameters, const OffloadMobileParts& parts = {});
+  EdgeSlamMobile(MobileNode& node, const Parameters& parameters,
+                 const OffloadMobileParts& parts = {});
 
   void start() override { offload_.start(); }
   void before_frame(Worker& worker, const OfferedFrame& frame) override;
@@ -24,9 +25,9 @@ class EdgeSlamMobile final : public MobilePolicy {
   std::string_view relocalised_by(const TrackedFrame& frame) override {
     return offload_.relocalised_by(frame);
   }
-  void finish(Worker& worker) override { offload_.say_goodbye(worker); }
+  void finish(Worker& worker) override { offload_.shut_down(worker); }
   void place_keyframes(PoseBook& book) override;
-  MapCounts counts() const override { return offload_.farewell().counts(); }
+  MapCounts counts() const override { return offload_.shutdown().counts(); }
 
  private:
   MobileNode& node_;

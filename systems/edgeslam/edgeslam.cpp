@@ -3,7 +3,7 @@
 
 #include "edgeslam/edge_slam.hpp"
 #include "edgeslam/parameters.hpp"
-#include "offload/settings.hpp"
+#include "offload/nodes/settings.hpp"
 
 namespace slambed {
 

@@ -30,7 +30,7 @@ TrackingService::TrackingService(EdgeNode& node, Channel& frames, TrackingServic
                {.mode = LocalMapping::Mode::kSequential,
                 .loop_closing = options_.loop_closing,
                 .ids = IdSpace::kEdgeMapper}),
-      settled_(node.runtime().make_signal()) {
+      progressed_(node.runtime().make_signal()) {
   if (options_.masks) masks_.emplace(node, *options_.masks);
 }
 
@@ -44,7 +44,7 @@ void TrackingService::receive(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (is(*message, wire::FrameImage::kType)) answer(worker, *message);
     answered_ = message->sequence;
-    settled_->notify();
+    progressed_->notify();
   }
 }
 
@@ -134,7 +134,7 @@ void TrackingService::after_frame(Worker& worker, const TrackedFrame& frame) {
 
 void TrackingService::drain(Worker& worker, std::uint64_t last_sequence, RunTime transit, RunTime) {
   Completion(
-      *settled_, [&] { return answered_ >= last_sequence; }, [] { return false; })
+      *progressed_, [&] { return answered_ >= last_sequence; }, [] { return false; })
       .wait(worker, transit);
 }
 

@@ -24,7 +24,7 @@ struct TrackingServiceOptions {
 /// and answers each with its pose. Mapping and loops are done before the answer, as the sum of the
 /// paper's equation 1 has them; a segmentation runs beside decoding and extraction, and tracking
 /// sees no feature that lies on what moves.
-class TrackingService final : public FarewellSource, private TrackingPolicy {
+class TrackingService final : public ShutdownSource, private TrackingPolicy {
  public:
   TrackingService(EdgeNode& node, Channel& frames, TrackingServiceOptions options);
 
@@ -58,7 +58,7 @@ class TrackingService final : public FarewellSource, private TrackingPolicy {
       tracking_;                         ///< from the first picture on: the camera is known then
   wire::FrameResult* result_ = nullptr;  ///< of the picture at hand
   RunTime tracking_began_{};
-  std::unique_ptr<Signal> settled_;
+  std::unique_ptr<Signal> progressed_;
   std::atomic<std::uint64_t> answered_{0};
 };
 

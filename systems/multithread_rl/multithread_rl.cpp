@@ -8,7 +8,7 @@
 #include "multithread_rl/recovering_updates.hpp"
 #include "multithread_rl/relocalization_by_pose.hpp"
 #include "multithread_rl/staged_updates.hpp"
-#include "offload/settings.hpp"
+#include "offload/nodes/settings.hpp"
 
 namespace slambed {
 namespace multithread_rl {
@@ -39,8 +39,8 @@ MapStaging::Backup backup(const Parameters& parameters) {
 UpdatePathMaker update_path(const Parameters& parameters) {
   const int recovery_keyframes = keeps_recovery(parameters) ? parameters.integer("n_kf") : 0;
   if (parameters.text("map_update") == "staged")
-    return [backup = backup(parameters), recovery_keyframes](
-               MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange) {
+    return [backup = backup(parameters), recovery_keyframes](MobileNode& node, UpdateInbox& inbox,
+                                                             UpdateExchange& exchange) {
       return std::make_unique<StagedUpdates>(node, inbox, exchange, backup, recovery_keyframes);
     };
   return [recovery_keyframes](MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange) {
@@ -64,14 +64,14 @@ OffloadEdgeParts edge_parts(const Parameters& parameters) {
   check_prior_map(parameters);
   OffloadEdgeParts parts{.keep_recovery = keeps_recovery(parameters)};
   if (relocalizes_on_edge(parameters))
-    parts.relocalisation =
-        [fail_bytes = static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))](
-            EdgeNode& node, OffloadChannels& channels, EdgeMapping& mapping,
-            const MessageCodec& codec) {
-          return std::make_unique<RelocalisationByPose>(
-              node, channels.frame, channels.map, mapping.mapper(), mapping.updates(),
-              PoseRelocalisationOptions{.codec = codec, .fail_bytes = fail_bytes});
-        };
+    parts.relocalisation = [fail_bytes =
+                                static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))](
+                               EdgeNode& node, OffloadChannels& channels, EdgeMapping& mapping,
+                               const MessageCodec& codec) {
+      return std::make_unique<RelocalisationByPose>(
+          node, channels.frame, channels.map, mapping.mapper(), mapping.updates(),
+          PoseRelocalisationOptions{.codec = codec, .fail_bytes = fail_bytes});
+    };
   return parts;
 }
 

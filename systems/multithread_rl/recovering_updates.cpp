@@ -42,8 +42,7 @@ SerialUpdates::Carried RecoveringUpdates::carry_over(Worker& worker, const Updat
     }
     units.n1 = static_cast<double>(carried.size());
   });
-  return {.keyframes = static_cast<int>(carried.size()),
-          .provisional = provisional_among(carried)};
+  return {.keyframes = static_cast<int>(carried.size()), .provisional = provisional_among(carried)};
 }
 
 void RecoveringUpdates::applied(const UpdateArrival& arrival) {

@@ -82,8 +82,8 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
   } else {
     Frame frame;
     frame.begin(request.frame.frame_index, request.frame.timestamp_s, request.frame.features);
-    const std::uint64_t jumps = mapper_.jumps();
-    if (locate(worker, frame)) found = answer_for(request, frame, jumps);
+    const std::uint64_t corrections = mapper_.loop_corrections();
+    if (locate(worker, frame)) found = answer_for(request, frame, corrections);
   }
   node_.log().write(JsonLine("reloc_attempt")
                         .add("number", failed.number)
@@ -110,15 +110,16 @@ bool RelocalisationByPose::locate(Worker& worker, Frame& frame) {
 /// In the map as it is now: some of the points may be others, or gone, since the frame was found.
 std::optional<wire::RelocOk> RelocalisationByPose::answer_for(const wire::RelocRequest& request,
                                                               const Frame& frame,
-                                                              std::uint64_t jumps_before) {
+                                                              std::uint64_t corrections_before) {
   wire::RelocOk answer;
   answer.number = request.number;
   answer.T_cw = frame.T_cw;
   const bool whole = mapper_.read_for_update(request.applied_update, [&](std::uint64_t number,
-                                                                         bool jumped) {
-    if (mapper_.jumps() != jumps_before) return false;  // the pose is of another world
+                                                                         bool corrected) {
+    // The pose is of another world.
+    if (mapper_.loop_corrections() != corrections_before) return false;
     answer.update = number;
-    answer.jumped = jumped;
+    answer.jumped = corrected;
     return mapper_.map()->read([&](const MapView& view) {
       std::vector<MapPointId> points = frame.points;
       for (MapPointId& id : points) {

@@ -34,7 +34,7 @@ class RelocalisationByPose final : public EdgeRelocalisation {
   void answer(Worker& worker, const Message& raw);
   bool locate(Worker& worker, Frame& frame);
   std::optional<wire::RelocOk> answer_for(const wire::RelocRequest& request, const Frame& frame,
-                                          std::uint64_t jumps_before);
+                                          std::uint64_t corrections_before);
 
   EdgeNode& node_;
   Channel& channel_;

@@ -158,7 +158,7 @@ class MovingEdge {
           continue;
         }
         NewPoint survivor = point;
-        survivor.id = StagingWorld::survivor_of(point.id);
+        survivor.id = StagedMaps::survivor_of(point.id);
         merged.points.push_back(survivor);
         merged.fusions.push_back({point.id, survivor.id});
       }

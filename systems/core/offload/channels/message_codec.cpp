@@ -98,7 +98,7 @@ bool writes_text(const Parameters& parameters) {
 
 MessageCodec message_codec(const Parameters& parameters) {
   return MessageCodec(writes_text(parameters) ? MessageCodec::Form::kCompatibility
-                                             : MessageCodec::Form::kBinary);
+                                              : MessageCodec::Form::kBinary);
 }
 
 }  // namespace slambed

@@ -43,7 +43,7 @@ class MapDownlink {
   /// Newest point of an edge mapper among all updates applied; none before the first.
   MapPointId newest_edge_point() const { return inbox_.newest_edge_point(); }
   /// What its last update said of points that need no more counting; none before the first.
-  KeyFrameId settled() const { return inbox_.settled(); }
+  KeyFrameId past_probation() const { return inbox_.past_probation(); }
   /// Updates of an older epoch are declined from now on; they are counted anew. On the tracking
   /// worker.
   void begin_epoch(std::uint64_t epoch) { inbox_.begin_epoch(epoch); }

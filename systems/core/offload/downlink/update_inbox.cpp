@@ -109,7 +109,7 @@ void UpdateInbox::keyframe_created(RunTime when) {
 void UpdateInbox::applied(const UpdateArrival& arrival, bool newer) {
   std::lock_guard lock(mutex_);
   applied_ = arrival.update.update;
-  settled_ = arrival.update.settled;
+  past_probation_ = arrival.update.settled;
   applied_incarnation_ = arrival.raw.incarnation;
   note_edge_points(arrival.update.map);
   new_keyframe_ = newer;
@@ -124,7 +124,7 @@ void UpdateInbox::note_edge_points(const MapDelta& map) {
 void UpdateInbox::joined(const MapDelta& keyframe, std::uint64_t update,
                          std::uint64_t incarnation) {
   std::lock_guard lock(mutex_);
-  if (applied_incarnation_ != incarnation) settled_ = {};  // the former edge's
+  if (applied_incarnation_ != incarnation) past_probation_ = {};  // the former edge's
   applied_ = update;
   applied_incarnation_ = incarnation;
   note_edge_points(keyframe);
@@ -157,10 +157,10 @@ MapPointId UpdateInbox::newest_edge_point() const {
   return newest_edge_point_;
 }
 
-KeyFrameId UpdateInbox::settled() const {
+KeyFrameId UpdateInbox::past_probation() const {
   const PeerState edge = node_.network().peer();
   std::lock_guard lock(mutex_);
-  return knows(edge) ? settled_ : KeyFrameId{};
+  return knows(edge) ? past_probation_ : KeyFrameId{};
 }
 
 int UpdateInbox::keyframes_since(RunTime begin) const {

@@ -64,7 +64,7 @@ class UpdateInbox {
   void recovered(RunTime when);
   std::uint64_t applied_update() const;
   MapPointId newest_edge_point() const;
-  KeyFrameId settled() const;
+  KeyFrameId past_probation() const;
 
  private:
   /// The last update came from this edge, not from one before it.
@@ -84,7 +84,7 @@ class UpdateInbox {
   std::uint64_t applied_ = 0;
   std::uint64_t applied_incarnation_ = 0;  ///< of the edge it came from: each counts its own
   MapPointId newest_edge_point_;
-  KeyFrameId settled_{};
+  KeyFrameId past_probation_{};
   KeyFrameId expected_{};  ///< older ones than this are behind
   RunTime recovered_ = RunTime::min();
   std::uint64_t epoch_ = 0;

@@ -37,7 +37,7 @@ EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHook
   if (!options_.loop_closing) return;
   loops_.emplace(node.runtime(), node.log(), LoopCloserOptions(), map_, places_, mapping_,
                  LocalMapping::Mode::kWorker,
-                 [this](const MapDelta& delta) { jumps_.commit(*map_, delta); });
+                 [this](const MapDelta& delta) { corrections_.commit(*map_, delta); });
 }
 
 MappingHooks EdgeMapper::mapping_hooks() {
@@ -98,7 +98,7 @@ void EdgeMapper::admit(Worker& worker, AdmittedKeyFrame keyframe) {
 void EdgeMapper::clear(Worker& worker) {
   mapping_.reset(map_).wait(worker);
   map_->clear();
-  jumps_.forget();
+  corrections_.forget();
   {
     std::lock_guard lock(mutex_);
     pending_.clear();
@@ -125,7 +125,7 @@ bool EdgeMapper::insert_pending(KeyFrameId keyframe) {
     return hooks_.rebase ? hooks_.rebase(view, std::move(delta))
                          : rebase_keyframe(view, std::move(delta));
   });
-  map_->commit(jumps_.follow(*map_, std::move(delta), applied));
+  map_->commit(corrections_.correct(*map_, std::move(delta), applied));
   hooks_.begun();
   return true;
 }
@@ -191,7 +191,7 @@ KeyFrameId EdgeMapper::newest() const {
   return mapped_keyframes_.empty() ? KeyFrameId{} : mapped_keyframes_.back();
 }
 
-KeyFrameId EdgeMapper::settled() const {
+KeyFrameId EdgeMapper::past_probation() const {
   std::lock_guard lock(mutex_);
   const auto mapped = std::ssize(mapped_keyframes_);
   const auto place = mapped - 1 - LocalMapper::kGraduation;
@@ -212,7 +212,7 @@ CommitReport EdgeMapper::merge(Worker& worker, MapDelta changes) {
   }
   changes = map_->read([&](const MapView& view) { return rebase_changes(view, changes); });
   const CommitReport report = map_->commit(changes);
-  jumps_.forget();
+  corrections_.forget();
   {
     std::lock_guard lock(mutex_);
     for (const NewKeyFrame& keyframe : changes.keyframes) {

@@ -54,19 +54,19 @@ class EdgeMapper {
   /// Takes a keyframe in; with the first of a new map the old one goes.
   void admit(Worker& worker, AdmittedKeyFrame keyframe);
 
-  /// Reads the map for an update: read(number). See MapJumps.
+  /// Reads the map for an update: read(number). See LoopCorrectionLog.
   template <typename Read>
   auto read_for_update(Read read) {
-    return jumps_.update(read);
+    return corrections_.update(read);
   }
-  /// read(number, jumped): also whether the map has jumped since the update with the number
-  /// applied.
+  /// read(number, corrected): also whether a loop correction has moved the map since the update
+  /// with the number applied.
   template <typename Read>
   auto read_for_update(std::uint64_t applied, Read read) {
-    return jumps_.update(applied, read);
+    return corrections_.update(applied, read);
   }
-  /// How often the map has jumped so far.
-  std::uint64_t jumps() const { return jumps_.count(); }
+  /// How many loop corrections have moved the map so far.
+  std::uint64_t loop_corrections() const { return corrections_.count(); }
   /// Where every keyframe that was ever admitted is now, culled ones through their parents.
   std::vector<KeyFramePose> all_poses() const;
   /// The latest mapped keyframes that still exist, newest first, at most count; those of the prior
@@ -74,8 +74,9 @@ class EdgeMapper {
   std::vector<KeyFrameId> latest(int count) const;
   /// The last keyframe that was mapped or merged; none before the first.
   KeyFrameId newest() const;
-  /// wire::MapUpdate::settled as of now.
-  KeyFrameId settled() const;
+  /// The newest keyframe whose new points are past their probation: no observation counts about
+  /// them are needed any more (wire::MapUpdate::settled).
+  KeyFrameId past_probation() const;
 
   /// Waits until all that was admitted is mapped; what closed loops leave to do is dropped at the
   /// deadline.
@@ -108,7 +109,7 @@ class EdgeMapper {
   std::shared_ptr<PlaceIndex> places_;
   LocalMapping mapping_;
   std::optional<LoopClosing> loops_;
-  MapJumps jumps_;
+  LoopCorrectionLog corrections_;
 
   mutable std::mutex mutex_;  ///< guards what follows
   double last_admitted_s_ = -1;

@@ -17,7 +17,7 @@ struct EdgeMappingOptions {
 };
 
 /// Edge-SLAM's edge: keyframe intake, mapper and update sender put together.
-class EdgeMapping final : public FarewellSource {
+class EdgeMapping final : public ShutdownSource {
  public:
   /// bad_input for a prior map that is missing, damaged, empty, or of another camera than the
   /// mobile's.

@@ -22,7 +22,7 @@ bool moved(const MapView& view, const Poses& before) {
 }
 
 /// The keyframe with a pose from before that shares most points with this one; none: nobody does.
-KeyFrameId guide_of(const MapView& view, const NewKeyFrame& keyframe, const Poses& before) {
+KeyFrameId closest_of(const MapView& view, const NewKeyFrame& keyframe, const Poses& before) {
   std::map<KeyFrameId, int> shared;
   for (const MapPointId id : keyframe.points) {
     const MapPoint* point = id ? view.point(view.resolve(id)) : nullptr;
@@ -39,31 +39,31 @@ KeyFrameId guide_of(const MapView& view, const NewKeyFrame& keyframe, const Pose
 
 }  // namespace
 
-void MapJumps::commit(Map& map, const MapDelta& delta) {
+void LoopCorrectionLog::commit(Map& map, const MapDelta& delta) {
   std::lock_guard lock(mutex_);
   Poses before = map.read(poses);
   map.commit(delta);
   if (map.read([&](const MapView& view) { return moved(view, before); })) {
-    jumps_.push_back({updates_, std::move(before)});
+    corrections_.push_back({updates_, std::move(before)});
     ++count_;
   }
 }
 
-void MapJumps::forget() {
+void LoopCorrectionLog::forget() {
   std::lock_guard lock(mutex_);
-  jumps_.clear();
+  corrections_.clear();
 }
 
-MapDelta MapJumps::follow(const Map& map, MapDelta made, std::uint64_t applied) {
+MapDelta LoopCorrectionLog::correct(const Map& map, MapDelta made, std::uint64_t applied) {
   std::lock_guard lock(mutex_);
-  while (!jumps_.empty() && jumps_.front().updates < applied) jumps_.pop_front();
-  if (jumps_.empty()) return made;
-  Poses& before = jumps_.front().before;
+  while (!corrections_.empty() && corrections_.front().updates < applied) corrections_.pop_front();
+  if (corrections_.empty()) return made;
+  Poses& before = corrections_.front().before;
   NewKeyFrame& keyframe = made.keyframes.front();
   return map.read([&](const MapView& view) {
-    const KeyFrameId guide = guide_of(view, keyframe, before);
-    if (!guide) return made;
-    const SE3 T_new_old = view.keyframe(guide)->T_cw.inverse() * before.at(guide);
+    const KeyFrameId closest = closest_of(view, keyframe, before);
+    if (!closest) return made;
+    const SE3 T_new_old = view.keyframe(closest)->T_cw.inverse() * before.at(closest);
     before[keyframe.id] = keyframe.T_cw;
     keyframe.T_cw = keyframe.T_cw * T_new_old.inverse();
     for (NewPoint& point : made.points) {

@@ -71,7 +71,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
                         const std::vector<KeyFrameId>& keyframes, bool relocalisation) {
   wire::MapUpdate update;
   update.newest = newest;
-  update.settled = mapper_.settled();
+  update.settled = mapper_.past_probation();
   update.times = times;
   update.times.due = worker.now();
   Bytes payload = worker.stage("prepare_update", [&](StageUnits& units) {

@@ -38,7 +38,7 @@ class EdgeRelocalisation {
  public:
   virtual ~EdgeRelocalisation() = default;
   virtual void start() = 0;
-  /// What comes on the control channel and is not the mobile's farewell. On any worker.
+  /// What comes on the control channel and is not the mobile's BYE. On any worker.
   virtual void listen(const Message&) {}
 };
 

@@ -15,7 +15,7 @@ constexpr Duration kLookEvery = std::chrono::milliseconds(200);
 
 }  // namespace
 
-MobileFarewell::MobileFarewell(MobileNode& node, Channel& control)
+MobileShutdown::MobileShutdown(MobileNode& node, Channel& control)
     : node_(node), control_(control), inbox_(node.log()) {
   inbox_.on(wire::kPoses, [this](const Message& message) {
     if (auto poses = read(node_.log(), message, wire::decode_poses)) poses_ = std::move(*poses);
@@ -27,7 +27,7 @@ MobileFarewell::MobileFarewell(MobileNode& node, Channel& control)
                               });
 }
 
-void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
+void MobileShutdown::shut_down(Worker& worker, std::uint64_t last_keyframe_sequence) {
   send(control_, wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence});
   if (worker.stopping()) return;  // stopped from outside: the edge hears it, nobody waits
   const RunTime begin = worker.now();
@@ -43,15 +43,15 @@ void MobileFarewell::say(Worker& worker, std::uint64_t last_keyframe_sequence) {
   node_.log().warning("the edge did not answer BYE; its last corrections are missing");
 }
 
-void MobileFarewell::place_keyframes(PoseBook& book) const {
+void MobileShutdown::place_keyframes(PoseBook& book) const {
   for (const KeyFramePose& pose : poses_) book.placed(pose.id, pose.T_cw);
 }
 
-void EdgeFarewell::start() {
+void EdgeShutdown::start() {
   node_.runtime().spawn("control", [this](Worker& worker) { listen(worker); });
 }
 
-void EdgeFarewell::listen(Worker& worker) {
+void EdgeShutdown::listen(Worker& worker) {
   RunTime seen = worker.now();
   while (!worker.stopping()) {
     if (const auto message = control_.receive(worker, worker.now() + kLookEvery)) {
@@ -62,7 +62,7 @@ void EdgeFarewell::listen(Worker& worker) {
   }
 }
 
-bool EdgeFarewell::answer(Worker& worker, const Message& message) {
+bool EdgeShutdown::answer(Worker& worker, const Message& message) {
   if (!is(message, wire::ByeMessage::kType)) {
     if (options_.other) options_.other(message);
     return false;

@@ -10,13 +10,13 @@
 
 namespace slambed {
 
-/// The mobile's last words: BYE, then the edge's final poses and counts, as far as they come in
-/// time.
-class MobileFarewell {
+/// The mobile's side of the shutdown: it sends BYE and waits for the edge's final poses and counts,
+/// as far as they come in time.
+class MobileShutdown {
  public:
-  MobileFarewell(MobileNode& node, Channel& control);
+  MobileShutdown(MobileNode& node, Channel& control);
 
-  void say(Worker& worker, std::uint64_t last_keyframe_sequence);
+  void shut_down(Worker& worker, std::uint64_t last_keyframe_sequence);
   const MapCounts& counts() const { return counts_; }  ///< of the global map; zero when unheard
   /// Enters the edge's final poses, as far as they came.
   void place_keyframes(PoseBook& book) const;
@@ -31,10 +31,10 @@ class MobileFarewell {
   std::vector<KeyFramePose> poses_;
 };
 
-/// What an edge has to say at the end.
-class FarewellSource {
+/// What an edge finishes and reports at the end of a run.
+class ShutdownSource {
  public:
-  virtual ~FarewellSource() = default;
+  virtual ~ShutdownSource() = default;
   /// Waits until the keyframe with this sequence has come, or until transit, and all are mapped;
   /// what then is left to do is dropped at the deadline.
   virtual void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
@@ -43,7 +43,7 @@ class FarewellSource {
   virtual MapCounts counts() const = 0;
 };
 
-struct EdgeFarewellOptions {
+struct EdgeShutdownOptions {
   bool final_poses = true;
   /// The mobile must be away for so long before the edge gives up.
   Duration patience = std::chrono::seconds(30);
@@ -52,10 +52,10 @@ struct EdgeFarewellOptions {
 };
 
 /// The edge's control worker: ends the node after BYE or when the mobile is gone for good.
-class EdgeFarewell {
+class EdgeShutdown {
  public:
-  EdgeFarewell(EdgeNode& node, Channel& control, FarewellSource& source,
-               EdgeFarewellOptions options)
+  EdgeShutdown(EdgeNode& node, Channel& control, ShutdownSource& source,
+               EdgeShutdownOptions options)
       : node_(node), control_(control), source_(source), options_(std::move(options)) {}
 
   void start();
@@ -66,8 +66,8 @@ class EdgeFarewell {
 
   EdgeNode& node_;
   Channel& control_;
-  FarewellSource& source_;
-  EdgeFarewellOptions options_;
+  ShutdownSource& source_;
+  EdgeShutdownOptions options_;
 };
 
 }  // namespace slambed

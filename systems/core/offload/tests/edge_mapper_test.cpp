@@ -50,7 +50,8 @@ TEST_F(Mapper, KeyframesAreMappedInTheOrderOfTheirAdmission) {
   EXPECT_EQ(mapper.newest(), turn.id(2));
   EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(2), turn.id(1)}));
   EXPECT_EQ(mapper.all_poses().size(), 3u);
-  EXPECT_EQ(mapper.settled(), KeyFrameId{}) << "points of the last keyframes are still counted";
+  EXPECT_EQ(mapper.past_probation(), KeyFrameId{})
+      << "points of the last keyframes are still counted";
 }
 
 TEST_F(Mapper, ASecondFirstKeyframeBeginsANewMap) {

@@ -11,9 +11,9 @@ namespace {
 
 using testing::kf;
 
-class MapJumpsTest : public ::testing::Test {
+class LoopCorrectionLogTest : public ::testing::Test {
  protected:
-  MapJumpsTest() {
+  LoopCorrectionLogTest() {
     MapDelta delta;
     for (std::uint64_t n = 1; n <= 60; ++n) delta.points.push_back(testing::new_point(n));
     delta.keyframes = {testing::new_keyframe(1, testing::points_from(1, 30)),
@@ -24,14 +24,14 @@ class MapJumpsTest : public ::testing::Test {
     shift.R = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   }
   /// The second keyframe is where shift would have brought it at first, the first one stays.
-  void jump() {
+  void close_loop() {
     MapDelta moved;
     moved.poses = {{kf(2), T_cw_before * shift.inverse(), ++version}};
-    jumps.commit(map, moved);
+    log.commit(map, moved);
   }
   /// So many updates are sent.
   void updates(int count) {
-    while (count-- > 0) jumps.update([](std::uint64_t) {});
+    while (count-- > 0) log.update([](std::uint64_t) {});
   }
   /// A keyframe at x that sees these points, and one of its own 4 m before it.
   MapDelta made(double x, std::uint64_t first_point) {
@@ -45,18 +45,18 @@ class MapJumpsTest : public ::testing::Test {
     delta.keyframes[0].T_cw.t = {-x, 0, 0};
     return delta;
   }
-  MapDelta follow(const MapDelta& delta, std::uint64_t applied) {
-    return jumps.follow(map, delta, applied);
+  MapDelta correct(const MapDelta& delta, std::uint64_t applied) {
+    return log.correct(map, delta, applied);
   }
   Map map;
-  MapJumps jumps;
+  LoopCorrectionLog log;
   SE3 shift, T_cw_before;
   std::uint32_t version = 0;
 };
 
-TEST_F(MapJumpsTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
+TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
   updates(5);
-  jump();
+  close_loop();
   const MapDelta moved = follow(made(0.5, 31), 5);
   const SE3 T_wc = moved.keyframes[0].T_cw.inverse();
   EXPECT_LT((T_wc.t - shift * Eigen::Vector3d(0.5, 0, 0)).norm(), 1e-12);
@@ -65,40 +65,40 @@ TEST_F(MapJumpsTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
   EXPECT_LT((moved.points[0].appearance.normal - shift.R.col(0).cast<float>()).norm(), 1e-6);
 }
 
-TEST_F(MapJumpsTest, ANeighbourThatStayedMovesNothing) {
+TEST_F(LoopCorrectionLogTest, ANeighbourThatStayedMovesNothing) {
   updates(5);
-  jump();
+  close_loop();
   const MapDelta delta = made(0.5, 1);
   EXPECT_LT((follow(delta, 5).keyframes[0].T_cw.t - delta.keyframes[0].T_cw.t).norm(), 1e-12);
 }
 
-TEST_F(MapJumpsTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
+TEST_F(LoopCorrectionLogTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
   updates(5);
-  jump();
+  close_loop();
   const MapDelta delta = made(0.5, 31);
   EXPECT_EQ(follow(delta, 6).points[0].p_w, delta.points[0].p_w);
   // And stays there: an older message does not come after a newer one.
   EXPECT_EQ(follow(delta, 6).keyframes[0].T_cw.t, delta.keyframes[0].T_cw.t);
 }
 
-TEST_F(MapJumpsTest, WithoutAJumpOrANeighbourNothingMoves) {
+TEST_F(LoopCorrectionLogTest, WithoutACorrectionOrANeighbourNothingMoves) {
   const MapDelta delta = made(0.5, 31);
-  jumps.commit(map, {});
+  log.commit(map, {});
   EXPECT_EQ(follow(delta, 0).points[0].p_w, delta.points[0].p_w);
   updates(5);
-  jump();
+  close_loop();
   const MapDelta alone = made(0.5, 200);  // points that nobody knows
   EXPECT_EQ(follow(alone, 0).points[0].p_w, alone.points[0].p_w);
-  jumps.forget();
+  log.forget();
   EXPECT_EQ(follow(delta, 0).points[0].p_w, delta.points[0].p_w);
 }
 
-TEST_F(MapJumpsTest, AnUpdateReadBetweenTheTwoHalvesOfAClosingKnowsOfTheFirstOnly) {
+TEST_F(LoopCorrectionLogTest, AnUpdateReadBetweenTheTwoHalvesOfAClosingKnowsOfTheFirstOnly) {
   const SE3 whole = shift * shift;
-  jump();
-  jumps.update([&](std::uint64_t number) { EXPECT_EQ(number, 1u); });
+  close_loop();
+  log.update([&](std::uint64_t number) { EXPECT_EQ(number, 1u); });
   shift = whole;
-  jump();
+  close_loop();
   const Eigen::Vector3d p(0.5, 0, 4);
   EXPECT_LT((follow(made(0.5, 31), 0).points[0].p_w - whole * p).norm(), 1e-9);
   SE3 half;
@@ -107,9 +107,9 @@ TEST_F(MapJumpsTest, AnUpdateReadBetweenTheTwoHalvesOfAClosingKnowsOfTheFirstOnl
   EXPECT_LT((follow(made(0.5, 31), 1).points[0].p_w - half * p).norm(), 1e-9);
 }
 
-TEST_F(MapJumpsTest, AKeyframeThatMovedAlongGuidesTheNext) {
+TEST_F(LoopCorrectionLogTest, AKeyframeThatMovedAlongMovesTheNext) {
   updates(5);
-  jump();
+  close_loop();
   const MapDelta first = follow(made(0.5, 31), 5);
   map.commit(first);
   MapDelta second = made(0.7, 200);
@@ -120,12 +120,12 @@ TEST_F(MapJumpsTest, AKeyframeThatMovedAlongGuidesTheNext) {
   EXPECT_LT((centre - shift * Eigen::Vector3d(0.7, 0, 0)).norm(), 1e-9);
 }
 
-TEST_F(MapJumpsTest, AfterTwoJumpsTheOldestMapCounts) {
+TEST_F(LoopCorrectionLogTest, AfterTwoCorrectionsTheOldestMapCounts) {
   updates(5);
-  jump();
+  close_loop();
   shift = shift * shift;
   updates(2);
-  jump();
+  close_loop();
   // Of before both: moved by all of it. Of between: by the second only, which doubled the first.
   const Eigen::Vector3d p(0.5, 0, 4);
   EXPECT_LT((follow(made(0.5, 31), 5).points[0].p_w - shift * p).norm(), 1e-9);

@@ -87,11 +87,11 @@ TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
     auto carrier = update(5, 3);
     carrier.settled = turn.id(1);
     inbox.applied(arrival(carrier, edge()), true);
-    EXPECT_EQ(inbox.settled(), turn.id(1));
+    EXPECT_EQ(inbox.past_probation(), turn.id(1));
     EXPECT_EQ(inbox.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
     inbox.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
     EXPECT_EQ(inbox.applied_update(), 0u);
-    EXPECT_EQ(inbox.settled(), KeyFrameId{});
+    EXPECT_EQ(inbox.past_probation(), KeyFrameId{});
     EXPECT_EQ(inbox.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
   });
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "offload/offload_mobile.hpp"
+#include "offload/nodes/offload_mobile.hpp"
 
 #include "offload/channels/rtt_monitor.hpp"
-#include "offload/original_behavior.hpp"
+#include "offload/nodes/original_behavior.hpp"
+#include "offload/nodes/settings.hpp"
 #include "offload/relocalization/relocalization_by_map.hpp"
-#include "offload/settings.hpp"
 
 namespace slambed {
 namespace {
@@ -28,7 +28,7 @@ OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters,
       codec_(message_codec(parameters)),
       channels_(node.runtime(), node.network(), node.log(), parameters),
       downlink_(node, channels_.map, with(downlink_options(parameters, codec_), parts)),
-      farewell_(node, channels_.control),
+      shutdown_(node, channels_.control),
       uplink_(node, channels_.keyframe, codec_),
       relocalisation_(parts.relocalisation
                           ? parts.relocalisation(node, channels_, downlink_, codec_)
@@ -60,9 +60,9 @@ void OffloadMobile::ask(Worker& worker, const TrackedFrame& frame) {
   relocalisation_->after_frame(worker, frame);
 }
 
-void OffloadMobile::say_goodbye(Worker& worker) {
+void OffloadMobile::shut_down(Worker& worker) {
   relocalisation_->finish();
-  farewell_.say(worker, uplink_.last_sequence());
+  shutdown_.shut_down(worker, uplink_.last_sequence());
 }
 
 std::string_view OffloadMobile::relocalised_by(const TrackedFrame& frame) {
@@ -82,20 +82,20 @@ MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& fram
 }
 
 /// Sightings decide about a point only while it is on probation at the edge.
-void OffloadMobile::leave_out_settled(MapDelta& made) const {
-  const KeyFrameId settled = downlink_.settled();
-  if (!settled) return;
+void OffloadMobile::leave_out_past_probation(MapDelta& made) const {
+  const KeyFrameId past_probation = downlink_.past_probation();
+  if (!past_probation) return;
   node_.tracker().map()->read([&](const MapView& view) {
     return std::erase_if(made.sightings, [&](const PointSightings& sightings) {
       const MapPoint* point = view.point(sightings.id);
-      return !point || point->first_keyframe <= settled;
+      return !point || point->first_keyframe <= past_probation;
     });
   });
 }
 
 void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
                          KeyFrameNeed need, bool first, bool whole) {
-  leave_out_settled(made);
+  leave_out_past_probation(made);
   const double since_s = frame.offered.played.seq_s() - relocalised_s_;
   uplink_.send(worker, frame, std::move(made),
                {.need = need,

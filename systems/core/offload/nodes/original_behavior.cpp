@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "offload/original_behavior.hpp"
+#include "offload/nodes/original_behavior.hpp"
 
 namespace slambed {
 

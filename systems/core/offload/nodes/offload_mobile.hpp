@@ -16,10 +16,11 @@ struct OffloadMobileParts {
 };
 
 /// Edge-SLAM's mobile node without its decisions: keyframes up, updates down, relocalisation and
-/// farewell on their channels.
+/// shutdown on their channels.
 class OffloadMobile {
  public:
-  OffloadMobile(MobileNode& node, const Parameters& parameters, const OffloadMobileParts& parts = {});
+  OffloadMobile(MobileNode& node, const Parameters& parameters,
+                const OffloadMobileParts& parts = {});
 
   void start();
   /// Between two frames: an update may replace the local map.
@@ -40,20 +41,20 @@ class OffloadMobile {
   /// points that the keyframe sees.
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need, bool first,
             bool whole);
-  void say_goodbye(Worker& worker);
+  void shut_down(Worker& worker);
 
   OffloadChannels& channels() { return channels_; }
   MapDownlink& downlink() { return downlink_; }
-  const MobileFarewell& farewell() const { return farewell_; }
+  const MobileShutdown& shutdown() const { return shutdown_; }
 
  private:
-  void leave_out_settled(MapDelta& made) const;
+  void leave_out_past_probation(MapDelta& made) const;
 
   MobileNode& node_;
   MessageCodec codec_;
   OffloadChannels channels_;
   MapDownlink downlink_;
-  MobileFarewell farewell_;
+  MobileShutdown shutdown_;
   KeyFrameUplink uplink_;
   std::unique_ptr<MobileRelocalisation> relocalisation_;
   double after_relocalisation_s_;  ///< so long keyframes say that a relocalisation was before them

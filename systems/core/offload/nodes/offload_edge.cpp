@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "offload/offload_edge.hpp"
+#include "offload/nodes/offload_edge.hpp"
 
+#include "offload/nodes/settings.hpp"
 #include "offload/relocalization/relocalization_by_map.hpp"
-#include "offload/settings.hpp"
 
 namespace slambed {
 namespace {
@@ -26,15 +26,15 @@ std::unique_ptr<EdgeRelocalisation> by_map(EdgeNode& node, const Parameters& par
 
 }  // namespace
 
-OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters, const OffloadEdgeParts& parts)
+OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters,
+                         const OffloadEdgeParts& parts)
     : codec_(message_codec(parameters)),
       channels_(node.runtime(), node.network(), node.log(), parameters),
       mapping_(node, with(mapping_options(parameters, codec_), parts), channels_.keyframe,
                channels_.map),
-      relocalisation_(parts.relocalisation
-                          ? parts.relocalisation(node, channels_, mapping_, codec_)
-                          : by_map(node, parameters, channels_, mapping_, codec_)),
-      farewell_(node, channels_.control, mapping_,
+      relocalisation_(parts.relocalisation ? parts.relocalisation(node, channels_, mapping_, codec_)
+                                           : by_map(node, parameters, channels_, mapping_, codec_)),
+      shutdown_(node, channels_.control, mapping_,
                 {.final_poses = parameters.boolean("final_poses"),
                  .other = [this](const Message& message) { relocalisation_->listen(message); }}) {}
 
@@ -42,7 +42,7 @@ void OffloadEdge::start() {
   channels_.start();
   mapping_.start();
   relocalisation_->start();
-  farewell_.start();
+  shutdown_.start();
 }
 
 }  // namespace slambed

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "offload/settings.hpp"
+#include "offload/nodes/settings.hpp"
 
 #include "node/tracking_options.hpp"
-#include "offload/original_behavior.hpp"
+#include "offload/nodes/original_behavior.hpp"
 
 namespace slambed {
 namespace {

@@ -28,7 +28,7 @@ class OffloadEdge {
   OffloadChannels channels_;
   EdgeMapping mapping_;
   std::unique_ptr<EdgeRelocalisation> relocalisation_;
-  EdgeFarewell farewell_;
+  EdgeShutdown shutdown_;
 };
 
 }  // namespace slambed
