@@ -22,7 +22,7 @@ void add_covisibles(const MapView& view, int count, std::vector<KeyFrameId>& fou
 
 }  // namespace
 
-EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHooks hooks)
+EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeHooks hooks)
     : node_(node),
       options_(std::move(options)),
       hooks_(std::move(hooks)),

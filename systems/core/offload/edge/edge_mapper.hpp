@@ -23,8 +23,11 @@ struct EdgeMapperOptions {
   std::shared_ptr<Map> prior{};  ///< what the global map begins with; null: nothing
 };
 
-/// What others do on the mapping worker of an edge.
-struct EdgeMapperHooks {
+/// What others do on an edge, from a keyframe's arrival until it is mapped. On the mapping worker,
+/// where nothing else is said.
+struct EdgeHooks {
+  /// A keyframe was received, wanted or not; on the receiving worker. May be left out.
+  std::function<void(const wire::KeyFrameMessage&)> received{};
   /// A keyframe is in the map, its stages begin.
   std::function<void()> begun;
   /// After a keyframe was worked in, before loops are looked for; times: until mapped.
@@ -39,9 +42,9 @@ struct EdgeMapperHooks {
 
 /// The global map of an edge and all that changes it: local mapping, loops, what the mobile changed
 /// itself. Knows which keyframes were admitted and mapped.
-class EdgeMapper {
+class EdgeMapper final : public KeyFrameRecipient {
  public:
-  EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeMapperHooks hooks);
+  EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeHooks hooks);
 
   void start();
   const std::shared_ptr<Map>& map() const { return map_; }
@@ -49,10 +52,14 @@ class EdgeMapper {
   const std::shared_ptr<PlaceIndex>& places() const { return places_; }
 
   MapperStatus status() const { return mapping_.status(); }
+  void received(const wire::KeyFrameMessage& message) override {
+    if (hooks_.received) hooks_.received(message);
+  }
   /// Edge-SLAM's admission; see admission.hpp.
-  std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& message) const;
+  std::optional<std::string_view> decline_reason(
+      const wire::KeyFrameMessage& message) const override;
   /// Takes a keyframe in; with the first of a new map the old one goes.
-  void admit(Worker& worker, AdmittedKeyFrame keyframe);
+  void admit(Worker& worker, AdmittedKeyFrame keyframe) override;
 
   /// Reads the map for an update: read(number). See LoopCorrectionLog.
   template <typename Read>
@@ -104,7 +111,7 @@ class EdgeMapper {
 
   EdgeNode& node_;
   EdgeMapperOptions options_;
-  EdgeMapperHooks hooks_;
+  EdgeHooks hooks_;
   std::shared_ptr<Map> map_;
   std::shared_ptr<PlaceIndex> places_;
   LocalMapping mapping_;

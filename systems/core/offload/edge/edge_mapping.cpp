@@ -22,7 +22,11 @@ EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Chan
     : node_(node),
       prior_(prior_of(options)),
       mapper_(node, with(options.mapper, prior_),
-              {.begun = [this] { intake_.look(); },
+              {.received =
+                   [this](const wire::KeyFrameMessage& message) {
+                     updates_.keyframe_received(message);
+                   },
+               .begun = [this] { intake_.look(); },
                .mapped = [this](Worker& worker,
                                 const wire::UpdateTimes& times) { updates_.mapped(worker, times); },
                .idle =
@@ -32,19 +36,7 @@ EdgeMapping::EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Chan
                    },
                .cleared = [this] { updates_.clear(); }}),
       updates_(node, mapper_, options.updates, map),
-      intake_(node, keyframes, options.updates.codec,
-              {.received =
-                   [this](const wire::KeyFrameMessage& message) {
-                     updates_.keyframe_received(message);
-                   },
-               .decline_reason =
-                   [this](const wire::KeyFrameMessage& message) {
-                     return mapper_.decline_reason(message);
-                   },
-               .admit =
-                   [this](Worker& worker, AdmittedKeyFrame keyframe) {
-                     mapper_.admit(worker, std::move(keyframe));
-                   }}) {
+      intake_(node, keyframes, options.updates.codec, mapper_) {
   if (options.admission_when_idle)
     intake_.wait_for_mapper([this] { return mapper_.status().idle; });
 }

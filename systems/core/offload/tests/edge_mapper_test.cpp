@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 
 class Mapper : public ::testing::Test {
  protected:
-  EdgeMapperHooks hooks() {
+  EdgeHooks hooks() {
     return {.begun = [this] { ++keyframes_begun; },
             .mapped = [this](Worker&, const wire::UpdateTimes& times) { mapped.push_back(times); },
             .idle = [](Worker&) { return kNever; },

@@ -57,7 +57,7 @@ class LoopCorrectionLogTest : public ::testing::Test {
 TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
   updates(5);
   close_loop();
-  const MapDelta moved = follow(made(0.5, 31), 5);
+  const MapDelta moved = correct(made(0.5, 31), 5);
   const SE3 T_wc = moved.keyframes[0].T_cw.inverse();
   EXPECT_LT((T_wc.t - shift * Eigen::Vector3d(0.5, 0, 0)).norm(), 1e-12);
   EXPECT_LT((T_wc.R - shift.R).norm(), 1e-12);
@@ -69,28 +69,28 @@ TEST_F(LoopCorrectionLogTest, ANeighbourThatStayedMovesNothing) {
   updates(5);
   close_loop();
   const MapDelta delta = made(0.5, 1);
-  EXPECT_LT((follow(delta, 5).keyframes[0].T_cw.t - delta.keyframes[0].T_cw.t).norm(), 1e-12);
+  EXPECT_LT((correct(delta, 5).keyframes[0].T_cw.t - delta.keyframes[0].T_cw.t).norm(), 1e-12);
 }
 
 TEST_F(LoopCorrectionLogTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
   updates(5);
   close_loop();
   const MapDelta delta = made(0.5, 31);
-  EXPECT_EQ(follow(delta, 6).points[0].p_w, delta.points[0].p_w);
+  EXPECT_EQ(correct(delta, 6).points[0].p_w, delta.points[0].p_w);
   // And stays there: an older message does not come after a newer one.
-  EXPECT_EQ(follow(delta, 6).keyframes[0].T_cw.t, delta.keyframes[0].T_cw.t);
+  EXPECT_EQ(correct(delta, 6).keyframes[0].T_cw.t, delta.keyframes[0].T_cw.t);
 }
 
 TEST_F(LoopCorrectionLogTest, WithoutACorrectionOrANeighbourNothingMoves) {
   const MapDelta delta = made(0.5, 31);
   log.commit(map, {});
-  EXPECT_EQ(follow(delta, 0).points[0].p_w, delta.points[0].p_w);
+  EXPECT_EQ(correct(delta, 0).points[0].p_w, delta.points[0].p_w);
   updates(5);
   close_loop();
   const MapDelta alone = made(0.5, 200);  // points that nobody knows
-  EXPECT_EQ(follow(alone, 0).points[0].p_w, alone.points[0].p_w);
+  EXPECT_EQ(correct(alone, 0).points[0].p_w, alone.points[0].p_w);
   log.forget();
-  EXPECT_EQ(follow(delta, 0).points[0].p_w, delta.points[0].p_w);
+  EXPECT_EQ(correct(delta, 0).points[0].p_w, delta.points[0].p_w);
 }
 
 TEST_F(LoopCorrectionLogTest, AnUpdateReadBetweenTheTwoHalvesOfAClosingKnowsOfTheFirstOnly) {
@@ -100,22 +100,22 @@ TEST_F(LoopCorrectionLogTest, AnUpdateReadBetweenTheTwoHalvesOfAClosingKnowsOfTh
   shift = whole;
   close_loop();
   const Eigen::Vector3d p(0.5, 0, 4);
-  EXPECT_LT((follow(made(0.5, 31), 0).points[0].p_w - whole * p).norm(), 1e-9);
+  EXPECT_LT((correct(made(0.5, 31), 0).points[0].p_w - whole * p).norm(), 1e-9);
   SE3 half;
   half.t = {1, 2, 0};
   half.R = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  EXPECT_LT((follow(made(0.5, 31), 1).points[0].p_w - half * p).norm(), 1e-9);
+  EXPECT_LT((correct(made(0.5, 31), 1).points[0].p_w - half * p).norm(), 1e-9);
 }
 
 TEST_F(LoopCorrectionLogTest, AKeyframeThatMovedAlongMovesTheNext) {
   updates(5);
   close_loop();
-  const MapDelta first = follow(made(0.5, 31), 5);
+  const MapDelta first = correct(made(0.5, 31), 5);
   map.commit(first);
   MapDelta second = made(0.7, 200);
   second.keyframes[0].id = kf(4);
   for (std::size_t i = 0; i < 5; ++i) second.keyframes[0].points[i] = testing::pt(100);
-  const MapDelta moved = follow(second, 5);
+  const MapDelta moved = correct(second, 5);
   const Eigen::Vector3d centre = moved.keyframes[0].T_cw.inverse().t;
   EXPECT_LT((centre - shift * Eigen::Vector3d(0.7, 0, 0)).norm(), 1e-9);
 }
@@ -128,11 +128,11 @@ TEST_F(LoopCorrectionLogTest, AfterTwoCorrectionsTheOldestMapCounts) {
   close_loop();
   // Of before both: moved by all of it. Of between: by the second only, which doubled the first.
   const Eigen::Vector3d p(0.5, 0, 4);
-  EXPECT_LT((follow(made(0.5, 31), 5).points[0].p_w - shift * p).norm(), 1e-9);
+  EXPECT_LT((correct(made(0.5, 31), 5).points[0].p_w - shift * p).norm(), 1e-9);
   SE3 half;
   half.t = {1, 2, 0};
   half.R = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  EXPECT_LT((follow(made(0.5, 31), 6).points[0].p_w - half * p).norm(), 1e-9);
+  EXPECT_LT((correct(made(0.5, 31), 6).points[0].p_w - half * p).norm(), 1e-9);
 }
 
 }  // namespace

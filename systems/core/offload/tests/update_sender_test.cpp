@@ -53,7 +53,7 @@ class Sender : public ::testing::Test {
   std::pair<Channel&, Channel&> ends = nodes.open({.name = "map"});
   SentTurn turn{8};
   EdgeMapper mapper{
-      nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = turn.map}, EdgeMapperHooks()};
+      nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = turn.map}, EdgeHooks()};
   std::optional<UpdateSender> sender;
   std::vector<std::uint8_t> types;
   std::vector<RunTime> queued;

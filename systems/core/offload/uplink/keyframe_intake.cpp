@@ -8,11 +8,11 @@
 namespace slambed {
 
 KeyFrameIntake::KeyFrameIntake(EdgeNode& node, Channel& channel, MessageCodec codec,
-                               IntakeHooks hooks)
+                               KeyFrameRecipient& recipient)
     : node_(node),
       channel_(channel),
       codec_(std::move(codec)),
-      hooks_(std::move(hooks)),
+      recipient_(recipient),
       received_(node.runtime().make_signal()) {}
 
 void KeyFrameIntake::start() {
@@ -55,8 +55,8 @@ void KeyFrameIntake::on_keyframe(Worker& worker, const Message& raw) {
     });
     if (!read_well) return false;
     keyframe.message = std::move(*read_well);
-    if (hooks_.received) hooks_.received(keyframe.message);
-    declined = hooks_.decline_reason(keyframe.message);
+    recipient_.received(keyframe.message);
+    declined = recipient_.decline_reason(keyframe.message);
     return true;
   });
   if (!parsed) return;
@@ -72,7 +72,7 @@ void KeyFrameIntake::on_keyframe(Worker& worker, const Message& raw) {
   keyframe.times.captured = keyframe.message.captured;
   keyframe.times.queued = raw.queued;
   keyframe.times.received = raw.received;
-  hooks_.admit(worker, std::move(keyframe));
+  recipient_.admit(worker, std::move(keyframe));
 }
 
 void KeyFrameIntake::wait_for(Worker& worker, std::uint64_t sequence, RunTime deadline) {

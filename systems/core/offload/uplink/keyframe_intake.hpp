@@ -17,19 +17,23 @@ struct AdmittedKeyFrame {
   wire::UpdateTimes times;
 };
 
-/// What becomes of keyframes that come to an edge. On the receiving worker.
-struct IntakeHooks {
-  /// Every one that could be read, wanted or not. May be left out.
-  std::function<void(const wire::KeyFrameMessage&)> received;
-  /// Why it is declined; nothing: it is welcome.
-  std::function<std::optional<std::string_view>(const wire::KeyFrameMessage&)> decline_reason;
-  std::function<void(Worker&, AdmittedKeyFrame)> admit;
+/// Who takes keyframes in at an edge. All on the receiving worker.
+class KeyFrameRecipient {
+ public:
+  virtual ~KeyFrameRecipient() = default;
+  /// Every keyframe that could be read, wanted or not.
+  virtual void received(const wire::KeyFrameMessage&) = 0;
+  /// The reason why it is declined, or nothing.
+  virtual std::optional<std::string_view> decline_reason(
+      const wire::KeyFrameMessage& message) const = 0;
+  virtual void admit(Worker& worker, AdmittedKeyFrame keyframe) = 0;
 };
 
 /// Receives and parses keyframes on a worker of its own, which waits for nobody.
 class KeyFrameIntake {
  public:
-  KeyFrameIntake(EdgeNode& node, Channel& channel, MessageCodec codec, IntakeHooks hooks);
+  KeyFrameIntake(EdgeNode& node, Channel& channel, MessageCodec codec,
+                 KeyFrameRecipient& recipient);
 
   /// Answers keyframes that no map can start with by KEYFRAME_WANTED. Before start().
   void ask_when_empty() { asks_ = true; }
@@ -50,7 +54,7 @@ class KeyFrameIntake {
   EdgeNode& node_;
   Channel& channel_;
   MessageCodec codec_;
-  IntakeHooks hooks_;
+  KeyFrameRecipient& recipient_;
   bool asks_ = false;
   std::function<bool()> idle_;  ///< not set: keyframes are read as they come
   std::atomic<bool> looks_{false};
