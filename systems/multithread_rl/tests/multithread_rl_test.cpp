@@ -9,6 +9,7 @@
 
 #include "edgeslam/edge_slam.hpp"
 #include "edgeslam/parameters.hpp"
+#include "offload/nodes/settings.hpp"
 #include "offload/tests/turning_pair.hpp"
 
 namespace slambed {
