@@ -7,7 +7,6 @@
 #include "cloudslam/parameters.hpp"
 #include "cloudslam/policies.hpp"
 #include "node/tracking_options.hpp"
-#include "offload/settings.hpp"
 
 namespace slambed {
 namespace cloudslam {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "cloudslam/remote_mapping.hpp"
 #include "cloudslam/strategy.hpp"
 #include "node/policy.hpp"
-#include "offload/remote_mapping.hpp"
 
 namespace slambed {
 

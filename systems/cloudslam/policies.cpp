@@ -3,8 +3,7 @@
 
 #include "cloudslam/cloudslam.hpp"
 #include "node/messaging.hpp"
-#include "offload/rtt_monitor.hpp"
-#include "offload/settings.hpp"
+#include "offload/channels/rtt_monitor.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::cloudslam {
@@ -34,7 +33,7 @@ Vehicle::Vehicle(MobileNode& node, const Parameters& parameters)
       sender_(node, keyframes_, message_codec(parameters),
               static_cast<std::size_t>(parameters.integer("keyframe_bytes"))),
       uploader_(node, uploads_, message_codec(parameters), 0),
-      farewell_(node, control_) {}
+      shutdown_(node, control_) {}
 
 void Vehicle::start() {
   mapping_.start();
@@ -70,7 +69,7 @@ void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
 }
 
 void Vehicle::corrected(const PoseCorrection& correction, bool aligned, double seq_s) {
-  if (at_w_) at_w_ = correction.T_new_old * *at_w_;  // a jump is no way travelled
+  if (at_w_) at_w_ = correction.T_new_old * *at_w_;  // a correction is no way travelled
   if (aligned) {
     node_.log().write(JsonLine("trip_aligned")
                           .add("keyframe", correction.keyframe.value)
@@ -149,7 +148,7 @@ void Vehicle::finish(Worker& worker) {
   sender_.written().wait(worker);
   mapping_.drained().wait(worker);
   if (upload_ && state_ == State::kTrip) upload(worker);
-  farewell_.say(worker, sender_.last_sequence());
+  shutdown_.shut_down(worker, sender_.last_sequence());
 }
 
 /// All keyframes of the trip as they are now; the edge keeps those that it was sent before.
@@ -177,12 +176,12 @@ Edge::Edge(EdgeNode& node, const Parameters& parameters)
       upload_(parameters.boolean("upload")),
       mapping_(node, keyframes_, remote_mapping_options(parameters)),
       trip_(node, uploads_, message_codec(parameters)),
-      farewell_(node, control_, mapping_, {.final_poses = false}) {}
+      shutdown_(node, control_, mapping_, {.final_poses = false}) {}
 
 void Edge::start() {
   mapping_.start();
   if (upload_) trip_.start();
-  farewell_.start();
+  shutdown_.start();
 }
 
 void Edge::leave(const std::filesystem::path& folder) {

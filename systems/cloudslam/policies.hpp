@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "cloudslam/pose_updates.hpp"
+#include "cloudslam/remote_mapping.hpp"
 #include "cloudslam/strategy.hpp"
+#include "cloudslam/trip_archive.hpp"
+#include "cloudslam/whole_keyframes.hpp"
 #include "node/mobile_node.hpp"
-#include "offload/farewell.hpp"
-#include "offload/pose_updates.hpp"
-#include "offload/remote_mapping.hpp"
-#include "offload/trip_archive.hpp"
-#include "offload/whole_keyframes.hpp"
+#include "offload/shutdown/shutdown.hpp"
 
 namespace slambed::cloudslam {
 
@@ -44,7 +44,7 @@ class Vehicle final : public MobilePolicy {
   LocalMapping mapping_;
   PoseUpdates poses_;
   WholeKeyFrameSender sender_, uploader_;
-  MobileFarewell farewell_;
+  MobileShutdown shutdown_;
 
   State state_ = State::kAlign;
   bool align_failed_ = false;
@@ -68,7 +68,7 @@ class Edge final : public EdgePolicy {
   bool upload_;
   RemoteMapping mapping_;
   TripUpload trip_;
-  EdgeFarewell farewell_;
+  EdgeShutdown shutdown_;
 };
 
 }  // namespace slambed::cloudslam

@@ -3,6 +3,7 @@
 
 #include "dynnetslam/parameters.hpp"
 #include "dynnetslam/policies.hpp"
+#include "offload/nodes/settings.hpp"
 
 namespace slambed {
 

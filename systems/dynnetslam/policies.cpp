@@ -61,7 +61,7 @@ void DynNetSlamMobile::enter(Worker& worker, State next, std::optional<Duration>
   node_.log().write(event.add("epoch", epoch));
   state_ = next;
   decided_ = true;
-  mapping_.settle(worker);
+  mapping_.finish_handover(worker);
 }
 
 }  // namespace slambed::dynnetslam

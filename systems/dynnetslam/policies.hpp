@@ -2,7 +2,7 @@
 #pragma once
 
 #include "dynnetslam/strategy.hpp"
-#include "offload/switched_mapping.hpp"
+#include "dynnetslam/switched_mapping.hpp"
 
 namespace slambed::dynnetslam {
 

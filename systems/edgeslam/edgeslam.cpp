@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam/edgeslam.hpp"
 
+#include "edgeslam/edge_slam.hpp"
 #include "edgeslam/parameters.hpp"
-#include "offload/edge_slam.hpp"
+#include "offload/nodes/settings.hpp"
 
 namespace slambed {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam_semantic/full_offload.hpp"
 
-#include "offload/rtt_monitor.hpp"
+#include "offload/channels/rtt_monitor.hpp"
 
 namespace slambed::edgeslam_semantic {
 namespace {
@@ -26,7 +26,7 @@ OffloadedMobile::OffloadedMobile(MobileNode& node, const Parameters& parameters)
       frames_(node.network().open(
           {.name = "frame", .send_queue = parameters.integer("picture_queue")})),
       tracking_(node, frames_, parameters.integer("offload_window")),
-      farewell_(node, control_) {}
+      shutdown_(node, control_) {}
 
 void OffloadedMobile::start() {
   tracking_.start();
@@ -40,21 +40,21 @@ bool OffloadedMobile::offload(Worker& worker, const OfferedFrame& frame) {
 
 void OffloadedMobile::finish(Worker& worker) {
   tracking_.drain(worker);
-  farewell_.say(worker, tracking_.last_sequence());
+  shutdown_.shut_down(worker, tracking_.last_sequence());
 }
 
-void OffloadedMobile::place_keyframes(PoseBook& book) { farewell_.place_keyframes(book); }
+void OffloadedMobile::place_keyframes(PoseBook& book) { shutdown_.place_keyframes(book); }
 
 OffloadedEdge::OffloadedEdge(EdgeNode& node, const Parameters& parameters,
                              const TrackerOptions& tracker)
     : control_(node.network().open({.name = "control", .heartbeat = true})),
       frames_(node.network().open({.name = "frame"})),
       service_(node, frames_, service_options(parameters, tracker)),
-      farewell_(node, control_, service_, {}) {}
+      shutdown_(node, control_, service_, {}) {}
 
 void OffloadedEdge::start() {
   service_.start();
-  farewell_.start();
+  shutdown_.start();
 }
 
 }  // namespace slambed::edgeslam_semantic

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "offload/remote_tracking.hpp"
-#include "offload/tracking_service.hpp"
+#include "edgeslam_semantic/remote_tracking.hpp"
+#include "edgeslam_semantic/tracking_service.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -16,13 +16,13 @@ class OffloadedMobile final : public MobilePolicy {
   void after_frame(Worker&, const TrackedFrame&) override {}
   void finish(Worker& worker) override;
   void place_keyframes(PoseBook& book) override;
-  MapCounts counts() const override { return farewell_.counts(); }
+  MapCounts counts() const override { return shutdown_.counts(); }
 
  private:
   MobileNode& node_;
   Channel &control_, &frames_;
   RemoteTracking tracking_;
-  MobileFarewell farewell_;
+  MobileShutdown shutdown_;
 };
 
 class OffloadedEdge final : public EdgePolicy {
@@ -35,7 +35,7 @@ class OffloadedEdge final : public EdgePolicy {
  private:
   Channel &control_, &frames_;
   TrackingService service_;
-  EdgeFarewell farewell_;
+  EdgeShutdown shutdown_;
 };
 
 }  // namespace slambed::edgeslam_semantic

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "offload/update_content.hpp"
+#include "offload/maps/update_content.hpp"
 
 namespace slambed::edgeslam_semantic {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "node/messaging.hpp"
-#include "offload/rtt_monitor.hpp"
+#include "offload/channels/rtt_monitor.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -42,7 +42,7 @@ SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
           node.network().open({.name = "frame", .send_queue = parameters.integer("upload_queue")})),
       masks_(node.network().open({.name = "mask"})),
       probes_(node.network().open({.name = "probe"})),
-      farewell_(node, control_),
+      shutdown_(node, control_),
       uploads_(node, frames_, probes_,
                {.pictures = nrcc_,
                 .one_way = parameters.boolean("delay_one_way"),
@@ -97,7 +97,7 @@ void SemanticMobile::before_frame(Worker& worker, const OfferedFrame&) {
   while (const auto mask = arrived_masks_.try_take()) on_mask(worker, *mask);
   while (const auto missing = missing_masks_.try_take()) on_no_mask(*missing);
   while (const auto sequence = refusals_.try_take()) refused(*sequence);
-  settled(worker.now());
+  forget_answered(worker.now());
   moments_.updated = worker.now();
 }
 
@@ -164,8 +164,8 @@ void SemanticMobile::on_mask(Worker& worker, const MaskMessage& mask) {
                         .add_ms("nrcc_ms", mask.took));
 }
 
-/// Answers that are all back, or that nobody waits for any longer.
-void SemanticMobile::settled(RunTime now) {
+/// Removes uploads whose answers are all back, or that nobody waits for any longer.
+void SemanticMobile::forget_answered(RunTime now) {
   std::erase_if(waiting_, [&](const auto& entry) {
     const Waiting& waiting = entry.second;
     const bool late = now - waiting.since > kPatience;
@@ -340,9 +340,9 @@ void SemanticMobile::reset() {
 
 void SemanticMobile::finish(Worker& worker) {
   uploads_.drain(worker);
-  farewell_.say(worker, uploads_.last_sequence());
+  shutdown_.shut_down(worker, uploads_.last_sequence());
 }
 
-void SemanticMobile::place_keyframes(PoseBook& book) { farewell_.place_keyframes(book); }
+void SemanticMobile::place_keyframes(PoseBook& book) { shutdown_.place_keyframes(book); }
 
 }  // namespace slambed::edgeslam_semantic

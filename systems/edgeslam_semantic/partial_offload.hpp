@@ -8,7 +8,7 @@
 #include "edgeslam_semantic/mask_transfer.hpp"
 #include "edgeslam_semantic/mobile_map.hpp"
 #include "edgeslam_semantic/uploads.hpp"
-#include "offload/farewell.hpp"
+#include "offload/shutdown/shutdown.hpp"
 
 namespace slambed::edgeslam_semantic {
 
@@ -26,7 +26,7 @@ class SemanticMobile final : public MobilePolicy {
   void after_frame(Worker& worker, const TrackedFrame& frame) override;
   void finish(Worker& worker) override;
   void place_keyframes(PoseBook& book) override;
-  MapCounts counts() const override { return farewell_.counts(); }
+  MapCounts counts() const override { return shutdown_.counts(); }
 
  private:
   /// What an upload still waits for.
@@ -46,7 +46,7 @@ class SemanticMobile final : public MobilePolicy {
   void on_no_mask(const NoMaskMessage& missing);
   void refused(std::uint64_t sequence);
   void no_longer_waits_for_mask(KeyFrameId keyframe);
-  void settled(RunTime now);
+  void forget_answered(RunTime now);
   void tell_features(const OfferedFrame& frame, const FeatureSet& features) const;
   void report(Worker& worker, const TrackedFrame& frame);
   std::optional<std::string_view> begin_anew() const;
@@ -61,7 +61,7 @@ class SemanticMobile final : public MobilePolicy {
   int fixed_row_, most_under_way_;
   double n_m_;
   Channel &control_, &frames_, &masks_, &probes_;
-  MobileFarewell farewell_;
+  MobileShutdown shutdown_;
   Uploads uploads_;
   MobileMap map_;
   MaskTransfer transfer_;

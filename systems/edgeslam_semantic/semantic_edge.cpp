@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "node/messaging.hpp"
-#include "offload/admission.hpp"
+#include "offload/uplink/admission.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -58,7 +58,7 @@ SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
                      begun_anew_ = true;
                    },
                .rebase = as_known_here}),
-      farewell_(node, control_, *this, {}),
+      shutdown_(node, control_, *this, {}),
       pictures_(node.runtime()),
       segmented_(node.runtime()),
       received_(node.runtime().make_signal()) {
@@ -71,7 +71,7 @@ void SemanticEdge::start() {
   node_.runtime().spawn("receiver", [this](Worker& worker) { receive(worker); });
   node_.runtime().spawn("probe", [this](Worker& worker) { answer_probes(worker); });
   if (segmentation_) node_.runtime().spawn("nrcc", [this](Worker& worker) { segment(worker); });
-  farewell_.start();
+  shutdown_.start();
 }
 
 void SemanticEdge::receive(Worker& worker) {
@@ -166,14 +166,14 @@ void SemanticEdge::forget_old_map() {
   labels_.clear();
   window_ = {};
   oldest_ = {};
-  number_ = sent_jumps_ = 0;
+  number_ = sent_corrections_ = 0;
 }
 
 RunTime SemanticEdge::idle(Worker& worker) {
   forget_old_map();
   cull_labelled(worker);
   // A closed loop or a global bundle moves what the mobile stands on.
-  if (number_ > 0 && mapper_.jumps() != sent_jumps_) send_slice(worker, times_);
+  if (number_ > 0 && mapper_.loop_corrections() != sent_corrections_) send_slice(worker, times_);
   return kNever;
 }
 
@@ -234,7 +234,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
   result.keyframe = mapper_.newest();
   result.times = times;
   result.times.due = worker.now();
-  sent_jumps_ = mapper_.jumps();
+  sent_corrections_ = mapper_.loop_corrections();
   const bool prepared = worker.stage("prepare_update", [&](StageUnits& units) {
     const auto keyframes = local_keyframes();
     return mapper_.read_for_update([&](std::uint64_t number) {

@@ -8,15 +8,15 @@
 #include "edgeslam_semantic/labels.hpp"
 #include "edgeslam_semantic/map_window.hpp"
 #include "edgeslam_semantic/messages.hpp"
-#include "offload/edge_mapper.hpp"
-#include "offload/farewell.hpp"
-#include "offload/segmentation_stage.hpp"
+#include "edgeslam_semantic/segmentation_stage.hpp"
+#include "offload/edge/edge_mapper.hpp"
+#include "offload/shutdown/shutdown.hpp"
 
 namespace slambed::edgeslam_semantic {
 
 /// edgeSLAM's edge: maps keyframes and closes loops at once, segments their pictures beside that,
 /// and answers with a slice of the map and, later, with a mask.
-class SemanticEdge final : public EdgePolicy, private FarewellSource {
+class SemanticEdge final : public EdgePolicy, private ShutdownSource {
  public:
   SemanticEdge(EdgeNode& node, const Parameters& parameters);
 
@@ -58,7 +58,7 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   int border_px_, window_keyframes_;
   Channel &control_, &frames_, &masks_, &probes_;
   EdgeMapper mapper_;
-  EdgeFarewell farewell_;
+  EdgeShutdown shutdown_;
   std::optional<SegmentationStage> segmentation_;  ///< with nrcc
   Mailbox<Picture> pictures_;
   Mailbox<Mask> segmented_;
@@ -74,7 +74,7 @@ class SemanticEdge final : public EdgePolicy, private FarewellSource {
   Labels labels_;
   MapWindow window_;   ///< as the last slice told it
   KeyFrameId oldest_;  ///< no keyframe comes back into the window
-  std::uint64_t number_ = 0, sent_jumps_ = 0;
+  std::uint64_t number_ = 0, sent_corrections_ = 0;
   wire::UpdateTimes times_;  ///< of the keyframe mapped last
 };
 

@@ -3,7 +3,7 @@
 
 #include "node/completion.hpp"
 #include "node/messaging.hpp"
-#include "offload/message_codec.hpp"
+#include "offload/channels/message_codec.hpp"
 #include "wire/message_type.hpp"
 
 namespace slambed::edgeslam_semantic {

@@ -5,7 +5,9 @@
 
 #include "example_backpressure/backlog_message.hpp"
 #include "example_backpressure/parameters.hpp"
-#include "offload/sides.hpp"
+#include "offload/nodes/offload_edge.hpp"
+#include "offload/nodes/offload_mobile.hpp"
+#include "offload/nodes/settings.hpp"
 
 namespace slambed {
 namespace example_backpressure {
@@ -52,9 +54,9 @@ class BackpressureMobile final : public MobilePolicy {
   std::string_view relocalised_by(const TrackedFrame& frame) override {
     return offload_.relocalised_by(frame);
   }
-  void finish(Worker& worker) override { offload_.say_goodbye(worker); }
-  void place_keyframes(PoseBook& book) override { offload_.farewell().place_keyframes(book); }
-  MapCounts counts() const override { return offload_.farewell().counts(); }
+  void finish(Worker& worker) override { offload_.shut_down(worker); }
+  void place_keyframes(PoseBook& book) override { offload_.shutdown().place_keyframes(book); }
+  MapCounts counts() const override { return offload_.shutdown().counts(); }
 
  private:
   bool withhold() {

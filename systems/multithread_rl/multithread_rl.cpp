@@ -1,24 +1,98 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "multithread_rl/multithread_rl.hpp"
 
+#include "base/error.hpp"
+#include "edgeslam/edge_slam.hpp"
 #include "multithread_rl/parameters.hpp"
-#include "offload/edge_slam.hpp"
+#include "multithread_rl/pose_requests.hpp"
+#include "multithread_rl/recovering_updates.hpp"
+#include "multithread_rl/relocalization_by_pose.hpp"
+#include "multithread_rl/staged_updates.hpp"
+#include "offload/nodes/settings.hpp"
 
 namespace slambed {
+namespace multithread_rl {
+namespace {
+
+bool relocalizes_on_edge(const Parameters& parameters) {
+  return parameters.text("relocalisation") == "edge";
+}
+
+bool keeps_recovery(const Parameters& parameters) {
+  return relocalizes_on_edge(parameters) && parameters.boolean("keep_recovery_keyframe");
+}
+
+void check_prior_map(const Parameters& parameters) {
+  // RELOC_OK has one keyframe, from which the mobile could not tell which ids the map has taken.
+  if (!parameters.text("prior_map").empty() && relocalizes_on_edge(parameters))
+    throw bad_input(
+        "params: prior_map needs relocalisation: map, by which the mobile begins in it");
+}
+
+MapStaging::Backup backup(const Parameters& parameters) {
+  const std::string backup = parameters.text("keyframe_backup");
+  return backup == "none"     ? MapStaging::Backup::kNone
+         : backup == "update" ? MapStaging::Backup::kUpdate
+                              : MapStaging::Backup::kUncovered;
+}
+
+UpdatePathMaker update_path(const Parameters& parameters) {
+  const int recovery_keyframes = keeps_recovery(parameters) ? parameters.integer("n_kf") : 0;
+  if (parameters.text("map_update") == "staged")
+    return [backup = backup(parameters), recovery_keyframes](MobileNode& node, UpdateInbox& inbox,
+                                                             UpdateExchange& exchange) {
+      return std::make_unique<StagedUpdates>(node, inbox, exchange, backup, recovery_keyframes);
+    };
+  return [recovery_keyframes](MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange) {
+    return std::make_unique<RecoveringUpdates>(node, inbox, exchange, recovery_keyframes);
+  };
+}
+
+OffloadMobileParts mobile_parts(const Parameters& parameters) {
+  check_prior_map(parameters);
+  OffloadMobileParts parts{.update_path = update_path(parameters)};
+  if (relocalizes_on_edge(parameters))
+    parts.relocalisation = [](MobileNode& node, OffloadChannels& channels, MapDownlink& downlink,
+                              const MessageCodec& codec) {
+      return std::make_unique<PoseRequests>(node, channels.frame, channels.control,
+                                            channels.keyframe, downlink, codec);
+    };
+  return parts;
+}
+
+OffloadEdgeParts edge_parts(const Parameters& parameters) {
+  check_prior_map(parameters);
+  OffloadEdgeParts parts{.keep_recovery = keeps_recovery(parameters)};
+  if (relocalizes_on_edge(parameters))
+    parts.relocalisation = [fail_bytes =
+                                static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))](
+                               EdgeNode& node, OffloadChannels& channels, EdgeMapping& mapping,
+                               const MessageCodec& codec) {
+      return std::make_unique<RelocalisationByPose>(
+          node, channels.frame, channels.map, mapping.mapper(), mapping.updates(),
+          PoseRelocalisationOptions{.codec = codec, .fail_bytes = fail_bytes});
+    };
+  return parts;
+}
+
+}  // namespace
+}  // namespace multithread_rl
+
 System multithread_rl_system() {
-  System system = offload_system("multithread_rl", multithread_rl::parameter_specs());
+  using namespace multithread_rl;
+  System system = offload_system("multithread_rl", parameter_specs());
   system.sensors = {SensorKind::kRgbd, SensorKind::kStereo};
   system.tracker = [usual = system.tracker](const Parameters& parameters) {
+    check_prior_map(parameters);
     TrackerOptions options = usual(parameters);
-    options.follow_recovery =
-        parameters.text("relocalisation") == "edge" && parameters.boolean("keep_recovery_keyframe");
+    options.follow_recovery = keeps_recovery(parameters);
     return options;
   };
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
-    return std::make_unique<EdgeSlamMobile>(node, parameters);
+    return std::make_unique<EdgeSlamMobile>(node, parameters, mobile_parts(parameters));
   };
   system.edge = [](EdgeNode& node, const Parameters& parameters) {
-    return std::make_unique<EdgeSlamEdge>(node, parameters);
+    return std::make_unique<EdgeSlamEdge>(node, parameters, edge_parts(parameters));
   };
   return system;
 }

@@ -9,10 +9,10 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "cloudslam/trip_archive.hpp"
 #include "features/default_vocabulary.hpp"
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/turning_pair.hpp"
-#include "offload/trip_archive.hpp"
-#include "offload/update_content.hpp"
 #include "slam/local_mapper.hpp"
 #include "store/archive.hpp"
 

@@ -42,7 +42,7 @@ TEST(EndOfRun, WithoutItsEdgeTheMobilesOwnMapCounts) {
   link.gaps = {{19'500'000'000, 90'000'000'000}};
   const PairResult result = run_to_the_end(link, 200);
   ASSERT_EQ(states(result), "OS") << "nobody noticed before the end";
-  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
+  ASSERT_EQ(result.of("warning").size(), 1u) << "the shutdown was answered";
   const auto [known, elsewhere] = placed_elsewhere(result, result.mobile_map);
   EXPECT_GT(known, 3);
   EXPECT_EQ(elsewhere, 0);

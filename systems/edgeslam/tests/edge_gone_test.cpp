@@ -63,7 +63,7 @@ int placed_by_the_edge(const PairResult& result, int first_frame, int last_frame
   return same;
 }
 
-/// The edge never hears the farewell in time.
+/// The edge never hears the BYE in time.
 PairLink that_breaks() {
   PairLink link;
   link.gaps = {{12'000'000'000, 45'000'000'000}};
@@ -75,7 +75,7 @@ TEST(EdgeSlam, PosesOfUpdatesThatWereDeclinedCountWhenTheEdgeIsGone) {
   params["sync_period_s"] = 1.0;
   params["min_local_keyframes"] = 100;
   const PairResult result = runs::run_over(that_breaks(), params);
-  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
+  ASSERT_EQ(result.of("warning").size(), 1u) << "the shutdown was answered";
   ASSERT_TRUE(result.of("update_applied").empty());
   ASSERT_GT(result.of("update_declined").size(), 5u);
   EXPECT_GT(placed_by_the_edge(result, 30, 90), 0);
@@ -88,7 +88,7 @@ TEST(EdgeSlam, PosesOfUpdatesThatNeverCameAreToldAgain) {
   PairLink link = that_breaks();
   link.lost_updates = 8;
   const PairResult result = runs::run_over(link, params);
-  ASSERT_EQ(result.of("warning").size(), 1u) << "the farewell was heard";
+  ASSERT_EQ(result.of("warning").size(), 1u) << "the shutdown was answered";
   ASSERT_GT(result.of("update_applied").size(), 0u);
   EXPECT_GT(placed_by_the_edge(result, 20, 60), 0);
 }

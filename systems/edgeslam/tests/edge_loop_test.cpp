@@ -6,7 +6,7 @@
 #include <map>
 
 #include "edgeslam/edgeslam.hpp"
-#include "offload/sides.hpp"
+#include "offload/nodes/offload_edge.hpp"
 #include "offload/tests/turning_pair.hpp"
 
 namespace slambed {

@@ -138,13 +138,13 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   ASSERT_GE(applied.size(), 2u);
   const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
   // Sightings of every point in view grow with the local map until an update says which are
-  // settled.
+  // past their probation.
   double before = 0, after = 0;
   for (const auto& message : result.of("message")) {
     if (message["message"] != "KEYFRAME") continue;
     const double sent = message["queued_ns"], bytes = message["bytes"];
     if (sent < first) before = std::max(before, bytes);
-    // Right behind an update the local map has few points that are not settled.
+    // Right behind an update the local map has few points that are on probation.
     if (sent > second && sent < second + 5e8) after = std::max(after, bytes);
   }
   EXPECT_GT(after, 0);

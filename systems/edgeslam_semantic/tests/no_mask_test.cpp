@@ -28,7 +28,7 @@ TEST_F(NoMask, TheNextKeyFrameGoesUpAsIfItHadCome) {
   EXPECT_GE(run.of("keyframe_sent").size(), sent - 1);
   EXPECT_TRUE(run.of("mask_applied").empty());
   const auto missing = run.of("mask_missing"), failed = run.of("segment_failed");
-  EXPECT_LE(failed.size(), missing.size() + 1) << "the last one may come behind the goodbye";
+  EXPECT_LE(failed.size(), missing.size() + 1) << "the last one may come behind the BYE";
   for (const auto& one : missing) {
     EXPECT_EQ(one["reason"], "not segmented");
     EXPECT_GE(one["nrcc_ms"], kSegment_ms);

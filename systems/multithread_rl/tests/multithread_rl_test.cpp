@@ -7,8 +7,9 @@
 
 #include <set>
 
+#include "edgeslam/edge_slam.hpp"
 #include "edgeslam/parameters.hpp"
-#include "offload/edge_slam.hpp"
+#include "offload/nodes/settings.hpp"
 #include "offload/tests/turning_pair.hpp"
 
 namespace slambed {

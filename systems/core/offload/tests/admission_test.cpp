@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "offload/admission.hpp"
+#include "offload/uplink/admission.hpp"
 
 #include <gtest/gtest.h>
 

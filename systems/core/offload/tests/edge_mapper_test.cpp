@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The global map of an edge: which keyframes it has taken in, which are mapped, when it begins
 // anew.
-#include "offload/edge_mapper.hpp"
+#include "offload/edge/edge_mapper.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/two_nodes.hpp"
-#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 
 class Mapper : public ::testing::Test {
  protected:
-  EdgeMapperHooks hooks() {
+  EdgeHooks hooks() {
     return {.begun = [this] { ++keyframes_begun; },
             .mapped = [this](Worker&, const wire::UpdateTimes& times) { mapped.push_back(times); },
             .idle = [](Worker&) { return kNever; },
@@ -50,7 +50,8 @@ TEST_F(Mapper, KeyframesAreMappedInTheOrderOfTheirAdmission) {
   EXPECT_EQ(mapper.newest(), turn.id(2));
   EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(2), turn.id(1)}));
   EXPECT_EQ(mapper.all_poses().size(), 3u);
-  EXPECT_EQ(mapper.settled(), KeyFrameId{}) << "points of the last keyframes are still counted";
+  EXPECT_EQ(mapper.past_probation(), KeyFrameId{})
+      << "points of the last keyframes are still counted";
 }
 
 TEST_F(Mapper, ASecondFirstKeyframeBeginsANewMap) {

@@ -1,32 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keyframes as they come to an edge: read, judged, given on or declined.
-#include "offload/keyframe_intake.hpp"
+#include "offload/uplink/keyframe_intake.hpp"
 
 #include <gtest/gtest.h>
 
-#include "offload/admission.hpp"
 #include "offload/tests/two_nodes.hpp"
+#include "offload/uplink/admission.hpp"
 
 namespace slambed::testing {
 namespace {
 
 using namespace std::chrono_literals;
 
-class Intake : public ::testing::Test {
+class Intake : public ::testing::Test, protected KeyFrameRecipient {
  protected:
   Intake() : Intake(ChannelOptions{.name = "keyframe"}) {}
   explicit Intake(const ChannelOptions& options) : ends(nodes.open(options)) {}
 
-  IntakeHooks hooks() {
-    return {
-        .received = [this](const wire::KeyFrameMessage&) { ++received; },
-        .decline_reason =
-            [this](const wire::KeyFrameMessage& message) -> std::optional<std::string_view> {
-          if (message.keyframe == unwelcome) return reason;
-          return std::nullopt;
-        },
-        .admit = [this](Worker&,
-                        AdmittedKeyFrame keyframe) { admitted.push_back(std::move(keyframe)); }};
+  void received(const wire::KeyFrameMessage&) override { ++keyframes_received; }
+  std::optional<std::string_view> decline_reason(
+      const wire::KeyFrameMessage& message) const override {
+    if (message.keyframe == unwelcome) return reason;
+    return std::nullopt;
+  }
+  void admit(Worker&, AdmittedKeyFrame keyframe) override {
+    admitted.push_back(std::move(keyframe));
   }
   void send_all_at(RunTime when) {
     nodes.on_mobile([this, when](Worker& worker) {
@@ -40,18 +38,18 @@ class Intake : public ::testing::Test {
   SentTurn turn{3};
   KeyFrameId unwelcome;
   std::string_view reason = "mapper busy";
-  int received = 0;
+  int keyframes_received = 0;
   std::vector<AdmittedKeyFrame> admitted;
 };
 
 TEST_F(Intake, EachIsReadAndGivenOnWithTheTimesOfItsWay) {
   turn.messages[1].captured = 700ms;
-  KeyFrameIntake intake(nodes.edge, ends.second, {}, hooks());
+  KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
   intake.start();
   send_all_at(1s);
   nodes.run_until(3s);
   ASSERT_EQ(admitted.size(), 3u);
-  EXPECT_EQ(received, 3);
+  EXPECT_EQ(keyframes_received, 3);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(admitted[i].message.keyframe, turn.id(i));
   EXPECT_EQ(admitted[1].times.captured, 700ms);
   EXPECT_EQ(admitted[1].times.queued, 1s);
@@ -60,12 +58,12 @@ TEST_F(Intake, EachIsReadAndGivenOnWithTheTimesOfItsWay) {
 
 TEST_F(Intake, ADeclinedOneIsRecordedAndGoesNoFurther) {
   unwelcome = turn.id(1);
-  KeyFrameIntake intake(nodes.edge, ends.second, {}, hooks());
+  KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
   intake.ask_when_empty();  // which is for another reason
   intake.start();
   send_all_at(1s);
   nodes.run_until(3s);
-  EXPECT_EQ(received, 3);
+  EXPECT_EQ(keyframes_received, 3);
   ASSERT_EQ(admitted.size(), 2u);
   const auto declined = nodes.events("keyframe_declined");
   ASSERT_EQ(declined.size(), 1u);
@@ -77,7 +75,7 @@ TEST_F(Intake, ADeclinedOneIsRecordedAndGoesNoFurther) {
 TEST_F(Intake, AnEdgeWithoutAMapAsksForAKeyframeWhereItShould) {
   unwelcome = turn.id(0);
   reason = kNoMap;
-  KeyFrameIntake intake(nodes.edge, ends.second, {}, hooks());
+  KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
   intake.ask_when_empty();
   intake.start();
   send_all_at(1s);
@@ -88,7 +86,7 @@ TEST_F(Intake, AnEdgeWithoutAMapAsksForAKeyframeWhereItShould) {
 }
 
 TEST_F(Intake, WhatCannotBeReadIsRefusedAndTheNextOneTaken) {
-  KeyFrameIntake intake(nodes.edge, ends.second, {}, hooks());
+  KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
   intake.start();
   nodes.on_mobile([this](Worker&) {
     send(ends.first, wire::kKeyFrame, Bytes(40, 7));
@@ -101,14 +99,14 @@ TEST_F(Intake, WhatCannotBeReadIsRefusedAndTheNextOneTaken) {
     in_time = worker.now() < 2s;
   });
   nodes.run_until(3s);
-  EXPECT_EQ(received, 1);
+  EXPECT_EQ(keyframes_received, 1);
   EXPECT_EQ(admitted.size(), 1u);
   EXPECT_EQ(nodes.events("warning").size(), 1u);
   EXPECT_TRUE(in_time) << "what is refused or ignored has come all the same";
 }
 
 TEST_F(Intake, WhoWaitsForOneThatNeverComesWaitsUntilTheDeadline) {
-  KeyFrameIntake intake(nodes.edge, ends.second, {}, hooks());
+  KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
   intake.start();
   RunTime ended{};
   nodes.on_edge([&](Worker& worker) {
@@ -125,7 +123,7 @@ struct QueueOfTwo : Intake {
 
 TEST_F(QueueOfTwo, UntilTheMapperLooksTheNewestWaitUnread) {
   bool idle = false;
-  KeyFrameIntake intake(nodes.edge, ends.second, {}, hooks());
+  KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
   intake.wait_for_mapper([&] { return idle; });
   intake.start();
   send_all_at(0s);

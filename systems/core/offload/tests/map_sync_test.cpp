@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two maps that were the same go on by themselves; the changes of one are merged into the other.
-#include "offload/map_sync.hpp"
+#include "offload/maps/map_sync.hpp"
 
 #include <gtest/gtest.h>
 

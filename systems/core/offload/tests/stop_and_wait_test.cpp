@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Edge-SLAM's way to send: one message at a time, its length first, both acknowledged.
-#include "offload/stop_and_wait.hpp"
+#include "offload/channels/stop_and_wait.hpp"
 
 #include <gtest/gtest.h>
 

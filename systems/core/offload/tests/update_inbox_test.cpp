@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Map updates as they come to the mobile, and what is known of the last one.
-#include "offload/update_inbox.hpp"
+#include "offload/downlink/update_inbox.hpp"
 
 #include <gtest/gtest.h>
 
 #include "node/messaging.hpp"
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/two_nodes.hpp"
-#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -87,11 +87,11 @@ TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
     auto carrier = update(5, 3);
     carrier.settled = turn.id(1);
     inbox.applied(arrival(carrier, edge()), true);
-    EXPECT_EQ(inbox.settled(), turn.id(1));
+    EXPECT_EQ(inbox.past_probation(), turn.id(1));
     EXPECT_EQ(inbox.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
     inbox.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
     EXPECT_EQ(inbox.applied_update(), 0u);
-    EXPECT_EQ(inbox.settled(), KeyFrameId{});
+    EXPECT_EQ(inbox.past_probation(), KeyFrameId{});
     EXPECT_EQ(inbox.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
   });
 }

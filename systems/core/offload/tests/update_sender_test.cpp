@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // When a part of the global map leaves for the mobile, and which.
-#include "offload/update_sender.hpp"
+#include "offload/edge/update_sender.hpp"
 
 #include <gtest/gtest.h>
 
+#include "offload/maps/update_content.hpp"
 #include "offload/tests/two_nodes.hpp"
-#include "offload/update_content.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -53,7 +53,7 @@ class Sender : public ::testing::Test {
   std::pair<Channel&, Channel&> ends = nodes.open({.name = "map"});
   SentTurn turn{8};
   EdgeMapper mapper{
-      nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = turn.map}, EdgeMapperHooks()};
+      nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = turn.map}, EdgeHooks()};
   std::optional<UpdateSender> sender;
   std::vector<std::uint8_t> types;
   std::vector<RunTime> queued;

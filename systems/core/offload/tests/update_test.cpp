@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include "offload/update_content.hpp"
-#include "offload/update_rules.hpp"
+#include "offload/downlink/update_rules.hpp"
+#include "offload/maps/update_content.hpp"
 #include "wire/tests/examples.hpp"
 
 namespace slambed {

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/nodes/offload_edge.hpp"
+
+#include "offload/nodes/settings.hpp"
+#include "offload/relocalization/relocalization_by_map.hpp"
+
+namespace slambed {
+namespace {
+
+EdgeMappingOptions with(EdgeMappingOptions options, const OffloadEdgeParts& parts) {
+  options.updates.keep_recovery = parts.keep_recovery;
+  return options;
+}
+
+std::unique_ptr<EdgeRelocalisation> by_map(EdgeNode& node, const Parameters& parameters,
+                                           OffloadChannels& channels, EdgeMapping& mapping,
+                                           const MessageCodec& codec) {
+  return std::make_unique<RelocalisationByMap>(
+      node, channels.frame, mapping.mapper(), mapping.updates(),
+      MapRelocalisationOptions{.period = from_seconds(parameters.real("reloc_map_period_s")),
+                               .max_candidates = parameters.integer("reloc_candidates"),
+                               .covisibles = parameters.integer("reloc_covisibles"),
+                               .latest = parameters.integer("n_kf"),
+                               .codec = codec});
+}
+
+}  // namespace
+
+OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters,
+                         const OffloadEdgeParts& parts)
+    : codec_(message_codec(parameters)),
+      channels_(node.runtime(), node.network(), node.log(), parameters),
+      mapping_(node, with(mapping_options(parameters, codec_), parts), channels_.keyframe,
+               channels_.map),
+      relocalisation_(parts.relocalisation ? parts.relocalisation(node, channels_, mapping_, codec_)
+                                           : by_map(node, parameters, channels_, mapping_, codec_)),
+      shutdown_(node, channels_.control, mapping_,
+                {.final_poses = parameters.boolean("final_poses"),
+                 .other = [this](const Message& message) { relocalisation_->listen(message); }}) {}
+
+void OffloadEdge::start() {
+  channels_.start();
+  mapping_.start();
+  relocalisation_->start();
+  shutdown_.start();
+}
+
+}  // namespace slambed

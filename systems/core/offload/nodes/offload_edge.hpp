@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "offload/channels/offload_channels.hpp"
+#include "offload/edge/edge_mapping.hpp"
+#include "offload/relocalization/relocalization.hpp"
+#include "offload/shutdown/shutdown.hpp"
+
+namespace slambed {
+
+/// What a system does otherwise than Edge-SLAM on the edge.
+struct OffloadEdgeParts {
+  EdgeRelocalisationMaker relocalisation{};  ///< not set: as Edge-SLAM does
+  bool keep_recovery = false;                ///< see UpdateSender::recovered
+};
+
+/// Edge-SLAM's edge node.
+class OffloadEdge {
+ public:
+  OffloadEdge(EdgeNode& node, const Parameters& parameters, const OffloadEdgeParts& parts = {});
+
+  void start();
+  std::shared_ptr<const Map> map() const { return mapping_.mapper().map(); }
+  EdgeMapping& mapping() { return mapping_; }
+
+ private:
+  MessageCodec codec_;
+  OffloadChannels channels_;
+  EdgeMapping mapping_;
+  std::unique_ptr<EdgeRelocalisation> relocalisation_;
+  EdgeShutdown shutdown_;
+};
+
+}  // namespace slambed

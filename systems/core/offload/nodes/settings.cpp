@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "offload/nodes/settings.hpp"
+
+#include "node/tracking_options.hpp"
+#include "offload/nodes/original_behavior.hpp"
+
+namespace slambed {
+namespace {
+
+UpdatePathMaker update_path(const Parameters& parameters) {
+  const std::string mode = parameters.text("map_update");
+  return [mode](MobileNode& node, UpdateInbox& inbox,
+                UpdateExchange& exchange) -> std::unique_ptr<UpdatePath> {
+    if (mode == "serial") return std::make_unique<SerialUpdates>(node, inbox, exchange);
+    return std::make_unique<ParallelUpdates>(node, inbox, exchange, mode == "parallel_waiting");
+  };
+}
+
+}  // namespace
+
+System offload_system(std::string name, std::vector<ParameterSpec> specs) {
+  System system;
+  system.name = std::move(name);
+  system.channels = {"control", "keyframe", "map", "frame"};
+  system.parameters = std::move(specs);
+  system.orb = orb_options;
+  system.tracker = [](const Parameters& parameters) {
+    const OriginalBehaviour behaviour = original_behaviour(parameters);
+    TrackerOptions options = tracker_options(parameters, behaviour.tracker);
+    if (behaviour.max_frames > 0) {
+      options.max_frames_between_keyframes = behaviour.max_frames;
+      options.max_frames_is_a_second = false;
+    }
+    // The local map is small by design: being lost in it is a case for relocalisation.
+    options.reset_below_keyframes = 0;
+    options.begins_lost = !edge_prior_map(parameters).empty();
+    return options;
+  };
+  system.sequential = [](const Parameters&) { return false; };
+  return system;
+}
+
+DownlinkOptions downlink_options(const Parameters& parameters, const MessageCodec& codec) {
+  return {.rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
+                    .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
+                    .local_map_size = original_behaviour(parameters).local_map_size,
+                    .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
+          .codec = codec,
+          .path = update_path(parameters)};
+}
+
+EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec) {
+  const OriginalBehaviour behaviour = original_behaviour(parameters);
+  return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
+                     .loop_closing = parameters.boolean("loop_closing"),
+                     .max_frames = behaviour.max_frames,
+                     .mapping = {.ages_by_id = behaviour.culls_by_id, .bundle = {}}},
+          .updates = {.keyframes = parameters.integer("n_kf"),
+                      .neighbours = parameters.integer("update_neighbours"),
+                      .period = from_seconds(parameters.real("sync_period_s")),
+                      .first = behaviour.first_update_s < 0
+                                   ? std::nullopt
+                                   : std::optional(from_seconds(behaviour.first_update_s)),
+                      .poses = parameters.boolean("update_poses"),
+                      .keep_recovery = false,
+                      .codec = codec},
+          .prior_map = edge_prior_map(parameters),
+          .admission_when_idle = behaviour.admission_when_idle};
+}
+
+std::string edge_prior_map(const Parameters& parameters) {
+  return parameters.has("prior_map") ? parameters.text("prior_map") : std::string();
+}
+
+}  // namespace slambed

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "node/frame_tracking.hpp"
+#include "runtime/channel.hpp"
+
+namespace slambed {
+
+class EdgeMapping;
+class EdgeNode;
+class MapDownlink;
+class MessageCodec;
+class MobileNode;
+class OffloadChannels;
+
+/// How a lost camera is found with the edge's help: by a map in which the mobile finds itself
+/// (Edge-SLAM), or by a pose that the edge has found (Relocate). This is the mobile's side, on the
+/// tracking worker.
+class MobileRelocalisation {
+ public:
+  virtual ~MobileRelocalisation() = default;
+  virtual void start() {}
+  /// Between two frames: an answer may take effect.
+  virtual void before_frame(Worker&) {}
+  /// Between extraction and tracking: before the local attempt at a lost frame.
+  virtual void before_tracking(Worker&, const OfferedFrame&,
+                               const std::shared_ptr<const FeatureSet>&) {}
+  virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
+  /// Playback is over: a loss that has not ended holds nothing back any more.
+  virtual void finish() {}
+};
+
+/// The edge's side.
+class EdgeRelocalisation {
+ public:
+  virtual ~EdgeRelocalisation() = default;
+  virtual void start() = 0;
+  /// What comes on the control channel and is not the mobile's BYE. On any worker.
+  virtual void listen(const Message&) {}
+};
+
+/// Make what a system has chosen; all that they are given outlives it.
+using MobileRelocalisationMaker = std::function<std::unique_ptr<MobileRelocalisation>(
+    MobileNode&, OffloadChannels&, MapDownlink&, const MessageCodec&)>;
+using EdgeRelocalisationMaker = std::function<std::unique_ptr<EdgeRelocalisation>(
+    EdgeNode&, OffloadChannels&, EdgeMapping&, const MessageCodec&)>;
+
+}  // namespace slambed

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "offload/channels/message_codec.hpp"
+#include "offload/edge/update_sender.hpp"
+#include "offload/relocalization/relocalization.hpp"
+
+namespace slambed {
+
+/// Edge-SLAM's way, the mobile's side: while tracking is lost, asks the edge where it is, at most
+/// once per period. The answer comes as a map update.
+class MapRequests final : public MobileRelocalisation {
+ public:
+  MapRequests(Channel& frames, Duration period, MessageCodec codec)
+      : channel_(frames), period_(period), codec_(std::move(codec)) {}
+  void after_frame(Worker& worker, const TrackedFrame& frame) override;
+
+ private:
+  Channel& channel_;
+  Duration period_;
+  MessageCodec codec_;
+  RunTime last_ = RunTime::min();
+};
+
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
+struct MapRelocalisationOptions {
+  Duration period;  ///< between two answers
+  int max_candidates;
+  int covisibles;  ///< sent beside each candidate
+  int latest;      ///< so many of the latest keyframes go along
+  MessageCodec codec;
+};
+
+/// The edge's side: keyframes that look like the frame and the latest ones become the mobile's map,
+/// in which it finds itself.
+class RelocalisationByMap final : public EdgeRelocalisation {
+ public:
+  RelocalisationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
+                      MapRelocalisationOptions options)
+      : node_(node),
+        channel_(frames),
+        mapper_(mapper),
+        updates_(updates),
+        options_(std::move(options)) {}
+  void start() override;
+
+ private:
+  void serve(Worker& worker);
+  std::vector<KeyFrameId> alike(const wire::FrameMessage& frame) const;
+  /// False when there was nothing to send after all.
+  bool send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found);
+
+  EdgeNode& node_;
+  Channel& channel_;
+  EdgeMapper& mapper_;
+  UpdateSender& updates_;
+  MapRelocalisationOptions options_;
+};
+
+}  // namespace slambed

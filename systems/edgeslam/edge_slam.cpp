@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "edgeslam/edge_slam.hpp"
+
+#include <utility>
+
+#include "node/messaging.hpp"
+#include "offload/maps/update_content.hpp"
+#include "offload/nodes/settings.hpp"
+#include "wire/message_type.hpp"
+
+namespace slambed {
+
+EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters,
+                               const OffloadMobileParts& parts)
+    : node_(node), offload_(node, parameters, parts) {
+  offload_.downlink().on_applied([this, begins_there = !edge_prior_map(parameters).empty()](
+                                     const wire::MapUpdate&, const std::shared_ptr<Map>&) {
+    edge_has_map_ = true;
+    // Found in the map that the edge began with: it needs none of ours.
+    if (begins_there && edge_incarnation_ == 0)
+      edge_incarnation_ = node_.network().peer().incarnation;
+  });
+}
+
+void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
+  offload_.before_frame(worker);
+  while (const auto message = offload_.channels().keyframe.try_receive()) {
+    if (!is(*message, wire::kKeyFrameWanted)) continue;
+    // Several come when several keyframes were under way: one answer is enough.
+    if (std::exchange(edge_has_map_, false)) keyframe_wanted_ = true;
+  }
+}
+
+void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
+  offload_.note(frame);
+  offload_.ask(worker, frame);
+  if (frame.outcome.state != TrackingState::kOk) return;
+  // A restarted edge knows nothing: its map begins with a keyframe made at once.
+  const PeerState edge = node_.network().peer();
+  const bool edge_is_new =
+      edge.connected && edge.incarnation != edge_incarnation_ && !frame.outcome.initialised_now;
+  const bool at_once = edge_is_new || keyframe_wanted_;
+  const KeyFrameNeed need = at_once ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
+  if (need == KeyFrameNeed::kNone) return;
+  // A keyframe that the edge may still decline must not become the reference.
+  const bool certain = need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
+  MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
+  if (made.keyframes.empty()) return;
+  // The first keyframe of a map is whole as it is made; the next ones lean on points sent before.
+  const bool whole = edge_is_new || !edge_has_map_;
+  if (whole) {
+    const auto keyframes = keyframes_of(made);
+    made = node_.tracker().map()->read(
+        [&](const MapView& view) { return extract_keyframes(view, keyframes); });
+  }
+  if (edge_is_new) {
+    node_.log().write(JsonLine("edge_restarted")
+                          .add("keyframe", made.keyframes.back().id.value)
+                          .add("incarnation", edge.incarnation));
+  }
+  const bool first = edge_is_new || frame.outcome.initialised_now;
+  if (first) edge_incarnation_ = edge.incarnation;
+  offload_.send(worker, frame, std::move(made), need, first, whole || first);
+  keyframe_wanted_ = false;
+}
+
+void EdgeSlamMobile::place_keyframes(PoseBook& book) { offload_.shutdown().place_keyframes(book); }
+
+}  // namespace slambed

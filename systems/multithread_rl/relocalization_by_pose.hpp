@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "node/edge_node.hpp"
+#include "offload/edge/edge_mapper.hpp"
+#include "offload/edge/update_sender.hpp"
+#include "offload/relocalization/relocalization.hpp"
+#include "slam/relocaliser.hpp"
+#include "wire/reloc_messages.hpp"
+
+namespace slambed {
+
+// NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
+struct PoseRelocalisationOptions {
+  MessageCodec codec;
+  std::uint64_t fail_bytes;  ///< size of a RELOC_FAIL, at least; as text
+};
+
+/// The edge's side of relocalisation on the edge: looks for lost frames in the global map and says
+/// where they were taken, with the keyframe to go on from. The mobile has at most one request under
+/// way.
+class RelocalisationByPose final : public EdgeRelocalisation {
+ public:
+  RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
+                       UpdateSender& updates, PoseRelocalisationOptions options);
+  void start() override;
+  /// SUSPEND and RESUME.
+  void listen(const Message& message) override { inbox_.dispatch(message); }
+
+ private:
+  void serve(Worker& worker);
+  void answer(Worker& worker, const Message& raw);
+  bool locate(Worker& worker, Frame& frame);
+  std::optional<wire::RelocOk> answer_for(const wire::RelocRequest& request, const Frame& frame,
+                                          std::uint64_t corrections_before);
+
+  EdgeNode& node_;
+  Channel& channel_;
+  Channel& maps_;
+  EdgeMapper& mapper_;
+  UpdateSender& updates_;
+  PoseRelocalisationOptions options_;
+  Inbox inbox_;
+
+  // The worker's.
+  Relocaliser relocaliser_;
+  FrameSearch search_;
+};
+
+}  // namespace slambed

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "multithread_rl/staged_updates.hpp"
+
+#include <utility>
+
+namespace slambed {
+namespace {
+
+/// In which keyframes made during an update are carried over before tracking does the rest.
+constexpr int kRounds = 8;
+
+}  // namespace
+
+StagedUpdates::StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
+                             MapStaging::Backup backup, int recovery_keyframes)
+    : node_(node),
+      inbox_(inbox),
+      exchange_(exchange),
+      keeps_recovery_(recovery_keyframes > 0),
+      staging_(node.tracker().map(), backup, recovery_keyframes),
+      prepared_(node.runtime()),
+      declined_(node.runtime()) {}
+
+void StagedUpdates::start() {
+  node_.runtime().spawn("map-update", [this](Worker& worker) { work(worker); });
+}
+
+void StagedUpdates::work(Worker& worker) {
+  while (!worker.stopping()) {
+    const auto ticket = inbox_.signal().ticket();
+    // While one is worked in, the newest of the others waits in the channel.
+    auto message = staging_.idle() && !suspended_ ? inbox_.take() : std::nullopt;
+    if (message) {
+      prepare(worker, std::move(*message));
+    } else {
+      worker.wait(inbox_.signal(), ticket, kNever);
+    }
+  }
+}
+
+void StagedUpdates::prepare(Worker& worker, Message message) {
+  staging_.begin();
+  auto arrival = inbox_.read(worker, std::move(message));
+  if (!arrival) return staging_.cancel();
+  if (const auto reason = inbox_.decline_reason(worker, *arrival)) {
+    staging_.cancel();
+    inbox_.record_declined(*arrival, *reason);
+    declined_.put(std::move(*arrival));
+    return;
+  }
+  node_.log().write(JsonLine("update_begun")
+                        .add("update", arrival->update.update)
+                        .add("relocalisation", arrival->relocalisation()));
+  worker.stage("insert_keyframes", [&](StageUnits& units) {
+    staging_.insert(arrival->update.map, arrival->update.newest);
+    units.n1 = static_cast<double>(arrival->update.map.keyframes.size());
+    units.n2 = static_cast<double>(arrival->update.map.points.size());
+  });
+  worker.stage("update_reference", [&](StageUnits& units) {
+    staging_.relate();
+    units.n1 = static_cast<double>(arrival->update.map.keyframes.size());
+  });
+  catch_up(worker);
+  node_.log().write(JsonLine("update_ready")
+                        .add("update", arrival->update.update)
+                        .add("backed_up", staging_.carried()));
+  prepared_.put(std::move(*arrival));
+  staging_.set_ready();
+}
+
+void StagedUpdates::suspend(bool suspended) {
+  suspended_ = suspended;
+  if (!suspended) inbox_.signal().notify();
+}
+
+void StagedUpdates::recovered(RunTime when, KeyFrameId reference) {
+  if (keeps_recovery_) inbox_.recovered(when);
+  staging_.recovered(reference);
+}
+
+void StagedUpdates::catch_up(Worker& worker) {
+  // Where keyframes are made faster than they are carried over this would never end, and the map
+  // would grow old meanwhile. Then what a round left behind waits for the swap.
+  const std::size_t first = staging_.waiting();
+  for (int round = 0; round < kRounds && !worker.stopping(); ++round) {
+    const std::size_t waiting = staging_.waiting();
+    if (waiting == 0 || waiting > first) return;
+    insert_backlog(worker);
+  }
+}
+
+void StagedUpdates::insert_backlog(Worker& worker) {
+  worker.stage("insert_keyframes",
+               [&](StageUnits& units) { units.n1 = static_cast<double>(staging_.drain()); });
+}
+
+void StagedUpdates::before_frame(Worker& worker) {
+  while (const auto update = declined_.try_take()) inbox_.keep_poses(worker, *update);
+  if (!staging_.ready()) return;
+  if (suspended_) {
+    waited_ = true;
+    return;
+  }
+  auto arrival = prepared_.try_take();
+  if (!arrival) return;
+  // It was welcome when it began. The camera may have found itself again since then, a new edge or
+  // epoch may have come.
+  const bool anew = arrival->relocalisation() || std::exchange(waited_, false);
+  const auto reason =
+      anew ? inbox_.decline_reason(worker, *arrival) : inbox_.obsolete_reason(worker, *arrival);
+  if (!reason) return exchange_maps(worker, std::move(*arrival));
+  inbox_.record_declined(*arrival, *reason);
+  inbox_.keep_poses(worker, *arrival);
+  staging_.cancel();
+  inbox_.signal().notify();
+}
+
+void StagedUpdates::exchange_maps(Worker& worker, UpdateArrival arrival) {
+  const RunTime begin = worker.now();
+  if (staging_.waiting() > 0) insert_backlog(worker);
+  const auto kept =
+      staging_.staging()->read([](const MapView& view) { return view.keyframe_ids(); });
+  const int gap = local_map_gap(*staging_.active(), arrival.update.newest, kept);
+  worker.stage("update_last_frame", [&](StageUnits& units) {
+    node_.replace_map(staging_.staging(), staging_.provisional());
+    staging_.swap();
+    units.n1 = static_cast<double>(kept.size());
+  });
+  const auto backed_up = static_cast<int>(staging_.carried());
+  worker.stage("clean_map", [&](StageUnits& units) {
+    units.n1 = static_cast<double>(count(*staging_.staging()).keyframes);
+    staging_.clean();
+  });
+  staging_.release();
+  inbox_.signal().notify();
+  arrival.map = staging_.active();
+  exchange_.done(worker, arrival, {.begin = begin, .gap = gap, .backed_up = backed_up});
+}
+
+}  // namespace slambed
