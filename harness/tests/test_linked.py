@@ -38,7 +38,9 @@ def changed_by(checkout: Path, name: str, line: str) -> set[str]:
     [
         ("systems/dynnetslam/strategy.cpp", {"dynnetslam"}),
         ("systems/edgeslam/policies.hpp", {"edgeslam"}),
-        ("systems/core/offload/admission.cpp", {"edgeslam", "dynnetslam"}),
+        ("systems/core/offload/uplink/admission.cpp", {"edgeslam", "dynnetslam"}),
+        ("systems/dynnetslam/handover_client.cpp", {"dynnetslam"}),
+        ("systems/edgeslam/edge_slam.cpp", {"edgeslam"}),
         ("systems/core/slam/local_mapper.cpp", set(SYSTEMS)),
         ("systems/core/link/rate.cpp", set(SYSTEMS)),
         ("systems/core/slam/tests/new_test.cpp", set()),
