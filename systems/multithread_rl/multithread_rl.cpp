@@ -36,21 +36,21 @@ MapStaging::Backup backup(const Parameters& parameters) {
                               : MapStaging::Backup::kUncovered;
 }
 
-UpdatePathMaker update_path(const Parameters& parameters) {
+UpdateApplierMaker applier(const Parameters& parameters) {
   const int recovery_keyframes = keeps_recovery(parameters) ? parameters.integer("n_kf") : 0;
   if (parameters.text("map_update") == "staged")
-    return [backup = backup(parameters), recovery_keyframes](MobileNode& node, UpdateInbox& inbox,
-                                                             UpdateExchange& exchange) {
-      return std::make_unique<StagedUpdates>(node, inbox, exchange, backup, recovery_keyframes);
+    return [backup = backup(parameters), recovery_keyframes](
+               MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check) {
+      return std::make_unique<StagedUpdates>(node, receiver, check, backup, recovery_keyframes);
     };
-  return [recovery_keyframes](MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange) {
-    return std::make_unique<RecoveringUpdates>(node, inbox, exchange, recovery_keyframes);
+  return [recovery_keyframes](MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check) {
+    return std::make_unique<RecoveringUpdates>(node, receiver, check, recovery_keyframes);
   };
 }
 
 OffloadMobileParts mobile_parts(const Parameters& parameters) {
   check_prior_map(parameters);
-  OffloadMobileParts parts{.update_path = update_path(parameters)};
+  OffloadMobileParts parts{.applier = applier(parameters)};
   if (relocalizes_on_edge(parameters))
     parts.relocalisation = [](MobileNode& node, OffloadChannels& channels, MapDownlink& downlink,
                               const MessageCodec& codec) {

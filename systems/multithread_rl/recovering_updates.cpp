@@ -13,7 +13,7 @@ void RecoveringUpdates::before_frame(Worker& worker) {
 }
 
 void RecoveringUpdates::recovered(RunTime when, KeyFrameId reference) {
-  if (keeps_recovery_) inbox_.recovered(when);
+  if (keeps_recovery_) check_.recovered(when);
   recovery_ = {when, reference};
   backup_.recovered(reference);
 }

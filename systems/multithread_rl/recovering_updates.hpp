@@ -2,7 +2,7 @@
 #pragma once
 
 #include "multithread_rl/recovery_backup.hpp"
-#include "offload/downlink/update_path.hpp"
+#include "offload/downlink/update_applier.hpp"
 
 namespace slambed {
 
@@ -11,9 +11,9 @@ namespace slambed {
 class RecoveringUpdates final : public SerialUpdates {
  public:
   /// recovery_keyframes: see RecoveryBackup.
-  RecoveringUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
+  RecoveringUpdates(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check,
                     int recovery_keyframes)
-      : SerialUpdates(node, inbox, exchange),
+      : SerialUpdates(node, receiver, check),
         keeps_recovery_(recovery_keyframes > 0),
         backup_(recovery_keyframes) {}
   void before_frame(Worker& worker) override;

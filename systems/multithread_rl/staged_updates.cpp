@@ -11,11 +11,9 @@ constexpr int kRounds = 8;
 
 }  // namespace
 
-StagedUpdates::StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
+StagedUpdates::StagedUpdates(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check,
                              MapStaging::Backup backup, int recovery_keyframes)
-    : node_(node),
-      inbox_(inbox),
-      exchange_(exchange),
+    : UpdateApplier(node, receiver, check),
       keeps_recovery_(recovery_keyframes > 0),
       staging_(node.tracker().map(), backup, recovery_keyframes),
       prepared_(node.runtime()),
@@ -27,24 +25,24 @@ void StagedUpdates::start() {
 
 void StagedUpdates::work(Worker& worker) {
   while (!worker.stopping()) {
-    const auto ticket = inbox_.signal().ticket();
+    const auto ticket = receiver_.signal().ticket();
     // While one is worked in, the newest of the others waits in the channel.
-    auto message = staging_.idle() && !suspended_ ? inbox_.take() : std::nullopt;
+    auto message = staging_.idle() && !suspended_ ? receiver_.take() : std::nullopt;
     if (message) {
       prepare(worker, std::move(*message));
     } else {
-      worker.wait(inbox_.signal(), ticket, kNever);
+      worker.wait(receiver_.signal(), ticket, kNever);
     }
   }
 }
 
 void StagedUpdates::prepare(Worker& worker, Message message) {
   staging_.begin();
-  auto arrival = inbox_.read(worker, std::move(message));
+  auto arrival = receiver_.read(worker, std::move(message));
   if (!arrival) return staging_.cancel();
-  if (const auto reason = inbox_.decline_reason(worker, *arrival)) {
+  if (const auto reason = check_.decline_reason(worker, *arrival)) {
     staging_.cancel();
-    inbox_.record_declined(*arrival, *reason);
+    check_.record_declined(*arrival, *reason);
     declined_.put(std::move(*arrival));
     return;
   }
@@ -70,11 +68,11 @@ void StagedUpdates::prepare(Worker& worker, Message message) {
 
 void StagedUpdates::suspend(bool suspended) {
   suspended_ = suspended;
-  if (!suspended) inbox_.signal().notify();
+  if (!suspended) receiver_.signal().notify();
 }
 
 void StagedUpdates::recovered(RunTime when, KeyFrameId reference) {
-  if (keeps_recovery_) inbox_.recovered(when);
+  if (keeps_recovery_) check_.recovered(when);
   staging_.recovered(reference);
 }
 
@@ -95,7 +93,7 @@ void StagedUpdates::insert_backlog(Worker& worker) {
 }
 
 void StagedUpdates::before_frame(Worker& worker) {
-  while (const auto update = declined_.try_take()) inbox_.keep_poses(worker, *update);
+  while (const auto update = declined_.try_take()) check_.keep_poses(worker, *update);
   if (!staging_.ready()) return;
   if (suspended_) {
     waited_ = true;
@@ -107,12 +105,12 @@ void StagedUpdates::before_frame(Worker& worker) {
   // epoch may have come.
   const bool anew = arrival->relocalisation() || std::exchange(waited_, false);
   const auto reason =
-      anew ? inbox_.decline_reason(worker, *arrival) : inbox_.obsolete_reason(worker, *arrival);
+      anew ? check_.decline_reason(worker, *arrival) : check_.obsolete_reason(worker, *arrival);
   if (!reason) return exchange_maps(worker, std::move(*arrival));
-  inbox_.record_declined(*arrival, *reason);
-  inbox_.keep_poses(worker, *arrival);
+  check_.record_declined(*arrival, *reason);
+  check_.keep_poses(worker, *arrival);
   staging_.cancel();
-  inbox_.signal().notify();
+  receiver_.signal().notify();
 }
 
 void StagedUpdates::exchange_maps(Worker& worker, UpdateArrival arrival) {
@@ -132,9 +130,9 @@ void StagedUpdates::exchange_maps(Worker& worker, UpdateArrival arrival) {
     staging_.clean();
   });
   staging_.release();
-  inbox_.signal().notify();
+  receiver_.signal().notify();
   arrival.map = staging_.active();
-  exchange_.done(worker, arrival, {.begin = begin, .gap = gap, .backed_up = backed_up});
+  done(worker, arrival, {.begin = begin, .gap = gap, .backed_up = backed_up});
 }
 
 }  // namespace slambed

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "multithread_rl/map_staging.hpp"
-#include "offload/downlink/update_path.hpp"
+#include "offload/downlink/update_applier.hpp"
 
 namespace slambed {
 
@@ -13,9 +13,9 @@ namespace slambed {
 /// the keyframes that were made meanwhile; between two frames tracking carries its last frame over,
 /// swaps the two maps and empties the former one. One update at a time; of those that wait the
 /// newest stays.
-class StagedUpdates final : public UpdatePath {
+class StagedUpdates final : public UpdateApplier {
  public:
-  StagedUpdates(MobileNode& node, UpdateInbox& inbox, UpdateExchange& exchange,
+  StagedUpdates(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check,
                 MapStaging::Backup backup, int recovery_keyframes);
   void start() override;
   void before_frame(Worker& worker) override;
@@ -33,9 +33,6 @@ class StagedUpdates final : public UpdatePath {
   void insert_backlog(Worker& worker);
   void exchange_maps(Worker& worker, UpdateArrival arrival);
 
-  MobileNode& node_;
-  UpdateInbox& inbox_;
-  UpdateExchange& exchange_;
   bool keeps_recovery_;
   MapStaging staging_;
   Mailbox<UpdateArrival> prepared_;     ///< what the staging map holds once it is ready

@@ -7,13 +7,13 @@ namespace slambed {
 
 MapDownlink::MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions options)
     : node_(node),
-      inbox_(node, channel, options.rules, std::move(options.codec)),
-      exchange_(node, inbox_),
-      path_(options.path(node, inbox_, exchange_)) {}
+      receiver_(node, channel, std::move(options.codec)),
+      check_(node, options.rules),
+      applier_(options.applier(node, receiver_, check_)) {}
 
 void MapDownlink::before_frame(Worker& worker) {
-  inbox_.look();
-  path_->before_frame(worker);
+  check_.look();
+  applier_->before_frame(worker);
 }
 
 void MapDownlink::join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation,
@@ -23,13 +23,13 @@ void MapDownlink::join(const MapDelta& keyframe, std::uint64_t update, std::uint
   map->commit(map->read([&](const MapView& view) { return rebase_changes(view, keyframe); }));
   if (takes_its_place) node_.replace_map(map);  // what tracking knows of it is of another world
   for (const NewKeyFrame& made : keyframe.keyframes) node_.poses().placed(made.id, made.T_cw);
-  inbox_.joined(keyframe, update, incarnation);
+  check_.joined(keyframe, update, incarnation);
 }
 
 void MapDownlink::keyframe_created(RunTime when, const MapDelta& made, bool provisional) {
-  inbox_.keyframe_created(when);
+  check_.keyframe_created(when);
   for (const NewKeyFrame& keyframe : made.keyframes)
-    path_->keyframe_created(keyframe.id, provisional);
+    applier_->keyframe_created(keyframe.id, provisional);
 }
 
 }  // namespace slambed

@@ -16,7 +16,7 @@ double after_relocalisation_s(const Parameters& parameters, double played_fps) {
 }
 
 DownlinkOptions with(DownlinkOptions options, const OffloadMobileParts& parts) {
-  if (parts.update_path) options.path = parts.update_path;
+  if (parts.applier) options.applier = parts.applier;
   return options;
 }
 

@@ -11,7 +11,7 @@ namespace slambed {
 
 /// What a system does otherwise than Edge-SLAM on the mobile node; not set: as Edge-SLAM does.
 struct OffloadMobileParts {
-  UpdatePathMaker update_path{};
+  UpdateApplierMaker applier{};
   MobileRelocalisationMaker relocalisation{};
 };
 

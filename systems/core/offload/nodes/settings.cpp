@@ -7,12 +7,12 @@
 namespace slambed {
 namespace {
 
-UpdatePathMaker update_path(const Parameters& parameters) {
+UpdateApplierMaker applier(const Parameters& parameters) {
   const std::string mode = parameters.text("map_update");
-  return [mode](MobileNode& node, UpdateInbox& inbox,
-                UpdateExchange& exchange) -> std::unique_ptr<UpdatePath> {
-    if (mode == "serial") return std::make_unique<SerialUpdates>(node, inbox, exchange);
-    return std::make_unique<ParallelUpdates>(node, inbox, exchange, mode == "parallel_waiting");
+  return [mode](MobileNode& node, UpdateReceiver& receiver,
+                UpdateCheck& check) -> std::unique_ptr<UpdateApplier> {
+    if (mode == "serial") return std::make_unique<SerialUpdates>(node, receiver, check);
+    return std::make_unique<ParallelUpdates>(node, receiver, check, mode == "parallel_waiting");
   };
 }
 
@@ -46,7 +46,7 @@ DownlinkOptions downlink_options(const Parameters& parameters, const MessageCode
                     .local_map_size = original_behaviour(parameters).local_map_size,
                     .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
           .codec = codec,
-          .path = update_path(parameters)};
+          .applier = applier(parameters)};
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec) {

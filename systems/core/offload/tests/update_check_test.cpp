@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Map updates as they come to the mobile, and what is known of the last one.
-#include "offload/downlink/update_inbox.hpp"
+#include "offload/downlink/update_check.hpp"
 
 #include <gtest/gtest.h>
 
@@ -42,7 +42,8 @@ class UpdatesReceived : public ::testing::Test {
   TwoNodes nodes;
   std::pair<Channel&, Channel&> ends = nodes.open({.name = "map"});
   SentTurn turn{4};
-  UpdateInbox inbox{nodes.mobile, ends.first, {.min_local_keyframes = 0}, {}};
+  UpdateReceiver receiver{nodes.mobile, ends.first, {}};
+  UpdateCheck check{nodes.mobile, {.min_local_keyframes = 0}};
 };
 
 TEST_F(UpdatesReceived, OnlyUpdatesAreTakenAndWhatCannotBeReadIsRefused) {
@@ -53,15 +54,15 @@ TEST_F(UpdatesReceived, OnlyUpdatesAreTakenAndWhatCannotBeReadIsRefused) {
     send(ends.second, wire::kMapUpdate, Bytes(50, 9));
   });
   run([&](Worker& worker) {
-    const auto regular = inbox.read(worker, inbox.take().value());
+    const auto regular = receiver.read(worker, receiver.take().value());
     ASSERT_TRUE(regular);
     EXPECT_EQ(regular->update.update, 1u);
     EXPECT_EQ(regular->update.newest, turn.id(2));
     EXPECT_FALSE(regular->relocalisation());
     EXPECT_TRUE(regular->raw.payload.empty());
-    EXPECT_TRUE(inbox.read(worker, inbox.take().value())->relocalisation());
-    EXPECT_FALSE(inbox.read(worker, inbox.take().value()));
-    EXPECT_FALSE(inbox.take());
+    EXPECT_TRUE(receiver.read(worker, receiver.take().value())->relocalisation());
+    EXPECT_FALSE(receiver.read(worker, receiver.take().value()));
+    EXPECT_FALSE(receiver.take());
   });
   EXPECT_EQ(nodes.events("update_received").size(), 2u);
   EXPECT_EQ(nodes.events("warning").size(), 1u);
@@ -69,50 +70,50 @@ TEST_F(UpdatesReceived, OnlyUpdatesAreTakenAndWhatCannotBeReadIsRefused) {
 
 TEST_F(UpdatesReceived, OneThatIsNoNewerThanTheMapIsDeclined) {
   run([&](Worker& worker) {
-    inbox.keyframe_created(worker.now());
-    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(5, 2), edge())), std::nullopt);
-    inbox.applied(arrival(update(5, 2), edge()), false);
-    EXPECT_EQ(inbox.applied_update(), 5u);
-    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(5, 2), edge())), "older than the map");
-    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(6, 3), edge())), "up to date")
+    check.keyframe_created(worker.now());
+    EXPECT_EQ(check.decline_reason(worker, arrival(update(5, 2), edge())), std::nullopt);
+    check.applied(arrival(update(5, 2), edge()), false);
+    EXPECT_EQ(check.applied_update(), 5u);
+    EXPECT_EQ(check.decline_reason(worker, arrival(update(5, 2), edge())), "older than the map");
+    EXPECT_EQ(check.decline_reason(worker, arrival(update(6, 3), edge())), "up to date")
         << "no keyframe since";
-    inbox.keyframe_created(worker.now());
-    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(6, 3), edge())), std::nullopt);
+    check.keyframe_created(worker.now());
+    EXPECT_EQ(check.decline_reason(worker, arrival(update(6, 3), edge())), std::nullopt);
   });
 }
 
 TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
   run([&](Worker& worker) {
-    inbox.keyframe_created(worker.now());
+    check.keyframe_created(worker.now());
     auto carrier = update(5, 3);
     carrier.settled = turn.id(1);
-    inbox.applied(arrival(carrier, edge()), true);
-    EXPECT_EQ(inbox.past_probation(), turn.id(1));
-    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
-    inbox.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
-    EXPECT_EQ(inbox.applied_update(), 0u);
-    EXPECT_EQ(inbox.past_probation(), KeyFrameId{});
-    EXPECT_EQ(inbox.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
+    check.applied(arrival(carrier, edge()), true);
+    EXPECT_EQ(check.past_probation(), turn.id(1));
+    EXPECT_EQ(check.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
+    check.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
+    EXPECT_EQ(check.applied_update(), 0u);
+    EXPECT_EQ(check.past_probation(), KeyFrameId{});
+    EXPECT_EQ(check.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
   });
 }
 
 TEST_F(UpdatesReceived, EpochsRecoveriesAndKeyframesSentLateMakeOneObsolete) {
   run([&](Worker& worker) {
-    inbox.keyframe_created(worker.now());
+    check.keyframe_created(worker.now());
     auto older = arrival(update(3, 2), edge());
     older.raw.queued = worker.now();
-    EXPECT_EQ(inbox.obsolete_reason(worker, older), std::nullopt);
-    inbox.recovered(worker.now() + 1ms);
-    EXPECT_EQ(inbox.obsolete_reason(worker, older), "from before the recovery");
+    EXPECT_EQ(check.obsolete_reason(worker, older), std::nullopt);
+    check.recovered(worker.now() + 1ms);
+    EXPECT_EQ(check.obsolete_reason(worker, older), "from before the recovery");
     older.raw.queued = worker.now() + 1ms;
-    inbox.expect_keyframe(turn.id(3));
-    EXPECT_EQ(inbox.decline_reason(worker, older), "the edge catches up");
-    inbox.expect_keyframe(turn.id(2));
-    EXPECT_EQ(inbox.decline_reason(worker, older), std::nullopt);
-    inbox.applied(older, true);
-    inbox.begin_epoch(1);
-    EXPECT_EQ(inbox.applied_update(), 0u);
-    EXPECT_EQ(inbox.decline_reason(worker, older), "older epoch");
+    check.expect_keyframe(turn.id(3));
+    EXPECT_EQ(check.decline_reason(worker, older), "the edge catches up");
+    check.expect_keyframe(turn.id(2));
+    EXPECT_EQ(check.decline_reason(worker, older), std::nullopt);
+    check.applied(older, true);
+    check.begin_epoch(1);
+    EXPECT_EQ(check.applied_update(), 0u);
+    EXPECT_EQ(check.decline_reason(worker, older), "older epoch");
   });
 }
 
@@ -122,9 +123,9 @@ TEST_F(UpdatesReceived, PosesOfADeclinedOneAreKept) {
     SE3 T_cw = carrier.map.keyframes[0].T_cw;
     T_cw.t.x() += 1;
     carrier.poses.push_back({turn.id(0), T_cw, 1});
-    inbox.keep_poses(worker, arrival(carrier, edge() + 1));
+    check.keep_poses(worker, arrival(carrier, edge() + 1));
     EXPECT_FALSE(nodes.mobile.poses().pose(turn.id(0))) << "of an edge that is gone";
-    inbox.keep_poses(worker, arrival(carrier, edge()));
+    check.keep_poses(worker, arrival(carrier, edge()));
     EXPECT_EQ(nodes.mobile.poses().pose(turn.id(0))->t, T_cw.t);
     EXPECT_TRUE(nodes.mobile.poses().pose(turn.id(2)));
   });

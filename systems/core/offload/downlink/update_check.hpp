@@ -7,37 +7,19 @@
 #include <optional>
 #include <string_view>
 
-#include "node/mobile_node.hpp"
-#include "offload/channels/message_codec.hpp"
+#include "offload/downlink/update_receiver.hpp"
 #include "offload/downlink/update_rules.hpp"
-#include "wire/messages.hpp"
 
 namespace slambed {
 
-/// An update on its way into the tracker.
-struct UpdateArrival {
-  Message raw;  ///< without its payload once that was read
-  wire::MapUpdate update;
-  std::shared_ptr<Map> map;  ///< made of it; null: not yet
-
-  /// RELOC_MAP rather than MAP_UPDATE.
-  bool relocalisation() const;
-};
-
-/// Map updates as they come to the mobile: read, judged by the rules, and what is known of the last
-/// one that was applied. A worker of its own may receive and judge while tracking goes on; what
-/// is not marked as tracking's may be called from any worker.
-class UpdateInbox {
+/// Checks by the rules whether a map update is applied, from what is known of tracking, of the edge
+/// and of the last update that was applied. A worker of its own may check while tracking goes on;
+/// what is not marked as tracking's may be called from any worker.
+class UpdateCheck {
  public:
-  UpdateInbox(MobileNode& node, Channel& channel, UpdateRules rules, MessageCodec codec);
+  UpdateCheck(MobileNode& node, UpdateRules rules) : node_(node), rules_(rules) {}
 
-  Signal& signal() { return channel_.signal(); }
-  /// The next update that came, unread; nothing: none did.
-  std::optional<Message> take();
-  /// Reads it, in the stage of the codec; nothing, and a warning, when that is impossible.
-  std::optional<UpdateArrival> read(Worker& worker, Message message);
-
-  /// Why the rules decline it.
+  /// The reason why the rules decline it, or nothing.
   std::optional<std::string_view> decline_reason(Worker& worker,
                                                  const UpdateArrival& arrival) const;
   /// The same without what only mattered when it began to be worked in.
@@ -74,9 +56,7 @@ class UpdateInbox {
   void note_edge_points(const MapDelta& map);
 
   MobileNode& node_;
-  Channel& channel_;
   UpdateRules rules_;
-  MessageCodec codec_;
 
   mutable std::mutex mutex_;  ///< guards what follows
   bool lost_ = false;

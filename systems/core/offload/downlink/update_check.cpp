@@ -1,52 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "offload/downlink/update_inbox.hpp"
+#include "offload/downlink/update_check.hpp"
 
 #include <algorithm>
 
-#include "node/messaging.hpp"
-#include "wire/message_type.hpp"
-
 namespace slambed {
 namespace {
-
-bool is_relocalisation(const Message& message) { return is(message, wire::kRelocMap); }
-
-bool is_update(const Message& message) {
-  return is_relocalisation(message) || is(message, wire::kMapUpdate);
-}
 
 bool made_by_edge(MapPointId id) { return space_of(id) == IdSpace::kEdgeMapper; }
 
 }  // namespace
 
-bool UpdateArrival::relocalisation() const { return is_relocalisation(raw); }
-
-UpdateInbox::UpdateInbox(MobileNode& node, Channel& channel, UpdateRules rules, MessageCodec codec)
-    : node_(node), channel_(channel), rules_(rules), codec_(std::move(codec)) {}
-
-std::optional<Message> UpdateInbox::take() {
-  while (auto message = channel_.try_receive()) {
-    if (is_update(*message)) return message;
-  }
-  return std::nullopt;
-}
-
-std::optional<UpdateArrival> UpdateInbox::read(Worker& worker, Message message) {
-  auto update = slambed::read(
-      worker, codec_.parse_stage(), node_.log(), message,
-      [&](const Bytes& bytes) { return codec_.update(worker, bytes, node_.sensor()); });
-  if (!update) return std::nullopt;
-  message.payload = {};
-  UpdateArrival arrival{.raw = std::move(message), .update = std::move(*update), .map = nullptr};
-  node_.log().write(JsonLine("update_received")
-                        .add("update", arrival.update.update)
-                        .add("newest_keyframe", arrival.update.newest.value)
-                        .add("keyframes", arrival.update.map.keyframes.size())
-                        .add("points", arrival.update.map.points.size()));
-  return arrival;
-}
-
-UpdateState UpdateInbox::state_for(Worker& worker, const UpdateArrival& arrival) const {
+UpdateState UpdateCheck::state_for(Worker& worker, const UpdateArrival& arrival) const {
   const PeerState edge = node_.network().peer();
   std::lock_guard lock(mutex_);
   const auto local_map = local_map_.lock();
@@ -65,40 +29,40 @@ UpdateState UpdateInbox::state_for(Worker& worker, const UpdateArrival& arrival)
           .keyframes_in_window = keyframes_since(worker.now() - kRateWindow)};
 }
 
-std::optional<std::string_view> UpdateInbox::decline_reason(Worker& worker,
+std::optional<std::string_view> UpdateCheck::decline_reason(Worker& worker,
                                                             const UpdateArrival& arrival) const {
   return slambed::decline_reason(rules_, state_for(worker, arrival));
 }
 
-std::optional<std::string_view> UpdateInbox::obsolete_reason(Worker& worker,
+std::optional<std::string_view> UpdateCheck::obsolete_reason(Worker& worker,
                                                              const UpdateArrival& arrival) const {
   return slambed::obsolete_reason(state_for(worker, arrival));
 }
 
-void UpdateInbox::record_declined(const UpdateArrival& arrival, std::string_view reason) {
+void UpdateCheck::record_declined(const UpdateArrival& arrival, std::string_view reason) {
   node_.log().write(JsonLine("update_declined")
                         .add("update", arrival.update.update)
                         .add("newest_keyframe", arrival.update.newest.value)
                         .add("reason", reason));
 }
 
-void UpdateInbox::look() {
+void UpdateCheck::look() {
   std::lock_guard lock(mutex_);
   lost_ = node_.tracker().state() == TrackingState::kLost;
   local_map_ = node_.tracker().map();
 }
 
-void UpdateInbox::keep_poses(Worker& worker, const UpdateArrival& arrival) {
+void UpdateCheck::keep_poses(Worker& worker, const UpdateArrival& arrival) {
   if (keeps_poses(state_for(worker, arrival))) place_keyframes(arrival.update);
 }
 
-void UpdateInbox::place_keyframes(const wire::MapUpdate& update) {
+void UpdateCheck::place_keyframes(const wire::MapUpdate& update) {
   for (const NewKeyFrame& keyframe : update.map.keyframes)
     node_.poses().placed(keyframe.id, keyframe.T_cw);
   for (const KeyFramePose& pose : update.poses) node_.poses().placed(pose.id, pose.T_cw);
 }
 
-void UpdateInbox::keyframe_created(RunTime when) {
+void UpdateCheck::keyframe_created(RunTime when) {
   std::lock_guard lock(mutex_);
   recent_keyframes_.push_back(when);
   while (recent_keyframes_.front() + kRateWindow < when) recent_keyframes_.pop_front();
@@ -106,7 +70,7 @@ void UpdateInbox::keyframe_created(RunTime when) {
   last_keyframe_ = when;
 }
 
-void UpdateInbox::applied(const UpdateArrival& arrival, bool newer) {
+void UpdateCheck::applied(const UpdateArrival& arrival, bool newer) {
   std::lock_guard lock(mutex_);
   applied_ = arrival.update.update;
   past_probation_ = arrival.update.settled;
@@ -115,13 +79,13 @@ void UpdateInbox::applied(const UpdateArrival& arrival, bool newer) {
   new_keyframe_ = newer;
 }
 
-void UpdateInbox::note_edge_points(const MapDelta& map) {
+void UpdateCheck::note_edge_points(const MapDelta& map) {
   for (const NewPoint& point : map.points) {
     if (made_by_edge(point.id)) newest_edge_point_ = std::max(newest_edge_point_, point.id);
   }
 }
 
-void UpdateInbox::joined(const MapDelta& keyframe, std::uint64_t update,
+void UpdateCheck::joined(const MapDelta& keyframe, std::uint64_t update,
                          std::uint64_t incarnation) {
   std::lock_guard lock(mutex_);
   if (applied_incarnation_ != incarnation) past_probation_ = {};  // the former edge's
@@ -130,40 +94,40 @@ void UpdateInbox::joined(const MapDelta& keyframe, std::uint64_t update,
   note_edge_points(keyframe);
 }
 
-void UpdateInbox::begin_epoch(std::uint64_t epoch) {
+void UpdateCheck::begin_epoch(std::uint64_t epoch) {
   std::lock_guard lock(mutex_);
   epoch_ = epoch;
   applied_ = 0;
 }
 
-void UpdateInbox::expect_keyframe(KeyFrameId keyframe) {
+void UpdateCheck::expect_keyframe(KeyFrameId keyframe) {
   std::lock_guard lock(mutex_);
   expected_ = keyframe;
 }
 
-void UpdateInbox::recovered(RunTime when) {
+void UpdateCheck::recovered(RunTime when) {
   std::lock_guard lock(mutex_);
   recovered_ = when;
 }
 
-std::uint64_t UpdateInbox::applied_update() const {
+std::uint64_t UpdateCheck::applied_update() const {
   const PeerState edge = node_.network().peer();
   std::lock_guard lock(mutex_);
   return knows(edge) ? applied_ : 0;
 }
 
-MapPointId UpdateInbox::newest_edge_point() const {
+MapPointId UpdateCheck::newest_edge_point() const {
   std::lock_guard lock(mutex_);
   return newest_edge_point_;
 }
 
-KeyFrameId UpdateInbox::past_probation() const {
+KeyFrameId UpdateCheck::past_probation() const {
   const PeerState edge = node_.network().peer();
   std::lock_guard lock(mutex_);
   return knows(edge) ? past_probation_ : KeyFrameId{};
 }
 
-int UpdateInbox::keyframes_since(RunTime begin) const {
+int UpdateCheck::keyframes_since(RunTime begin) const {
   return static_cast<int>(std::count_if(recent_keyframes_.begin(), recent_keyframes_.end(),
                                         [&](RunTime created) { return created > begin; }));
 }
