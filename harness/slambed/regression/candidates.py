@@ -22,7 +22,14 @@ from slambed.report.recompute import recompute_refused
 from slambed.spec.software import STAMP
 
 TREE, PROGRAMS, LOGS, RECORD = "tree", "programs", "logs", "bisect.json"
-COMMAND = "from slambed.commands.main import main; main()"
+COMMAND = """\
+try:
+    from slambed.commands.main import main
+except ModuleNotFoundError:
+    from slambed.cli import main
+main()
+"""
+"""The second is where commits had it that are older than the folder `commands`."""
 RAN = (ExitCode.OK, ExitCode.NOT_ALL_GOOD)
 """Exit codes of `slambed run` with a result: that systems broke off is one."""
 
