@@ -42,8 +42,6 @@ class Strategy {
   /// The edge's pose came, this far from ours.
   StrategyState answered(StrategyState state, double magnitude_m) const;
   bool adapts() const { return options_.kind == StrategyKind::kAdaptive; }
-  /// False: nothing is sent after the alignment.
-  bool sends() const { return options_.kind != StrategyKind::kNone; }
 
  private:
   StrategyOptions options_;

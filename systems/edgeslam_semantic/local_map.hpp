@@ -36,7 +36,6 @@ struct LocalMapParts {
   KeyFrameId newest;                             ///< keyframe of the slice: what is newer stays
   Sim3 S_new_old;                                ///< moves what stays
   std::set<MapPointId> gone;  ///< points that do not stay: deleted on the edge, or on what moves
-  bool keep_references = true;
 };
 
 /// The window, and of the map as it was the keyframes that are newer than the slice with the points

@@ -40,7 +40,6 @@ GATE = "/out/go"
 # The shell waits for the link to be up, then becomes the program.
 WAIT_AT_GATE = f'until [ -e {GATE} ]; do sleep 0.02; done; exec "$0" "$@"'
 PIDS_LIMIT = 256
-OOM_EXIT = 137
 KILL_TIMEOUT_S = 10
 
 

@@ -85,10 +85,6 @@ class RunLog:
         events = [{str(k): v for k, v in row.items() if v == v and v is not None} for row in rows]
         return longest_stall(EventLog(events))
 
-    def frame_times_s(self) -> list[float]:
-        """Run times at which each tracked frame was done."""
-        return [float(t) for t in self.of("frame_tracked")["t_s"]]
-
 
 def read_run(folder: Path) -> RunLog:
     """Reads a result's run folder or a raw folder."""

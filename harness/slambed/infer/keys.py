@@ -24,11 +24,6 @@ class Key:
     part: str = ""
     """Of a device: `cores`, `speed`, `background`, `jitter.<stage>`; none: the whole device."""
 
-    @property
-    def of_system(self) -> bool:
-        """Whether it is a system's own, and not the whole experiment's."""
-        return self.kind in ("params", "devices")
-
 
 def split_key(text: str) -> Key:
     """Raises ValueError for what can not be set."""

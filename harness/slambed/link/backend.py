@@ -2,13 +2,11 @@
 """Opening a link between the network namespaces of two nodes."""
 
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from slambed.link.choice import choose_backend
 from slambed.link.profile import Profile
 from slambed.link.session import LinkOptions, LinkSession, Shaper
-
-BackendName = Literal["auto", "relay", "netem", "none"]
 
 
 class ShaperFactory(Protocol):

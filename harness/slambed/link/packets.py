@@ -26,7 +26,6 @@ RECORD = np.dtype(
 
 PACKET_LOG = "packets.bin"
 """In the log folder of a link."""
-FATES = ["delivered", "lost", "queue_full", "in_gap", "overflow"]
 SIDES = ["up", "down"]
 ICMP, UDP = 1, 17
 

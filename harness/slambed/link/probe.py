@@ -57,10 +57,6 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.sent_ns)
 
-    def lost_share(self) -> float:
-        """Share of echoes without an answer."""
-        return float(np.isnan(self.rtt_ms).mean()) if len(self) else 0.0
-
 
 class Pinger:
     """A raw ICMP socket inside a namespace."""
@@ -144,11 +140,6 @@ class Pinger:
         """By how much somebody set the clock while an echo was under way."""
         by_ns = self._offset_received[number] - self._offset_sent[number]
         return by_ns if abs(by_ns) > CLOCK_SET_NS else 0
-
-    @property
-    def kernel_stamps(self) -> bool:
-        """False when the device does not stamp departures; then ours is used."""
-        return bool(self._kernel_sent)
 
     def close(self) -> None:
         """Closes the socket."""

@@ -150,10 +150,6 @@ class LinkSession:
         """False once the link went away by itself."""
         return self._shaper is not None and self._shaper.died() is None
 
-    def why_dead(self) -> str | None:
-        """Why the link went away; None while it works."""
-        return None if self._shaper is None else self._shaper.died()
-
     def stop(self) -> LinkRecord:
         """Takes the link down and says what it did. Calling it again returns the same record."""
         if self._record is None:

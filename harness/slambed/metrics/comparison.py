@@ -26,8 +26,6 @@ class RankTest:
 
     p_value: float
     cliffs_delta: float
-    count_a: int
-    count_b: int
 
     @property
     def size(self) -> str:
@@ -47,7 +45,7 @@ def mann_whitney(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-sid
         raise SlambedError("nothing to compare, one condition has no measured value")
     result = stats.mannwhitneyu(second, first, alternative=alternative)
     delta = 2.0 * float(result.statistic) / (len(first) * len(second)) - 1.0
-    return RankTest(float(result.pvalue), delta, len(first), len(second))
+    return RankTest(float(result.pvalue), delta)
 
 
 def fisher(
@@ -120,22 +118,6 @@ def _fisher_table(runs: int) -> Floats:
         less_likely = chance[None, :] <= chance[:, None] * (1 + 1e-7)
         table[i, total - i] = (less_likely * chance[None, :]).sum(axis=1)
     return table
-
-
-def runs_to_tell_shares(
-    share_a: float, share_b: float, power: float = USUAL_POWER, most: int = 150
-) -> int | None:
-    """Fewest runs per condition that tell the shares apart with this power; None above `most`."""
-    low, high = 2, most
-    if power_of_shares(share_a, share_b, high) < power:
-        return None
-    while low < high:
-        middle = (low + high) // 2
-        if power_of_shares(share_a, share_b, middle) >= power:
-            high = middle
-        else:
-            low = middle + 1
-    return low
 
 
 def smallest_share_told(share: float, runs: int, power: float = USUAL_POWER) -> float | None:

@@ -25,15 +25,12 @@ _UNIT_OF = {
 
 @dataclass(frozen=True)
 class StageTime:
-    """Times of one stage on one node in milliseconds; CPU is None where the node did not say."""
+    """Times of one stage on one node in milliseconds."""
 
     node: str
     name: str
     count: int
-    wall_ms_median: float
     wall_ms_mean: float
-    wall_ms_p95: float
-    cpu_ms_mean: float | None
     wall_ms_per_unit: float
     """Per tracked frame, new keyframe or mapped keyframe (a stage may be called several times for
     one, as a bundle adjustment that can be interrupted is); per call for all others."""
@@ -51,17 +48,14 @@ def stage_times(log: EventLog) -> list[StageTime]:
     }
     result: list[StageTime] = []
     for (node, name), events in sorted(groups.items()):
-        wall, cpu = values_of(events, "wall_ms"), values_of(events, "cpu_ms")
+        wall = values_of(events, "wall_ms")
         if len(wall):
             result.append(
                 StageTime(
                     node,
                     name,
                     len(wall),
-                    float(np.median(wall)),
                     float(wall.mean()),
-                    float(np.quantile(wall, 0.95)),
-                    float(cpu.mean()) if len(cpu) else None,
                     float(wall.sum()) / (units.get(_UNIT_OF.get(name, ""), 0) or len(wall)),
                 )
             )

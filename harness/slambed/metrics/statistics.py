@@ -15,8 +15,6 @@ from slambed.errors import SlambedError
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-FEWEST_FOR_MEDIAN = 6
-"""The smallest and the largest of five values hold the median with 93.75 %, of three with 75 %."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ def interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
     """Median with its confidence interval; the range of the values where they are too few.
 
     By order statistics (Conover 1999, sec. 3.2), exact for every distribution; below
-    `FEWEST_FOR_MEDIAN` values no two of them hold it with 95 %. Nothing is drawn: the same runs
+    six values no two of them hold it with 95 %. Nothing is drawn: the same runs
     give the same interval. Raises SlambedError when there is no value.
     """
     sample = finite(values)

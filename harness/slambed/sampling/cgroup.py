@@ -7,7 +7,6 @@ from pathlib import Path
 from slambed.errors import environment_error
 from slambed.sampling.kept_files import KeptFiles
 
-CGROUP_ROOT = Path("/sys/fs/cgroup")
 CONTROLLERS = ("cpu", "cpuacct", "cpuset", "memory")
 NS_PER_S = 1e9
 US_PER_S = 1e6

@@ -199,7 +199,7 @@ def test_a_device_removed_in_mid_run_ends_the_relay_with_a_reason(
     with start(ends, tmp_path, 10, probe_hz=0) as link:
         inside(ends[1], delete_device)
         until(lambda: not link.alive(), "the end of the link", limit_s=5)
-        why = link.why_dead()
+        why = link.stop().died
     assert why is not None and "a device of the link went away" in why and "edge side" in why
 
 

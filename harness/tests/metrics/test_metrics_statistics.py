@@ -15,7 +15,6 @@ from slambed.metrics.comparison import (
     power_hint,
     power_of_shares,
     runs_to_show,
-    runs_to_tell_shares,
     signed_rank,
     two_modes,
 )
@@ -98,7 +97,6 @@ def test_holm_keeps_order_and_bounds() -> None:
 def test_thirty_runs_tell_3_from_36_percent() -> None:
     assert power_of_shares(0.03, 0.36, 30) > 0.8
     assert power_of_shares(0.03, 0.36, 10) < 0.5
-    assert (runs_to_tell_shares(0.03, 0.36) or 99) <= 30
     assert "30 runs per cell tell a share of 3%" in power_hint(30)
     assert "nothing" in power_hint(1)
 

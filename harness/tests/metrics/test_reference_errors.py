@@ -15,8 +15,6 @@ from slambed.metrics.reference_path import reference_errors, scored_part
 from slambed.metrics.run_data import REFERENCE_FILE
 from slambed.metrics.run_summary import summarise_run
 
-QUATERNION = np.array([[0, 0, 0, 1.0]])
-
 
 def path_of(frames: int) -> Trajectory:
     turn = np.linspace(0, 3, frames)

@@ -28,7 +28,6 @@ class JsonReader {
   bool has(const std::string& key) const { return object_.contains(key); }
   /// Reads a nested object; null when the value is null.
   const nlohmann::json* object_or_null(const std::string& key);
-  void ignore(const std::string& key) { asked_.insert(key); }
   void done() const;
   const std::string& where() const { return where_; }
 

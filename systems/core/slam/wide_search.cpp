@@ -47,7 +47,6 @@ void WideSearch::match(std::span<const PointSketch> points, const FeatureSet& fe
   const Sensor& sensor = features.sensor();
   std::vector<Holder> holder(n);
   distances_.resize(n);
-  compared_ += points.size();
   for (std::size_t p = 0; p < points.size(); ++p) {
     descriptor_distance().to_all(points[p].descriptor, features.descriptors(), distances_.data());
     const auto closest = std::min_element(distances_.begin(), distances_.end());

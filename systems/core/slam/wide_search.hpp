@@ -16,8 +16,6 @@ class WideSearch {
  public:
   /// True when the frame has a pose that enough matches agree on; replaces all matches.
   bool locate(std::span<const PointSketch> points, FrameSearch& search, Frame& frame);
-  /// Points compared by all calls so far.
-  std::uint64_t compared() const { return compared_; }
 
  private:
   /// A map point and the feature that looks like it.
@@ -32,7 +30,6 @@ class WideSearch {
   std::vector<Pair> pairs_;
   std::vector<std::uint8_t> inlier_, best_inlier_;
   std::vector<std::uint16_t> distances_;
-  std::uint64_t compared_ = 0;
 };
 
 }  // namespace slambed

@@ -64,7 +64,6 @@ void TcpFlow::send_new() {
 }
 
 void TcpFlow::send_again(TcpSegment& segment) {
-  ++retransmissions_;
   board_.resend(segment, simulator_.now());
   transmit(segment.bytes);
 }

@@ -36,7 +36,6 @@ class TcpFlow {
   Duration smoothed_rtt() const { return srtt_; }
   std::uint64_t unsent() const { return written_ - next_; }
   std::uint64_t unacknowledged() const { return next_ - acknowledged_; }
-  std::uint64_t retransmissions() const { return retransmissions_; }
 
  private:
   enum class State { kOpen, kRecovery, kLoss };
@@ -99,7 +98,6 @@ class TcpFlow {
   int backoff_ = 0;
   std::uint64_t timer_ = 0;  ///< number of the last timer armed; older ones do nothing
   Timer armed_ = Timer::kNone;
-  std::uint64_t retransmissions_ = 0;
 };
 
 }  // namespace slambed
