@@ -230,6 +230,8 @@ TEST(TcpNetwork, APeerThatMeansToCloseIsNotLost) {
   EXPECT_FALSE(edge.recorder.saw_link("lost"));
   Node again(false, edge.port());  // this one dies without a word
   ASSERT_TRUE(again.network->wait_connected(kLong));
+  // Until the edge has taken the connection, there is none that it could lose.
+  ASSERT_TRUE(eventually([&] { return edge.channel->path().connected; }));
   again.network->close(Duration::zero());
   EXPECT_TRUE(eventually([&] { return edge.recorder.saw_link("lost"); }));
 }
