@@ -13,13 +13,13 @@ namespace {
 using testing::Interleaving;
 using testing::keyframes_in;
 using testing::Seen;
-using testing::StagedMaps;
+using testing::StagingScenario;
 using wire::keyframe_id;
 using Backup = MapStaging::Backup;
 
 /// What is carried over when two keyframes are made before the update begins and two after.
 std::vector<KeyFrameId> carried_with(Backup backup) {
-  StagedMaps world(1, backup);
+  StagingScenario world(1, backup);
   for (int i = 0; i < 8; ++i) world.make_keyframe(false);
   const MapDelta update = world.update(6, 6);
   world.staging.begin();
@@ -42,7 +42,7 @@ TEST(MapStaging, BacksUpAsItIsTold) {
             (std::vector{keyframe_id(7), keyframe_id(8), keyframe_id(9), keyframe_id(10)}));
 }
 
-std::vector<KeyFrameId> swapped_in(StagedMaps& world, std::uint64_t newest) {
+std::vector<KeyFrameId> swapped_in(StagingScenario& world, std::uint64_t newest) {
   const MapDelta update = world.update(newest, 2);
   world.staging.begin();
   world.staging.insert(update, keyframe_id(newest));
@@ -55,7 +55,7 @@ std::vector<KeyFrameId> swapped_in(StagedMaps& world, std::uint64_t newest) {
 
 TEST(MapStaging, TheRecoverysPlaceStaysUntilAnUpdateIsAllFromBehindIt) {
   for (const int recovery_keyframes : {0, 2}) {
-    StagedMaps world(5, Backup::kUpdate, recovery_keyframes);
+    StagingScenario world(5, Backup::kUpdate, recovery_keyframes);
     for (int i = 0; i < 8; ++i) world.make_keyframe(false);
     world.staging.recovered(keyframe_id(3));
     world.make_keyframe(true);
@@ -107,7 +107,7 @@ TEST(CarryOver, AKeyframeThatObservesOnlyWhatItMadeStaysSo) {
 }
 
 TEST(MapStaging, WhatTheEdgeMayStillDeclineStaysProvisional) {
-  StagedMaps world(2);
+  StagingScenario world(2);
   for (int i = 0; i < 8; ++i) world.make_keyframe(true);
   const MapDelta update = world.update(8, 6);
   world.staging.begin();
@@ -120,7 +120,7 @@ TEST(MapStaging, WhatTheEdgeMayStillDeclineStaysProvisional) {
 }
 
 TEST(MapStaging, TrackingsMapIsLeftAloneUntilTheSwap) {
-  StagedMaps world(3);
+  StagingScenario world(3);
   for (int i = 0; i < 8; ++i) world.make_keyframe(false);
   const auto active = world.staging.active();
   const auto revision = active->revision();
@@ -137,7 +137,7 @@ TEST(MapStaging, TrackingsMapIsLeftAloneUntilTheSwap) {
 }
 
 TEST(MapStaging, AnUpdateThatWasGivenUpLeavesNothingBehind) {
-  StagedMaps world(4);
+  StagingScenario world(4);
   for (int i = 0; i < 8; ++i) world.make_keyframe(false);
   const MapDelta first = world.update(8, 6), second = world.update(8, 2);
   world.staging.begin();

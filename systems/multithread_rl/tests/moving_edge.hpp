@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "multithread_rl/tests/staging_map.hpp"
+#include "multithread_rl/tests/staging_scenario.hpp"
 #include "offload/maps/map_sync.hpp"
 #include "offload/maps/update_content.hpp"
 #include "slam/tests/synthetic_world.hpp"
@@ -158,7 +158,7 @@ class MovingEdge {
           continue;
         }
         NewPoint survivor = point;
-        survivor.id = StagedMaps::survivor_of(point.id);
+        survivor.id = StagingScenario::survivor_of(point.id);
         merged.points.push_back(survivor);
         merged.fusions.push_back({point.id, survivor.id});
       }

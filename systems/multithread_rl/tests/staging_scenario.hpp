@@ -22,12 +22,12 @@ inline SE3 small_motion(std::mt19937& random, double size) {
 
 /// A mobile that makes keyframes on its active map, and an edge that has mapped the first of them
 /// elsewhere: its world has moved, some points were fused, some culled.
-class StagedMaps {
+class StagingScenario {
  public:
   static constexpr int kFeatures = 24, kNewPoints = 8;
 
-  explicit StagedMaps(unsigned seed, MapStaging::Backup backup = MapStaging::Backup::kUpdate,
-                      int recovery_keyframes = 0)
+  explicit StagingScenario(unsigned seed, MapStaging::Backup backup = MapStaging::Backup::kUpdate,
+                           int recovery_keyframes = 0)
       : random_(seed),
         features_(wire::example_features(random_, kFeatures, wire::example_camera().make_sensor())),
         staging(std::make_shared<Map>(), backup, recovery_keyframes) {}
