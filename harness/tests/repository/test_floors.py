@@ -75,6 +75,7 @@ def with_cmake_files_only(root: Path) -> Path:
         ("systems/core/node/policy.hpp", "run/run_config.hpp"),
         ("systems/core/offload/uplink/keyframe_uplink.hpp", "edgeslam/edgeslam.hpp"),
         ("systems/core/slam/tracker.cpp", "synth/scene.hpp"),
+        ("systems/cloudslam/policies.cpp", "offload/edge/edge_mapper.hpp"),
         ("systems/edgeslam/edgeslam.cpp", "dynnetslam/strategy.hpp"),
         ("systems/edgeslam/edgeslam.cpp", "orbslam2/orbslam2.hpp"),
         ("systems/synth/scene.cpp", "slam/tracker.hpp"),
