@@ -13,7 +13,7 @@ ninja -C build-bench --quiet ${SLAMBED_NINJA_FLAGS:-}
 for program in build-bench/bin/*_bench; do
   name=$(basename "$program")
   echo "== $name"
-  # Random order and medians: the host's speed drifts, and neighbours in time drift together.
+  # Random order and medians: the host's speed drifts, and neighbors in time drift together.
   "$program" --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true \
     --benchmark_report_aggregates_only=true --benchmark_out="build-bench/$name.json"
 done

@@ -114,7 +114,7 @@ def compare(
 ) -> list[Finding]:
     """Looks at everything, then measures anew, and longer, what looks slower.
 
-    What was suspected is judged by its new pairs alone, so having been picked does not favour it,
+    What was suspected is judged by its new pairs alone, so having been picked does not favor it,
     and ALARMS is shared among the suspects alone (Bonferroni), so that few pairs suffice.
     """
     screened = measure(names, rounds)

@@ -5,7 +5,7 @@
     tools/people_scenes.py FOLDER FIRST_SEED SCENES [FRAMES]
 
 A seed chooses room, camera path, number of people, what they do, their sizes and clothes, blur,
-noise and JPEG quality. Every sixth clip has nobody in it. Writes into FOLDER grey.npy
+noise and JPEG quality. Every sixth clip has nobody in it. Writes into FOLDER gray.npy
 (n, 256, 320), people.npy (n, 128, 160; 0: nobody, i: i-th instance), keypoints.npy
 (n, 6, 17, 3; pixels of 320x256 and visibility) and scenes.json.
 """
@@ -53,12 +53,12 @@ def options(seed: int) -> dict[str, str | int | float]:
     }
 
 
-def degrade(grey: NDArray[np.uint8], draw: random.Random) -> NDArray[np.uint8]:
+def degrade(gray: NDArray[np.uint8], draw: random.Random) -> NDArray[np.uint8]:
     """Light, contrast and JPEG as a camera and a link may have them."""
     gain, lift, gamma = draw.uniform(0.6, 1.4), draw.uniform(-25, 25), draw.uniform(0.7, 1.4)
     ramp = 255 * (np.arange(256) / 255) ** gamma
     table = np.clip((ramp - 128) * gain + 128 + lift, 0, 255).astype(np.uint8)
-    _, jpeg = cv2.imencode(".jpg", table[grey], [cv2.IMWRITE_JPEG_QUALITY, draw.randint(30, 95)])
+    _, jpeg = cv2.imencode(".jpg", table[gray], [cv2.IMWRITE_JPEG_QUALITY, draw.randint(30, 95)])
     return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
@@ -66,28 +66,28 @@ class Pile:
     """Pictures and labels of all clips."""
 
     def __init__(self) -> None:
-        self.grey: list[NDArray[np.uint8]] = []
+        self.gray: list[NDArray[np.uint8]] = []
         self.people: list[NDArray[np.uint8]] = []
         self.keypoints: list[NDArray[np.float32]] = []
 
     def add_clip(self, sequence: PreparedSequence, labels: MaskCache, draw: random.Random) -> None:
         stretch = np.array([WIDTH / sequence.info.width, HEIGHT / sequence.info.height, 1])
-        centre = np.array([0.5, 0.5, 0])
+        center = np.array([0.5, 0.5, 0])
         for i in range(len(sequence)):
-            grey = degrade(sequence.grey(i), draw)
-            ids = np.zeros(grey.shape, np.uint8)
+            gray = degrade(sequence.gray(i), draw)
+            ids = np.zeros(gray.shape, np.uint8)
             points = np.zeros((MOST_PEOPLE, 17, 3), np.float32)
             for number, person in enumerate(labels.frame(i).instances[:MOST_PEOPLE]):
                 ids[person.mask] = number + 1
                 assert person.keypoints is not None
-                points[number] = (person.keypoints + centre) * stretch - centre
+                points[number] = (person.keypoints + center) * stretch - center
             size, half = (WIDTH, HEIGHT), (WIDTH // 2, HEIGHT // 2)
-            self.grey.append(cv2.resize(grey, size, interpolation=cv2.INTER_LINEAR))
+            self.gray.append(cv2.resize(gray, size, interpolation=cv2.INTER_LINEAR))
             self.people.append(cv2.resize(ids, half, interpolation=cv2.INTER_NEAREST))
             self.keypoints.append(points)
 
     def save(self, folder: Path) -> None:
-        np.save(folder / "grey.npy", np.stack(self.grey))
+        np.save(folder / "gray.npy", np.stack(self.gray))
         np.save(folder / "people.npy", np.stack(self.people))
         np.save(folder / "keypoints.npy", np.stack(self.keypoints))
 
@@ -124,7 +124,7 @@ def draw_scenes(folder: Path, first: int, scenes: int, frames: int) -> None:
         said.append(asked)
     pile.save(folder)
     (folder / "scenes.json").write_text(json.dumps(said, indent=1) + "\n")
-    print(f"{folder}: {len(pile.grey)} pictures of {len(said)} scenes")
+    print(f"{folder}: {len(pile.gray)} pictures of {len(said)} scenes")
 
 
 if __name__ == "__main__":

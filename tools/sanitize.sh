@@ -10,7 +10,7 @@ source tools/environment.sh
 run=()
 case ${1:-} in
   asan) sanitizers="address;undefined" ;;
-  # Its shadow memory does not bear with the widest address randomisation.
+  # Its shadow memory does not bear with the widest address randomization.
   tsan) sanitizers=thread run=(setarch "$(uname -m)" -R) ;;
   *) echo "error: sanitize.sh '${1:-}': give asan or tsan" >&2; exit 2 ;;
 esac

@@ -31,7 +31,7 @@ def score(name: str, first: int, scenes: int, frames: int) -> None:
     segmenter, scores, taken_ms, pictures = Segmenter(load_network(name)), Scores(), [], 0
     for sequence, labels, draw, _ in clips(first, scenes, frames):
         for i in range(len(sequence)):
-            jpeg = encode_jpeg(degrade(sequence.grey(i), draw), QUALITY)
+            jpeg = encode_jpeg(degrade(sequence.gray(i), draw), QUALITY)
             begin = time.process_time()
             found = segmenter.segment(jpeg, N_M)
             taken_ms.append(1000 * (time.process_time() - begin))

@@ -30,7 +30,7 @@ def thinned(source: Path, name: str, every: int) -> str:
         f"sha256 of it: {hashlib.sha256(content).hexdigest()}",
         "by: TUM Computer Vision Group: J. Sturm, N. Engelhard, F. Endres, W. Burgard, D. Cremers,",
         "    A Benchmark for the Evaluation of RGB-D SLAM Systems, IROS 2012",
-        "licence: CC BY 4.0, https://creativecommons.org/licenses/by/4.0/; changed: thinned",
+        "license: CC BY 4.0, https://creativecommons.org/licenses/by/4.0/; changed: thinned",
         f"made by: tools/thin_trajectory.py groundtruth.txt {name} {every}",
         "timestamp tx ty tz qx qy qz qw (camera to world)",
     ]

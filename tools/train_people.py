@@ -4,7 +4,7 @@
 
     tools/train_people.py SCENES OUT.onnx [--seed N] [--minutes M] [--check CHECK] [--pictures N]
 
-SCENES is what tools/people_scenes.py wrote. The network takes a grey picture of 320x256 (0 to 1)
+SCENES is what tools/people_scenes.py wrote. The network takes a gray picture of 320x256 (0 to 1)
 and gives `mask` (1, 128, 160: a person is here) and `maps` (22, 64, 80): heat of the middles of
 persons; how far the middle is from here, right and down (in 64 px); logarithms of width and height
 over 64 px; heat of COCO's 17 key points. What becomes of these is in slambed.segment.people.
@@ -148,7 +148,7 @@ class Album:
 
     def __init__(self, folder: Path, seed: list[int], most: int | None = None) -> None:
         """most: only so many pictures, all with somebody in them."""
-        self.grey = np.load(folder / "grey.npy", mmap_mode="r")
+        self.gray = np.load(folder / "gray.npy", mmap_mode="r")
         self.people = np.load(folder / "people.npy", mmap_mode="r")
         self.points = np.load(folder / "keypoints.npy")
         self.random = np.random.default_rng(seed)
@@ -163,19 +163,19 @@ class Album:
         for _ in range(size):
             some = self.by_heart or self.random.random() < WITH_PEOPLE
             i = self.random.choice(self.with_people if some else self.empty)
-            grey, ids, points = np.array(self.grey[i]), np.array(self.people[i]), self.points[i]
+            gray, ids, points = np.array(self.gray[i]), np.array(self.people[i]), self.points[i]
             points = points.copy()
             if self.random.random() < 0.5:
-                grey, ids = grey[:, ::-1], ids[:, ::-1]
+                gray, ids = gray[:, ::-1], ids[:, ::-1]
                 points = points[:, self.SIDES]
                 points[..., 0] = WIDTH - 1 - points[..., 0]
             if not whole:
                 u, v = self._corner(ids)
-                grey, ids = grey[v : v + 128, u : u + 160], ids[v // 2 :, u // 2 :][:64, :80]
+                gray, ids = gray[v : v + 128, u : u + 160], ids[v // 2 :, u // 2 :][:64, :80]
                 points[..., :2] -= (u, v)
-            noise = self.random.normal(0, self.random.uniform(0, 4), grey.shape)
+            noise = self.random.normal(0, self.random.uniform(0, 4), gray.shape)
             gain, lift = self.random.uniform(0.75, 1.25), self.random.uniform(-20, 20)
-            seen = np.clip((grey.astype(np.float32) - 128) * gain + 128 + lift + noise, 0, 255)
+            seen = np.clip((gray.astype(np.float32) - 128) * gain + 128 + lift + noise, 0, 255)
             pictures.append(seen.astype(np.float32)[None] / 255)
             masks.append((ids > 0).astype(np.float32)[None])
             maps.append(targets(ids, points))
@@ -220,12 +220,12 @@ def loss(outputs: tuple, mask: torch.Tensor, wanted: torch.Tensor) -> torch.Tens
 def overlap_of(people: People, folder: Path | Album) -> float:
     """Mean intersection over union where a person takes 0.5 % of a picture or more."""
     if isinstance(folder, Album):
-        grey, ids = folder.grey[folder.with_people], folder.people[folder.with_people]
+        gray, ids = folder.gray[folder.with_people], folder.people[folder.with_people]
     else:
-        grey, ids = np.load(folder / "grey.npy"), np.load(folder / "people.npy")
+        gray, ids = np.load(folder / "gray.npy"), np.load(folder / "people.npy")
     counted = np.count_nonzero(ids, axis=(1, 2)) >= 0.005 * ids[0].size
     overlaps = []
-    for picture, truth in zip(grey[counted], ids[counted] > 0, strict=True):
+    for picture, truth in zip(gray[counted], ids[counted] > 0, strict=True):
         seen = people(torch.from_numpy(picture[None, None].astype(np.float32) / 255))[0][0, 0] > 0
         marked = seen.numpy()
         overlaps.append((marked & truth).sum() / (marked | truth).sum())
@@ -233,19 +233,19 @@ def overlap_of(people: People, folder: Path | Album) -> float:
 
 
 class Training:
-    """What a state holds: weights, their running mean, the optimiser, and how far it has come."""
+    """What a state holds: weights, their running mean, the optimizer, and how far it has come."""
 
     def __init__(self, state: Path) -> None:
         self.file, self.people = state, People().to(memory_format=torch.channels_last)
         self.mean = People()
         self.mean.load_state_dict(self.people.state_dict())
-        self.optimiser = torch.optim.AdamW(self.people.parameters(), lr=TOP_RATE, weight_decay=1e-3)
+        self.optimizer = torch.optim.AdamW(self.people.parameters(), lr=TOP_RATE, weight_decay=1e-3)
         self.taken_s, self.cpu_s, self.steps, self.shown = 0.0, 0.0, 0, 0
         if state.is_file():
             held = torch.load(state)
             self.people.load_state_dict(held["people"])
             self.mean.load_state_dict(held["mean"])
-            self.optimiser.load_state_dict(held["optimiser"])
+            self.optimizer.load_state_dict(held["optimizer"])
             self.taken_s, self.cpu_s, self.steps, self.shown = held["progress"]
 
     def save(self) -> None:
@@ -256,7 +256,7 @@ class Training:
             {
                 "people": self.people.state_dict(),
                 "mean": self.mean.state_dict(),
-                "optimiser": self.optimiser.state_dict(),
+                "optimizer": self.optimizer.state_dict(),
                 "progress": progress,
             },
             partial,
@@ -266,14 +266,14 @@ class Training:
     def step(self, batch: tuple, rate: float) -> float:
         """One step down; its loss."""
         pictures, mask, wanted = batch
-        self.optimiser.param_groups[0]["lr"] = rate
+        self.optimizer.param_groups[0]["lr"] = rate
         with torch.autocast("cpu", dtype=torch.bfloat16):
             seen, maps = self.people(pictures.to(memory_format=torch.channels_last))
         cost = loss((seen.float(), maps.float()), mask, wanted)
-        self.optimiser.zero_grad()
+        self.optimizer.zero_grad()
         cost.backward()
         nn.utils.clip_grad_norm_(self.people.parameters(), 5.0)
-        self.optimiser.step()
+        self.optimizer.step()
         self.steps, self.shown = self.steps + 1, self.shown + len(pictures)
         # The mean over about the last tenth of all steps, at most 500.
         keep = 1 - 1 / min(500, 1 + self.steps / 10)
@@ -295,7 +295,7 @@ def train(
     album = Album(folder, [seed, run.steps], pictures)
     looked_at: Path | Album | None = album if pictures else check
     print(
-        f"{sum(p.numel() for p in run.people.parameters())} parameters, {len(album.grey)} pictures"
+        f"{sum(p.numel() for p in run.people.parameters())} parameters, {len(album.gray)} pictures"
     )
     saved, sums = time.monotonic(), []
     while (share := run.taken_s / (60 * minutes)) < 1:

@@ -37,9 +37,9 @@ def main() -> None:
     odometry = Odometry(camera_of(folder), json.loads(os.environ["SLAMBED_PARAMS"]))
     lines = []
     pairs = zip(entries(folder / "rgb.txt"), entries(folder / "depth.txt"), strict=True)
-    for (stamp, grey), (_, depth) in pairs:
+    for (stamp, gray), (_, depth) in pairs:
         T_wc, _, _ = odometry.track(  # noqa: N806 - camera to world
-            cv2.imread(str(folder / grey), cv2.IMREAD_GRAYSCALE),
+            cv2.imread(str(folder / gray), cv2.IMREAD_GRAYSCALE),
             cv2.imread(str(folder / depth), cv2.IMREAD_UNCHANGED),
         )
         if T_wc is not None:

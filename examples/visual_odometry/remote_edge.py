@@ -17,9 +17,9 @@ from wire import receive, send
 
 def decoded(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     size = int.from_bytes(content[:4], "little")
-    grey, depth = content[4 : 4 + size], content[4 + size :]
+    gray, depth = content[4 : 4 + size], content[4 + size :]
     return tuple(
-        cv2.imdecode(np.frombuffer(part, np.uint8), cv2.IMREAD_UNCHANGED) for part in (grey, depth)
+        cv2.imdecode(np.frombuffer(part, np.uint8), cv2.IMREAD_UNCHANGED) for part in (gray, depth)
     )
 
 

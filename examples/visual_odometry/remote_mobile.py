@@ -29,9 +29,9 @@ def connect() -> socket.socket:
 
 
 def packed(frame: Frame, quality: int) -> bytes:
-    grey = cv2.imencode(".jpg", frame.grey, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    gray = cv2.imencode(".jpg", frame.gray, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
     depth = cv2.imencode(".png", frame.depth, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
-    return len(grey).to_bytes(4, "little") + grey + depth
+    return len(gray).to_bytes(4, "little") + gray + depth
 
 
 def answer_to(connection: socket.socket, number: int, deadline: float) -> dict | None:

@@ -33,9 +33,9 @@ class Odometry:
         rays = np.column_stack([ideal[:, 0], np.ones(len(ideal))])
         self.points, self.descriptors = (rays * depth_m[:, None])[seen], descriptors[seen]
 
-    def track(self, grey: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray | None, int, int]:
+    def track(self, gray: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray | None, int, int]:
         """Camera to world or None, features, inliers."""
-        keypoints, descriptors = self.orb.detectAndCompute(grey, None)
+        keypoints, descriptors = self.orb.detectAndCompute(gray, None)
         if descriptors is None:
             return None, 0, 0
         pixels = np.array([k.pt for k in keypoints])
@@ -71,7 +71,7 @@ def main() -> None:
     odometry = Odometry(client, client.params)
     client.ready()
     for frame in client:
-        T_wc, features, inliers = odometry.track(frame.grey, frame.depth)
+        T_wc, features, inliers = odometry.track(frame.gray, frame.depth)
         if T_wc is None:
             client.lost(frame, features)
         else:

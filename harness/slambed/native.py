@@ -9,7 +9,7 @@ from pathlib import Path
 from slambed.errors import environment_error
 
 SIMULATION = "slambed-sim"
-"""The program of virtual runs; it also plays messages through a modelled link alone."""
+"""The program of virtual runs; it also plays messages through a modeled link alone."""
 
 
 CHECKOUT = "checkout"

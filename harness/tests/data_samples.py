@@ -19,14 +19,14 @@ WIDTH, HEIGHT = 64, 48
 CAMERA = Camera(fx=50.0, fy=50.0, cx=31.5, cy=23.5, bf=4.0)
 
 
-def grey(i: int, width: int = WIDTH, height: int = HEIGHT) -> NDArray[np.uint8]:
+def gray(i: int, width: int = WIDTH, height: int = HEIGHT) -> NDArray[np.uint8]:
     """A random picture that depends on its number only."""
     return np.random.default_rng(i).integers(0, 256, (height, width), dtype=np.uint8)
 
 
-def depth(i: int, metres: float = 2.0, unit_m: float = 0.0002) -> NDArray[np.uint16]:
+def depth(i: int, meters: float = 2.0, unit_m: float = 0.0002) -> NDArray[np.uint16]:
     """Depth about the given distance, with one row of holes."""
-    plane = np.full((HEIGHT, WIDTH), round(metres / unit_m) + i, dtype=np.uint16)
+    plane = np.full((HEIGHT, WIDTH), round(meters / unit_m) + i, dtype=np.uint16)
     plane[0] = 0
     return plane
 
@@ -46,25 +46,25 @@ def write_prepared(path: Path, frames: int = 4) -> PreparedSequence:
         for i in range(frames):
             picture = 1 if i == 2 else i
             time_ns = 1_000_000_000_000 + i * 100_000_000
-            writer.add(Frame(time_ns, grey(picture), depth(picture)))
+            writer.add(Frame(time_ns, gray(picture), depth(picture)))
         writer.set_groundtruth(trajectory([1000.0, 1000.1, 1000.2]))
     return PreparedSequence.open(path)
 
 
-def write_tum(path: Path, frames: int = 6, metres: float = 2.0) -> Path:
-    """TUM layout; depth images 4 ms after the colour ones, one of them missing."""
+def write_tum(path: Path, frames: int = 6, meters: float = 2.0) -> Path:
+    """TUM layout; depth images 4 ms after the color ones, one of them missing."""
     (path / "rgb").mkdir(parents=True)
     (path / "depth").mkdir()
-    colour_lines, depth_lines, poses = ["# colour"], ["# depth"], ["# poses"]
+    color_lines, depth_lines, poses = ["# color"], ["# depth"], ["# poses"]
     for i in range(frames):
         t, t_depth = 1305031102.175304 + i / 10, 1305031102.179304 + i / 10
-        cv2.imwrite(str(path / f"rgb/{t:.6f}.png"), grey(i))
-        colour_lines.append(f"{t:.6f} rgb/{t:.6f}.png")
+        cv2.imwrite(str(path / f"rgb/{t:.6f}.png"), gray(i))
+        color_lines.append(f"{t:.6f} rgb/{t:.6f}.png")
         poses.append(f"{t:.4f} {i} 0 0 0 0 0 1")
         if i != 3:
-            cv2.imwrite(str(path / f"depth/{t_depth:.6f}.png"), depth(i, metres))
+            cv2.imwrite(str(path / f"depth/{t_depth:.6f}.png"), depth(i, meters))
             depth_lines.append(f"{t_depth:.6f} depth/{t_depth:.6f}.png")
-    (path / "rgb.txt").write_text("\n".join(colour_lines) + "\n")
+    (path / "rgb.txt").write_text("\n".join(color_lines) + "\n")
     (path / "depth.txt").write_text("\n".join(depth_lines) + "\n")
     (path / "groundtruth.txt").write_text("\n".join(poses) + "\n")
     return path

@@ -10,7 +10,7 @@ from typing import Any
 from results_factory import RawRun, spec_of, write_raw
 
 from slambed.metrics.catalog import METRICS_VERSION
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 from slambed.spec.faults import Fault
 
 KEPT = Path(__file__).parent / "kept_summary.json"
@@ -31,7 +31,7 @@ def summary_today(folder: Path) -> dict[str, Any]:
         for state in states:
             change = state | {"t_ns": state["t_ns"] * 10**9, "type": "state_changed"}
             events.write(json.dumps(change) + "\n")
-    return summarise_run(raw, spec_of("dynnetslam", "wh_wsz", "ramp_85", 0))
+    return summarize_run(raw, spec_of("dynnetslam", "wh_wsz", "ramp_85", 0))
 
 
 def main() -> None:

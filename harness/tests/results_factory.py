@@ -16,7 +16,7 @@ from slambed.metrics.catalog import SUMMARY_KEYS
 from slambed.metrics.collect import keep_groundtruth
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run_data import RunData
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 from slambed.records.kept_spec import KeptSpec
 from slambed.spec.faults import Fault
 
@@ -83,7 +83,7 @@ def write_raw(folder: Path, run: RawRun) -> Path:
     mapper = edge if run.edge else mobile
     tracked: list[int] = []
     keyframe = points = update = 0
-    previous = "not_initialised"
+    previous = "not_initialized"
     for frame, stamp in enumerate(frames.stamps_s):
         seq_s = stamp - ORIGIN_S
         taken_ns = int(seq_s * 1e9)
@@ -105,9 +105,9 @@ def write_raw(folder: Path, run: RawRun) -> Path:
         if state == "ok":
             tracked.append(frame)
         kinds = {
-            ("not_initialised", "ok"): "initialised",
+            ("not_initialized", "ok"): "initialized",
             ("ok", "lost"): "track_lost",
-            ("lost", "ok"): "relocalised",
+            ("lost", "ok"): "relocalized",
         }
         if kind := kinds.get((previous, state)):
             mobile.append({"t_ns": t_ns, "type": kind, **common})
@@ -288,7 +288,7 @@ def write_experiment(root: Path, runs: list[tuple[dict[str, Any], RawRun]]) -> P
         target = experiment / "runs" / key
         target.mkdir()
         to_parquet(RunData(raw, KeptSpec.of(spec)), target)
-        summary = summarise_run(raw, spec) | {"run_key": key}
+        summary = summarize_run(raw, spec) | {"run_key": key}
         (target / "summary.json").write_text(json.dumps(summary))
         manifest = json.loads((raw / "manifest.json").read_text()) | {"spec": spec, "run_key": key}
         (target / "manifest.json").write_text(json.dumps(manifest))

@@ -36,8 +36,8 @@ def write_walk(
     ) as writer:  # fmt: skip
         for k in range(frames):
             left = round(k * STEP_M * CAMERA.fx / WALL_M)
-            grey = np.ascontiguousarray(wall(k if strange else 0)[:HEIGHT, left : left + WIDTH])
-            writer.add(Frame(k * 100_000_000, grey, depth if sensor == "rgbd" else None))
+            gray = np.ascontiguousarray(wall(k if strange else 0)[:HEIGHT, left : left + WIDTH])
+            writer.add(Frame(k * 100_000_000, gray, depth if sensor == "rgbd" else None))
             poses.append([k / FPS, k * STEP_M, 0, 0, 0, 0, 0, 1])
         if truth:
             writer.set_groundtruth(Trajectory.of_rows(np.array(poses, np.float64)))

@@ -69,7 +69,7 @@ void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
 }
 
 void Vehicle::corrected(const PoseCorrection& correction, bool aligned, double seq_s) {
-  if (at_w_) at_w_ = correction.T_new_old * *at_w_;  // a correction is no way travelled
+  if (at_w_) at_w_ = correction.T_new_old * *at_w_;  // a correction is no way traveled
   if (aligned) {
     node_.log().write(JsonLine("trip_aligned")
                           .add("keyframe", correction.keyframe.value)
@@ -97,7 +97,7 @@ void Vehicle::travel(const TrackedFrame& frame) {
     return;
   }
   const Eigen::Vector3d here = frame.outcome.T_cw.inverse().t;
-  if (at_w_) travelled_m_ += (here - *at_w_).norm();
+  if (at_w_) traveled_m_ += (here - *at_w_).norm();
   at_w_ = here;
 }
 
@@ -115,7 +115,7 @@ void Vehicle::after_frame(Worker& worker, const TrackedFrame& frame) {
 }
 
 void Vehicle::send_if_due(const TrackedFrame& frame, KeyFrameId keyframe) {
-  const Moment moment{frame.offered.played.seq_s(), travelled_m_};
+  const Moment moment{frame.offered.played.seq_s(), traveled_m_};
   const bool first = !first_s_;
   if (first) {
     first_s_ = moment.seq_s;
@@ -140,7 +140,7 @@ void Vehicle::send_if_due(const TrackedFrame& frame, KeyFrameId keyframe) {
                JsonLine("keyframe_sent")
                    .add("keyframe", keyframe.value)
                    .add("seq_s", moment.seq_s)
-                   .add("travelled_m", moment.travelled_m)
+                   .add("traveled_m", moment.traveled_m)
                    .add("reason", reason));
 }
 

@@ -32,7 +32,7 @@ bool Strategy::next(const StrategyState& state, const Moment& keyframe) const {
   if (options_.kind == StrategyKind::kAll || !state.last_sent) return true;
   if (options_.kind == StrategyKind::kPeriodic)
     return keyframe.seq_s - state.last_sent->seq_s >= options_.period_s;
-  return keyframe.travelled_m - state.last_sent->travelled_m >= state.distance_m;
+  return keyframe.traveled_m - state.last_sent->traveled_m >= state.distance_m;
 }
 
 StrategyState Strategy::sent(StrategyState state, const Moment& keyframe) {

@@ -19,7 +19,7 @@ struct StrategyOptions {
 /// A keyframe as the strategies see it.
 struct Moment {
   double seq_s = 0;
-  double travelled_m = 0;  ///< tracked path until then
+  double traveled_m = 0;  ///< tracked path until then
 };
 
 struct StrategyState {

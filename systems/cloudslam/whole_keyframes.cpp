@@ -44,7 +44,7 @@ void WholeKeyFrameSender::work(Worker& worker) {
   while (auto item = queue_.take(worker)) {
     Map alone;
     if (codec_.text()) alone.commit(item->message.delta);  // it looks points up there
-    Bytes own = codec_.serialise(worker, item->message, alone);
+    Bytes own = codec_.serialize(worker, item->message, alone);
     const std::size_t own_bytes = own.size();
     Bytes filled = wire::fill_up(std::move(own), filled_);
     item->about.add("bytes_own", own_bytes).add("bytes", filled.size());

@@ -38,7 +38,7 @@ EdgeContact::EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
                               });
   inbox_.on<wire::HandoverAck>(wire::decode_handover_ack,
                                [this](const wire::HandoverAck& ack, const Message& raw) {
-                                 on_ack(ack, raw.incarnation, node_.runtime().now());
+                                 on_ack(ack, raw.session, node_.runtime().now());
                                });
 }
 

@@ -37,7 +37,7 @@ void HandoverClient::stop(std::uint64_t epoch) {
 
 void HandoverClient::received(std::shared_ptr<const Map> map) {
   auto content = std::make_shared<const MapDelta>(map->read(snapshot));
-  const std::uint64_t edge = node_.network().peer().incarnation;
+  const std::uint64_t edge = node_.network().peer().session;
   std::lock_guard lock(mutex_);
   acknowledged_ = {std::move(map), std::move(content), edge};
   handover_.superseded = true;
@@ -46,7 +46,7 @@ void HandoverClient::received(std::shared_ptr<const Map> map) {
 void HandoverClient::send_if_due(Worker& worker) {
   const PathStats path = channel_.path();
   if (!path.connected) return;  // the channel's signal tells when it is
-  const std::uint64_t edge = node_.network().peer().incarnation;
+  const std::uint64_t edge = node_.network().peer().session;
   Handover handover;
   AcknowledgedMap base;
   {
@@ -85,7 +85,7 @@ void HandoverClient::prepare(Worker& worker, Handover handover, AcknowledgedMap 
   });
   const bool start = !message.whole && message.changes.empty();
   handover.type = start ? wire::StartMessage::kType : wire::MapHandover::kType;
-  handover.payload = worker.stage("serialise", [&](StageUnits& units) {
+  handover.payload = worker.stage("serialize", [&](StageUnits& units) {
     Bytes bytes =
         start ? encode(wire::StartMessage{handover.epoch, handover.number}) : encode(message);
     units.n1 = static_cast<double>(bytes.size()) / 1000;

@@ -39,7 +39,7 @@ class HandoverClient {
   struct AcknowledgedMap {
     std::shared_ptr<const Map> map;
     std::shared_ptr<const MapDelta> content;
-    std::uint64_t edge = 0;  ///< incarnation of the edge that knows
+    std::uint64_t edge = 0;  ///< session of the edge that knows
   };
   struct Handover {
     std::uint64_t epoch = 0, number = 0;

@@ -24,7 +24,7 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::integer("n_kf", 1, 100),
       ParameterSpec::real("sync_period_s", 0, 600),
       ParameterSpec::choice("map_update", {"serial", "parallel"}),
-      ParameterSpec::integer("update_neighbours", 0, 100),
+      ParameterSpec::integer("update_neighbors", 0, 100),
       ParameterSpec::integer("min_local_keyframes", 0, 100),
       ParameterSpec::real("fast_motion_ms", 0, 10000),
       ParameterSpec::real("decline_kf_rate_hz", 0, 1000),

@@ -94,7 +94,7 @@ void SwitchedMapping::send_deferred(Worker& worker) {
 
 void SwitchedMapping::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
                            KeyFrameNeed need) {
-  const bool first = frame.outcome.initialised_now;
+  const bool first = frame.outcome.initialized_now;
   offload_.send(worker, frame, std::move(made), need, first, first);
   contact_.keyframe_sent(worker.now());
 }
@@ -108,7 +108,7 @@ void SwitchedMapping::make_keyframe(Worker& worker, const TrackedFrame& frame) {
   const KeyFrameNeed need = node_.tracker().keyframe_need();
   const bool here = maps_here() && node_.tracker().wants_keyframe(mapping_.status());
   // A keyframe that only the edge may want, and still decline, must not become the reference.
-  const bool certain = here || need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
+  const bool certain = here || need == KeyFrameNeed::kUrgent || frame.outcome.initialized_now;
   MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
   if (here)

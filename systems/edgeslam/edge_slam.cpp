@@ -17,8 +17,8 @@ EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters,
                                      const wire::MapUpdate&, const std::shared_ptr<Map>&) {
     edge_has_map_ = true;
     // Found in the map that the edge began with: it needs none of ours.
-    if (begins_there && edge_incarnation_ == 0)
-      edge_incarnation_ = node_.network().peer().incarnation;
+    if (begins_there && edge_session_ == 0)
+      edge_session_ = node_.network().peer().session;
   });
 }
 
@@ -38,12 +38,12 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   // A restarted edge knows nothing: its map begins with a keyframe made at once.
   const PeerState edge = node_.network().peer();
   const bool edge_is_new =
-      edge.connected && edge.incarnation != edge_incarnation_ && !frame.outcome.initialised_now;
+      edge.connected && edge.session != edge_session_ && !frame.outcome.initialized_now;
   const bool at_once = edge_is_new || keyframe_wanted_;
   const KeyFrameNeed need = at_once ? KeyFrameNeed::kUrgent : node_.tracker().keyframe_need();
   if (need == KeyFrameNeed::kNone) return;
   // A keyframe that the edge may still decline must not become the reference.
-  const bool certain = need == KeyFrameNeed::kUrgent || frame.outcome.initialised_now;
+  const bool certain = need == KeyFrameNeed::kUrgent || frame.outcome.initialized_now;
   MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
   // The first keyframe of a map is whole as it is made; the next ones lean on points sent before.
@@ -56,10 +56,10 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (edge_is_new) {
     node_.log().write(JsonLine("edge_restarted")
                           .add("keyframe", made.keyframes.back().id.value)
-                          .add("incarnation", edge.incarnation));
+                          .add("session", edge.session));
   }
-  const bool first = edge_is_new || frame.outcome.initialised_now;
-  if (first) edge_incarnation_ = edge.incarnation;
+  const bool first = edge_is_new || frame.outcome.initialized_now;
+  if (first) edge_session_ = edge.session;
   offload_.send(worker, frame, std::move(made), need, first, whole || first);
   keyframe_wanted_ = false;
 }

@@ -22,8 +22,8 @@ class EdgeSlamMobile final : public MobilePolicy {
     return features;
   }
   void after_frame(Worker& worker, const TrackedFrame& frame) override;
-  std::string_view relocalised_by(const TrackedFrame& frame) override {
-    return offload_.relocalised_by(frame);
+  std::string_view relocalized_by(const TrackedFrame& frame) override {
+    return offload_.relocalized_by(frame);
   }
   void finish(Worker& worker) override { offload_.shut_down(worker); }
   void place_keyframes(PoseBook& book) override;
@@ -32,7 +32,7 @@ class EdgeSlamMobile final : public MobilePolicy {
  private:
   MobileNode& node_;
   OffloadMobile offload_;
-  std::uint64_t edge_incarnation_ =
+  std::uint64_t edge_session_ =
       0;  ///< of the edge whose map began with one of our keyframes, or ours in it
   bool edge_has_map_ = true;      ///< false: it said that it has none, and has sent none since
   bool keyframe_wanted_ = false;  ///< at the next frame

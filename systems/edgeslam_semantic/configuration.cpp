@@ -32,11 +32,11 @@ int row_for(std::optional<Duration> delay) {
 }
 
 Selection select_keyframe(const Configuration& row, const FrameFacts& frame) {
-  if (frame.frames_since_optimisation >= kForcedAfter * row.f_max &&
+  if (frame.frames_since_optimization >= kForcedAfter * row.f_max &&
       frame.frames_since_keyframe >= kForcedAfter * row.f_max)
     return Selection::kForced;
   const bool due = frame.frames_since_keyframe > row.f_min || frame.keyframes < row.f_min;
-  const bool fresh = frame.frames_since_optimisation < row.f_max;
+  const bool fresh = frame.frames_since_optimization < row.f_max;
   const double before = frame.keyframe_features;
   const bool rich = frame.features >= row.alpha * before;
   const bool different = frame.matched <= row.beta * before;

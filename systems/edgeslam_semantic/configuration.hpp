@@ -29,7 +29,7 @@ int row_for(std::optional<Duration> delay);
 struct FrameFacts {
   int frames_since_keyframe = 0;      ///< since the last one was selected
   int keyframes = 0;                  ///< selected so far in this map
-  int frames_since_optimisation = 0;  ///< since the local map last was optimised
+  int frames_since_optimization = 0;  ///< since the local map last was optimized
   int features = 0;                   ///< of this frame
   int keyframe_features = 0;          ///< of the last keyframe ...
   int matched = 0;                    ///< ... and how many of those are found in this frame
@@ -38,7 +38,7 @@ struct FrameFacts {
 enum class Selection {
   kNo,
   kByRule,  ///< the paper's four conditions
-  kForced,  ///< twice f_max frames passed without any optimisation, as where a result was lost
+  kForced,  ///< twice f_max frames passed without any optimization, as where a result was lost
 };
 
 /// The paper's isKeyFrame.

@@ -7,12 +7,12 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 /// What is known of a frame, whatever is culled in it.
-struct LabelledFrame {
+struct LabeledFrame {
   std::shared_ptr<const FeatureSet> features;
   std::vector<std::uint8_t> on_mover, near_mover;
 };
 
-void count(const LabelledFrame& frame, const std::vector<std::uint8_t>& free,
+void count(const LabeledFrame& frame, const std::vector<std::uint8_t>& free,
            CullingCounts& counts) {
   for (std::size_t i = 0; i < free.size(); ++i) {
     const bool culled = !free[i];
@@ -27,9 +27,9 @@ void count(const LabelledFrame& frame, const std::vector<std::uint8_t>& free,
 
 std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
                                           const CullingOptions& options) {
-  std::vector<LabelledFrame> frames;
+  std::vector<LabeledFrame> frames;
   for (std::uint64_t i = 0; i < sequence.frames; ++i) {
-    LabelledFrame known{.features = sequence.features(i), .on_mover = {}, .near_mover = {}};
+    LabeledFrame known{.features = sequence.features(i), .on_mover = {}, .near_mover = {}};
     const FrameMasks truth = sequence.truth(i);
     known.on_mover = features_on_masks(*known.features, truth, 0);
     known.near_mover = features_on_masks(*known.features, truth, options.labels.border_px);
@@ -38,11 +38,11 @@ std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
   std::vector<CullingCounts> by_age(static_cast<std::size_t>(options.oldest) + 1);
   const std::size_t step = static_cast<std::size_t>(options.every);
   for (std::size_t first = 0; first < frames.size(); first += step) {
-    MaskTransfer transfer(options.labels, options.chains);
+    MaskTransfer transfer(options.labels, options.tracks);
     const KeyFrameId id{first + 1};
     for (std::size_t age = 0; age < by_age.size() && first + age < frames.size(); ++age) {
-      const LabelledFrame& frame = frames[first + age];
-      transfer.follow(frame.features);
+      const LabeledFrame& frame = frames[first + age];
+      transfer.track(frame.features);
       if (age == 0) transfer.keep(id);
       if (age == static_cast<std::size_t>(options.late)) transfer.apply(id, sequence.masks(first));
       count(frame, transfer.free(), by_age[age]);

@@ -20,7 +20,7 @@ struct CullingCounts {
 
 struct CullingOptions {
   LabelOptions labels{};
-  ChainOptions chains{};
+  FeatureTrackOptions tracks{};
   int oldest = 40;  ///< ages of masks from 0, in frames
   int every = 10;   ///< frames from one mask that is tried to the next
   int late = 0;     ///< frames after its own that a mask comes

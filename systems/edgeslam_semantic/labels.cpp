@@ -12,23 +12,23 @@ std::vector<std::uint8_t> features_on_masks(const FeatureSet& features, const Fr
   return moves;
 }
 
-MapDelta without_labelled(const MapView& view, const Labels& labels) {
-  std::map<MapPointId, std::vector<ObservationEdit>> sightings;
+MapDelta without_labeled(const MapView& view, const Labels& labels) {
+  std::map<MapPointId, std::vector<ObservationEdit>> observations;
   for (const auto& [id, moves] : labels) {
     const KeyFrame* keyframe = view.keyframe(id);
     if (!keyframe) continue;
     for (std::size_t i = 0; i < moves.size() && i < keyframe->points.size(); ++i) {
       const MapPointId point = keyframe->points[i];
-      if (moves[i] && point) sightings[point].push_back({id, static_cast<std::uint16_t>(i), point});
+      if (moves[i] && point) observations[point].push_back({id, static_cast<std::uint16_t>(i), point});
     }
   }
   MapDelta delta;
   delta.epoch = view.epoch();
-  for (const auto& [id, labelled] : sightings) {
-    if (2 * labelled.size() >= view.point(id)->observations.size()) {
+  for (const auto& [id, labeled] : observations) {
+    if (2 * labeled.size() >= view.point(id)->observations.size()) {
       delta.culled_points.push_back(id);
     } else {
-      delta.detach.insert(delta.detach.end(), labelled.begin(), labelled.end());
+      delta.detach.insert(delta.detach.end(), labeled.begin(), labeled.end());
     }
   }
   return delta;

@@ -17,9 +17,9 @@ using Labels = std::map<KeyFrameId, std::vector<std::uint8_t>>;
 std::vector<std::uint8_t> features_on_masks(const FeatureSet& features, const FrameMasks& masks,
                                             int border_px);
 
-/// What a map does without: points at least half of whose sightings lie on something that moves,
-/// and of the others those sightings. A point behind somebody's outline is thus not lost with one
+/// What a map does without: points at least half of whose observations lie on something that moves,
+/// and of the others those observations. A point behind somebody's outline is thus not lost with one
 /// mask.
-MapDelta without_labelled(const MapView& view, const Labels& labels);
+MapDelta without_labeled(const MapView& view, const Labels& labels);
 
 }  // namespace slambed::edgeslam_semantic

@@ -130,17 +130,17 @@ void forget_left(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window
   });
 }
 
-Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimised) {
-  const auto now = optimised.keyframes.find(keyframe);
+Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimized) {
+  const auto now = optimized.keyframes.find(keyframe);
   const KeyFrame* was = rough.keyframe(keyframe);
-  if (now == optimised.keyframes.end() || !was) return to_sim3(SE3());
+  if (now == optimized.keyframes.end() || !was) return to_sim3(SE3());
   const SE3 T_wc_old = was->T_cw.inverse(), T_wc_new = now->second.T_cw.inverse();
   std::vector<double> ratios;
   for (const auto& [feature, id] : now->second.points) {
     const MapPoint* point = rough.point(id);
     if (!point) continue;
     const double before_m = (point->p_w - T_wc_old.t).norm();
-    if (before_m > 0) ratios.push_back((optimised.points.at(id) - T_wc_new.t).norm() / before_m);
+    if (before_m > 0) ratios.push_back((optimized.points.at(id) - T_wc_new.t).norm() / before_m);
   }
   double scale = ratios.size() < kLeastForScale ? 1 : median(ratios);
   if (!(std::abs(scale - 1) > kScaleTolerance)) scale = 1;

@@ -24,10 +24,10 @@ void forget_left(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window
                  KeyFrameId newest);
 
 /// The move from the world as the mobile has it to the one that a slice knows, as seen from a
-/// keyframe that both have: its rough pose becomes the optimised one. The scale is that of the
+/// keyframe that both have: its rough pose becomes the optimized one. The scale is that of the
 /// points that both have (median of their distances from the keyframe); within half a percent of 1,
 /// or with few of them, it is 1.
-Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimised);
+Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimized);
 
 /// What the mobile's local map is made of after a slice.
 struct LocalMapParts {

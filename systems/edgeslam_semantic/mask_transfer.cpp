@@ -14,43 +14,43 @@ constexpr std::size_t kPastFrames = 60;
 
 }  // namespace
 
-void MaskTransfer::follow(std::shared_ptr<const FeatureSet> features) {
-  const auto ids = chains_.follow(*features);
-  past_.push_back(std::make_shared<ChainFrame>(
-      ChainFrame{chains_.frame(), std::move(features), {ids.begin(), ids.end()}}));
+void MaskTransfer::track(std::shared_ptr<const FeatureSet> features) {
+  const auto ids = tracks_.track(*features);
+  past_.push_back(std::make_shared<FrameTracks>(
+      FrameTracks{tracks_.frame(), std::move(features), {ids.begin(), ids.end()}}));
   if (past_.size() > kPastFrames) past_.pop_front();
-  labels_.forget(chains_.frame());
+  labels_.forget(tracks_.frame());
   labels_.place(*past_.back());
   set_free();
 }
 
 void MaskTransfer::set_free() {
-  const auto ids = chains_.ids();
+  const auto ids = tracks_.ids();
   free_.resize(ids.size());
-  std::transform(ids.begin(), ids.end(), free_.begin(), [this](ChainId chain) {
-    return labels_.moves(chain, chains_.frame()) ? std::uint8_t{0} : std::uint8_t{1};
+  std::transform(ids.begin(), ids.end(), free_.begin(), [this](FeatureTrackId track) {
+    return labels_.moves(track, tracks_.frame()) ? std::uint8_t{0} : std::uint8_t{1};
   });
 }
 
 void MaskTransfer::keep(KeyFrameId id) {
-  const auto ids = chains_.ids();
-  Kept kept{.frame = past_.back(), .own_chains = {}};
+  const auto ids = tracks_.ids();
+  Kept kept{.frame = past_.back(), .own_tracks = {}};
   for (std::size_t i = 0; i < ids.size(); ++i)
-    if (free_[i]) kept.own_chains.push_back(ids[i]);
+    if (free_[i]) kept.own_tracks.push_back(ids[i]);
   kept_[id] = std::move(kept);
   forget_old();
 }
 
 void MaskTransfer::keep_for_comparison(KeyFrameId id) {
   keep(id);
-  const auto ids = chains_.ids();
+  const auto ids = tracks_.ids();
   compared_ = {ids.begin(), ids.end()};
 }
 
 bool MaskTransfer::apply(KeyFrameId id, const FrameMasks& masks) {
   const auto found = kept_.find(id);
   if (found == kept_.end()) return false;
-  const ChainFrame& masked = *found->second.frame;
+  const FrameTracks& masked = *found->second.frame;
   labels_.judge(masked, masks);
   if (labels_.newest() == masked.number) {
     for (const auto& frame : past_)
@@ -64,16 +64,16 @@ Labels MaskTransfer::labels() const {
   Labels labels;
   for (const auto& [id, kept] : kept_) {
     std::vector<std::uint8_t>& moves = labels[id];
-    moves.reserve(kept.own_chains.size());
-    for (const ChainId chain : kept.own_chains)
-      moves.push_back(labels_.moves(chain, chains_.frame()));
+    moves.reserve(kept.own_tracks.size());
+    for (const FeatureTrackId track : kept.own_tracks)
+      moves.push_back(labels_.moves(track, tracks_.frame()));
   }
   return labels;
 }
 
 void MaskTransfer::forget_old() {
   std::erase_if(kept_, [this](const auto& entry) {
-    return chains_.frame() - entry.second.frame->number > kKeptFrames;
+    return tracks_.frame() - entry.second.frame->number > kKeptFrames;
   });
 }
 

@@ -6,7 +6,7 @@
 #include <memory>
 #include <unordered_set>
 
-#include "edgeslam_semantic/chain_labels.hpp"
+#include "edgeslam_semantic/track_labels.hpp"
 #include "edgeslam_semantic/labels.hpp"
 
 namespace slambed::edgeslam_semantic {
@@ -15,11 +15,11 @@ namespace slambed::edgeslam_semantic {
 /// points.
 class MaskTransfer {
  public:
-  explicit MaskTransfer(LabelOptions labels, ChainOptions chains = {})
-      : chains_(chains), labels_(labels) {}
+  explicit MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks = {})
+      : tracks_(tracks), labels_(labels) {}
 
-  /// Follows the chains into the next frame.
-  void follow(std::shared_ptr<const FeatureSet> features);
+  /// Continues the feature tracks into the next frame.
+  void track(std::shared_ptr<const FeatureSet> features);
   /// Per feature of it: 1 where no label says that it moves.
   const std::vector<std::uint8_t>& free() const { return free_; }
   /// The frame became a keyframe, of its free features alone.
@@ -28,32 +28,32 @@ class MaskTransfer {
   void keep_for_comparison(KeyFrameId id);
 
   int compared_features() const { return static_cast<int>(compared_.size()); }
-  int matched() const { return chains_.shared(compared_); }
+  int matched() const { return tracks_.shared(compared_); }
   /// Age of the mask that the newest frame stands on, in frames; negative without one.
-  int mask_age() const { return labels_.newest() > 0 ? chains_.frame() - labels_.newest() : -1; }
+  int mask_age() const { return labels_.newest() > 0 ? tracks_.frame() - labels_.newest() : -1; }
 
-  /// A keyframe's mask, however late: the frames since then, up to 60, are labelled as if it had
+  /// A keyframe's mask, however late: the frames since then, up to 60, are labeled as if it had
   /// come at once. False when the keyframe is not known (any longer).
   bool apply(KeyFrameId id, const FrameMasks& masks);
   /// The labels as they are now of the keyframes kept.
   Labels labels() const;
-  /// A new map begins; chains go on.
+  /// A new map begins; tracks go on.
   void clear();
 
  private:
   struct Kept {
-    std::shared_ptr<const ChainFrame> frame;
-    std::vector<ChainId> own_chains;  ///< of the keyframe's features
+    std::shared_ptr<const FrameTracks> frame;
+    std::vector<FeatureTrackId> own_tracks;  ///< of the keyframe's features
   };
   /// Keyframes that are older than any label go, whether or not a mask has ever come.
   void forget_old();
   void set_free();
 
-  FeatureChains chains_;
-  ChainLabels labels_;
-  std::deque<std::shared_ptr<const ChainFrame>> past_;  ///< the newest frames, the last is now
+  FeatureTracks tracks_;
+  TrackLabels labels_;
+  std::deque<std::shared_ptr<const FrameTracks>> past_;  ///< the newest frames, the last is now
   std::vector<std::uint8_t> free_;
-  std::unordered_set<ChainId> compared_;
+  std::unordered_set<FeatureTrackId> compared_;
   std::map<KeyFrameId, Kept> kept_;
 };
 

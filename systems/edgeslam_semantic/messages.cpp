@@ -32,7 +32,7 @@ std::vector<IdType> get_ids(ByteReader& in) {
 Bytes encode(const SemanticKeyFrame& message) {
   ByteWriter out;
   out.reserve(message.jpeg.size() + 64);
-  IdStream().put(out, message.world);
+  IdStream().put(out, message.map_id);
   out.time(message.captured);
   out.varint(message.applied_slice);
   IdStream().put(out, message.newest_edge_point);
@@ -48,7 +48,7 @@ SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
                                           const SensorPtr& sensor) {
   ByteReader in(bytes);
   SemanticKeyFrame message;
-  message.world = IdStream().get<KeyFrameId>(in);
+  message.map_id = IdStream().get<KeyFrameId>(in);
   message.captured = in.time();
   message.applied_slice = in.varint();
   message.newest_edge_point = IdStream().get_or_none<MapPointId>(in);
@@ -68,7 +68,7 @@ SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
 Bytes encode(const OptResult& message) {
   ByteWriter out;
   IdStream ids;
-  ids.put(out, message.world);
+  ids.put(out, message.map_id);
   out.varint(message.number);
   ids.put(out, message.keyframe);
   put_pose(out, message.T_cw);
@@ -83,7 +83,7 @@ OptResult decode_opt_result(std::span<const std::uint8_t> bytes) {
   ByteReader in(bytes);
   IdStream ids;
   OptResult message;
-  message.world = ids.get<KeyFrameId>(in);
+  message.map_id = ids.get<KeyFrameId>(in);
   message.number = in.varint();
   message.keyframe = ids.get<KeyFrameId>(in);
   message.T_cw = get_pose(in);
@@ -98,7 +98,7 @@ OptResult decode_opt_result(std::span<const std::uint8_t> bytes) {
 Bytes encode(const MaskMessage& message) {
   ByteWriter out;
   IdStream ids;
-  ids.put(out, message.world);
+  ids.put(out, message.map_id);
   ids.put(out, message.keyframe);
   out.time(message.took);
   put_masks(out, message.masks);
@@ -110,7 +110,7 @@ MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& se
   ByteReader in(bytes);
   IdStream ids;
   MaskMessage message;
-  message.world = ids.get<KeyFrameId>(in);
+  message.map_id = ids.get<KeyFrameId>(in);
   message.keyframe = ids.get<KeyFrameId>(in);
   message.took = in.time();
   if (message.took < Duration::zero()) throw DecodeError("MASK took a negative time");
@@ -122,7 +122,7 @@ MaskMessage decode_mask(std::span<const std::uint8_t> bytes, const SensorPtr& se
 Bytes encode(const NoMaskMessage& message) {
   ByteWriter out;
   IdStream ids;
-  ids.put(out, message.world);
+  ids.put(out, message.map_id);
   ids.put(out, message.keyframe);
   out.time(message.took);
   out.u8(static_cast<std::uint8_t>(message.reason));
@@ -133,7 +133,7 @@ NoMaskMessage decode_no_mask(std::span<const std::uint8_t> bytes) {
   ByteReader in(bytes);
   IdStream ids;
   NoMaskMessage message;
-  message.world = ids.get<KeyFrameId>(in);
+  message.map_id = ids.get<KeyFrameId>(in);
   message.keyframe = ids.get<KeyFrameId>(in);
   message.took = in.time();
   if (message.took < Duration::zero()) throw DecodeError("NO_MASK took a negative time");

@@ -25,7 +25,7 @@ struct SemanticKeyFrame {
   static constexpr wire::MessageType kType = kMessages["SEMANTIC_KEYFRAME"];
   /// The newer of the two keyframes that its map began with: answers about another map are worth
   /// nothing.
-  KeyFrameId world;
+  KeyFrameId map_id;
   RunTime captured{};               ///< when playback offered its frame
   std::uint64_t applied_slice = 0;  ///< number of the newest slice that the pose knows of, 0: none
   /// Newest point of an edge's making that the mobile knows: a restarted one numbers on behind it.
@@ -38,17 +38,17 @@ struct SemanticKeyFrame {
   Bytes jpeg;  ///< empty: nothing is segmented
 
   KeyFrameId keyframe() const { return delta.keyframes.back().id; }
-  bool first() const { return keyframe() == world; }
+  bool first() const { return keyframe() == map_id; }
 };
 
 /// OPT_RESULT, edge -> mobile: what mapping a keyframe came to, as what has changed in the part of
 /// the map that the mobile keeps since the slice before.
 struct OptResult {
   static constexpr wire::MessageType kType = kMessages["OPT_RESULT"];
-  KeyFrameId world;
+  KeyFrameId map_id;
   std::uint64_t number = 0;  ///< of slices in this map, from 1
   KeyFrameId keyframe;
-  SE3 T_cw;  ///< of the keyframe, optimised
+  SE3 T_cw;  ///< of the keyframe, optimized
   wire::UpdateTimes times;
   /// Points by position (new ones and moved ones alike), keyframes by pose, observations, what the
   /// edge has deleted. No keyframe is in it whole: the mobile made them all.
@@ -61,7 +61,7 @@ struct OptResult {
 /// MASK, edge -> mobile: what moves in a keyframe's picture.
 struct MaskMessage {
   static constexpr wire::MessageType kType = kMessages["MASK"];
-  KeyFrameId world;
+  KeyFrameId map_id;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
   FrameMasks masks;
@@ -76,7 +76,7 @@ enum class NoMaskReason : std::uint8_t {
 /// NO_MASK, edge -> mobile: in place of a MASK that will not come, so that nobody waits for it.
 struct NoMaskMessage {
   static constexpr wire::MessageType kType = kMessages["NO_MASK"];
-  KeyFrameId world;
+  KeyFrameId map_id;
   KeyFrameId keyframe;
   Duration took{};  ///< from the picture's arrival
   NoMaskReason reason = NoMaskReason::kNotSegmented;

@@ -9,11 +9,11 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 /// An own point goes up when two uploaded keyframes see it: with one alone it has no depth there.
-constexpr std::size_t kLeastSightings = 2;
+constexpr std::size_t kLeastObservations = 2;
 
-LocalMapperOptions mapper_options(int neighbours) {
+LocalMapperOptions mapper_options(int neighbors) {
   LocalMapperOptions options;
-  options.neighbours = options.neighbours_mono = neighbours;
+  options.neighbors = options.neighbors_mono = neighbors;
   return options;
 }
 
@@ -22,7 +22,7 @@ LocalMapperOptions mapper_options(int neighbours) {
 MobileMap::MobileMap(MobileNode& node, Options options)
     : node_(node),
       options_(options),
-      mapper_(mapper_options(options.neighbours), node.tracker().map(), IdSpace::kMobileMapper) {}
+      mapper_(mapper_options(options.neighbors), node.tracker().map(), IdSpace::kMobileMapper) {}
 
 void MobileMap::note_own(const MapDelta& made) {
   for (const NewKeyFrame& keyframe : made.keyframes)
@@ -64,8 +64,8 @@ bool MobileMap::known_at_edge(MapPointId point) const {
 SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
   SemanticKeyFrame message;
   const KeyFrameId id = made.keyframes.back().id;
-  if (!world_) {
-    world_ = id;
+  if (!map_id_) {
+    map_id_ = id;
     message.delta = made;
     for (const NewKeyFrame& keyframe : made.keyframes) uploaded_.insert(keyframe.id);
     uploads_ = static_cast<int>(made.keyframes.size());
@@ -86,7 +86,7 @@ SemanticKeyFrame MobileMap::upload(const MapDelta& made) {
     uploaded_.insert(id);
     ++uploads_;
   }
-  message.world = world_;
+  message.map_id = map_id_;
   message.applied_slice = applied_;
   message.newest_edge_point = newest_edge_point_;
   return message;
@@ -98,9 +98,9 @@ SemanticKeyFrame MobileMap::upload_whole(KeyFrameId id) {
   sent_.clear();
   on_movers_.clear();
   applied_ = 0;
-  world_ = id;
+  map_id_ = id;
   SemanticKeyFrame message;
-  message.world = world_;
+  message.map_id = map_id_;
   message.newest_edge_point = newest_edge_point_;
   message.delta = node_.tracker().map()->read([&](const MapView& view) {
     return extract_keyframes(view, with_covisibles(view, {id}, kMostSemanticKeyFrames - 1));
@@ -119,7 +119,7 @@ void MobileMap::add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta&
     std::vector<ObservationEdit> earlier;
     for (const Observation& seen : point.observations)
       if (uploaded_.contains(seen.keyframe)) earlier.push_back({seen.keyframe, seen.feature, id});
-    if (earlier.size() + 1 < kLeastSightings) {
+    if (earlier.size() + 1 < kLeastObservations) {
       id = {};
       continue;
     }
@@ -134,7 +134,7 @@ void MobileMap::add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta&
 }
 
 bool MobileMap::apply(Worker& worker, const OptResult& result) {
-  if (!world_ || result.world != world_ || result.number <= applied_) return false;
+  if (!map_id_ || result.map_id != map_id_ || result.number <= applied_) return false;
   worker.stage("apply_update", [&](StageUnits& units) {
     applied_ = result.number;
     for (const PointPosition& point : result.changes.positions)
@@ -234,9 +234,9 @@ void MobileMap::report(const OptResult& result, double scale, double moved) {
 void MobileMap::cull(const Labels& labels) {
   Map& map = *node_.tracker().map();
   const MapDelta delta =
-      map.read([&](const MapView& view) { return without_labelled(view, labels); });
+      map.read([&](const MapView& view) { return without_labeled(view, labels); });
   map.commit(delta);
-  const KeyFrameId newest = own_.empty() ? world_ : own_.rbegin()->first;
+  const KeyFrameId newest = own_.empty() ? map_id_ : own_.rbegin()->first;
   for (const MapPointId id : delta.culled_points) on_movers_[id] = newest;
 }
 
@@ -248,7 +248,7 @@ void MobileMap::reset() {
   uploads_ = 0;
   sent_.clear();
   on_movers_.clear();
-  world_ = {};
+  map_id_ = {};
   applied_ = 0;
 }
 

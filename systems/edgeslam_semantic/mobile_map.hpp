@@ -16,14 +16,14 @@ namespace slambed::edgeslam_semantic {
 class MobileMap {
  public:
   struct Options {
-    int neighbours;  ///< keyframes that a new one is triangulated with
+    int neighbors;  ///< keyframes that a new one is triangulated with
     int keyframes;   ///< uploaded ones that stay where no slice comes
   };
   MobileMap(MobileNode& node, Options options);
 
   /// A keyframe was made: triangulates its points.
   void extend(Worker& worker, const MapDelta& made);
-  /// What goes up of it, its points with earlier sightings of theirs that the edge knows of.
+  /// What goes up of it, its points with earlier observations of theirs that the edge knows of.
   /// `made`: of the beginning of a map.
   SemanticKeyFrame upload(const MapDelta& made);
   /// What goes up to an edge that knows nothing: its map begins with this keyframe and those that
@@ -35,12 +35,12 @@ class MobileMap {
   /// With fewer the next points are seen too seldom for references to be made, and the camera is
   /// lost when slices come again.
   void keep_newest(Worker& worker);
-  /// Points and sightings on what moves go, and are not taken from slices again.
+  /// Points and observations on what moves go, and are not taken from slices again.
   void cull(const Labels& labels);
   void reset();
 
   std::uint64_t applied_slice() const { return applied_; }
-  KeyFrameId world() const { return world_; }
+  KeyFrameId map_id() const { return map_id_; }
   int uploaded() const { return uploads_; }
 
  private:
@@ -63,7 +63,7 @@ class MobileMap {
   /// of the window alone: what was seen in none but keyframes that left it comes back no more.
   std::map<MapPointId, KeyFrameId> sent_, on_movers_;
   MapPointId newest_edge_point_;  ///< of all that slices told
-  KeyFrameId world_;
+  KeyFrameId map_id_;
   std::uint64_t applied_ = 0;
 };
 

@@ -29,9 +29,9 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::integer("upload_queue", 1, 1000),
       ParameterSpec::boolean("local_references"),
       ParameterSpec::integer("local_keyframes", 2, 1000),
-      ParameterSpec::integer("local_neighbours", 1, 100),
+      ParameterSpec::integer("local_neighbors", 1, 100),
       ParameterSpec::integer("label_frames", 1, 10000),
-      ParameterSpec::integer("label_neighbours", 0, 100),
+      ParameterSpec::integer("label_neighbors", 0, 100),
       ParameterSpec::real("label_reach_px", 1, 1000),
       ParameterSpec::boolean("record_culling"),
   };

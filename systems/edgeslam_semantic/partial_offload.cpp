@@ -22,7 +22,7 @@ constexpr std::string_view kEdgeRestarted = "restart", kMapRefused = "refused";
 LabelOptions label_options(const Parameters& parameters) {
   return {.frames = parameters.integer("label_frames"),
           .border_px = parameters.integer("mask_border_px"),
-          .neighbours = parameters.integer("label_neighbours"),
+          .neighbors = parameters.integer("label_neighbors"),
           .reach_px = static_cast<float>(parameters.real("label_reach_px"))};
 }
 
@@ -47,7 +47,7 @@ SemanticMobile::SemanticMobile(MobileNode& node, const Parameters& parameters)
                {.pictures = nrcc_,
                 .one_way = parameters.boolean("delay_one_way"),
                 .probe_period_s = parameters.real("probe_period_s")}),
-      map_(node, {.neighbours = parameters.integer("local_neighbours"),
+      map_(node, {.neighbors = parameters.integer("local_neighbors"),
                   .keyframes = parameters.integer("local_keyframes")}),
       transfer_(label_options(parameters)),
       results_(node.runtime()),
@@ -108,7 +108,7 @@ void SemanticMobile::on_result(Worker& worker, const OptResult& result) {
                           .add("keyframe", result.keyframe.value));
     return;
   }
-  facts_.frames_since_optimisation = 0;
+  facts_.frames_since_optimization = 0;
   unanswered_ = false;
   for (auto& [id, waiting] : waiting_)
     if (id <= result.keyframe) waiting.result = false;
@@ -121,7 +121,7 @@ void SemanticMobile::no_longer_waits_for_mask(KeyFrameId keyframe) {
 
 /// Labels of earlier masks go on, as long as those last.
 void SemanticMobile::on_no_mask(const NoMaskMessage& missing) {
-  if (missing.world != map_.world()) return;
+  if (missing.map_id != map_.map_id()) return;
   const bool mapped = missing.reason != NoMaskReason::kNotMapped;
   if (mapped) {
     no_longer_waits_for_mask(missing.keyframe);
@@ -140,14 +140,14 @@ void SemanticMobile::on_no_mask(const NoMaskMessage& missing) {
 void SemanticMobile::refused(std::uint64_t sequence) {
   const auto keyframe = uploads_.keyframe_of(sequence);
   if (!keyframe) return;
-  if (*keyframe == map_.world()) edge_lacks_map_ = true;
+  if (*keyframe == map_.map_id()) edge_lacks_map_ = true;
   if (waiting_.erase(*keyframe) == 0) return;
   node_.log().write(JsonLine("keyframe_refused").add("keyframe", keyframe->value));
 }
 
 void SemanticMobile::on_mask(Worker& worker, const MaskMessage& mask) {
   no_longer_waits_for_mask(mask.keyframe);
-  if (mask.world != map_.world() || !transfer_.apply(mask.keyframe, mask.masks)) {
+  if (mask.map_id != map_.map_id() || !transfer_.apply(mask.keyframe, mask.masks)) {
     node_.log().write(JsonLine("mask_declined").add("keyframe", mask.keyframe.value));
     return;
   }
@@ -180,10 +180,10 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
   features_ = features->size();
   worker.stage("match_features", [&](StageUnits& units) {
     units.n1 = features_;
-    transfer_.follow(features);
+    transfer_.track(features);
     return 0;
   });
-  if (record_culling_) tell_features(frame, *features);
+  if (record_culling_) log_features(frame, *features);
   const auto& free = transfer_.free();
   if (std::find(free.begin(), free.end(), 0) != free.end()) {
     features = worker.stage("cull_features", [&](StageUnits& units) {
@@ -196,7 +196,7 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
 }
 
 /// Pixels as the lens made them, where masks lie. Judged afterwards by labels, which no node reads.
-void SemanticMobile::tell_features(const OfferedFrame& frame, const FeatureSet& features) const {
+void SemanticMobile::log_features(const OfferedFrame& frame, const FeatureSet& features) const {
   const Camera& camera = features.sensor().camera;
   const auto& free = transfer_.free();
   std::string kept, culled;
@@ -242,8 +242,8 @@ void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (frame.outcome.reset_now) reset();
   if (frame.outcome.state != TrackingState::kOk) return;
   ++facts_.frames_since_keyframe;
-  ++facts_.frames_since_optimisation;
-  if (frame.outcome.initialised_now) {
+  ++facts_.frames_since_optimization;
+  if (frame.outcome.initialized_now) {
     reset();
     return make_keyframe(worker, frame, "first");
   }
@@ -255,8 +255,8 @@ void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
 /// Why the edge's map has to begin with what the mobile has.
 std::optional<std::string_view> SemanticMobile::begin_anew() const {
   const PeerState edge = node_.network().peer();
-  if (!map_.world() || !edge.connected) return std::nullopt;
-  if (edge.incarnation != edge_incarnation_) return kEdgeRestarted;
+  if (!map_.map_id() || !edge.connected) return std::nullopt;
+  if (edge.session != edge_session_) return kEdgeRestarted;
   if (edge_lacks_map_) return kMapRefused;
   return std::nullopt;
 }
@@ -314,13 +314,13 @@ void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
   const bool again = reason == kEdgeRestarted || reason == kMapRefused;
   SemanticKeyFrame message = again ? map_.upload_whole(id) : map_.upload(made);
   if (message.first()) {
-    edge_incarnation_ = node_.network().peer().incarnation;
+    edge_session_ = node_.network().peer().session;
     edge_lacks_map_ = unanswered_ = false;
   }
   if (again) waiting_.clear();
   if (reason == kEdgeRestarted) {
     node_.log().write(
-        JsonLine("edge_restarted").add("keyframe", id.value).add("incarnation", edge_incarnation_));
+        JsonLine("edge_restarted").add("keyframe", id.value).add("session", edge_session_));
   }
   message.captured = frame.offered.offered;
   message.n_m = configuration_.n_m;

@@ -16,7 +16,7 @@ TrackOutcome outcome_of(const wire::FrameResult& result) {
   constexpr auto state = [](wire::FrameState s) {
     return s == wire::FrameState::kOk     ? TrackingState::kOk
            : s == wire::FrameState::kLost ? TrackingState::kLost
-                                          : TrackingState::kNotInitialised;
+                                          : TrackingState::kNotInitialized;
   };
   TrackOutcome outcome;
   outcome.state = state(result.state);
@@ -70,7 +70,7 @@ void RemoteTracking::send(Worker& worker, const OfferedFrame& frame) {
   const PeerState edge = node_.network().peer();
   sent_ = slambed::send(channel_, message);
   if (edge.connected) {
-    sent_to_ = edge.incarnation;
+    sent_to_ = edge.session;
     sent_there_ = sent_;
   }
   if (window_ > 0) wait_for(worker, window_ - 1);
@@ -95,7 +95,7 @@ void RemoteTracking::wait_for(Worker& worker, std::uint64_t most_under_way) {
 /// to the new one.
 void RemoteTracking::give_up_lost() {
   const PeerState edge = node_.network().peer();
-  if (edge.connected && edge.incarnation != sent_to_) give_up(sent_there_);
+  if (edge.connected && edge.session != sent_to_) give_up(sent_there_);
 }
 
 void RemoteTracking::give_up(std::uint64_t last) {
@@ -130,15 +130,15 @@ void RemoteTracking::on_result(const Message& message) {
   settle(result->sequence);
   TrackOutcome outcome = outcome_of(*result);
   const bool ok = result->state == wire::FrameState::kOk;
-  if (ok && edge_ != message.incarnation) {
+  if (ok && edge_ != message.session) {
     // Another process knows nothing of the map before; its keyframes have the same names.
     if (edge_ != 0) {
       outcome.reset_now = true;
       node_.log().write(JsonLine("edge_restarted")
                             .add("frame", result->frame_index)
-                            .add("incarnation", message.incarnation));
+                            .add("session", message.session));
     }
-    edge_ = message.incarnation;
+    edge_ = message.session;
   }
   node_.tracked_elsewhere(result->frame_index, outcome);
   if (ok) node_.poses().placed(result->reference, result->T_cr.inverse() * result->T_cw);

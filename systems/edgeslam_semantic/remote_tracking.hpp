@@ -40,9 +40,9 @@ class RemoteTracking {
   std::uint64_t window_;
   std::uint64_t sent_ = 0;
   std::uint64_t sent_there_ = 0;  ///< the last one that went to an edge that was there ...
-  std::uint64_t sent_to_ = 0;     ///< ... and which one that was (incarnation)
+  std::uint64_t sent_to_ = 0;     ///< ... and which one that was (session)
   std::atomic<std::uint64_t> answered_{0};  ///< or given up
-  std::uint64_t edge_ = 0;  ///< incarnation of the edge whose map poses are in; 0: none yet
+  std::uint64_t edge_ = 0;  ///< session of the edge whose map poses are in; 0: none yet
   std::unique_ptr<Signal> answer_;
 };
 

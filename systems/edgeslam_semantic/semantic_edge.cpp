@@ -54,7 +54,7 @@ SemanticEdge::SemanticEdge(EdgeNode& node, const Parameters& parameters)
                .idle = [this](Worker& worker) { return idle(worker); },
                .cleared =
                    [this] {
-                     world_ = last_world_.value;
+                     map_id_ = last_map_id_.value;
                      begun_anew_ = true;
                    },
                .rebase = as_known_here}),
@@ -97,7 +97,7 @@ void SemanticEdge::receive(Worker& worker) {
 
 std::optional<std::string_view> SemanticEdge::objection(const SemanticKeyFrame& message) const {
   if (message.first()) return std::nullopt;
-  if (message.world != last_world_) return "of another map";
+  if (message.map_id != last_map_id_) return "of another map";
   if (message.keyframe() <= last_) return "older than the last";
   return std::nullopt;
 }
@@ -107,15 +107,15 @@ void SemanticEdge::on_keyframe(Worker& worker, SemanticKeyFrame message, const M
   if (const auto reason = objection(message)) {
     node_.log().write(
         JsonLine("keyframe_declined").add("keyframe", id.value).add("reason", *reason));
-    report_no_mask(message.world, id, worker.now() - raw.received, NoMaskReason::kNotMapped);
+    report_no_mask(message.map_id, id, worker.now() - raw.received, NoMaskReason::kNotMapped);
     return;
   }
   last_ = id;
-  last_world_ = message.world;
+  last_map_id_ = message.map_id;
   // With a new map after another, `cleared` sets it: until then slices are of the old one.
-  if (world_ == 0) world_ = last_world_.value;
+  if (map_id_ == 0) map_id_ = last_map_id_.value;
   if (segmentation_ && !message.jpeg.empty())
-    pictures_.put({message.world, id, message.delta.keyframes.back().frame_index, message.n_m,
+    pictures_.put({message.map_id, id, message.delta.keyframes.back().frame_index, message.n_m,
                    std::move(message.jpeg), raw.received});
   AdmittedKeyFrame admitted;
   admitted.message.keyframe = id;
@@ -139,25 +139,25 @@ void SemanticEdge::segment(Worker& worker) {
   while (const auto picture = pictures_.take(worker)) {
     auto masks = segmentation_->run(worker, picture->frame, picture->jpeg, picture->n_m);
     if (!masks) {
-      report_no_mask(picture->world, picture->keyframe, worker.now() - picture->arrived,
+      report_no_mask(picture->map_id, picture->keyframe, worker.now() - picture->arrived,
                      NoMaskReason::kNotSegmented);
       continue;
     }
     // The mobile culls: it needs neither what stands still nor anybody's joints.
     std::erase_if(masks->instances, [](const Instance& instance) { return !instance.moves; });
     for (Instance& instance : masks->instances) instance.body.reset();
-    send(masks_, MaskMessage{.world = picture->world,
+    send(masks_, MaskMessage{.map_id = picture->map_id,
                              .keyframe = picture->keyframe,
                              .took = worker.now() - picture->arrived,
                              .masks = *masks});
-    segmented_.put({picture->world, picture->keyframe, std::move(*masks)});
+    segmented_.put({picture->map_id, picture->keyframe, std::move(*masks)});
     mapper_.wake();
   }
 }
 
-void SemanticEdge::report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took,
+void SemanticEdge::report_no_mask(KeyFrameId map_id, KeyFrameId keyframe, Duration took,
                                   NoMaskReason reason) {
-  send(masks_, NoMaskMessage{.world = world, .keyframe = keyframe, .took = took, .reason = reason});
+  send(masks_, NoMaskMessage{.map_id = map_id, .keyframe = keyframe, .took = took, .reason = reason});
 }
 
 /// On the mapping side: what was known of a map that is gone goes too.
@@ -171,7 +171,7 @@ void SemanticEdge::forget_old_map() {
 
 RunTime SemanticEdge::idle(Worker& worker) {
   forget_old_map();
-  cull_labelled(worker);
+  cull_labeled(worker);
   // A closed loop or a global bundle moves what the mobile stands on.
   if (number_ > 0 && mapper_.loop_corrections() != sent_corrections_) send_slice(worker, times_);
   return kNever;
@@ -180,15 +180,15 @@ RunTime SemanticEdge::idle(Worker& worker) {
 void SemanticEdge::mapped(Worker& worker, const wire::UpdateTimes& times) {
   forget_old_map();
   times_ = times;
-  cull_labelled(worker);
+  cull_labeled(worker);
   send_slice(worker, times);
 }
 
 /// Points on what moves go as soon as their mask is there, and again whenever mapping has made new
 /// ones.
-void SemanticEdge::cull_labelled(Worker& worker) {
+void SemanticEdge::cull_labeled(Worker& worker) {
   while (auto mask = segmented_.try_take()) {
-    if (mask->world.value != world_) continue;
+    if (mask->map_id.value != map_id_) continue;
     const auto features = mapper_.map()->read([&](const MapView& view) {
       const KeyFrame* keyframe = view.keyframe(mask->keyframe);
       return keyframe ? keyframe->features : nullptr;
@@ -209,7 +209,7 @@ void SemanticEdge::cull_labelled(Worker& worker) {
       [&](StageUnits& units) {
         units.n1 = static_cast<double>(labels_.size());
         return mapper_.map()->read(
-            [&](const MapView& view) { return without_labelled(view, labels_); });
+            [&](const MapView& view) { return without_labeled(view, labels_); });
       },
       [&](const MapDelta& delta) { mapper_.map()->commit(delta); });
   // Late masks cull once; what mapping makes in the window is culled as long as it is there.
@@ -230,7 +230,7 @@ std::vector<KeyFrameId> SemanticEdge::local_keyframes() {
 
 void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
   OptResult result;
-  result.world = KeyFrameId{world_};
+  result.map_id = KeyFrameId{map_id_};
   result.keyframe = mapper_.newest();
   result.times = times;
   result.times.due = worker.now();
@@ -255,7 +255,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
     });
   });
   if (!prepared) return;
-  Bytes bytes = worker.stage("serialise", [&](StageUnits& units) {
+  Bytes bytes = worker.stage("serialize", [&](StageUnits& units) {
     Bytes written = encode(result);
     units.n1 = kilobytes(written);
     return written;
@@ -264,7 +264,7 @@ void SemanticEdge::send_slice(Worker& worker, wire::UpdateTimes times) {
                         .add("number", result.number)
                         .add("keyframe", result.keyframe.value)
                         .add("points_set", result.changes.positions.size())
-                        .add("labelled_keyframes", labels_.size())
+                        .add("labeled_keyframes", labels_.size())
                         .add("bytes", bytes.size()));
   send(frames_, OptResult::kType, std::move(bytes));
 }

@@ -25,14 +25,14 @@ class SemanticEdge final : public EdgePolicy, private ShutdownSource {
 
  private:
   struct Picture {
-    KeyFrameId world, keyframe;
+    KeyFrameId map_id, keyframe;
     std::uint64_t frame = 0;
     double n_m = 0;
     Bytes jpeg;
     RunTime arrived{};
   };
   struct Mask {
-    KeyFrameId world, keyframe;
+    KeyFrameId map_id, keyframe;
     FrameMasks masks;
   };
 
@@ -41,11 +41,11 @@ class SemanticEdge final : public EdgePolicy, private ShutdownSource {
   std::optional<std::string_view> objection(const SemanticKeyFrame& message) const;
   void answer_probes(Worker& worker);
   void segment(Worker& worker);
-  void report_no_mask(KeyFrameId world, KeyFrameId keyframe, Duration took, NoMaskReason reason);
+  void report_no_mask(KeyFrameId map_id, KeyFrameId keyframe, Duration took, NoMaskReason reason);
   void forget_old_map();
   RunTime idle(Worker& worker);
   void mapped(Worker& worker, const wire::UpdateTimes& times);
-  void cull_labelled(Worker& worker);
+  void cull_labeled(Worker& worker);
   void send_slice(Worker& worker, wire::UpdateTimes times);
   std::vector<KeyFrameId> local_keyframes();
 
@@ -64,10 +64,10 @@ class SemanticEdge final : public EdgePolicy, private ShutdownSource {
   Mailbox<Mask> segmented_;
   std::unique_ptr<Signal> received_;
   std::atomic<std::uint64_t> received_sequence_{0};
-  std::atomic<std::uint64_t> world_{0};  ///< of the map at hand
+  std::atomic<std::uint64_t> map_id_{0};  ///< of the map at hand
   /// The map was cleared; the mapping worker has to hear of it.
   std::atomic<bool> begun_anew_{false};
-  KeyFrameId last_world_;  ///< received; of the receiving worker
+  KeyFrameId last_map_id_;  ///< received; of the receiving worker
   KeyFrameId last_;        ///< received; of the receiving worker
 
   // Of the mapping worker.

@@ -15,7 +15,7 @@ namespace {
 wire::FrameState state_of(TrackingState state) {
   return state == TrackingState::kOk     ? wire::FrameState::kOk
          : state == TrackingState::kLost ? wire::FrameState::kLost
-                                         : wire::FrameState::kNotInitialised;
+                                         : wire::FrameState::kNotInitialized;
 }
 
 }  // namespace

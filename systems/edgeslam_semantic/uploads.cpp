@@ -47,7 +47,7 @@ void Uploads::send(Worker& worker) {
         return jpeg;
       });
     }
-    Bytes bytes = worker.stage("serialise", [&](StageUnits& units) {
+    Bytes bytes = worker.stage("serialize", [&](StageUnits& units) {
       Bytes written = encode(message);
       units.n1 = kilobytes(written);
       return written;

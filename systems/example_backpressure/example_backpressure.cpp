@@ -43,7 +43,7 @@ class BackpressureMobile final : public MobilePolicy {
     if (frame.outcome.state != TrackingState::kOk) return;
     const KeyFrameNeed need = node_.tracker().keyframe_need();
     if (need == KeyFrameNeed::kNone) return;
-    const bool first = frame.outcome.initialised_now;
+    const bool first = frame.outcome.initialized_now;
     const bool urgent = first || need == KeyFrameNeed::kUrgent;
     if (!urgent && withhold()) return;
     // The edge may decline a keyframe: only one that it must take becomes the reference.
@@ -51,8 +51,8 @@ class BackpressureMobile final : public MobilePolicy {
     if (!made.keyframes.empty()) offload_.send(worker, frame, std::move(made), need, first, first);
   }
 
-  std::string_view relocalised_by(const TrackedFrame& frame) override {
-    return offload_.relocalised_by(frame);
+  std::string_view relocalized_by(const TrackedFrame& frame) override {
+    return offload_.relocalized_by(frame);
   }
   void finish(Worker& worker) override { offload_.shut_down(worker); }
   void place_keyframes(PoseBook& book) override { offload_.shutdown().place_keyframes(book); }

@@ -15,7 +15,7 @@ namespace multithread_rl {
 namespace {
 
 bool relocalizes_on_edge(const Parameters& parameters) {
-  return parameters.text("relocalisation") == "edge";
+  return parameters.text("relocalization") == "edge";
 }
 
 bool keeps_recovery(const Parameters& parameters) {
@@ -26,7 +26,7 @@ void check_prior_map(const Parameters& parameters) {
   // RELOC_OK has one keyframe, from which the mobile could not tell which ids the map has taken.
   if (!parameters.text("prior_map").empty() && relocalizes_on_edge(parameters))
     throw bad_input(
-        "params: prior_map needs relocalisation: map, by which the mobile begins in it");
+        "params: prior_map needs relocalization: map, by which the mobile begins in it");
 }
 
 MapStaging::Backup backup(const Parameters& parameters) {
@@ -52,7 +52,7 @@ OffloadMobileParts mobile_parts(const Parameters& parameters) {
   check_prior_map(parameters);
   OffloadMobileParts parts{.applier = applier(parameters)};
   if (relocalizes_on_edge(parameters))
-    parts.relocalisation = [](MobileNode& node, OffloadChannels& channels, MapDownlink& downlink,
+    parts.relocalization = [](MobileNode& node, OffloadChannels& channels, MapDownlink& downlink,
                               const MessageCodec& codec) {
       return std::make_unique<PoseRequests>(node, channels.frame, channels.control,
                                             channels.keyframe, downlink, codec);
@@ -64,13 +64,13 @@ OffloadEdgeParts edge_parts(const Parameters& parameters) {
   check_prior_map(parameters);
   OffloadEdgeParts parts{.keep_recovery = keeps_recovery(parameters)};
   if (relocalizes_on_edge(parameters))
-    parts.relocalisation = [fail_bytes =
+    parts.relocalization = [fail_bytes =
                                 static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))](
                                EdgeNode& node, OffloadChannels& channels, EdgeMapping& mapping,
                                const MessageCodec& codec) {
-      return std::make_unique<RelocalisationByPose>(
+      return std::make_unique<RelocalizationByPose>(
           node, channels.frame, channels.map, mapping.mapper(), mapping.updates(),
-          PoseRelocalisationOptions{.codec = codec, .fail_bytes = fail_bytes});
+          PoseRelocalizationOptions{.codec = codec, .fail_bytes = fail_bytes});
     };
   return parts;
 }

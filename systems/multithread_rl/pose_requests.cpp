@@ -43,7 +43,7 @@ void PoseRequests::work(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = frames_.signal().ticket();
     if (const auto request = requests_.try_take()) {
-      serialise(worker, *request);
+      serialize(worker, *request);
     } else if (auto message = frames_.try_receive()) {
       parse(worker, std::move(*message));
     } else {
@@ -52,8 +52,8 @@ void PoseRequests::work(Worker& worker) {
   }
 }
 
-void PoseRequests::serialise(Worker& worker, const Request& request) {
-  Bytes payload = codec_.serialise(worker, request.message);
+void PoseRequests::serialize(Worker& worker, const Request& request) {
+  Bytes payload = codec_.serialize(worker, request.message);
   node_.log().write(JsonLine("reloc_request")
                         .add("number", request.message.number)
                         .add("frame", request.message.frame.frame_index)
@@ -92,7 +92,7 @@ void PoseRequests::before_frame(Worker& worker) {
   while (const auto answer = answers_.try_take()) on_answer(worker, *answer);
   if (!outstanding_) return;
   const PeerState edge = node_.network().peer();
-  if (!edge.connected || edge.incarnation != outstanding_->incarnation) return give_up("edge away");
+  if (!edge.connected || edge.session != outstanding_->session) return give_up("edge away");
   if (worker.now() - outstanding_->asked >= kPatience) give_up("no answer");
 }
 
@@ -113,7 +113,7 @@ void PoseRequests::on_answer(Worker& worker, const Answer& answer) {
 }
 
 std::string_view PoseRequests::unwanted(const Answer& answer, std::uint64_t number) const {
-  if (answer.raw.incarnation != node_.network().peer().incarnation) return "its edge is gone";
+  if (answer.raw.session != node_.network().peer().session) return "its edge is gone";
   return outstanding_ && outstanding_->message.number == number ? "" : "not asked for";
 }
 
@@ -131,7 +131,7 @@ std::string_view PoseRequests::use(const Answer& answer, const wire::RelocOk& fo
     if (feature >= resumed.points.size()) return "not of the frame";
     resumed.points[feature] = point;
   }
-  downlink_.join(found.keyframe, found.update, answer.raw.incarnation, found.jumped);
+  downlink_.join(found.keyframe, found.update, answer.raw.session, found.jumped);
   found_ = node_.tracker().resume(resumed);
   return found_ ? "" : "its keyframe is not there";
 }
@@ -179,7 +179,7 @@ void PoseRequests::before_tracking(Worker& worker, const OfferedFrame& frame,
                                                .timestamp_s = frame.played.seq_s(),
                                                .features = features}},
                          .asked = worker.now(),
-                         .incarnation = edge.incarnation,
+                         .session = edge.session,
                          .loss = losses_};
   requests_.put(*outstanding_);
   frames_.signal().notify();

@@ -14,10 +14,10 @@
 
 namespace slambed {
 
-/// The mobile's side of relocalisation on the edge: a lost frame goes up before the local attempt
+/// The mobile's side of relocalization on the edge: a lost frame goes up before the local attempt
 /// at it, at most one at a time; what comes back takes effect between two frames. From loss to
 /// recovery the edge sends no updates, and none is applied.
-class PoseRequests final : public MobileRelocalisation {
+class PoseRequests final : public MobileRelocalization {
  public:
   PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
                MapDownlink& downlink, MessageCodec codec);
@@ -35,7 +35,7 @@ class PoseRequests final : public MobileRelocalisation {
   struct Request {
     wire::RelocRequest message;
     RunTime asked{};
-    std::uint64_t incarnation = 0;  ///< the edge that was asked
+    std::uint64_t session = 0;  ///< the edge that was asked
     std::uint64_t loss = 0;
   };
   struct Answer {
@@ -48,7 +48,7 @@ class PoseRequests final : public MobileRelocalisation {
   };
 
   void work(Worker& worker);
-  void serialise(Worker& worker, const Request& request);
+  void serialize(Worker& worker, const Request& request);
   void parse(Worker& worker, Message message);
   void on_answer(Worker& worker, const Answer& answer);
   /// Whether it answers the request under way; else why not.
@@ -65,7 +65,7 @@ class PoseRequests final : public MobileRelocalisation {
   Channel& keyframes_;
   MapDownlink& downlink_;
   MessageCodec codec_;
-  Mailbox<Request> requests_;   ///< to be serialised
+  Mailbox<Request> requests_;   ///< to be serialized
   Mailbox<Answer> answers_;     ///< parsed
   RunTime sent_{};              ///< the worker's: when the last request was put into the channel
   std::size_t sent_bytes_ = 0;  ///< the same

@@ -26,9 +26,9 @@ KeyFrameId reference_of(const MapView& view, std::span<const MapPointId> points)
 
 }  // namespace
 
-RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps,
+RelocalizationByPose::RelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps,
                                            EdgeMapper& mapper, UpdateSender& updates,
-                                           PoseRelocalisationOptions options)
+                                           PoseRelocalizationOptions options)
     : node_(node),
       channel_(frames),
       maps_(maps),
@@ -36,7 +36,7 @@ RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, Chan
       updates_(updates),
       options_(std::move(options)),
       inbox_(node.log()),
-      relocaliser_(mapper.places()) {
+      relocalizer_(mapper.places()) {
   inbox_.on<wire::SuspendMessage>(wire::decode_suspend,
                                   [this](const wire::SuspendMessage&, const Message& raw) {
                                     updates_.suspend(raw.queued);
@@ -49,17 +49,17 @@ RelocalisationByPose::RelocalisationByPose(EdgeNode& node, Channel& frames, Chan
                                  });
 }
 
-void RelocalisationByPose::start() {
+void RelocalizationByPose::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
 }
 
-void RelocalisationByPose::serve(Worker& worker) {
+void RelocalizationByPose::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (is(*message, wire::RelocRequest::kType)) answer(worker, *message);
   }
 }
 
-void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
+void RelocalizationByPose::answer(Worker& worker, const Message& raw) {
   wire::RelocFail failed;
   failed.times = {.queued = raw.queued, .received = raw.received};
   failed.padding = options_.codec.text() ? options_.fail_bytes : 0;
@@ -94,21 +94,21 @@ void RelocalisationByPose::answer(Worker& worker, const Message& raw) {
     return;
   }
   found->times = failed.times;
-  Bytes payload = options_.codec.serialise(worker, *found, request.frame);
+  Bytes payload = options_.codec.serialize(worker, *found, request.frame);
   send(channel_, wire::RelocOk::kType, std::move(payload));
 }
 
-bool RelocalisationByPose::locate(Worker& worker, Frame& frame) {
-  return worker.stage("relocalise", [&](StageUnits& units) {
-    const bool found = relocaliser_.locate(*mapper_.map(), {}, search_, frame);
+bool RelocalizationByPose::locate(Worker& worker, Frame& frame) {
+  return worker.stage("relocalize", [&](StageUnits& units) {
+    const bool found = relocalizer_.locate(*mapper_.map(), {}, search_, frame);
     units.n1 = frame.features->size();
-    units.n2 = relocaliser_.candidates_posed();
+    units.n2 = relocalizer_.candidates_posed();
     return found;
   });
 }
 
 /// In the map as it is now: some of the points may be others, or gone, since the frame was found.
-std::optional<wire::RelocOk> RelocalisationByPose::answer_for(const wire::RelocRequest& request,
+std::optional<wire::RelocOk> RelocalizationByPose::answer_for(const wire::RelocRequest& request,
                                                               const Frame& frame,
                                                               std::uint64_t corrections_before) {
   wire::RelocOk answer;

@@ -7,24 +7,24 @@
 #include "offload/edge/edge_mapper.hpp"
 #include "offload/edge/update_sender.hpp"
 #include "offload/relocalization/relocalization.hpp"
-#include "slam/relocaliser.hpp"
+#include "slam/relocalizer.hpp"
 #include "wire/reloc_messages.hpp"
 
 namespace slambed {
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
-struct PoseRelocalisationOptions {
+struct PoseRelocalizationOptions {
   MessageCodec codec;
   std::uint64_t fail_bytes;  ///< size of a RELOC_FAIL, at least; as text
 };
 
-/// The edge's side of relocalisation on the edge: looks for lost frames in the global map and says
+/// The edge's side of relocalization on the edge: looks for lost frames in the global map and says
 /// where they were taken, with the keyframe to go on from. The mobile has at most one request under
 /// way.
-class RelocalisationByPose final : public EdgeRelocalisation {
+class RelocalizationByPose final : public EdgeRelocalization {
  public:
-  RelocalisationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
-                       UpdateSender& updates, PoseRelocalisationOptions options);
+  RelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
+                       UpdateSender& updates, PoseRelocalizationOptions options);
   void start() override;
   /// SUSPEND and RESUME.
   void listen(const Message& message) override { inbox_.dispatch(message); }
@@ -41,11 +41,11 @@ class RelocalisationByPose final : public EdgeRelocalisation {
   Channel& maps_;
   EdgeMapper& mapper_;
   UpdateSender& updates_;
-  PoseRelocalisationOptions options_;
+  PoseRelocalizationOptions options_;
   Inbox inbox_;
 
   // The worker's.
-  Relocaliser relocaliser_;
+  Relocalizer relocalizer_;
   FrameSearch search_;
 };
 

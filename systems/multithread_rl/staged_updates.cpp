@@ -48,7 +48,7 @@ void StagedUpdates::prepare(Worker& worker, Message message) {
   }
   node_.log().write(JsonLine("update_begun")
                         .add("update", arrival->update.update)
-                        .add("relocalisation", arrival->relocalisation()));
+                        .add("relocalization", arrival->relocalization()));
   worker.stage("insert_keyframes", [&](StageUnits& units) {
     staging_.insert(arrival->update.map, arrival->update.newest);
     units.n1 = static_cast<double>(arrival->update.map.keyframes.size());
@@ -103,7 +103,7 @@ void StagedUpdates::before_frame(Worker& worker) {
   if (!arrival) return;
   // It was welcome when it began. The camera may have found itself again since then, a new edge or
   // epoch may have come.
-  const bool anew = arrival->relocalisation() || std::exchange(waited_, false);
+  const bool anew = arrival->relocalization() || std::exchange(waited_, false);
   const auto reason =
       anew ? check_.decline_reason(worker, *arrival) : check_.obsolete_reason(worker, *arrival);
   if (!reason) return exchange_maps(worker, std::move(*arrival));

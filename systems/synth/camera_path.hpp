@@ -28,12 +28,12 @@ class CameraPath {
 ///   desk     142 s around the tables at 0.12 m/s
 ///   two_laps the same round twice, 48 s each
 ///   xyz      to and fro along the axes before the tables, as TUM's *_xyz
-///   halfsphere on a half sphere of half a metre, as TUM's *_halfsphere
+///   halfsphere on a half sphere of half a meter, as TUM's *_halfsphere
 std::unique_ptr<CameraPath> make_path(const std::string& name, double duration_s,
                                       std::uint64_t seed);
 std::vector<std::string> path_names();
 
-/// A TUM-format trajectory file (camera to world, z up) as a smooth path, recentred: the middle of
+/// A TUM-format trajectory file (camera to world, z up) as a smooth path, recentered: the middle of
 /// its bounding box to x = y = 0, its mean height to `height_m`. start_s: recorded time of time 0.
 struct RecordedPath {
   std::unique_ptr<CameraPath> path;

@@ -100,7 +100,7 @@ void Drive::put_times(const std::vector<double>& v) {
   }
 }
 
-double Drive::travelled_m(double t) const {
+double Drive::traveled_m(double t) const {
   const Sample& last = samples_.back();
   const double end_m = static_cast<double>(samples_.size() - 1) * kGrid_m - kRunUp_m;
   if (t <= samples_.front().time_s) return -kRunUp_m;
@@ -117,7 +117,7 @@ double Drive::travelled_m(double t) const {
 
 double Drive::speed_m_s(double t) const {
   constexpr double kHalf_s = 0.02;
-  return (travelled_m(t + kHalf_s) - travelled_m(t - kHalf_s)) / (2 * kHalf_s);
+  return (traveled_m(t + kHalf_s) - traveled_m(t - kHalf_s)) / (2 * kHalf_s);
 }
 
 double Drive::leaves_behind_s(double s_m) const {
@@ -134,7 +134,7 @@ double Drive::beside_m(double s_m) const {
 }
 
 SE3 Drive::at(double t) const {
-  const double s = travelled_m(t);
+  const double s = traveled_m(t);
   constexpr double kPitchWindow_s = 0.4;
   const double ahead = speed_m_s(t + kPitchWindow_s), behind = speed_m_s(t - kPitchWindow_s);
   const double speed = speed_m_s(t), gain = (ahead - behind) / (2 * kPitchWindow_s);

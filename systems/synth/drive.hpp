@@ -25,7 +25,7 @@ class Drive final : public CameraPath {
   double second_lap_s() const { return second_lap_s_; }
   /// How far along the route the car is, from the start line; negative before it, the second lap
   /// counted on.
-  double travelled_m(double time_s) const;
+  double traveled_m(double time_s) const;
   double speed_m_s(double time_s) const;
   /// When the car passes this place (below a lap) for the last time in lap 1.
   double leaves_behind_s(double s_m) const;

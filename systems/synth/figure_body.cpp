@@ -68,9 +68,9 @@ class Tailor {
   bool long_sleeves, long_trousers;
 
  private:
-  Material plain(double grey, double contrast) const {
+  Material plain(double gray, double contrast) const {
     Material m;
-    m.grey = grey;
+    m.gray = gray;
     m.contrast = contrast;
     m.texel_m = 0.003 * scale_;
     m.smallest_m = 0.005;
@@ -79,8 +79,8 @@ class Tailor {
     return m;
   }
 
-  Material cloth(double grey, double loud = 1) {
-    Material m = plain(grey, random_.uniform(8, 18));
+  Material cloth(double gray, double loud = 1) {
+    Material m = plain(gray, random_.uniform(8, 18));
     const double kind = random_.uniform();
     const double period = random_.uniform(0.025, 0.09), other = random_.uniform(25, 225);
     const double print = random_.uniform(40, 80), largest = random_.uniform(0.02, 0.07);
@@ -217,7 +217,7 @@ void add_figure(Scene& scene, std::shared_ptr<const Actor> actor, int number, st
   if (actor->sits()) {
     const Stance s = actor->stance(0);
     Material wood;
-    wood.grey = 95;
+    wood.gray = 95;
     wood.contrast = 35;
     wood.texel_m = 0.003 * texel_scale;
     scene.add_box({s.pelvis.x(), s.pelvis.y(), 0}, {0.36, 0.36, actor->seat_m() - 0.02}, wood);

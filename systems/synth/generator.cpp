@@ -205,7 +205,7 @@ bool generate(const GeneratorOptions& options, const std::filesystem::path& fold
       const Shot shot = stereo ? sensors[k].capture_stereo(*chosen.path, first + k, t)
                         : rgbd ? sensors[k].capture_rgbd(*chosen.path, first + k, t)
                                : sensors[k].capture_mono(*chosen.path, first + k, t);
-      block.append(shot.grey.data(), shot.grey.size());
+      block.append(shot.gray.data(), shot.gray.size());
       block.append(shot.right.data(), shot.right.size());
       block.append(shot.depth.data(), shot.depth.size() * 2);
       block.seal();

@@ -19,8 +19,8 @@ constexpr std::array kIslands = {
     Island{-4.2, 3.6, 1.9, 1.1}, Island{0.2, 4.3, 1.4, 0.9},   Island{4.4, 3.4, 1.8, 1.2},
     Island{6.2, -0.8, 1.0, 1.9}, Island{-6.2, -1.2, 1.0, 1.9},
 };
-/// Tried on each square metre of an island; they overlap.
-constexpr double kPiecesPerSquareMetre = 3.4;
+/// Tried on each square meter of an island; they overlap.
+constexpr double kPiecesPerSquareMeter = 3.4;
 
 class HallBuilder {
  public:
@@ -39,9 +39,9 @@ class HallBuilder {
   }
 
  private:
-  Material material(double grey, double contrast, double texel_m, double largest_m,
+  Material material(double gray, double contrast, double texel_m, double largest_m,
                     double coverage) const {
-    return leafy(grey, contrast, texel_m, largest_m, coverage, options_.texel_scale);
+    return leafy(gray, contrast, texel_m, largest_m, coverage, options_.texel_scale);
   }
 
   /// Paint and concrete: shades that differ by less than a corner detector asks for.
@@ -55,7 +55,7 @@ class HallBuilder {
   void add_island(const Island& island) {
     scene_->begin_group();
     const double area = 4 * island.half_x * island.half_y;
-    const int pieces = static_cast<int>(kPiecesPerSquareMetre * area + 0.5);
+    const int pieces = static_cast<int>(kPiecesPerSquareMeter * area + 0.5);
     for (int i = 0; i < pieces; ++i) add_piece(island);
     scene_->end_body();
   }
@@ -77,10 +77,10 @@ class HallBuilder {
     double z = 0;
     const int high = kind == 0 ? 1 : 1 + random.below(4);
     for (int i = 0; i < high; ++i) {
-      const double grey = random.uniform(60, 185), turned = random.uniform(-12, 12);
+      const double gray = random.uniform(60, 185), turned = random.uniform(-12, 12);
       const double shrink = random.uniform(0.8, 1.0);
       scene_->add_box({place.x(), place.y(), z}, {shrink * size.x(), shrink * size.y(), size.z()},
-                      material(grey, 62, 0.003, 0.14, 1.3), yaw + turned);
+                      material(gray, 62, 0.003, 0.14, 1.3), yaw + turned);
       z += size.z();
     }
   }

@@ -18,7 +18,7 @@ struct Keypoint {
   std::uint32_t visibility = 0;  ///< 1: hidden, 2: seen
 };
 
-/// What is to be seen of one person, through pixel centres at mid-exposure.
+/// What is to be seen of one person, through pixel centers at mid-exposure.
 struct PersonLabel {
   std::array<Keypoint, kKeypoints> keypoints{};
   std::vector<std::uint32_t> runs;  ///< lengths out, in, out ... of the mask, row by row

@@ -53,9 +53,9 @@ class Walk : public CameraPath {
   double duration_s() const override { return duration_s_; }
   SE3 at(double t) const override {
     const Gaze g = gaze(t);
-    const double metres = kShakePosition_m * shake_, degrees = kShakeAngle_deg * shake_;
-    const Eigen::Vector3d p(g.x + metres * hand_.at(0, t), g.y + metres * hand_.at(1, t),
-                            g.z + metres * hand_.at(2, t));
+    const double meters = kShakePosition_m * shake_, degrees = kShakeAngle_deg * shake_;
+    const Eigen::Vector3d p(g.x + meters * hand_.at(0, t), g.y + meters * hand_.at(1, t),
+                            g.z + meters * hand_.at(2, t));
     return {look(g.yaw_deg + degrees * hand_.at(3, t), g.pitch_deg + degrees * hand_.at(4, t),
                  2 * degrees * hand_.at(5, t)),
             p};

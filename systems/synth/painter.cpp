@@ -16,7 +16,7 @@ struct Interval {
   }
 };
 
-/// Part of a row (offset dy from the centre) inside the slab |a dx + b dy| <= r.
+/// Part of a row (offset dy from the center) inside the slab |a dx + b dy| <= r.
 Interval slab(double a, double b, double dy, double r) {
   const double offset = b * dy;
   if (std::abs(a) < 1e-9) return std::abs(offset) <= r ? Interval{-1e9, 1e9} : Interval{1, -1};
@@ -30,7 +30,7 @@ struct Leaf {
   Shape shape = Shape::kDisk;
   double x = 0, y = 0, r = 0, aspect = 1;
   SinCos turn;
-  std::uint8_t grey = 0;
+  std::uint8_t gray = 0;
 
   Interval row(double dy) const {
     const double c = turn.cos, s = turn.sin;
@@ -61,27 +61,27 @@ struct Leaf {
       const double from = std::max(0.0, std::ceil(x + span.low));
       const double to = std::min(texture.width() - 1.0, std::floor(x + span.high));
       if (from > to) continue;
-      std::memset(texture.row(row_y) + static_cast<int>(from), grey,
+      std::memset(texture.row(row_y) + static_cast<int>(from), gray,
                   static_cast<std::size_t>(to - from) + 1);
     }
   }
 };
 
-std::uint8_t to_grey(double value) {
+std::uint8_t to_gray(double value) {
   return static_cast<std::uint8_t>(std::clamp(value, 2.0, 253.0));
 }
 
-void paint_joints(Texture& texture, double spacing_texels, std::uint8_t grey) {
+void paint_joints(Texture& texture, double spacing_texels, std::uint8_t gray) {
   const int width = std::max(1, static_cast<int>(spacing_texels / 60));
   for (double p = spacing_texels; p < texture.height(); p += spacing_texels)
     for (int y = static_cast<int>(p); y < std::min(texture.height(), static_cast<int>(p) + width);
          ++y)
-      std::memset(texture.row(y), grey, texture.width());
+      std::memset(texture.row(y), gray, texture.width());
   for (double p = spacing_texels; p < texture.width(); p += spacing_texels)
     for (int y = 0; y < texture.height(); ++y)
       for (int x = static_cast<int>(p); x < std::min(texture.width(), static_cast<int>(p) + width);
            ++x)
-        texture.row(y)[x] = grey;
+        texture.row(y)[x] = gray;
 }
 
 void paint_mark(Texture& texture, const Mark& mark) {
@@ -94,16 +94,16 @@ void paint_mark(Texture& texture, const Mark& mark) {
   const int top = texel(mark.t_m + mark.height_m, texture.height());
   for (int y = texel(mark.t_m, texture.height()); y < top; ++y)
     if (left < right)
-      std::memset(texture.row(y) + left, to_grey(mark.grey),
+      std::memset(texture.row(y) + left, to_gray(mark.gray),
                   static_cast<std::size_t>(right - left));
 }
 
 }  // namespace
 
-Material leafy(double grey, double contrast, double texel_m, double largest_m, double coverage,
+Material leafy(double gray, double contrast, double texel_m, double largest_m, double coverage,
                double texel_scale) {
   Material m;
-  m.grey = grey;
+  m.gray = gray;
   m.contrast = contrast;
   m.texel_m = texel_m * texel_scale;
   m.smallest_m = 1.6 * texel_m;
@@ -117,7 +117,7 @@ void paint(Texture& texture, const Material& m, Random random) {
   const double smallest = std::max(1.0, m.smallest_m * per_m);
   const double largest = std::max(1.5 * smallest, m.largest_m * per_m);
   for (int y = 0; y < texture.height(); ++y)
-    std::memset(texture.row(y), to_grey(m.grey), texture.width());
+    std::memset(texture.row(y), to_gray(m.gray), texture.width());
   // Half sizes follow r^-3 between smallest and largest: every octave covers the same area. A leaf
   // covers about 3 r^2 on average over the shapes.
   const double shrink = 1 - (smallest / largest) * (smallest / largest);
@@ -134,10 +134,10 @@ void paint(Texture& texture, const Material& m, Random random) {
     leaf.y = random.uniform(0, texture.height());
     leaf.aspect = random.uniform(0.35, 1);
     leaf.turn = sincos_turns(random.uniform());
-    leaf.grey = to_grey(m.grey + m.contrast * random.uniform(-1, 1));
+    leaf.gray = to_gray(m.gray + m.contrast * random.uniform(-1, 1));
     leaf.draw(texture);
   }
-  if (m.grid_m > 0) paint_joints(texture, m.grid_m * per_m, to_grey(m.grey * 0.45));
+  if (m.grid_m > 0) paint_joints(texture, m.grid_m * per_m, to_gray(m.gray * 0.45));
   for (const Mark& mark : m.marks) paint_mark(texture, mark);
 }
 

@@ -46,7 +46,7 @@ Recording read_rows(const std::filesystem::path& file) {
     if (!(norm > 1e-6))
       throw bad_input(file.string() + ":" + std::to_string(number) + ": zero quaternion");
     if (!recording.times.empty() && t <= recording.times.back()) continue;
-    // One of q and -q, so that neighbours can be averaged.
+    // One of q and -q, so that neighbors can be averaged.
     double sign = 1 / norm;
     if (!recording.rows.empty()) {
       const Row& last = recording.rows.back();
@@ -80,16 +80,16 @@ class Recorded final : public CameraPath {
       : duration_s_(recording.times.back() - recording.times.front()) {
     const int n = static_cast<int>(duration_s_ / kStep_s) + 5;
     for (int i = 0; i < n; ++i) {
-      const double centre = recording.times.front() + (i - 1) * kStep_s;
+      const double center = recording.times.front() + (i - 1) * kStep_s;
       Row mean{};
       constexpr std::array<double, 5> kWeights = {1, 2, 3, 2, 1};
       for (int j = 0; j < 5; ++j) {
-        const Row row = interpolate(recording, centre + (j - 2) * kStep_s / 3);
+        const Row row = interpolate(recording, center + (j - 2) * kStep_s / 3);
         for (int k = 0; k < 7; ++k) mean[k] += kWeights[j] / 9 * row[k];
       }
       control_.push_back(mean);
     }
-    recentre(height_m);
+    recenter(height_m);
   }
 
   double duration_s() const override { return duration_s_; }
@@ -118,7 +118,7 @@ class Recorded final : public CameraPath {
     return R;
   }
 
-  void recentre(double height_m) {
+  void recenter(double height_m) {
     Row low = control_.front(), high = control_.front();
     double mean_z = 0;
     for (const Row& row : control_) {

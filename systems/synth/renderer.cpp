@@ -26,7 +26,7 @@ int clip_near(const Vec3* in, int n, Vec3* out) {
     const bool a_in = a.z() >= kNear_m, b_in = b.z() >= kNear_m;
     if (a_in) out[kept++] = a;
     if (a_in != b_in) {
-      // Always from the near to the far end, so that neighbouring faces get the same point.
+      // Always from the near to the far end, so that neighboring faces get the same point.
       const Vec3 &near = a_in ? b : a, &far = a_in ? a : b;
       out[kept++] = near + (far - near) * ((kNear_m - near.z()) / (far.z() - near.z()));
     }
@@ -45,23 +45,23 @@ Renderer::Renderer(std::shared_ptr<const Scene> scene, const Camera& camera)
 }
 
 void Renderer::accumulate(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
-                          std::vector<float>& grey) {
-  rasterise(T_wc, time_s, offset_x_px, offset_y_px);
-  shade(grey);
+                          std::vector<float>& gray) {
+  rasterize(T_wc, time_s, offset_x_px, offset_y_px);
+  shade(gray);
 }
 
 void Renderer::accumulate_rows(const SE3& T_wc, double time_s, double offset_x_px,
                                double offset_y_px, int first_row, int last_row,
-                               std::vector<float>& grey) {
+                               std::vector<float>& gray) {
   first_row_ = first_row;
   last_row_ = last_row;
-  accumulate(T_wc, time_s, offset_x_px, offset_y_px, grey);
+  accumulate(T_wc, time_s, offset_x_px, offset_y_px, gray);
   first_row_ = 0;
   last_row_ = camera_.height;
 }
 
 void Renderer::render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m) {
-  rasterise(T_wc, time_s, 0, 0);
+  rasterize(T_wc, time_s, 0, 0);
   depth_m.resize(inverse_depth_.size());
   for (std::size_t i = 0; i < depth_m.size(); ++i)
     depth_m[i] = inverse_depth_[i] > 0 ? 1 / inverse_depth_[i] : 0;
@@ -78,11 +78,11 @@ Renderer::FigureView Renderer::render_figures(const SE3& T_wc, double time_s) {
 Picture Renderer::render(const SE3& T_wc, double time_s) {
   Picture picture{camera_.width, camera_.height, std::vector<float>(inverse_depth_.size()), {}};
   render_depth(T_wc, time_s, picture.depth_m);
-  shade(picture.grey);
+  shade(picture.gray);
   return picture;
 }
 
-void Renderer::rasterise(const SE3& T_wc, double time_s, double offset_x, double offset_y) {
+void Renderer::rasterize(const SE3& T_wc, double time_s, double offset_x, double offset_y) {
   const auto first = static_cast<std::ptrdiff_t>(first_row_) * camera_.width;
   const auto last = static_cast<std::ptrdiff_t>(last_row_) * camera_.width;
   std::fill(inverse_depth_.begin() + first, inverse_depth_.begin() + last, 0.0f);
@@ -191,10 +191,10 @@ void Renderer::draw_face(const Face& face, int figure, const SE3& T_cb, double o
   }
 }
 
-void Renderer::shade(std::vector<float>& grey) const {
+void Renderer::shade(std::vector<float>& gray) const {
   for (int y = first_row_; y < last_row_; ++y) {
     const std::uint16_t* ids = face_at_.data() + static_cast<std::size_t>(y) * camera_.width;
-    float* out = grey.data() + static_cast<std::size_t>(y) * camera_.width;
+    float* out = gray.data() + static_cast<std::size_t>(y) * camera_.width;
     for (int begin = 0; begin < camera_.width;) {
       int end = begin + 1;
       while (end < camera_.width && ids[end] == ids[begin]) ++end;

@@ -11,10 +11,10 @@
 
 namespace slambed::synth {
 
-/// One ideal picture: unquantised grey and depth along the optical axis (0: nothing there).
+/// One ideal picture: unquantized gray and depth along the optical axis (0: nothing there).
 struct Picture {
   int width = 0, height = 0;
-  std::vector<float> grey;
+  std::vector<float> gray;
   std::vector<float> depth_m;
 };
 
@@ -25,21 +25,21 @@ class Renderer {
   Renderer(std::shared_ptr<const Scene> scene, const Camera& camera);
 
   /// Camera to world at a time of the sequence. The sub-pixel offset shifts the sample point in
-  /// every pixel. Adds to grey, so that several samples can be averaged.
+  /// every pixel. Adds to gray, so that several samples can be averaged.
   void accumulate(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
-                  std::vector<float>& grey);
+                  std::vector<float>& gray);
   /// The same in rows [first, last) alone: a shutter that rolls sees every row from another place.
   void accumulate_rows(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
-                       int first_row, int last_row, std::vector<float>& grey);
-  /// Depth through the pixel centres.
+                       int first_row, int last_row, std::vector<float>& gray);
+  /// Depth through the pixel centers.
   void render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m);
-  /// Whose part every pixel centre shows (Body::figure), and its depth.
+  /// Whose part every pixel center shows (Body::figure), and its depth.
   struct FigureView {
     std::vector<std::uint16_t> figure_at;
     std::vector<float> depth_m;
   };
   FigureView render_figures(const SE3& T_wc, double time_s);
-  /// Grey (one sample per pixel) and depth.
+  /// Gray (one sample per pixel) and depth.
   Picture render(const SE3& T_wc, double time_s);
 
   const Camera& camera() const { return camera_; }
@@ -52,10 +52,10 @@ class Renderer {
     std::uint16_t figure = 0;
   };
 
-  void rasterise(const SE3& T_wc, double time_s, double offset_x, double offset_y);
+  void rasterize(const SE3& T_wc, double time_s, double offset_x, double offset_y);
   void draw_face(const Face& face, int figure, const SE3& T_cb, double offset_x, double offset_y);
   bool in_sight(const Body& body, const SE3& T_cb, double time_s) const;
-  void shade(std::vector<float>& grey) const;
+  void shade(std::vector<float>& gray) const;
   void shade_run(const Plane& plane, int y, int begin, int end, float* out) const;
 
   std::shared_ptr<const Scene> scene_;

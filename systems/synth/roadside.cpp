@@ -7,9 +7,9 @@
 
 namespace slambed::synth {
 
-Material Roadside::material(double grey, double contrast, double texel_m, double largest_m,
+Material Roadside::material(double gray, double contrast, double texel_m, double largest_m,
                             double coverage) const {
-  return leafy(grey, contrast, texel_m, largest_m, coverage, texel_scale_);
+  return leafy(gray, contrast, texel_m, largest_m, coverage, texel_scale_);
 }
 
 Material Roadside::road(Random random, double right_m, std::span<const double> lines_m,
@@ -31,9 +31,9 @@ Material Roadside::road(Random random, double right_m, std::span<const double> l
   for (int i = 0; i < cracks; ++i) {
     double s = random.uniform(0, 3), t = random.uniform(0, 11);
     const double ahead = random.uniform(-0.12, 0.12), aside = random.uniform(-0.12, 0.12);
-    const double grey = random.uniform(30, 50);
+    const double gray = random.uniform(30, 50);
     for (int k = 0; k < 25; ++k) {
-      m.marks.push_back({s, t, 0.05 + std::abs(ahead), 0.035, grey});
+      m.marks.push_back({s, t, 0.05 + std::abs(ahead), 0.035, gray});
       s += ahead + random.uniform(-0.04, 0.04);
       t += aside + random.uniform(-0.04, 0.04);
     }
@@ -47,14 +47,14 @@ Material Roadside::pavement() const {
   return m;
 }
 
-Material Roadside::kerb() const { return material(150, 25, 0.02, 0.2, 1); }
+Material Roadside::curb() const { return material(150, 25, 0.02, 0.2, 1); }
 
 Material Roadside::ground() const { return material(105, 30, 0.25, 4, 1); }
 
 void Roadside::add_windows(Material& wall, double width, double height, Random& random) const {
   const double storey = random.uniform(2.8, 3.3), pitch = random.uniform(2.1, 3.2);
   const double wide = pitch * random.uniform(0.38, 0.6), tall = random.uniform(1.3, 1.8);
-  const double frame_grey = random.uniform(140, 235), frame = random.uniform(0.06, 0.12);
+  const double frame_gray = random.uniform(140, 235), frame = random.uniform(0.06, 0.12);
   const int columns = std::max(1, static_cast<int>((width - 0.6) / pitch));
   const double margin = 0.5 * (width - columns * pitch) + 0.5 * (pitch - wide);
   const int door = random.below(columns);
@@ -64,11 +64,11 @@ void Roadside::add_windows(Material& wall, double width, double height, Random& 
       const bool is_door = floor == 0 && column == door;
       const double low = is_door ? 0.05 : floor * storey + 0.95;
       const double high = is_door ? 2.2 : std::min(low + tall, height - 0.2);
-      const double grey = random.uniform(18, 85);
+      const double gray = random.uniform(18, 85);
       if (high <= low + 0.3) continue;
       wall.marks.push_back(
-          {s - frame, low - frame, wide + 2 * frame, high - low + 2 * frame, frame_grey});
-      wall.marks.push_back({s, low, wide, high - low, grey});
+          {s - frame, low - frame, wide + 2 * frame, high - low + 2 * frame, frame_gray});
+      wall.marks.push_back({s, low, wide, high - low, gray});
       // A blind, curtain or crossbar, so that no two windows are alike.
       const double part = random.uniform(0.15, 0.7), light = random.uniform(90, 210);
       const double from = random.uniform(0, 0.5) * wide;
@@ -76,15 +76,15 @@ void Roadside::add_windows(Material& wall, double width, double height, Random& 
         wall.marks.push_back({s, high - part * (high - low), wide, part * (high - low), light});
       else
         wall.marks.push_back({s + from, low, 0.35 * wide, high - low, light});
-      wall.marks.push_back({s + 0.47 * wide, low, 0.06, high - low, frame_grey});
+      wall.marks.push_back({s + 0.47 * wide, low, 0.06, high - low, frame_gray});
     }
 }
 
 void Roadside::house(const Vec3& front, const Vec3& to_street, double width, double depth,
                      double height, bool detailed, Random& random) {
-  const double grey = random.uniform(85, 185), contrast = random.uniform(9, 24);
-  Material wall = material(grey, contrast, detailed ? 0.018 : 0.05, 0.4, 1.1);
-  Material side = material(grey * 0.95, contrast, detailed ? 0.03 : 0.08, 0.5, 1.1);
+  const double gray = random.uniform(85, 185), contrast = random.uniform(9, 24);
+  Material wall = material(gray, contrast, detailed ? 0.018 : 0.05, 0.4, 1.1);
+  Material side = material(gray * 0.95, contrast, detailed ? 0.03 : 0.08, 0.5, 1.1);
   add_windows(wall, width, height, random);
   add_windows(side, depth, height, random);
   const Vec3 up(0, 0, height), along = Vec3::UnitZ().cross(to_street);
@@ -101,11 +101,11 @@ void Roadside::house(const Vec3& front, const Vec3& to_street, double width, dou
 }
 
 void Roadside::car(const Vec3& p, double yaw_deg, Random& random) {
-  const double grey = random.uniform(25, 215), length = random.uniform(3.8, 4.7);
+  const double gray = random.uniform(25, 215), length = random.uniform(3.8, 4.7);
   const double tall = random.uniform(0.5, 0.7);
-  const Material paint = material(grey, 20, 0.02, 0.5, 0.5);
+  const Material paint = material(gray, 20, 0.02, 0.5, 0.5);
   const Material glass = material(45, 30, 0.025, 0.5, 0.8);
-  const Material roof = material(grey * 0.9, 15, 0.04, 0.5, 0.5);
+  const Material roof = material(gray * 0.9, 15, 0.04, 0.5, 0.5);
   const SinCos yaw = sincos_deg(yaw_deg);
   const Vec3 back = -0.25 * Vec3(yaw.cos, yaw.sin, 0);
   const auto at = [&](double z) { return Vec3(p.x(), p.y(), p.z() + z); };
@@ -119,7 +119,7 @@ void Roadside::car(const Vec3& p, double yaw_deg, Random& random) {
       const Vec3 lamp =
           end * length * Vec3(yaw.cos, yaw.sin, 0) + across * Vec3(-yaw.sin, yaw.cos, 0);
       scene_.add_box(at(0.52) + lamp, {0.05, across == 0 ? 0.5 : 0.26, 0.14},
-                     material(grey > 120 ? 60 : 200, 40, 0.025, 0.1, 1), yaw_deg);
+                     material(gray > 120 ? 60 : 200, 40, 0.025, 0.1, 1), yaw_deg);
     }
 }
 
@@ -139,8 +139,8 @@ void Roadside::pole(const Vec3& p, double yaw_deg, Random& random) {
   const bool sign = random.uniform() < 0.6;
   scene_.add_cylinder(p, 0.06, tall, material(80, 20, 0.02, 0.2, 1), 6);
   if (!sign) return;
-  const double z = random.uniform(2, 2.6), grey = random.uniform(150, 220);
-  Material plate = material(grey, 60, 0.02, 0.2, 0.8);
+  const double z = random.uniform(2, 2.6), gray = random.uniform(150, 220);
+  Material plate = material(gray, 60, 0.02, 0.2, 0.8);
   scene_.add_box(p + Vec3(0, 0, z), {0.06, 0.65, 0.7}, plate, yaw_deg);
 }
 

@@ -17,7 +17,7 @@ class Roadside {
   /// middle one is dashed), cracks by the stream.
   Material road(Random random, double right_m, std::span<const double> lines_m, bool dash) const;
   Material pavement() const;
-  Material kerb() const;
+  Material curb() const;
   Material ground() const;
 
   /// From the middle of its front on the ground; `to_street` is its front's normal. Windows only
@@ -29,7 +29,7 @@ class Roadside {
   void pole(const Vec3& p, double yaw_deg, Random& random);
 
  private:
-  Material material(double grey, double contrast, double texel_m, double largest_m,
+  Material material(double gray, double contrast, double texel_m, double largest_m,
                     double coverage) const;
   void add_windows(Material& wall, double width, double height, Random& random) const;
 

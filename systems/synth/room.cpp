@@ -37,14 +37,14 @@ class Furnisher {
   }
 
  private:
-  Material material(double grey, double contrast, double texel_m = 0.003, double largest_m = 0.12,
+  Material material(double gray, double contrast, double texel_m = 0.003, double largest_m = 0.12,
                     double coverage = 0.9) {
-    return leafy(grey, contrast, texel_m, largest_m, coverage, options_.texel_scale);
+    return leafy(gray, contrast, texel_m, largest_m, coverage, options_.texel_scale);
   }
 
   /// Pictures, screens, covers: strong contrast, fully covered.
-  Material printed(double grey, double texel_m = 0.002, double largest_m = 0.06) {
-    return material(grey, 75, texel_m, largest_m, 1.6);
+  Material printed(double gray, double texel_m = 0.002, double largest_m = 0.06) {
+    return material(gray, 75, texel_m, largest_m, 1.6);
   }
 
   bool keeps_clear(const Vec3& low, const Vec3& high) const {
@@ -100,9 +100,9 @@ class Furnisher {
         double z = place.z();
         for (int i = 0; i < 4; ++i) {
           const double thick = random.uniform(0.02, 0.05);
-          const double grey = random.uniform(50, 190);
+          const double gray = random.uniform(50, 190);
           scene_->add_box({place.x(), place.y(), z}, {0.17, 0.24, thick},
-                          material(grey, 55, 0.0015, 0.05), random.uniform(-20, 20));
+                          material(gray, 55, 0.0015, 0.05), random.uniform(-20, 20));
           z += thick;
         }
         break;
@@ -130,9 +130,9 @@ class Furnisher {
         for (double at = -length + 0.9; at < length - 0.8; at += 1.25) {
           Random random = stream();
           const double out = 0.22;  // half depth of a piece
-          const Vec3 centre =
+          const Vec3 center =
               along_x ? Vec3(at, sign * (depth - out), 0) : Vec3(sign * (depth - out), at, 0);
-          add_wall_piece(centre, along_x, random);
+          add_wall_piece(center, along_x, random);
         }
       }
   }
@@ -160,10 +160,10 @@ class Furnisher {
         for (double along = -0.49; along < 0.42;) {
           const double thick = random.uniform(0.03, 0.13);
           const double into = random.uniform(0.16, 0.3);
-          const double high = random.uniform(0.18, 0.33), grey = random.uniform(35, 200);
+          const double high = random.uniform(0.18, 0.33), gray = random.uniform(35, 200);
           if (random.uniform() < 0.85)
             box(along + thick / 2, 0, z + 0.03, {thick, into, high},
-                material(grey, 45, 0.002, 0.05));
+                material(gray, 45, 0.002, 0.05));
           along += thick + 0.004;
         }
       }

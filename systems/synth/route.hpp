@@ -22,7 +22,7 @@ class Route {
   double heading_turns(double s_m) const;
   /// 1/m, positive to the left.
   double curvature(double s_m) const;
-  /// A place on the ground, so many metres to the left of the lane's middle.
+  /// A place on the ground, so many meters to the left of the lane's middle.
   Vec3 at(double s_m, double left_m = 0) const;
   /// Distance on the ground from the nearest place of the whole route, as far as it is below
   /// `limit_m`.

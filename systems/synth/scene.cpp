@@ -22,7 +22,7 @@ SE3 Body::pose(double time_s) const {
   ahead /= ahead.norm();
   Eigen::Matrix3d R;
   R << ahead.x(), -ahead.y(), 0, ahead.y(), ahead.x(), 0, 0, 0, 1;
-  return {R, centre + Vec3(radius_x_m * a.cos, radius_y_m * a.sin, 0)};
+  return {R, center + Vec3(radius_x_m * a.cos, radius_y_m * a.sin, 0)};
 }
 
 double Extent::distance_m(const Vec3& p) const {
@@ -61,13 +61,13 @@ void Scene::add_face(const Vec3& origin, const Vec3& edge_s, const Vec3& edge_t,
   }
 }
 
-void Scene::add_box(const Vec3& base_centre, const Vec3& size, const Material& material,
+void Scene::add_box(const Vec3& base_center, const Vec3& size, const Material& material,
                     double yaw_deg) {
   const SinCos yaw = sincos_deg(yaw_deg);
   const Vec3 x = Vec3(yaw.cos, yaw.sin, 0) * size.x();
   const Vec3 y = Vec3(-yaw.sin, yaw.cos, 0) * size.y();
   const Vec3 z(0, 0, size.z());
-  const Vec3 o = base_centre - 0.5 * x - 0.5 * y;
+  const Vec3 o = base_center - 0.5 * x - 0.5 * y;
   add_face(o + z, x, y, material);       // top
   add_face(o + y, x, -y, material);      // bottom
   add_face(o, x, z, material);           // -y
@@ -88,17 +88,17 @@ void Scene::add_room(const Vec3& half, double height, const Material& floor, con
   add_face(o + x + y, -y, z, wall);  // wall at +x
 }
 
-void Scene::add_cylinder(const Vec3& base_centre, double radius, double height,
+void Scene::add_cylinder(const Vec3& base_center, double radius, double height,
                          const Material& material, int sides) {
   std::vector<Vec3> ring;
   for (int i = 0; i < sides; ++i) {
     const SinCos a = sincos_turns(static_cast<double>(i) / sides);
-    ring.push_back(base_centre + radius * Vec3(a.cos, a.sin, 0));
+    ring.push_back(base_center + radius * Vec3(a.cos, a.sin, 0));
   }
   const Vec3 up(0, 0, height);
   for (int i = 0; i < sides; ++i) add_face(ring[i], ring[(i + 1) % sides] - ring[i], up, material);
   // The lid is the square around the circle, cut to the ring.
-  add_face(base_centre + up - radius * Vec3(1, 1, 0), Vec3(2 * radius, 0, 0),
+  add_face(base_center + up - radius * Vec3(1, 1, 0), Vec3(2 * radius, 0, 0),
            Vec3(0, 2 * radius, 0), material);
   for (Vec3& corner : ring) corner += up;
   faces_.back().corners = std::move(ring);

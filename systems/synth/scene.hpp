@@ -37,13 +37,13 @@ class Motion {
 struct Body {
   int first_face = 0, last_face = 0;  ///< [first, last)
   bool moving = false;
-  int figure = 0;  ///< the person that it is a part of, from 1; 0: none that is labelled
+  int figure = 0;  ///< the person that it is a part of, from 1; 0: none that is labeled
   std::shared_ptr<const Motion> motion{};
   double from_s = -std::numeric_limits<double>::infinity();  ///< there from here ...
   double until_s = std::numeric_limits<double>::infinity();  ///< ... to here
   Vec3 middle = Vec3::Zero();  ///< of a ball around its corners, in the body's frame
   double reach_m = 0;          ///< radius of that ball; 0: drawn without asking
-  Vec3 centre = Vec3::Zero();
+  Vec3 center = Vec3::Zero();
   double radius_x_m = 0, radius_y_m = 0;
   double period_s = 1, phase = 0;  ///< phase in turns
 
@@ -71,13 +71,13 @@ struct Light {
 class Scene {
  public:
   /// A box turned by yaw (degrees) about the vertical through the middle of its base.
-  void add_box(const Vec3& base_centre, const Vec3& size, const Material& material,
+  void add_box(const Vec3& base_center, const Vec3& size, const Material& material,
                double yaw_deg = 0);
   /// Faces pointing inwards: floor, ceiling, four walls.
   void add_room(const Vec3& half, double height, const Material& floor, const Material& wall,
                 const Material& ceiling);
   /// A vertical prism of many sides.
-  void add_cylinder(const Vec3& base_centre, double radius, double height, const Material& material,
+  void add_cylinder(const Vec3& base_center, double radius, double height, const Material& material,
                     int sides = 12);
   /// A flat convex polygon with corners counter-clockwise as seen; the first edge is along s.
   void add_polygon(std::span<const Vec3> corners, const Material& material);
@@ -92,8 +92,8 @@ class Scene {
 
   /// Leaves nothing out for being out of sight: for tests.
   void draw_everything();
-  /// Grey where nothing is.
-  void set_background(float grey) { background_ = grey; }
+  /// Gray where nothing is.
+  void set_background(float gray) { background_ = gray; }
   float background() const { return background_; }
 
   const std::vector<Face>& faces() const { return faces_; }

@@ -12,7 +12,7 @@ namespace {
 constexpr int kMinSamples = 3;
 /// Rows of a rolling shutter are drawn in so many bands, each from one place.
 constexpr int kBands = 16;
-/// Grey of a covered lens.
+/// Gray of a covered lens.
 constexpr float kBlackLevel = 3;
 /// Depth jumps by this share of the depth count as an edge, where a structured-light sensor is
 /// blind.
@@ -62,7 +62,7 @@ SensorModel::SensorModel(std::shared_ptr<const Scene> scene, const Camera& camer
 
 Shot SensorModel::capture_rgbd(const CameraPath& path, int frame, double time_s) {
   Shot shot;
-  shot.grey = expose(path, frame, time_s, 0, 0);
+  shot.gray = expose(path, frame, time_s, 0, 0);
   renderer_.render_depth(path.at(time_s), time_s, depth_m_);
   if (covered(time_s)) std::fill(depth_m_.begin(), depth_m_.end(), 0.0f);
   shot.depth = measure_depth(frame);
@@ -71,14 +71,14 @@ Shot SensorModel::capture_rgbd(const CameraPath& path, int frame, double time_s)
 
 Shot SensorModel::capture_stereo(const CameraPath& path, int frame, double time_s) {
   Shot shot;
-  shot.grey = expose(path, frame, time_s, 0, 0);
+  shot.gray = expose(path, frame, time_s, 0, 0);
   shot.right = expose(path, frame, time_s, options_.baseline_m, 1);
   return shot;
 }
 
 Shot SensorModel::capture_mono(const CameraPath& path, int frame, double time_s) {
   Shot shot;
-  shot.grey = expose(path, frame, time_s, 0, 0);
+  shot.gray = expose(path, frame, time_s, 0, 0);
   return shot;
 }
 
@@ -138,15 +138,15 @@ std::vector<std::uint8_t> SensorModel::expose(const CameraPath& path, int frame,
     lens_.bend(sum_);
     soften(sum_, camera.width, camera.height);
   }
-  std::vector<std::uint8_t> grey(sum_.size());
+  std::vector<std::uint8_t> gray(sum_.size());
   const std::uint64_t seed =
       mix(options_.seed ^ mix(static_cast<std::uint64_t>(frame) * 2 + stream));
   const auto sigma = static_cast<float>(options_.noise * noise_gain(options_.laps, time_s));
-  for (std::size_t i = 0; i < grey.size(); ++i) {
+  for (std::size_t i = 0; i < gray.size(); ++i) {
     const float noisy = sum_[i] + sigma * bell(pixel_hash(seed, i)) + 0.5f;
-    grey[i] = static_cast<std::uint8_t>(std::clamp(noisy, 0.0f, 255.0f));
+    gray[i] = static_cast<std::uint8_t>(std::clamp(noisy, 0.0f, 255.0f));
   }
-  return grey;
+  return gray;
 }
 
 std::vector<std::uint16_t> SensorModel::measure_depth(int frame) const {

@@ -15,7 +15,7 @@ namespace slambed::synth {
 struct SensorOptions {
   std::uint64_t seed = 1;
   double motion_blur_s = 0;  ///< exposure time; the time stamp is its middle
-  double noise = 0;          ///< standard deviation, grey levels
+  double noise = 0;          ///< standard deviation, gray levels
   double depth_noise = 0;    ///< 1: a Kinect's axial noise (Nguyen, Izadi, Lovell 2012)
   double depth_holes =
       0;  ///< share of pixels lost in patches; above 0 edges and slants are lost too
@@ -31,7 +31,7 @@ struct SensorOptions {
 
 /// One frame as recorded; depth or right is empty, as asked for.
 struct Shot {
-  std::vector<std::uint8_t> grey, right;
+  std::vector<std::uint8_t> gray, right;
   std::vector<std::uint16_t> depth;
 };
 
@@ -40,11 +40,11 @@ class SensorModel {
  public:
   SensorModel(std::shared_ptr<const Scene> scene, const Camera& camera, SensorOptions options);
 
-  /// Grey and depth of the frame with this number and time (mid-exposure).
+  /// Gray and depth of the frame with this number and time (mid-exposure).
   Shot capture_rgbd(const CameraPath& path, int frame, double time_s);
-  /// Left and right grey of a rectified pair.
+  /// Left and right gray of a rectified pair.
   Shot capture_stereo(const CameraPath& path, int frame, double time_s);
-  /// Grey alone.
+  /// Gray alone.
   Shot capture_mono(const CameraPath& path, int frame, double time_s);
   /// The truth about the people in the picture; nobody while the lens is covered.
   std::vector<PersonLabel> label(const CameraPath& path, std::span<const Figure> cast,

@@ -10,9 +10,9 @@
 namespace slambed::synth {
 namespace {
 
-// Across the street, metres to the left of the driven lane's middle; traffic keeps right.
-constexpr double kCentreLine_m = 1.75, kOncoming_m = 3.5;
-constexpr double kRightKerb_m = -3.85, kLeftKerb_m = 7.35, kKerbHeight_m = 0.12;
+// Across the street, meters to the left of the driven lane's middle; traffic keeps right.
+constexpr double kCenterLine_m = 1.75, kOncoming_m = 3.5;
+constexpr double kRightCurb_m = -3.85, kLeftCurb_m = 7.35, kCurbHeight_m = 0.12;
 constexpr double kRightHouses_m = -6.35, kLeftHouses_m = 9.85;
 constexpr double kRightParking_m = -2.85, kLeftParking_m = 6.3;
 constexpr double kPiece_m = 3;                 ///< length of a piece of road
@@ -118,18 +118,18 @@ class StreetBuilder {
       scene_->add_polygon(corners, material);
     };
     const auto wall = [&](double from, double to, double left, const Material& material) {
-      const Vec3 corners[] = {place(from, left), place(to, left), place(to, left, kKerbHeight_m),
-                              place(from, left, kKerbHeight_m)};
+      const Vec3 corners[] = {place(from, left), place(to, left), place(to, left, kCurbHeight_m),
+                              place(from, left, kCurbHeight_m)};
       scene_->add_polygon(corners, material);
     };
     scene_->begin_group();
     const bool dash = static_cast<int>(s / kPiece_m) % 3 == 0;
-    const double across[] = {kRightKerb_m + 2.1, kCentreLine_m, kLeftKerb_m - 2.1};
-    strip(kRightKerb_m, kLeftKerb_m, 0, things_.road(stream(), kRightKerb_m, across, dash));
-    strip(kRightHouses_m - 2, kRightKerb_m, kKerbHeight_m, things_.pavement());
-    strip(kLeftKerb_m, kLeftHouses_m + 2, kKerbHeight_m, things_.pavement());
-    wall(end, s, kRightKerb_m, things_.kerb());
-    wall(s, end, kLeftKerb_m, things_.kerb());
+    const double across[] = {kRightCurb_m + 2.1, kCenterLine_m, kLeftCurb_m - 2.1};
+    strip(kRightCurb_m, kLeftCurb_m, 0, things_.road(stream(), kRightCurb_m, across, dash));
+    strip(kRightHouses_m - 2, kRightCurb_m, kCurbHeight_m, things_.pavement());
+    strip(kLeftCurb_m, kLeftHouses_m + 2, kCurbHeight_m, things_.pavement());
+    wall(end, s, kRightCurb_m, things_.curb());
+    wall(s, end, kLeftCurb_m, things_.curb());
     scene_->end_body();
   }
 
@@ -222,7 +222,7 @@ class StreetBuilder {
       const double kind = random.uniform();
       s += random.uniform(7, 13);
       if (is_open(at) || kind > 0.75) continue;
-      const Vec3 p = place(at, right ? kRightKerb_m - 0.7 : kLeftKerb_m + 0.7, kKerbHeight_m);
+      const Vec3 p = place(at, right ? kRightCurb_m - 0.7 : kLeftCurb_m + 0.7, kCurbHeight_m);
       scene_->begin_group();
       if (kind < 0.4)
         things_.tree(p, random);

@@ -9,7 +9,7 @@
 
 namespace slambed::synth {
 
-/// The street along a drive, by daylight: marked and cracked road, kerbs, houses with windows and
+/// The street along a drive, by daylight: marked and cracked road, curbs, houses with windows and
 /// side streets between them, parked cars, trees, poles, plain sky.
 struct StreetOptions {
   std::uint64_t seed = 1;

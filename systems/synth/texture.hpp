@@ -6,7 +6,7 @@
 
 namespace slambed::synth {
 
-/// Grey texture of one flat face with its mip levels. Texel (i, j) of level 0 covers
+/// Gray texture of one flat face with its mip levels. Texel (i, j) of level 0 covers
 /// [i, i+1) x [j, j+1) texels from the face's (s, t) origin.
 class Texture {
  public:

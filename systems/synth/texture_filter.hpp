@@ -62,15 +62,15 @@ class TextureFilter {
   }
 
   float trilinear(float s, float t, float level) const {
-    constexpr float kToGrey = 1.0f / 65536;
+    constexpr float kToGray = 1.0f / 65536;
     level = std::clamp(level, 0.0f, static_cast<float>(last_level_));
     const int fine = static_cast<int>(level);
     const float scale = 1 / static_cast<float>(1 << fine);
     const auto a = static_cast<float>(bilinear(levels_[fine], s * scale - 0.5f, t * scale - 0.5f));
-    if (fine == last_level_ || level == 0) return a * kToGrey;
+    if (fine == last_level_ || level == 0) return a * kToGray;
     const auto b = static_cast<float>(
         bilinear(levels_[fine + 1], s * scale * 0.5f - 0.5f, t * scale * 0.5f - 0.5f));
-    return (a + (b - a) * (level - static_cast<float>(fine))) * kToGrey;
+    return (a + (b - a) * (level - static_cast<float>(fine))) * kToGray;
   }
 
   const Texture::Level* levels_;

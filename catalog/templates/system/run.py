@@ -5,10 +5,10 @@ from slambed_client import Client, Frame
 
 
 def where(client: Client, frame: Frame) -> np.ndarray | None:
-    """Camera to world (4x4, metres), None when lost. frame.grey, frame.depth or frame.right are
+    """Camera to world (4x4, meters), None when lost. frame.gray, frame.depth or frame.right are
     arrays; client.camera_matrix, client.distortion, client.depth_unit_m describe the camera."""
     if frame.index % client.params["period"] == 0:
-        client.event("seen", grey=float(frame.grey.mean()))
+        client.event("seen", gray=float(frame.gray.mean()))
     return np.eye(4)
 
 

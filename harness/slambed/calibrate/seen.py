@@ -77,7 +77,7 @@ def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
         if event["type"] == "stage":
             spent += event["wall_ms"] if event["name"] in component.stages else 0.0
             continue
-        if event["type"] == "update_applied" and not event.get("relocalisation"):
+        if event["type"] == "update_applied" and not event.get("relocalization"):
             found.append(spent)
         spent = 0.0
     return len(found), found

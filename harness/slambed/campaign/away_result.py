@@ -27,7 +27,7 @@ def result_of(future: Any, stop: threading.Event, alive: Callable[[], bool] = la
     """What the task returns, or its own error.
 
     `alive`: whether somebody is still there who could return it. Raises InterruptedRunError when
-    `stop` is set before, LostWorkerError when nobody is left; the task is cancelled then.
+    `stop` is set before, LostWorkerError when nobody is left; the task is canceled then.
     """
     from distributed import KilledWorker
 

@@ -130,14 +130,14 @@ def _events(recording: Recording, places: NDArray[np.intp]) -> Iterator[dict[str
     are known at the end: when each frame was tracked, and how long it took, nobody measured."""
     posed = np.zeros(len(recording.indices), dtype=bool)
     posed[places] = True
-    before, ever = "not_initialised", False
+    before, ever = "not_initialized", False
     for index, seq_s, good in zip(recording.indices, recording.seq_s, posed, strict=True):
         frame = {"frame": int(index), "seq_s": round(float(seq_s), 9)}
         ever = ever or bool(good)
-        state = "ok" if good else ("lost" if ever else "not_initialised")
+        state = "ok" if good else ("lost" if ever else "not_initialized")
         if before == "ok" and state != "ok":
             yield {"type": "track_lost", **frame}
         if state == "ok" and before != "ok":
-            yield {"type": "initialised" if before == "not_initialised" else "relocalised", **frame}
+            yield {"type": "initialized" if before == "not_initialized" else "relocalized", **frame}
         before = state
         yield {"type": "frame_tracked", **frame, "state": state}

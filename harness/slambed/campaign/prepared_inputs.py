@@ -50,7 +50,7 @@ def inputs_folder() -> Path:
 def prepare_input(name: str, library: Library, say: Say) -> PreparedInput:
     """The file of a recipe, from the cache or made now by its run.
 
-    Raises SlambedError where the run does not fulfil the recipe's conditions; nothing is kept then.
+    Raises SlambedError where the run does not meet the recipe's conditions; nothing is kept then.
     """
     plan, recipe = _plan(name, library, lambda other: prepare_input(other, library, say).file)
     folder = inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}"
@@ -153,7 +153,7 @@ def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
         found = _facts(raw, summary)
         if broken := recipe.must.broken_by(found):
             raise SlambedError(
-                f"input {recipe.id}: its run does not fulfil catalog/inputs/{recipe.id}.yaml: "
+                f"input {recipe.id}: its run does not fulfill catalog/inputs/{recipe.id}.yaml: "
                 f"{'; '.join(broken)}; nothing was kept"
             )
         name = YIELDED[recipe.yields]

@@ -27,7 +27,7 @@ class VirtualTask:
     attempt: int = 1
 
     def execute(self) -> Summary:
-        """Simulates in the calling thread, then summarises; returns the summary."""
+        """Simulates in the calling thread, then summarizes; returns the summary."""
         run = VirtualRun(
             self.spec, self.sequence, self.played_s, self.raw, self.program, self.features
         )

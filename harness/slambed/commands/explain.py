@@ -117,10 +117,10 @@ def choose_window(
     from slambed.explain.picture import Window
 
     if around is not None:
-        centre_s = _centre(log, around)
-        if not 0.0 <= centre_s <= log.end_s:
+        center_s = _center(log, around)
+        if not 0.0 <= center_s <= log.end_s:
             raise SlambedError(f"--around {around} is outside the run, 0 to {log.end_s:.1f} s")
-        return Window(max(0.0, centre_s - AROUND_S), centre_s + AROUND_S)
+        return Window(max(0.0, center_s - AROUND_S), center_s + AROUND_S)
     begin_s = 0.0 if begin is None else begin
     end_s = log.end_s if end is None else end
     if end is not None and not end_s > begin_s:
@@ -131,7 +131,7 @@ def choose_window(
     return Window(max(0.0, begin_s), min(end_s, log.end_s))
 
 
-def _centre(log: "RunLog", around: str) -> float:
+def _center(log: "RunLog", around: str) -> float:
     if around != "loss":
         try:
             return float(around)

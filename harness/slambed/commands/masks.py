@@ -36,10 +36,10 @@ def list_networks(as_json: JsonOption = False) -> None:
     if as_json:
         print_json([json_entry(name, load_network) for name in network_names()])
         return
-    table = Table("id", "licence", "size", "title", box=None)
+    table = Table("id", "license", "size", "title", box=None)
     for name in network_names():
         network = load_network(name)
-        table.add_row(name, network.licence, f"{network.size_bytes / 1e6:.2f} MB", network.title)
+        table.add_row(name, network.license, f"{network.size_bytes / 1e6:.2f} MB", network.title)
     screen = console()
     screen.print(table)
     screen.print("what one finds in a sequence: 'slambed masks show DATASET --network ID'")

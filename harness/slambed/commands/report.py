@@ -48,7 +48,7 @@ def report(
     """Write tables, figures and the page of an experiment again from its runs.
 
     With --again the numbers too: after a change of a metric, or of a dataset's ground truth.
-    --losses sorts them by cause. relocalisation failed: found again less than a second before;
+    --losses sorts them by cause. relocalization failed: found again less than a second before;
     standstill: frames are missing right before it; gap behind an update: an update took newer
     keyframes away at most half a second before; view change: none of these.
     """

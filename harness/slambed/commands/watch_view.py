@@ -13,7 +13,7 @@ from slambed.campaign.watch import Watched
 from slambed.spec.device import VIRTUAL
 
 BAR_WIDTH = 40
-STATE_STYLES = {"ok": "green", "lost": "red", "not_initialised": "dim"}
+STATE_STYLES = {"ok": "green", "lost": "red", "not_initialized": "dim"}
 AT_THE_END = "its events come at its end"
 """Of virtual runs: a simulation writes them when it is done."""
 

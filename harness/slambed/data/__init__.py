@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sequences, recorded and generated: catalogue, readers, and the prepared form for playback."""
+"""Sequences, recorded and generated: catalog, readers, and the prepared form for playback."""

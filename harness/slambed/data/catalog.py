@@ -281,7 +281,7 @@ def prepare(
     progress: Progress | None = None,
     say: Say = lambda line: None,
 ) -> PreparedSequence:
-    """Prepares a dataset of the checkout's catalogue; a prepared folder's path is opened as is."""
+    """Prepares a dataset of the checkout's catalog; a prepared folder's path is opened as is."""
     if (Path(dataset_id) / SEQUENCE_FILE).is_file():
         return PreparedSequence.open(dataset_id)
     return Catalog.load().prepare(dataset_id, cache_dir, progress, say)

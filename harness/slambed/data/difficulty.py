@@ -24,7 +24,7 @@ from slambed.data.camera_motion import (
     moved_to,
     rays_of,
 )
-from slambed.data.model import GreyImage
+from slambed.data.model import GrayImage
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
 
@@ -52,7 +52,7 @@ Judge = Literal["depth", "epipolar line"]
 
 @dataclass(frozen=True)
 class Features:
-    """Of one picture: pixels [N,2], descriptors [N,32], depth in metres [N] (0: unknown)."""
+    """Of one picture: pixels [N,2], descriptors [N,32], depth in meters [N] (0: unknown)."""
 
     pixels: Floats
     descriptors: NDArray[np.uint8]
@@ -110,20 +110,20 @@ class Difficulty:
 
 def features_of(sequence: PreparedSequence, frame: int) -> Features:
     """The strongest ORB features of every cell of a grid."""
-    grey = sequence.grey(frame)
+    gray = sequence.gray(frame)
     orb = cv2.ORB.create(nfeatures=4 * FEATURES, fastThreshold=7)
-    found, descriptors = orb.detectAndCompute(np.ascontiguousarray(grey), None)
+    found, descriptors = orb.detectAndCompute(np.ascontiguousarray(gray), None)
     if descriptors is None:
         found, descriptors = (), np.empty((0, 32), np.uint8)
-    kept = _spread(found, grey)
+    kept = _spread(found, gray)
     pixels = np.array([found[i].pt for i in kept], np.float64).reshape(-1, 2)
     return Features(
         pixels, np.asarray(descriptors, np.uint8)[kept], _depths(sequence, frame, pixels)
     )
 
 
-def _spread(found: Sequence[cv2.KeyPoint], grey: GreyImage) -> list[int]:
-    height, width = grey.shape
+def _spread(found: Sequence[cv2.KeyPoint], gray: GrayImage) -> list[int]:
+    height, width = gray.shape
     rows, columns = GRID
     room = np.full(GRID, -(-FEATURES // (rows * columns)))
     kept = []

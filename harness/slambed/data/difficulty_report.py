@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from slambed.data.difficulty import LEAST_MATCHES, Difficulty, GapDifficulty
 from slambed.files.outputs import writing
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 PANELS: tuple[tuple[str, str], ...] = (
     ("matches", "matches"),
@@ -74,7 +74,7 @@ def draw(measured: list[Difficulty], path: Path) -> None:
             axes.plot(
                 [gap.gap_s for gap in one.gaps],
                 [getattr(gap, key) for gap in one.gaps],
-                color=COLOURS[i % len(COLOURS)],
+                color=COLORS[i % len(COLORS)],
                 marker=MARKERS[i % len(MARKERS)],
                 markersize=4,
                 label=one.id,

@@ -24,7 +24,7 @@ def recipe_text(dataset: Dataset, folder: Path) -> str:
     recipe = _recipe(dataset)
     size = f"{recipe.size_bytes} bytes" if recipe.size_bytes else "size not known"
     action = "see the page" if recipe.unpack == "none" else f"unpack into {folder / recipe.into}"
-    terms = f"; terms: {dataset.licence}" if dataset.licence else ""
+    terms = f"; terms: {dataset.license}" if dataset.license else ""
     mirrors = "".join(f" or {mirror}" for mirror in recipe.mirrors)
     return f"{dataset.id}: {recipe.url}{mirrors} ({size}, sha256 {recipe.sha256}); {action}{terms}"
 

@@ -32,7 +32,7 @@ def export(
     """Writes `path` whole or not at all: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/),
     kitti (image_0, image_1, times.txt, calib.txt, poses.txt), mcap (a ROS 2 bag).
 
-    Grey pictures, as they are played; of the frames at `indices`, or of all. Raises SlambedError
+    Gray pictures, as they are played; of the frames at `indices`, or of all. Raises SlambedError
     for a layout that cannot hold the sequence, and where something is there already.
     """
     if layout not in FORMATS:
@@ -81,7 +81,7 @@ def _tum(part: Part, folder: Path) -> None:
     for frame in part.frames():
         stamp = _seconds(frame.timestamp_ns, 6)
         assert frame.second is not None
-        for kind, image in (("rgb", frame.grey), ("depth", frame.second)):
+        for kind, image in (("rgb", frame.gray), ("depth", frame.second)):
             _write(folder / kind / f"{stamp}.png", image)
             lists[kind].append(f"{stamp} {kind}/{stamp}.png")
     for kind, lines in lists.items():
@@ -90,7 +90,7 @@ def _tum(part: Part, folder: Path) -> None:
         write_tum(folder / "groundtruth.txt", truth)
     info, camera = part.sequence.info, part.sequence.info.camera
     (folder / "camera.txt").write_text(
-        "# fx fy cx cy k1 k2 p1 p2 k3 bf, depth steps per metre\n"
+        "# fx fy cx cy k1 k2 p1 p2 k3 bf, depth steps per meter\n"
         + " ".join(map(repr, (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)))
         + f" {camera.bf!r} {1 / info.depth_unit_m:g}\n"
     )
@@ -104,7 +104,7 @@ def _euroc(part: Part, folder: Path) -> None:
     for frame in part.frames():
         assert frame.second is not None
         name = f"{frame.timestamp_ns}.png"
-        for side, image in enumerate((frame.grey, frame.second)):
+        for side, image in enumerate((frame.gray, frame.second)):
             _write(folder / "mav0" / f"cam{side}" / "data" / name, image)
         rows.append(f"{frame.timestamp_ns},{name}")
     for side in (0, 1):
@@ -136,7 +136,7 @@ def _kitti(part: Part, folder: Path) -> None:
     for side in (0, 1) if stereo else (0,):
         (folder / f"image_{side}").mkdir()
     for index, frame in enumerate(part.frames()):
-        _write(folder / "image_0" / f"{index:06d}.png", frame.grey)
+        _write(folder / "image_0" / f"{index:06d}.png", frame.gray)
         if frame.second is not None:
             _write(folder / "image_1" / f"{index:06d}.png", frame.second)
     times = [_seconds(int(t), 9) for t in folder_times_ns(part.sequence, "kitti")[part.indices]]

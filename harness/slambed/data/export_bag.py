@@ -27,15 +27,15 @@ TOPICS = {
 """Of the images, by sensor."""
 GROUNDTRUTH = "/groundtruth"
 WORLD, CAMERA = "world", "camera_optical_frame"
-MILLIMETRE_M = 0.001
-"""REP 118: whole millimetres may stand as 16UC1, anything else in metres as 32FC1."""
+MILLIMETER_M = 0.001
+"""REP 118: whole millimeters may stand as 16UC1, anything else in meters as 32FC1."""
 IMAGE, INFO, POSE = (
     "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped",
 )  # fmt: skip
 
 
 def write_bag(part: Part, folder: Path) -> None:
-    """Grey images, depth or right images, a camera_info beside each, and the true pose of the left
+    """Gray images, depth or right images, a camera_info beside each, and the true pose of the left
     camera, in the order of their times; `folder` is made."""
     Bag(part).write(folder)
 
@@ -69,7 +69,7 @@ class Bag:
             for frame in self.part.frames():
                 while put_pose is not None and poses and poses[0][0] <= frame.timestamp_ns:
                     put_pose(*poses.pop(0))
-                planes = self._planes(frame.grey, frame.second)
+                planes = self._planes(frame.gray, frame.second)
                 for index, (plane, encoding) in enumerate(planes):
                     header = self._header(frame.timestamp_ns, CAMERA)
                     images[index](frame.timestamp_ns, self._image(header, plane, encoding))
@@ -78,15 +78,15 @@ class Bag:
                 assert put_pose is not None
                 put_pose(time_ns, pose)
 
-    def _planes(self, grey: Any, second: Any) -> Iterator[tuple[NDArray[Any], str]]:
-        yield grey, "mono8"
+    def _planes(self, gray: Any, second: Any) -> Iterator[tuple[NDArray[Any], str]]:
+        yield gray, "mono8"
         if self.info.sensor == "stereo":
             yield second, "mono8"
-        elif self.info.sensor == "rgbd" and self.info.depth_unit_m == MILLIMETRE_M:
+        elif self.info.sensor == "rgbd" and self.info.depth_unit_m == MILLIMETER_M:
             yield second, "16UC1"
         elif self.info.sensor == "rgbd":
-            metres = second.astype(np.float32) * np.float32(self.info.depth_unit_m)
-            yield np.where(second == 0, np.float32(np.nan), metres), "32FC1"
+            meters = second.astype(np.float32) * np.float32(self.info.depth_unit_m)
+            yield np.where(second == 0, np.float32(np.nan), meters), "32FC1"
 
     def _type(self, name: str, **fields: Any) -> Any:
         return self.store.types[name](**fields)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.model import GreyImage
+from slambed.data.model import GrayImage
 from slambed.errors import SlambedError
 
 _PNG_START, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
@@ -19,15 +19,15 @@ _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 #: Pixels as the camera has them: calibrations know nothing of EXIF's orientation, and 16 bits are
 #: not cut to 8 without a word.
-GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-GreyRange = tuple[float, float]
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+GrayRange = tuple[float, float]
 
 
-def read_grey(
-    path: Path, size: tuple[int, int] | None = None, grey_range: GreyRange | None = None
-) -> GreyImage:
-    """8-bit grey image of a picture file; size: (width, height) it must have."""
-    image = eight_bits(decode(_bytes(path), GREY, str(path)), grey_range, str(path))
+def read_gray(
+    path: Path, size: tuple[int, int] | None = None, gray_range: GrayRange | None = None
+) -> GrayImage:
+    """8-bit gray image of a picture file; size: (width, height) it must have."""
+    image = eight_bits(decode(_bytes(path), GRAY, str(path)), gray_range, str(path))
     if size is not None and _size_of(image) != size:
         raise SlambedError(
             f"{path}: {_in_pixels(image)} pixels, not {size[0]}x{size[1]}; "
@@ -37,19 +37,19 @@ def read_grey(
 
 
 def eight_bits(
-    image: NDArray[np.uint8] | NDArray[np.uint16], grey_range: GreyRange | None, name: str
-) -> GreyImage:
+    image: NDArray[np.uint8] | NDArray[np.uint16], gray_range: GrayRange | None, name: str
+) -> GrayImage:
     """Of more than 8 bits those that the range says, which is the same for all pictures: stretched
     one by one, the same place would change its brightness."""
-    if image.dtype == np.uint8 and grey_range is None:
+    if image.dtype == np.uint8 and gray_range is None:
         return image.astype(np.uint8, copy=False)
-    if grey_range is None:
+    if gray_range is None:
         raise SlambedError(
             f"{name}: a picture of {8 * image.dtype.itemsize} bits with values {image.min()} to "
-            f"{image.max()}, 8 are expected; say 'reader_options: {{grey_range: [LOW, HIGH]}}' for "
+            f"{image.max()}, 8 are expected; say 'reader_options: {{gray_range: [LOW, HIGH]}}' for "
             "what becomes 0 and 255 in all pictures"
         )
-    low, high = grey_range
+    low, high = gray_range
     scaled = (image.astype(np.float64) - low) * (255 / (high - low))
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
@@ -72,7 +72,7 @@ def other_size(
 ) -> SlambedError:
     """The complaint of a second picture that has not the size of the first."""
     advice = (
-        "align depth to colour when recording (align_depth of realsense-ros, depth_registered)"
+        "align depth to color when recording (align_depth of realsense-ros, depth_registered)"
         if what == "depth"
         else "both cameras of a rig must deliver the same size"
     )

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 Sensor = Literal["rgbd", "stereo", "mono"]
-GreyImage = NDArray[np.uint8]
-#: Right grey image (stereo) or raw depth (rgbd), as the sensor says.
+GrayImage = NDArray[np.uint8]
+#: Right gray image (stereo) or raw depth (rgbd), as the sensor says.
 SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
 
 
@@ -34,5 +34,5 @@ class Frame:
     """One moment of a sequence: absolute recorded time and two planes (second: None for mono)."""
 
     timestamp_ns: int
-    grey: GreyImage
+    gray: GrayImage
     second: SecondImage | None

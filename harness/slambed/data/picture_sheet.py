@@ -39,9 +39,9 @@ def write_sheet(
         partial.write_bytes(png.tobytes())
 
 
-def colours_of(grey: NDArray[np.uint8]) -> Picture:
-    """The grey picture as OpenCV's colours."""
-    return np.asarray(cv2.cvtColor(np.asarray(grey), cv2.COLOR_GRAY2BGR), np.uint8)
+def colors_of(gray: NDArray[np.uint8]) -> Picture:
+    """The gray picture as OpenCV's colors."""
+    return np.asarray(cv2.cvtColor(np.asarray(gray), cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def shrunk(picture: Picture) -> Picture:

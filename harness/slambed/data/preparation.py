@@ -146,11 +146,11 @@ def _straightener(camera: CameraRecipe | None) -> Callable[[Frame], Frame]:
     maps = lens.maps(np.eye(3), lens.matrix, (camera.width, camera.height))
 
     def straighten(frame: Frame) -> Frame:
-        grey = np.asarray(cv2.remap(frame.grey, *maps, cv2.INTER_LINEAR), np.uint8)
+        gray = np.asarray(cv2.remap(frame.gray, *maps, cv2.INTER_LINEAR), np.uint8)
         second = frame.second
         if second is not None:
             second = np.asarray(cv2.remap(second, *maps, cv2.INTER_NEAREST), np.uint16)
-        return Frame(frame.timestamp_ns, grey, second)
+        return Frame(frame.timestamp_ns, gray, second)
 
     return straighten
 
@@ -237,7 +237,7 @@ class DepthSample:
 
 
 def check_depth_scale(dataset: Dataset, depths: DepthSample) -> None:
-    """Raises when the depth cannot be metres."""
+    """Raises when the depth cannot be meters."""
     low, high = DEPTH_MEDIAN_RANGE_M
     if not depths.medians:
         raise SlambedError(f"dataset '{dataset.id}': no depth in any image; check the depth files")
@@ -247,7 +247,7 @@ def check_depth_scale(dataset: Dataset, depths: DepthSample) -> None:
             f"dataset '{dataset.id}': wrong depth scale: the median depth is {median_m:.4g} m with "
             f"depth_unit_m {dataset.depth_unit_m:g}, not within {low:g} to {high:g} m (the largest "
             f"value is {depths.largest}); set depth_unit_m in its dataset file (TUM 0.0002, "
-            "millimetres 0.001)"
+            "millimeters 0.001)"
         )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from slambed.data.model import Camera, Frame, GreyImage, SecondImage, Sensor
+from slambed.data.model import Camera, Frame, GrayImage, SecondImage, Sensor
 from slambed.data.trajectory import Trajectory, read_groundtruth, write_tum
 from slambed.errors import SlambedError
 
@@ -168,13 +168,13 @@ class PreparedSequence:
         if not 0 <= i < self.info.frames:
             raise IndexError(i)
         timestamp_ns = round(self.info.time_origin_s * 1e9) + int(self.index["timestamp_ns"][i])
-        return Frame(timestamp_ns, self.grey(i), self.second(i))
+        return Frame(timestamp_ns, self.gray(i), self.second(i))
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[i] for i in range(len(self)))
 
-    def grey(self, i: int) -> GreyImage:
-        """Left (or only) grey image."""
+    def gray(self, i: int) -> GrayImage:
+        """Left (or only) gray image."""
         pixels = self.info.width * self.info.height
         return self._frames[i, :pixels].reshape(self.info.height, self.info.width)
 
@@ -270,7 +270,7 @@ class PreparedWriter:
         self._groundtruth = trajectory
 
     def _block(self, frame: Frame) -> bytes:
-        planes: list[GreyImage | SecondImage] = [frame.grey.astype(np.uint8, copy=False)]
+        planes: list[GrayImage | SecondImage] = [frame.gray.astype(np.uint8, copy=False)]
         if self._second_dtype is not None:
             assert frame.second is not None and frame.second.dtype == self._second_dtype
             planes.append(frame.second)

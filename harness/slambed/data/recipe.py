@@ -166,7 +166,7 @@ class Dataset(_Strict):
     groundtruth: str | None = None
     reader_options: dict[str, Any] = Field(default_factory=dict)
     download: Download | None = None
-    licence: str = ""
+    license: str = ""
     note: str = ""
     synthetic: Synthetic | None = None
     first_of: tuple[str, ...] = ()
@@ -195,7 +195,7 @@ class Dataset(_Strict):
         if self.reader and not self.paths:
             raise ValueError("paths is needed: where the source lies below the search path")
         if self.reader and self.sensor == "rgbd" and self.depth_unit_m == 0:
-            raise ValueError("depth_unit_m is needed for rgbd (TUM 0.0002, millimetres 0.001)")
+            raise ValueError("depth_unit_m is needed for rgbd (TUM 0.0002, millimeters 0.001)")
         if self.sensor == "stereo" and self.camera is not None and self.camera.is_straightened:
             raise ValueError(
                 "stereo pictures must be rectified: their camera has no distortion of this model; "
@@ -207,7 +207,7 @@ class Dataset(_Strict):
 
     def content_key(self) -> str:
         """Hash of everything that changes what the prepared sequence contains."""
-        aside = {"aliases", "paths", "playback", "download", "licence", "note"}
+        aside = {"aliases", "paths", "playback", "download", "license", "note"}
         aside |= {"window_of", "prior_map", "reference"}
         content = self.model_dump(mode="json", exclude=aside)
         # What a recipe does not ask for leaves its key as it was before one could ask for it.

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.images import GREY, GreyRange, decode, eight_bits
-from slambed.data.model import GreyImage
+from slambed.data.images import GRAY, GrayRange, decode, eight_bits
+from slambed.data.model import GrayImage
 from slambed.errors import SlambedError
 
 #: compressed_depth_image_transport puts this before the PNG: a format, and A and B of the
-#: quantisation, inverse depth = A / depth + B.
+#: quantization, inverse depth = A / depth + B.
 _DEPTH_HEADER = struct.Struct("<iff")
-#: What no depth camera sees: metres that are millimetres.
+#: What no depth camera sees: meters that are millimeters.
 _FARTHEST_M = 100.0
 _LAYOUTS: dict[str, tuple[str, int]] = {
     "mono8": ("u1", 1), "8UC1": ("u1", 1), "rgb8": ("u1", 3), "bgr8": ("u1", 3),
@@ -26,22 +26,22 @@ _LAYOUTS: dict[str, tuple[str, int]] = {
 }  # fmt: skip
 
 
-def grey_of(message: Any, name: str, grey_range: GreyRange | None) -> GreyImage:
-    """8-bit grey image of a message."""
+def gray_of(message: Any, name: str, gray_range: GrayRange | None) -> GrayImage:
+    """8-bit gray image of a message."""
     if hasattr(message, "format"):
-        return eight_bits(decode(message.data.tobytes(), GREY, name), grey_range, name)
+        return eight_bits(decode(message.data.tobytes(), GRAY, name), gray_range, name)
     image, encoding = _pixels(message, name)
-    if image.dtype.kind == "f" or (encoding == "16UC1" and grey_range is None):
-        raise SlambedError(f"{name}: {encoding} is not a grey or colour image; swap the topics?")
+    if image.dtype.kind == "f" or (encoding == "16UC1" and gray_range is None):
+        raise SlambedError(f"{name}: {encoding} is not a gray or color image; swap the topics?")
     if image.ndim == 2:
-        return eight_bits(image, grey_range, name)
+        return eight_bits(image, gray_range, name)
     order = "RGB" if encoding.startswith("rgb") else "BGR"
     code = getattr(cv2, f"COLOR_{order}{'A' if image.shape[2] == 4 else ''}2GRAY")
-    return eight_bits(cv2.cvtColor(image, code).astype(np.uint8), grey_range, name)
+    return eight_bits(cv2.cvtColor(image, code).astype(np.uint8), gray_range, name)
 
 
 def depth_of(message: Any, name: str, unit_m: float) -> NDArray[np.uint16]:
-    """Raw depth in steps of the unit: metres are converted, whole numbers are taken as they are."""
+    """Raw depth in steps of the unit: meters are converted, whole numbers are taken as they are."""
     if not hasattr(message, "format"):
         image, _ = _pixels(message, name)
     elif "compresseddepth" in str(message.format).lower():
@@ -57,7 +57,7 @@ def depth_of(message: Any, name: str, unit_m: float) -> NDArray[np.uint16]:
 
 def _compressed_depth(message: Any, name: str) -> NDArray[Any]:
     """Of compressed_depth_image_transport: `16UC1; compressedDepth` is the depth itself, `32FC1;
-    compressedDepth` the quantised inverse of it."""
+    compressedDepth` the quantized inverse of it."""
     told, data = str(message.format), message.data.tobytes()
     encoding = told.partition(";")[0].strip()
     if "rvl" in told.lower():
@@ -77,21 +77,21 @@ def _compressed_depth(message: Any, name: str) -> NDArray[Any]:
         return image
     _, a, b = _DEPTH_HEADER.unpack_from(data)
     if image.dtype != np.uint16 or image.ndim != 2 or not (a > 0 and np.isfinite(b)):
-        raise SlambedError(f"{name}: '{told}' is not quantised as expected; republish it raw")
+        raise SlambedError(f"{name}: '{told}' is not quantized as expected; republish it raw")
     known = (image > 0) & (image > b)
     inverse = np.where(known, image.astype(np.float64) - b, 1.0)
     return np.where(known, a / inverse, np.nan)
 
 
-def _steps(metres: NDArray[Any], name: str, unit_m: float) -> NDArray[np.uint16]:
-    metres = np.asarray(metres, dtype=np.float64)
-    finite = metres[np.isfinite(metres) & (metres > 0)]
+def _steps(meters: NDArray[Any], name: str, unit_m: float) -> NDArray[np.uint16]:
+    meters = np.asarray(meters, dtype=np.float64)
+    finite = meters[np.isfinite(meters) & (meters > 0)]
     if finite.size and float(np.median(finite)) > _FARTHEST_M:
         raise SlambedError(
-            f"{name}: depth as 32FC1 is in metres, the largest value is {finite.max():g} and the "
-            f"median {np.median(finite):g}; are they millimetres? Convert the topic to metres"
+            f"{name}: depth as 32FC1 is in meters, the largest value is {finite.max():g} and the "
+            f"median {np.median(finite):g}; are they millimeters? Convert the topic to meters"
         )
-    steps = np.nan_to_num(metres, nan=0.0, posinf=0.0, neginf=0.0) / unit_m
+    steps = np.nan_to_num(meters, nan=0.0, posinf=0.0, neginf=0.0) / unit_m
     return np.where((steps > 0) & (steps < 65535), np.rint(steps), 0).astype(np.uint16)
 
 

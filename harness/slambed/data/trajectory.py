@@ -63,7 +63,7 @@ class Trajectory:
         return Trajectory(self.stamps_s, factor * self.positions_m, self.quaternions_xyzw)
 
     def rotations(self) -> Rotation:
-        """All orientations; quaternions are normalised by scipy."""
+        """All orientations; quaternions are normalized by scipy."""
         from scipy.spatial.transform import Rotation  # takes long to load, reading needs none
 
         return Rotation.from_quat(self.quaternions_xyzw)
@@ -102,7 +102,7 @@ def read_groundtruth(path: Path) -> Trajectory:
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
-    """Writes TUM's format: microseconds, micrometres, 1e-9 of a quaternion."""
+    """Writes TUM's format: microseconds, micrometers, 1e-9 of a quaternion."""
     lines = ["# timestamp tx ty tz qx qy qz qw (camera to world)"]
     for row in trajectory.rows():
         position = " ".join(f"{value:.6f}" for value in row[1:4])

@@ -80,7 +80,7 @@ def container_options(plan: NodePlan, image: str, config: str, gate: str) -> dic
     return {
         "image": image,
         "entrypoint": [f"{PLAYER_IN_CONTAINER}/{PLAYER}"],
-        "command": ["--gate", gate, *arguments],
+        "command": ["--start-barrier", gate, *arguments],
         "user": part.user or f"{NODE_UID}:{NODE_UID}",
         "environment": environment(plan, clients, None, config, FRAMES_IN_CONTAINER),
         **gpu_options(part.gpu),

@@ -44,7 +44,7 @@ class Reaped:
 
 
 def mark_children() -> None:
-    """From here on every child process can be recognised as ours."""
+    """From here on every child process can be recognized as ours."""
     os.environ[OWNER_VARIABLE] = f"{os.getpid()}:{start_time(os.getpid())}"
 
 

@@ -24,8 +24,8 @@ from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
-from slambed.link.direction import ModelledLink
-from slambed.link.modelled import modelled_link, write_link_log
+from slambed.link.direction import ModeledLink
+from slambed.link.modeled import modeled_link, write_link_log
 from slambed.link.profile import parse_profile
 from slambed.link.record import LinkFacts
 from slambed.native import SIMULATION
@@ -55,10 +55,10 @@ SEEN_FROM = (QUALITY, "full_offload")
 
 def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
     """The world around the nodes (docs/formats.md, "Virtual run")."""
-    link: ModelledLink | None = None
+    link: ModeledLink | None = None
     if spec.link is not None:
         profile = parse_profile(spec.link.content, f"profile {spec.link.profile}")
-        link = modelled_link(profile, horizon_s)
+        link = modeled_link(profile, horizon_s)
     config = SimConfig(
         format="slambed-sim",
         version=1,

@@ -48,7 +48,7 @@ def figure_of_loss(sequence: PreparedSequence, loss: Loss) -> Figure:
     assert loss.frame is not None and loss.last_frame is not None
     figure, axes = plt.subplots(figsize=SIZE_IN)
     info, frames = sequence.info, (loss.last_frame, loss.frame)
-    axes.imshow(np.hstack([sequence.grey(frame) for frame in frames]), cmap="gray", aspect="equal")
+    axes.imshow(np.hstack([sequence.gray(frame) for frame in frames]), cmap="gray", aspect="equal")
     first, second = (features_of(sequence, frame) for frame in frames)
     judged = right = None
     if sequence.groundtruth_file is not None:
@@ -68,8 +68,8 @@ def figure_of_loss(sequence: PreparedSequence, loss: Loss) -> Figure:
             ("without depth", UNKNOWN, ~judged),
         ]
     )
-    for name, colour, chosen in kinds:
-        _draw(axes, ends[chosen], f"{int(chosen.sum())} {name}", colour)
+    for name, color, chosen in kinds:
+        _draw(axes, ends[chosen], f"{int(chosen.sum())} {name}", color)
     times_s = sequence.times_s
     apart_s = times_s[frames[1]] - times_s[frames[0]]
     axes.set_title(
@@ -82,7 +82,7 @@ def figure_of_loss(sequence: PreparedSequence, loss: Loss) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, ends: np.ndarray, label: str, colour: str) -> None:
-    axes.add_collection(LineCollection(list(ends), colors=colour, linewidths=0.7, alpha=0.8))
+def _draw(axes: Axes, ends: np.ndarray, label: str, color: str) -> None:
+    axes.add_collection(LineCollection(list(ends), colors=color, linewidths=0.7, alpha=0.8))
     points = ends.reshape(-1, 2)
-    axes.plot(points[:, 0], points[:, 1], ".", color=colour, markersize=3, label=label)
+    axes.plot(points[:, 0], points[:, 1], ".", color=color, markersize=3, label=label)

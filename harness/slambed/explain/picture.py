@@ -18,31 +18,31 @@ from matplotlib.patches import Patch
 from slambed.explain.run_log import NS_PER_S, RunLog
 from slambed.explain.updates import rests
 from slambed.metrics.network import series
-from slambed.report.style import FAULT_SHADE, fault_colour, save_picture
+from slambed.report.style import FAULT_SHADE, fault_color, save_picture
 
 WIDTH_IN, LANE_IN = 13.0, 0.30
 LEAST_WIDTH = 0.4
-STATE_COLOURS = {
-    "ok": "#009E73", "lost": "#D55E00", "not_initialised": "#999999",
+STATE_COLORS = {
+    "ok": "#009E73", "lost": "#D55E00", "not_initialized": "#999999",
     "OS": "#0072B2", "SZ": "#E69F00", "MES": "#CC79A7",
 }  # fmt: skip
-STAGE_COLOURS = {
+STAGE_COLORS = {
     "extract": "#56B4E9", "track": "#0072B2", "create_keyframe": "#003d66",
-    "serialise": "#CC79A7", "serialise_text": "#CC79A7", "parse": "#8a4a70",
+    "serialize": "#CC79A7", "serialize_text": "#CC79A7", "parse": "#8a4a70",
     "parse_text": "#8a4a70", "apply_update": "#000000",
     "insert_keyframes": "#000000", "update_reference": "#525252", "update_last_frame": "#969696",
-    "clean_map": "#bdbdbd", "relocalise": "#F0E442",
+    "clean_map": "#bdbdbd", "relocalize": "#F0E442",
     "prepare_update": "#E69F00", "insert": "#c7e9c0", "cull_points": "#a1d99b",
     "triangulate": "#74c476", "fuse": "#31a354", "bundle": "#006d2c", "cull_keyframes": "#00441b",
     "loop_detect": "#fdae6b", "loop_close": "#e6550d", "global_bundle": "#a63603",
 }  # fmt: skip
-OTHER_COLOUR = "#7f7f7f"
-CHANNEL_COLOURS = {
+OTHER_COLOR = "#7f7f7f"
+CHANNEL_COLORS = {
     "keyframe": "#0072B2", "map": "#D55E00", "control": "#999999", "frame": "#009E73",
 }  # fmt: skip
-SOURCE_COLOURS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
-LOSS_COLOUR = "#D55E00"
-REST_COLOUR = "#7f7f7f"
+SOURCE_COLORS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
+LOSS_COLOR = "#D55E00"
+REST_COLOR = "#7f7f7f"
 STAGED_TICKS = {
     "update_begun": ("updates begun", "#E69F00"),
     "update_ready": ("updates ready", "#009E73"),
@@ -88,16 +88,16 @@ def figure_of(run: RunLog, window: Window) -> Figure:
         paint(axis)
         for span in run.faults():
             end_s = run.end_s if span.end_s is None else span.end_s
-            colour = fault_colour(span.fault)
-            axis.axvspan(span.begin_s, end_s, color=colour, alpha=FAULT_SHADE, linewidth=0)
+            color = fault_color(span.fault)
+            axis.axvspan(span.begin_s, end_s, color=color, alpha=FAULT_SHADE, linewidth=0)
         for loss_s in run.losses_s():
-            axis.axvline(loss_s, color=LOSS_COLOUR, linewidth=0.9, linestyle="--")
+            axis.axvline(loss_s, color=LOSS_COLOR, linewidth=0.9, linestyle="--")
     axes[0, 0].set_xlim(window.begin_s, window.end_s)
     axes[0, 0].set_title(run.title, loc="left")
     axes[-1, 0].set_xlabel("run time [s]")
-    shown = [Patch(color=_colour(name), label=name) for name in _stage_names(run, window)]
+    shown = [Patch(color=_color(name), label=name) for name in _stage_names(run, window)]
     for fault in dict.fromkeys(span.fault for span in run.faults()):
-        patch = Patch(color=fault_colour(fault), alpha=FAULT_SHADE, label=f"fault: {fault}")
+        patch = Patch(color=fault_color(fault), alpha=FAULT_SHADE, label=f"fault: {fault}")
         shown.append(patch)
     figure.legend(
         handles=shown,
@@ -125,12 +125,12 @@ def _stage_names(run: RunLog, window: Window) -> list[str]:
     stages = run.of("stage")
     inside = stages[stages["t_s"].between(window.begin_s, window.end_s)]
     names = set(inside["name"].dropna())
-    known = [name for name in STAGE_COLOURS if name in names]
+    known = [name for name in STAGE_COLORS if name in names]
     return known + sorted(names - set(known))
 
 
-def _colour(stage: str) -> str:
-    return STAGE_COLOURS.get(stage, OTHER_COLOUR)
+def _color(stage: str) -> str:
+    return STAGE_COLORS.get(stage, OTHER_COLOR)
 
 
 def _stages(run: RunLog, node: str, workers: list[str], axes: Axes) -> None:
@@ -140,12 +140,12 @@ def _stages(run: RunLog, node: str, workers: list[str], axes: Axes) -> None:
         own = stages[stages["worker"] == worker]
         length_s = own["wall_ms"].to_numpy(np.float64) / 1e3
         start_s = own["t_s"].to_numpy(np.float64) - length_s
-        colours = [_colour(str(name)) for name in own["name"]]
+        colors = [_color(str(name)) for name in own["name"]]
         axes.broken_barh(
             list(zip(start_s, length_s, strict=True)),
             (lane - 0.4, 0.8),
-            facecolors=colours,
-            edgecolors=colours,
+            facecolors=colors,
+            edgecolors=colors,
             linewidth=LEAST_WIDTH,  # a stage shorter than a pixel is still seen
         )
     axes.set_yticks(range(len(workers)), workers)
@@ -165,13 +165,13 @@ def _messages(run: RunLog, axes: Axes) -> None:
         up = (own["direction"] == "up").to_numpy()
         ends = np.where(up[:, None], [1.0, 0.0], [0.0, 1.0])
         lines = [[(s, e[0]), (r, e[1])] for s, r, e in zip(sent, received, ends, strict=True)]
-        colour = CHANNEL_COLOURS.get(str(channel), OTHER_COLOUR)
-        axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.9))
-        axes.plot([], [], color=colour, label=str(channel))
+        color = CHANNEL_COLORS.get(str(channel), OTHER_COLOR)
+        axes.add_collection(LineCollection(lines, colors=color, linewidths=0.9))
+        axes.plot([], [], color=color, label=str(channel))
     lost = messages[drop]
     if len(lost):
         height = np.where(lost["direction"] == "up", 0.9, 0.1)
-        axes.plot(lost["t_s"], height, "x", color=LOSS_COLOUR, label="dropped")
+        axes.plot(lost["t_s"], height, "x", color=LOSS_COLOR, label="dropped")
     axes.set_yticks([0, 1], ["edge", "mobile"])
     axes.set_ylim(-0.1, 1.1)
     axes.set_ylabel("messages")
@@ -197,27 +197,27 @@ def _states(run: RunLog, axes: Axes) -> None:
     if rested := rests(run):
         ends = [run.end_s if rest.end_s is None else rest.end_s for rest in rested]
         bars = [(r.begin_s, end - r.begin_s) for r, end in zip(rested, ends, strict=True)]
-        axes.broken_barh(bars, (len(labels) - 0.35, 0.7), facecolors=REST_COLOUR)
+        axes.broken_barh(bars, (len(labels) - 0.35, 0.7), facecolors=REST_COLOR)
         labels.append("updates at rest")
     ticks = {
-        "dropped frames": (run.of("frame_dropped"), LOSS_COLOUR),
+        "dropped frames": (run.of("frame_dropped"), LOSS_COLOR),
         "keyframes": (run.of("keyframe_created"), "#0072B2"),
-        **{name: (run.of(kind), colour) for kind, (name, colour) in STAGED_TICKS.items()},
+        **{name: (run.of(kind), color) for kind, (name, color) in STAGED_TICKS.items()},
         "updates applied": (run.of("update_applied"), "#000000"),
         "declined": (run.of("update_declined", "keyframe_declined"), "#CC79A7"),
     }
-    for name, (events, colour) in ticks.items():
+    for name, (events, color) in ticks.items():
         if len(events):
             lane = len(labels)
-            axes.vlines(events["t_s"], lane - 0.35, lane + 0.35, color=colour, linewidth=0.8)
+            axes.vlines(events["t_s"], lane - 0.35, lane + 0.35, color=color, linewidth=0.8)
             labels.append(name)
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
     names = {*frames["state"], *changes.get("from", []), *changes.get("to", [])}
-    handles: list[Any] = [Patch(color=c, label=n) for n, c in STATE_COLOURS.items() if n in names]
+    handles: list[Any] = [Patch(color=c, label=n) for n, c in STATE_COLORS.items() if n in names]
     if run.losses_s():
-        handles.append(Line2D([], [], color=LOSS_COLOUR, linestyle="--", label="track lost"))
+        handles.append(Line2D([], [], color=LOSS_COLOR, linestyle="--", label="track lost"))
     _legend(axes, handles)
 
 
@@ -228,8 +228,8 @@ def _strip(axes: Axes, lane: int, times: pd.Series, states: pd.Series, end_s: fl
     edges = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
     stops = np.r_[starts[edges[1:]], end_s]
     for begin, stop, name in zip(starts[edges], stops, names[edges], strict=True):
-        colour = STATE_COLOURS.get(name, OTHER_COLOUR)
-        axes.broken_barh([(begin, stop - begin)], (lane - 0.35, 0.7), facecolors=colour)
+        color = STATE_COLORS.get(name, OTHER_COLOR)
+        axes.broken_barh([(begin, stop - begin)], (lane - 0.35, 0.7), facecolors=color)
 
 
 def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
@@ -242,17 +242,17 @@ def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
         tops.extend([float(inside.max())] if len(inside) else [])
 
     if run.link is not None:
-        for name, label, colour in (
+        for name, label, color in (
             ("asked_rtt_ms", "asked", "#999999"),
             ("probe_rtt_ms", "probed", "#009E73"),
         ):
             curve = series(run.link, name)
             if len(curve):
-                show(curve, "value", color=colour, label=label, linewidth=1.2)
+                show(curve, "value", color=color, label=label, linewidth=1.2)
     samples = run.of("rtt_sample")
     for source, own in samples.groupby("source"):
-        colour = SOURCE_COLOURS.get(str(source), OTHER_COLOUR)
-        show(own, "rtt_ms", label=str(source), color=colour, linewidth=0.9)
+        color = SOURCE_COLORS.get(str(source), OTHER_COLOR)
+        show(own, "rtt_ms", label=str(source), color=color, linewidth=0.9)
     axes.set_ylim(0, max([1.0, *(1.1 * top for top in tops)]))
     axes.set_ylabel("RTT [ms]")
     _legend(axes)

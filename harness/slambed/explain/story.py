@@ -49,7 +49,7 @@ def _standing(run: RunLog) -> list[str]:
     if standing.attempts > 1:
         lines.append(f"attempt {standing.attempts}, the earlier ones were not to be trusted")
     if (steal := standing.steal_percent) is not None and steal >= NOTABLE_STEAL_PERCENT:
-        lines.append(f"steal: neighbours took {steal:.1f} % of this host's CPU time")
+        lines.append(f"steal: neighbors took {steal:.1f} % of this host's CPU time")
     if (stall := run.longest_stall()) is not None and stall[1] >= NOTABLE_STALL_MS:
         lines.append(
             f"the host stalled the mobile node for {stall[1]:.0f} ms at {stall[0]:.2f} s"
@@ -59,11 +59,11 @@ def _standing(run: RunLog) -> list[str]:
 
 
 def _stolen(run: RunLog, t_s: float) -> str:
-    """What of a processor neighbours had around this time, where it is worth a word."""
+    """What of a processor neighbors had around this time, where it is worth a word."""
     steal = run.steal_percent(t_s - BEFORE_LOSS_S / 2, t_s + BEFORE_LOSS_S / 2)
     if steal is None or steal < NOTABLE_STEAL_PERCENT:
         return ""
-    return f", while neighbours had {steal:.0f} % of a processor (steal)"
+    return f", while neighbors had {steal:.0f} % of a processor (steal)"
 
 
 def _faults(run: RunLog) -> list[str]:
@@ -174,7 +174,7 @@ def _losses(run: RunLog) -> list[str]:
             facts.append(f"{_count(dropped, 'frame')} dropped")
         steal = run.steal_percent(t_s - BEFORE_LOSS_S, t_s)
         if steal is not None and steal >= NOTABLE_STEAL_PERCENT:
-            facts.append(f"neighbours had {steal:.0f} % of a processor (steal)")
+            facts.append(f"neighbors had {steal:.0f} % of a processor (steal)")
         updates = run.of("update_applied")
         earlier = updates[updates["t_s"] <= t_s]
         if len(earlier):

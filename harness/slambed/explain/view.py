@@ -16,7 +16,7 @@ from slambed.metrics.network import series
 from slambed.report.alignment import alignment_of, played
 from slambed.report.figures.paths import broken_line, widest_axes
 from slambed.report.load import Results, load
-from slambed.report.style import COLOURS, GROUND_TRUTH, FigureWriter, figure, legend_beneath
+from slambed.report.style import COLORS, GROUND_TRUTH, FigureWriter, figure, legend_beneath
 from slambed.spec.run_spec import run_name
 
 
@@ -69,10 +69,10 @@ def write_png(view: RunView, folder: Path) -> Path:
             if view.truth is not None and view.alignment is not None:
                 axis.plot(*broken_line(view.truth, a, b), color=GROUND_TRUTH, linewidth=2.4,
                           alpha=0.6, label="ground truth")  # fmt: skip
-            axis.plot(*broken_line(estimate, a, b), color=COLOURS[0], linewidth=1.1,
+            axis.plot(*broken_line(estimate, a, b), color=COLORS[0], linewidth=1.1,
                       label="estimate")  # fmt: skip
             if len(keyframes):
-                axis.plot(keyframes[:, a], keyframes[:, b], "s", color=COLOURS[1], markersize=2.5,
+                axis.plot(keyframes[:, a], keyframes[:, b], "s", color=COLORS[1], markersize=2.5,
                           label="keyframes")  # fmt: skip
             axis.set_aspect("equal", adjustable="datalim")
             axis.set_xlabel(f"{'xyz'[a]} [m]")
@@ -166,7 +166,7 @@ def _log_series(rr: Any, view: RunView) -> None:
     events = view.results.table(view.run_key, "events")
     if events is None:
         return
-    chosen = events[events["type"].isin(["state_changed", "track_lost", "relocalised", "reset"])]
+    chosen = events[events["type"].isin(["state_changed", "track_lost", "relocalized", "reset"])]
     for event in chosen.to_dict("records"):
         _at(rr, event["t_ns"] / 1e9)
         words = f"{event['type']} {event.get('from') or ''} {event.get('to') or ''}".strip()
@@ -182,5 +182,5 @@ def _log_images(rr: Any, sequence: Path, origin_s: float) -> None:
     times_s = prepared.info.time_origin_s + prepared.index["timestamp_ns"] / 1e9 - origin_s
     for index in np.flatnonzero(times_s >= -1e-3):
         _at(rr, float(times_s[index]))
-        grey = frames[index, :size].reshape(prepared.info.height, prepared.info.width)
-        rr.log("image", rr.Image(grey).compress(jpeg_quality=70))
+        gray = frames[index, :size].reshape(prepared.info.height, prepared.info.width)
+        rr.log("image", rr.Image(gray).compress(jpeg_quality=70))

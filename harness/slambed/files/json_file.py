@@ -49,8 +49,8 @@ class Record(BaseModel):
         return cls()
 
     @model_serializer(mode="wrap")
-    def _only_what_was_set(self, serialise: SerializerFunctionWrapHandler) -> dict[str, JsonValue]:
-        found: dict[str, JsonValue] = serialise(self)
+    def _only_what_was_set(self, serialize: SerializerFunctionWrapHandler) -> dict[str, JsonValue]:
+        found: dict[str, JsonValue] = serialize(self)
         return {key: value for key, value in found.items() if key in self.model_fields_set}
 
     def as_json(self) -> dict[str, JsonValue]:

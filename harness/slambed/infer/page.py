@@ -18,7 +18,7 @@ from slambed.infer.success import Beside
 from slambed.infer.svg_figures import Lane, lanes_svg, profile_svg
 from slambed.papers.judged import printed as printed_text
 from slambed.papers.paper_page import environment
-from slambed.papers.strip import COLOURS
+from slambed.papers.strip import COLORS
 from slambed.papers.verdicts.model import Mean, Share
 from slambed.report.page import STYLE
 
@@ -79,7 +79,7 @@ def _page(outcome: Outcome) -> str:
     template = environment("slambed.infer").get_template("inference.html.j2")
     return template.render(
         style=Markup(STYLE),
-        colours=COLOURS,
+        colors=COLORS,
         plan=plan,
         paper=outcome.places.paper.paper,
         digest=outcome.registration.digest,

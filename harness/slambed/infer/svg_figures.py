@@ -60,9 +60,9 @@ def _lane(lane: Lane, y: float) -> str:
     parts = [f'<text class="lane" x="{LABEL - 8:.0f}" y="{y + 3.5:.1f}">{escaped(name)}</text>']
     found = lane.beside.prediction
     told = f"{lane.label}: paper {printed.bad} of {printed.runs}"
-    colour = OUTSIDE
+    color = OUTSIDE
     if found is not None:
-        colour = INSIDE if found.inside else OUTSIDE
+        color = INSIDE if found.inside else OUTSIDE
         low, high = (_x(100 * v / printed.runs) for v in (found.low, found.high))
         middle = _x(100 * found.expected / printed.runs)
         told += f", predicted {found.low:.0f} to {found.high:.0f}"
@@ -71,7 +71,7 @@ def _lane(lane: Lane, y: float) -> str:
             f'height="8" rx="2"/><line class="middle" x1="{middle:.1f}" x2="{middle:.1f}" '
             f'y1="{y - 4:.1f}" y2="{y + 4:.1f}"/>'
         )
-    mark = f'<circle cx="{_x(100 * printed.value):.1f}" cy="{y:.1f}" r="3.6" fill="{colour}"/>'
+    mark = f'<circle cx="{_x(100 * printed.value):.1f}" cy="{y:.1f}" r="3.6" fill="{color}"/>'
     return f"<g><title>{escaped(told)}</title>{''.join(parts)}{mark}</g>"
 
 

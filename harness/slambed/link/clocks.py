@@ -32,7 +32,7 @@ class Exchange:
     """Here."""
 
     @property
-    def travelled_ns(self) -> int:
+    def traveled_ns(self) -> int:
         """Both ways together."""
         return (self.back_ns - self.sent_ns) - (self.answered_ns - self.received_ns)
 
@@ -48,7 +48,7 @@ class ClockComparison(Record):
     """The true offset is within this of it, however unequal both ways were."""
     exchanges: int
     """That came back."""
-    travelled_us_min: float
+    traveled_us_min: float
     """Both ways of the quickest one."""
     over: str
     """`udp`, or `ssh` where no datagram came through."""
@@ -111,7 +111,7 @@ def compare(exchanges: Iterable[Exchange], over: str) -> ClockComparison:
         offset_ns=(lowest + highest) // 2,
         error_ns=max(0, highest - lowest) // 2 + slack_ns,
         exchanges=len(found),
-        travelled_us_min=min(e.travelled_ns for e in found) / 1e3,
+        traveled_us_min=min(e.traveled_ns for e in found) / 1e3,
         over=over,
     )
 

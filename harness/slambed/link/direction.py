@@ -69,7 +69,7 @@ class DirectionConfig(Record):
     """With gaps: 1 drops what is under way, 0 holds it back."""
 
 
-class ModelledLink(Record):
+class ModeledLink(Record):
     """Both directions, from run time 0 on."""
 
     step_ms: float

@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slambed.link.backend import open_link
-from slambed.link.modelled import modelled_link
+from slambed.link.modeled import modeled_link
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import EDGE_ADDRESS
@@ -80,7 +80,7 @@ def virtual_ms(profile: Profile, trace: Trace, seed: int = 1) -> NDArray[np.floa
         "format": "slambed-messages",
         "version": 1,
         "seed": seed,
-        "link": modelled_link(profile, trace.end_s).as_json(),
+        "link": modeled_link(profile, trace.end_s).as_json(),
         "messages": [
             {"sent_s": float(t), "bytes": int(max(0, size - HEADER_BYTES))}
             for t, size in zip(trace.sent_s, trace.sizes, strict=True)
@@ -160,7 +160,7 @@ def compare(
         live, virtual = live_ms(profile, trace, backend), virtual_ms(profile, trace)
         for size in sizes:
             own = trace.sizes == size
-            measured, modelled = float(np.median(live[own])), float(np.median(virtual[own]))
+            measured, modeled = float(np.median(live[own])), float(np.median(virtual[own]))
             rows.append(
                 {
                     "rtt_ms": rtt_ms,
@@ -168,9 +168,9 @@ def compare(
                     "bytes": size,
                     "live_ms": measured,
                     "live_spread_ms": float(np.ptp(live[own])),
-                    "virtual_ms": modelled,
-                    "error_ms": modelled - measured,
-                    "error_percent": 100 * (modelled / measured - 1),
+                    "virtual_ms": modeled,
+                    "error_ms": modeled - measured,
+                    "error_percent": 100 * (modeled / measured - 1),
                 }
             )
     return pd.DataFrame(rows)

@@ -59,18 +59,18 @@ def plot_profile(profile: Profile, path: Path, until_s: float | None = None) -> 
 
 
 def _plot_rates(axes: Axes, profile: Profile, end_s: float) -> None:
-    for side, name, colour in ((profile.up, "up", APPLIED), (profile.down, "down", TCP)):
+    for side, name, color in ((profile.up, "up", APPLIED), (profile.down, "down", TCP)):
         if side.rate is None:
             continue
         if side.rate.trace is None:
-            axes.axhline(side.rate.mbps or 0.0, color=colour, label=name)
+            axes.axhline(side.rate.mbps or 0.0, color=color, label=name)
             continue
         times_s = np.array(profile.rate_traces[side.rate.trace]) / 1e3
         rounds = int(np.ceil(end_s / times_s[-1]))
         times_s = np.concatenate([times_s + i * times_s[-1] for i in range(rounds)])
         counts, edges = np.histogram(times_s, bins=np.arange(0.0, end_s + 0.5, 0.5))
         mbps = counts * MAHIMAHI_PACKET_BITS / np.diff(edges) / 1e6
-        axes.step(edges[:-1], mbps, where="post", color=colour, label=name)
+        axes.step(edges[:-1], mbps, where="post", color=color, label=name)
     axes.set(ylabel="rate [Mbit/s]", ylim=(0, None), xlim=(0, end_s))
     axes.legend(frameon=False, ncols=2)
 

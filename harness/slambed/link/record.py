@@ -69,7 +69,7 @@ class LinkDetails(Record):
     relay: RelaySummary | None = None
     """Relay: its own counters, from its start on."""
     carried_bytes: dict[str, int] | None = None
-    """Relay: the nodes' own packets that arrived `up` and `down`, IP headers and acknowledgements
+    """Relay: the nodes' own packets that arrived `up` and `down`, IP headers and acknowledgments
     included."""
     updates: int | None = None
     """Netem: how often the delay was set."""
@@ -103,7 +103,7 @@ class LinkFacts(Record):
 
     @staticmethod
     def virtual() -> "LinkFacts":
-        """Of a modelled link: it is what was asked for, and nothing is proved."""
+        """Of a modeled link: it is what was asked for, and nothing is proved."""
         return LinkFacts(
             backend=VIRTUAL,
             base_rtt_ms=0.0,

@@ -234,16 +234,16 @@ def _series(packets: pd.DataFrame, t0_ns: int) -> Series:
         arrived_s = (arrived["in_ns"] - t0_ns) / 1e9
         delay_ms = (arrived["out_ns"] - arrived["in_ns"]) / 1e6
         binned = delay_ms.groupby(np.floor(arrived_s / BIN_S)).median()
-        series[f"applied_{side}_ms"] = _centres(binned)
+        series[f"applied_{side}_ms"] = _centers(binned)
         if (own["queue_bytes"] > 0).any():
             queue = own["queue_bytes"].astype(float).groupby(np.floor(t_s / BIN_S)).max()
-            series[f"queue_bytes_{side}"] = _centres(queue)
+            series[f"queue_bytes_{side}"] = _centers(queue)
         dropped_s = t_s[own["fate"] != 0].to_numpy()
         series[f"drops_{side}"] = (dropped_s, np.arange(1.0, len(dropped_s) + 1))
     return series
 
 
-def _centres(binned: pd.Series) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _centers(binned: pd.Series) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return (binned.index.to_numpy(dtype=float) + 0.5) * BIN_S, binned.to_numpy(dtype=float)
 
 
@@ -252,7 +252,7 @@ def _dropped(packets: pd.DataFrame, direction: int) -> int:
 
 
 def _carried(packets: pd.DataFrame, direction: int) -> int:
-    """Bytes of the nodes' own packets that arrived, IP headers and acknowledgements included."""
+    """Bytes of the nodes' own packets that arrived, IP headers and acknowledgments included."""
     arrived = delivered(packets, direction)
     return int(arrived.loc[arrived["protocol"] != ICMP, "bytes"].sum())
 

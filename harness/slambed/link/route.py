@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A property of the path: TCP acknowledges every segment at once.
 
-A delayed acknowledgement adds up to 40 ms to tcpi_rtt, as much as DynNetSLAM's offloading limit,
+A delayed acknowledgment adds up to 40 ms to tcpi_rtt, as much as DynNetSLAM's offloading limit,
 whenever the receiving process is not quick enough to ask for quick ones (TCP_QUICKACK is not
 sticky). As a metric of the route it holds for every connection, whatever the programs do.
 """

@@ -114,7 +114,7 @@ def bursty_loss(extra_ms: Values) -> list[Figure]:
 
 
 def normal_jitter(correlation: float) -> Judge:
-    """Mean, deviation and correlation of neighbours; correlated values count as fewer."""
+    """Mean, deviation and correlation of neighbors; correlated values count as fewer."""
 
     def judge(extra_ms: Values) -> list[Figure]:
         values = extra_ms[np.isfinite(extra_ms)]

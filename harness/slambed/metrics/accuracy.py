@@ -63,7 +63,7 @@ class ErrorStatistics:
 
 @dataclass(frozen=True)
 class RelativeError:
-    """RPE: drift per `delta`; translation in metres, rotation in degrees."""
+    """RPE: drift per `delta`; translation in meters, rotation in degrees."""
 
     translation_m: ErrorStatistics
     rotation_deg: ErrorStatistics

@@ -86,8 +86,8 @@ def _codec(node: str, name: str) -> Callable[[RunData], Value]:
     )
 
 
-def _pause(relocalisation: bool) -> Callable[[RunData], Value]:
-    return lambda run: pause_ms_mean(run.log, relocalisation) if run.has_edge else None
+def _pause(relocalization: bool) -> Callable[[RunData], Value]:
+    return lambda run: pause_ms_mean(run.log, relocalization) if run.has_edge else None
 
 
 STAGES_ON_MOBILE = (
@@ -187,10 +187,10 @@ METRICS: tuple[Metric, ...] = (
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
     Cost("lost_s", "sequence time between each loss and the next pose, or the end",
          _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
-    Count("relocalisations", "times a lost camera was found again",
-          _tracking(lambda t: t.relocalisations)),
+    Count("relocalizations", "times a lost camera was found again",
+          _tracking(lambda t: t.relocalizations)),
     Cost("reloc_s_max", "longest time from the first frame that showed something, while lost, to "
-         "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalisation", "s",
+         "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalization", "s",
          digits=2, relevant_step=0.1),
     Cost("reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
          "been tracked (true poses) to the next pose",
@@ -342,8 +342,8 @@ METRICS: tuple[Metric, ...] = (
          "tracking held up per map update", "ms", relevant_step=1.0),
     Cost("update_pause_regular_ms_mean", "the same of regular updates alone", _pause(False),
          "tracking held up per regular update", "ms", relevant_step=1.0),
-    Cost("update_pause_reloc_ms_mean", "the same of maps sent for relocalisation alone",
-         _pause(True), "tracking held up per map for relocalisation", "ms", relevant_step=1.0),
+    Cost("update_pause_reloc_ms_mean", "the same of maps sent for relocalization alone",
+         _pause(True), "tracking held up per map for relocalization", "ms", relevant_step=1.0),
     Count("frames_lost_to_updates", "frames dropped while a map update held tracking up; null "
           "where the program does not tell",
           lambda run: frames_lost_to_updates(run.log) if run.has_edge and run.measured else None,
@@ -358,8 +358,8 @@ METRICS: tuple[Metric, ...] = (
          "keyframe message, median", "B", "KB", 1e-3, relevant_step=1e3),
     Cost("update_bytes_median", "messages `MAP_UPDATE` that arrived", _message("MAP_UPDATE"),
          "map update message, median", "B", "KB", 1e-3, relevant_step=1e3),
-    Cost("serialise_ms_median", "writing a keyframe on the mobile, wall",
-         _codec("mobile", "serialise"), "writing a keyframe, median", "ms", digits=2,
+    Cost("serialize_ms_median", "writing a keyframe on the mobile, wall",
+         _codec("mobile", "serialize"), "writing a keyframe, median", "ms", digits=2,
          relevant_step=0.1),
     Cost("parse_ms_median", "reading it on the edge, wall", _codec("edge", "parse"),
          "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),

@@ -87,9 +87,9 @@ def wilson_limits(bad: ArrayLike, runs: ArrayLike, z: float) -> tuple[Floats, Fl
     `statistics.wilson`, which asks scipy, for the thousands of shares of a simulation at once."""
     k, n = np.asarray(bad, dtype=np.float64), np.asarray(runs, dtype=np.float64)
     p = k / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    center = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return np.where(k == 0, 0.0, centre - half), np.where(k == n, 1.0, centre + half)
+    return np.where(k == 0, 0.0, center - half), np.where(k == n, 1.0, center + half)
 
 
 @lru_cache

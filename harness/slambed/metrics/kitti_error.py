@@ -29,7 +29,7 @@ class KittiError:
 
 
 def kitti_error(estimate: Trajectory, truth: Trajectory) -> KittiError | None:
-    """Of an estimate in metres; None where no part was driven with poses at both ends. The whole
+    """Of an estimate in meters; None where no part was driven with poses at both ends. The whole
     true path says which parts there are, so that who loses the camera early has no others."""
     own, true = associate(estimate, truth)
     if len(own) < 2:

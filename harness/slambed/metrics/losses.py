@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from slambed.metrics.events import Event, EventLog
 
-EVENTS = ("frame_tracked", "frame_dropped", "update_applied", "relocalised")
+EVENTS = ("frame_tracked", "frame_dropped", "update_applied", "relocalized")
 """Types that a loss is explained with."""
 
 STANDSTILL_FRAMES = 2
@@ -15,7 +15,7 @@ STANDSTILL_REACH = 3
 """The lost frame and the two tracked before it: a rescued frame leaves a wrong velocity behind."""
 BEHIND_UPDATE_S = 0.5
 JUST_FOUND_S = 1.0
-"""After a relocalisation ORB-SLAM2's tracking asks for 50 inliers instead of 30 for a second."""
+"""After a relocalization ORB-SLAM2's tracking asks for 50 inliers instead of 30 for a second."""
 MOTION_MATCHES, REFERENCE_MATCHES, INLIERS, INLIERS_FOUND = 20, 15, 30, 50
 """What ORB-SLAM2's tracking asks for."""
 USUAL_FEATURES = 0.5
@@ -25,7 +25,7 @@ USUAL_FEATURES = 0.5
 class Cause(StrEnum):
     """What a loss followed from; the first one that fits."""
 
-    JUST_FOUND = "relocalisation failed"
+    JUST_FOUND = "relocalization failed"
     STANDSTILL = "standstill"
     GAP = "gap behind an update"
     VIEW = "view change"
@@ -74,7 +74,7 @@ def _loss(log: EventLog, frames: list[Event], place: int, dropped: list[int]) ->
     frame = frames[place]
     t_ns = int(frame["t_ns"])
     update = _last(log.of("update_applied"), t_ns)
-    found = _last(log.of("relocalised"), t_ns)
+    found = _last(log.of("relocalized"), t_ns)
     missing = max(
         _missing(frames, at, dropped)
         for at in range(max(1, place - STANDSTILL_REACH + 1), place + 1)

@@ -9,7 +9,7 @@ from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
 from slambed.files.json_file import read_object
 from slambed.metrics.digest import digest
-from slambed.metrics.run_summary import summarise_with_problems
+from slambed.metrics.run_summary import summarize_with_problems
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import FILE, Manifest
 
@@ -25,7 +25,7 @@ def recompute_run(folder: Path, groundtruth: Path | None) -> list[str]:
         raise SlambedError(f"{folder}: without a whole manifest its numbers stay what they are")
     if not (folder / "events.parquet").is_file():
         raise SlambedError(f"{folder}: without events.parquet its numbers stay what they are")
-    new, problems = summarise_with_problems(folder, manifest.kept, groundtruth)
+    new, problems = summarize_with_problems(folder, manifest.kept, groundtruth)
     if torn := [line for line in problems if line.startswith("events.parquet")]:
         raise SlambedError(f"{folder}: {torn[0]}, its numbers stay what they are")
     changed = [key for key in dict.fromkeys([*new, *old]) if new.get(key) != old.get(key)]

@@ -16,10 +16,10 @@ KNOWN_ANGLE_DEG = 20.0
 """A camera this near to where it was tracked before sees what the map has."""
 
 
-def pause_ms_mean(log: EventLog, relocalisation: bool) -> float | None:
-    """How long tracking stood still for a map sent for relocalisation, or for another update."""
+def pause_ms_mean(log: EventLog, relocalization: bool) -> float | None:
+    """How long tracking stood still for a map sent for relocalization, or for another update."""
     updates = log.of("update_applied")
-    return mean_of([e for e in updates if bool(e.get("relocalisation")) == relocalisation],
+    return mean_of([e for e in updates if bool(e.get("relocalization")) == relocalization],
                    "pause_ms")  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from slambed.metrics.events import EventLog
 def error_to_reference(
     live: Trajectory, reference: Trajectory, max_difference_s: float = MAX_DIFFERENCE_S
 ) -> ErrorStatistics:
-    """Euclidean distance of poses of the same frame, in metres.
+    """Euclidean distance of poses of the same frame, in meters.
 
     Raises SlambedError when no time stamps agree.
     """
@@ -37,7 +37,7 @@ def error_to_reference(
 
 @dataclass(frozen=True)
 class ReferenceErrors:
-    """RMSE of live poses to a reference path, in metres, and how many frames it is of."""
+    """RMSE of live poses to a reference path, in meters, and how many frames it is of."""
 
     rmse_m: float | None = None
     aligned_m: float | None = None

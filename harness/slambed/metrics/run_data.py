@@ -320,8 +320,8 @@ class RunData:
         """Of a run that tells its features, on a sequence that is here with its labels."""
         told = self.log.of("frame_features")
         border_px = (self.spec.params or {}).get("mask_border_px", 0)
-        labelled = (folder for folder in self._folders if (folder / LABELS_FILE).is_file())
-        if not told or (sequence := next(labelled, None)) is None:
+        labeled = (folder for folder in self._folders if (folder / LABELS_FILE).is_file())
+        if not told or (sequence := next(labeled, None)) is None:
             return Culling()
         try:
             return culling_of(told, sequence, int(str(border_px)))

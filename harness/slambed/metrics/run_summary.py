@@ -13,7 +13,7 @@ from slambed.metrics.update_round import CLOSURE_LIMIT_MS
 from slambed.records.kept_spec import KeptSpec
 
 
-def summarise_run(
+def summarize_run(
     folder: Path, spec: KeptSpec | Mapping[str, object], groundtruth: Path | None = None
 ) -> Summary:
     """The summary of a raw folder or of a stored result; what could not be measured is None.
@@ -22,14 +22,14 @@ def summarise_run(
     The true path is `groundtruth`, else `groundtruth.txt` of the folder, else that of the sequence
     in `run.json`.
     """
-    summary, _ = summarise_with_problems(folder, spec, groundtruth)
+    summary, _ = summarize_with_problems(folder, spec, groundtruth)
     return summary
 
 
-def summarise_with_problems(
+def summarize_with_problems(
     folder: Path, spec: KeptSpec | Mapping[str, object], groundtruth: Path | None = None
 ) -> tuple[Summary, list[str]]:
-    """As `summarise_run`, with what was wrong with the files (one line each)."""
+    """As `summarize_run`, with what was wrong with the files (one line each)."""
     run = RunData(folder, KeptSpec.of(spec), groundtruth)
     return summary_of(run), run.problems
 

@@ -11,15 +11,15 @@ from slambed.metrics.tracking import values_of
 from slambed.metrics.update_round import PART_FIELDS, update_rounds
 
 MAPPING_STAGES = ("insert", "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes")
-"""What a local mapper does for a keyframe; serialising and updates are counted apart."""
+"""What a local mapper does for a keyframe; serializing and updates are counted apart."""
 
 
 _UNIT_OF = {
     "extract": "frame_tracked",
     "track": "frame_tracked",
     "create_keyframe": "keyframe_created",
-    "serialise": "keyframe_created",
-    "serialise_text": "keyframe_created",
+    "serialize": "keyframe_created",
+    "serialize_text": "keyframe_created",
 } | dict.fromkeys(MAPPING_STAGES, "keyframe_mapped")
 
 

@@ -66,7 +66,7 @@ def interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
     sample = finite(values)
     count = len(sample)
     if count == 0:
-        raise SlambedError("no measured value to summarise, check that the runs were measured")
+        raise SlambedError("no measured value to summarize, check that the runs were measured")
     middle = float(np.median(sample))
     found: Any = stats.quantile_test(sample, q=0.0, p=0.5).confidence_interval(confidence)
     low, high = float(found.low), float(found.high)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well the camera was followed: losses, coverage, relocalisations, step times."""
+"""How well the camera was followed: losses, coverage, relocalizations, step times."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class Tracking:
     frames_dropped: int
     track_losses: int
     loss_times_s: tuple[float, ...]
-    relocalisations: int
+    relocalizations: int
     resets: int
     lost_s: float
     """Sequence time between each loss and the next pose, or the end of the run."""
@@ -50,7 +50,7 @@ def tracking_of(log: EventLog) -> Tracking:
     last = 0.0
     for frame in frames:
         state, last = str(frame.get("state")), float(frame.get("seq_s", last))
-        # A young map is given up at once: the frame that lost it is already not_initialised.
+        # A young map is given up at once: the frame that lost it is already not_initialized.
         if previous == "ok" and state != "ok":
             losses.append(last)
         if state == "lost" and lost_since is None:
@@ -63,7 +63,7 @@ def tracking_of(log: EventLog) -> Tracking:
         lost_s += last - lost_since
     if not frames:
         losses = [float(e.get("seq_s", 0.0)) for e in log.of("track_lost")]
-    relocations = relocalisation_times_s(frames)
+    relocations = relocalization_times_s(frames)
     tracked = sum(frame.get("state") == "ok" for frame in frames)
     return Tracking(
         frames_total=len(frames) + len(dropped),
@@ -71,14 +71,14 @@ def tracking_of(log: EventLog) -> Tracking:
         frames_dropped=len(dropped),
         track_losses=len(losses),
         loss_times_s=tuple(losses),
-        relocalisations=len(log.of("relocalised")),
+        relocalizations=len(log.of("relocalized")),
         resets=len(log.of("reset")),
         lost_s=lost_s,
         reloc_s_max=max(relocations, default=None),
     )
 
 
-def relocalisation_times_s(frames: list[Event]) -> list[float]:
+def relocalization_times_s(frames: list[Event]) -> list[float]:
     """Per loss: from the first frame with enough features to the next with a pose.
 
     Enough is half of what tracked frames have (median). A loss that nothing ends counts up to the

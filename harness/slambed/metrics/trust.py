@@ -66,4 +66,4 @@ def _steal(summary: Summary) -> str:
     steal = summary.number("host_steal_percent")
     if steal is None or steal < NOTABLE_STEAL_PERCENT:
         return ""
-    return f" (steal: neighbours took {steal:.1f} % of this host's CPU time)"
+    return f" (steal: neighbors took {steal:.1f} % of this host's CPU time)"

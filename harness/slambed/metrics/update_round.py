@@ -48,9 +48,9 @@ class UpdateRound:
 def update_rounds(log: EventLog) -> list[UpdateRound]:
     """Every accepted regular update whose event tells all parts.
 
-    Maps for relocalisation begin with a request, not with a keyframe, and are left out.
+    Maps for relocalization begin with a request, not with a keyframe, and are left out.
     """
-    found = [_round(event) for event in log.of("update_applied") if not event.get("relocalisation")]
+    found = [_round(event) for event in log.of("update_applied") if not event.get("relocalization")]
     return [round_ for round_ in found if round_ is not None]
 
 

@@ -17,8 +17,8 @@ UPDATE = {
 
 WORK = {
     "extract": ("extract",),
-    "pose": ("track", "relocalise"),
-    "keyframe": ("create_keyframe", "serialise", "serialise_text"),
+    "pose": ("track", "relocalize"),
+    "keyframe": ("create_keyframe", "serialize", "serialize_text"),
     "update": ("apply_update", *(name for names in UPDATE.values() for name in names)),
 }
 """Table 1: what the mobile device of Edge-SLAM does."""

@@ -43,7 +43,7 @@ class Judged:
 
     @property
     def mark(self) -> Mark:
-        """One of eight: what is drawn, counted and coloured."""
+        """One of eight: what is drawn, counted and colored."""
         if self.provenance in NEVER_COUNTED:
             return NEVER_COUNTED[self.provenance]
         if self.missing == "no_events":

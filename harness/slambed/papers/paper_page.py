@@ -33,7 +33,7 @@ from slambed.papers.paper_view import (
 )
 from slambed.papers.peer import peer_tables
 from slambed.papers.published import Paper
-from slambed.papers.strip import COLOURS, histogram_svg, strip_svg
+from slambed.papers.strip import COLORS, histogram_svg, strip_svg
 from slambed.report.experiment import write_tables
 from slambed.report.load import Results
 from slambed.report.page import STYLE
@@ -114,7 +114,7 @@ def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folde
 
 
 def _look() -> dict[str, Any]:
-    return {"style": Markup(STYLE), "marks": MARKS, "legend_words": MARK_WORDS, "colours": COLOURS}
+    return {"style": Markup(STYLE), "marks": MARKS, "legend_words": MARK_WORDS, "colors": COLORS}
 
 
 def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ MOST_REFERENCES = 10
 def reference_errors(
     results: Mapping[str, Results], runs: pd.DataFrame, references: pd.DataFrame
 ) -> "pd.Series[float]":
-    """RMSE in metres of every run's live path to the reference run of its sequence, not aligned.
+    """RMSE in meters of every run's live path to the reference run of its sequence, not aligned.
 
     `runs` and `references` have the columns `experiment_folder`, `run_key` and `dataset`. NaN where
     a run or its sequence's references have no live path, or where no time stamps agree.

@@ -6,11 +6,11 @@ from math import log
 
 from slambed.papers.judged import Judged, Mark
 
-COLOURS: dict[Mark, str] = {
+COLORS: dict[Mark, str] = {
     "R": "#009E73", "D": "#D55E00", "I": "#F0CE52", "N": "#DCDCDC", "E": "#CDB891", "F": "#CC79A7",
     "S": "#7CC4EE", "P": "#9A9A9A",
 }  # fmt: skip
-"""Okabe and Ito's hues where they have one; letters repeat them for grey prints."""
+"""Okabe and Ito's hues where they have one; letters repeat them for gray prints."""
 WIDTH = 640
 LABEL = 170
 LANE = 20
@@ -99,9 +99,9 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
             f'<a href="#{prefix}{row.cell.id}"><title>{escaped(told)}</title>'
             f'<line class="whisker" x1="{lane.place(verdict.low):.1f}" '
             f'x2="{lane.place(verdict.high):.1f}" y1="{y:.1f}" y2="{y:.1f}" '
-            f'stroke="{COLOURS[row.mark]}"/>'
+            f'stroke="{COLORS[row.mark]}"/>'
             f'<circle cx="{lane.place(verdict.effect):.1f}" cy="{y:.1f}" r="3" '
-            f'fill="{COLOURS[row.mark]}"/></a>'
+            f'fill="{COLORS[row.mark]}"/></a>'
         )
     return "".join(parts)
 

@@ -4,7 +4,7 @@
 from typing import Literal
 
 from slambed.files.json_file import Record
-from slambed.link.direction import ModelledLink
+from slambed.link.direction import ModeledLink
 from slambed.spec.device import CostModel
 
 
@@ -48,7 +48,7 @@ class SimConfig(Record):
     """Name of run.json, beside this file."""
     devices: SimDevices
     """What work costs on each node."""
-    link: ModelledLink | None
+    link: ModeledLink | None
     """Null without an edge."""
     edge_frozen_s: list[tuple[float, float]]
     """Begin and end of each time in which the edge's workers stand still, in the middle of a stage

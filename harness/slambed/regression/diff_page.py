@@ -15,13 +15,13 @@ from slambed.regression.diff import Change, diff_table
 from slambed.regression.diff_sides import Sides, sides_table
 from slambed.report.figure_points import points_of
 from slambed.report.page import in_page, page_script, render
-from slambed.report.style import COLOURS, NOTE_PT, figure, lay_out
+from slambed.report.style import COLORS, NOTE_PT, figure, lay_out
 
 MOST_DRAWN = 24
 """Comparisons in the figure, those with the smallest p first."""
 ROW_IN, AROUND_IN = 0.36, 1.0
 MOOD = {"better": "good", "worse": "bad"}
-DRAWN = {"better": (COLOURS[2], "o"), "worse": (COLOURS[1], "s"), "changed": (COLOURS[0], "D")}
+DRAWN = {"better": (COLORS[2], "o"), "worse": (COLORS[1], "s"), "changed": (COLORS[0], "D")}
 NOT_SHOWN = ("#777777", "o")
 WIDEST = 200.0
 """Percent of A; what changed by more than that stands at the edge."""
@@ -108,9 +108,9 @@ def _forest(changes: list[Change], sides: str) -> tuple[str, Markup]:
             ends = relative(change)
             assert ends is not None
             value, low, high = np.clip(ends, -WIDEST, WIDEST)
-            colour, marker = DRAWN.get(change.verdict, NOT_SHOWN)
-            axis.plot([low, high], [row, row], color=colour, label="95 % interval")
-            axis.plot([value], [row], marker, color=colour, label=change.verdict)
+            color, marker = DRAWN.get(change.verdict, NOT_SHOWN)
+            axis.plot([low, high], [row, row], color=color, label="95 % interval")
+            axis.plot([value], [row], marker, color=color, label=change.verdict)
         axis.axvline(0, color="black", linewidth=0.8)
         labels = [f"{change.metric.name}\n{change.cell}" for change in changes]
         axis.set_yticks(range(len(changes)), labels, fontsize=NOTE_PT - 1)

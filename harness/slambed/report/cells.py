@@ -172,7 +172,7 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
 
 
 def _scale_note(rows: pd.DataFrame) -> list[str]:
-    """A path that was judged up to its scale must not pass for one in metres."""
+    """A path that was judged up to its scale must not pass for one in meters."""
     free = rows[rows["ate_alignment"] == "sim3"]
     if not len(free):
         return []

@@ -65,9 +65,9 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _hex(colour: Any) -> str:
-    """Of whatever Matplotlib takes for a colour."""
-    return to_hex(to_rgba(colour))
+def _hex(color: Any) -> str:
+    """Of whatever Matplotlib takes for a color."""
+    return to_hex(to_rgba(color))
 
 
 def _curves(axis: Axes) -> list[dict[str, Any]]:
@@ -79,14 +79,14 @@ def _curves(axis: Axes) -> list[dict[str, Any]]:
         found.append(_curve(axis, points, str(line.get_label()), _hex(line.get_color())))
     for group in axis.collections:
         if isinstance(group, PathCollection) and group.get_offset_transform() == axis.transData:
-            colours = group.get_facecolor()
-            colour = _hex(colours[0]) if len(colours) else "#000000"
+            colors = group.get_facecolor()
+            color = _hex(colors[0]) if len(colors) else "#000000"
             points = np.ma.getdata(group.get_offsets()).astype(np.float64)
-            found.append(_curve(axis, points, str(group.get_label()), colour))
+            found.append(_curve(axis, points, str(group.get_label()), color))
     return found
 
 
-def _curve(axis: Axes, points: Floats, label: str, colour: str) -> dict[str, Any]:
+def _curve(axis: Axes, points: Floats, label: str, color: str) -> dict[str, Any]:
     points = points[np.isfinite(points).all(axis=1)]
     (x0, x1), (y0, y1) = sorted(axis.get_xlim()), sorted(axis.get_ylim())
     inside = (
@@ -98,7 +98,7 @@ def _curve(axis: Axes, points: Floats, label: str, colour: str) -> dict[str, Any
     # matplotlib gives what nobody named names that begin so.
     name = "" if label.startswith("_") else label
     x, y = ([_short(float(v)) for v in column] for column in points.T)
-    return {"name": name, "colour": colour, "x": x, "y": y}
+    return {"name": name, "color": color, "x": x, "y": y}
 
 
 def _bars(axis: Axes) -> list[dict[str, Any]]:

@@ -107,7 +107,7 @@ def prepared_truth(dataset: str, checksums: set[str], given: Sequence[str] = ())
 
 
 def _given_by_path(results: Results) -> list[str]:
-    """Datasets of the experiment that are no name of a catalogue: files, or prepared folders."""
+    """Datasets of the experiment that are no name of a catalog: files, or prepared folders."""
     names = results.spec.get("datasets")
     given = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
     return [name for name in given if "/" in name or (Path(name) / SEQUENCE_FILE).is_file()]

@@ -23,13 +23,13 @@ from matplotlib.text import Text
 from slambed.files.outputs import writing
 from slambed.report.figure_points import points_of
 
-# Okabe and Ito's palette (2008), told apart by all common kinds of colour vision. Yellow is left
-# out: it is too pale on white. Markers and dashes repeat the distinction for grey prints.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# Okabe and Ito's palette (2008), told apart by all common kinds of color vision. Yellow is left
+# out: it is too pale on white. Markers and dashes repeat the distinction for gray prints.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 GROUND_TRUTH = "#777777"
-FAULT_COLOURS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
+FAULT_COLORS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
 FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
 POINTS = ".points.json"
@@ -124,24 +124,24 @@ def from_zero_if_it_shows(axis: Axes, values: Any) -> bool:
     return False
 
 
-def colour(index: int) -> str:
-    """Colour of the n-th thing."""
-    return COLOURS[index % len(COLOURS)]
+def color(index: int) -> str:
+    """Color of the n-th thing."""
+    return COLORS[index % len(COLORS)]
 
 
-def fault_colour(fault: str) -> str:
-    """Colour of a kind of fault."""
-    return FAULT_COLOURS.get(fault, GROUND_TRUTH)
+def fault_color(fault: str) -> str:
+    """Color of a kind of fault."""
+    return FAULT_COLORS.get(fault, GROUND_TRUTH)
 
 
 def marker(index: int) -> str:
-    """Marker of the n-th thing; where colours begin anew the markers do not."""
-    return MARKERS[(index + index // len(COLOURS)) % len(MARKERS)]
+    """Marker of the n-th thing; where colors begin anew the markers do not."""
+    return MARKERS[(index + index // len(COLORS)) % len(MARKERS)]
 
 
 def dash(index: int) -> Any:
-    """Line style of the n-th thing; where colours begin anew the styles do not."""
-    return DASHES[(index + index // len(COLOURS)) % len(DASHES)]
+    """Line style of the n-th thing; where colors begin anew the styles do not."""
+    return DASHES[(index + index // len(COLORS)) % len(DASHES)]
 
 
 @dataclass

@@ -159,7 +159,7 @@ def link_table(results: Results) -> Table:
     for names, part in runs.assign(host=runs["host"].fillna("-")).groupby(keys, sort=False):
         real = part[part["link_backend"] != VIRTUAL]
         good = int(real["rtt_error_ms_median"].notna().sum())
-        proven = f"{good}/{len(real)}" if len(real) else "modelled"
+        proven = f"{good}/{len(real)}" if len(real) else "modeled"
         if len(part) and part["link_backend"].eq(NETWORK).all():
             proven = "nothing asked"
         numbers = [

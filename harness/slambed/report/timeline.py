@@ -9,7 +9,7 @@ import pandas as pd
 from slambed.metrics.faults import spans
 from slambed.metrics.network import series
 from slambed.report.load import Results
-from slambed.report.style import FAULT_SHADE, fault_colour
+from slambed.report.style import FAULT_SHADE, fault_color
 
 WIDTH, HEIGHT = 720, 150
 LEFT, RIGHT = 64, 8
@@ -17,7 +17,7 @@ STATE_TOP, STATE_HEIGHT = 8, 14
 RTT_TOP, RTT_HEIGHT = 30, 44
 CPU_TOP, CPU_HEIGHT = 82, 44
 MOST_POINTS = 300
-STATE_COLOURS = {"ok": "#009E73", "lost": "#D55E00", "not_initialised": "#999999"}
+STATE_COLORS = {"ok": "#009E73", "lost": "#D55E00", "not_initialized": "#999999"}
 BLUE, BLACK = "#0072B2", "#222222"
 
 
@@ -57,7 +57,7 @@ def _faults(results: Results, run_key: str, end_s: float) -> str:
         x1 = _x(end_s if span.end_s is None else span.end_s, end_s)
         out.append(
             f'<rect class="fault" x="{x0:.1f}" y="{STATE_TOP}" width="{max(x1 - x0, 0.8):.1f}" '
-            f'height="{CPU_TOP + CPU_HEIGHT - STATE_TOP}" fill="{fault_colour(span.fault)}" '
+            f'height="{CPU_TOP + CPU_HEIGHT - STATE_TOP}" fill="{fault_color(span.fault)}" '
             f'fill-opacity="{FAULT_SHADE}"><title>{html.escape(name)}</title></rect>'
         )
     return "".join(out)
@@ -78,7 +78,7 @@ def _states(frames: pd.DataFrame, end_s: float) -> str:
         x0, x1 = _x(begins[start], end_s), _x(stop_s, end_s)
         out.append(
             f'<rect x="{x0:.1f}" y="{STATE_TOP}" width="{max(x1 - x0, 0.8):.1f}" '
-            f'height="{STATE_HEIGHT}" fill="{STATE_COLOURS.get(states[start], "#cccccc")}">'
+            f'height="{STATE_HEIGHT}" fill="{STATE_COLORS.get(states[start], "#cccccc")}">'
             f"<title>{html.escape(states[start])} from {begins[start]:.1f} s</title></rect>"
         )
         start = i

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from slambed.data.model import GreyImage
+from slambed.data.model import GrayImage
 from slambed.data.places import cache_folder, no_cache
 from slambed.data.preparation import Progress
 from slambed.data.prepared import PreparedSequence
@@ -88,11 +88,11 @@ def _truth(sequence: PreparedSequence, key: str) -> bytes:
     return encode_frames(MASKS, key, [encode_frame(labels.frame(i)) for i in range(len(labels))])
 
 
-def encode_jpeg(grey: GreyImage, quality: int) -> bytes:
+def encode_jpeg(gray: GrayImage, quality: int) -> bytes:
     """A picture as it goes over the link."""
-    done, jpeg = cv2.imencode(".jpg", np.asarray(grey), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    done, jpeg = cv2.imencode(".jpg", np.asarray(gray), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
-        raise SlambedError(f"a picture of {grey.shape[1]}x{grey.shape[0]} cannot be coded as JPEG")
+        raise SlambedError(f"a picture of {gray.shape[1]}x{gray.shape[0]} cannot be coded as JPEG")
     return bytes(jpeg)
 
 
@@ -107,7 +107,7 @@ def _segmented(
     segmenter = Segmenter(network)
     blocks = []
     for i in range(len(sequence)):
-        found = segmenter.segment(encode_jpeg(sequence.grey(i), quality), n_m)
+        found = segmenter.segment(encode_jpeg(sequence.gray(i), quality), n_m)
         blocks.append(encode_frame(found))
         if progress:
             progress(i + 1, len(sequence))

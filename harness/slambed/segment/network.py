@@ -38,7 +38,7 @@ class Wheel(_Strict):
 
 
 class Input(_Strict):
-    """What the network takes; planes: 1 for grey, 3 for grey three times."""
+    """What the network takes; planes: 1 for gray, 3 for gray three times."""
 
     width: int = Field(gt=0)
     height: int = Field(gt=0)
@@ -55,7 +55,7 @@ class Network(_Strict):
     wheel: Wheel | None = None
     sha256: str = Field(pattern=_SHA256, description="of the network's file")
     size_bytes: int = Field(gt=0)
-    licence: str
+    license: str
     provenance: str
     input: Input
     outputs: tuple[str, ...]

@@ -42,19 +42,19 @@ class Segmenter:
             )
 
     def segment(self, jpeg: bytes, n_m: float) -> Segmented:
-        """Everything in a grey JPEG. n_m: overlap from which two finds are one (0 to 1)."""
+        """Everything in a gray JPEG. n_m: overlap from which two finds are one (0 to 1)."""
         if not 0 <= n_m <= 1:
             raise SlambedError(f"n_m is {n_m}, not within 0 to 1")
-        grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE) if jpeg else None
-        if grey is None:
+        gray = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE) if jpeg else None
+        if gray is None:
             raise SlambedError(f"a picture of {len(jpeg)} bytes cannot be decoded as JPEG")
-        return self.segment_grey(np.asarray(grey, dtype=np.uint8), n_m)
+        return self.segment_gray(np.asarray(gray, dtype=np.uint8), n_m)
 
-    def segment_grey(self, grey: NDArray[np.uint8], n_m: float) -> Segmented:
+    def segment_gray(self, gray: NDArray[np.uint8], n_m: float) -> Segmented:
         """The same of a decoded picture."""
-        height, width = grey.shape
+        height, width = gray.shape
         size = (self.network.input.width, self.network.input.height)
-        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+        small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
         blob = np.repeat(small[None, None], self.network.input.planes, axis=1)
         self._net.setInput(blob)
         if self.network.decoder == "people":

@@ -8,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from slambed.data.picture_sheet import Picture, colours_of, label, shrunk, write_sheet
+from slambed.data.picture_sheet import Picture, colors_of, label, shrunk, write_sheet
 from slambed.data.prepared import PreparedSequence
 from slambed.segment.instances import Segmented
 from slambed.segment.mask_cache import MaskCache
 
 _COLUMNS = 4
-_COLOURS = ((60, 60, 230), (60, 200, 60), (230, 120, 40), (40, 200, 230), (220, 60, 220))
+_COLORS = ((60, 60, 230), (60, 200, 60), (230, 120, 40), (40, 200, 230), (220, 60, 220))
 
 
 def write_mask_sheet(sequence: PreparedSequence, masks: MaskCache, file: Path, frames: int) -> None:
@@ -23,10 +23,10 @@ def write_mask_sheet(sequence: PreparedSequence, masks: MaskCache, file: Path, f
 
 
 def _tile(sequence: PreparedSequence, found: Segmented, i: int) -> Picture:
-    tile = colours_of(sequence.grey(i))
+    tile = colors_of(sequence.gray(i))
     for number, instance in enumerate(found.instances):
-        colour = np.array(_COLOURS[number % len(_COLOURS)])
-        tile[instance.mask] = (0.6 * tile[instance.mask] + 0.4 * colour).astype(np.uint8)
+        color = np.array(_COLORS[number % len(_COLORS)])
+        tile[instance.mask] = (0.6 * tile[instance.mask] + 0.4 * color).astype(np.uint8)
         for u, v, seen in instance.keypoints if instance.keypoints is not None else ():
             if seen > 0:
                 dot = (255, 255, 0) if seen == 2 else (255, 0, 255)

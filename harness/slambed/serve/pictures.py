@@ -42,7 +42,7 @@ class Pictures:
             return found
 
     def jpeg(self, checksum: str | None, frame: int) -> bytes | None:
-        """A frame's grey picture; None where it is not here, or was removed meanwhile."""
+        """A frame's gray picture; None where it is not here, or was removed meanwhile."""
         sequence = self.sequence(checksum)
         if sequence is None or not 0 <= frame < len(sequence) or not sequence.path.is_dir():
             return None
@@ -51,11 +51,11 @@ class Pictures:
 
 @lru_cache(maxsize=64)
 def _jpeg(sequence: PreparedSequence, frame: int) -> bytes:
-    grey = sequence.grey(frame)
-    if grey.shape[1] > WIDEST_PX:
-        height = round(grey.shape[0] * WIDEST_PX / grey.shape[1])
-        small = cv2.resize(grey, (WIDEST_PX, height), interpolation=cv2.INTER_AREA)
-        grey = small.astype(grey.dtype, copy=False)
-    whole, data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    gray = sequence.gray(frame)
+    if gray.shape[1] > WIDEST_PX:
+        height = round(gray.shape[0] * WIDEST_PX / gray.shape[1])
+        small = cv2.resize(gray, (WIDEST_PX, height), interpolation=cv2.INTER_AREA)
+        gray = small.astype(gray.dtype, copy=False)
+    whole, data = cv2.imencode(".jpg", gray, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     assert whole
     return data.tobytes()

@@ -35,8 +35,8 @@ SMOOTH_S = 0.5
 
 MARKS: dict[str, tuple[str, Say]] = {
     "track_lost": ("loss", lambda e: "track lost"),
-    "relocalised": ("found", lambda e: "found again"),
-    "initialised": ("found", lambda e: "map begun"),
+    "relocalized": ("found", lambda e: "found again"),
+    "initialized": ("found", lambda e: "map begun"),
     "reset": ("loss", lambda e: "map given up"),
     "keyframe_created": ("keyframe", lambda e: "keyframe"),
     "update_applied": ("update", lambda e: "map update applied"),
@@ -70,7 +70,7 @@ class RunFiles:
 def run_json(
     run: RunFiles, truth: Path | None, sequence: PreparedSequence | None
 ) -> dict[str, Any]:
-    """Everything that the page's scripts draw, in seconds of run time and metres. Raises
+    """Everything that the page's scripts draw, in seconds of run time and meters. Raises
     SlambedError where the run left no events."""
     log = read_run(run.folder)
     frames = frames_of(log, run, sequence)

@@ -69,9 +69,9 @@ class StageCost(BaseModel):
     """The accelerator that does this work; null = a core."""
 
     @model_serializer(mode="wrap")
-    def _without_none(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_none(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
         # Keys of devices without accelerators stay what they were.
-        return {key: value for key, value in serialise(self).items() if value is not None}
+        return {key: value for key, value in serialize(self).items() if value is not None}
 
 
 class Accelerator(BaseModel):
@@ -108,8 +108,8 @@ class CostModel(BaseModel):
         return self
 
     @model_serializer(mode="wrap")
-    def _without_empty(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        found: dict[str, Any] = serialise(self)
+    def _without_empty(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        found: dict[str, Any] = serialize(self)
         if not self.accelerators:
             del found["accelerators"]
         if not self.background:

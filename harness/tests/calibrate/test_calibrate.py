@@ -113,13 +113,13 @@ def test_a_map_for_a_lost_frame_and_a_declined_update_are_no_update() -> None:
     insert = {"type": "stage", "name": "insert_keyframes", "wall_ms": 40.0, "cpu_ms": 40.0}
     log = updates(
         insert,
-        {"type": "update_applied", "relocalisation": False},
+        {"type": "update_applied", "relocalization": False},
         {**insert, "wall_ms": 900.0, "cpu_ms": 900.0},
-        {"type": "update_applied", "relocalisation": True},
+        {"type": "update_applied", "relocalization": True},
         {**insert, "wall_ms": 30.0, "cpu_ms": 30.0},
         {"type": "update_declined"},
         {**insert, "wall_ms": 60.0, "cpu_ms": 60.0},
-        {"type": "update_applied", "relocalisation": False},
+        {"type": "update_applied", "relocalization": False},
     )
     component = Component(
         name="insert", source="here", node="mobile", stages=["insert_keyframes"],
@@ -130,7 +130,7 @@ def test_a_map_for_a_lost_frame_and_a_declined_update_are_no_update() -> None:
 
 
 def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
-    attempt = {"type": "stage", "name": "relocalise", "cpu_ms": 0.0}
+    attempt = {"type": "stage", "name": "relocalize", "cpu_ms": 0.0}
     log = updates(
         {**attempt, "wall_ms": 10.0},
         {**attempt, "wall_ms": 50.0, "n2": 1},
@@ -139,7 +139,7 @@ def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
     )
     for node, mean in (("mobile", 60.0), ("edge", 11.0)):
         component = Component(
-            name="attempt", source="here", node=node, stages=["relocalise"],
+            name="attempt", source="here", node=node, stages=["relocalize"],
             measure="per_attempt", mean_ms={"x": 1.0},
         )  # fmt: skip
         assert look(component, [log]).mean == mean

@@ -60,7 +60,7 @@ def test_a_metric_is_optional_and_the_line_says_what_it_means(system: Path) -> N
     code, out, _ = slambed("check-system", str(system), COLUMNS="400")
     assert code == 0, out
     told = {line.split()[2]: line for line in out.splitlines() if line.startswith("ok  metric ")}
-    assert "(mean grey value of a frame): event 'seen' comes, 20 times" in told["mean_grey"]
+    assert "(mean gray value of a frame): event 'seen' comes, 20 times" in told["mean_gray"]
     for name, event, none in (("found", "found", "0"), ("mapped", "map_made", "empty")):
         assert f"an event '{event}' did not come in these 20 frames" in told[name]
         assert ": optional, and there is none here" in told[name]

@@ -212,9 +212,9 @@ def test_frames_losses_and_poses_come_from_the_time_stamps(
     events = [json.loads(x) for x in (raw / "mobile" / "events.jsonl").read_text().splitlines()]
     assert events[0]["text"] == "before" and {e["t_ns"] for e in events[1:]} == {7_500_000_000}
     states = [e["state"] for e in events if e["type"] == "frame_tracked"]
-    assert states == ["not_initialised", "ok", "lost", "ok"]
+    assert states == ["not_initialized", "ok", "lost", "ok"]
     others = [e["type"] for e in events[1:] if e["type"] != "frame_tracked"]
-    assert others == ["initialised", "track_lost", "relocalised"]
+    assert others == ["initialized", "track_lost", "relocalized"]
     kept = read_tum(raw / "mobile" / "trajectory.txt")
     assert np.allclose(kept.stamps_s, [1000.1, 1000.3])  # recorded time, as every system's
 

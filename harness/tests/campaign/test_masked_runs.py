@@ -75,7 +75,7 @@ def test_masks_are_made_of_the_jpeg_that_is_sent(crossing: Path, tmp_path: Path)
     subprocess.run(command, check=True)
     sent, sequence = FrameFile.open(file, b"SLIC", "test"), PreparedSequence.open(crossing)
     for i in range(len(sequence)):
-        assert sent.block(i)[8:] == encode_jpeg(sequence.grey(i), 90), f"frame {i}"
+        assert sent.block(i)[8:] == encode_jpeg(sequence.gray(i), 90), f"frame {i}"
 
 
 @needs_programs

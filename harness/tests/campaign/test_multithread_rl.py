@@ -16,7 +16,7 @@ from slambed.metrics.update_round import CLOSURE_LIMIT_MS
 
 pytestmark = needs_programs
 
-OFF = "map_update: serial, relocalisation: map"
+OFF = "map_update: serial, relocalization: map"
 OFTEN = "sync_period_s: 1.0, fast_motion_ms: 0.0, n_kf: 2, min_local_keyframes: 1"
 EXPERIMENT = f"""\
 id: walk
@@ -78,7 +78,7 @@ def test_the_metrics_tell_who_found_a_lost_camera(results: Path) -> None:
     assert both["track_losses"] >= 1
     assert both["requests"] >= 1
     found = both["recoveries_local"] + both["recoveries_edge"] + both["recoveries_map"]
-    assert found == both["relocalisations"]
+    assert found == both["relocalizations"]
     assert both["recoveries_map"] == 0
     parts = [both[f"request_{part}_ms_median"] for part in ("local", "up", "edge", "down")]
     assert all(part > 0 for part in parts)

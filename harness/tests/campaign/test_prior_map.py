@@ -57,11 +57,11 @@ def test_a_run_goes_on_in_the_map_of_another(
 ) -> None:
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
     first = run(tmp_path, "first", sequence, "save_map: true")
-    assert summary(first)["relocalisations"] == 0
+    assert summary(first)["relocalizations"] == 0
     (first / "map.slm").rename(tmp_path / "room.slm")
     # A relative path is looked for beside the experiment.
     second = run(tmp_path, "second", sequence, "prior_map: room.slm, save_map: true")
-    assert summary(second)["relocalisations"] == 1
+    assert summary(second)["relocalizations"] == 1
     assert summary(second)["frames_tracked"] == summary(second)["frames_total"]
     assert summary(second)["keyframes"] > summary(first)["keyframes"]
     assert (second / "map.slm").is_file()

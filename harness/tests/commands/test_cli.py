@@ -39,7 +39,7 @@ def test_wrong_usage_is_one_line() -> None:
     assert "docker, local" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--engine", "moby")
 
 
-def test_an_unknown_experiment_names_its_neighbour() -> None:
+def test_an_unknown_experiment_names_its_neighbor() -> None:
     assert "did you mean 'quickstart'" in refused(ExitCode.BAD_INPUT, "run", "quikstart")
 
 

@@ -63,7 +63,7 @@ def test_networks_and_inputs_say_what_their_files_do(
 ) -> None:
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path))
     (people,) = [item for item in document("masks", "list") if item["name"] == "slambed_people"]
-    assert people["licence"] and people["size_bytes"] > 0
+    assert people["license"] and people["size_bytes"] > 0
     found = document("inputs", "list")
     assert [item["name"] for item in found] == Library().inputs()
     assert all(item["yields"] and item["made"] is None for item in found)

@@ -49,7 +49,7 @@ def read(run: Path, name: str) -> dict[str, Any]:
 
 
 def bend(path: Path) -> None:
-    """Moves the true path by up to ten centimetres, as a better calibration might."""
+    """Moves the true path by up to ten centimeters, as a better calibration might."""
     old = read_tum(path)
     moved = old.positions_m + np.outer(np.sin(3 * old.stamps_s), [0.1, 0.0, 0.0])
     write_path(path, Trajectory(old.stamps_s, moved, old.quaternions_xyzw))
@@ -97,7 +97,7 @@ def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
 
 
 def test_of_a_dataset_that_was_given_by_path(tmp_path: Path) -> None:
-    """It is in no catalogue and no cache: only the experiment says where it lies."""
+    """It is in no catalog and no cache: only the experiment says where it lies."""
     made = Catalog.load().prepare("synthetic_room", tmp_path / "elsewhere")
     folder = made.path.rename(tmp_path / "my_room")
     experiment = EXPERIMENT.replace("synthetic_room", "./my_room").replace(

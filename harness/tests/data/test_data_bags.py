@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from data_samples import CAMERA, HEIGHT, WIDTH, depth, grey, one_line
+from data_samples import CAMERA, HEIGHT, WIDTH, depth, gray, one_line
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -68,11 +68,11 @@ def write(path: Path, topics: dict[str, list[Any]]) -> Path:
 
 def pictures(count: int = 3, first: int = 0) -> list[Any]:
     numbers = range(first, first + count)
-    return [image(START_NS + i * 10**8, grey(i), "mono8") for i in numbers]
+    return [image(START_NS + i * 10**8, gray(i), "mono8") for i in numbers]
 
 
 def reader(bag: Path, sensor: str = "mono", parts: tuple[Path, ...] = (), **extra: Any) -> Any:
-    topics = {"first_topic": "/grey"} | ({} if sensor == "mono" else {"second_topic": "/second"})
+    topics = {"first_topic": "/gray"} | ({} if sensor == "mono" else {"second_topic": "/second"})
     options = ReaderOptions(
         sensor=sensor,  # type: ignore[arg-type]
         size=(WIDTH, HEIGHT), camera=CAMERA, depth_unit_m=0.001, further_parts=parts,
@@ -87,10 +87,10 @@ def png(plane: np.ndarray[Any, Any]) -> bytes:
 
 def with_depth(tmp_path: Path, told: str, head: bytes, plane: np.ndarray[Any, Any]) -> Any:
     messages = [compressed(START_NS + i * 10**8, told, head + png(plane)) for i in range(3)]
-    return reader(write(tmp_path / "b.bag", {"/grey": pictures(), "/second": messages}), "rgbd")
+    return reader(write(tmp_path / "b.bag", {"/gray": pictures(), "/second": messages}), "rgbd")
 
 
-def test_quantised_depth_is_decoded(tmp_path: Path) -> None:
+def test_quantized_depth_is_decoded(tmp_path: Path) -> None:
     """As compressed_depth_image_transport writes it: inverse depth = A / depth + B."""
     a, b = 100.0 * 101.0, 1.0 - 100.0 * 101.0 / 10.0
     inverse = np.full((HEIGHT, WIDTH), round(a / 2.0 + b), np.uint16)
@@ -121,49 +121,49 @@ def test_depth_that_cannot_be_decoded_is_named(tmp_path: Path, told: str, compla
     assert "b.bag /second" in one_line(error)
 
 
-def test_metres_that_are_millimetres(tmp_path: Path) -> None:
+def test_meters_that_are_millimeters(tmp_path: Path) -> None:
     plane = np.full((HEIGHT, WIDTH), 2041.0, np.float32)
     messages = [image(START_NS, plane, "32FC1")]
-    bag = write(tmp_path / "b.bag", {"/grey": pictures(1), "/second": messages})
-    with pytest.raises(SlambedError, match=r"the largest value is 2041 .*millimetres?"):
+    bag = write(tmp_path / "b.bag", {"/gray": pictures(1), "/second": messages})
+    with pytest.raises(SlambedError, match=r"the largest value is 2041 .*millimeters?"):
         list(reader(bag, "rgbd"))
 
 
 def test_depth_of_another_size(tmp_path: Path) -> None:
     messages = [image(START_NS, np.full((40, 80), 900, np.uint16), "16UC1")]
-    bag = write(tmp_path / "b.bag", {"/grey": pictures(1), "/second": messages})
+    bag = write(tmp_path / "b.bag", {"/gray": pictures(1), "/second": messages})
     with pytest.raises(SlambedError, match=r"depth of 80x40 .* has 64x48; align depth"):
         list(reader(bag, "rgbd"))
 
 
-def test_sixteen_bits_of_grey_have_one_rule(tmp_path: Path) -> None:
+def test_sixteen_bits_of_gray_have_one_rule(tmp_path: Path) -> None:
     """In folders it is the same (test_data_judged)."""
-    planes = [500 + 10 * grey(i).astype(np.uint16) for i in range(3)]
+    planes = [500 + 10 * gray(i).astype(np.uint16) for i in range(3)]
     raw = [image(START_NS + i * 10**8, planes[i], "mono16") for i in range(3)]
     packed = [compressed(START_NS + i * 10**8, "mono16; png compressed", png(planes[i]))
               for i in range(3)]  # fmt: skip
     for name, messages in (("raw", raw), ("packed", packed)):
-        bag = write(tmp_path / f"{name}.bag", {"/grey": messages})
+        bag = write(tmp_path / f"{name}.bag", {"/gray": messages})
         with pytest.raises(SlambedError, match="a picture of 16 bits with values 500 to 3050"):
             list(reader(bag))
-        assert np.array_equal(list(reader(bag, grey_range=[500, 3050]))[1].grey, grey(1))
+        assert np.array_equal(list(reader(bag, gray_range=[500, 3050]))[1].gray, gray(1))
 
 
 def test_a_step_shorter_than_a_row(tmp_path: Path) -> None:
-    bag = write(tmp_path / "b.bag", {"/grey": [image(START_NS, grey(0), "mono8", step=10)]})
+    bag = write(tmp_path / "b.bag", {"/gray": [image(START_NS, gray(0), "mono8", step=10)]})
     with pytest.raises(SlambedError, match=r"need 64 bytes, the message says step 10"):
         list(reader(bag))
 
 
 def test_header_stamps_that_are_zero(tmp_path: Path) -> None:
-    bag = write(tmp_path / "b.bag", {"/grey": [image(0, grey(i), "mono8") for i in range(3)]})
+    bag = write(tmp_path / "b.bag", {"/gray": [image(0, gray(i), "mono8") for i in range(3)]})
     with pytest.raises(SlambedError, match="all header stamps are zero"):
         len(reader(bag))
 
 
 def test_header_stamps_that_repeat_are_told(tmp_path: Path) -> None:
     messages = [*pictures(), pictures()[2]]
-    found = reader(write(tmp_path / "b.bag", {"/grey": messages}))
+    found = reader(write(tmp_path / "b.bag", {"/gray": messages}))
     assert len(found) == 3 and "1 images have the stamp of another one" in found.notes[0]
 
 
@@ -190,7 +190,7 @@ def point(i: int) -> Any:
 
 
 def truth_of(tmp_path: Path, messages: list[Any]) -> Any:
-    bag = write(tmp_path / "b.bag", {"/grey": pictures(), "/truth": messages})
+    bag = write(tmp_path / "b.bag", {"/gray": pictures(), "/truth": messages})
     return reader(bag, groundtruth_topic="/truth")
 
 
@@ -225,14 +225,14 @@ def test_bad_ground_truth_is_named(tmp_path: Path, messages: list[Any], complain
 
 
 def test_parts_of_a_split_bag_are_one_recording(tmp_path: Path) -> None:
-    parts = [write(tmp_path / f"w_{i}.bag", {"/grey": pictures(2, first=2 * i)}) for i in range(3)]
+    parts = [write(tmp_path / f"w_{i}.bag", {"/gray": pictures(2, first=2 * i)}) for i in range(3)]
     found = reader(parts[0], parts=tuple(parts[1:]))
     assert len(found) == 6 and list(found.files()) == parts
-    assert all(np.array_equal(frame.grey, grey(i)) for i, frame in enumerate(found))
+    assert all(np.array_equal(frame.gray, gray(i)) for i, frame in enumerate(found))
 
 
 def test_a_bag_that_a_crash_cut_off(tmp_path: Path) -> None:
-    bag = write(tmp_path / "b.bag", {"/grey": pictures()})
+    bag = write(tmp_path / "b.bag", {"/gray": pictures()})
     bag.write_bytes(bag.read_bytes()[:-500])
     with pytest.raises(SlambedError, match="repair it with 'rosbag reindex'") as error:
         len(reader(bag))
@@ -240,12 +240,12 @@ def test_a_bag_that_a_crash_cut_off(tmp_path: Path) -> None:
 
 
 def test_a_topic_without_pictures_is_named(tmp_path: Path) -> None:
-    bag = write(tmp_path / "b.bag", {"/grey": [odometry(0)]})
-    with pytest.raises(SlambedError, match=r"topic '/grey' has nav_msgs/msg/Odometry, expected"):
+    bag = write(tmp_path / "b.bag", {"/gray": [odometry(0)]})
+    with pytest.raises(SlambedError, match=r"topic '/gray' has nav_msgs/msg/Odometry, expected"):
         len(reader(bag))
 
 
 def test_what_lies_beside_a_bag_is_no_part_of_it(tmp_path: Path) -> None:
-    bag = write(tmp_path / "b.bag", {"/grey": pictures()})
+    bag = write(tmp_path / "b.bag", {"/gray": pictures()})
     found = reader(bag, parts=(tmp_path / "b.bag.txt", tmp_path / "old" / "b.bag"))
     assert len(found) == 3 and "matches 2 more that are no parts of it" in found.notes[0]

@@ -18,7 +18,7 @@ from slambed.errors import ExitCode, SlambedError
 
 @pytest.fixture
 def home(tmp_path: Path) -> Path:
-    """A catalogue folder, a data folder with one TUM sequence, and an empty cache."""
+    """A catalog folder, a data folder with one TUM sequence, and an empty cache."""
     tum_recipe(tmp_path / "datasets")
     write_tum(tmp_path / "data/tiny_tum")
     return tmp_path
@@ -34,11 +34,11 @@ def entries(home: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir() if not p.name.endswith(".lock"))
 
 
-def test_the_shipped_catalogue_is_sound() -> None:
+def test_the_shipped_catalog_is_sound() -> None:
     shipped = Catalog.load(search=[])
     for name in ("redkitchen", "office", "desk", "fr1_xyz", "kitti_07", "euroc_v1_01"):
         dataset = shipped.get(name)
-        assert dataset.title and dataset.licence
+        assert dataset.title and dataset.license
         if dataset.download is not None:
             assert dataset.download.verified == (dataset.download.sha256 != "unverified here")
     for dataset in shipped.datasets.values():
@@ -158,10 +158,10 @@ def test_a_prepared_folder_on_the_search_path_is_used_as_it_is(home: Path) -> No
     assert prepare(str(home / "data/given")).info.id == "tiny"
 
 
-@pytest.mark.parametrize("metres", [0.01, 0.09])
-def test_wrong_depth_scale(home: Path, metres: float) -> None:
+@pytest.mark.parametrize("meters", [0.01, 0.09])
+def test_wrong_depth_scale(home: Path, meters: float) -> None:
     tum_recipe(home / "datasets", "scaled")
-    write_tum(home / "data/scaled", metres=metres)
+    write_tum(home / "data/scaled", meters=meters)
     with pytest.raises(SlambedError) as error:
         catalog(home).prepare("scaled", home / "cache")
     assert "wrong depth scale" in one_line(error) and "depth_unit_m" in one_line(error)

@@ -20,7 +20,7 @@ def dataset(**recipe: object) -> Dataset:
     return Dataset.model_validate(
         {
             "id": "d", "title": "D", "reader": "tum", "paths": ["d"], "depth_unit_m": 0.001,
-            "licence": "free", "download": recipe,
+            "license": "free", "download": recipe,
         }
     )  # fmt: skip
 

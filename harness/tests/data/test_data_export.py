@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import slambed
-from data_samples import CAMERA, HEIGHT, WIDTH, grey, trajectory, write_prepared
+from data_samples import CAMERA, HEIGHT, WIDTH, gray, trajectory, write_prepared
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -32,7 +32,7 @@ def write_stereo(path: Path, sensor: str = "stereo") -> PreparedSequence:
         camera=CAMERA,
     ) as writer:  # fmt: skip
         for i, time_ns in enumerate(TIMES_NS):
-            writer.add(Frame(time_ns, grey(i), grey(100 + i) if sensor == "stereo" else None))
+            writer.add(Frame(time_ns, gray(i), gray(100 + i) if sensor == "stereo" else None))
         writer.set_groundtruth(trajectory([999.9, 1000.15, 1000.4]))
     return PreparedSequence.open(path)
 
@@ -44,7 +44,7 @@ def test_tum_comes_back_as_it_was(tmp_path: Path) -> None:
     assert len(reader) == len(sequence)
     for mine, theirs in zip(sequence, reader, strict=True):
         assert mine.timestamp_ns == theirs.timestamp_ns
-        assert np.array_equal(mine.grey, theirs.grey)
+        assert np.array_equal(mine.gray, theirs.gray)
         assert np.array_equal(mine.second, theirs.second)
     assert np.allclose(reader.trajectory().rows(), sequence.groundtruth().rows(), atol=1e-6)
 
@@ -56,7 +56,7 @@ def test_kitti_comes_back_with_its_camera(tmp_path: Path) -> None:
     assert reader.camera() == CAMERA and len(reader) == 4
     for mine, theirs in zip(sequence, reader, strict=True):
         assert mine.timestamp_ns - TIMES_NS[0] == theirs.timestamp_ns
-        assert np.array_equal(mine.grey, theirs.grey)
+        assert np.array_equal(mine.gray, theirs.gray)
         assert np.array_equal(mine.second, theirs.second)
     found = reader.trajectory()
     assert found is not None
@@ -74,7 +74,7 @@ def test_euroc_keeps_times_poses_and_baseline(tmp_path: Path) -> None:
     assert truth is not None and found is not None
     assert np.allclose(found.positions_m, truth.positions_m, atol=1e-6)
     # Rectified already: the reader's own rectification moves no pixel.
-    assert np.array_equal(reader[2].grey[2:-2, 2:-2], sequence.grey(2)[2:-2, 2:-2])
+    assert np.array_equal(reader[2].gray[2:-2, 2:-2], sequence.gray(2)[2:-2, 2:-2])
 
 
 @pytest.mark.parametrize("sensor", ["mono", "rgbd", "stereo"])
@@ -93,7 +93,7 @@ def test_a_bag_comes_back_as_it_was(tmp_path: Path, sensor: str) -> None:
         assert len(reader) == len(sequence) == 4
         for mine, theirs in zip(sequence, reader, strict=True):
             assert mine.timestamp_ns == theirs.timestamp_ns
-            assert np.array_equal(mine.grey, theirs.grey)
+            assert np.array_equal(mine.gray, theirs.gray)
             assert (mine.second is None) == (theirs.second is None)
             assert mine.second is None or np.array_equal(mine.second, theirs.second)
         truth, found = sequence.groundtruth(), reader.trajectory()
@@ -124,7 +124,7 @@ def test_a_bag_says_what_its_cameras_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("unit_m", "encoding"), [(0.0002, "32FC1"), (0.001, "16UC1")])
-def test_depth_is_in_metres_or_in_whole_millimetres(
+def test_depth_is_in_meters_or_in_whole_millimeters(
     tmp_path: Path, unit_m: float, encoding: str
 ) -> None:
     with PreparedWriter(
@@ -132,15 +132,15 @@ def test_depth_is_in_metres_or_in_whole_millimetres(
         fps=10.0, camera=CAMERA, depth_unit_m=unit_m,
     ) as writer:  # fmt: skip
         steps = np.arange(WIDTH * HEIGHT, dtype=np.uint16).reshape(HEIGHT, WIDTH) * 21
-        writer.add(Frame(TIMES_NS[0], grey(0), steps))
+        writer.add(Frame(TIMES_NS[0], gray(0), steps))
     sequence = PreparedSequence.open(tmp_path / "prepared")
     folder = export(sequence, "mcap", tmp_path / "out")
     found = messages(folder)
     (image,) = found["/camera/depth/image_raw"]
     assert image.encoding == encoding and GROUNDTRUTH not in found
     if encoding == "32FC1":
-        metres = image.data.view("<f4").reshape(HEIGHT, WIDTH)
-        assert np.isnan(metres[0, 0]) and metres[0, 5] == pytest.approx(105 * unit_m)
+        meters = image.data.view("<f4").reshape(HEIGHT, WIDTH)
+        assert np.isnan(meters[0, 0]) and meters[0, 5] == pytest.approx(105 * unit_m)
     topics = {"first_topic": TOPICS["rgbd"][0], "second_topic": TOPICS["rgbd"][1]}
     reader = load_reader("bag")(folder, options("rgbd", depth_unit_m=unit_m, extra=topics))
     (frame,) = reader
@@ -180,7 +180,7 @@ def test_a_part_has_its_frames_its_rate_and_no_truth(tmp_path: Path, layout: str
     assert [frame.timestamp_ns for frame in reader] == [
         int(folder_times_ns(sequence, layout)[i]) for i in (1, 3)
     ]
-    assert np.array_equal(reader[1].grey[2:-2, 2:-2], sequence.grey(3)[2:-2, 2:-2])
+    assert np.array_equal(reader[1].gray[2:-2, 2:-2], sequence.gray(3)[2:-2, 2:-2])
     names = {path.name for path in folder.rglob("*")}
     assert not names & {"poses.txt", "groundtruth.txt", "state_groundtruth_estimate0"}
     if layout == "euroc":

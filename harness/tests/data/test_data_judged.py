@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from data_samples import depth, grey, one_line, tum_recipe, write_tum
+from data_samples import depth, gray, one_line, tum_recipe, write_tum
 
 from slambed.data.catalog import Catalog
 from slambed.data.prepared import PreparedSequence
@@ -39,13 +39,13 @@ def refused(home: Path) -> str:
 
 
 def retime(walk: Path, times: list[str], poses: list[str] | None = None) -> None:
-    """Other times for the first frames of colour and depth, and for poses."""
+    """Other times for the first frames of color and depth, and for poses."""
     names = sorted(file.name for file in (walk / "rgb").iterdir())
     for kind in ("rgb", "depth"):
         (walk / kind).rename(walk / f"{kind}.old")
         (walk / kind).mkdir()
         for i in range(len(times)):
-            picture = grey(i) if kind == "rgb" else depth(i)
+            picture = gray(i) if kind == "rgb" else depth(i)
             cv2.imwrite(str(walk / kind / names[i]), picture)
         rows = [f"{time} {kind}/{name}" for time, name in zip(times, names, strict=False)]
         (walk / f"{kind}.txt").write_text("\n".join(rows) + "\n")
@@ -158,7 +158,7 @@ def test_lists_in_any_encoding_with_headers_and_commas(
 
 
 def test_a_zero_byte_is_no_text(walk: Path, tmp_path: Path) -> None:
-    (walk / "rgb.txt").write_text("# colour\n12.0 rgb/\0.png\n")
+    (walk / "rgb.txt").write_text("# color\n12.0 rgb/\0.png\n")
     assert "rgb.txt:2: a zero byte, which no text has" in refused(tmp_path)
 
 
@@ -181,8 +181,8 @@ def test_bytes_behind_the_end_of_a_picture(walk: Path, tmp_path: Path) -> None:
     png.write_bytes(png.read_bytes() + b"\r\n" + bytes(100))
     before = prepare(tmp_path)[0].checksum
     jpeg = sorted((walk / "rgb").iterdir())[1]
-    good = cv2.imencode(".jpg", grey(1))[1].tobytes()
-    small = cv2.imencode(".jpg", grey(1)[:16, :16])[1].tobytes()
+    good = cv2.imencode(".jpg", gray(1))[1].tobytes()
+    small = cv2.imencode(".jpg", gray(1)[:16, :16])[1].tobytes()
     exif = b"\xff\xe1" + (len(small) + 2).to_bytes(2, "big") + small
     jpeg.write_bytes(good[:2] + exif + good[2:])
     whole = prepare(tmp_path)[0].checksum
@@ -194,17 +194,17 @@ def test_bytes_behind_the_end_of_a_picture(walk: Path, tmp_path: Path) -> None:
 
 def test_pictures_of_sixteen_bits_need_a_range(walk: Path, tmp_path: Path) -> None:
     for i, file in enumerate(sorted((walk / "rgb").iterdir())):
-        cv2.imwrite(str(file), 500 + 10 * grey(i).astype(np.uint16))
+        cv2.imwrite(str(file), 500 + 10 * gray(i).astype(np.uint16))
     assert "a picture of 16 bits with values 500 to 3050" in refused(tmp_path)
-    tum_recipe(tmp_path / "datasets", reader_options="{grey_range: [500, 3050]}")
-    assert np.array_equal(prepare(tmp_path)[0].grey(1), grey(1))
-    tum_recipe(tmp_path / "datasets", reader_options="{grey_range: [3050, 500]}")
-    assert "grey_range must be two numbers, the lower one first" in refused(tmp_path)
+    tum_recipe(tmp_path / "datasets", reader_options="{gray_range: [500, 3050]}")
+    assert np.array_equal(prepare(tmp_path)[0].gray(1), gray(1))
+    tum_recipe(tmp_path / "datasets", reader_options="{gray_range: [3050, 500]}")
+    assert "gray_range must be two numbers, the lower one first" in refused(tmp_path)
 
 
 def test_pixels_are_those_of_the_sensor_whatever_exif_says(walk: Path, tmp_path: Path) -> None:
     file = sorted((walk / "rgb").iterdir())[0]
-    plain = cv2.imencode(".jpg", grey(0))[1].tobytes()
+    plain = cv2.imencode(".jpg", gray(0))[1].tobytes()
     turned = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
     file.write_bytes(plain)
     before = prepare(tmp_path)[0].checksum
@@ -218,7 +218,7 @@ def test_depth_of_another_size_is_to_be_aligned(walk: Path, tmp_path: Path) -> N
     for file in (walk / "depth").iterdir():
         cv2.imwrite(str(file), np.full((40, 80), 1000, np.uint16))
     line = refused(tmp_path)
-    assert "depth of 80x40 pixels, the first camera has 64x48; align depth to colour" in line
+    assert "depth of 80x40 pixels, the first camera has 64x48; align depth to color" in line
 
 
 def test_a_wrong_unit_of_depth_names_the_largest_value(walk: Path, tmp_path: Path) -> None:
@@ -237,10 +237,10 @@ def test_distortion_of_four_five_and_eight_numbers(walk: Path, tmp_path: Path) -
     four = with_camera("distortion: [0.1, 0.2, 0.001, 0.002]")
     five = with_camera("distortion: [0.1, 0.2, 0.001, 0.002, 0]")
     assert four.info.camera.distortion == (0.1, 0.2, 0.001, 0.002, 0)
-    assert four.checksum == five.checksum and np.array_equal(four.grey(1), grey(1))
+    assert four.checksum == five.checksum and np.array_equal(four.gray(1), gray(1))
     eight = with_camera("distortion: [0.1, 0.2, 0.001, 0.002, 0, 0.3, 0, 0]")
     assert eight.info.camera.distortion == (0, 0, 0, 0, 0)
-    assert not np.array_equal(eight.grey(1), grey(1))
+    assert not np.array_equal(eight.gray(1), gray(1))
     tum_recipe(tmp_path / "datasets", camera=CAMERA.format(more="distortion: [1, 2, 3]"))
     with pytest.raises(SlambedError, match="3 numbers of radial-tangential distortion; expected"):
         Catalog.load(tmp_path / "datasets", [tmp_path / "data"]).get("tiny_tum")
@@ -260,8 +260,8 @@ def test_a_fisheye_lens_is_taken_out_and_others_are_refused_by_name(
     coefficients = np.array([0.1, 0.01, 0, 0])
     x, y = cv2.fisheye.distortPoints((pixel - [31.5, 23.5]) / 50, matrix, coefficients)[0, 0]
     column, row = int(x), int(y)
-    found = float(sequence.grey(1)[30, 41])
-    around = grey(1)[row : row + 2, column : column + 2]
+    found = float(sequence.gray(1)[30, 41])
+    around = gray(1)[row : row + 2, column : column + 2]
     assert around.min() - 1 <= found <= around.max() + 1
     assert set(np.unique(sequence.second(1))) <= {0, *np.unique(depth(1))}
     tum_recipe(tmp_path / "datasets", camera=CAMERA.format(more=fisheye.format(model="fov")))

@@ -14,7 +14,7 @@ from data_samples import (
     WIDTH,
     depth,
     flip,
-    grey,
+    gray,
     one_line,
     trajectory,
     write_prepared,
@@ -30,7 +30,7 @@ def test_round_trip(tmp_path: Path) -> None:
     sequence = write_prepared(tmp_path / "s")
     sequence.verify(full=True)
     assert len(sequence) == 4
-    assert np.array_equal(sequence.grey(3), grey(3))
+    assert np.array_equal(sequence.gray(3), gray(3))
     assert np.array_equal(sequence[0].second, depth(0))
     assert sequence[3].timestamp_ns == 1_000_300_000_000
     assert sequence.times_s == pytest.approx([0, 0.1, 0.2, 0.3])
@@ -44,7 +44,7 @@ def test_layout_is_the_documented_one(tmp_path: Path) -> None:
     write_prepared(tmp_path / "s")
     block = (tmp_path / "s/frames.bin").read_bytes()[3 * 12288 : 4 * 12288]
     pixels = WIDTH * HEIGHT
-    assert block[:pixels] == grey(3).tobytes()
+    assert block[:pixels] == gray(3).tobytes()
     assert block[pixels : 3 * pixels] == depth(3).astype("<u2").tobytes()
     assert set(block[3 * pixels :]) == {0}
     index = (tmp_path / "s/index.bin").read_bytes()
@@ -107,7 +107,7 @@ def writer(path: Path) -> PreparedWriter:
 
 def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), writer(tmp_path / "s") as open_writer:
-        open_writer.add(Frame(0, grey(0), depth(0)))
+        open_writer.add(Frame(0, gray(0), depth(0)))
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
 
@@ -115,13 +115,13 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("frame", "told"),
     [
-        (Frame(5, grey(1), depth(1)), "not later"),
-        (Frame(9, grey(1, 32, 32), depth(1)), "32x32, not 64x48"),
+        (Frame(5, gray(1), depth(1)), "not later"),
+        (Frame(9, gray(1, 32, 32), depth(1)), "32x32, not 64x48"),
     ],
 )
 def test_a_bad_frame_is_refused(tmp_path: Path, frame: Frame, told: str) -> None:
     with pytest.raises(SlambedError) as error, writer(tmp_path / "s") as open_writer:
-        open_writer.add(Frame(5, grey(0), depth(0)))
+        open_writer.add(Frame(5, gray(0), depth(0)))
         open_writer.add(frame)
     assert told in one_line(error)
     assert list(tmp_path.iterdir()) == []

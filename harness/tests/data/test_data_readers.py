@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from data_samples import CAMERA, HEIGHT, WIDTH, depth, grey, one_line, write_tum
+from data_samples import CAMERA, HEIGHT, WIDTH, depth, gray, one_line, write_tum
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -58,18 +58,18 @@ def test_tum(tmp_path: Path) -> None:
     frames = list(reader)
     assert len(reader) == len(frames) == 5  # one depth image is missing
     assert frames[0].timestamp_ns == 1305031102_175304000
-    assert np.array_equal(frames[3].grey, grey(4))
+    assert np.array_equal(frames[3].gray, gray(4))
     assert np.array_equal(frames[3].second, depth(4))
     truth = reader.trajectory()
     assert truth is not None and len(truth) == 6
 
 
-def test_tum_with_one_camera_takes_every_colour_image(tmp_path: Path) -> None:
+def test_tum_with_one_camera_takes_every_color_image(tmp_path: Path) -> None:
     folder = write_tum(tmp_path / "t")
     (folder / "depth.txt").unlink()
     reader = load_reader("tum")(folder, options(sensor="mono", groundtruth="groundtruth.txt"))
     assert len(reader) == 6 and all(frame.second is None for frame in reader)
-    assert np.array_equal(reader[2].grey, grey(2)) and reader.trajectory() is not None
+    assert np.array_equal(reader[2].gray, gray(2)) and reader.trajectory() is not None
     assert not any("depth" in str(file) for file in reader.files())
 
 
@@ -99,7 +99,7 @@ def test_a_bad_image_is_named(tmp_path: Path, kind: str) -> None:
         case "missing":
             victim.unlink()
         case "8 bit":
-            cv2.imwrite(str(victim), grey(0))
+            cv2.imwrite(str(victim), gray(0))
         case "size":
             cv2.imwrite(str(victim), np.ones((10, 10), dtype=np.uint16))
     with pytest.raises(SlambedError) as error:
@@ -110,7 +110,7 @@ def test_a_bad_image_is_named(tmp_path: Path, kind: str) -> None:
 def write_seven_scenes(folder: Path) -> None:
     folder.mkdir()
     for i in range(3):
-        cv2.imwrite(str(folder / f"frame-{i:06}.color.png"), grey(i))
+        cv2.imwrite(str(folder / f"frame-{i:06}.color.png"), gray(i))
         plane = depth(i, unit_m=0.001)
         plane[1] = 65535  # no measurement
         cv2.imwrite(str(folder / f"frame-{i:06}.depth.png"), plane)
@@ -160,7 +160,7 @@ def write_kitti(root: Path, right: bool = True) -> Path:
     for side in (0, 1) if right else (0,):
         (folder / f"image_{side}").mkdir(parents=True)
         for i in range(3):
-            cv2.imwrite(str(folder / f"image_{side}/{i:06}.png"), grey(10 * side + i))
+            cv2.imwrite(str(folder / f"image_{side}/{i:06}.png"), gray(10 * side + i))
     (folder / "times.txt").write_text("0.0\n1.038752e-01\n2.079e-01\n")
     p0 = "700 0 31 0 0 700 23 0 0 0 1 0"
     (folder / "calib.txt").write_text(f"P0: {p0}\nP1: {p0.replace('31 0', '31 -380')}\n")
@@ -176,7 +176,7 @@ def test_kitti(tmp_path: Path) -> None:
     assert reader.size() == (WIDTH, HEIGHT)
     assert (reader.camera().fx, reader.camera().cx, reader.camera().bf) == (700, 31, 380)
     assert frames[1].timestamp_ns == 103_875_200
-    assert np.array_equal(frames[2].second, grey(12))
+    assert np.array_equal(frames[2].second, gray(12))
     truth = reader.trajectory()
     assert truth is not None and len(truth) == 3 and truth.positions_m[2, 2] == 2
 
@@ -302,7 +302,7 @@ def write_euroc(root: Path) -> Path:
         rows = [f"{stamp},{stamp}.png" for stamp in stamps]
         (folder / "data.csv").write_text("#timestamp [ns],filename\n" + "\n".join(rows) + "\n")
         for stamp in stamps:
-            cv2.imwrite(str(folder / f"data/{stamp}.png"), grey(1, 752, 480))
+            cv2.imwrite(str(folder / f"data/{stamp}.png"), gray(1, 752, 480))
     truth = root / "mav0/state_groundtruth_estimate0"
     truth.mkdir()
     (truth / "data.csv").write_text("#t,x,y,z,qw,qx,qy,qz\n1403636579763555584,1,2,3,1,0,0,0,9\n")
@@ -320,7 +320,7 @@ def test_euroc_rectifies_to_the_camera_orb_slam2_uses(tmp_path: Path) -> None:
     own = load_reader("euroc")(folder, options(sensor="stereo", camera=None)).camera()
     assert own.fx == pytest.approx(435, abs=25) and own.bf / own.fx == pytest.approx(0.11, abs=1e-3)
     frames = list(reader)
-    assert len(frames) == 2 and frames[0].grey.shape == (480, 752)
+    assert len(frames) == 2 and frames[0].gray.shape == (480, 752)
     assert frames[0].timestamp_ns == 1403636579763555584
     truth = reader.trajectory()
     assert truth is not None
@@ -344,7 +344,7 @@ def test_euroc_with_one_camera(tmp_path: Path) -> None:
     shutil.rmtree(folder / "mav0/cam1")
     reader = euroc(folder, sensor="mono")
     frame = reader[0]
-    assert frame.second is None and frame.grey.shape == (480, 752)
+    assert frame.second is None and frame.gray.shape == (480, 752)
     assert (reader.camera().fx, reader.camera().cx, reader.camera().bf) == (458.654, 367.215, 0)
     # cam0 stays as it is turned on the body, without the turn of a rectification.
     assert reader.trajectory().positions_m[0] == pytest.approx([0.97836, 1.93532, 3.00981], 1e-4)
@@ -384,7 +384,7 @@ def test_an_equidistant_rig_is_rectified_by_its_model(tmp_path: Path) -> None:
         file = folder / "mav0" / name / "sensor.yaml"
         file.write_text(file.read_text() + "distortion_model: equidistant\n")
     reader = euroc(folder)
-    assert not np.array_equal(reader[0].grey, plain.grey)
+    assert not np.array_equal(reader[0].gray, plain.gray)
     left, right = (sensor.lens for sensor in reader._sensors)
     poses = [sensor.pose for sensor in reader._sensors]
     point = np.array([0.3, -0.2, 3.0])  # seen from cam0
@@ -463,7 +463,7 @@ def ros_image(store: Any, ns: int, plane: np.ndarray[Any, Any], encoding: str) -
 
 
 def write_bag(path: Path, kind: str) -> Path:
-    """Colour as rgb8, depth as metres; a depth image comes before its colour image once."""
+    """Color as rgb8, depth as meters; a depth image comes before its color image once."""
     store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
     if kind == "ros1":
         writer: Any = Writer1(path)
@@ -472,15 +472,15 @@ def write_bag(path: Path, kind: str) -> Path:
         writer = Writer2(path, version=9, storage_plugin=plugin)
     with writer:
         image = "sensor_msgs/msg/Image"
-        colour = writer.add_connection("/rgb", image, typestore=store)
-        metres = writer.add_connection("/depth", image, typestore=store)
+        color = writer.add_connection("/rgb", image, typestore=store)
+        meters = writer.add_connection("/depth", image, typestore=store)
         for i in range(4):
             ns = 50_000_000_000 + i * 33_000_000
-            rgb = np.repeat(grey(i)[:, :, None], 3, axis=2)
+            rgb = np.repeat(gray(i)[:, :, None], 3, axis=2)
             plane = depth(i).astype(np.float32) * np.float32(0.0002)
             plane[plane == 0] = np.nan
-            pair = [(colour, ros_image(store, ns, rgb, "rgb8"))]
-            pair.insert(0 if i == 2 else 1, (metres, ros_image(store, ns + 500, plane, "32FC1")))
+            pair = [(color, ros_image(store, ns, rgb, "rgb8"))]
+            pair.insert(0 if i == 2 else 1, (meters, ros_image(store, ns + 500, plane, "32FC1")))
             for k, (connection, message) in enumerate(pair):
                 serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
                 writer.write(connection, ns + k, serialize(message, image))
@@ -498,7 +498,7 @@ def test_bags(tmp_path: Path, kind: str) -> None:
     assert len(reader) == len(frames) == 4
     assert [f.timestamp_ns for f in frames] == [50_000_000_000 + i * 33_000_000 for i in range(4)]
     for i, frame in enumerate(frames):
-        assert np.array_equal(frame.grey, grey(i))
+        assert np.array_equal(frame.gray, gray(i))
         assert np.array_equal(frame.second, depth(i))
 
 

@@ -56,7 +56,7 @@ def test_a_camera_path_comes_with_the_checkout(tmp_path: Path) -> None:
     assert 85 < poses.stamps_s[-1] - poses.stamps_s[0] < 90
     text = PATH.read_text()
     assert "CC BY 4.0" in text and "Sturm" in text and "thinned" in text
-    assert "CC BY 4.0" in catalog.get("synthetic_fr3_path").licence
+    assert "CC BY 4.0" in catalog.get("synthetic_fr3_path").license
 
 
 @pytest.mark.recordings

@@ -139,7 +139,7 @@ def write_recipe(folder: Path, options: str) -> None:
     (folder / "gen.yaml").write_text(f"id: gen\ntitle: G\nfps: 5\nsynthetic: {{ {options} }}\n")
 
 
-def test_a_generated_dataset_is_prepared_through_the_catalogue(tmp_path: Path) -> None:
+def test_a_generated_dataset_is_prepared_through_the_catalog(tmp_path: Path) -> None:
     write_recipe(tmp_path / "datasets", "trajectory: still, seconds: 0.4, seed: 2")
     catalog = Catalog.load(tmp_path / "datasets", [tmp_path / "data"])
     sequence = catalog.prepare("gen", tmp_path / "cache")

@@ -17,7 +17,7 @@ from virtual_parts import EXPERIMENT, make_sequence, needs_programs, write_exper
 
 from slambed.commands.explain import choose_window
 from slambed.errors import ExitCode, SlambedError
-from slambed.explain.picture import LOSS_COLOUR, STATE_COLOURS, Window, figure_of
+from slambed.explain.picture import LOSS_COLOR, STATE_COLORS, Window, figure_of
 from slambed.explain.run_log import RunLog, read_run
 from slambed.explain.story import story
 
@@ -89,7 +89,7 @@ def test_losses_and_states_are_where_they_happened(offloaded: RunLog, figure: Fi
     for axes in figure.axes:
         dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
         assert [line.get_xdata()[0] for line in dashed] == losses
-        assert {line.get_color() for line in dashed} == {LOSS_COLOUR}
+        assert {line.get_color() for line in dashed} == {LOSS_COLOR}
     top = figure.axes[0]
     assert names(top) == [
         "tracking", "dropped frames", "keyframes", "updates applied", "declined"
@@ -98,7 +98,7 @@ def test_losses_and_states_are_where_they_happened(offloaded: RunLog, figure: Fi
     states = offloaded.of("frame_tracked")["state"]
     changes = states[states != states.shift()]
     assert [to_hex(c.get_facecolor()[0]).upper() for c in strips] == [
-        STATE_COLOURS[state].upper() for state in changes
+        STATE_COLORS[state].upper() for state in changes
     ]
     lost_from = strips[list(changes).index("lost")].get_paths()[0].vertices[:, 0].min()
     assert lost_from == pytest.approx(losses[0])

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 
-from slambed.explain.picture import LANE_IN, MORE_LANE, REST_COLOUR, Window, figure_of
+from slambed.explain.picture import LANE_IN, MORE_LANE, REST_COLOR, Window, figure_of
 from slambed.explain.run_log import RunLog
 from slambed.explain.story import story
 from slambed.explain.updates import Rest, rests, staged_updates
@@ -150,7 +150,7 @@ def test_rests_are_a_strip_from_loss_to_recovery(states: Axes) -> None:
         for marks in states.collections
         if isinstance(marks, PolyCollection) and len(marks.get_paths()) == 2
     ]
-    assert to_hex(strip.get_facecolor()[0]) == REST_COLOUR
+    assert to_hex(strip.get_facecolor()[0]) == REST_COLOR
 
 
 def test_the_lanes_of_staged_updates_come_with_their_room(run: RunLog) -> None:

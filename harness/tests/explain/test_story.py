@@ -63,7 +63,7 @@ def test_how_a_run_ended_and_why_not_to_trust_it_is_told() -> None:
         "the system timed out: no frame for 30 s",
         "not to be trusted: RTT error 9 ms",
         "attempt 3, the earlier ones were not to be trusted",
-        "steal: neighbours took 4.2 % of this host's CPU time",
+        "steal: neighbors took 4.2 % of this host's CPU time",
     ]
 
 
@@ -86,9 +86,9 @@ def stalled_run(steal_s: float, **standing: Any) -> RunLog:
 def test_a_stall_is_told_with_the_steal_beside_it() -> None:
     lines = story(stalled_run(0.5))
     told = "the host stalled the mobile node for 150 ms at 10.00 s"
-    assert f"{told}, while neighbours had 25 % of a processor (steal)" in lines
+    assert f"{told}, while neighbors had 25 % of a processor (steal)" in lines
     (loss,) = [line for line in lines if line.startswith("track lost")]
-    assert "neighbours had 25 % of a processor (steal)" in loss
+    assert "neighbors had 25 % of a processor (steal)" in loss
     quiet = story(stalled_run(0.0))
     assert told in quiet and not any("steal" in line for line in quiet)
     assert not any("stalled" in line for line in story(stalled_run(0.0, virtual=True)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages through the modelled link, and the same ones through the relay."""
+"""Messages through the modeled link, and the same ones through the relay."""
 
 import json
 import os
@@ -48,7 +48,7 @@ def test_an_idle_connection_starts_slowly_again() -> None:
     assert busy < first - 80.0
 
 
-def test_a_rate_serialises() -> None:
+def test_a_rate_serializes() -> None:
     (took,) = virtual_ms(bench_profile(0.25, 10.0), Trace.of((640_000,), 1))
     packets = 640_000 / SEGMENT
     wire_bytes = 640_000 + packets * 52

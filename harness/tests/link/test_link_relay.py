@@ -127,7 +127,7 @@ def test_same_seed_same_drops(ends: Ends, tmp_path: Path) -> None:
 
 @again_when_late
 def test_tcp_knows_the_rtt_although_the_receiver_is_slow(ends: Ends, tmp_path: Path) -> None:
-    """An answer 35 ms late would carry the acknowledgement, and tcpi_rtt would be 55 ms."""
+    """An answer 35 ms late would carry the acknowledgment, and tcpi_rtt would be 55 ms."""
     with start(ends, tmp_path, 20, probe_hz=0):
         server = inside(ends[1], lambda: socket.create_server(("10.77.0.2", 4711)))
         client = inside(ends[0], lambda: socket.create_connection(("10.77.0.2", 4711), 5))

@@ -45,7 +45,7 @@ def test_the_true_offset_is_within_the_error_however_unequal_the_ways_are(
         found = compare(exchanges(offset_ns, up_ms, down_ms, random.Random(seed)), "udp")
         assert abs(found.offset_ns - offset_ns) <= found.error_ns
         assert found.exchanges == 40
-        assert found.travelled_us_min >= 1e3 * (up_ms + down_ms)
+        assert found.traveled_us_min >= 1e3 * (up_ms + down_ms)
 
 
 def test_what_is_symmetric_is_known_far_better_than_the_error_says_and_what_is_not_is_not() -> None:
@@ -79,7 +79,7 @@ def test_a_clock_that_is_set_in_the_middle_is_no_measurement() -> None:
 def comparison(at_s: float, offset_ns: int, error_ns: int = 1000) -> ClockComparison:
     return ClockComparison(
         at_ns=round(at_s * S), offset_ns=offset_ns, error_ns=error_ns, exchanges=40,
-        travelled_us_min=2.0, over="udp",
+        traveled_us_min=2.0, over="udp",
     )  # fmt: skip
 
 

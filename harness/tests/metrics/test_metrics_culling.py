@@ -12,7 +12,7 @@ from results_factory import RawRun, spec_of, write_raw
 
 from slambed.errors import SlambedError
 from slambed.metrics.culling import Culling, culling_of, widened
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 from slambed.segment.frame_file import MASKS, encode_frames
 from slambed.segment.instances import Instance, Mask, Segmented
 from slambed.segment.mask_cache import LABELS_FILE, LABELS_KEY, encode_frame
@@ -86,10 +86,10 @@ def test_a_summary_has_them_where_the_sequence_has_labels(sequence: Path, tmp_pa
     spec["params"] = {"mask_border_px": BORDER_PX, "record_culling": True}
     run = json.loads((raw / "run.json").read_text()) if (raw / "run.json").exists() else {}
     (raw / "run.json").write_text(json.dumps(run | {"sequence": str(sequence)}))
-    assert summarise_run(raw, spec)["cull_recall"] is None
+    assert summarize_run(raw, spec)["cull_recall"] is None
     with (raw / "mobile" / "events.jsonl").open("a") as events:
         events.write(json.dumps(told(0, "15 15 ", "10 10 0 0 ") | {"t_ns": 1}) + "\n")
-    found = summarise_run(raw, spec)
+    found = summarize_run(raw, spec)
     assert (found["cull_recall"], found["cull_precision"]) == (0.5, 0.5)
     (sequence / LABELS_FILE).unlink()
-    assert summarise_run(raw, spec)["cull_recall"] is None
+    assert summarize_run(raw, spec)["cull_recall"] is None

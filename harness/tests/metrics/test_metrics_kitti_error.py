@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from slambed.data.trajectory import EMPTY, Trajectory
 from slambed.metrics.kitti_error import kitti_error
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 
 
-def drive(metres: int, scale: float = 1.0, deg_per_m: float = 0.0) -> Trajectory:
-    """Straight on, a metre a pose; an estimate that turns drives an arc."""
-    x_m = np.arange(metres + 1.0)
+def drive(meters: int, scale: float = 1.0, deg_per_m: float = 0.0) -> Trajectory:
+    """Straight on, a meter a pose; an estimate that turns drives an arc."""
+    x_m = np.arange(meters + 1.0)
     turns = Rotation.from_rotvec(np.column_stack([0 * x_m, 0 * x_m, np.radians(deg_per_m) * x_m]))
     step = turns.apply(np.tile([scale, 0.0, 0.0], (len(x_m), 1)))
     positions = np.vstack([np.zeros(3), np.cumsum(step[:-1], axis=0)])
@@ -25,13 +25,13 @@ def drive(metres: int, scale: float = 1.0, deg_per_m: float = 0.0) -> Trajectory
 def test_a_path_that_is_too_long_by_a_share_is_off_by_that_share() -> None:
     found = kitti_error(drive(1000, scale=1.02), drive(1000))
     assert found is not None
-    # A part ends at the first pose behind its length, a metre farther: 101 m for 100.
+    # A part ends at the first pose behind its length, a meter farther: 101 m for 100.
     assert found.translation_percent == pytest.approx(2.0, rel=0.02)
     assert found.rotation_deg_per_m == pytest.approx(0.0, abs=1e-9)
     assert not found.short
 
 
-def test_an_estimate_that_turns_is_off_by_its_angle_per_metre() -> None:
+def test_an_estimate_that_turns_is_off_by_its_angle_per_meter() -> None:
     found = kitti_error(drive(300, deg_per_m=0.01), drive(300))
     assert found is not None
     assert found.rotation_deg_per_m == pytest.approx(0.01, rel=0.02)
@@ -76,7 +76,7 @@ def test_numbers_of_short_paths_have_keys_of_their_own(
     seconds: float, short: bool, tmp_path: Path
 ) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(duration_s=seconds))
-    found = summarise_run(raw, spec_of("edgeslam", "static", "ramp_85", 0))
+    found = summarize_run(raw, spec_of("edgeslam", "static", "ramp_85", 0))
     for asked in ("rte_percent", "rre_deg_per_m"):
         assert (found[asked] is None) == short
         other = asked.replace("_", "_short_", 1)

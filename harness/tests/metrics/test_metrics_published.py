@@ -22,7 +22,7 @@ from slambed.metrics.accuracy import (
 from slambed.metrics.device_share import device_cores
 from slambed.metrics.loss_times import in_window, loss_times_of, loss_times_text
 from slambed.metrics.reference_path import error_to_reference, reference_of
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
 from slambed.sampling.record import GrantedLimits, NodeLimits
@@ -42,7 +42,7 @@ def straight(count: int = 50, offset_m: float = 0.0, growth_m: float = 0.0) -> T
 
 def test_cpu_is_told_as_share_of_the_whole_device(tmp_path: Path) -> None:
     granted = {"limits": {"mobile": {"granted": {"quota_cores": 2.0}}}}
-    found = summarise_run(write_raw(tmp_path / "raw", RawRun(manifest=granted)), EDGE_SPEC)
+    found = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=granted)), EDGE_SPEC)
     assert found["mobile_cores"] == 2.0
     assert found["mobile_cpu_device_percent"] == found["mobile_cpu_percent_mean"] / 2
 
@@ -61,18 +61,18 @@ def test_the_cores_are_the_models_or_the_quota_granted() -> None:
 
 
 def test_both_directions_of_the_link_count(tmp_path: Path) -> None:
-    found = summarise_run(write_raw(tmp_path / "raw", RawRun()), EDGE_SPEC)
+    found = summarize_run(write_raw(tmp_path / "raw", RawRun()), EDGE_SPEC)
     bits = 8 * (found["bytes_up"] + found["bytes_down"])
     assert found["link_mbit_s"] == pytest.approx(bits / 1e6 / found["wall_s"])
     assert found["link_mbit_s"] > 8e-6 * found["bytes_up"] / found["wall_s"]
     alone = write_raw(tmp_path / "alone", RawRun(edge=False))
-    assert summarise_run(alone, spec_of("orbslam2", "default", None, 0))["link_mbit_s"] is None
+    assert summarize_run(alone, spec_of("orbslam2", "default", None, 0))["link_mbit_s"] is None
 
 
 def test_the_pause_is_what_the_program_tells_and_nothing_else(tmp_path: Path) -> None:
     """t_mu_ms also holds what a parallel update does beside tracking."""
     raw = write_raw(tmp_path / "raw", RawRun())
-    assert summarise_run(raw, EDGE_SPEC)["update_pause_ms_mean"] is None
+    assert summarize_run(raw, EDGE_SPEC)["update_pause_ms_mean"] is None
     path = raw / "mobile" / "events.jsonl"
     pauses = iter(range(1, 1000))
 
@@ -81,13 +81,13 @@ def test_the_pause_is_what_the_program_tells_and_nothing_else(tmp_path: Path) ->
 
     lines = [json.dumps(told(json.loads(line))) for line in path.read_text().splitlines()]
     path.write_text("\n".join(lines) + "\n")
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["update_pause_ms_mean"] == (1 + found["updates_applied"]) / 2
 
 
 def test_losses_are_told_with_their_times(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(lost_at_s=((5.0, 6.5), (9.0, 9.5))))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     times = loss_times_of(found["loss_times_s"])
     assert times == pytest.approx([5.0, 9.0], abs=0.11)
     assert times[0] == pytest.approx(found["first_loss_s"], abs=1e-3)
@@ -107,7 +107,7 @@ def test_loss_times_come_back_from_a_table(cell: object, times: list[float]) -> 
 
 def test_the_mean_stands_beside_the_rmse(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun())
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     estimate, truth = read_tum(raw / "mobile" / "trajectory.txt"), read_tum(raw / "groundtruth.txt")
     assert found["ate_mean_m"] == absolute_error(estimate, truth).mean
     assert found["ate_mean_m"] < found["ate_rmse_m"]

@@ -86,7 +86,7 @@ def test_frames_dropped_while_an_update_held_tracking_up_are_lost_to_it() -> Non
         + [
             {"type": "update_applied", "t_ns": int(200e6), "pause_ms": 100.0},
             {"type": "update_applied", "t_ns": int(1000e6), "pause_ms": 20.0,
-             "relocalisation": True},
+             "relocalization": True},
         ]
     )  # fmt: skip
     assert frames_lost_to_updates(log) == 3
@@ -96,8 +96,8 @@ def test_frames_dropped_while_an_update_held_tracking_up_are_lost_to_it() -> Non
 
 def test_shares_of_work_and_of_updates_add_up() -> None:
     spent = {
-        "extract": 30.0, "track": 30.0, "relocalise": 10.0, "create_keyframe": 5.0,
-        "serialise": 5.0, "parse": 2.0, "insert_keyframes": 14.0, "update_reference": 1.0,
+        "extract": 30.0, "track": 30.0, "relocalize": 10.0, "create_keyframe": 5.0,
+        "serialize": 5.0, "parse": 2.0, "insert_keyframes": 14.0, "update_reference": 1.0,
         "update_last_frame": 1.0, "clean_map": 2.0, "another": 50.0,
     }  # fmt: skip
     events = [{"type": "stage", "name": name, "wall_ms": ms} for name, ms in spent.items()]

@@ -20,7 +20,7 @@ from slambed.metrics.network import rtt_proof, traffic
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.resources import resources_of
 from slambed.metrics.run_data import RunData
-from slambed.metrics.run_summary import summarise_run, summarise_with_problems
+from slambed.metrics.run_summary import summarize_run, summarize_with_problems
 from slambed.metrics.stages import delays, stage_times
 from slambed.metrics.tracking import tracking_of
 from slambed.records.kept_spec import KeptSpec
@@ -36,14 +36,14 @@ def raw(tmp_path: Path) -> Path:
 
 
 def test_a_summary_has_the_keys_of_the_list_and_the_systems_own(raw: Path) -> None:
-    assert tuple(summarise_run(raw, EDGE_SPEC)) == SUMMARY_KEYS
+    assert tuple(summarize_run(raw, EDGE_SPEC)) == SUMMARY_KEYS
     own = Library().system("dynnetslam").metrics
     spec = spec_of("dynnetslam", "wh_wsz", "ramp_85", 0)
-    assert tuple(summarise_run(raw, spec)) == (*SUMMARY_KEYS, *own)
+    assert tuple(summarize_run(raw, spec)) == (*SUMMARY_KEYS, *own)
 
 
 def test_every_metric_is_of_its_type_and_described(raw: Path) -> None:
-    found = summarise_run(raw, spec_of("dynnetslam", "wh_wsz", "ramp_85", 0))
+    found = summarize_run(raw, spec_of("dynnetslam", "wh_wsz", "ramp_85", 0))
     for item in metrics_of("dynnetslam"):
         assert item.doc, item.key
         assert item.accepts(found[item.key]), item.key
@@ -58,13 +58,13 @@ def test_the_tables_of_the_docs_are_those_of_the_list(page: str, names: tuple[st
 
 
 def test_summary_of_a_run(raw: Path) -> None:
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["outcome"] == "completed"
     assert (found["trusted"], found["distrust"]) == (True, None)
     assert found["frames_total"] == 120
     assert found["frames_tracked"] + found["frames_dropped"] == pytest.approx(100, abs=2)
     assert found["coverage"] == found["frames_tracked"] / 120
-    assert (found["track_losses"], found["relocalisations"], found["lost"]) == (2, 2, True)
+    assert (found["track_losses"], found["relocalizations"], found["lost"]) == (2, 2, True)
     assert found["first_loss_s"] == pytest.approx(5.0, abs=0.11)
     assert found["ate_rmse_m"] == pytest.approx(0.02, rel=0.15)
     assert found["ate_live_rmse_m"] == pytest.approx(0.03, rel=0.15)
@@ -89,7 +89,7 @@ def test_summary_of_a_run(raw: Path) -> None:
 
 def test_without_an_edge_there_are_no_network_figures(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(edge=False))
-    found = summarise_run(raw, spec_of("orbslam2", "default", None, 0))
+    found = summarize_run(raw, spec_of("orbslam2", "default", None, 0))
     network = [k for k in SUMMARY_KEYS if k.startswith(("rtt_", "bytes_", "edge_", "update"))]
     assert {found[key] for key in network} == {None}
     assert found["trusted"] is True
@@ -102,7 +102,7 @@ def test_one_camera_is_judged_up_to_its_scale_and_marked(
 ) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(edge=False))
     spec = spec_of("orbslam2", "default", None, 0)
-    metric = summarise_run(raw, spec)
+    metric = summarize_run(raw, spec)
     assert (metric["ate_alignment"], metric["ate_scale"]) == ("se3", 1.0)
     for name in ("trajectory.txt", "trajectory_live.txt"):
         path = raw / "mobile" / name
@@ -111,7 +111,7 @@ def test_one_camera_is_judged_up_to_its_scale_and_marked(
     sequence.mkdir()
     (sequence / "sequence.json").write_text(json.dumps({"sensor": sensor}))
     (raw / "run.json").write_text(json.dumps({"sequence": str(sequence)}))
-    found = summarise_run(raw, spec)
+    found = summarize_run(raw, spec)
     assert found["ate_alignment"] == alignment
     if sensor == "mono":
         assert found["ate_scale"] == pytest.approx(4, rel=0.01)
@@ -135,14 +135,14 @@ def test_one_camera_is_known_where_the_run_names_a_containers_folder(tmp_path: P
 
 def test_ate_leaves_out_what_was_not_tracked(raw: Path) -> None:
     """Coverage and ATE must be read together: the trajectory has no pose while lost."""
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["ate_pairs"] == found["frames_tracked"]
 
 
 @pytest.mark.parametrize("outcome", ["died", "timed_out", "refused"])
 def test_a_system_that_breaks_off_is_a_result_with_coverage_0(tmp_path: Path, outcome: str) -> None:
     change = {"outcome": outcome, "outcome_reason": "edge node: signal 9"}
-    found = summarise_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
+    found = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
     assert (found["outcome"], found["outcome_reason"]) == (outcome, "edge node: signal 9")
     assert (found["trusted"], found["not_completed"]) == (True, True)
     assert found["coverage"] == 0.0 and found["failed"] is True
@@ -154,14 +154,14 @@ def test_a_system_that_dies_before_the_first_echo_is_a_result(raw: Path) -> None
         file.unlink()
     facts = json.loads((raw / "manifest.json").read_text()) | {"outcome": "died"}
     (raw / "manifest.json").write_text(json.dumps(facts))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert (found["trusted"], found["coverage"]) == (True, 0.0)
 
 
 def test_frames_are_those_that_playback_offers(tmp_path: Path) -> None:
     """A node that is silent about half of them does not cover them."""
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"frames_offered": 240}))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["frames_total"] == 240
     assert found["coverage"] == pytest.approx(found["frames_tracked"] / 240)
 
@@ -172,13 +172,13 @@ def test_a_system_without_frame_events_is_judged_by_its_trajectory(tmp_path: Pat
     log = raw / "mobile" / "events.jsonl"
     kept = [line for line in log.read_text().splitlines() if '"frame_' not in line]
     log.write_text("\n".join(kept) + "\n")
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["frames_tracked"] == poses > 0
     assert found["coverage"] == pytest.approx(poses / 240)
 
 
 def test_an_empty_folder_measures_nothing(tmp_path: Path) -> None:
-    found, problems = summarise_with_problems(tmp_path, EDGE_SPEC)
+    found, problems = summarize_with_problems(tmp_path, EDGE_SPEC)
     measured = {k: v for k, v in found.items() if v is not None and k.startswith(("frames", "ate"))}
     assert measured == {}
     assert any("samples.jsonl" in line for line in problems)
@@ -228,11 +228,11 @@ def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
     assert row["track_ms"] == mine[0]["track_ms"]
 
 
-def test_results_can_be_summarised_from_their_parquet_files(raw: Path, tmp_path: Path) -> None:
+def test_results_can_be_summarized_from_their_parquet_files(raw: Path, tmp_path: Path) -> None:
     to_parquet(RunData(raw, KeptSpec.of(EDGE_SPEC)), tmp_path / "out")
     samples = pd.read_parquet(tmp_path / "out" / "samples.parquet")
     link = pd.read_parquet(tmp_path / "out" / "link.parquet")
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     end_s = found["wall_s"]
     assert resources_of(samples, "mobile", end_s).cpu_percent_mean == pytest.approx(
         found["mobile_cpu_percent_mean"]

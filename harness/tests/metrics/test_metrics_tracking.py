@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When tracking counts as lost, and how long relocalising takes, from the events of frames."""
+"""When tracking counts as lost, and how long relocalizing takes, from the events of frames."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from slambed.metrics.tracking import tracking_of
 
 
 def test_giving_up_a_young_map_is_a_loss() -> None:
-    states = ["not_initialised", "ok", "ok", "not_initialised", "ok", "lost", "lost"]
+    states = ["not_initialized", "ok", "ok", "not_initialized", "ok", "lost", "lost"]
     events = [
         {"t_ns": i, "type": "frame_tracked", "node": "mobile", "seq_s": float(i), "state": state}
         for i, state in enumerate(states)
@@ -33,22 +33,22 @@ def frames_of(*rows: tuple[float, str, int]) -> EventLog:
     ("rows", "expected"),
     [
         ([(0, "ok", 900), (1, "ok", 900)], None),
-        # Covered from 1 to 3; what comes then is recognised at 4.
+        # Covered from 1 to 3; what comes then is recognized at 4.
         ([(0, "ok", 900), (1, "lost", 3), (2, "lost", 3), (3, "lost", 800), (4, "ok", 900)], 1.0),
-        # Recognised at once.
+        # Recognized at once.
         ([(0, "ok", 900), (1, "lost", 3), (2, "ok", 900)], 0.0),
         # Lost with open eyes: from the loss on. The longer of two counts.
         ([(0, "ok", 900), (1, "lost", 800), (3, "ok", 900), (4, "lost", 800), (5, "ok", 9)], 2.0),
         # Never again: up to the end.
         ([(0, "ok", 900), (1, "lost", 0), (2, "lost", 900), (5, "lost", 900)], 3.0),
-        # Given up: a new map is no relocalisation.
-        ([(0, "ok", 900), (1, "lost", 900), (2, "not_initialised", 900), (3, "ok", 900)], None),
+        # Given up: a new map is no relocalization.
+        ([(0, "ok", 900), (1, "lost", 900), (2, "not_initialized", 900), (3, "ok", 900)], None),
         # Begins lost in a prior map.
         ([(0, "lost", 900), (1, "lost", 900), (2, "ok", 900)], 2.0),
         ([(0, "lost", 900), (2, "lost", 900)], 2.0),
     ],
 )
-def test_relocalisation_counts_from_when_something_is_seen(
+def test_relocalization_counts_from_when_something_is_seen(
     rows: list[tuple[float, str, int]], expected: float | None
 ) -> None:
     assert tracking_of(frames_of(*rows)).reloc_s_max == expected

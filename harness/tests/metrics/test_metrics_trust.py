@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from results_factory import RawRun, spec_of, write_raw
 
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 
 EDGE_SPEC = spec_of("edgeslam", "static", "ramp_85", 0)
 
@@ -28,7 +28,7 @@ def test_runs_under_other_circumstances_than_asked_say_why(
     tmp_path: Path, change: dict, reason: str
 ) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(manifest=change))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["trusted"] is False
     assert reason in found["distrust"]
 
@@ -39,7 +39,7 @@ def test_an_error_of_the_rtt_is_told_once(tmp_path: Path) -> None:
         "mobile: CPU quota 2 cores instead of 1",
     ]
     change = {"link": {"base_rtt_ms": 9.0}, "distrust": lines}
-    told = summarise_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
+    told = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
     assert told["distrust"].count("RTT error median") == 1 and "link: " not in told["distrust"]
     assert lines[1] in told["distrust"]
 
@@ -50,23 +50,23 @@ def test_steal_is_told_as_steal(tmp_path: Path) -> None:
     for row in rows:
         row["host_steal_s"] = 5.0 + 0.2 * max(row["t_s"], 0.0)  # of two cores: 10 %
     (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    found = summarise_run(raw, EDGE_SPEC | {"tolerances": {"host_stall_ms_max": 100.0}})
+    found = summarize_run(raw, EDGE_SPEC | {"tolerances": {"host_stall_ms_max": 100.0}})
     assert found["host_steal_percent"] == pytest.approx(10, abs=0.2)
-    assert "(steal: neighbours took 10.0 % of this host's CPU time)" in found["distrust"]
+    assert "(steal: neighbors took 10.0 % of this host's CPU time)" in found["distrust"]
 
 
 def test_a_stall_of_the_host_is_told_and_judged_where_asked(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(stall_ms=250))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["host_stall_ms_max"] == pytest.approx(250, abs=1e-6)
     assert found["trusted"] is True
     strict = EDGE_SPEC | {"tolerances": {"host_stall_ms_max": 100.0}}
-    judged = summarise_run(raw, strict)
+    judged = summarize_run(raw, strict)
     assert judged["distrust"] == "the host stalled the mobile node for 250 ms, above 100 ms"
-    calm = summarise_run(write_raw(tmp_path / "calm", RawRun()), strict)
+    calm = summarize_run(write_raw(tmp_path / "calm", RawRun()), strict)
     assert calm["host_stall_ms_max"] == pytest.approx(0, abs=1e-6)
     assert calm["trusted"] is True
-    virtual = summarise_run(raw, strict | {"engine": "virtual"})
+    virtual = summarize_run(raw, strict | {"engine": "virtual"})
     assert virtual["host_stall_ms_max"] is None
 
 
@@ -77,15 +77,15 @@ def test_waiting_for_a_processor_is_told_and_judged_where_asked(tmp_path: Path) 
         # Held back for 10 ms a second by its limits, and as long as it computed by others.
         row["run_delay_s"] = row["cpu_s"] + row["throttled_s"]
     (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["cpu_wait_share"] == pytest.approx(0.5, abs=1e-9)
     assert found["trusted"] is True
-    judged = summarise_run(raw, EDGE_SPEC | {"tolerances": {"cpu_wait_share_max": 0.4}})
+    judged = summarize_run(raw, EDGE_SPEC | {"tolerances": {"cpu_wait_share_max": 0.4}})
     assert judged["distrust"] == (
         "the mobile node waited for a processor for 50% of the time in which it wanted one, "
         "above 40%"
     )
-    assert summarise_run(raw, EDGE_SPEC | {"engine": "virtual"})["cpu_wait_share"] is None
+    assert summarize_run(raw, EDGE_SPEC | {"engine": "virtual"})["cpu_wait_share"] is None
 
 
 @pytest.mark.parametrize(("backend", "trusted"), [("relay", False), ("netem", True)])
@@ -98,17 +98,17 @@ def test_the_tail_of_the_relays_error_is_judged(
     link = {"base_rtt_ms": 0.2, "proof": proof}
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
     spec = EDGE_SPEC | {"link": EDGE_SPEC["link"] | {"backend": backend}}
-    found = summarise_run(raw, spec)
+    found = summarize_run(raw, spec)
     assert found["trusted"] is trusted
     assert (found["distrust"] == "RTT error p99 116.00 ms is above 20 ms") is not trusted
     lenient = spec | {"tolerances": {"rtt_error_ms_p99": 200.0}}
-    assert summarise_run(raw, lenient)["trusted"] is True
+    assert summarize_run(raw, lenient)["trusted"] is True
 
 
 def test_a_link_without_proof_is_not_trusted(raw: Path) -> None:
     for file in (raw / "link").iterdir():
         file.unlink()
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert found["rtt_error_ms_median"] is None
     assert "not measured" in found["distrust"]
 
@@ -119,8 +119,8 @@ def test_the_links_own_proof_is_taken(tmp_path: Path) -> None:
              "answered_share": 1.0, "error_ms_max": None, "bias_ms": None}  # fmt: skip
     link = {"base_rtt_ms": 0.2, "proof": proof}
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
-    found = summarise_run(raw, EDGE_SPEC)
+    found = summarize_run(raw, EDGE_SPEC)
     assert (found["rtt_error_ms_median"], found["rtt_asked_ms_mean"]) == (0.05, 40.0)
     told = {"link": link, "distrust": ["half of the echoes were lost"]}
     raw = write_raw(tmp_path / "raw2", RawRun(manifest=told))
-    assert summarise_run(raw, EDGE_SPEC)["distrust"] == "half of the echoes were lost"
+    assert summarize_run(raw, EDGE_SPEC)["distrust"] == "half of the echoes were lost"

@@ -13,7 +13,7 @@ from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.metrics.events import EventLog
 from slambed.metrics.reference_path import reference_errors, scored_part
 from slambed.metrics.run_data import REFERENCE_FILE
-from slambed.metrics.run_summary import summarise_run
+from slambed.metrics.run_summary import summarize_run
 
 
 def path_of(frames: int) -> Trajectory:
@@ -72,13 +72,13 @@ def test_a_trip_that_was_never_aligned_has_no_error_and_others_need_no_alignment
 def test_a_summary_has_the_error_where_the_run_has_a_reference(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(duration_s=3.0))
     spec = spec_of("orbslam2", "default", None, 0)
-    assert summarise_run(raw, spec)["reference_rmse_m"] is None
+    assert summarize_run(raw, spec)["reference_rmse_m"] is None
     live = read_tum(raw / "mobile" / "trajectory_live.txt")
     shifted = Trajectory(
         live.stamps_s, live.positions_m + np.array([0, 0, 2]), live.quaternions_xyzw
     )
     write_path(raw / REFERENCE_FILE, shifted)
-    summary = summarise_run(raw, spec)
+    summary = summarize_run(raw, spec)
     assert summary["reference_rmse_m"] == pytest.approx(2.0, abs=1e-5)
     assert summary["reference_rmse_aligned_m"] == pytest.approx(0.0, abs=1e-5)
     json.dumps(summary, allow_nan=False)

@@ -9,7 +9,7 @@ import pytest
 from results_factory import RawRun, quickstart_like, spec_of, write_experiment, write_raw
 
 from slambed.metrics.events import EventLog
-from slambed.metrics.run_summary import summarise_with_problems
+from slambed.metrics.run_summary import summarize_with_problems
 from slambed.metrics.stages import delays
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS, PART_FIELDS, update_rounds
 from slambed.report.experiment import write_report
@@ -22,7 +22,7 @@ def applied(t_ns: int = 9, **changes: Any) -> dict[str, Any]:
     parts = dict(zip(PART_FIELDS.values(), values, strict=True))
     return {
         "t_ns": t_ns, "type": "update_applied", "node": "mobile", "update": 1,
-        "newest_keyframe": 4, "relocalisation": False, "gap_keyframes": 3,
+        "newest_keyframe": 4, "relocalization": False, "gap_keyframes": 3,
         **parts, "t_total_ms": sum(parts.values()),
     } | changes  # fmt: skip
 
@@ -36,8 +36,8 @@ def test_parts_are_told_by_the_event_and_add_up() -> None:
     assert round_.gap_keyframes == 3
 
 
-def test_relocalisation_maps_and_events_without_parts_are_left_out() -> None:
-    log = EventLog([applied(relocalisation=True), applied(t_plmu_ms=None)])
+def test_relocalization_maps_and_events_without_parts_are_left_out() -> None:
+    log = EventLog([applied(relocalization=True), applied(t_plmu_ms=None)])
     assert update_rounds(log) == []
 
 
@@ -60,7 +60,7 @@ def test_summary_tells_gap_messages_and_how_far_the_parts_are_off(
         for event in (
             applied(t_total_ms=722.0 + error_ms),
             applied(gap_keyframes=0),
-            {"type": "stage", "name": "serialise_text", "wall_ms": 12.0, "node": "mobile"},
+            {"type": "stage", "name": "serialize_text", "wall_ms": 12.0, "node": "mobile"},
             {"type": "message", "message": "MAP_UPDATE", "bytes": 300_000},
         ):
             out.write(json.dumps({"t_ns": 10**9} | event) + "\n")
@@ -68,12 +68,12 @@ def test_summary_tells_gap_messages_and_how_far_the_parts_are_off(
         for size in (40_000, 44_000, 50_000):
             event = {"t_ns": 10**9, "type": "message", "message": "KEYFRAME", "bytes": size}
             out.write(json.dumps(event) + "\n")
-    summary, problems = summarise_with_problems(raw, {"device_edge": {"name": "host"}})
+    summary, problems = summarize_with_problems(raw, {"device_edge": {"name": "host"}})
     assert summary["update_gap_keyframes_mean"] == 1.5
     assert summary["update_parts_error_ms_max"] == pytest.approx(error_ms)
     assert summary["update_bytes_median"] == 300_000
     assert summary["keyframe_bytes_median"] == 44_000
-    assert summary["serialise_ms_median"] == 12.0
+    assert summary["serialize_ms_median"] == 12.0
     assert any("do not add up" in line for line in problems) == (error_ms > CLOSURE_LIMIT_MS)
 
 

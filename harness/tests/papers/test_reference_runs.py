@@ -94,7 +94,7 @@ def test_a_published_error_against_a_system_is_measured_against_its_run(
         rewrite(stored, key, shifted(first, 2.0))
     conditions = {"dataset": "room", "link": "ramp"}
     found = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
-    assert found.values == pytest.approx([200.0])  # in the paper's centimetres
+    assert found.values == pytest.approx([200.0])  # in the paper's centimeters
     without = stored.runs[~stored.runs["system"].eq("orbslam2")]
     stored.runs = without
     told = measure(paper, pool_of([stored]), "rmse", "edge", conditions)

@@ -74,7 +74,7 @@ def test_a_torn_or_foreign_manifest_is_none(tmp_path: Path, text: str) -> None:
 
 def test_a_manifest_of_another_version_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
     path = tmp_path / "manifest.json"
-    path.write_text('{"spec": {"engine": "virtual", "colour": 3}, "mood": "fine", "cores": 2}')
+    path.write_text('{"spec": {"engine": "virtual", "color": 3}, "mood": "fine", "cores": 2}')
     found = Manifest.read(path)
     assert found is not None and found.kept.is_virtual and found.cores == 2
     assert found.as_json() == {"spec": {"engine": "virtual"}, "cores": 2}

@@ -42,7 +42,7 @@ def test_points_are_where_they_are_drawn(scale: str) -> None:
         for x, y in ((1.0, 10.0), (3.0, 100.0), (7.0, 20.0)):
             px, py = axes[1].transData.transform((x, y))
             assert shares(found, x, y) == pytest.approx((px / width, 1 - py / height), abs=1e-3)
-    assert (curve["name"], curve["colour"], curve["x"]) == ("mine", "#d55e00", [1.0, 3.0, 7.0])
+    assert (curve["name"], curve["color"], curve["x"]) == ("mine", "#d55e00", [1.0, 3.0, 7.0])
     assert (found["x"]["label"], found["y"]["scale"], found["x"]["names"]) == (
         "time [s]",
         scale,

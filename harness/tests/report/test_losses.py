@@ -76,7 +76,7 @@ def test_a_gap_is_what_an_update_took_right_before(gap: int, before_s: float, ca
 
 
 def test_a_camera_just_found_is_lost_for_want_of_fifty_inliers() -> None:
-    events = [*walk(2.0), frame(2.0, "lost"), event(2.3, "relocalised"), frame(2.3)]
+    events = [*walk(2.0), frame(2.0, "lost"), event(2.3, "relocalized"), frame(2.3)]
     first, again = losses_of(log_of(*events, frame(2.4, "lost", inliers=41)))
     assert (first.cause, again.cause) == (Cause.VIEW, Cause.JUST_FOUND)
     assert "lost again 0.10 s after" in sentence(again)
@@ -90,14 +90,14 @@ def test_a_covered_lens_shows_little() -> None:
 
 
 def test_who_was_never_found_loses_nothing() -> None:
-    assert losses_of(log_of(frame(0.0, "not_initialised"), frame(0.1, "lost"))) == []
+    assert losses_of(log_of(frame(0.0, "not_initialized"), frame(0.1, "lost"))) == []
     assert losses_of(EventLog()) == []
 
 
 def test_every_loss_of_a_run_is_sorted_not_the_first_alone() -> None:
     update = event(3.4, "update_applied", gap_keyframes=2, pause_ms=2.0)
-    events = [*walk(2.0), frame(2.0, "lost"), event(2.3, "relocalised"), frame(2.3), frame(3.3)]
-    events += [update, frame(3.5, "lost"), event(5.0, "relocalised"), frame(5.0)]
+    events = [*walk(2.0), frame(2.0, "lost"), event(2.3, "relocalized"), frame(2.3), frame(3.3)]
+    events += [update, frame(3.5, "lost"), event(5.0, "relocalized"), frame(5.0)]
     run = LostRun("edge", "key", 0, losses_of(log_of(*events, frame(5.4, "lost", inliers=41))))
     quiet = LostRun("edge", "other", 1, [])
     (first,), (every,) = by_cause([run, quiet]).rows, all_by_cause([run, quiet]).rows
@@ -112,7 +112,7 @@ def test_every_loss_of_a_run_is_sorted_not_the_first_alone() -> None:
 
 def test_an_update_before_the_recovery_took_nothing_of_it_away() -> None:
     update = event(2.2, "update_applied", gap_keyframes=2, pause_ms=2.0)
-    events = [*walk(2.0), frame(2.0, "lost"), update, event(2.3, "relocalised"), frame(2.3)]
+    events = [*walk(2.0), frame(2.0, "lost"), update, event(2.3, "relocalized"), frame(2.3)]
     losses = losses_of(log_of(*events, frame(2.5, "lost")))
     (row,) = all_by_cause([LostRun("edge", "key", 0, losses)]).rows
     assert row[-2:] == ["1", "0"]

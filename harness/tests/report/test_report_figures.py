@@ -20,7 +20,7 @@ from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
 from slambed.report.figures.stages import STAGES, _stage_bars
 from slambed.report.figures.tradeoff import draw_tradeoff
 from slambed.report.load import load
-from slambed.report.style import COLOURS, FigureWriter, lay_out
+from slambed.report.style import COLORS, FigureWriter, lay_out
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -131,11 +131,11 @@ def test_a_box_figure_ends_where_its_scale_does_and_names_single_runs(
     assert ("the only run" in caption, "Box:" in caption) == (count == 1, count > 1)
 
 
-def test_colours_differ_in_grey_too() -> None:
-    grey = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
-            for c in COLOURS[:2]]  # fmt: skip
-    assert abs(grey[0] - grey[1]) > 20
-    assert len(set(COLOURS)) == len(COLOURS)
+def test_colors_differ_in_gray_too() -> None:
+    gray = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
+            for c in COLORS[:2]]  # fmt: skip
+    assert abs(gray[0] - gray[1]) > 20
+    assert len(set(COLORS)) == len(COLORS)
 
 
 def test_what_each_system_changes_is_drawn_where_an_experiment_asks_for_it(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
     ):
         assert "Engine virtual: simulated time" in text
         assert "mobile half_core (what if: host with 1 core, 0.5 times its speed)" in text
-        assert "set in the modelled link" in text and "measured by echoes" not in text
+        assert "set in the modeled link" in text and "measured by echoes" not in text
         assert "0/1" not in text and "No limits were recorded" not in text
         assert "Virtual runs have no limits" in text
     figure = (experiment / "report" / "rtt_room_walk_ramp_85.svg").read_text()

@@ -115,7 +115,7 @@ def bad(kind: str, path: str, change: Callable[[Any], Any]) -> list[str]:
         ("paper", "papers/dynnetslam/paper.yaml", lambda d: d.update(kind="book")),
         ("plan", "papers/dynnetslam/plan.yaml", lambda d: d.pop("frozen")),
         ("input", "catalog/inputs/{first}", lambda d: d.update(yields="gold")),
-        ("network", "catalog/networks/slambed_people.yaml", lambda d: d.update(licence=5)),
+        ("network", "catalog/networks/slambed_people.yaml", lambda d: d.update(license=5)),
         ("inference", "papers/dynnetslam/inference/dynnet_t2.yaml", lambda d: d.update(open=[])),
         ("hosts", "examples/hosts/hosts.yaml", lambda d: d.update(hosts=[])),
         ("hosts", "examples/hosts/hosts.yaml", lambda d: d["hosts"][0].update(core=4)),

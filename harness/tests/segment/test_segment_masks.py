@@ -79,10 +79,10 @@ def test_a_sheet_shows_what_was_found_and_only_that(tmp_path: Path) -> None:
     sheet = cv2.imread(str(tmp_path / "sheet.png"))
     tall = round(height * TILE_WIDTH_PX / width)
     assert sheet.shape == (2 * tall, 4 * TILE_WIDTH_PX, 3)  # five frames, four a row
-    coloured = np.ptp(sheet.astype(int), axis=2) > 0
+    colored = np.ptp(sheet.astype(int), axis=2) > 0
     below = slice(tall // 2 + 8, tall - 8)
-    assert coloured[below, :TILE_WIDTH_PX].all()
-    assert not coloured[:, TILE_WIDTH_PX:].any() and not coloured[tall:].any()
+    assert colored[below, :TILE_WIDTH_PX].all()
+    assert not colored[:, TILE_WIDTH_PX:].any() and not colored[tall:].any()
 
 
 def test_a_file_for_something_else_or_torn_is_one_line(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def test_every_network_is_described_and_ours_is_here_and_small() -> None:
     assert {OURS, "mediapipe_selfie"} <= set(network_names())
     for name in network_names():
         network = load_network(name)
-        assert network.licence and network.provenance and network.moves
+        assert network.license and network.provenance and network.moves
     ours = network_file(load_network(OURS))
     assert ours.stat().st_size == load_network(OURS).size_bytes <= 4e6
 
@@ -48,7 +48,7 @@ def test_bad_network_files_are_one_line(tmp_path: Path) -> None:
     file = tmp_path / f"{OURS}.yaml"
     for wrong, told in (
         (text.replace("moves: [person]", "moves: [car]"), "car"),
-        (text + "colour: red\n", "colour"),
+        (text + "color: red\n", "color"),
         (text.replace(f"file: {OURS}.onnx\n", ""), "file and wheel"),
     ):
         file.write_text(wrong)
@@ -107,8 +107,8 @@ def test_ours_gives_the_same_maps_with_more_threads(people: PreparedSequence) ->
     """How well it finds people is told in its file (tools/score_people.py), not held to here."""
     network = load_network(OURS)
     net = cv2.dnn.readNetFromONNX(str(network_file(network)))
-    grey = cv2.resize(np.asarray(people.grey(0)), (network.input.width, network.input.height))
-    blob = (grey.astype(np.float32) / 255)[None, None]
+    gray = cv2.resize(np.asarray(people.gray(0)), (network.input.width, network.input.height))
+    blob = (gray.astype(np.float32) / 255)[None, None]
     told = []
     for threads in (1, 2):
         cv2.setNumThreads(threads)

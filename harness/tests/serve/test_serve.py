@@ -252,8 +252,8 @@ def test_pictures_are_those_of_the_prepared_sequence(
         assert (status, headers["content-type"]) == (200, "image/jpeg")
         picture = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_GRAYSCALE)
         # The frames are noise, which a JPEG changes; each is far from all others.
-        apart = [np.abs(picture.astype(int) - sequence.grey(i)).mean() for i in (0, 1, 3)]
-        assert picture.shape == sequence.grey(frame).shape
+        apart = [np.abs(picture.astype(int) - sequence.gray(i)).mean() for i in (0, 1, 3)]
+        assert picture.shape == sequence.gray(frame).shape
         assert apart.index(min(apart)) == (0, 1, 3).index(frame) and min(apart) < 6
     for name in (f"{len(sequence)}.jpg", "-1.jpg", "x.jpg", "0.png", "1e3.jpg", "9" * 30 + ".jpg"):
         assert client.ask(f"{EXPERIMENT}runs/{LOSSY}/frames/{name}")[0] == 404, name

@@ -176,7 +176,7 @@ def test_every_device_can_play_both_nodes_of_an_update(name: str) -> None:
     """Its stages are priced, in the shares that the paper prints where no fit found others."""
     model = Library().device(name).model
     assert model is not None
-    wanted = {"parse", "parse_text", "prepare_update", "relocalise", "serialise", "serialise_text"}
+    wanted = {"parse", "parse_text", "prepare_update", "relocalize", "serialize", "serialize_text"}
     if name == "jetson_tx2":
         wanted.remove("prepare_update")  # a mobile alone
     assert wanted | UPDATE_SHARES.keys() <= model.stages.keys()

@@ -167,7 +167,7 @@ def test_a_system_with_an_edge_needs_a_link(tmp_path: Path) -> None:
     assert "system pair has an edge but there is no link" in text
 
 
-def test_an_unknown_experiment_names_its_neighbour(tmp_path: Path) -> None:
+def test_an_unknown_experiment_names_its_neighbor(tmp_path: Path) -> None:
     write_library(tmp_path)
     with pytest.raises(SlambedError, match=r"unknown experiment 'tinny'.*did you mean 'tiny'"):
         Library(tmp_path).experiment("tinny")
@@ -225,7 +225,7 @@ def test_a_key_depends_on_everything_a_run_means(change: dict[str, Any]) -> None
     assert run_spec(**change).run_key != run_spec().run_key
 
 
-def test_a_key_ignores_names_and_judgements() -> None:
+def test_a_key_ignores_names_and_judgments() -> None:
     other = run_spec(experiment="x", cell="y", label="z")
     assert other.run_key == run_spec().run_key
 

@@ -42,7 +42,7 @@ int run(int argc, char** argv) {
   app.add_option("--features", features, "ORB features per image")->check(CLI::Range(50, 10000));
   app.add_option("--late", options.late, "frames after its own that a mask comes")
       ->check(CLI::Range(0, 60));
-  app.add_option("--neighbours", options.labels.neighbours,
+  app.add_option("--neighbors", options.labels.neighbors,
                  "features that say where one without a label was; 0: by matches alone")
       ->check(CLI::Range(0, 100));
   app.add_option("--reach", options.labels.reach_px, "px, as far off as those may be")

@@ -11,7 +11,7 @@ namespace slambed::pace {
 /// another work would be another unit of speed, so it does not follow the core's own code.
 ///
 /// One unit takes some 50 us on a server core: a smoothing pass with a threshold over some rows of
-/// an image, nearest neighbours among binary descriptors, and a Cholesky factorisation.
+/// an image, nearest neighbors among binary descriptors, and a Cholesky factorization.
 class Workload {
  public:
   Workload();

@@ -55,7 +55,7 @@ FrameMemory::~FrameMemory() { munmap(data_, kSlots * slot_bytes_); }
 std::uint32_t FrameMemory::put(const PreparedSequence::Frame& frame) {
   const std::uint32_t slot = next_;
   next_ = (next_ + 1) % kSlots;
-  std::uint8_t* end = copy(frame.grey, data_ + slot * slot_bytes_);
+  std::uint8_t* end = copy(frame.gray, data_ + slot * slot_bytes_);
   if (frame.depth.data != nullptr) copy(frame.depth, end);
   if (frame.right.data != nullptr) copy(frame.right, end);
   return slot;

@@ -32,7 +32,7 @@ class FrameMemory {
   std::uint32_t next_ = 0;
 };
 
-/// Bytes of a frame as the client finds them: the grey picture, then depth or the right picture.
+/// Bytes of a frame as the client finds them: the gray picture, then depth or the right picture.
 std::size_t frame_bytes(const PreparedSequence& sequence);
 
 }  // namespace slambed

@@ -10,7 +10,7 @@
 namespace slambed {
 namespace {
 
-constexpr const char* kStates[] = {"ok", "lost", "not_initialised"};
+constexpr const char* kStates[] = {"ok", "lost", "not_initialized"};
 /// A unit quaternion in single precision is this near to length 1.
 constexpr double kUnitTolerance = 1e-3;
 /// Further from its world's origin nothing drives; and such a number can be turned without
@@ -27,7 +27,7 @@ SE3 camera_pose(const slambed_pose& pose) {
   if (!(t.cwiseAbs().maxCoeff() < kFarthest_m) || !t.allFinite() ||
       !(std::abs(q.norm() - 1) < kUnitTolerance)) {
     throw bad_input("the pose of frame " + std::to_string(pose.index) +
-                    " is no pose: send metres (less than 1e9) and a unit quaternion x y z w");
+                    " is no pose: send meters (less than 1e9) and a unit quaternion x y z w");
   }
   return SE3(q, t).inverse();
 }
@@ -68,7 +68,7 @@ void FrameRecord::dequeued(const OfferedFrame& frame, std::int64_t recorded_ns) 
 
 void FrameRecord::tracked(const slambed_pose& pose, RunTime now) {
   const auto found = waiting_.find(pose.index);
-  if (found == waiting_.end() || pose.state > SLAMBED_NOT_INITIALISED) {
+  if (found == waiting_.end() || pose.state > SLAMBED_NOT_INITIALIZED) {
     throw bad_input("a pose of frame " + std::to_string(pose.index) + ", state " +
                     std::to_string(pose.state) +
                     ": send one per frame that was given, in their order");
@@ -77,7 +77,7 @@ void FrameRecord::tracked(const slambed_pose& pose, RunTime now) {
   if (pose.state == SLAMBED_OK) T_cw = camera_pose(pose);
   while (waiting_.begin()->first != pose.index) {
     const Dequeued passed = waiting_.extract(waiting_.begin()).mapped();
-    record(passed, had_pose_ ? SLAMBED_LOST : SLAMBED_NOT_INITIALISED, now, nullptr);
+    record(passed, had_pose_ ? SLAMBED_LOST : SLAMBED_NOT_INITIALIZED, now, nullptr);
   }
   const Dequeued frame = waiting_.extract(waiting_.begin()).mapped();
   if (T_cw) {
@@ -94,11 +94,11 @@ void FrameRecord::record(const Dequeued& frame, std::uint32_t state, RunTime now
     ++losses_;
     log_.write(frame_event("track_lost", offered));
   }
-  if (state == SLAMBED_OK && state_ == SLAMBED_NOT_INITIALISED) {
-    log_.write(frame_event("initialised", offered));
+  if (state == SLAMBED_OK && state_ == SLAMBED_NOT_INITIALIZED) {
+    log_.write(frame_event("initialized", offered));
   }
   if (state == SLAMBED_OK && state_ == SLAMBED_LOST) {
-    log_.write(frame_event("relocalised", offered));
+    log_.write(frame_event("relocalized", offered));
   }
   had_pose_ = had_pose_ || state == SLAMBED_OK;
   state_ = state;
@@ -119,7 +119,7 @@ void FrameRecord::placed(const slambed_pose& pose) {
 
 void FrameRecord::over(RunTime now) {
   for (const auto& [index, frame] : waiting_) {
-    record(frame, had_pose_ ? SLAMBED_LOST : SLAMBED_NOT_INITIALISED, now, nullptr);
+    record(frame, had_pose_ ? SLAMBED_LOST : SLAMBED_NOT_INITIALIZED, now, nullptr);
   }
   waiting_.clear();
 }

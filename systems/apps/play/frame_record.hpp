@@ -47,7 +47,7 @@ class FrameRecord {
   std::map<std::uint64_t, Dequeued> waiting_;
   std::map<std::uint64_t, std::int64_t> recorded_ns_;  ///< of every frame with a pose
   std::map<std::uint64_t, SE3> live_, final_;          ///< T_cw
-  std::uint32_t state_ = SLAMBED_NOT_INITIALISED;
+  std::uint32_t state_ = SLAMBED_NOT_INITIALIZED;
   bool had_pose_ = false;
   int losses_ = 0;
 };

@@ -98,26 +98,26 @@ class Player {
   }
 
   std::vector<std::pair<std::string, std::string>> environment() const {
-    std::vector<std::pair<std::string, std::string>> told{
+    std::vector<std::pair<std::string, std::string>> variables{
         {"SLAMBED_ROLE", role_name(options_.role)},
         {"SLAMBED_SEED", std::to_string(config_.seed)},
         {"SLAMBED_OUTPUT", folder_.string()},
         {"SLAMBED_PARAMS", config_.params.dump()}};
     if (options_.client) {
-      told.emplace_back("SLAMBED_CLIENT", std::to_string(conversation_.client_fd()) + "," +
+      variables.emplace_back("SLAMBED_CLIENT", std::to_string(conversation_.client_fd()) + "," +
                                               std::to_string(memory_ ? memory_->fd() : -1));
     }
     for (const auto& [name, value] : config_.params.items()) {
-      told.emplace_back("SLAMBED_PARAM_" + upper(name),
+      variables.emplace_back("SLAMBED_PARAM_" + upper(name),
                         value.is_string() ? value.get<std::string>() : value.dump());
     }
     if (config_.network) {
-      told.emplace_back("SLAMBED_EDGE_ADDRESS", config_.network->edge_address);
+      variables.emplace_back("SLAMBED_EDGE_ADDRESS", config_.network->edge_address);
       for (const auto& [channel, port] : config_.network->ports) {
-        told.emplace_back("SLAMBED_PORT_" + upper(channel), std::to_string(port));
+        variables.emplace_back("SLAMBED_PORT_" + upper(channel), std::to_string(port));
       }
     }
-    return told;
+    return variables;
   }
 
   /// False when the system ended, or the run was stopped, before.

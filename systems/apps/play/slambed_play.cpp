@@ -11,7 +11,7 @@
 namespace slambed {
 namespace {
 
-constexpr auto kLookForGate = std::chrono::milliseconds(20);
+constexpr auto kStartBarrierPoll = std::chrono::milliseconds(20);
 
 int run(int argc, char** argv) {
   CLI::App app(
@@ -20,20 +20,20 @@ int run(int argc, char** argv) {
   app.name("slambed-play");
   app.set_version_flag("--version", std::string("slambed-play ") + version());
   PlayerOptions options;
-  std::string role, gate;
+  std::string role, start_barrier;
   bool no_client = false;
   app.add_option("--role", role, "mobile or edge")
       ->required()
       ->check(CLI::IsMember({"mobile", "edge"}));
   app.add_option("--config", options.config, "path of run.json")->required();
-  app.add_option("--gate", gate, "do nothing before this file is there");
+  app.add_option("--start-barrier", start_barrier, "do nothing before this file is there");
   app.add_option("--directory", options.directory, "where the program starts");
   app.add_flag("--no-client", no_client, "the program does not speak to the player");
   app.add_option("--trajectory", options.trajectory,
                  "TUM file that a program without client leaves in $SLAMBED_OUTPUT");
   app.add_option("command", options.command, "the program")->required();
   if (const auto code = parse(app, argc, argv)) return *code;
-  while (!gate.empty() && !std::filesystem::exists(gate)) std::this_thread::sleep_for(kLookForGate);
+  while (!start_barrier.empty() && !std::filesystem::exists(start_barrier)) std::this_thread::sleep_for(kStartBarrierPoll);
   options.role = role == "edge" ? NodeRole::kEdge : NodeRole::kMobile;
   options.client = !no_client;
   return play(options);

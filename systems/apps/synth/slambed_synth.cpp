@@ -67,7 +67,7 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0.5, 50.0));
   app.add_option("--motion-blur-s", sensor.motion_blur_s, "exposure time")
       ->check(CLI::Range(0.0, 0.1));
-  app.add_option("--noise", sensor.noise, "grey noise, standard deviation")
+  app.add_option("--noise", sensor.noise, "gray noise, standard deviation")
       ->check(CLI::Range(0.0, 50.0));
   app.add_option("--depth-noise", sensor.depth_noise, "1: as a Kinect")
       ->check(CLI::Range(0.0, 20.0));

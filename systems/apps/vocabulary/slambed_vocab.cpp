@@ -29,7 +29,7 @@ std::vector<std::vector<Descriptor>> describe(const PreparedSequence& sequence, 
   std::vector<std::vector<Descriptor>> images;
   std::vector<RawKeyPoint> keypoints;
   for (std::uint64_t i = 0; i < sequence.frames(); i += static_cast<std::uint64_t>(o.every)) {
-    extractor.extract(sequence.frame(i).grey, keypoints, images.emplace_back());
+    extractor.extract(sequence.frame(i).gray, keypoints, images.emplace_back());
   }
   return images;
 }

@@ -23,7 +23,7 @@ using nlohmann::json;
 using testing::PairLink;
 using testing::PairResult;
 using testing::pose_at;
-using testing::SyntheticWorld;
+using testing::SyntheticScene;
 
 constexpr double kFps = 10;
 constexpr int kTripStart = 20;  ///< frame of the first trip near which the second one begins
@@ -41,18 +41,18 @@ class FirstTrip {
 
  private:
   FirstTrip() {
-    SyntheticWorld world;
+    SyntheticScene scene;
     const auto map = std::make_shared<Map>();
     Tracker tracker({}, map, IdSpace::kTracker);
     LocalMapper mapper({}, map, IdSpace::kMobileMapper);
     for (int i = 0; i < kTripStart + kFrames + 20; ++i) {
-      tracker.track(i, i / kFps, world.look(pose_at(i)));
+      tracker.track(i, i / kFps, scene.look(pose_at(i)));
       if (!tracker.wants_keyframe({})) continue;
       mapper.insert(tracker.create_keyframe().keyframes[0].id);
       map->commit(mapper.cull_points());
       map->commit(mapper.fuse());
     }
-    const auto sensor = world.sensor();
+    const auto sensor = scene.sensor();
     MapInfo info{.sensor = {.camera = sensor->camera, .close_depth_m = sensor->close_depth_m},
                  .sequence = "first",
                  .time_origin_s = 0};
@@ -91,12 +91,12 @@ json params(const std::string& strategy) {
 
 /// Half a frame beside the first trip, seen less well.
 SE3 trip_pose(int frame) { return pose_at(kTripStart + frame + 0.5); }
-std::shared_ptr<const FeatureSet> trip(SyntheticWorld& world, int frame) {
-  return world.look(trip_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
+std::shared_ptr<const FeatureSet> trip(SyntheticScene& scene, int frame) {
+  return scene.look(trip_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
 }
 
 PairResult run(const json& parameters, PairLink link = {}, int frames = kFrames,
-               testing::WorldSource::Look look = trip) {
+               testing::SceneSource::Look look = trip) {
   DeviceModel device = testing::uniform_device(2000);
   for (const char* stage : {"remote_match", "remote_bundle", "apply_correction"})
     device.stages[stage] = device.stages["track"];
@@ -246,8 +246,8 @@ TEST(CloudSlam, WithoutTheEdgeTheVehicleDrivesOnInItsOwnMap) {
 }
 
 TEST(CloudSlam, ATripThatIsNowhereIsNeverPlaced) {
-  const PairResult result = run(params("all"), {}, 60, [](SyntheticWorld&, int frame) {
-    static SyntheticWorld elsewhere(5000, 7);
+  const PairResult result = run(params("all"), {}, 60, [](SyntheticScene&, int frame) {
+    static SyntheticScene elsewhere(5000, 7);
     return elsewhere.look(trip_pose(frame));
   });
   EXPECT_TRUE(result.of("trip_aligned").empty());
@@ -298,7 +298,7 @@ TEST(CloudSlam, AfterTheTripItsKeyframesJoinTheEarlierOnes) {
   all->read([&](const MapView& view) {
     for (const NewKeyFrame& keyframe : result.mobile_map.keyframes) {
       const SE3 truth = trip_pose(static_cast<int>(keyframe.frame_index)) * pose_at(0).inverse();
-      EXPECT_LT(testing::centre_error(view.keyframe(keyframe.id)->T_cw, truth), 0.05);
+      EXPECT_LT(testing::center_error(view.keyframe(keyframe.id)->T_cw, truth), 0.05);
     }
     return 0;
   });

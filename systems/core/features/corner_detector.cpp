@@ -21,15 +21,15 @@ int cell_side(int length) {
 
 /// One row of threshold cells: rows [top, bottom) of the level.
 struct CornerDetector::Band {
-  explicit Band(GreyView of)
+  explicit Band(GrayView of)
       : level(of), region(of), cell_width(cell_side(region.width())), top(region.y0), bottom(top) {}
-  GreyView level;
+  GrayView level;
   DetectionRegion region;
   int cell_width, top, bottom;
 
   int rows() const { return bottom - top; }
   int words() const { return (region.width() + 31) / 32; }
-  /// One more pixel on each side is scored, so that the suppression sees all eight neighbours.
+  /// One more pixel on each side is scored, so that the suppression sees all eight neighbors.
   int scored() const { return region.width() + 2; }
   std::size_t row_bytes() const { return scored() + 2 * kKernelSlack; }
   /// Where the score of the region's first column in row y lies (y from top - 1 to bottom).
@@ -47,7 +47,7 @@ std::uint32_t columns_in_word(int word, int begin, int end) {
 
 }  // namespace
 
-void CornerDetector::detect(GreyView level, std::vector<Corner>& out) {
+void CornerDetector::detect(GrayView level, std::vector<Corner>& out) {
   out.clear();
   if (DetectionRegion(level).empty()) return;
   Band band(level);

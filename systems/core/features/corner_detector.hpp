@@ -36,7 +36,7 @@ struct DetectionRegion {
   /// ORB-SLAM2: the orientation disc (15 px) and one pixel more stay inside the image.
   static constexpr int kMargin = 16;
 
-  explicit DetectionRegion(GreyView level)
+  explicit DetectionRegion(GrayView level)
       : x0(kMargin), y0(kMargin), x1(level.width - kMargin), y1(level.height - kMargin) {}
   int x0, y0, x1, y1;  ///< half open
   int width() const { return x1 - x0; }
@@ -52,7 +52,7 @@ class CornerDetector {
 
   /// Replaces out by the corners of the level in raster order. The level comes from ImagePyramid
   /// (its rows have room around them).
-  void detect(GreyView level, std::vector<Corner>& out);
+  void detect(GrayView level, std::vector<Corner>& out);
 
   /// Nominal side of a threshold cell, px (ORB-SLAM2).
   static constexpr int kCell = 30;

@@ -12,7 +12,7 @@
 
 namespace slambed {
 
-/// What a sequence brings besides a grey image.
+/// What a sequence brings besides a gray image.
 enum class SensorKind : std::uint8_t { kRgbd, kStereo, kMono };
 
 /// Images that features are extracted from per frame.
@@ -63,17 +63,17 @@ class FeatureSet {
 std::shared_ptr<const FeatureSet> select(const FeatureSet& features,
                                          std::span<const std::uint8_t> keep);
 
-/// Extraction, undistortion and depth lookup for an RGB-D frame. depth_unit_m: metres per raw step.
+/// Extraction, undistortion and depth lookup for an RGB-D frame. depth_unit_m: meters per raw step.
 /// Depth is read at the nearest raw pixel (the pixel ORB-SLAM2 reads on level 0, where it truncates
 /// whole numbers); right_u = u - bf / depth. Throws Error when an image does not fit the camera.
 std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
-                                                     GreyView grey, DepthView depth,
+                                                     GrayView gray, DepthView depth,
                                                      double depth_unit_m);
 
 /// Extraction and undistortion only: no feature has depth. Throws as make_rgbd_features.
 std::shared_ptr<const FeatureSet> make_mono_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
-                                                     GreyView grey);
+                                                     GrayView gray);
 
 }  // namespace slambed

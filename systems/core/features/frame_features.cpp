@@ -40,18 +40,18 @@ KeyPoint feature_at(const Eigen::Vector2d& ideal, const RawKeyPoint& raw) {
 
 std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
-                                                     GreyView grey, DepthView depth,
+                                                     GrayView gray, DepthView depth,
                                                      double depth_unit_m) {
   if (!sensor) throw bad_input("rgb-d frame: no sensor given");
   const Camera& camera = sensor->camera;
-  check_size("rgb-d frame: the grey image", grey.width, grey.height, camera);
+  check_size("rgb-d frame: the gray image", gray.width, gray.height, camera);
   check_size("rgb-d frame: the depth image", depth.width, depth.height, camera);
   if (!(depth_unit_m > 0) || !std::isfinite(depth_unit_m))
-    throw bad_input("rgb-d frame: the depth unit must be a positive number of metres");
+    throw bad_input("rgb-d frame: the depth unit must be a positive number of meters");
 
   std::vector<RawKeyPoint> raw;
   std::vector<Descriptor> descriptors;
-  extractor.extract(grey, raw, descriptors);
+  extractor.extract(gray, raw, descriptors);
   std::vector<KeyPoint> keypoints;
   keypoints.reserve(raw.size());
   for (const RawKeyPoint& r : raw) {
@@ -72,13 +72,13 @@ std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
 
 std::shared_ptr<const FeatureSet> make_mono_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
-                                                     GreyView grey) {
+                                                     GrayView gray) {
   if (!sensor) throw bad_input("monocular frame: no sensor given");
   const Camera& camera = sensor->camera;
-  check_size("monocular frame: the image", grey.width, grey.height, camera);
+  check_size("monocular frame: the image", gray.width, gray.height, camera);
   std::vector<RawKeyPoint> raw;
   std::vector<Descriptor> descriptors;
-  extractor.extract(grey, raw, descriptors);
+  extractor.extract(gray, raw, descriptors);
   std::vector<KeyPoint> keypoints;
   keypoints.reserve(raw.size());
   for (const RawKeyPoint& r : raw) keypoints.push_back(feature_at(ideal_pixel(r, camera), r));
@@ -90,7 +90,7 @@ std::shared_ptr<const FeatureSet> make_stereo_features(OrbExtractor& left_extrac
                                                        OrbExtractor& right_extractor,
                                                        StereoMatcher& matcher,
                                                        std::shared_ptr<const Sensor> sensor,
-                                                       GreyView left, GreyView right) {
+                                                       GrayView left, GrayView right) {
   if (!sensor) throw bad_input("stereo frame: no sensor given");
   if (&left_extractor == &right_extractor)
     throw bad_input("stereo frame: one extractor given twice, each image needs its own");

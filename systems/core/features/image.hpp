@@ -17,8 +17,8 @@ struct ImageView {
   const Pixel& at(int x, int y) const { return row(y)[x]; }
 };
 
-using GreyView = ImageView<std::uint8_t>;
-/// Raw depth: metres = value * depth unit of the sequence; 0 means no measurement.
+using GrayView = ImageView<std::uint8_t>;
+/// Raw depth: meters = value * depth unit of the sequence; 0 means no measurement.
 using DepthView = ImageView<std::uint16_t>;
 
 }  // namespace slambed

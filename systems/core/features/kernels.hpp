@@ -64,7 +64,7 @@ struct Kernels {
   /// that is not above the threshold. May write up to kKernelSlack bytes beyond n.
   void (*fast_row)(const std::uint8_t* in, std::ptrdiff_t stride, int n, std::uint8_t threshold,
                    std::uint8_t* score);
-  /// The columns of row whose score is above all eight neighbours, and of them those whose score is
+  /// The columns of row whose score is above all eight neighbors, and of them those whose score is
   /// above the floor: column 32 * w + i is bit i of word w.
   void (*peaks_row)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
                     int words, std::uint8_t floor, std::uint32_t* peaks, std::uint32_t* strong);
@@ -73,9 +73,9 @@ struct Kernels {
   void (*blur)(const std::uint8_t* in, std::ptrdiff_t stride, int n, int rows,
                std::uint8_t* scratch, std::uint8_t* out, std::ptrdiff_t out_stride);
   /// Moments of the disc around a pixel.
-  Moments (*moments)(const std::uint8_t* centre, std::ptrdiff_t stride);
+  Moments (*moments)(const std::uint8_t* center, std::ptrdiff_t stride);
   /// The pattern turned by the angle with this cosine and sine, compared on the blurred image.
-  void (*describe)(const std::uint8_t* centre, std::ptrdiff_t stride, const PatternPoints& pattern,
+  void (*describe)(const std::uint8_t* center, std::ptrdiff_t stride, const PatternPoints& pattern,
                    float cosine, float sine, std::uint64_t* bits);
   /// Slides the patch around the pixel left along the row of the pixel right.
   PatchSlide (*slide_patch)(const std::uint8_t* left, std::ptrdiff_t left_stride,

@@ -7,8 +7,8 @@
 //   U16 widen(const uint8_t*)       half a vector of bytes as 16-bit numbers
 //   void store_narrow(uint8_t*, U16)  the reverse; the numbers are below 256
 //   S32 nearest(F32)                the nearest whole numbers, of two the even one
-//   S32 squares(S16)                squares of neighbours, added up in pairs
-//   S32 in_pairs(S16)               neighbours, added up in pairs
+//   S32 squares(S16)                squares of neighbors, added up in pairs
+//   S32 in_pairs(S16)               neighbors, added up in pairs
 //   int sum(S32)                    of all numbers
 
 void blend_rows(const uint8_t* const rows[3], const uint16_t weights[3], int n, uint8_t* out) {
@@ -38,7 +38,7 @@ inline U8 outer(U8 a, U8 b) {
   return kDarkest ? min(a, b) : max(a, b);
 }
 
-/// The brightest level that nine neighbouring circle pixels reach together (kDarkest = false), or
+/// The brightest level that nine neighboring circle pixels reach together (kDarkest = false), or
 /// the darkest (true), over all 16 arcs. An arc of nine is eight pixels k+1..k+8 with one more at
 /// either end, so pairs of arcs share their eight.
 template <bool kDarkest>
@@ -63,20 +63,20 @@ void fast_row(const uint8_t* in, ptrdiff_t stride, int n, uint8_t threshold, uin
   const U8 limit = splat(threshold);
   for (int x = 0; x < n; x += kBytes) {
     const uint8_t* at = in + x;
-    const U8 centre = load<U8>(at);
+    const U8 center = load<U8>(at);
     // Nine in a row hold one of each two opposite pixels, so they cannot beat these bounds.
     const U8 p0 = load<U8>(at + circle[0]), p4 = load<U8>(at + circle[4]);
     const U8 p8 = load<U8>(at + circle[8]), p12 = load<U8>(at + circle[12]);
     const U8 bright_bound = min(max(p0, p8), max(p4, p12));
     const U8 dark_bound = max(min(p0, p8), min(p4, p12));
-    const U8 bound = max(excess(bright_bound, centre), excess(centre, dark_bound));
+    const U8 bound = max(excess(bright_bound, center), excess(center, dark_bound));
     if (!any(excess(bound, limit))) {
       store(score + x, U8{});
       continue;
     }
     U8 p[16];
     for (int i = 0; i < 16; ++i) p[i] = load<U8>(at + circle[i]);
-    const U8 value = max(excess(best_arc<false>(p), centre), excess(centre, best_arc<true>(p)));
+    const U8 value = max(excess(best_arc<false>(p), center), excess(center, best_arc<true>(p)));
     store(score + x, value > limit ? value : U8{});
   }
 }
@@ -89,13 +89,13 @@ void peaks_row(const uint8_t* above, const uint8_t* row, const uint8_t* below, i
     uint32_t found = 0, above_floor = 0;
     for (int bit = 0; bit < 32; bit += kBytes) {
       const int x = 32 * word + bit;
-      const U8 centre = load<U8>(row + x);
+      const U8 center = load<U8>(row + x);
       U8 around = max(load<U8>(row + x - 1), load<U8>(row + x + 1));
       const uint8_t* const beside[2] = {above + x, below + x};
       for (const uint8_t* at : beside)
         around = max(around, max(max(load<U8>(at - 1), load<U8>(at + 1)), load<U8>(at)));
-      found |= nonzero(excess(centre, around)) << bit;
-      above_floor |= nonzero(excess(centre, max(around, limit))) << bit;
+      found |= nonzero(excess(center, around)) << bit;
+      above_floor |= nonzero(excess(center, max(around, limit))) << bit;
     }
     peaks[word] = found;
     strong[word] = above_floor;
@@ -128,7 +128,7 @@ void blur(const uint8_t* in, ptrdiff_t stride, int n, int rows, uint8_t* scratch
 constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 14, 13,
                                                         13, 12, 11, 10, 9,  8,  6,  3};
 
-void describe(const uint8_t* centre, ptrdiff_t stride, const PatternPoints& pattern, float cosine,
+void describe(const uint8_t* center, ptrdiff_t stride, const PatternPoints& pattern, float cosine,
               float sine, uint64_t* bits) {
   alignas(64) int32_t offset[512];
   const int32_t step = static_cast<int32_t>(stride);
@@ -143,8 +143,8 @@ void describe(const uint8_t* centre, ptrdiff_t stride, const PatternPoints& patt
     const int32_t* at = offset + 16 * i;
     uint64_t pixels = 0, others = 0;
     for (int byte = 0; byte < 8; ++byte) {
-      pixels |= static_cast<uint64_t>(centre[at[2 * byte]]) << 8 * byte;
-      others |= static_cast<uint64_t>(centre[at[2 * byte + 1]]) << 8 * byte;
+      pixels |= static_cast<uint64_t>(center[at[2 * byte]]) << 8 * byte;
+      others |= static_cast<uint64_t>(center[at[2 * byte + 1]]) << 8 * byte;
     }
     a[i] = pixels;
     b[i] = others;

@@ -127,7 +127,7 @@ void resize_row_shuffled(const uint8_t* in, const ResizeTable& axis, uint8_t* ou
   }
 }
 
-/// Pairs of neighbouring bytes times pairs of weights (both in 128ths), added up in 16 bits.
+/// Pairs of neighboring bytes times pairs of weights (both in 128ths), added up in 16 bits.
 inline __m256i weigh(__m256i pixels, int first, int second) {
   return _mm256_maddubs_epi16(pixels, _mm256_set1_epi16(static_cast<int16_t>(first | second << 8)));
 }
@@ -136,7 +136,7 @@ inline __m256i mean(__m256i a, __m256i b, __m256i c, __m256i d) {
   const __m256i sum = _mm256_add_epi16(_mm256_add_epi16(a, b), _mm256_add_epi16(c, d));
   return _mm256_mulhrs_epi16(sum, _mm256_set1_epi16(256));
 }
-/// The Gaussian of seven neighbours in four pairs: the first of a pair is the first of the seven,
+/// The Gaussian of seven neighbors in four pairs: the first of a pair is the first of the seven,
 /// or the second is.
 inline __m256i gauss_even(const __m256i pair[4]) {
   return mean(weigh(pair[0], kGauss3, kGauss2), weigh(pair[1], kGauss1, kGauss0),
@@ -205,8 +205,8 @@ inline __m256i row_sum(__m256i pixels, int y) {
   return _mm256_sad_epu8(_mm256_and_si256(pixels, inside), _mm256_setzero_si256());
 }
 
-Moments moments_by_rows(const uint8_t* centre, ptrdiff_t stride) {
-  const uint8_t* left = centre - kOrientationRadius;
+Moments moments_by_rows(const uint8_t* center, ptrdiff_t stride) {
+  const uint8_t* left = center - kOrientationRadius;
   const __m256i ones = _mm256_set1_epi16(1);
   __m256i across = _mm256_madd_epi16(times_right(bytes(left), 0), ones);
   // Rows from the outermost inwards: each is in the running sum as often as it is far from 0.

@@ -30,7 +30,7 @@ inline S32 nearest(F32 v) {
   constexpr int32_t kRoundBits = 0x4b400000;
   return reinterpret_cast<S32>(v + kRound) - kRoundBits;
 }
-// Each 32 bits hold two neighbours.
+// Each 32 bits hold two neighbors.
 inline S32 upper(S16 v) { return reinterpret_cast<S32>(v) >> 16; }
 inline S32 lower(S16 v) { return reinterpret_cast<S32>(reinterpret_cast<U32>(v) << 16) >> 16; }
 inline S32 squares(S16 v) { return lower(v) * lower(v) + upper(v) * upper(v); }
@@ -55,11 +55,11 @@ struct DiscMask {
 };
 constexpr DiscMask kDiscMask;
 
-Moments moments(const uint8_t* centre, ptrdiff_t stride) {
+Moments moments(const uint8_t* center, ptrdiff_t stride) {
   // Column sums of the disc, plain and times y: at most 31 * 255 and 120 * 255, both within 16
   // bits.
   constexpr int kColumns = kDiscColumns, kParts = kColumns / kHalf;
-  const uint8_t* left = centre - kOrientationRadius;
+  const uint8_t* left = center - kOrientationRadius;
   alignas(64) int16_t sum[kColumns], turned[kColumns];
   for (int part = 0; part < kParts; ++part) {
     const int x = part * kHalf;

@@ -81,8 +81,8 @@ struct OrbExtractor::Impl {
     }
   }
 
-  void blur(GreyView level);
-  void describe_level(int octave, GreyView image, std::vector<RawKeyPoint>& keypoints,
+  void blur(GrayView level);
+  void describe_level(int octave, GrayView image, std::vector<RawKeyPoint>& keypoints,
                       std::vector<Descriptor>& descriptors);
   void prepare(int width, int height);
 
@@ -110,19 +110,19 @@ void OrbExtractor::Impl::prepare(int w, int h) {
   selector.reserve(most, *std::max_element(quotas.begin(), quotas.end()));
 }
 
-void OrbExtractor::Impl::blur(GreyView level) {
+void OrbExtractor::Impl::blur(GrayView level) {
   kernels.blur(level.row(-kBlurRim) - kBlurRim, level.stride, level.width + 2 * kBlurRim,
                level.height + 2 * kBlurRim, blur_scratch.data(), blurred.row(-kBlurRim) - kBlurRim,
                blurred.view().stride);
 }
 
-/// Appends what the corners of one level become. The centre of pixel x of a level lies at
+/// Appends what the corners of one level become. The center of pixel x of a level lies at
 /// (x + 0.5) * ratio - 0.5 of level 0, with the ratio that the rounded level sizes really have.
-void OrbExtractor::Impl::describe_level(int octave, GreyView image,
+void OrbExtractor::Impl::describe_level(int octave, GrayView image,
                                         std::vector<RawKeyPoint>& keypoints,
                                         std::vector<Descriptor>& descriptors) {
-  const GreyView level = pyramid.level(octave);
-  const GreyView smooth = blurred.view();
+  const GrayView level = pyramid.level(octave);
+  const GrayView smooth = blurred.view();
   const float ratio_x = static_cast<float>(image.width) / static_cast<float>(level.width);
   const float ratio_y = static_cast<float>(image.height) / static_cast<float>(level.height);
   for (const Corner& corner : corners) {
@@ -148,7 +148,7 @@ OrbExtractor::OrbExtractor(const OrbOptions& options, const Kernels& kernels)
 OrbExtractor::~OrbExtractor() = default;
 OrbExtractor::OrbExtractor(OrbExtractor&&) noexcept = default;
 
-void OrbExtractor::extract(GreyView image, std::vector<RawKeyPoint>& keypoints,
+void OrbExtractor::extract(GrayView image, std::vector<RawKeyPoint>& keypoints,
                            std::vector<Descriptor>& descriptors) {
   Impl& self = *impl_;
   if (image.width > kMaxSide || image.height > kMaxSide)
@@ -165,7 +165,7 @@ void OrbExtractor::extract(GreyView image, std::vector<RawKeyPoint>& keypoints,
   descriptors.reserve(most);
   self.pyramid.build(image);
   for (int octave = 0; octave < self.pyramid.levels(); ++octave) {
-    const GreyView level = self.pyramid.level(octave);
+    const GrayView level = self.pyramid.level(octave);
     self.detector.detect(level, self.corners);
     self.selector.select(DetectionRegion(level), self.quotas[octave], self.corners);
     if (self.corners.empty()) continue;

@@ -50,7 +50,7 @@ class OrbExtractor {
 
   /// Fills keypoints (level 0 first, raw pixels) and descriptors, replacing what they held.
   /// An image smaller than the smallest usable pyramid level yields no features.
-  void extract(GreyView image, std::vector<RawKeyPoint>& keypoints,
+  void extract(GrayView image, std::vector<RawKeyPoint>& keypoints,
                std::vector<Descriptor>& descriptors);
 
   const OrbOptions& options() const;

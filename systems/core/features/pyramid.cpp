@@ -112,13 +112,13 @@ void ImagePyramid::prepare(int width, int height) {
   row_.assign(width + kKernelSlack + kResizeWindow, 0);
 }
 
-void ImagePyramid::build(GreyView image) {
+void ImagePyramid::build(GrayView image) {
   if (image.width != width_ || image.height != height_) prepare(image.width, image.height);
   if (usable_ == 0) return;
   for (int y = 0; y < image.height; ++y) std::memcpy(planes_[0].row(y), image.row(y), image.width);
   planes_[0].mirror_border();
   for (int i = 1; i < usable_; ++i) {
-    const GreyView source = planes_[i - 1].view();
+    const GrayView source = planes_[i - 1].view();
     const Step& step = steps_[i - 1];
     const ResizeTable x_table = step.x.table(), y_table = step.y.table();
     for (int y = 0; y < y_table.size; ++y) {

@@ -17,7 +17,7 @@ class PaddedPlane {
 
   void resize(int width, int height);
   std::uint8_t* row(int y) { return bytes_.data() + offset_ + y * stride_; }
-  GreyView view() const { return {bytes_.data() + offset_, width_, height_, stride_}; }
+  GrayView view() const { return {bytes_.data() + offset_, width_, height_, stride_}; }
   /// Fills the border by reflection about the outermost pixel (OpenCV's reflect-101).
   void mirror_border();
 
@@ -48,10 +48,10 @@ class ImagePyramid {
   /// scale: size of level 0 over size of each level, ascending from 1, each step at most 2.
   ImagePyramid(std::vector<float> scale, const Kernels& kernels);
 
-  void build(GreyView image);
+  void build(GrayView image);
   /// Number of levels the last image was large enough for (each side at least min_side_px).
   int levels() const { return usable_; }
-  GreyView level(int i) const { return planes_[i].view(); }
+  GrayView level(int i) const { return planes_[i].view(); }
   static constexpr int kMinSide = 33;  ///< one pixel that is 16 px from every border
 
  private:

@@ -35,7 +35,7 @@ struct Slide {
 };
 
 /// The best place of the left patch around right_x, refined by a parabola.
-std::optional<Slide> slide_patch(const Kernels& kernels, GreyView left, int left_x, GreyView right,
+std::optional<Slide> slide_patch(const Kernels& kernels, GrayView left, int left_x, GrayView right,
                                  int right_x, int y) {
   constexpr int kReach = kPatchRadius + kPatchSlide;
   if (left_x < kPatchRadius || left_x >= left.width - kPatchRadius || right_x < kReach ||
@@ -131,8 +131,8 @@ void StereoMatcher::match(const Side& left, const Side& right, std::vector<float
     const RawKeyPoint& point = left.keypoints[i];
     const int partner = best_descriptor(point, left.descriptors[i], right);
     if (partner < 0 || point.octave >= right.pyramid.levels()) continue;
-    const GreyView left_level = left.pyramid.level(point.octave);
-    const GreyView right_level = right.pyramid.level(point.octave);
+    const GrayView left_level = left.pyramid.level(point.octave);
+    const GrayView right_level = right.pyramid.level(point.octave);
     const auto column = [&](float x) { return level_pixel(x, left_level.width, camera.width); };
     const auto slide = slide_patch(kernels_, left_level, column(point.x), right_level,
                                    column(right.keypoints[partner].x),

@@ -50,6 +50,6 @@ std::shared_ptr<const FeatureSet> make_stereo_features(OrbExtractor& left_extrac
                                                        OrbExtractor& right_extractor,
                                                        StereoMatcher& matcher,
                                                        std::shared_ptr<const Sensor> sensor,
-                                                       GreyView left, GreyView right);
+                                                       GrayView left, GrayView right);
 
 }  // namespace slambed

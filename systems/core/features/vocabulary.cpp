@@ -30,7 +30,7 @@ double similarity(const BagOfWords& a, const BagOfWords& b) {
       ++i, ++j;
     }
   }
-  return sum;  // 1 - |a - b|/2 for L1-normalised vectors
+  return sum;  // 1 - |a - b|/2 for L1-normalized vectors
 }
 
 int Vocabulary::matching_level() const { return std::min(kMatchingLevel, depth_); }

@@ -27,19 +27,19 @@ Descriptor median(std::span<const Descriptor> all, const Members& members) {
 }
 
 struct Clusters {
-  std::vector<Descriptor> centres;
+  std::vector<Descriptor> centers;
   std::vector<Members> members;
 };
 
-/// k-means++ seeding on Hamming distance squared; stops early when every member equals a centre.
-std::vector<Descriptor> seed_centres(std::span<const Descriptor> all, const Members& members, int k,
+/// k-means++ seeding on Hamming distance squared; stops early when every member equals a center.
+std::vector<Descriptor> seed_centers(std::span<const Descriptor> all, const Members& members, int k,
                                      SplitMix64& random) {
-  std::vector<Descriptor> centres{all[members[random.below(members.size())]]};
+  std::vector<Descriptor> centers{all[members[random.below(members.size())]]};
   std::vector<std::uint64_t> nearest(members.size(), ~std::uint64_t{0});
-  while (static_cast<int>(centres.size()) < k) {
+  while (static_cast<int>(centers.size()) < k) {
     std::uint64_t total = 0;
     for (std::size_t i = 0; i < members.size(); ++i) {
-      const std::uint64_t d = hamming(all[members[i]], centres.back());
+      const std::uint64_t d = hamming(all[members[i]], centers.back());
       nearest[i] = std::min(nearest[i], d * d);
       total += nearest[i];
     }
@@ -47,31 +47,31 @@ std::vector<Descriptor> seed_centres(std::span<const Descriptor> all, const Memb
     std::uint64_t target = random.below(total);
     std::size_t chosen = 0;
     while (target >= nearest[chosen]) target -= nearest[chosen++];
-    centres.push_back(all[members[chosen]]);
+    centers.push_back(all[members[chosen]]);
   }
-  return centres;
+  return centers;
 }
 
 Clusters k_medians(std::span<const Descriptor> all, const Members& members, int k, int rounds,
                    SplitMix64& random) {
   Clusters clusters;
-  clusters.centres = seed_centres(all, members, k, random);
+  clusters.centers = seed_centers(all, members, k, random);
   for (int round = 0; round < rounds; ++round) {
-    clusters.members.assign(clusters.centres.size(), {});
+    clusters.members.assign(clusters.centers.size(), {});
     for (const std::uint32_t member : members) {
       int best = 0, best_distance = 257;
-      for (std::size_t c = 0; c < clusters.centres.size(); ++c) {
-        const int distance = hamming(all[member], clusters.centres[c]);
+      for (std::size_t c = 0; c < clusters.centers.size(); ++c) {
+        const int distance = hamming(all[member], clusters.centers[c]);
         if (distance < best_distance) best_distance = distance, best = static_cast<int>(c);
       }
       clusters.members[best].push_back(member);
     }
     bool moved = false;
-    for (std::size_t c = 0; c < clusters.centres.size(); ++c) {
+    for (std::size_t c = 0; c < clusters.centers.size(); ++c) {
       if (clusters.members[c].empty()) continue;
-      const Descriptor centre = median(all, clusters.members[c]);
-      moved |= centre != clusters.centres[c];
-      clusters.centres[c] = centre;
+      const Descriptor center = median(all, clusters.members[c]);
+      moved |= center != clusters.centers[c];
+      clusters.centers[c] = center;
     }
     if (!moved) break;
   }
@@ -115,10 +115,10 @@ class VocabularyTrainer {
       }
       Clusters clusters = k_medians(all, mine, o.branching, o.rounds, random);
       v.nodes_[index].first_child = static_cast<std::uint32_t>(v.nodes_.size());
-      for (std::size_t c = 0; c < clusters.centres.size(); ++c) {
+      for (std::size_t c = 0; c < clusters.centers.size(); ++c) {
         if (clusters.members[c].empty()) continue;
         Vocabulary::Node child;
-        child.descriptor = clusters.centres[c];
+        child.descriptor = clusters.centers[c];
         child.level = static_cast<std::uint16_t>(level + 1);
         v.nodes_.push_back(child);
         members.push_back(std::move(clusters.members[c]));

@@ -25,9 +25,9 @@ std::optional<Sim3> umeyama(std::span<const Eigen::Vector3d> from,
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   double variance = 0;
   for (std::size_t i = 0; i < from.size(); ++i) {
-    const Eigen::Vector3d centred = from[i] - mean_from;
-    covariance += (to[i] - mean_to) * centred.transpose();
-    variance += centred.squaredNorm();
+    const Eigen::Vector3d centered = from[i] - mean_from;
+    covariance += (to[i] - mean_to) * centered.transpose();
+    variance += centered.squaredNorm();
   }
   if (!covariance.allFinite() || !(variance > 0)) return std::nullopt;
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,

@@ -8,7 +8,7 @@ namespace slambed {
 namespace {
 
 constexpr int kMaxIterations = 30;
-constexpr double kConverged = 1e-12;  ///< normalised units: about 1e-9 px
+constexpr double kConverged = 1e-12;  ///< normalized units: about 1e-9 px
 
 }  // namespace
 

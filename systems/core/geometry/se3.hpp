@@ -7,7 +7,7 @@
 namespace slambed {
 
 /// Rigid transform. T_ab maps a point from frame b to frame a: p_a = T_ab * p_b.
-/// T_cw: world to camera (x right, y down, z forward), metres.
+/// T_cw: world to camera (x right, y down, z forward), meters.
 struct SE3 {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d t = Eigen::Vector3d::Zero();

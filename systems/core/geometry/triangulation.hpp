@@ -8,7 +8,7 @@
 
 namespace slambed {
 
-/// Linear triangulation (DLT) of one point from two views. x1 and x2 are normalised image
+/// Linear triangulation (DLT) of one point from two views. x1 and x2 are normalized image
 /// coordinates, ((u - cx) / fx, (v - cy) / fy); the projections are [R | t] of world to camera.
 /// Nothing when the point is at infinity or not finite; which side of the cameras it lies on and
 /// how well it reprojects is for the caller to check.

@@ -122,12 +122,12 @@ Hypothesis try_motion(const Camera& camera, std::span<const PixelPair> pairs,
   Eigen::Matrix<double, 3, 4> P1 = Eigen::Matrix<double, 3, 4>::Identity(), P2;
   P2 << T_21.R, T_21.t;
   std::vector<double> cosines;
-  const auto normalised = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
+  const auto normalized = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
     return {(p.x() - camera.cx) / camera.fx, (p.y() - camera.cy) / camera.fy};
   };
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (!inlier[i]) continue;
-    const Eigen::Vector2d a = normalised(pairs[i].first), b = normalised(pairs[i].second);
+    const Eigen::Vector2d a = normalized(pairs[i].first), b = normalized(pairs[i].second);
     const auto p_1 = triangulate(P1, P2, a, b);
     if (!p_1) continue;
     const Eigen::Vector3d p_2 = T_21 * *p_1;
@@ -159,7 +159,7 @@ Eigen::Matrix3d intrinsics(const Camera& camera) {
   return K;
 }
 
-/// The homography of normalised coordinates, with the sign that keeps things in front.
+/// The homography of normalized coordinates, with the sign that keeps things in front.
 Eigen::Matrix3d calibrated(const Model& model, const Eigen::Matrix3d& K,
                            std::span<const PixelPair> pairs) {
   const Eigen::Matrix3d H = K.inverse() * model.matrix * K, K_inverse = K.inverse();

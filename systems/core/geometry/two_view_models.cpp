@@ -14,11 +14,11 @@ using Matrix9 = Eigen::Matrix<double, 9, 9>;
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 
 /// Moves points to their mean and scales each axis to a mean distance of one.
-struct Normaliser {
+struct Normalizer {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero(), scale = Eigen::Vector2d::Ones();
 
   template <typename Get>
-  Normaliser(std::span<const PixelPair> pairs, Get get) {
+  Normalizer(std::span<const PixelPair> pairs, Get get) {
     for (const PixelPair& pair : pairs) mean += get(pair);
     mean /= static_cast<double>(pairs.size());
     Eigen::Vector2d spread = Eigen::Vector2d::Zero();
@@ -53,8 +53,8 @@ Eigen::Vector3d homogeneous(const Eigen::Vector2d& p) { return {p.x(), p.y(), 1}
 
 std::optional<Eigen::Matrix3d> fit_homography(std::span<const PixelPair> pairs) {
   if (pairs.size() < 4) return std::nullopt;
-  const Normaliser from(pairs, [](const PixelPair& p) { return p.first; });
-  const Normaliser to(pairs, [](const PixelPair& p) { return p.second; });
+  const Normalizer from(pairs, [](const PixelPair& p) { return p.first; });
+  const Normalizer to(pairs, [](const PixelPair& p) { return p.second; });
   if (!from.usable() || !to.usable()) return std::nullopt;
   Matrix9 form = Matrix9::Zero();
   for (const PixelPair& pair : pairs) {
@@ -66,17 +66,17 @@ std::optional<Eigen::Matrix3d> fit_homography(std::span<const PixelPair> pairs) 
     row << Eigen::Vector3d::Zero(), a, -b.y() * a;
     form += row * row.transpose();
   }
-  const auto normalised = smallest(form);
-  if (!normalised) return std::nullopt;
-  const Eigen::Matrix3d H = to.matrix().inverse() * *normalised * from.matrix();
-  if (!H.allFinite() || !(std::abs(normalised->determinant()) > 1e-12)) return std::nullopt;
+  const auto normalized = smallest(form);
+  if (!normalized) return std::nullopt;
+  const Eigen::Matrix3d H = to.matrix().inverse() * *normalized * from.matrix();
+  if (!H.allFinite() || !(std::abs(normalized->determinant()) > 1e-12)) return std::nullopt;
   return H;
 }
 
 std::optional<Eigen::Matrix3d> fit_fundamental(std::span<const PixelPair> pairs) {
   if (pairs.size() < 8) return std::nullopt;
-  const Normaliser from(pairs, [](const PixelPair& p) { return p.first; });
-  const Normaliser to(pairs, [](const PixelPair& p) { return p.second; });
+  const Normalizer from(pairs, [](const PixelPair& p) { return p.first; });
+  const Normalizer to(pairs, [](const PixelPair& p) { return p.second; });
   if (!from.usable() || !to.usable()) return std::nullopt;
   Matrix9 form = Matrix9::Zero();
   for (const PixelPair& pair : pairs) {

@@ -54,7 +54,7 @@ Admission DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes, Lane l
     place_trace(now_ns);
     result.queue_bytes = bottleneck_->waiting_bytes(now_ns);
     const std::optional<std::int64_t> departure = lane == Lane::kProbe
-                                                      ? bottleneck_->beside(now_ns, bytes)
+                                                      ? bottleneck_->probe_departure(now_ns, bytes)
                                                       : bottleneck_->admit(now_ns, bytes);
     if (!departure) {
       result.fate = Fate::kQueueFull;

@@ -35,7 +35,7 @@ std::optional<std::int64_t> Bottleneck::admit(std::int64_t now_ns, std::uint32_t
   return departure;
 }
 
-std::int64_t Bottleneck::beside(std::int64_t now_ns, std::uint32_t bytes) {
+std::int64_t Bottleneck::probe_departure(std::int64_t now_ns, std::uint32_t bytes) {
   waiting_bytes(now_ns);
   const auto free_at_ns = free_at_ns_;
   const auto next_index = next_index_, left = left_in_current_;

@@ -10,7 +10,7 @@ namespace slambed::link {
 
 inline constexpr double kNsPerS = 1e9;
 
-/// Constant rate, or a Mahimahi trace: one 1,500-byte delivery opportunity per entry, repeated for
+/// The link's bandwidth: a constant rate, or a Mahimahi trace: one 1,500-byte delivery opportunity per entry, repeated for
 /// ever.
 struct RateOptions {
   double bits_per_s = 0.0;  ///< constant rate; 0 when a trace is given
@@ -20,8 +20,8 @@ struct RateOptions {
   std::int64_t queue_bytes = 0;  ///< bytes that may wait; a packet that does not fit is dropped
 };
 
-/// The bottleneck: packets leave one after another at the link's rate; what waits is counted in
-/// bytes.
+/// The bottleneck queue: packets leave one after another at the link's rate (its bandwidth); what
+/// waits, the backlog, is counted in bytes.
 class Bottleneck {
  public:
   explicit Bottleneck(RateOptions options);
@@ -34,7 +34,7 @@ class Bottleneck {
   std::optional<std::int64_t> admit(std::int64_t now_ns, std::uint32_t bytes);
 
   /// When the last byte of a packet would leave that takes no room and no time from the others.
-  std::int64_t beside(std::int64_t now_ns, std::uint32_t bytes);
+  std::int64_t probe_departure(std::int64_t now_ns, std::uint32_t bytes);
 
   /// Bytes accepted that have not left yet.
   std::int64_t waiting_bytes(std::int64_t now_ns);

@@ -39,6 +39,8 @@ struct MapPoint {
   KeyFrameId first_keyframe;
   std::vector<Observation> observations;  ///< ordered by keyframe id
   int weight = 0;                         ///< stereo/RGB-D observations count 2, monocular ones 1
+  /// Observation counts: frames in which it should have been seen, and in which it was found
+  /// (ORB-SLAM2's mnVisible and mnFound).
   std::uint32_t visible = 1, found = 1;
   std::uint32_t version = 0;  ///< of p_w
 };

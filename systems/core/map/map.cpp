@@ -34,14 +34,14 @@ CommitReport Map::commit(const MapDelta& delta) {
   for (const auto& edit : delta.fusions) note(map.fuse(edit));
   for (const auto& edit : delta.positions) note(map.move(edit));
   for (const auto& edit : delta.poses) note(map.move(edit));
-  const int before_sightings = report.applied;
-  for (const auto& edit : delta.sightings) note(map.count(edit));
-  const int after_sightings = report.applied;
+  const int before_counts = report.applied;
+  for (const auto& edit : delta.observation_counts) note(map.count(edit));
+  const int after_counts = report.applied;
   for (const MapPointId id : delta.culled_points) note(map.cull(id));
   for (const KeyFrameId id : delta.culled_keyframes) note(map.cull(id));
   map.finish();
   map.set_epoch(std::max(map.epoch(), delta.epoch));
-  if (before_sightings + report.applied - after_sightings > 0) {
+  if (before_counts + report.applied - after_counts > 0) {
     map.set_revision(map.revision() + 1);
     revision_.store(map.revision(), std::memory_order_release);
   }

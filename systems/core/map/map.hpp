@@ -46,9 +46,9 @@ class MapView {
   virtual std::size_t point_count() const = 0;
   /// The first keyframe, root of the spanning tree: the one that never moves. None in an empty map.
   virtual KeyFrameId origin() const = 0;
-  /// The highest epoch of any committed delta.
+  /// The map's epoch (MapDelta::epoch): the highest one of any committed delta.
   virtual std::uint64_t epoch() const = 0;
-  /// Grows with every commit that changed more than sightings: equal means nothing else has
+  /// Grows with every commit that changed more than observations: equal means nothing else has
   /// changed.
   virtual std::uint64_t revision() const = 0;
   virtual const KeyFrameJournal& keyframe_journal() const = 0;

@@ -5,7 +5,7 @@ namespace slambed {
 
 bool MapDelta::empty() const {
   return points.empty() && keyframes.empty() && attach.empty() && detach.empty() &&
-         fusions.empty() && positions.empty() && poses.empty() && sightings.empty() &&
+         fusions.empty() && positions.empty() && poses.empty() && observation_counts.empty() &&
          culled_points.empty() && culled_keyframes.empty();
 }
 

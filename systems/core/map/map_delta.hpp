@@ -55,8 +55,9 @@ struct PointFusion {
   MapPointId gone, survivor;
 };
 
-/// Absolute counters, so that applying them twice changes nothing.
-struct PointSightings {
+/// How often a point should have been seen and was found (ORB-SLAM2's mnVisible and mnFound), as
+/// absolute counters, so that applying them twice changes nothing.
+struct PointObservationCounts {
   MapPointId id;
   std::uint32_t visible = 0, found = 0;
 };
@@ -66,6 +67,8 @@ struct PointSightings {
 /// old version never overwrites a newer one; edits of elements that are gone are ignored and
 /// counted.
 struct MapDelta {
+  /// Generation of the map, that is of its coordinate frame. A correction of the whole map (a closed
+  /// loop) begins the next one; poses and positions that were computed in an older one are stale.
   std::uint64_t epoch = 0;
   std::vector<NewPoint> points;
   std::vector<NewKeyFrame> keyframes;
@@ -73,7 +76,7 @@ struct MapDelta {
   std::vector<PointFusion> fusions;
   std::vector<PointPosition> positions;
   std::vector<KeyFramePose> poses;
-  std::vector<PointSightings> sightings;
+  std::vector<PointObservationCounts> observation_counts;
   std::vector<MapPointId> culled_points;
   std::vector<KeyFrameId> culled_keyframes;
 

@@ -45,7 +45,7 @@ void MapState::refresh_point(const Touch& touched) {
   for (const Observation& seen : point.observations) {
     if (seen.weight == 0) continue;
     const Node& keyframe = *node(seen.keyframe);
-    const Eigen::Vector3d ray = point.p_w + keyframe.minus_centre;
+    const Eigen::Vector3d ray = point.p_w + keyframe.minus_center;
     const double distance_m = ray.norm();
     if (distance_m > 0) directions += ray / distance_m;
     seen_as_.push_back(&keyframe.features->descriptor(seen.feature));

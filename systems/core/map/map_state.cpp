@@ -281,7 +281,7 @@ Edit MapState::move(const KeyFramePose& edit) {
   return Edit::kApplied;
 }
 
-Edit MapState::count(const PointSightings& edit) {
+Edit MapState::count(const PointObservationCounts& edit) {
   MapPoint* point = live_point(edit.id);
   if (!point) return Edit::kUnknown;
   // Counters only grow: the larger value is the newer one.

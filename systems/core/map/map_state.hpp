@@ -39,7 +39,7 @@ class MapState final : public MapView {
   Edit fuse(const PointFusion& edit);
   Edit move(const PointPosition& edit);
   Edit move(const KeyFramePose& edit);
-  Edit count(const PointSightings& edit);
+  Edit count(const PointObservationCounts& edit);
   Edit cull(MapPointId id);
   Edit cull(KeyFrameId id);
   /// Refreshes everything derived from what was touched since the last call.
@@ -52,9 +52,9 @@ class MapState final : public MapView {
   struct Node : KeyFrame {
     void place(const SE3& pose) {
       T_cw = pose;
-      minus_centre = pose.R.transpose() * pose.t;
+      minus_center = pose.R.transpose() * pose.t;
     }
-    Eigen::Vector3d minus_centre;  ///< of the camera, in the world; many points ask for it
+    Eigen::Vector3d minus_center;  ///< of the camera, in the world; many points ask for it
     bool touched = false;          ///< connected changed in this commit
   };
   /// What stays of a culled keyframe: its pose relative to the parent it had, or to the world.

@@ -13,10 +13,10 @@ std::string_view state_name(TrackingState state) {
       return "ok";
     case TrackingState::kLost:
       return "lost";
-    case TrackingState::kNotInitialised:
+    case TrackingState::kNotInitialized:
       break;
   }
-  return "not_initialised";
+  return "not_initialized";
 }
 
 std::string_view need_name(KeyFrameNeed need, bool first) {
@@ -74,8 +74,8 @@ TrackedFrame FrameTracking::track(Worker& worker, const OfferedFrame& offered,
   TrackedFrame frame{.offered = offered, .outcome = {}, .features = nullptr};
   frame.features = worker.stage("extract", extract);
   frame.features = policy.before_tracking(worker, offered, std::move(frame.features));
-  const bool lost = tracker_.looks_everywhere();
-  frame.outcome = worker.stage(lost ? "relocalise" : "track", [&](StageUnits& units) {
+  const bool lost = tracker_.searches_whole_map();
+  frame.outcome = worker.stage(lost ? "relocalize" : "track", [&](StageUnits& units) {
     const auto outcome =
         tracker_.track(offered.played.index, offered.played.seq_s(), frame.features);
     units.n1 = frame.features->size();
@@ -84,7 +84,7 @@ TrackedFrame FrameTracking::track(Worker& worker, const OfferedFrame& offered,
     return outcome;
   });
   const bool ok = frame.outcome.state == TrackingState::kOk;
-  frame.relocalised_now = before == TrackingState::kLost && ok && !frame.outcome.initialised_now;
+  frame.relocalized_now = before == TrackingState::kLost && ok && !frame.outcome.initialized_now;
   frame.lost_now = before == TrackingState::kOk && !ok;
   if (frame.outcome.reset_now) poses_.clear();
   policy.after_frame(worker, frame);
@@ -96,10 +96,10 @@ void FrameTracking::record(const TrackedFrame& frame, Duration spent, TrackingPo
   const TrackOutcome& outcome = frame.outcome;
   if (frame.lost_now) log_.write(frame_event("track_lost", frame.offered));
   if (outcome.reset_now) log_.write(frame_event("reset", frame.offered));
-  if (outcome.initialised_now) log_.write(frame_event("initialised", frame.offered));
-  if (frame.relocalised_now) {
-    JsonLine event = frame_event("relocalised", frame.offered);
-    if (const auto by = policy.relocalised_by(frame); !by.empty()) event.add("by", by);
+  if (outcome.initialized_now) log_.write(frame_event("initialized", frame.offered));
+  if (frame.relocalized_now) {
+    JsonLine event = frame_event("relocalized", frame.offered);
+    if (const auto by = policy.relocalized_by(frame); !by.empty()) event.add("by", by);
     log_.write(event);
   }
   JsonLine event = frame_event("frame_tracked", frame.offered);
@@ -126,7 +126,7 @@ MapDelta FrameTracking::create_keyframe(Worker& worker, const TrackedFrame& fram
     return made;
   });
   for (const NewKeyFrame& keyframe : delta.keyframes) {
-    if (frame.outcome.initialised_now) {
+    if (frame.outcome.initialized_now) {
       poses_.created(keyframe.id, {}, SE3(), keyframe.T_cw);
     } else {
       poses_.created(keyframe.id, frame.outcome.reference, frame.outcome.T_cr, keyframe.T_cw);
@@ -137,7 +137,7 @@ MapDelta FrameTracking::create_keyframe(Worker& worker, const TrackedFrame& fram
                    .add("seq_s", keyframe.timestamp_s)
                    .add("keyframe", keyframe.id.value)
                    .add("new_points", delta.points.size())
-                   .add("need", need_name(need, frame.outcome.initialised_now)));
+                   .add("need", need_name(need, frame.outcome.initialized_now)));
   }
   return delta;
 }

@@ -16,7 +16,7 @@ struct TrackedFrame {
   OfferedFrame offered;
   TrackOutcome outcome;
   std::shared_ptr<const FeatureSet> features;
-  bool relocalised_now = false;
+  bool relocalized_now = false;
   bool lost_now = false;
 };
 
@@ -34,7 +34,7 @@ class TrackingPolicy {
   virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
   /// Of a frame in which a lost camera was found: with whose help ("local", "edge", "map"); empty:
   /// the system does not tell.
-  virtual std::string_view relocalised_by(const TrackedFrame&) { return {}; }
+  virtual std::string_view relocalized_by(const TrackedFrame&) { return {}; }
 };
 
 /// The tracker's options for a sensor and a played rate: ORB-SLAM2's mMaxFrames is one second,
@@ -42,8 +42,8 @@ class TrackingPolicy {
 TrackerOptions at_rate(TrackerOptions options, SensorKind sensor, double played_fps);
 
 /// Tracks frame after frame on the node that has them, and records what became of each: stages
-/// `extract`, `track` and `create_keyframe`, events `frame_tracked`, `track_lost`, `relocalised`,
-/// `initialised`, `reset` and `keyframe_created`. Belongs to one worker.
+/// `extract`, `track` and `create_keyframe`, events `frame_tracked`, `track_lost`, `relocalized`,
+/// `initialized`, `reset` and `keyframe_created`. Belongs to one worker.
 class FrameTracking {
  public:
   /// Within the stage `extract`; says how large the work was.

@@ -13,7 +13,7 @@ struct WindowSize {
   double covisibles = 0;  ///< keyframes that share points with it
   double shared = 0;      ///< observations shared with them
   double unmatched = 0;   ///< features without a point
-  double neighbours = 0;  ///< keyframes that are searched for them
+  double neighbors = 0;  ///< keyframes that are searched for them
 };
 
 WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& options) {
@@ -24,8 +24,8 @@ WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& 
     size.covisibles = static_cast<double>(keyframe->covisibles.size());
     for (const Covisible& covisible : keyframe->covisibles) size.shared += covisible.weight;
     for (const MapPointId point : keyframe->points) size.unmatched += point ? 0 : 1;
-    size.neighbours =
-        std::min<double>(options.neighbours_for(keyframe->features->sensor()), size.covisibles);
+    size.neighbors =
+        std::min<double>(options.neighbors_for(keyframe->features->sensor()), size.covisibles);
     return size;
   });
 }
@@ -54,7 +54,7 @@ LocalMapping::LocalMapping(Runtime& runtime, EventLog& log, LocalMapperOptions o
       mode_(mode),
       hooks_(std::move(hooks)),
       queue_(runtime),
-      settled_(runtime.make_signal()) {}
+      progressed_(runtime.make_signal()) {}
 
 void LocalMapping::start(const std::string& worker_name) {
   if (mode_ == Mode::kSequential) return;
@@ -70,7 +70,7 @@ Completion LocalMapping::submit(Worker& worker, KeyFrameId keyframe) {
     ++waiting_;
     queue_.put({.keyframe = keyframe, .map = nullptr, .submitted = number});
   }
-  return {*settled_, [this, number] { return completed_ >= number; },
+  return {*progressed_, [this, number] { return completed_ >= number; },
           [this] { return parked_.load(); }};
 }
 
@@ -91,7 +91,7 @@ Completion LocalMapping::reset(std::shared_ptr<Map> map) {
   } else {
     queue_.put(std::move(task));
   }
-  return {*settled_, [this, change] { return changes_done_ >= change; }, [] { return false; }};
+  return {*progressed_, [this, change] { return changes_done_ >= change; }, [] { return false; }};
 }
 
 void LocalMapping::adopt(Task task) {
@@ -104,17 +104,17 @@ void LocalMapping::adopt(Task task) {
   if (hooks_.changed) hooks_.changed();
   completed_ = task.submitted;
   changes_done_ = task.change;
-  settled_->notify();
+  progressed_->notify();
 }
 
 Completion LocalMapping::drained() {
-  return {*settled_, [this] { return status().idle; }, [this] { return parked_.load(); }};
+  return {*progressed_, [this] { return status().idle; }, [this] { return parked_.load(); }};
 }
 
 void LocalMapping::park(bool parked) {
   parked_ = parked;
   queue_.signal().notify();
-  settled_->notify();  // who waits for what is parked now need not
+  progressed_->notify();  // who waits for what is parked now need not
 }
 
 void LocalMapping::run(Worker& worker) {
@@ -131,12 +131,12 @@ void LocalMapping::run(Worker& worker) {
       }
       busy_ = false;
       if (task && task->map) adopt(std::move(*task));
-      settled_->notify();  // also when a change of map has just emptied the queue
+      progressed_->notify();  // also when a change of map has just emptied the queue
       continue;
     }
     worker.wait(queue_.signal(), ticket, hooks_.idle && !parked_ ? hooks_.idle(worker) : kNever);
   }
-  settled_->notify();
+  progressed_->notify();
 }
 
 template <typename Stage>
@@ -178,8 +178,8 @@ void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
     mapper_.insert(keyframe);
   });
   commit_stage(worker, "cull_points", size, [&] { return mapper_.cull_points(); });
-  // Every unmatched feature is looked for in each neighbour.
-  commit_stage(worker, "triangulate", {window.neighbours, window.neighbours * window.unmatched},
+  // Every unmatched feature is looked for in each neighbor.
+  commit_stage(worker, "triangulate", {window.neighbors, window.neighbors * window.unmatched},
                [&] { return mapper_.triangulate(); });
   if (!interrupted()) commit_stage(worker, "fuse", size, [&] { return mapper_.fuse(); });
   if (!interrupted()) {

@@ -73,7 +73,7 @@ class LocalMapping {
   void wake() { queue_.signal().notify(); }
   /// Notified when a keyframe is done, the map is another or mapping is parked; whatever works
   /// behind mapping notifies it too when it is done.
-  Signal& settled() { return *settled_; }
+  Signal& progressed() { return *progressed_; }
 
  private:
   struct Task {
@@ -104,7 +104,7 @@ class LocalMapping {
   Mode mode_;
   MappingHooks hooks_;
   Mailbox<Task> queue_;
-  std::unique_ptr<Signal> settled_;               ///< a keyframe is done, or a change of map
+  std::unique_ptr<Signal> progressed_;               ///< a keyframe is done, or a change of map
   std::atomic<int> waiting_{0};                   ///< keyframes in the queue
   std::atomic<int> submitted_{0}, completed_{0};  ///< keyframes; completed: of the first so many
   std::atomic<bool> busy_{false}, parked_{false}, accepting_{true};

@@ -131,7 +131,7 @@ void LoopClosing::idle(Worker& worker) {
     if (finished->bundle && finished->generation == generation_)
       commit_bundle(worker, *finished->bundle);
     --open_;
-    mapping_.settled().notify();
+    mapping_.progressed().notify();
   }
 }
 
@@ -141,7 +141,7 @@ void LoopClosing::map_changed() {
 }
 
 Completion LoopClosing::drained() {
-  return {mapping_.settled(), [this] { return open_ == 0; }, [this] { return mapping_.parked(); }};
+  return {mapping_.progressed(), [this] { return open_ == 0; }, [this] { return mapping_.parked(); }};
 }
 
 }  // namespace slambed

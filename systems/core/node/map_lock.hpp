@@ -11,7 +11,7 @@
 namespace slambed {
 
 /// ORB-SLAM2's mMutexMapUpdate as a model of its own: held by tracking for a whole frame behind
-/// extraction (Tracking.cc, Track), and by whoever writes an optimised map back (Optimizer.cc and
+/// extraction (Tracking.cc, Track), and by whoever writes an optimized map back (Optimizer.cc and
 /// LoopClosing.cc). Our maps need no such lock; who holds it only makes the others wait, as long as
 /// the stages in between take. Whoever had to wait is told in an event `map_wait`.
 class MapLock {

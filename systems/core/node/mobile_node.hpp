@@ -94,7 +94,7 @@ class MobileNode {
   PoseLog pose_log_;
   std::atomic<bool> lost_elsewhere_{false};
   double pyramid_pixels_ = 0;  ///< of a frame's octaves, in pictures
-  TrackingState elsewhere_ = TrackingState::kNotInitialised;
+  TrackingState elsewhere_ = TrackingState::kNotInitialized;
   bool finished_ = false;
 };
 

@@ -93,7 +93,7 @@ struct BundleAdjuster::Impl {
     if (stage == Stage::kFinal)
       for (std::size_t k = 0; k < bundle.size(); ++k) bundle.active[k] = !is_outlier(k);
     damping = Damping();
-    linearised = false;
+    linearized = false;
     if (stage == Stage::kDone) return;
     const bool empty = std::none_of(bundle.active.begin(), bundle.active.end(),
                                     [](std::uint8_t active) { return active; });
@@ -119,10 +119,10 @@ struct BundleAdjuster::Impl {
 
   /// One Levenberg-Marquardt iteration; false when the stage has nothing left to gain.
   bool iterate() {
-    if (!linearised) {
+    if (!linearized) {
       values.look_at(problem.T_cw, problem.p_w);
-      system.linearise(values, robust());
-      linearised = true;
+      system.linearize(values, robust());
+      linearized = true;
     }
     if (!system.solve(damping)) {
       damping.reject();
@@ -138,7 +138,7 @@ struct BundleAdjuster::Impl {
       std::swap(problem.T_cw, trial_poses);
       std::swap(problem.p_w, trial_points);
       cost = moved_cost;
-      linearised = false;
+      linearized = false;
     } else {
       damping.reject();
     }
@@ -157,7 +157,7 @@ struct BundleAdjuster::Impl {
   Stage stage = Stage::kRobust;
   int iterations_left = 0;
   Damping damping;
-  bool linearised = false;  ///< the system belongs to the current values
+  bool linearized = false;  ///< the system belongs to the current values
   double cost = 0;
 };
 

@@ -22,9 +22,9 @@ DenseCholesky::DenseCholesky(std::size_t size, const SchurKernels& kernels)
   scratch_.resize(kFactorColumns * padded_);
 }
 
-bool DenseCholesky::factorise() {
+bool DenseCholesky::factorize() {
   for (std::size_t i = size_; i < padded_; ++i) *at(i, i) = 1;
-  return kernels_.factorise(numbers_.data(), padded_, stride_, scratch_.data());
+  return kernels_.factorize(numbers_.data(), padded_, stride_, scratch_.data());
 }
 
 bool DenseCholesky::solve(std::span<double> right) const {

@@ -8,7 +8,7 @@
 
 namespace slambed {
 
-/// A symmetric positive definite matrix, its lower triangle, and its factorisation by the kernels:
+/// A symmetric positive definite matrix, its lower triangle, and its factorization by the kernels:
 /// the same bytes on every processor. Eigen would use what the compiler may assume of it, which in
 /// a program for all of them are two numbers at a time.
 class DenseCholesky {
@@ -21,8 +21,8 @@ class DenseCholesky {
     return numbers_.data() + stride_ * column + row;
   }
   /// False when the matrix is not positive definite.
-  bool factorise();
-  /// In place, after factorise(). False when the result is not finite.
+  bool factorize();
+  /// In place, after factorize(). False when the result is not finite.
   bool solve(std::span<double> right) const;
 
  private:

@@ -27,7 +27,7 @@ double cost_of(const PoseGraphProblem& problem, const std::vector<Sim3>& S_cw) {
 class GraphSystem {
  public:
   virtual ~GraphSystem() = default;
-  virtual void linearise(const PoseGraphProblem& problem) = 0;
+  virtual void linearize(const PoseGraphProblem& problem) = 0;
   /// False when the equations have no finite solution at this damping.
   virtual bool solve(const Damping& damping) = 0;
   virtual std::vector<Sim3> moved(const std::vector<Sim3>& S_cw) const = 0;
@@ -45,7 +45,7 @@ class GraphSystemOf final : public GraphSystem {
     hessian_.resize(blocks_.count());
   }
 
-  void linearise(const PoseGraphProblem& problem) override {
+  void linearize(const PoseGraphProblem& problem) override {
     for (auto& block : hessian_) block.setZero();
     gradient_.setZero();
     for (const PoseGraphEdge& edge : problem.edges) {
@@ -147,8 +147,8 @@ struct PoseGraph::Impl {
 
   /// One Levenberg-Marquardt iteration; false when nothing is left to gain.
   bool iterate() {
-    if (!linearised) system->linearise(problem);
-    linearised = true;
+    if (!linearized) system->linearize(problem);
+    linearized = true;
     if (!system->solve(damping)) {
       damping.reject();
       return !damping.exhausted();
@@ -161,7 +161,7 @@ struct PoseGraph::Impl {
       damping.accept(fall / system->promised());
       problem.S_cw = std::move(trial);
       cost = trial_cost;
-      linearised = false;
+      linearized = false;
     } else {
       damping.reject();
     }
@@ -173,7 +173,7 @@ struct PoseGraph::Impl {
   std::unique_ptr<GraphSystem> system;
   Damping damping;
   int iterations_left;
-  bool linearised = false;
+  bool linearized = false;
   double cost;
 };
 

@@ -76,7 +76,7 @@ class Problem {
     return n;
   }
 
-  Normal linearise(const SE3& T_cw, bool robust) const;
+  Normal linearize(const SE3& T_cw, bool robust) const;
 
   /// Marks every observation, also those that were out so far, and returns the inliers' cost.
   double classify(const SE3& T_cw, std::vector<std::uint8_t>& outlier) {
@@ -107,7 +107,7 @@ class Problem {
   std::vector<std::uint8_t> usable_;
 };
 
-Normal Problem::linearise(const SE3& T_cw, bool robust) const {
+Normal Problem::linearize(const SE3& T_cw, bool robust) const {
   const auto& R = T_cw.R;
   const Lane zero = both(0), one = both(1);
   const double behind_mono = robust ? huber(kBehindChi2, kChi2Mono).rho : kBehindChi2;
@@ -174,9 +174,9 @@ Normal Problem::linearise(const SE3& T_cw, bool robust) const {
 }
 
 /// One round of Levenberg-Marquardt from the given pose.
-SE3 minimise(const Problem& problem, SE3 T_cw, bool robust, const PoseOptions& options) {
+SE3 minimize(const Problem& problem, SE3 T_cw, bool robust, const PoseOptions& options) {
   Damping damping;
-  Normal now = problem.linearise(T_cw, robust);
+  Normal now = problem.linearize(T_cw, robust);
   for (int i = 0; i < options.iterations; ++i) {
     Matrix6 damped = now.H;
     Vector6 added;
@@ -190,7 +190,7 @@ SE3 minimise(const Problem& problem, SE3 T_cw, bool robust, const PoseOptions& o
       continue;
     }
     const SE3 trial = SE3::exp(step) * T_cw;
-    const Normal next = problem.linearise(trial, robust);
+    const Normal next = problem.linearize(trial, robust);
     const double fall = now.cost - next.cost;
     if (fall > 0) {
       const bool arrived = fall < options.relative_stop * now.cost;
@@ -219,7 +219,7 @@ PoseResult PoseOptimizer::solve(const Camera& camera, const SE3& initial_T_cw,
 
   for (int round = 0; round < options_.rounds; ++round) {
     const bool robust = round + 1 < options_.rounds || round == 0;
-    result.T_cw = minimise(problem, initial_T_cw, robust, options_);
+    result.T_cw = minimize(problem, initial_T_cw, robust, options_);
     result.cost = problem.classify(result.T_cw, outlier);
     result.inliers = static_cast<int>(problem.active());
     if (problem.count_usable() < kMinForMoreRounds || problem.active() < kMinObservations) break;

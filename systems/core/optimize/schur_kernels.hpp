@@ -17,7 +17,7 @@ inline constexpr int kPointSumsSize = 16, kPointGradient = 6;
 /// A pose as kernels read it: rotation column by column, translation.
 inline constexpr int kPoseSize = 12;
 inline constexpr int kPointSize = 4;  ///< x y z and room
-/// Columns that a factorisation takes at a time.
+/// Columns that a factorization takes at a time.
 inline constexpr int kFactorColumns = 4;
 /// Arrays of rows have room for this many beyond the last.
 inline constexpr std::size_t kRowSlack = 8;
@@ -33,7 +33,7 @@ struct RowsView {
   bool robust;  ///< Huber's loss
 };
 
-/// Where linearise() adds up. Rows on free poses have a slot: a place among the rows of their pose.
+/// Where linearize() adds up. Rows on free poses have a slot: a place among the rows of their pose.
 struct NormalSums {
   const std::uint8_t* active;
   const std::uint32_t* slot;  ///< per row; unused where the pose is fixed
@@ -73,7 +73,7 @@ struct ColumnElimination {
 struct SchurKernels {
   const char* name;
   /// Normal equations of rows [0, rows).
-  void (*linearise)(const RowsView& view, std::size_t rows, const NormalSums& sums);
+  void (*linearize)(const RowsView& view, std::size_t rows, const NormalSums& sums);
   /// Cost of each row; behind marks those not in front of the camera, whose cost is not computed.
   void (*row_costs)(const RowsView& view, std::size_t rows, double* cost, std::uint8_t* behind);
   /// blocks -= W V^-1 W', right -= W V^-1 g.
@@ -82,7 +82,7 @@ struct SchurKernels {
   /// it is lost. size: a multiple of kFactorColumns; stride: from one column to the next, a
   /// multiple of kColumnStride; scratch: kFactorColumns per column. False when it is not positive
   /// definite.
-  bool (*factorise)(double* matrix, std::size_t size, std::size_t stride, double* scratch);
+  bool (*factorize)(double* matrix, std::size_t size, std::size_t stride, double* scratch);
 };
 
 const SchurKernels& portable_schur_kernels();

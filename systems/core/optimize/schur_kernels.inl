@@ -167,7 +167,7 @@ inline void add(double* sums, const double* terms) {
   for (int i = 0; i < kSize; i += kLanes) store(sums + i, load(sums + i) + load(terms + i));
 }
 
-void linearise(const RowsView& view, size_t rows, const NormalSums& sums) {
+void linearize(const RowsView& view, size_t rows, const NormalSums& sums) {
   RowTerms terms;
   for (size_t first = 0; first < rows; first += kLanes) {
     terms_of(view, first, terms);
@@ -287,7 +287,7 @@ inline void update_rows(double* matrix, size_t stride, size_t first, size_t row,
       store(matrix + (first + c) * stride + row + i * kLanes, sums[c][i]);
 }
 
-bool factorise(double* matrix, size_t size, size_t stride, double* scratch) {
+bool factorize(double* matrix, size_t size, size_t stride, double* scratch) {
   constexpr int kRows = 2;
   for (size_t first = 0; first < size; first += kFactorColumns) {
     for (size_t k = 0; k < first; ++k)
@@ -317,5 +317,5 @@ bool factorise(double* matrix, size_t size, size_t stride, double* scratch) {
 }
 
 constexpr auto named(const char* name) {
-  return SchurKernels{name, linearise, row_costs, eliminate, factorise};
+  return SchurKernels{name, linearize, row_costs, eliminate, factorize};
 }

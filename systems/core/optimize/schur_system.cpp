@@ -70,11 +70,11 @@ double* SchurSystem::column(std::size_t pose) {
   return (sparse_ ? sparse_->data() : reduced_.data()) + kPoseBlockSize * order_.block_begin[pose];
 }
 
-void SchurSystem::linearise(const BundleValues& values, bool robust) {
+void SchurSystem::linearize(const BundleValues& values, bool robust) {
   pose_sums_.fill(0);
   point_sums_.fill(0);
   if (bundle_.size() == 0) return;
-  kernels_.linearise(values.view(robust), bundle_.size(),
+  kernels_.linearize(values.view(robust), bundle_.size(),
                      {bundle_.active.data(), order_.slot.data(), static_cast<std::uint32_t>(poses_),
                       pose_sums_.data(), point_sums_.data(), cross_.data(), coupled_.data()});
 }
@@ -136,7 +136,7 @@ bool SchurSystem::solve_poses() {
     for (std::size_t row = column; row < poses_; ++row, block += kPoseBlockSize)
       for (int c = 0; c < 6; ++c)
         std::copy_n(block + kColumnStride * c, 6, dense_.at(6 * row, 6 * column + c));
-  return dense_.factorise() && dense_.solve({solution_.data(), 6 * poses_});
+  return dense_.factorize() && dense_.solve({solution_.data(), 6 * poses_});
 }
 
 void SchurSystem::back_substitute(std::size_t point) {

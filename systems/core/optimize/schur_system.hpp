@@ -26,7 +26,7 @@ class SchurSystem {
   ~SchurSystem();
 
   /// Fills the equations; the cost is that of the active rows.
-  void linearise(const BundleValues& values, bool robust);
+  void linearize(const BundleValues& values, bool robust);
 
   /// Solves for the steps. False when the equations have no finite solution at this damping.
   bool solve(const Damping& damping);

@@ -105,7 +105,7 @@ class Refinement {
     return sum;
   }
 
-  SimilarityNormal linearise() const {
+  SimilarityNormal linearize() const {
     const Sim3 S_21 = S_12_.inverse();
     const Eigen::Matrix3d back = S_21.scale * S_21.R;
     SimilarityNormal n;
@@ -129,7 +129,7 @@ class Refinement {
     Damping damping;
     double current = cost(S_12_);
     for (int k = 0; k < iterations && !damping.exhausted(); ++k) {
-      const SimilarityNormal n = linearise();
+      const SimilarityNormal n = linearize();
       Matrix7 H = n.H;
       for (int c = 0; c < 7; ++c) H(c, c) += damping.of(H(c, c));
       const Vector7 step = H.ldlt().solve(n.g);

@@ -13,7 +13,7 @@
 namespace slambed {
 
 /// A symmetric positive definite matrix of N x N blocks of which few are not zero: the lower
-/// triangle, block by block, and its factorisation. The pattern is fixed, so that the order of
+/// triangle, block by block, and its factorization. The pattern is fixed, so that the order of
 /// elimination (approximate minimum degree) is looked for only once. Stride: numbers from one
 /// column of a block to the next; the rows beyond D are padding.
 template <int D, int Stride = D>
@@ -59,8 +59,8 @@ class SparseBlocks {
   /// Solves in place. False when the matrix is not positive definite or the result not finite.
   bool solve(Eigen::VectorXd& right) {
     fill();
-    if (!analysed_) factor_.analyzePattern(matrix_);
-    analysed_ = true;
+    if (!analyzed_) factor_.analyzePattern(matrix_);
+    analyzed_ = true;
     factor_.factorize(matrix_);
     if (factor_.info() != Eigen::Success) return false;
     right = factor_.solve(right).eval();
@@ -100,7 +100,7 @@ class SparseBlocks {
   std::vector<Block> blocks_;
   Eigen::SparseMatrix<double> matrix_;
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor_;
-  bool analysed_ = false;
+  bool analyzed_ = false;
 };
 
 }  // namespace slambed

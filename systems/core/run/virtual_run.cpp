@@ -23,8 +23,8 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What both nodes have; destroyed in the reverse order.
-struct NodeWorld {
-  NodeWorld(Simulator& simulator, const SimConfig& config, const System& system, NodeRole node_role,
+struct VirtualNode {
+  VirtualNode(Simulator& simulator, const SimConfig& config, const System& system, NodeRole node_role,
             DeviceModel device)
       : role(node_role),
         folder(prepare_node_folder(config.run.output, node_role)),
@@ -172,8 +172,8 @@ class VirtualRun {
   PlayedSequence played_;
   Simulator simulator_;
   VirtualLink link_;
-  NodeWorld mobile_;
-  std::optional<NodeWorld> edge_;
+  VirtualNode mobile_;
+  std::optional<VirtualNode> edge_;
   PeerInfo peer_;
   std::unique_ptr<ImageSource> images_;
   std::optional<MaskCache> masks_;

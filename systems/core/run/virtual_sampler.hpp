@@ -16,7 +16,7 @@ struct SampledNode {
 };
 
 /// Writes samples.jsonl (docs/formats.md, "Samples") of a virtual run: charged compute time at 10
-/// Hz of virtual time. Memory and throttling are not modelled and left out.
+/// Hz of virtual time. Memory and throttling are not modeled and left out.
 class VirtualSampler {
  public:
   VirtualSampler(Simulator& simulator, std::vector<SampledNode> nodes,

@@ -20,7 +20,7 @@ struct Message {
   RunTime queued{};               ///< on the sender's run clock
   RunTime sent{};                 ///< first byte handed to the transport
   RunTime received{};             ///< last byte taken from it
-  std::uint64_t incarnation = 0;  ///< process of the peer that sent it (PeerState)
+  std::uint64_t session = 0;  ///< of the peer that sent it (PeerState)
   Bytes payload;
 };
 
@@ -34,7 +34,7 @@ struct PathStats {
 
 struct ChannelOptions {
   std::string name;       ///< "keyframe", "map", "frame"
-  int send_queue = 0;     ///< messages waiting to be sent; 0: unbounded. When full, drop the oldest
+  int send_queue = 0;     ///< backlog to be sent, messages; 0: unbounded. When full, drop the oldest
   int receive_queue = 0;  ///< likewise for messages not yet taken
   std::size_t max_payload = 64u << 20;
   bool heartbeat = false;  ///< both ends show signs of life here when they have nothing to say

@@ -20,7 +20,7 @@ struct FrameHeader {
   static constexpr std::uint32_t kMagic = 0x44424C53;  // "SLBD"
   static constexpr std::uint16_t kVersion = 1;
   static constexpr std::uint8_t kGreetingFlag = 1;  ///< first on every connection
-  static constexpr std::uint8_t kFarewellFlag = 2;  ///< last: the sender means to close
+  static constexpr std::uint8_t kCloseFlag = 2;  ///< last: the sender closes the connection
   static constexpr std::uint8_t kAliveFlag = 4;     ///< no message: the sender is there
 
   std::uint8_t type = 0;
@@ -31,7 +31,7 @@ struct FrameHeader {
   std::uint32_t payload_crc = 0;
 
   bool greeting() const { return (flags & kGreetingFlag) != 0; }
-  bool farewell() const { return (flags & kFarewellFlag) != 0; }
+  bool closes() const { return (flags & kCloseFlag) != 0; }
   bool alive() const { return (flags & kAliveFlag) != 0; }
   std::array<std::uint8_t, kSize> encode() const;
   /// The header, or why these bytes are none.

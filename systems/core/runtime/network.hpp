@@ -29,9 +29,10 @@ inline constexpr Duration kPeerSilence = std::chrono::seconds(1);
 struct PeerState {
   /// Every channel has its connection, and the peer shows signs of life.
   bool connected = false;
-  /// Which process of the peer this is, counted from 1; 0: none was met yet. A new number means
-  /// that the old process is gone with all it knew: its map, its queues, what was under way.
-  std::uint64_t incarnation = 0;
+  /// The peer's session: one life of its process, counted from 1; 0: none was met yet. A new number
+  /// means that the peer was restarted and the old process is gone with all it knew: its map, its
+  /// queues, what was under way.
+  std::uint64_t session = 0;
 
   bool operator==(const PeerState&) const = default;
 };

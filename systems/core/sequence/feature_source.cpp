@@ -26,13 +26,13 @@ std::shared_ptr<const FeatureSet> ExtractingSource::features(std::uint64_t frame
   switch (sequence_.sensor()) {
     case SensorKind::kStereo:
       return make_stereo_features(*extractor_, right_->extractor, right_->matcher, sensor_,
-                                  image.grey, image.right);
+                                  image.gray, image.right);
     case SensorKind::kMono:
-      return make_mono_features(*extractor_, sensor_, image.grey);
+      return make_mono_features(*extractor_, sensor_, image.gray);
     case SensorKind::kRgbd:
       break;
   }
-  return make_rgbd_features(*extractor_, sensor_, image.grey, image.depth,
+  return make_rgbd_features(*extractor_, sensor_, image.gray, image.depth,
                             sequence_.depth_unit_m());
 }
 

@@ -6,7 +6,7 @@
 namespace slambed {
 
 wire::Bytes EncodingSource::jpeg(std::uint64_t frame) {
-  return wire::encode_jpeg(sequence_.frame(frame).grey, quality_);
+  return wire::encode_jpeg(sequence_.frame(frame).gray, quality_);
 }
 
 ImageCache::ImageCache(const std::filesystem::path& path, const std::string& key,

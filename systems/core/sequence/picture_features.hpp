@@ -17,7 +17,7 @@ namespace slambed {
 class PictureFeatures {
  public:
   virtual ~PictureFeatures() = default;
-  /// Throws wire::DecodeError for what is no grey picture of the camera's size.
+  /// Throws wire::DecodeError for what is no gray picture of the camera's size.
   virtual void decode(std::span<const std::uint8_t> jpeg) = 0;
   /// Of the picture that was decoded last, which is this frame of the sequence.
   virtual std::shared_ptr<const FeatureSet> extract(std::uint64_t frame) = 0;
@@ -38,7 +38,7 @@ class DecodedPictures final : public PictureFeatures {
  private:
   SensorOf sensor_;
   OrbExtractor extractor_;
-  wire::GreyImage image_;
+  wire::GrayImage image_;
 };
 
 /// Virtual runs: looks whether a picture could be decoded, and takes its features from where they

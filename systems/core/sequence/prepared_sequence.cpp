@@ -158,7 +158,7 @@ PreparedSequence::Frame PreparedSequence::frame(std::uint64_t index) const {
   Frame frame;
   frame.index = index;
   frame.timestamp_ns = timestamps_ns_[index];
-  frame.grey = {block, camera_.width, camera_.height, camera_.width};
+  frame.gray = {block, camera_.width, camera_.height, camera_.width};
   if (sensor_ == SensorKind::kRgbd)
     frame.depth = {reinterpret_cast<const std::uint16_t*>(second), camera_.width, camera_.height,
                    camera_.width};

@@ -24,9 +24,9 @@ class PreparedSequence {
   struct Frame {
     std::uint64_t index = 0;
     std::int64_t timestamp_ns = 0;  ///< since time_origin
-    GreyView grey;
+    GrayView gray;
     DepthView depth;  ///< of an RGB-D sequence
-    GreyView right;   ///< of a stereo sequence
+    GrayView right;   ///< of a stereo sequence
   };
 
   /// Checks header, sizes, time stamps and the first frame's checksum. bad_input when the folder is

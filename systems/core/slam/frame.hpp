@@ -23,7 +23,7 @@ struct Frame {
   SE3 T_cr;                           ///< camera from reference keyframe
   std::vector<MapPointId> points;     ///< per feature; none where unmatched
   std::vector<Eigen::Vector3d> p_w;   ///< of the matched points
-  std::vector<std::uint8_t> outlier;  ///< of the matched points, by the last pose optimisation
+  std::vector<std::uint8_t> outlier;  ///< of the matched points, by the last pose optimization
 
   /// Takes a new image and forgets everything else; keeps the memory.
   void begin(std::uint64_t frame_index, double time_s, std::shared_ptr<const FeatureSet> set) {
@@ -51,7 +51,7 @@ struct Frame {
     for (const MapPointId id : points) count += static_cast<bool>(id);
     return count;
   }
-  /// Takes away the matches that the pose optimisation rejected.
+  /// Takes away the matches that the pose optimization rejected.
   void drop_outliers() {
     for (std::size_t i = 0; i < points.size(); ++i)
       if (outlier[i]) {

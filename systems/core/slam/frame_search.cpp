@@ -40,7 +40,7 @@ int FrameSearch::match_last_frame(std::span<const SeenPoint> points, const SE3& 
   const FeatureSet& features = *frame.features;
   const Sensor& sensor = features.sensor();
   const Viewpoint camera(sensor, frame.T_cw);
-  const double forward_m = (T_lw * camera.centre()).z();
+  const double forward_m = (T_lw * camera.center()).z();
   // Without a scale nobody knows how far forward is far.
   const bool forward = sensor.metric() && forward_m > sensor.camera.baseline_m();
   const bool backward = sensor.metric() && -forward_m > sensor.camera.baseline_m();
@@ -91,7 +91,7 @@ int FrameSearch::add_projected(std::span<const SeenPoint> points, float radius_p
     Matcher::Query query;
     if (std::binary_search(known_.begin(), known_.end(), point.id)) continue;
     if (!camera.project(point.p_w, query.at)) continue;
-    const auto distance_m = static_cast<float>((point.p_w - camera.centre()).norm());
+    const auto distance_m = static_cast<float>((point.p_w - camera.center()).norm());
     if (distance_m < kNearest * point.min_distance_m ||
         distance_m > kFarthest * point.max_distance_m)
       continue;
@@ -150,7 +150,7 @@ int FrameSearch::add_local(LocalView& local, float radius_factor, Frame& frame) 
   return added;
 }
 
-int FrameSearch::optimise_pose(Frame& frame) {
+int FrameSearch::optimize_pose(Frame& frame) {
   observations_.clear();
   features_.clear();
   const FeatureSet& features = *frame.features;

@@ -5,7 +5,7 @@
 
 namespace slambed {
 
-/// Covisibles of a keyframe nearly all of whose close points (without depth: all) are seen as well
+/// Keyframe culling: covisibles of a keyframe nearly all of whose close points (without depth: all) are seen as well
 /// or better by at least three others. The origin and the keyframe itself stay.
 MapDelta redundant_keyframes(const Map& map, KeyFrameId keyframe, double redundant_share);
 

@@ -6,10 +6,10 @@ namespace slambed {
 /// What the keyframe decision looks at, for one tracked frame.
 struct KeyFrameEvidence {
   bool tracked = false;
-  bool metric = true;  ///< depth is measured: a sighting with it weighs two
+  bool metric = true;  ///< depth is measured: an observation with it weighs two
   int frames_since_keyframe = 0;
-  int frames_since_relocalisation = 0;
-  bool relocalised_ever = false;
+  int frames_since_relocalization = 0;
+  bool relocalized_ever = false;
   int keyframes = 0;          ///< in the map
   int inliers = 0;            ///< of the frame
   int reference_matches = 0;  ///< well observed points of the reference keyframe

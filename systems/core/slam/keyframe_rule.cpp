@@ -17,9 +17,9 @@ int least_reference_weight(const KeyFrameEvidence& evidence) {
 
 KeyFrameNeed keyframe_need(const TrackerOptions& options, const KeyFrameEvidence& evidence) {
   if (!evidence.tracked) return KeyFrameNeed::kNone;
-  // Right after a relocalisation the pose is not trusted enough to build on.
-  if (evidence.relocalised_ever &&
-      evidence.frames_since_relocalisation < options.max_frames_between_keyframes &&
+  // Right after a relocalization the pose is not trusted enough to build on.
+  if (evidence.relocalized_ever &&
+      evidence.frames_since_relocalization < options.max_frames_between_keyframes &&
       evidence.keyframes > options.max_frames_between_keyframes)
     return KeyFrameNeed::kNone;
   const bool need_close = evidence.close_tracked < options.close_points_wanted &&

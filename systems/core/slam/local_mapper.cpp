@@ -42,7 +42,7 @@ struct LocalMapper::Impl {
   std::shared_ptr<Map> map;
   IdSource<MapPointId> point_ids;
   KeyFrameId current;
-  int neighbours = 0;    ///< of the current keyframe to work with
+  int neighbors = 0;    ///< of the current keyframe to work with
   int least_weight = 0;  ///< that a recent point must exceed
   int keyframes = 0;     ///< inserted so far
   std::vector<Recent> recent;
@@ -74,7 +74,7 @@ void LocalMapper::insert(KeyFrameId keyframe) {
     const KeyFrame* added = view.keyframe(keyframe);
     if (!added) return 0;
     const Sensor& sensor = added->features->sensor();
-    impl_->neighbours = impl_->options.neighbours_for(sensor);
+    impl_->neighbors = impl_->options.neighbors_for(sensor);
     impl_->least_weight = sensor.metric() ? kLeastWeight : kLeastWeightMono;
     for (const MapPointId id : added->points)
       if (id && view.point(id)->first_keyframe == keyframe)
@@ -106,14 +106,14 @@ MapDelta LocalMapper::cull_points() {
 
 MapDelta LocalMapper::triangulate() {
   MapDelta delta =
-      impl_->triangulation.run(*impl_->map, impl_->current, impl_->neighbours, impl_->point_ids);
+      impl_->triangulation.run(*impl_->map, impl_->current, impl_->neighbors, impl_->point_ids);
   for (const NewPoint& point : delta.points) impl_->recent.push_back({point.id, impl_->keyframes});
   return delta;
 }
 
 MapDelta LocalMapper::fuse() {
-  return impl_->merging.run(*impl_->map, impl_->current, impl_->neighbours,
-                            impl_->options.second_neighbours);
+  return impl_->merging.run(*impl_->map, impl_->current, impl_->neighbors,
+                            impl_->options.second_neighbors);
 }
 
 bool LocalMapper::begin_bundle() {

@@ -11,17 +11,17 @@
 namespace slambed {
 
 struct LocalMapperOptions {
-  int neighbours = 10;           ///< best covisibles used for triangulation and fusion ...
-  int neighbours_mono = 20;      ///< ... where every point must be triangulated
-  int second_neighbours = 5;     ///< of each neighbour, for fusion
+  int neighbors = 10;           ///< best covisibles used for triangulation and fusion ...
+  int neighbors_mono = 20;      ///< ... where every point must be triangulated
+  int second_neighbors = 5;     ///< of each neighbor, for fusion
   double redundant_share = 0.9;  ///< keyframe culling
   /// How old a new point is: by the ids of keyframes, which also count those that were made and
   /// never came (Edge-SLAM), instead of by the keyframes mapped since.
   bool ages_by_id = false;
   BundleOptions bundle;
 
-  int neighbours_for(const Sensor& sensor) const {
-    return sensor.metric() ? neighbours : neighbours_mono;
+  int neighbors_for(const Sensor& sensor) const {
+    return sensor.metric() ? neighbors : neighbors_mono;
   }
 };
 
@@ -31,7 +31,7 @@ struct LocalMapperOptions {
 /// step_bundle / finish_bundle, cull_keyframes.
 class LocalMapper {
  public:
-  /// Keyframes after its own until a point is culled for its sightings no more.
+  /// Keyframes after its own until a point is culled for its observations no more.
   static constexpr int kGraduation = 3;
 
   LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids);
@@ -42,7 +42,7 @@ class LocalMapper {
   MapDelta cull_points();
   MapDelta triangulate();
   MapDelta fuse();
-  /// False when there is nothing to optimise (fewer than three keyframes).
+  /// False when there is nothing to optimize (fewer than three keyframes).
   bool begin_bundle();
   /// One iteration; false when finished. Stop calling it to interrupt; before the robust stage is
   /// done there is no result then.

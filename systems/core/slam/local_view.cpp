@@ -7,9 +7,9 @@ namespace slambed {
 namespace {
 
 /// Covisibles tried per local keyframe (ORB-SLAM2).
-constexpr std::size_t kNeighboursTried = 10;
+constexpr std::size_t kNeighborsTried = 10;
 /// Covisibles of a keyframe that are around it.
-constexpr std::size_t kNeighboursGathered = 10;
+constexpr std::size_t kNeighborsGathered = 10;
 
 }  // namespace
 
@@ -49,7 +49,7 @@ void LocalView::gather_around(const Map& map, KeyFrameId keyframe) {
       votes_.push_back({id, 0});
     };
     add(keyframe);
-    for (std::size_t n = 0; n < std::min(kNeighboursGathered, middle->covisibles.size()); ++n)
+    for (std::size_t n = 0; n < std::min(kNeighborsGathered, middle->covisibles.size()); ++n)
       add(middle->covisibles[n].id);
     collect(view);
     return 0;
@@ -61,15 +61,15 @@ std::uint32_t LocalView::begin_look() {
   return ++look_;
 }
 
-void LocalView::keep_sightings() {
-  for (const Sighting& s : seen_) {
+void LocalView::keep_observation_counts() {
+  for (const PointObservation& s : seen_) {
     if (s.mark->visible == 0 && s.mark->found == 0) sighted_.push_back(s.id);
     ++(s.found ? s.mark->found : s.mark->visible);
   }
   seen_.clear();
 }
 
-void LocalView::add_neighbours(const MapView& view) {
+void LocalView::add_neighbors(const MapView& view) {
   const auto add = [&](KeyFrameId id) {
     if (!id || !view.keyframe(id)) return false;
     KeyFrameMark& m = *keyframe_marks_.make(id);
@@ -82,7 +82,7 @@ void LocalView::add_neighbours(const MapView& view) {
   const std::size_t voted = chosen_.size();
   for (std::size_t i = 0; i < voted && chosen_.size() <= kMaxKeyFrames; ++i) {
     const KeyFrame& keyframe = *view.keyframe(chosen_[i]);
-    const std::size_t tried = std::min(kNeighboursTried, keyframe.covisibles.size());
+    const std::size_t tried = std::min(kNeighborsTried, keyframe.covisibles.size());
     for (std::size_t n = 0; n < tried; ++n)
       if (add(keyframe.covisibles[n].id)) break;
     for (const KeyFrameId child : keyframe.children)
@@ -94,7 +94,7 @@ void LocalView::add_neighbours(const MapView& view) {
 bool LocalView::collect(const MapView& view) {
   chosen_.clear();
   for (const Vote& v : votes_) chosen_.push_back(v.id);
-  add_neighbours(view);
+  add_neighbors(view);
   if (view.revision() == revision_ && chosen_ == keyframes_) return false;
   revision_ = view.revision();
   keyframes_ = chosen_;
@@ -117,21 +117,21 @@ bool LocalView::collect(const MapView& view) {
   return true;
 }
 
-std::vector<PointSightings> LocalView::take_sightings(const Map& map) {
+std::vector<PointObservationCounts> LocalView::take_observation_counts(const Map& map) {
   std::sort(sighted_.begin(), sighted_.end());
-  std::vector<PointSightings> sightings;
-  sightings.reserve(sighted_.size());
+  std::vector<PointObservationCounts> observation_counts;
+  observation_counts.reserve(sighted_.size());
   map.read([&](const MapView& view) {
     for (const MapPointId id : sighted_) {
       Mark& m = *marks_.find(id);
       if (const MapPoint* point = view.point(id))
-        sightings.push_back({id, point->visible + m.visible, point->found + m.found});
+        observation_counts.push_back({id, point->visible + m.visible, point->found + m.found});
       m.visible = m.found = 0;
     }
     return 0;
   });
   sighted_.clear();
-  return sightings;
+  return observation_counts;
 }
 
 void LocalView::clear() {

@@ -12,18 +12,18 @@
 namespace slambed {
 
 /// The tracker's copy of the part of the map around the current frame: keyframes that share points
-/// with it, their neighbours, and all their points. It is copied again only when the map or the set
-/// of keyframes has changed, and counts sightings until a delta carries them away.
+/// with it, their neighbors, and all their points. It is copied again only when the map or the set
+/// of keyframes has changed, and counts observations (found, visible) until a delta carries them away.
 class LocalView {
  public:
-  /// Largest list of keyframes that still grows by neighbours (ORB-SLAM2).
+  /// Largest list of keyframes that still grows by neighbors (ORB-SLAM2).
   static constexpr std::size_t kMaxKeyFrames = 80;
 
   /// A point and the tracker's notes on it.
   struct Mark {
     std::uint32_t collected = 0;           ///< number of the copy that holds it
     std::uint32_t look = 0;                ///< last search that matched or looked for it
-    std::uint32_t visible = 0, found = 0;  ///< sightings not yet handed on
+    std::uint32_t visible = 0, found = 0;  ///< observations not yet handed on
   };
 
   /// What one look at the map found.
@@ -63,7 +63,7 @@ class LocalView {
   /// A search begins; returns its number for Mark::look. What the one before it saw and nobody kept
   /// is forgotten: a wrong pose says nothing about the points that it does not see.
   std::uint32_t begin_look();
-  /// Notes sightings in this search.
+  /// Notes observations in this search.
   void count_visible(std::size_t i) { seen_.push_back({points_[i].id, marks_of_points_[i], 0}); }
   void count_visible(MapPointId id) {
     if (Mark* m = mark(id)) seen_.push_back({id, m, 0});
@@ -71,10 +71,10 @@ class LocalView {
   void count_found(MapPointId id) {
     if (Mark* m = mark(id)) seen_.push_back({id, m, 1});
   }
-  /// The pose of this search was right: its sightings count.
-  void keep_sightings();
-  /// All sightings since the last call as absolute counters, ascending by id.
-  std::vector<PointSightings> take_sightings(const Map& map);
+  /// The pose of this search was right: its observations count.
+  void keep_observation_counts();
+  /// All observations since the last call as absolute counters, ascending by id.
+  std::vector<PointObservationCounts> take_observation_counts(const Map& map);
 
   void clear();
 
@@ -83,14 +83,14 @@ class LocalView {
     KeyFrameId id;
     int count = 0;
   };
-  struct Sighting {
+  struct PointObservation {
     MapPointId id;
     Mark* mark;
     int found;  ///< 0: should be visible
   };
   void vote(const MapView& view, Frame& frame);
   bool collect(const MapView& view);
-  void add_neighbours(const MapView& view);
+  void add_neighbors(const MapView& view);
 
   struct KeyFrameMark {
     std::uint32_t round = 0;
@@ -107,7 +107,7 @@ class LocalView {
   std::vector<Mark*> marks_of_points_;
   SlotTable<MapPointId, Mark> marks_;
   std::uint32_t look_ = 0;
-  std::vector<Sighting> seen_;  ///< in the search at hand
+  std::vector<PointObservation> seen_;  ///< in the search at hand
   std::vector<MapPointId> sighted_;
 };
 

@@ -35,7 +35,7 @@ class LoopCloser {
   bool detect(KeyFrameId keyframe);
   /// True when one of the candidates is one: a loop.
   bool verify();
-  /// Puts the keyframe and its neighbours in their place and joins both parts of the map.
+  /// Puts the keyframe and its neighbors in their place and joins both parts of the map.
   MapDelta correct();
 
   bool begin_graph();

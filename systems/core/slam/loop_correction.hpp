@@ -8,7 +8,7 @@
 
 namespace slambed {
 
-/// A closed loop: the new keyframe and its neighbours put where the old part of the map says.
+/// A closed loop: the new keyframe and its neighbors put where the old part of the map says.
 struct LoopCorrection {
   struct Moved {
     KeyFrameId id;

@@ -26,7 +26,7 @@ std::vector<KeyFrameId> group_around(const KeyFrame& keyframe) {
 }  // namespace
 
 std::vector<KeyFrameId> LoopDetector::detect(const Map& map, KeyFrameId id) {
-  places_->follow(map);
+  places_->update_from(map);
   const auto bag = places_->bag(id);
   if (!bag) return {};
   if (quiet_ > 0) {

@@ -19,7 +19,7 @@ struct LoopDetectorOptions {
 };
 
 /// Watches keyframe after keyframe for one that looks like an old part of the map: as similar as
-/// its own neighbours are, not connected to them, and several times running.
+/// its own neighbors are, not connected to them, and several times running.
 class LoopDetector {
  public:
   LoopDetector(LoopDetectorOptions options, std::shared_ptr<PlaceIndex> places)

@@ -26,7 +26,7 @@ struct LoopMatch {
 struct LoopVerifierOptions {
   float word_ratio = 0.75f;
   int least_matches = 20;       ///< by words, and inliers of every estimate
-  int least_total = 40;         ///< with the points of the old keyframe's neighbours
+  int least_total = 40;         ///< with the points of the old keyframe's neighbors
   float pair_radius_px = 7.5f;  ///< guided search between the two keyframes
   float points_radius_px = 10;  ///< ... for all points of the old part
 };

@@ -10,11 +10,11 @@ namespace slambed {
 /// How poses carry over from one map to another that shares keyframes with it.
 struct MapChange {
   /// Keyframe of the new map to be relative to: the old reference where the new map knows it, else
-  /// a neighbour of it or the newest keyframe both know, else the newest of the new map. None when
+  /// a neighbor of it or the newest keyframe both know, else the newest of the new map. None when
   /// the new map is empty.
   KeyFrameId reference;
   SE3 T_rw;       ///< its pose in the new map
-  SE3 T_old_new;  ///< maps new world coordinates to old ones, as seen from the shared keyframe
+  SE3 T_old_new;  ///< maps coordinates of the new map to those of the old one, as seen from the shared keyframe
   bool shared = false;
 };
 

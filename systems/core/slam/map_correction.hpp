@@ -29,7 +29,7 @@ class MapCorrection {
   struct Move {
     Sim3 before, after;
   };
-  /// Carries points of the old world to the new one as seen from a keyframe; nothing when neither
+  /// Carries points of the old map to the corrected one as seen from a keyframe; nothing when neither
   /// it nor any of its ancestors moves.
   std::optional<Sim3> change_at(const MapView& view, KeyFrameId id) const;
 

@@ -24,7 +24,7 @@ bool Viewpoint::project(const Eigen::Vector3d& p_w, Projection& out) const {
 
 bool Viewpoint::sees(const PointSketch& point, Projection& out) const {
   if (!project(point.p_w, out)) return false;
-  const Eigen::Vector3f ray = (point.p_w - centre_).cast<float>();
+  const Eigen::Vector3f ray = (point.p_w - center_).cast<float>();
   out.distance_m = ray.norm();
   if (out.distance_m < kNearest * point.min_distance_m ||
       out.distance_m > kFarthest * point.max_distance_m)

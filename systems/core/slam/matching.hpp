@@ -27,7 +27,7 @@ struct Projection {
 class Viewpoint {
  public:
   Viewpoint(const Sensor& sensor, const SE3& T_cw)
-      : sensor_(sensor), T_cw_(T_cw), centre_(T_cw.inverse().t) {}
+      : sensor_(sensor), T_cw_(T_cw), center_(T_cw.inverse().t) {}
 
   /// False when behind the camera or outside the image.
   bool project(const Eigen::Vector3d& p_w, Projection& out) const;
@@ -35,12 +35,12 @@ class Viewpoint {
   bool sees(const PointSketch& point, Projection& out) const;
 
   const SE3& T_cw() const { return T_cw_; }
-  const Eigen::Vector3d& centre() const { return centre_; }
+  const Eigen::Vector3d& center() const { return center_; }
 
  private:
   const Sensor& sensor_;
   SE3 T_cw_;
-  Eigen::Vector3d centre_;
+  Eigen::Vector3d center_;
 };
 
 /// Keeps matches whose change of keypoint orientation agrees with the majority: 30 degree bins, the

@@ -11,7 +11,7 @@ namespace {
 constexpr double kCommonWordShare = 0.8;
 /// A group of covisible candidates counts when it reaches this part of the best group's score.
 constexpr double kGroupScoreShare = 0.75;
-constexpr std::size_t kGroupNeighbours = 10;
+constexpr std::size_t kGroupNeighbors = 10;
 
 /// Lists lie all over memory and are short: most of a walk would be waiting for them.
 constexpr std::size_t kListsAhead = 4;
@@ -77,7 +77,7 @@ void PlaceIndex::erase(KeyFrameId keyframe) {
   *number = 0;
 }
 
-void PlaceIndex::follow(const Map& map) {
+void PlaceIndex::update_from(const Map& map) {
   std::vector<KeyFrameId> gone;
   std::vector<std::pair<KeyFrameId, std::shared_ptr<const FeatureSet>>> fresh;
   const Followed now = map.read([&](const MapView& view) {
@@ -194,15 +194,15 @@ std::vector<KeyFrameId> PlaceIndex::best_of_groups(const Scores& scores, const M
     Group group{id, score};
     double best_score = score;
     const auto& covisibles = keyframe->covisibles;
-    for (std::size_t i = 0; i < std::min(kGroupNeighbours, covisibles.size()); ++i) {
-      const auto neighbour = std::lower_bound(
+    for (std::size_t i = 0; i < std::min(kGroupNeighbors, covisibles.size()); ++i) {
+      const auto neighbor = std::lower_bound(
           scores.begin(), scores.end(), covisibles[i].id,
           [](const auto& entry, KeyFrameId wanted) { return entry.first < wanted; });
-      if (neighbour == scores.end() || neighbour->first != covisibles[i].id) continue;
-      group.score += neighbour->second;
-      if (neighbour->second > best_score) {
-        best_score = neighbour->second;
-        group.best = neighbour->first;
+      if (neighbor == scores.end() || neighbor->first != covisibles[i].id) continue;
+      group.score += neighbor->second;
+      if (neighbor->second > best_score) {
+        best_score = neighbor->second;
+        group.best = neighbor->first;
       }
     }
     best_group = std::max(best_group, group.score);

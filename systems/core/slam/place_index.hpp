@@ -28,7 +28,7 @@ class PlaceIndex {
   /// Takes in the keyframes of a map that are missing here and drops those it does not have; costs
   /// what changed since the last call. Of two calls at a time the one that saw less may end last:
   /// the next call makes up for it.
-  void follow(const Map& map);
+  void update_from(const Map& map);
   void add(KeyFrameId keyframe, BagOfWords bag);
   void remove(KeyFrameId keyframe);
   void clear();

@@ -23,8 +23,8 @@ void set_bit(std::vector<std::uint64_t>& words, int i) {
 
 }  // namespace
 
-bool PointMerging::copy(const Map& map, KeyFrameId keyframe, int neighbours,
-                        int second_neighbours) {
+bool PointMerging::copy(const Map& map, KeyFrameId keyframe, int neighbors,
+                        int second_neighbors) {
   keyframes_.clear();
   points_.clear();
   ++run_;
@@ -37,10 +37,10 @@ bool PointMerging::copy(const Map& map, KeyFrameId keyframe, int neighbours,
         if (known.id == id) return;
       keyframes_.push_back(copy_of(*view.keyframe(id)));
     };
-    const auto first = best_covisibles(*current, neighbours);
+    const auto first = best_covisibles(*current, neighbors);
     for (const KeyFrameId id : first) add(id);
     for (const KeyFrameId id : first)
-      for (const KeyFrameId further : best_covisibles(*view.keyframe(id), second_neighbours))
+      for (const KeyFrameId further : best_covisibles(*view.keyframe(id), second_neighbors))
         add(further);
     const std::size_t words = (keyframes_.size() + kWordBits - 1) / kWordBits;
     slots_.resize(keyframes_.size());
@@ -142,11 +142,11 @@ void PointMerging::project_into(int keyframe, std::span<const int> points, MapDe
   }
 }
 
-MapDelta PointMerging::run(const Map& map, KeyFrameId keyframe, int neighbours,
-                           int second_neighbours) {
+MapDelta PointMerging::run(const Map& map, KeyFrameId keyframe, int neighbors,
+                           int second_neighbors) {
   MapDelta delta;
   delta.epoch = map.read([](const MapView& view) { return view.epoch(); });
-  if (!copy(map, keyframe, neighbours, second_neighbours)) return delta;
+  if (!copy(map, keyframe, neighbors, second_neighbors)) return delta;
   std::vector<int> own;
   for (const int point : slots_[0])
     if (point >= 0) own.push_back(point);

@@ -10,12 +10,12 @@
 
 namespace slambed {
 
-/// Finds map points that are the same thing seen twice: projects a keyframe's points into its
-/// neighbours and theirs into it. A hit on a free feature attaches, a hit on another point fuses;
+/// Merges (fuses) map points that are the same thing seen twice: projects a keyframe's points into its
+/// neighbors and theirs into it. A hit on a free feature attaches, a hit on another point fuses;
 /// the better observed one survives. Works on a copy that follows its own edits.
 class PointMerging {
  public:
-  MapDelta run(const Map& map, KeyFrameId keyframe, int neighbours, int second_neighbours);
+  MapDelta run(const Map& map, KeyFrameId keyframe, int neighbors, int second_neighbors);
 
  private:
   struct Point {
@@ -29,7 +29,7 @@ class PointMerging {
     int index = 0;
   };
 
-  bool copy(const Map& map, KeyFrameId keyframe, int neighbours, int second_neighbours);
+  bool copy(const Map& map, KeyFrameId keyframe, int neighbors, int second_neighbors);
   int alive(int point) const;
   void project_into(int keyframe, std::span<const int> points, MapDelta& delta);
   void attach(int keyframe, int feature, int point, MapDelta& delta);

@@ -28,7 +28,7 @@ constexpr double kChi2StereoNewPoint = 7.8;  ///< ORB-SLAM2 rounds 7.815 here
 /// Least baseline without depth, as a share of the median depth of what the other keyframe sees.
 constexpr double kLeastBaselineShare = 0.01;
 
-Eigen::Vector2d normalised(const Camera& camera, const KeyPoint& p) {
+Eigen::Vector2d normalized(const Camera& camera, const KeyPoint& p) {
   return {(p.u - camera.cx) / camera.fx, (p.v - camera.cy) / camera.fy};
 }
 
@@ -61,7 +61,7 @@ std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, cons
   const Camera& camera = a.features->sensor().camera;
   const KeyPoint& seen_a = a.features->keypoint(feature_a);
   const KeyPoint& seen_b = b.features->keypoint(feature_b);
-  const Eigen::Vector2d xa = normalised(camera, seen_a), xb = normalised(camera, seen_b);
+  const Eigen::Vector2d xa = normalized(camera, seen_a), xb = normalized(camera, seen_b);
   const bool stereo_a = seen_a.right_u >= 0, stereo_b = seen_b.right_u >= 0;
   const double rays = cos_parallax(a.T_cw, b.T_cw, xa, xb);
   const double from_a = stereo_a ? stereo_cosine(camera, seen_a) : 2;
@@ -77,14 +77,14 @@ std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, cons
   return std::nullopt;
 }
 
-/// Baseline from which on a neighbour tells something: that of the camera itself, or else a share
-/// of the depth of the neighbour's points.
-double least_baseline(const MapView& view, const KeyFrame& neighbour) {
-  const Sensor& sensor = neighbour.features->sensor();
+/// Baseline from which on a neighbor tells something: that of the camera itself, or else a share
+/// of the depth of the neighbor's points.
+double least_baseline(const MapView& view, const KeyFrame& neighbor) {
+  const Sensor& sensor = neighbor.features->sensor();
   if (sensor.metric()) return sensor.camera.baseline_m();
   std::vector<double> depths;
-  for (const MapPointId id : neighbour.points)
-    if (id) depths.push_back((neighbour.T_cw * view.point(id)->p_w).z());
+  for (const MapPointId id : neighbor.points)
+    if (id) depths.push_back((neighbor.T_cw * view.point(id)->p_w).z());
   if (depths.empty()) return 0;
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
   std::nth_element(depths.begin(), middle, depths.end());
@@ -182,16 +182,16 @@ void PointTriangulation::match(const KeyFrameCopy& a, const KeyFrameCopy& b) {
   }
 }
 
-MapDelta PointTriangulation::run(const Map& map, KeyFrameId keyframe, int neighbours,
+MapDelta PointTriangulation::run(const Map& map, KeyFrameId keyframe, int neighbors,
                                  IdSource<MapPointId>& ids) {
   MapDelta delta;
-  std::vector<double> least_baselines;  // of the neighbours
+  std::vector<double> least_baselines;  // of the neighbors
   std::vector<KeyFrameCopy> copies = map.read([&](const MapView& view) {
     std::vector<KeyFrameCopy> list;
     delta.epoch = view.epoch();
     if (const KeyFrame* current = view.keyframe(keyframe)) {
       list.push_back(copy_of(*current));
-      for (const KeyFrameId id : best_covisibles(*current, neighbours)) {
+      for (const KeyFrameId id : best_covisibles(*current, neighbors)) {
         list.push_back(copy_of(*view.keyframe(id)));
         least_baselines.push_back(least_baseline(view, *view.keyframe(id)));
       }
@@ -200,10 +200,10 @@ MapDelta PointTriangulation::run(const Map& map, KeyFrameId keyframe, int neighb
   });
   if (copies.size() < 2) return delta;
   KeyFrameCopy& a = copies.front();
-  const Eigen::Vector3d centre_a = a.T_cw.inverse().t;
+  const Eigen::Vector3d center_a = a.T_cw.inverse().t;
   for (std::size_t n = 1; n < copies.size(); ++n) {
     const KeyFrameCopy& b = copies[n];
-    if ((b.T_cw.inverse().t - centre_a).norm() < least_baselines[n - 1]) continue;
+    if ((b.T_cw.inverse().t - center_a).norm() < least_baselines[n - 1]) continue;
     match(a, b);
     for (const auto& [i, j] : matches_) {
       const auto p_w = locate(a, i, b, j);

@@ -13,10 +13,10 @@ namespace slambed {
 class PointTriangulation {
  public:
   /// The delta adds points and attaches them to both keyframes; empty when the keyframe is gone.
-  MapDelta run(const Map& map, KeyFrameId keyframe, int neighbours, IdSource<MapPointId>& ids);
+  MapDelta run(const Map& map, KeyFrameId keyframe, int neighbors, IdSource<MapPointId>& ids);
 
  private:
-  /// Features of the neighbour without a point, as arrays the line search runs over.
+  /// Features of the neighbor without a point, as arrays the line search runs over.
   struct Loose {
     std::vector<int> feature;
     std::vector<float> u, v, limit;  ///< limit: of the squared distance to the line, px^2

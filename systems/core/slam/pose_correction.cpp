@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// Part of a correction, along a straight line for the camera centre and one axis for its turn.
+/// Part of a correction, along a straight line for the camera center and one axis for its turn.
 class PartialMove {
  public:
   PartialMove(const SE3& T_cw_before, const SE3& T_cw_after)

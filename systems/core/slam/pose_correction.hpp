@@ -17,7 +17,7 @@ struct CorrectionWindow {
 struct PoseCorrection {
   KeyFrameId keyframe;
   SE3 T_new_old;           ///< moves the world as it is at the keyframe and after it
-  double magnitude_m = 0;  ///< between both camera centres
+  double magnitude_m = 0;  ///< between both camera centers
   double rotation_deg = 0;
   double since_s = 0;  ///< sequence time of the window's begin: nothing before it moves
   MapDelta delta;

@@ -27,14 +27,14 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
   first_delta_waiting = false;
   TrackOutcome outcome;
 
-  if (state == TrackingState::kNotInitialised) {
-    initialise(outcome);
+  if (state == TrackingState::kNotInitialized) {
+    initialize(outcome);
   } else {
     const KeyFrameId before = reference;
-    const bool tracked = state == TrackingState::kOk ? follow(outcome)
-                                                     : follow_found(outcome) || find_again(outcome);
+    const bool tracked = state == TrackingState::kOk ? track_hypotheses(outcome)
+                                                     : track_from_found_frame(outcome) || relocalize(outcome);
     if (tracked) {
-      local.keep_sightings();
+      local.keep_observation_counts();
       velocity =
           last.has_pose ? std::optional<SE3>(current.T_cw * last.T_cw.inverse()) : std::nullopt;
       state = TrackingState::kOk;
@@ -74,7 +74,7 @@ std::optional<MapDelta> Tracker::Impl::first_keyframe() {
   return make_keyframe(*map, current, current.T_cw, NewPoints::kAllWithDepth, ids);
 }
 
-void Tracker::Impl::initialise(TrackOutcome& outcome) {
+void Tracker::Impl::initialize(TrackOutcome& outcome) {
   if (current.features->size() <= options.min_init_features) {
     two_views.reset();
     return;
@@ -92,7 +92,7 @@ void Tracker::Impl::initialise(TrackOutcome& outcome) {
   keyframe_at = frame_number;
   velocity.reset();
   state = TrackingState::kOk;
-  outcome.initialised_now = true;
+  outcome.initialized_now = true;
   outcome.matches = outcome.inliers = outcome.local_points =
       static_cast<int>(first_delta.points.size());
   evidence.tracked = true;
@@ -102,8 +102,8 @@ void Tracker::Impl::gather_evidence(int inliers) {
   evidence.tracked = true;
   evidence.metric = current.features->sensor().metric();
   evidence.frames_since_keyframe = frame_number - keyframe_at;
-  evidence.frames_since_relocalisation = frame_number - relocalised_at;
-  evidence.relocalised_ever = relocalised_ever;
+  evidence.frames_since_relocalization = frame_number - relocalized_at;
+  evidence.relocalized_ever = relocalized_ever;
   evidence.inliers = inliers;
   map->read([&](const MapView& view) {
     evidence.keyframes = static_cast<int>(view.keyframe_count());
@@ -132,13 +132,13 @@ void Tracker::Impl::start_over() {
   provisional.clear();
   reference = {};
   velocity.reset();
-  relocalised_ever = false;
+  relocalized_ever = false;
   found_elsewhere = false;
-  state = TrackingState::kNotInitialised;
+  state = TrackingState::kNotInitialized;
 }
 
 /// A map that was made elsewhere: find the place in it, and name nothing as it does.
-void Tracker::Impl::find_in_foreign_map() {
+void Tracker::Impl::relocalize_in_received_map() {
   map->read([&](const MapView& view) {
     if (view.keyframe_count() > 0) state = TrackingState::kLost;
     for (const KeyFrameId id : view.keyframe_ids()) ids.keyframes.skip(id);
@@ -161,7 +161,7 @@ bool Tracker::Impl::resume(const SE3& T_cw, KeyFrameId at) {
   current.T_cr = (T_cw * T_rw->inverse()).normalized();
   velocity.reset();
   evidence = {};
-  note_relocalisation();
+  note_relocalization();
   state = TrackingState::kOk;
   return true;
 }
@@ -180,16 +180,16 @@ bool Tracker::Impl::resume(const FoundFrame& found) {
   reference = current.reference = found.reference;
   current.T_cr = (found.T_cw * T_rw->inverse()).normalized();
   velocity.reset();
-  note_relocalisation();
+  note_relocalization();
   found_elsewhere = true;
   return true;
 }
 
 /// A lost frame from the one before, where that was found elsewhere.
-bool Tracker::Impl::follow_found(TrackOutcome& outcome) {
+bool Tracker::Impl::track_from_found_frame(TrackOutcome& outcome) {
   if (!std::exchange(found_elsewhere, false)) return false;
   const KeyFrameId before = reference;
-  outcome.resumed = follow(outcome);
+  outcome.resumed = track_hypotheses(outcome);
   last.has_pose = false;  // too far back for a velocity
   if (outcome.resumed) return true;
   outcome = {};
@@ -210,7 +210,7 @@ MapDelta Tracker::Impl::create_keyframe(bool becomes_reference) {
           map->read([&](const MapView& view) { return view.pose_of(current.reference); }))
     current.T_cw = current.T_cr * *T_rw;
   MapDelta delta = make_keyframe(*map, current, current.T_cw, NewPoints::kCloseOrNearest, ids);
-  delta.sightings = local.take_sightings(*map);
+  delta.observation_counts = local.take_observation_counts(*map);
   delta.keyframes[0].observes_known = options.observes_known;
   map->commit(delta);
   const KeyFrameId id = delta.keyframes[0].id;
@@ -242,7 +242,7 @@ void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
   local.clear();
   provisional.assign(still_provisional.begin(), still_provisional.end());
   first_delta_waiting = false;
-  if (!reference) find_in_foreign_map();  // nothing was made of the former map
+  if (!reference) relocalize_in_received_map();  // nothing was made of the former map
   if (!change.reference) {
     start_over();
     return;
@@ -318,7 +318,7 @@ void Tracker::replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> 
 }
 std::shared_ptr<Map> Tracker::map() const { return impl_->map; }
 TrackingState Tracker::state() const { return impl_->state; }
-bool Tracker::looks_everywhere() const {
+bool Tracker::searches_whole_map() const {
   return impl_->state == TrackingState::kLost && !impl_->found_elsewhere;
 }
 

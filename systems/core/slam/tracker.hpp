@@ -16,7 +16,7 @@ namespace slambed {
 
 class PlaceIndex;
 
-enum class TrackingState { kNotInitialised, kOk, kLost };
+enum class TrackingState { kNotInitialized, kOk, kLost };
 
 /// ORB-SLAM2's constants; frames counted at the played rate.
 struct TrackerOptions {
@@ -25,7 +25,7 @@ struct TrackerOptions {
   bool max_frames_is_a_second = true;     ///< ... a node sets it to a second at the played rate
   int min_frames_between_keyframes = 0;
   int min_local_map_inliers = 30;
-  int min_inliers_after_relocalisation = 50;
+  int min_inliers_after_relocalization = 50;
   float motion_window_px = 15;
   float local_window_factor = 3;    ///< of the windows in which local points are looked for
   int close_points_wanted = 100;    ///< needClose: fewer tracked than this ...
@@ -68,14 +68,14 @@ struct PoseSearch {
 };
 
 struct TrackOutcome {
-  TrackingState state = TrackingState::kNotInitialised;
-  bool initialised_now = false;  ///< this frame became the first keyframe (mono: the second)
+  TrackingState state = TrackingState::kNotInitialized;
+  bool initialized_now = false;  ///< this frame became the first keyframe (mono: the second)
   bool reset_now = false;        ///< map was thrown away (lost too early)
   SE3 T_cw;                      ///< valid when state is kOk
   KeyFrameId reference;          ///< keyframe the pose is relative to
   SE3 T_cr;                      ///< camera from reference keyframe
   int matches = 0;               ///< after the local-map search
-  int inliers = 0;               ///< after the last pose optimisation
+  int inliers = 0;               ///< after the last pose optimization
   int local_points = 0;
   /// Points looked for over all hypotheses, as many as the work is worth: what the frame cost.
   int searched_points = 0;
@@ -123,11 +123,11 @@ class Tracker {
                      std::shared_ptr<const FeatureSet> features);
 
   /// Makes the first keyframe at this pose, not the identity, also after a reset: the map then
-  /// shares its world with another one (CloudSLAM's alignment). Without effect once there is a map,
+  /// shares its world frame with another one (CloudSLAM's alignment). Without effect once there is a map,
   /// and for a single camera, whose first map has a scale of its own.
   void start_at(const SE3& T_cw);
-  /// Goes on from a pose that somebody else found for a lost frame (relocalisation by pose): the
-  /// next frame is tracked from this keyframe as right after a relocalisation. False, and nothing
+  /// Goes on from a pose that somebody else found for a lost frame (relocalization by pose): the
+  /// next frame is tracked from this keyframe as right after a relocalization. False, and nothing
   /// changed, when the tracker is not lost or its map has no such keyframe.
   bool resume(const SE3& T_cw, KeyFrameId reference);
   /// The same with the frame that was found, which may be older than the last one tracked: it takes
@@ -167,7 +167,7 @@ class Tracker {
   std::shared_ptr<Map> map() const;
   TrackingState state() const;
   /// Whether the next frame will be looked for among all places, having no other to go on from.
-  bool looks_everywhere() const;
+  bool searches_whole_map() const;
 
  private:
   struct Impl;

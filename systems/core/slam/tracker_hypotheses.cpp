@@ -13,8 +13,8 @@ constexpr int kLeastMotionMatches = 20;
 constexpr int kLeastReferenceMatches = 15;
 constexpr int kLeastPoseInliers = 10;
 constexpr float kReferenceRatio = 0.7f;
-constexpr int kFramesWithoutMotionModel = 2;  ///< after a relocalisation
-constexpr float kLocalFactorRelocalised = 5;
+constexpr int kFramesWithoutMotionModel = 2;  ///< after a relocalization
+constexpr float kLocalFactorRelocalized = 5;
 /// A pose is doubtful when fewer of its matches than this agree with it: wide windows find enough
 /// by chance.
 constexpr float kClearShare = 0.3f;
@@ -53,7 +53,7 @@ bool Tracker::Impl::track_motion(const SE3& step) {
         search.match_last_frame(last_points, last.T_cw, 2 * options.motion_window_px, current);
   pose_search.motion_matches = matches;
   if (matches < kLeastMotionMatches) return false;
-  const int inliers = search.optimise_pose(current);
+  const int inliers = search.optimize_pose(current);
   current.drop_outliers();
   return inliers >= kLeastPoseInliers;
 }
@@ -68,7 +68,7 @@ bool Tracker::Impl::track_still() {
 
 bool Tracker::Impl::track_reference() {
   current.T_cw = last.T_cw;
-  int matches = relocaliser.match(*map, reference, kReferenceRatio, current);
+  int matches = relocalizer.match(*map, reference, kReferenceRatio, current);
   pose_search.word_matches = matches;
   if (matches < kLeastReferenceMatches && options.descriptor_fallback) {
     // Words can part what belongs together: once more without them.
@@ -77,16 +77,16 @@ bool Tracker::Impl::track_reference() {
   }
   pose_search.reference_matches = matches;
   if (matches < kLeastReferenceMatches) return false;
-  const int inliers = search.optimise_pose(current);
+  const int inliers = search.optimize_pose(current);
   current.drop_outliers();
   return inliers >= kLeastPoseInliers;
 }
 
-bool Tracker::Impl::relocalise() { return relocaliser.locate(*map, reference, search, current); }
+bool Tracker::Impl::relocalize_by_appearance() { return relocalizer.locate(*map, reference, search, current); }
 
-void Tracker::Impl::note_relocalisation() {
-  relocalised_at = frame_number;
-  relocalised_ever = true;
+void Tracker::Impl::note_relocalization() {
+  relocalized_at = frame_number;
+  relocalized_ever = true;
 }
 
 bool Tracker::Impl::track_widely() {
@@ -96,28 +96,28 @@ bool Tracker::Impl::track_widely() {
 }
 
 /// One hypothesis after the other until the local map clearly agrees with one; else the best.
-bool Tracker::Impl::follow(TrackOutcome& outcome) {
+bool Tracker::Impl::track_hypotheses(TrackOutcome& outcome) {
   const KeyFrameId around = reference;
-  const bool relocalised = recently_relocalised(kFramesWithoutMotionModel);
-  const float factor = relocalised ? kLocalFactorRelocalised : options.local_window_factor;
+  const bool relocalized = recently_relocalized(kFramesWithoutMotionModel);
+  const float factor = relocalized ? kLocalFactorRelocalized : options.local_window_factor;
   last.drop_outliers();
   refresh_last();
   doubtful.reset();
-  if (velocity && !relocalised) {
+  if (velocity && !relocalized) {
     const bool posed = track_motion(*velocity);
-    outcome.by_motion_model = posed && agrees(factor, outcome);
+    outcome.by_motion_model = posed && verify(factor, outcome);
     if (outcome.by_motion_model) return true;
     if (posed && !options.second_hypotheses) return false;
     evidence.unpredicted = options.second_hypotheses;
   }
   reference = around;
-  if (track_reference() && agrees(factor, outcome)) return true;
+  if (track_reference() && verify(factor, outcome)) return true;
   reference = around;
   const bool still = options.second_hypotheses || options.follow_recovery;
-  if (still && relocalised && track_still() && agrees(factor, outcome)) return true;
+  if (still && relocalized && track_still() && verify(factor, outcome)) return true;
   if (!options.second_hypotheses) return false;
   reference = around;
-  if (track_widely() && agrees(kLocalFactorRelocalised, outcome)) return true;
+  if (track_widely() && verify(kLocalFactorRelocalized, outcome)) return true;
   if (!doubtful) return false;
   local.begin_look();  // what a doubtful pose should see and does not says nothing
   current = std::move(doubtful->frame);
@@ -126,29 +126,30 @@ bool Tracker::Impl::follow(TrackOutcome& outcome) {
   return true;
 }
 
-/// Whether the local map clearly agrees with the pose. One that it may be right with is put by.
-bool Tracker::Impl::agrees(float radius_factor, TrackOutcome& outcome) {
+/// Verifies the pose: whether the local map clearly agrees with it. A doubtful one is kept aside.
+bool Tracker::Impl::verify(float radius_factor, TrackOutcome& outcome) {
   if (!track_local(radius_factor, outcome)) return false;
   if (!options.second_hypotheses) return true;
-  if (outcome.inliers >= options.min_inliers_after_relocalisation &&
+  if (outcome.inliers >= options.min_inliers_after_relocalization &&
       outcome.inliers >= kClearShare * static_cast<float>(outcome.matches))
     return true;
   if (!doubtful || doubtful->outcome.inliers < outcome.inliers) doubtful = {current, outcome};
   return false;
 }
 
-bool Tracker::Impl::find_again(TrackOutcome& outcome) {
+/// A lost frame: by keyframes that look alike, then among all local points around the last reference.
+bool Tracker::Impl::relocalize(TrackOutcome& outcome) {
   const KeyFrameId around = reference;
-  const bool located = relocalise();
-  outcome.candidates_posed = relocaliser.candidates_posed();
+  const bool located = relocalize_by_appearance();
+  outcome.candidates_posed = relocalizer.candidates_posed();
   if (located) {
-    note_relocalisation();
-    if (track_local(kLocalFactorRelocalised, outcome)) return true;
+    note_relocalization();
+    if (track_local(kLocalFactorRelocalized, outcome)) return true;
   }
   if (!options.second_hypotheses) return false;
   reference = around;
-  if (!track_widely() || !agrees(kLocalFactorRelocalised, outcome)) return false;
-  note_relocalisation();
+  if (!track_widely() || !verify(kLocalFactorRelocalized, outcome)) return false;
+  note_relocalization();
   return true;
 }
 
@@ -168,15 +169,15 @@ bool Tracker::Impl::track_local(float radius_factor, TrackOutcome& outcome) {
   outcome.local_points = static_cast<int>(local.points().size());
   searched += outcome.local_points;
   outcome.matches = current.matches();
-  outcome.inliers = search.optimise_pose(current);
+  outcome.inliers = search.optimize_pose(current);
   for (std::size_t i = 0; i < current.points.size(); ++i)
     if (current.points[i] && !current.outlier[i]) local.count_found(current.points[i]);
   current.has_pose = true;
   current.reference = reference;
   current.T_cr = (current.T_cw * T_rw.inverse()).normalized();
-  const bool fresh = recently_relocalised(options.max_frames_between_keyframes);
+  const bool fresh = recently_relocalized(options.max_frames_between_keyframes);
   return outcome.inliers >=
-         (fresh ? options.min_inliers_after_relocalisation : options.min_local_map_inliers);
+         (fresh ? options.min_inliers_after_relocalization : options.min_local_map_inliers);
 }
 
 }  // namespace slambed

@@ -7,7 +7,7 @@
 #include "slam/frame_search.hpp"
 #include "slam/keyframe_maker.hpp"
 #include "slam/local_view.hpp"
-#include "slam/relocaliser.hpp"
+#include "slam/relocalizer.hpp"
 #include "slam/tracker.hpp"
 #include "slam/two_view_start.hpp"
 #include "slam/wide_search.hpp"
@@ -18,42 +18,42 @@ namespace slambed {
 /// (tracker_hypotheses.cpp).
 struct Tracker::Impl {
   Impl(TrackerOptions o, std::shared_ptr<Map> m, IdSpace space, std::shared_ptr<PlaceIndex> places)
-      : options(o), map(std::move(m)), ids(space), relocaliser(std::move(places)) {
-    find_in_foreign_map();
+      : options(o), map(std::move(m)), ids(space), relocalizer(std::move(places)) {
+    relocalize_in_received_map();
     if (options.begins_lost) state = TrackingState::kLost;
   }
 
   TrackOutcome track(std::uint64_t index, double time_s, std::shared_ptr<const FeatureSet> set);
-  void initialise(TrackOutcome& outcome);
+  void initialize(TrackOutcome& outcome);
   std::optional<MapDelta> first_keyframe();
   void refresh_last();
   bool track_motion(const SE3& step);
   bool track_still();
   bool track_reference();
   bool track_widely();
-  bool relocalise();
-  void note_relocalisation();
-  bool follow(TrackOutcome& outcome);
-  bool agrees(float radius_factor, TrackOutcome& outcome);
-  bool find_again(TrackOutcome& outcome);
+  bool relocalize_by_appearance();
+  void note_relocalization();
+  bool track_hypotheses(TrackOutcome& outcome);
+  bool verify(float radius_factor, TrackOutcome& outcome);
+  bool relocalize(TrackOutcome& outcome);
   bool track_local(float radius_factor, TrackOutcome& outcome);
   void gather_evidence(int inliers);
   void start_over();
-  void find_in_foreign_map();
+  void relocalize_in_received_map();
   bool resume(const SE3& T_cw, KeyFrameId at);
   bool resume(const FoundFrame& found);
-  bool follow_found(TrackOutcome& outcome);
+  bool track_from_found_frame(TrackOutcome& outcome);
   MapDelta create_keyframe(bool becomes_reference);
   void continue_on(std::shared_ptr<Map> fresh, std::span<const KeyFrameId> still_provisional);
 
-  bool recently_relocalised(int frames) const {
-    return relocalised_ever && frame_number - relocalised_at < frames;
+  bool recently_relocalized(int frames) const {
+    return relocalized_ever && frame_number - relocalized_at < frames;
   }
 
   TrackerOptions options;
   std::shared_ptr<Map> map;
   TrackerIds ids;
-  TrackingState state = TrackingState::kNotInitialised;
+  TrackingState state = TrackingState::kNotInitialized;
   SE3 first_T_cw;  ///< of the first keyframe of a map
 
   Frame current, last;
@@ -61,13 +61,13 @@ struct Tracker::Impl {
   KeyFrameId reference;                 ///< keyframe that poses are relative to
   std::vector<KeyFrameId> provisional;  ///< created here but not (yet) fit to be a reference
   int frame_number = 0;                 ///< frames processed; starts at 1
-  int keyframe_at = 0, relocalised_at = 0;
-  bool relocalised_ever = false;
+  int keyframe_at = 0, relocalized_at = 0;
+  bool relocalized_ever = false;
   bool found_elsewhere = false;  ///< last is a frame that somebody else has found
   KeyFrameEvidence evidence;
   int searched = 0;        ///< points looked for in this frame
   PoseSearch pose_search;  ///< of this frame
-  MapDelta first_delta;    ///< of the keyframes made by initialise()
+  MapDelta first_delta;    ///< of the keyframes made by initialize()
   bool first_delta_waiting = false;
 
   LocalView local;
@@ -78,7 +78,7 @@ struct Tracker::Impl {
     TrackOutcome outcome;
   };
   std::optional<Doubtful> doubtful;  ///< best pose of this frame that the map hardly agrees with
-  Relocaliser relocaliser;
+  Relocalizer relocalizer;
   TwoViewStart two_views;
   std::vector<SeenPoint> last_points;
 };

@@ -141,7 +141,7 @@ bool WideSearch::locate(std::span<const PointSketch> points, FrameSearch& search
   for (std::size_t i = 0; i < pairs_.size(); ++i)
     if (best_inlier_[i])
       frame.match(pairs_[i].feature, points[pairs_[i].point].id, points[pairs_[i].point].p_w);
-  const int inliers = search.optimise_pose(frame);
+  const int inliers = search.optimize_pose(frame);
   frame.drop_outliers();
   return inliers >= kLeastInliers;
 }

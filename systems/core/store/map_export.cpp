@@ -35,7 +35,7 @@ struct Vertex {
   int red, green, blue;
 };
 
-/// Grey of a point by the number of keyframes that see it.
+/// Gray of a point by the number of keyframes that see it.
 int brightness(std::size_t observations) {
   constexpr int kDarkest = 60, kStep = 25;
   return std::min(255, kDarkest + kStep * static_cast<int>(observations));
@@ -48,8 +48,8 @@ void export_ply(const Map& map, const std::filesystem::path& path) {
     std::vector<Vertex> list;
     for (const MapPointId id : view.point_ids()) {
       const MapPoint& point = *view.point(id);
-      const int grey = brightness(point.observations.size());
-      list.push_back({point.p_w, grey, grey, grey});
+      const int gray = brightness(point.observations.size());
+      list.push_back({point.p_w, gray, gray, gray});
     }
     for (const KeyFrameId id : view.keyframe_ids())
       list.push_back({view.keyframe(id)->T_cw.inverse().t, 255, 0, 0});

@@ -7,8 +7,8 @@
 
 namespace slambed {
 
-/// Points (grey, brighter the more keyframes see them) and keyframe centres (red) as an ASCII PLY
-/// cloud, world frame, metres.
+/// Points (gray, brighter the more keyframes see them) and keyframe centers (red) as an ASCII PLY
+/// cloud, world frame, meters.
 void export_ply(const Map& map, const std::filesystem::path& path);
 
 /// Keyframes as a TUM trajectory: recorded time, camera to world. In the order of time.

@@ -62,7 +62,7 @@ SE3 get_pose(TextReader& in) {
   return {q, t};
 }
 
-/// Edge-SLAM's matrices: Tcw, Twc, centre of the camera and of the stereo pair.
+/// Edge-SLAM's matrices: Tcw, Twc, center of the camera and of the stereo pair.
 void put_matrices(TextWriter& out, const SE3& T_cw) {
   for (const SE3& T : {T_cw, T_cw.inverse()}) {
     for (int row = 0; row < 3; ++row) {
@@ -176,26 +176,26 @@ void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
 
 /// Edge-SLAM's points carry their counters by value. Ours are written there for their size, but
 /// only these are current: tracking has counted on since the local map came.
-void put_sightings(TextWriter& out, std::span<const PointSightings> sightings) {
-  out.integer(sightings.size());
-  for (const PointSightings& point : sightings) {
+void put_observation_counts(TextWriter& out, std::span<const PointObservationCounts> observation_counts) {
+  out.integer(observation_counts.size());
+  for (const PointObservationCounts& point : observation_counts) {
     put_id(out, point.id);
     out.integer(point.visible);
     out.integer(point.found);
   }
 }
 
-std::vector<PointSightings> get_sightings(TextReader& in) {
-  constexpr std::size_t kLeastSightings = 8;
-  std::vector<PointSightings> sightings;
-  for (std::size_t n = in.count(kLeastSightings); n > 0; --n) {
-    PointSightings point;
+std::vector<PointObservationCounts> get_observation_counts(TextReader& in) {
+  constexpr std::size_t kLeastObservationCounts = 8;
+  std::vector<PointObservationCounts> observation_counts;
+  for (std::size_t n = in.count(kLeastObservationCounts); n > 0; --n) {
+    PointObservationCounts point;
     point.id = get_id<MapPointId>(in);
     point.visible = static_cast<std::uint32_t>(in.integer(0, kAnyCount));
     point.found = static_cast<std::uint32_t>(in.integer(0, kAnyCount));
-    sightings.push_back(point);
+    observation_counts.push_back(point);
   }
-  return sightings;
+  return observation_counts;
 }
 
 PointsById by_id(std::span<const NewPoint> points) {
@@ -239,7 +239,7 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   out.integer(message.urgent);
   out.integer(message.first);
   out.integer(message.whole);
-  out.integer(message.after_relocalisation);
+  out.integer(message.after_relocalization);
   out.integer(message.applied_update);
   put_id(out, message.newest_edge_point);
   out.integer(message.delta.epoch);
@@ -250,7 +250,7 @@ Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> know
   if (begins_with_two(message, keyframes.back().features->sensor())) out.integer(keyframes.size());
   for (const NewKeyFrame& keyframe : keyframes)
     out.text(keyframe_text(keyframe, by_value, fresh, vocabulary, direct));
-  put_sightings(out, message.delta.sightings);
+  put_observation_counts(out, message.delta.observation_counts);
   return finish(std::move(out));
 }
 
@@ -263,7 +263,7 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const 
   message.urgent = in.flag();
   message.first = in.flag();
   message.whole = in.flag();
-  message.after_relocalisation = in.flag();
+  message.after_relocalization = in.flag();
   message.applied_update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest_edge_point = get_id_or_none<MapPointId>(in);
   message.delta.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
@@ -271,7 +271,7 @@ KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const 
   std::set<MapPointId> seen;
   for (auto n = begins_with_two(message, *sensor) ? in.integer(1, 2) : 1; n > 0; --n)
     take_keyframe(in.text(), sensor, message.delta, seen, direct);
-  message.delta.sightings = get_sightings(in);
+  message.delta.observation_counts = get_observation_counts(in);
   in.expect_end();
   expect_keyframes(message);
   return message;
@@ -282,7 +282,7 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, Direct
   out.word("MAP_UPDATE");
   out.integer(message.update);
   put_id(out, message.newest);
-  put_id(out, message.settled);
+  put_id(out, message.past_probation);
   for (const auto time : kUpdateTimes) put_time(out, message.times.*time);
   out.integer(message.map.epoch);
   const PointsById by_value = by_id(message.map.points);
@@ -307,7 +307,7 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   MapUpdate message;
   message.update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest = get_id<KeyFrameId>(in);
-  message.settled = get_id_or_none<KeyFrameId>(in);
+  message.past_probation = get_id_or_none<KeyFrameId>(in);
   for (const auto time : kUpdateTimes) message.times.*time = get_time(in);
   message.map.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   std::set<MapPointId> seen;

@@ -13,7 +13,7 @@ namespace slambed::wire {
 /// key points twice, the search grid, the bag of words, the scale tables, each pose in four forms,
 /// and each keyframe with all the points it sees by value. A keyframe takes 500 to 650 KB, and its
 /// writing and reading, by streams, the time that those need for it. What the message stands for is
-/// the same as in messages.hpp, without its quantisation.
+/// the same as in messages.hpp, without its quantization.
 ///
 /// What Edge-SLAM derives on the mobile is derived when a message is written (bag of words, grid);
 /// what the receiver does not need is read and dropped. Two things we have no equal of and write

@@ -133,10 +133,10 @@ void put_delta(ByteWriter& out, const MapDelta& delta, FreshPoints fresh) {
     out.varint(position.version);
   });
   put_poses(out, delta.poses);
-  put_list(out, delta.sightings, [&](const PointSightings& sightings) {
-    ids.points.put(out, sightings.id);
-    out.varint(sightings.visible);
-    out.varint(sightings.found);
+  put_list(out, delta.observation_counts, [&](const PointObservationCounts& observation_counts) {
+    ids.points.put(out, observation_counts.id);
+    out.varint(observation_counts.visible);
+    out.varint(observation_counts.found);
   });
   put_list(out, delta.culled_points, [&](MapPointId id) { ids.points.put(out, id); });
   put_list(out, delta.culled_keyframes, [&](KeyFrameId id) { ids.keyframes.put(out, id); });
@@ -165,10 +165,10 @@ MapDelta get_delta(ByteReader& in, const std::shared_ptr<const Sensor>& sensor) 
     return position;
   });
   delta.poses = get_poses(in);
-  get_list(in, delta.sightings, 3, [&] {
+  get_list(in, delta.observation_counts, 3, [&] {
     const auto id = ids.points.get<MapPointId>(in);
     const std::uint32_t visible = in.varint32();
-    return PointSightings{id, visible, in.varint32()};
+    return PointObservationCounts{id, visible, in.varint32()};
   });
   get_list(in, delta.culled_points, 1, [&] { return ids.points.get<MapPointId>(in); });
   get_list(in, delta.culled_keyframes, 1, [&] { return ids.keyframes.get<KeyFrameId>(in); });

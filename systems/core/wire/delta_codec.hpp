@@ -12,7 +12,7 @@
 namespace slambed::wire {
 
 /// A MapDelta as a whole, lists in the order: keyframes, points, attach, detach, fusions,
-/// positions, poses, sightings, culled points, culled keyframes. Lost: features as said in
+/// positions, poses, observations, culled points, culled keyframes. Lost: features as said in
 /// feature_codec.hpp, positions to 32-bit floats, normals to 1.6e-5. A point's descriptor is named
 /// rather than repeated when a keyframe of the same delta shows it.
 void put_delta(ByteWriter& out, const MapDelta& delta, FreshPoints fresh = FreshPoints::kWhole);

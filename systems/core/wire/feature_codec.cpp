@@ -26,7 +26,7 @@ struct Axis {
   double origin, step;
   Axis(double low, double high)
       : origin(low - kMarginPx), step((high - low + 2 * kMarginPx) / kSteps) {}
-  std::uint16_t quantise(float value) const {
+  std::uint16_t quantize(float value) const {
     return static_cast<std::uint16_t>(
         std::clamp(std::floor((value - origin) / step + 0.5), 0.0, kSteps));
   }
@@ -35,7 +35,7 @@ struct Axis {
 
 }  // namespace
 
-std::uint16_t quantise_depth(float depth_m) {
+std::uint16_t quantize_depth(float depth_m) {
   if (!(depth_m >= kMinDepth && depth_m < kMaxDepth)) return 0;
   constexpr int kDropped = kFloatMantissaBits - kMantissaBits;
   const std::uint32_t bits = std::bit_cast<std::uint32_t>(depth_m);
@@ -52,9 +52,9 @@ KeyPoint as_received(const KeyPoint& point, const Sensor& sensor) {
   const Axis columns(sensor.bounds.min_x, sensor.bounds.max_x);
   const Axis rows(sensor.bounds.min_y, sensor.bounds.max_y);
   KeyPoint received = point;
-  received.u = columns.restore(columns.quantise(point.u));
-  received.v = rows.restore(rows.quantise(point.v));
-  received.depth_m = restore_depth(quantise_depth(point.depth_m));
+  received.u = columns.restore(columns.quantize(point.u));
+  received.v = rows.restore(rows.quantize(point.v));
+  received.depth_m = restore_depth(quantize_depth(point.depth_m));
   return received;
 }
 
@@ -72,9 +72,9 @@ void put_features(ByteWriter& out, const FeatureSet& features) {
     const KeyPoint& point = features.keypoints()[i];
     const int angle =
         static_cast<int>(std::lround(point.angle_deg * (kAngleSteps / 360.f))) & (kAngleSteps - 1);
-    out.u16(columns.quantise(point.u));
-    out.u16(rows.quantise(point.v));
-    out.u16(quantise_depth(point.depth_m));
+    out.u16(columns.quantize(point.u));
+    out.u16(rows.quantize(point.v));
+    out.u16(quantize_depth(point.depth_m));
     out.u16(static_cast<std::uint16_t>(point.octave << kAngleBits | angle));
     for (const std::uint64_t word : features.descriptors()[i]) out.u64(word);
   }

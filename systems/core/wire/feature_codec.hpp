@@ -25,7 +25,7 @@ inline constexpr std::size_t kFeatureBytes = 40;
 inline constexpr std::size_t kMaxFeatures = 65'000;
 
 /// Depth in 4 bits of exponent and 12 of mantissa, rounded; 0 is none.
-std::uint16_t quantise_depth(float depth_m);
+std::uint16_t quantize_depth(float depth_m);
 float restore_depth(std::uint16_t code);
 
 }  // namespace slambed::wire

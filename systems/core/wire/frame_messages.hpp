@@ -39,14 +39,14 @@ struct FrameTimes {
   RunTime done{};  ///< the answer handed to the channel
 };
 
-enum class FrameState : std::uint8_t { kNotInitialised, kOk, kLost };
+enum class FrameState : std::uint8_t { kNotInitialized, kOk, kLost };
 
 /// What became of it.
 struct FrameResult {
   static constexpr MessageType kType = kFrameMessages["FRAME_RESULT"];
   std::uint64_t sequence = 0;  ///< of the FRAME_IMAGE that it answers
   std::uint64_t frame_index = 0;
-  FrameState state = FrameState::kNotInitialised;
+  FrameState state = FrameState::kNotInitialized;
   bool reset = false;  ///< the map was thrown away
   SE3 T_cw;            ///< with kOk
   KeyFrameId reference;

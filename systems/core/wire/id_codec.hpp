@@ -15,7 +15,7 @@ namespace slambed::wire {
 inline constexpr std::uint64_t kMaxIdIndex = 1u << 26;
 inline constexpr int kSpaceShift = 56;
 
-/// Codes a stream of ids as differences to the previous one of the same space: neighbours cost one
+/// Codes a stream of ids as differences to the previous one of the same space: neighbors cost one
 /// byte, "none" too. Writer and reader must see the same order.
 class IdStream {
  public:

@@ -31,13 +31,13 @@ bool ends(std::span<const std::uint8_t> jpeg) {
 }
 
 void check(tjhandle decoder, std::span<const std::uint8_t> jpeg, int width, int height) {
-  int found_width = 0, found_height = 0, sampling = 0, colours = 0;
+  int found_width = 0, found_height = 0, sampling = 0, colors = 0;
   if (tjDecompressHeader3(decoder, jpeg.data(), jpeg.size(), &found_width, &found_height, &sampling,
-                          &colours) != 0) {
+                          &colors) != 0) {
     throw DecodeError(std::string("no JPEG: ") + tjGetErrorStr2(decoder));
   }
   if (!ends(jpeg)) throw DecodeError("JPEG is torn: its end mark is not its end");
-  if (colours != TJCS_GRAY) throw DecodeError("JPEG is not grey");
+  if (colors != TJCS_GRAY) throw DecodeError("JPEG is not gray");
   if (found_width != width || found_height != height) {
     throw DecodeError("JPEG is " + std::to_string(found_width) + "x" +
                       std::to_string(found_height) + " px, announced were " +
@@ -47,7 +47,7 @@ void check(tjhandle decoder, std::span<const std::uint8_t> jpeg, int width, int 
 
 }  // namespace
 
-Bytes encode_jpeg(GreyView image, int quality) {
+Bytes encode_jpeg(GrayView image, int quality) {
   const Handle encoder = made(tjInitCompress());
   Bytes bytes(tjBufSize(image.width, image.height, TJSAMP_GRAY));
   unsigned char* at = bytes.data();
@@ -66,10 +66,10 @@ void check_jpeg(std::span<const std::uint8_t> jpeg, int width, int height) {
   check(made(tjInitDecompress()).get(), jpeg, width, height);
 }
 
-GreyImage decode_jpeg(std::span<const std::uint8_t> jpeg, int width, int height) {
+GrayImage decode_jpeg(std::span<const std::uint8_t> jpeg, int width, int height) {
   const Handle decoder = made(tjInitDecompress());
   check(decoder.get(), jpeg, width, height);
-  GreyImage image{width, height, {}};
+  GrayImage image{width, height, {}};
   image.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   if (tjDecompress2(decoder.get(), jpeg.data(), jpeg.size(), image.pixels.data(), width, width,
                     height, TJPF_GRAY, kDecodeFlags) != 0) {

@@ -9,23 +9,23 @@
 
 namespace slambed::wire {
 
-/// A grey picture that was decoded.
-struct GreyImage {
+/// A gray picture that was decoded.
+struct GrayImage {
   int width = 0, height = 0;
   std::vector<std::uint8_t> pixels;
-  GreyView view() const { return {pixels.data(), width, height, width}; }
+  GrayView view() const { return {pixels.data(), width, height, width}; }
 };
 
-/// A grey JPEG. quality: 1 to 100. Equal pictures give equal bytes, whatever the processor: the
+/// A gray JPEG. quality: 1 to 100. Equal pictures give equal bytes, whatever the processor: the
 /// transform is libjpeg-turbo's accurate one, which its vector kernels repeat bit for bit.
-Bytes encode_jpeg(GreyView image, int quality);
+Bytes encode_jpeg(GrayView image, int quality);
 
-/// Throws DecodeError unless this begins as a grey JPEG of that size and ends as one; looks at
+/// Throws DecodeError unless this begins as a gray JPEG of that size and ends as one; looks at
 /// nothing in between.
 void check_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
 
 /// Checks the header as check_jpeg does, before room is made for a pixel. Throws DecodeError for
 /// what is torn or damaged, too: a picture is whole or none.
-GreyImage decode_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
+GrayImage decode_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
 
 }  // namespace slambed::wire

@@ -47,7 +47,7 @@ Bytes encode(const KeyFrameMessage& message) {
   out.u8(message.urgent);
   out.u8(message.first);
   out.u8(message.whole);
-  out.u8(message.after_relocalisation);
+  out.u8(message.after_relocalization);
   out.varint(message.applied_update);
   IdStream().put(out, message.newest_edge_point);
   put_delta(out, message.delta, FreshPoints::kDerived);
@@ -62,7 +62,7 @@ KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const Senso
     message.urgent = in.flag();
     message.first = in.flag();
     message.whole = in.flag();
-    message.after_relocalisation = in.flag();
+    message.after_relocalization = in.flag();
     message.applied_update = in.varint();
     message.newest_edge_point = IdStream().get_or_none<MapPointId>(in);
     message.delta = get_delta(in, sensor);
@@ -75,7 +75,7 @@ Bytes encode(const MapUpdate& message) {
   ByteWriter out;
   out.varint(message.update);
   IdStream().put(out, message.newest);
-  IdStream().put(out, message.settled);
+  IdStream().put(out, message.past_probation);
   for (const auto time : kUpdateTimes) out.time(message.times.*time);
   put_delta(out, message.map);
   put_poses(out, message.poses);
@@ -87,7 +87,7 @@ MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& se
     MapUpdate message;
     message.update = in.varint();
     message.newest = IdStream().get<KeyFrameId>(in);
-    message.settled = IdStream().get_or_none<KeyFrameId>(in);
+    message.past_probation = IdStream().get_or_none<KeyFrameId>(in);
     for (const auto time : kUpdateTimes) message.times.*time = in.time();
     message.map = get_delta(in, sensor);
     message.poses = get_poses(in);

@@ -37,7 +37,7 @@ struct KeyFrameMessage {
   bool urgent = false;                ///< Edge-SLAM's flag 2: c1c holds, the edge need not agree
   bool first = false;                 ///< a map begins with it, or the trip in a stored one
   bool whole = false;                 ///< holds all points it sees: a map can start with it
-  bool after_relocalisation = false;  ///< within a second of one: Edge-SLAM's passedF is false
+  bool after_relocalization = false;  ///< within a second of one: Edge-SLAM's passedF is false
   std::uint64_t applied_update = 0;   ///< newest update the mobile had applied, 0: none
   /// Newest point of an edge mapper that the mobile ever saw: a restarted edge counts on behind it.
   MapPointId newest_edge_point{};
@@ -64,7 +64,7 @@ struct MapUpdate {
   KeyFrameId newest;
   /// Points first seen by this keyframe or an earlier one will not be culled for how rarely they
   /// are found; none: too few keyframes were mapped.
-  KeyFrameId settled{};
+  KeyFrameId past_probation{};
   UpdateTimes times;
   MapDelta map;                     ///< the keyframes with all their points
   std::vector<KeyFramePose> poses;  ///< of other keyframes that moved since the last update

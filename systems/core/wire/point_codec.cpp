@@ -24,7 +24,7 @@ enum Flags : std::uint8_t {
 constexpr std::size_t kFreshBytes = 2;
 constexpr std::size_t kOtherBytes = kFreshBytes + 12 + 6 + 4 + 3;
 
-/// How far a fresh point may be from the one that its quantised feature makes, relative to its
+/// How far a fresh point may be from the one that its quantized feature makes, relative to its
 /// distance: depth has 12 bits, a pixel is a smaller part.
 constexpr double kFreshTolerance = 2e-4;
 
@@ -34,7 +34,7 @@ bool is_near(float a, float b) {
 
 constexpr float kNormalSteps = 32767;
 
-std::uint16_t quantise_normal(float value) {
+std::uint16_t quantize_normal(float value) {
   return static_cast<std::uint16_t>(
       static_cast<std::int16_t>(std::lround(std::clamp(value, -1.f, 1.f) * kNormalSteps)));
 }
@@ -48,22 +48,22 @@ float restore_normal(std::uint16_t code) {
 PointCodec::PointCodec(const std::vector<NewKeyFrame>& keyframes, FreshPoints fresh)
     : keyframes_(keyframes), fresh_(fresh) {}
 
-const std::vector<PointCodec::Sighting>& PointCodec::sightings() {
-  if (sightings_.empty()) {
+const std::vector<PointCodec::PointObservation>& PointCodec::observations() {
+  if (observations_.empty()) {
     for (std::uint32_t k = 0; k < keyframes_.size(); ++k) {
       const auto& points = keyframes_[k].points;
       for (std::uint32_t feature = 0; feature < points.size(); ++feature) {
-        if (points[feature]) sightings_.push_back({points[feature].value, k, feature});
+        if (points[feature]) observations_.push_back({points[feature].value, k, feature});
       }
     }
-    std::sort(sightings_.begin(), sightings_.end());
+    std::sort(observations_.begin(), observations_.end());
   }
-  return sightings_;
+  return observations_;
 }
 
-const PointCodec::Sighting* PointCodec::find_descriptor(const NewPoint& point) {
-  const auto& all = sightings();
-  for (auto at = std::lower_bound(all.begin(), all.end(), Sighting{point.id.value, 0, 0});
+const PointCodec::PointObservation* PointCodec::find_descriptor(const NewPoint& point) {
+  const auto& all = observations();
+  for (auto at = std::lower_bound(all.begin(), all.end(), PointObservation{point.id.value, 0, 0});
        at != all.end() && at->point == point.id.value; ++at) {
     const auto& features = *keyframes_[at->keyframe].features;
     if (features.descriptors()[at->feature] == point.appearance.descriptor) return &*at;
@@ -72,8 +72,8 @@ const PointCodec::Sighting* PointCodec::find_descriptor(const NewPoint& point) {
 }
 
 std::optional<PointCodec::Fresh> PointCodec::fresh(MapPointId id) {
-  const auto& all = sightings();
-  const auto seen = std::lower_bound(all.begin(), all.end(), Sighting{id.value, 0, 0});
+  const auto& all = observations();
+  const auto seen = std::lower_bound(all.begin(), all.end(), PointObservation{id.value, 0, 0});
   if (seen == all.end() || seen->point != id.value) return std::nullopt;
   const NewKeyFrame& keyframe = keyframes_[seen->keyframe];
   const FeatureSet& features = *keyframe.features;
@@ -122,7 +122,7 @@ void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
     return ids.put(out, point.id);
   }
   const Appearance& look = point.appearance;
-  const Sighting* named = find_descriptor(point);
+  const PointObservation* named = find_descriptor(point);
   std::uint8_t flags = 0;
   if (named) flags |= kNamedDescriptor;
   if (named && keyframes_[named->keyframe].id == point.reference) flags |= kReferenceIsNamed;
@@ -131,7 +131,7 @@ void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
   out.u8(flags);
   ids.put(out, point.id);
   for (const double value : point.p_w) out.f32(static_cast<float>(value));
-  for (const float value : look.normal) out.u16(quantise_normal(value));
+  for (const float value : look.normal) out.u16(quantize_normal(value));
   out.f32(look.max_distance_m);
   if (!(flags & kNearestDerived)) out.f32(look.min_distance_m);
   if (named) {
@@ -151,7 +151,7 @@ void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
 std::size_t PointCodec::get_count(ByteReader& in) {
   const std::size_t count = in.count(kFreshBytes);
   // Each fresh point needs a feature that sees it, so that few bytes cannot ask for much memory.
-  if (count > sightings().size() + in.remaining() / kOtherBytes) {
+  if (count > observations().size() + in.remaining() / kOtherBytes) {
     throw DecodeError("more points than there can be");
   }
   return count;

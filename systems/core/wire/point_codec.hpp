@@ -15,7 +15,7 @@ enum class FreshPoints { kWhole, kDerived };
 /// Writes and reads new points beside the keyframes of the same delta: whatever follows from those
 /// (descriptor, reference keyframe, nearest distance) is named in a few bytes instead of repeated.
 /// A fresh point, as tracking makes it of one feature with depth, follows whole from that feature:
-/// its id is enough, where it may be off by what quantising moved the feature.
+/// its id is enough, where it may be off by what quantizing moved the feature.
 class PointCodec {
  public:
   explicit PointCodec(const std::vector<NewKeyFrame>& keyframes,
@@ -26,13 +26,13 @@ class PointCodec {
   std::size_t get_count(ByteReader& in);
 
  private:
-  struct Sighting {
+  struct PointObservation {
     std::uint64_t point = 0;
     std::uint32_t keyframe = 0;  ///< index in the delta
     std::uint32_t feature = 0;
-    auto operator<=>(const Sighting&) const = default;
+    auto operator<=>(const PointObservation&) const = default;
   };
-  const Sighting* find_descriptor(const NewPoint& point);
+  const PointObservation* find_descriptor(const NewPoint& point);
   struct Fresh {
     NewPoint point;
     double distance_m = 0;  ///< from the camera
@@ -42,11 +42,11 @@ class PointCodec {
   /// Whether the point can be sent as its id alone.
   bool is_fresh(const NewPoint& point);
   float nearest_from(float max_distance_m) const;
-  const std::vector<Sighting>& sightings();
+  const std::vector<PointObservation>& observations();
 
   const std::vector<NewKeyFrame>& keyframes_;
   FreshPoints fresh_;
-  std::vector<Sighting> sightings_;  ///< sorted; filled when first needed
+  std::vector<PointObservation> observations_;  ///< sorted; filled when first needed
 };
 
 }  // namespace slambed::wire

@@ -10,7 +10,7 @@
 
 namespace slambed::wire {
 
-/// Relocalisation on the edge.
+/// Relocalization on the edge.
 inline constexpr MessageRange kRelocMessages(32, {"RELOC_REQUEST", "RELOC_FAIL", "RELOC_OK",
                                                   "SUSPEND", "RESUME"});
 

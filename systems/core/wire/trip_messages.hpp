@@ -26,7 +26,7 @@ inline constexpr MessageType kTripUpload = kTripMessages["TRIP_UPLOAD"];
 struct PoseAnswer {
   KeyFrameId keyframe;
   std::uint16_t matches = 0;  ///< with points of that map; 0: no match, and the pose means nothing
-  SE3 T_cw;                   ///< to a tenth of a millimetre within a kilometre of the origin
+  SE3 T_cw;                   ///< to a tenth of a millimeter within a kilometer of the origin
   RunTime sent{};             ///< first byte of the KEYFRAME handed to the transport; run clock
   Duration up{}, wait{}, match{}, bundle{};  ///< from there until it came, was looked at ...
 };

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// DynNetSLAM's two nodes in virtual time on a synthetic world, under latencies that change.
+// DynNetSLAM's two nodes in virtual time on a synthetic scene, under latencies that change.
 #include "dynnetslam/tests/switching_pair.hpp"
 
 namespace slambed::testing {
 namespace {
 
 INSTANTIATE_TEST_SUITE_P(Worlds, DynNetSlam, ::testing::Values(World::kUniform, World::kFitted),
-                         [](const auto& world) {
-                           return world.param == World::kUniform ? "Uniform" : "Fitted";
+                         [](const auto& scene) {
+                           return scene.param == World::kUniform ? "Uniform" : "Fitted";
                          });
 
 TEST_P(DynNetSlam, TheSafeZoneLeadsToTheMobileSideAndBack) {
@@ -68,8 +68,8 @@ TEST_P(DynNetSlam, AnUpdateOfAnOlderEpochIsDeclined) {
 }
 
 TEST_P(DynNetSlam, AStandingCameraIsNoTrap) {
-  const auto stand = [](SyntheticWorld& world, int frame) {
-    return turn(world, std::min(frame, 30));
+  const auto stand = [](SyntheticScene& scene, int frame) {
+    return turn(scene, std::min(frame, 30));
   };
   const PairResult result =
       run(params(true, true), 300, steps({{10, 3}, {90, 9}, {10, 18}}), stand);

@@ -13,7 +13,7 @@ PairResult run_to_the_end(const PairLink& link, int frames) {
   parameters["decision_gap_s"] = 4.0;
   return testing::run_pair(
       dynnetslam_system(), parameters, frames, kFps, link,
-      [](SyntheticWorld& world, int frame) { return world.look(pose_at(frame)); });
+      [](SyntheticScene& scene, int frame) { return scene.look(pose_at(frame)); });
 }
 
 /// Keyframes of this map that frames refer to, and how many of them the trajectory has elsewhere.

@@ -19,7 +19,7 @@ class Handover : public ::testing::Test {
     inbox.on<wire::HandoverAck>(
         wire::decode_handover_ack, [this](const wire::HandoverAck& ack, const Message& raw) {
           answers.push_back(ack);
-          client.acknowledged(ack, raw.incarnation, nodes.mobile_runtime.now());
+          client.acknowledged(ack, raw.session, nodes.mobile_runtime.now());
         });
     inbox.on<wire::AckMessage>(wire::decode_ack,
                                [this](const wire::AckMessage&, const Message&) { ++echoes; });
@@ -120,7 +120,7 @@ TEST_F(Handover, AnEdgeThatHasLostItsMapDeclinesChangesAndGetsAllOfIt) {
 
 TEST_F(Handover, OneThatIsStoppedIsWorthNothingAnyMore) {
   at(1s, [&] { client.begin(1, turn.map, false); });
-  at(1005ms, [&] {  // prepared, serialised, on its way
+  at(1005ms, [&] {  // prepared, serialized, on its way
     client.stop(2);
     EXPECT_FALSE(client.under_way());
   });

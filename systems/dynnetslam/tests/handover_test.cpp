@@ -74,7 +74,7 @@ TEST(DynNetSlamHandover, OneThatTheEdgeCannotReadIsNotWaitedForForEver) {
   };
   const PairResult result = testing::run_pair(
       dynnetslam_system(), params(false, false), 300, kFps, link,
-      [](SyntheticWorld& world, int frame) { return world.look(pose_at(frame)); });
+      [](SyntheticScene& scene, int frame) { return scene.look(pose_at(frame)); });
   ASSERT_EQ(states(result), "OS MES OS");
   const auto sent = result.of("handover_sent");
   const auto answered = result.of("handover_acknowledged");
@@ -98,10 +98,10 @@ TEST(DynNetSlamSingleCamera, BothKeyFramesOfItsFirstMapAreMappedHereAndGoOver) {
     link.single_camera = true;
     const PairResult result =
         run_pair(dynnetslam_system(), parameters, 450, 30, link,
-                 [](SyntheticWorld& world, int frame) { return world.look(stroll_round(frame)); });
+                 [](SyntheticScene& scene, int frame) { return scene.look(stroll_round(frame)); });
     EXPECT_EQ(states(result), first_rtt_ms > 40 ? "MES OS" : "OS");
     expect_all_tracked(result, 450);
-    EXPECT_EQ(result.of("initialised").size(), 1u);
+    EXPECT_EQ(result.of("initialized").size(), 1u);
     std::set<std::uint64_t> mapped;
     for (const auto& event : result.of("keyframe_mapped"))
       mapped.insert(event["keyframe"].get<std::uint64_t>());
@@ -114,19 +114,19 @@ TEST(DynNetSlamSingleCamera, BothKeyFramesOfItsFirstMapAreMappedHereAndGoOver) {
   }
 }
 
-/// Along a wall without an end, at 3.4 m/s: every metre looks like nothing before it.
-std::shared_ptr<const FeatureSet> along_the_wall(SyntheticWorld& world, int frame) {
+/// Along a wall without an end, at 3.4 m/s: every meter looks like nothing before it.
+std::shared_ptr<const FeatureSet> along_the_wall(SyntheticScene& scene, int frame) {
   constexpr double kStep_m = 0.34;
-  constexpr int kPerMetre = 220, kView_m = 3;
-  const auto sensor = world.sensor();
+  constexpr int kPerMeter = 220, kView_m = 3;
+  const auto sensor = scene.sensor();
   const double camera_m = kStep_m * frame;
   std::vector<KeyPoint> keypoints;
   std::vector<Descriptor> descriptors;
-  for (int metre = static_cast<int>(camera_m) - kView_m; metre <= camera_m + kView_m; ++metre) {
-    std::mt19937_64 random(static_cast<std::uint64_t>(metre + 100));
+  for (int meter = static_cast<int>(camera_m) - kView_m; meter <= camera_m + kView_m; ++meter) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(meter + 100));
     std::uniform_real_distribution<double> unit(0, 1);
-    for (int i = 0; i < kPerMetre; ++i) {
-      const Eigen::Vector3d p(metre + unit(random) - camera_m, 3.2 * unit(random) - 1.6,
+    for (int i = 0; i < kPerMeter; ++i) {
+      const Eigen::Vector3d p(meter + unit(random) - camera_m, 3.2 * unit(random) - 1.6,
                               2 + 1.5 * unit(random));
       const double reach_m = 4 + 9 * unit(random);
       KeyPoint seen;

@@ -157,9 +157,9 @@ class DynNetSlam : public ::testing::TestWithParam<World> {
     return testing::ramp(peak_rtt_ms * wider(), half_s);
   }
   static PairResult run(const nlohmann::json& parameters, int frames, PairLink link,
-                        testing::WorldSource::Look look = {}) {
+                        testing::SceneSource::Look look = {}) {
     if (!look) {
-      look = [](SyntheticWorld& world, int frame) { return world.look(pose_at(speed() * frame)); };
+      look = [](SyntheticScene& scene, int frame) { return scene.look(pose_at(speed() * frame)); };
     }
     if (fitted()) {
       link.mbit_per_s = 10;

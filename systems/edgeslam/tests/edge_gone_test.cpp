@@ -13,7 +13,7 @@ namespace {
 namespace runs = testing::edgeslam;
 using testing::PairLink;
 using testing::PairResult;
-using testing::SyntheticWorld;
+using testing::SyntheticScene;
 
 TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
   using namespace std::chrono_literals;
@@ -29,7 +29,7 @@ TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
   std::uint64_t before = 0;
   int after = 0;
   for (const Bytes& sent : result.keyframes) {
-    const auto keyframe = wire::decode_keyframe(sent, SyntheticWorld().sensor());
+    const auto keyframe = wire::decode_keyframe(sent, SyntheticScene().sensor());
     if (keyframe.keyframe.value < begins) {
       before = std::max(before, keyframe.applied_update);
     } else {

@@ -21,7 +21,7 @@ inline PairResult run_over(const PairLink& link, const nlohmann::json& params, i
 }
 
 inline PairResult run(const nlohmann::json& params, int frames = 160, double one_way_ms = 0.1,
-                      WorldSource::Look look = turn) {
+                      SceneSource::Look look = turn) {
   return run_pair(edgeslam_system(), params, frames, 10, {.one_way_ms = {one_way_ms}},
                   std::move(look));
 }

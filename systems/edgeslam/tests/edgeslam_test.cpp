@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edge-SLAM's two nodes in virtual time on a synthetic world: repeatable, and no timing of this
+// Edge-SLAM's two nodes in virtual time on a synthetic scene: repeatable, and no timing of this
 // machine decides.
 #include "edgeslam/edgeslam.hpp"
 
@@ -52,7 +52,7 @@ TEST_P(EdgeSlamVariants, TracksEveryFrameWithMappingOnTheEdgeOnly) {
   for (const auto& event : result.edge) {
     if (event["type"] == "stage") on_edge.insert(event["name"].get<std::string>());
   }
-  std::set<std::string> expected{"extract", "track", "create_keyframe", "serialise", "parse"};
+  std::set<std::string> expected{"extract", "track", "create_keyframe", "serialize", "parse"};
   if (params()["map_update"] == "serial") {
     expected.insert({"insert_keyframes", "update_reference", "update_last_frame", "clean_map"});
   } else {
@@ -137,7 +137,7 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   const auto applied = result.of("update_applied");
   ASSERT_GE(applied.size(), 2u);
   const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
-  // Sightings of every point in view grow with the local map until an update says which are
+  // Observation counts of every point in view grow with the local map until an update says which are
   // past their probation.
   double before = 0, after = 0;
   for (const auto& message : result.of("message")) {
@@ -217,8 +217,8 @@ TEST(EdgeSlam, TheCompatibilityCodecCostsWhatEdgeSlamsMessagesCost) {
   for (const double size : bytes["KEYFRAME"]) EXPECT_GT(size, 100e3);
   std::set<std::string> stages;
   for (const auto& event : text.of("stage")) stages.insert(event["name"].get<std::string>());
-  EXPECT_TRUE(stages.contains("serialise_text") && stages.contains("parse_text"));
-  EXPECT_FALSE(stages.contains("serialise") || stages.contains("parse"));
+  EXPECT_TRUE(stages.contains("serialize_text") && stages.contains("parse_text"));
+  EXPECT_FALSE(stages.contains("serialize") || stages.contains("parse"));
   EXPECT_TRUE(text.of("warning").empty());
   // The edge maps what was sent, as with the binary codec.
   EXPECT_GT(text.edge_counts.keyframes, 5u);

@@ -10,14 +10,14 @@ namespace {
 namespace runs = testing::edgeslam;
 using testing::PairLink;
 using testing::PairResult;
-using testing::SyntheticWorld;
+using testing::SyntheticScene;
 using testing::turn;
 
 /// Ten seconds of turning, one second of darkness, then again what was seen at second two: the
 /// local map of one keyframe does not reach that far back, the edge's does.
-std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticWorld& world, int frame) {
-  if (frame >= 100 && frame < 110) return world.nothing();
-  return turn(world, frame < 100 ? frame : frame - 90);
+std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticScene& scene, int frame) {
+  if (frame >= 100 && frame < 110) return scene.nothing();
+  return turn(scene, frame < 100 ? frame : frame - 90);
 }
 
 PairResult run_through_darkness(PairLink link, nlohmann::json params = runs::enhanced()) {
@@ -27,12 +27,12 @@ PairResult run_through_darkness(PairLink link, nlohmann::json params = runs::enh
 TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
   const PairResult result = run_through_darkness({});
   EXPECT_EQ(result.of("track_lost").size(), 1u);
-  const auto relocalised = result.of("relocalised");
-  ASSERT_EQ(relocalised.size(), 1u);
+  const auto relocalized = result.of("relocalized");
+  ASSERT_EQ(relocalized.size(), 1u);
   int in_the_edges_map = 0;
   for (const auto& update : result.of("update_applied")) {
-    in_the_edges_map += update["relocalisation"] == true &&
-                        update["t_ns"].get<double>() < relocalised[0]["t_ns"].get<double>();
+    in_the_edges_map += update["relocalization"] == true &&
+                        update["t_ns"].get<double>() < relocalized[0]["t_ns"].get<double>();
   }
   EXPECT_GT(in_the_edges_map, 0);
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
@@ -42,8 +42,8 @@ TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
   deaf.lossy_channel = "frame";
   deaf.lost = 1000;
   const PairResult alone = run_through_darkness(deaf);
-  for (const auto& event : alone.of("relocalised")) {  // until it sees the place where it got lost
-    EXPECT_GT(event["t_ns"].get<double>(), relocalised[0]["t_ns"].get<double>() + 4e9);
+  for (const auto& event : alone.of("relocalized")) {  // until it sees the place where it got lost
+    EXPECT_GT(event["t_ns"].get<double>(), relocalized[0]["t_ns"].get<double>() + 4e9);
   }
 }
 
@@ -66,7 +66,7 @@ TEST(EdgeSlam, NoRegularUpdateLeavesWhileTheMobileAsksWhereItIs) {
       if (asked == 0) continue;
       mapped += type == "keyframe_mapped";
       if (type == "update_sent" && event["t_ns"].get<double>() > asked) {
-        EXPECT_EQ(event["relocalisation"], true) << event;
+        EXPECT_EQ(event["relocalization"], true) << event;
       }
     }
     for (const auto& declined : result.of("update_declined")) {

@@ -22,12 +22,12 @@ PairResult play(nlohmann::json params, int frames, PairLink link = {}) {
   params["fast_motion_ms"] = 0.0;
   link.single_camera = true;
   return testing::run_pair(edgeslam_system(), params, frames, kWalkFps, link,
-                           [](testing::SyntheticWorld& world, int frame) {
-                             return world.look(testing::stroll_round(frame));
+                           [](testing::SyntheticScene& scene, int frame) {
+                             return scene.look(testing::stroll_round(frame));
                            });
 }
 
-Eigen::Vector3d true_centre(const NewKeyFrame& keyframe) {
+Eigen::Vector3d true_center(const NewKeyFrame& keyframe) {
   return testing::stroll_round(static_cast<int>(keyframe.frame_index)).inverse().t;
 }
 
@@ -36,7 +36,7 @@ double worst_error_m(const MapDelta& map) {
   std::vector<Eigen::Vector3d> mapped, truth;
   for (const NewKeyFrame& keyframe : map.keyframes) {
     mapped.push_back(keyframe.T_cw.inverse().t);
-    truth.push_back(true_centre(keyframe));
+    truth.push_back(true_center(keyframe));
   }
   const auto S = align_sim3(mapped, truth);
   if (!S) return INFINITY;
@@ -65,7 +65,7 @@ TEST_P(SingleCamera, TheEdgeTakesTheMapOfTwoKeyFramesAsItIs) {
   const PairResult result = play(params(), GetParam() == "text" ? kWalkFrames / 3 : kWalkFrames);
   EXPECT_TRUE(result.finished);
   EXPECT_EQ(result.end_reason, "bye");
-  ASSERT_EQ(result.of("initialised").size(), 1u);
+  ASSERT_EQ(result.of("initialized").size(), 1u);
   EXPECT_TRUE(result.of("track_lost").empty());
   EXPECT_TRUE(result.of("warning").empty());
   // Two keyframes are made at once and go as one, named by the later.
@@ -87,11 +87,11 @@ TEST(SingleCameraStart, TheScaleIsTheFirstMaps) {
   const PairResult result = play(runs::conventional(), kWalkFrames);
   ASSERT_FALSE(result.keyframes.empty());
   const auto sent =
-      wire::decode_keyframe(result.keyframes.front(), testing::SyntheticWorld(0, 1, true).sensor())
+      wire::decode_keyframe(result.keyframes.front(), testing::SyntheticScene(0, 1, true).sensor())
           .delta.keyframes;
   ASSERT_EQ(sent.size(), 2u);
-  const double sent_apart = testing::centre_error(sent[0].T_cw, sent[1].T_cw);
-  const double end_apart = testing::centre_error(result.keyframe_poses.at(sent[0].id),
+  const double sent_apart = testing::center_error(sent[0].T_cw, sent[1].T_cw);
+  const double end_apart = testing::center_error(result.keyframe_poses.at(sent[0].id),
                                                  result.keyframe_poses.at(sent[1].id));
   EXPECT_NEAR(end_apart / sent_apart, 1, 0.02);
 }

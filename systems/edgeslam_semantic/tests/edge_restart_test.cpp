@@ -53,7 +53,7 @@ TEST_F(EdgeRestart, TheNewEdgesMapBeginsWithTheMobiles) {
     const Played run = play_pair(edgeslam(false, adapt), below, kLife);
     const auto restarted = run.of("edge_restarted");
     ASSERT_EQ(restarted.size(), 1u) << adapt;
-    EXPECT_EQ(restarted.front()["incarnation"], 2);
+    EXPECT_EQ(restarted.front()["session"], 2);
     EXPECT_LT(when(restarted.front()), kLife.comes_back + 500ms);
     EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kTwice}) << "tracking never waits";
     EXPECT_TRUE(run.of("track_lost").empty());
@@ -76,7 +76,7 @@ TEST_F(EdgeRestart, TheNewEdgesMapBeginsWithTheMobiles) {
 TEST_F(EdgeRestart, LabelsAgeOutAndComeBackWithMasks) {
   const Played run = play_pair(edgeslam(true, true), below, kLife);
   ASSERT_EQ(run.of("edge_restarted").size(), 1u);
-  int culled_before = 0, culled_after = 0, unlabelled = 0;
+  int culled_before = 0, culled_after = 0, unlabeled = 0;
   const auto masks = after(run.of("mask_applied"), kLife.comes_back);
   ASSERT_FALSE(masks.empty());
   for (const auto& frame : run.of("frame_answered")) {
@@ -86,11 +86,11 @@ TEST_F(EdgeRestart, LabelsAgeOutAndComeBackWithMasks) {
     if (t > when(masks.front())) culled_after += culled;
     if (age > kLabelFrames) {
       EXPECT_EQ(culled, 0) << frame;
-      ++unlabelled;
+      ++unlabeled;
     }
   }
   EXPECT_GT(culled_before, 100);
-  EXPECT_GT(unlabelled, 5) << "the edge was away for longer than labels last";
+  EXPECT_GT(unlabeled, 5) << "the edge was away for longer than labels last";
   EXPECT_GT(culled_after, 100);
 }
 
@@ -139,7 +139,7 @@ TEST_F(EdgeRestart, TheLocalMapDoesNotGrowWhileTheEdgeIsDead) {
 
 /// The edge's window then has keyframes whose features the mobile has no more.
 TEST_F(EdgeRestart, AnEdgeThatStoodStillForLongGoesOn) {
-  world["edge_frozen_s"] = {{1.0, 6.5}};
+  scenario["edge_frozen_s"] = {{1.0, 6.5}};
   nlohmann::json chosen = edgeslam(false, false);
   chosen["local_keyframes"] = 2;
   const Played run = play(chosen);
@@ -158,7 +158,7 @@ TEST_F(EdgeRestart, FullyOffloadedTheTrajectoryIsThatOfTheNewEdgesMapAlone) {
   const Played run = play_pair(chosen, below, life);
   const auto restarted = run.of("edge_restarted");
   ASSERT_EQ(restarted.size(), 1u);
-  EXPECT_EQ(restarted.front()["incarnation"], 2);
+  EXPECT_EQ(restarted.front()["session"], 2);
   std::size_t of_new_map = 0, of_old_map = 0;
   for (const auto& frame : run.of("frame_answered")) {
     if (!frame["ok"]) continue;

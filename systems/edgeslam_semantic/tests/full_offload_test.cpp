@@ -27,7 +27,7 @@ TEST_F(FullOffload, EachFrameIsAnsweredAndItsPartsAddUp) {
 }
 
 TEST_F(FullOffload, OneFrameAtATimeIsUnderWayAndTheNextIsTheNewest) {
-  world["link"]["up"]["delay_us"] = {100'000};
+  scenario["link"]["up"]["delay_us"] = {100'000};
   const Played run = play(params());
   int under_way = 0, most = 0;
   std::vector<std::uint64_t> sent;
@@ -45,7 +45,7 @@ TEST_F(FullOffload, OneFrameAtATimeIsUnderWayAndTheNextIsTheNewest) {
 }
 
 TEST_F(FullOffload, WithoutAWindowEveryFrameGoesAndAllComeLate) {
-  world["devices"]["edge"]["speed"] = 0.1;
+  scenario["devices"]["edge"]["speed"] = 0.1;
   auto every = params();
   every["offload_window"] = 0;
   const Played run = play(every);
@@ -86,8 +86,8 @@ TEST_F(FullOffload, EveryPictureIsSegmentedAndNothingUnderAMaskIsTracked) {
 TEST_F(FullOffload, EqualRunsGiveEqualBytes) {
   const Played first = play(params());
   EXPECT_EQ(play(params()).text, first.text);
-  world["image_cache"] = {{"path", folder.path() / "x.images"}, {"key", "images"}};
-  world["feature_cache"] = {{"path", folder.path() / "x.features"}, {"key", "features"}};
+  scenario["image_cache"] = {{"path", folder.path() / "x.images"}, {"key", "images"}};
+  scenario["feature_cache"] = {{"path", folder.path() / "x.features"}, {"key", "features"}};
   EXPECT_EQ(play(params()).text, first.text) << "with the caches, made now";
   EXPECT_EQ(play(params()).text, first.text) << "with the caches, read";
 }
@@ -113,7 +113,7 @@ TEST_F(FullOffload, ANodeWithoutSegmentationSaysSo) {
 }
 
 TEST_F(FullOffload, GoesOnWhenTheEdgeStoodStill) {
-  world["edge_frozen_s"] = {{1.5, 2.5}};
+  scenario["edge_frozen_s"] = {{1.5, 2.5}};
   const Played run = play(params());
   double longest = 0;
   for (const auto& frame : run.of("frame_answered"))

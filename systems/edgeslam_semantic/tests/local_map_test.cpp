@@ -170,7 +170,7 @@ TEST_F(LocalMap, TheEdgeKnowsAnOwnPointByTheFeatureItSaw) {
   EXPECT_EQ(fits.attach.size(), 1u);
 }
 
-TEST_F(LocalMap, ASightingOfAPointThatTheSliceDeletedGoesWithIt) {
+TEST_F(LocalMap, AnObservationOfAPointThatTheSliceDeletedGoesWithIt) {
   OptResult deletes;
   deletes.changes.culled_points = {point_id(3)};
   deletes.left_points = {point_id(4)};
@@ -212,15 +212,15 @@ TEST_F(LocalMap, FeaturesOfKeyFramesThatTheEdgeDeletedAreNotKept) {
   EXPECT_TRUE(own.contains(keyframe_id(1)));
 }
 
-TEST_F(LocalMap, PointsMostlySeenOnWhatMovesGoOthersLoseThatSighting) {
+TEST_F(LocalMap, PointsMostlySeenOnWhatMovesGoOthersLoseThatObservation) {
   Labels labels;
   labels[keyframe_id(1)].assign(kFeatures, 0);
-  labels[keyframe_id(1)][0] = 1;  // one of three sightings
+  labels[keyframe_id(1)][0] = 1;  // one of three observations
   labels[keyframe_id(2)].assign(kFeatures, 0);
   labels[keyframe_id(2)][5] = 1;                // one of two
   labels[keyframe_id(7)].assign(kFeatures, 1);  // nobody knows it
   const MapDelta delta =
-      before.read([&](const MapView& view) { return without_labelled(view, labels); });
+      before.read([&](const MapView& view) { return without_labeled(view, labels); });
   EXPECT_EQ(delta.culled_points, std::vector{own_point});
   ASSERT_EQ(delta.detach.size(), 1u);
   EXPECT_EQ(delta.detach.front().point, point_id(1));

@@ -51,20 +51,20 @@ class Walk {
   std::vector<Descriptor> descriptors_;
 };
 
-int labelled(const MaskTransfer& transfer) {
+int labeled(const MaskTransfer& transfer) {
   return static_cast<int>(std::count(transfer.free().begin(), transfer.free().end(), 0));
 }
 
 TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
   const Walk walk;
   MaskTransfer transfer({});
-  transfer.follow(walk.frame(0));
+  transfer.track(walk.frame(0));
   transfer.keep_for_comparison(wire::keyframe_id(1));
-  for (int n = 1; n <= 10; ++n) transfer.follow(walk.frame(n));
-  EXPECT_EQ(labelled(transfer), 0);
+  for (int n = 1; n <= 10; ++n) transfer.track(walk.frame(n));
+  EXPECT_EQ(labeled(transfer), 0);
   EXPECT_EQ(transfer.matched(), kCount);
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-  transfer.follow(walk.frame(11));
+  transfer.track(walk.frame(11));
   for (int i = 0; i < kCount; ++i) EXPECT_EQ(transfer.free()[i], Walk::walks(i) ? 0 : 1) << i;
   EXPECT_EQ(transfer.mask_age(), 11);
   const Labels labels = transfer.labels();
@@ -75,44 +75,44 @@ TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
 
 TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
   const Walk walk;
-  MaskTransfer transfer({.neighbours = 0}, {.missing_frames = 3});
-  transfer.follow(walk.frame(0));
+  MaskTransfer transfer({.neighbors = 0}, {.missing_frames = 3});
+  transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-  for (int n = 1; n <= 2; ++n) transfer.follow(walk.frame(n));
-  for (int n = 3; n <= 5; ++n) transfer.follow(walk.frame(n, 0));
-  transfer.follow(walk.frame(6));
+  for (int n = 1; n <= 2; ++n) transfer.track(walk.frame(n));
+  for (int n = 3; n <= 5; ++n) transfer.track(walk.frame(n, 0));
+  transfer.track(walk.frame(6));
   EXPECT_EQ(transfer.free()[0], 0);
-  for (int n = 7; n <= 10; ++n) transfer.follow(walk.frame(n, 0));
-  transfer.follow(walk.frame(11));
-  EXPECT_EQ(transfer.free()[0], 1) << "away for four frames: a chain of its own";
+  for (int n = 7; n <= 10; ++n) transfer.track(walk.frame(n, 0));
+  transfer.track(walk.frame(11));
+  EXPECT_EQ(transfer.free()[0], 1) << "away for four frames: a track of its own";
 }
 
 TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
   const Walk walk;
   MaskTransfer transfer({});
-  transfer.follow(walk.frame(0));
+  transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
-  transfer.follow(walk.frame(1));
+  transfer.track(walk.frame(1));
   transfer.keep(wire::keyframe_id(2));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-  transfer.follow(walk.frame(2));
-  EXPECT_EQ(labelled(transfer), 0) << "the newer mask has nobody";
+  transfer.track(walk.frame(2));
+  EXPECT_EQ(labeled(transfer), 0) << "the newer mask has nobody";
 }
 
 TEST(MaskTransfer, AFresherMaskSetsFree) {
   const Walk walk;
   MaskTransfer transfer({});
-  transfer.follow(walk.frame(0));
+  transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
-  transfer.follow(walk.frame(1));
+  transfer.track(walk.frame(1));
   transfer.keep(wire::keyframe_id(2));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-  EXPECT_EQ(labelled(transfer), kCount / 2);
+  EXPECT_EQ(labeled(transfer), kCount / 2);
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
-  transfer.follow(walk.frame(2));
-  EXPECT_EQ(labelled(transfer), 0);
+  transfer.track(walk.frame(2));
+  EXPECT_EQ(labeled(transfer), 0);
 }
 
 constexpr int kWalker = 23, kStander = 26;
@@ -120,75 +120,75 @@ constexpr int kWalker = 23, kStander = 26;
 constexpr float kReach_px = 130;
 
 TEST(MaskTransfer,
-     AFeatureThatBeganLaterIsLabelledWhereTheMaskCoversTheFrameItsNeighboursCameFrom) {
+     AFeatureThatBeganLaterIsLabeledWhereTheMaskCoversTheFrameItsNeighborsCameFrom) {
   const Walk walk;
   for (const int late : {kWalker, kStander}) {
     MaskTransfer transfer({.reach_px = kReach_px});
-    transfer.follow(walk.frame(0, late));
+    transfer.track(walk.frame(0, late));
     transfer.keep(wire::keyframe_id(1));
     ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-    for (int n = 1; n <= 9; ++n) transfer.follow(walk.frame(n, late));
-    transfer.follow(walk.frame(10));
+    for (int n = 1; n <= 9; ++n) transfer.track(walk.frame(n, late));
+    transfer.track(walk.frame(10));
     for (int i = 0; i < kCount; ++i) EXPECT_EQ(transfer.free()[i], Walk::walks(i) ? 0 : 1) << i;
   }
 }
 
-TEST(MaskTransfer, WithoutNeighboursAFeatureThatBeganLaterIsFree) {
+TEST(MaskTransfer, WithoutNeighborsAFeatureThatBeganLaterIsFree) {
   const Walk walk;
-  MaskTransfer transfer({.neighbours = 0});
-  transfer.follow(walk.frame(0, kWalker));
+  MaskTransfer transfer({.neighbors = 0});
+  transfer.track(walk.frame(0, kWalker));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-  transfer.follow(walk.frame(1));
+  transfer.track(walk.frame(1));
   EXPECT_EQ(transfer.free()[kWalker], 1);
-  EXPECT_EQ(labelled(transfer), kCount / 2 - 1);
+  EXPECT_EQ(labeled(transfer), kCount / 2 - 1);
 }
 
 TEST(MaskTransfer, ALateMaskReachesWhatBeganAndEndedMeanwhile) {
   const Walk walk;
   MaskTransfer transfer({.reach_px = kReach_px}, {.missing_frames = 1});
-  transfer.follow(walk.frame(0, kWalker));
+  transfer.track(walk.frame(0, kWalker));
   transfer.keep(wire::keyframe_id(1));
-  transfer.follow(walk.frame(1));
-  transfer.follow(walk.frame(2));
+  transfer.track(walk.frame(1));
+  transfer.track(walk.frame(2));
   transfer.keep(wire::keyframe_id(2));
-  for (int n = 3; n <= 9; ++n) transfer.follow(walk.frame(n, kWalker));
+  for (int n = 3; n <= 9; ++n) transfer.track(walk.frame(n, kWalker));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
   EXPECT_EQ(transfer.labels().at(wire::keyframe_id(2))[kWalker], 1);
 }
 
-TEST(MaskTransfer, WhatNeighboursSaidEndsWithAMaskThatHasNobody) {
+TEST(MaskTransfer, WhatNeighborsSaidEndsWithAMaskThatHasNobody) {
   const Walk walk;
   MaskTransfer transfer({.reach_px = kReach_px});
-  transfer.follow(walk.frame(0, kWalker));
+  transfer.track(walk.frame(0, kWalker));
   transfer.keep(wire::keyframe_id(1));
-  transfer.follow(walk.frame(1, kWalker));
+  transfer.track(walk.frame(1, kWalker));
   transfer.keep(wire::keyframe_id(2));
-  transfer.follow(walk.frame(2));
+  transfer.track(walk.frame(2));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
   EXPECT_EQ(transfer.free()[kWalker], 0);
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(2), {640, 480, {}}));
-  transfer.follow(walk.frame(3));
-  EXPECT_EQ(labelled(transfer), 0);
+  transfer.track(walk.frame(3));
+  EXPECT_EQ(labeled(transfer), 0);
 }
 
 TEST(MaskTransfer, LabelsEnd) {
   const Walk walk;
   MaskTransfer transfer({.frames = 5});
-  transfer.follow(walk.frame(0));
+  transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
-  for (int n = 1; n <= 5; ++n) transfer.follow(walk.frame(n));
-  EXPECT_EQ(labelled(transfer), kCount / 2);
-  transfer.follow(walk.frame(6));
-  EXPECT_EQ(labelled(transfer), 0);
+  for (int n = 1; n <= 5; ++n) transfer.track(walk.frame(n));
+  EXPECT_EQ(labeled(transfer), kCount / 2);
+  transfer.track(walk.frame(6));
+  EXPECT_EQ(labeled(transfer), 0);
 }
 
 TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
   const Walk walk;
   MaskTransfer transfer({});
   for (int n = 0; n < 500; ++n) {
-    transfer.follow(walk.frame(n % 10));
+    transfer.track(walk.frame(n % 10));
     transfer.keep(wire::keyframe_id(static_cast<std::uint64_t>(n) + 1));
     ASSERT_LE(transfer.labels().size(), 151u) << n;
   }
@@ -199,7 +199,7 @@ TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
 TEST(MaskTransfer, KnowsNothingOfOtherKeyFrames) {
   const Walk walk;
   MaskTransfer transfer({});
-  transfer.follow(walk.frame(0));
+  transfer.track(walk.frame(0));
   EXPECT_FALSE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
   transfer.keep(wire::keyframe_id(1));
   transfer.clear();

@@ -11,7 +11,7 @@ using wire::DecodeError, wire::encode_jpeg, wire::example_camera, wire::example_
 using wire::example_picture, wire::fresh_keyframe, wire::keyframe_id, wire::point_id;
 
 inline SemanticKeyFrame example_semantic_keyframe(std::mt19937& random, const SensorPtr& sensor) {
-  SemanticKeyFrame message{.world = keyframe_id(2),
+  SemanticKeyFrame message{.map_id = keyframe_id(2),
                            .captured = RunTime(5'000'000),
                            .applied_slice = 300,
                            .newest_edge_point = point_id(77, IdSpace::kEdgeMapper),
@@ -23,7 +23,7 @@ inline SemanticKeyFrame example_semantic_keyframe(std::mt19937& random, const Se
 }
 
 inline OptResult example_opt_result() {
-  OptResult message{.world = keyframe_id(2),
+  OptResult message{.map_id = keyframe_id(2),
                     .number = 300,
                     .keyframe = keyframe_id(9),
                     .T_cw = SE3::exp(Eigen::Matrix<double, 6, 1>::Constant(0.1)),
@@ -43,14 +43,14 @@ inline OptResult example_opt_result() {
 }
 
 inline MaskMessage example_mask() {
-  return {.world = keyframe_id(2),
+  return {.map_id = keyframe_id(2),
           .keyframe = keyframe_id(9),
           .took = Duration(150'000'000),
           .masks = example_masks(40, 30)};
 }
 
 inline NoMaskMessage example_no_mask() {
-  return {.world = keyframe_id(2),
+  return {.map_id = keyframe_id(2),
           .keyframe = keyframe_id(9),
           .took = Duration(2'000'000'000),
           .reason = NoMaskReason::kNotMapped};

@@ -17,7 +17,7 @@ TEST(SemanticMessages, AKeyFrameArrivesWithPointsAndPicture) {
   const auto sensor = example_camera().make_sensor();
   const SemanticKeyFrame sent = example_semantic_keyframe(random, sensor);
   const SemanticKeyFrame came = decode_semantic_keyframe(encode(sent), sensor);
-  EXPECT_EQ(came.world, sent.world);
+  EXPECT_EQ(came.map_id, sent.map_id);
   EXPECT_EQ(came.keyframe(), sent.keyframe());
   EXPECT_FALSE(came.first());
   EXPECT_EQ(came.captured, sent.captured);
@@ -34,7 +34,7 @@ TEST(SemanticMessages, TheBeginningOfAMapOfOneCameraCrosses) {
   std::mt19937 random(6);
   const auto sensor = example_camera().make_sensor();
   const MapDelta begin = wire::example_start(random, sensor);
-  const SemanticKeyFrame sent{.world = keyframe_id(40), .delta = begin, .jpeg = {}};
+  const SemanticKeyFrame sent{.map_id = keyframe_id(40), .delta = begin, .jpeg = {}};
   const SemanticKeyFrame came = decode_semantic_keyframe(encode(sent), sensor);
   EXPECT_TRUE(came.first());
   ASSERT_EQ(came.delta.keyframes.size(), 2u);
@@ -53,7 +53,7 @@ TEST(SemanticMessages, TheBeginningOfAMapOfOneCameraCrosses) {
 TEST(SemanticMessages, AResultArrivesWhole) {
   const OptResult sent = example_opt_result();
   const OptResult came = decode_opt_result(encode(sent));
-  EXPECT_EQ(came.world, sent.world);
+  EXPECT_EQ(came.map_id, sent.map_id);
   EXPECT_EQ(came.number, sent.number);
   EXPECT_EQ(came.keyframe, sent.keyframe);
   EXPECT_LT((came.T_cw.t - sent.T_cw.t).norm(), 1e-12);
@@ -66,7 +66,7 @@ TEST(SemanticMessages, AResultArrivesWhole) {
 
 TEST(SemanticMessages, AMaskOfThreePeopleIsSmall) {
   constexpr std::uint32_t kWidth = 640, kHeight = 480;
-  MaskMessage sent{.world = keyframe_id(2), .keyframe = keyframe_id(9), .masks = {}};
+  MaskMessage sent{.map_id = keyframe_id(2), .keyframe = keyframe_id(9), .masks = {}};
   sent.masks = {kWidth, kHeight, {}};
   // Each half as high as the picture, with an outline that moves by a pixel or two per row.
   for (std::uint32_t person = 0; person < 3; ++person) {
@@ -103,7 +103,7 @@ TEST(SemanticMessages, ThatThereIsNoMaskSaysOfWhatAndWhy) {
     sent.reason = reason;
     Bytes bytes = encode(sent);
     const NoMaskMessage came = decode_no_mask(bytes);
-    EXPECT_EQ(came.world, sent.world);
+    EXPECT_EQ(came.map_id, sent.map_id);
     EXPECT_EQ(came.keyframe, sent.keyframe);
     EXPECT_EQ(came.took, sent.took);
     EXPECT_EQ(came.reason, reason);

@@ -32,8 +32,8 @@ class PartialOffload : public SemanticRun {
 };
 
 TEST_F(PartialOffload, TheMobileTracksEveryFrameAndNeverWaits) {
-  world["link"]["up"]["delay_us"] = {200'000};
-  world["link"]["down"]["delay_us"] = {200'000};
+  scenario["link"]["up"]["delay_us"] = {200'000};
+  scenario["link"]["down"]["delay_us"] = {200'000};
   const Played run = play(partial(false, true));
   EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kFrames});
   EXPECT_TRUE(run.of("frame_dropped").empty());
@@ -99,7 +99,7 @@ TEST_F(PartialOffload, NothingGrowsWithTheLengthOfARun) {
   };
   EXPECT_LT(most(applied, "kept_ids", true), ids / 4);
   EXPECT_LT(most(applied, "kept_ids", true), 2 * most(applied, "kept_ids", false));
-  EXPECT_LE(most(run.of("slice_sent"), "labelled_keyframes", true), std::size_t{kWindow} + 1);
+  EXPECT_LE(most(run.of("slice_sent"), "labeled_keyframes", true), std::size_t{kWindow} + 1);
   EXPECT_LE(most(applied, "kept_keyframes", true), std::size_t{kWindow} + 8);
 }
 
@@ -135,13 +135,13 @@ TEST_F(PartialOffload, MasksTravelOnToFramesThatNeverWentUp) {
 
 TEST_F(PartialOffload, RowsFollowTheLinkAndNoFeatureIsAboveItsOctaves) {
   write_masks(kHeight * 3 / 4);
-  world["link"]["up"]["delay_us"] = {100'000};
+  scenario["link"]["up"]["delay_us"] = {100'000};
   const Played far = play(partial(true, true));
   EXPECT_EQ(far.of("keyframe_sent").back()["row"], 5);
   EXPECT_EQ(far.of("keyframe_sent").back()["n_l"], 4);
   EXPECT_EQ(far.of("keyframe_sent").back()["n_m"], 0.6);
-  world["link"]["up"]["delay_us"] = {500};
-  world["link"]["down"]["delay_us"] = {500};
+  scenario["link"]["up"]["delay_us"] = {500};
+  scenario["link"]["down"]["delay_us"] = {500};
   const Played near = play(partial(true, true));
   EXPECT_LE(near.of("keyframe_sent").back()["row"], 3);
   EXPECT_FALSE(near.of("row_changed").empty());
@@ -166,14 +166,14 @@ TEST_F(PartialOffload, EqualRunsGiveEqualBytes) {
   write_masks(kHeight * 3 / 4);
   const Played first = play(partial(true, true));
   EXPECT_EQ(play(partial(true, true)).text, first.text);
-  world["feature_cache"] = {{"path", folder.path() / "x.features"}, {"key", "features"}};
+  scenario["feature_cache"] = {{"path", folder.path() / "x.features"}, {"key", "features"}};
   EXPECT_EQ(play(partial(true, true)).text, first.text) << "with the caches, made now";
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "x-4.features"));
   EXPECT_EQ(play(partial(true, true)).text, first.text) << "with the caches, read";
 }
 
 TEST_F(PartialOffload, GoesOnWhileTheEdgeStandsStill) {
-  world["edge_frozen_s"] = {{1.5, 2.5}};
+  scenario["edge_frozen_s"] = {{1.5, 2.5}};
   const Played run = play(partial(false, true));
   EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kFrames});
   EXPECT_GT(run.of("slice_applied").back()["t_ns"].get<double>(), 2.5e9);
@@ -188,14 +188,14 @@ TEST_F(PartialOffload, AMapThatIsGivenUpBeginsAgainOnBothNodes) {
   covered.blackout_end_s = 1.6;
   sequence = folder.path() / "covered";
   generate(covered, sequence);
-  world["link"]["down"]["delay_us"] = {300'000};
+  scenario["link"]["down"]["delay_us"] = {300'000};
   auto sparse = partial(false, true);
   sparse["local_references"] = false;
   sparse["keyframes_under_way"] = 1;
   const Played run = play(sparse);
   ASSERT_FALSE(run.of("reset").empty());
-  ASSERT_GE(run.of("initialised").size(), 2u);
-  const double again = run.of("initialised").back()["t_ns"];
+  ASSERT_GE(run.of("initialized").size(), 2u);
+  const double again = run.of("initialized").back()["t_ns"];
   std::size_t applied = 0;
   std::uint64_t first = 0;
   for (const auto& keyframe : run.of("keyframe_sent"))
@@ -227,8 +227,8 @@ TEST_F(PartialOffload, FeaturesAreToldWhereAskedAndChangeNothing) {
   chosen["record_culling"] = true;
   const Played run = play(chosen);
   EXPECT_EQ(run.trajectory, without.trajectory);
-  const auto told = run.of("frame_features"), answered = run.of("frame_answered");
-  ASSERT_EQ(told.size(), answered.size());
+  const auto reported = run.of("frame_features"), answered = run.of("frame_answered");
+  ASSERT_EQ(reported.size(), answered.size());
   const auto pixels = [](const nlohmann::json& text) {
     std::istringstream numbers(text.get<std::string>());
     std::vector<std::pair<int, int>> found;
@@ -236,9 +236,9 @@ TEST_F(PartialOffload, FeaturesAreToldWhereAskedAndChangeNothing) {
     return found;
   };
   std::size_t below = 0, all = 0;
-  for (std::size_t i = 0; i < told.size(); ++i) {
-    const auto kept = pixels(told[i]["kept"]), culled = pixels(told[i]["culled"]);
-    EXPECT_EQ(told[i]["frame"], answered[i]["frame"]);
+  for (std::size_t i = 0; i < reported.size(); ++i) {
+    const auto kept = pixels(reported[i]["kept"]), culled = pixels(reported[i]["culled"]);
+    EXPECT_EQ(reported[i]["frame"], answered[i]["frame"]);
     EXPECT_EQ(culled.size(), answered[i]["culled"]);
     EXPECT_EQ(kept.size() + culled.size(), answered[i]["features"]);
     for (const auto& [u, v] : culled) {

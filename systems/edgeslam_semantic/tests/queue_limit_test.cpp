@@ -15,8 +15,8 @@ class QueueLimit : public SemanticRun {
   QueueLimit() {
     // Held back, so that only a queue loses anything.
     for (const char* way : {"up", "down"}) {
-      world["link"][way]["gaps_s"] = {{kGapBegins_s, kGapEnds_s}};
-      world["link"][way]["gap_drops"] = 0;
+      scenario["link"][way]["gaps_s"] = {{kGapBegins_s, kGapEnds_s}};
+      scenario["link"][way]["gap_drops"] = 0;
     }
   }
   /// Messages up that were dropped, or that came.

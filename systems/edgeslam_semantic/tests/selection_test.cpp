@@ -49,7 +49,7 @@ TEST(TableI, RowsFollowTheDelayWithClosedUpperEnds) {
 FrameFacts due() {
   return {.frames_since_keyframe = 21,
           .keyframes = 20,
-          .frames_since_optimisation = 59,
+          .frames_since_optimization = 59,
           .features = 400,
           .keyframe_features = 1000,
           .matched = 900};
@@ -64,7 +64,7 @@ TEST(SelectKeyFrame, NeedsAllFourConditions) {
   too_soon.keyframes = 19;
   EXPECT_EQ(select_keyframe(row, too_soon), Selection::kByRule) << "1: a young map";
   FrameFacts stale = due();
-  stale.frames_since_optimisation = 60;
+  stale.frames_since_optimization = 60;
   EXPECT_EQ(select_keyframe(row, stale), Selection::kNo) << "2: fewer than f_max frames";
   FrameFacts poor = due();
   poor.features = 399;
@@ -91,10 +91,10 @@ TEST(SelectKeyFrame, JudgesThePapersExamples) {
 TEST(SelectKeyFrame, ForcesOneWhereResultsAreLost) {
   const Configuration& row = table_row(1);
   FrameFacts frame = due();
-  frame.frames_since_optimisation = frame.frames_since_keyframe = 2 * row.f_max;
+  frame.frames_since_optimization = frame.frames_since_keyframe = 2 * row.f_max;
   frame.matched = frame.keyframe_features;  // nothing else speaks for it
   EXPECT_EQ(select_keyframe(row, frame), Selection::kForced);
-  --frame.frames_since_optimisation;
+  --frame.frames_since_optimization;
   EXPECT_EQ(select_keyframe(row, frame), Selection::kNo);
 }
 

@@ -32,19 +32,19 @@ struct EdgeLife {
   int torn_upload = 0;  ///< which message of the channel `frame` comes torn, from 1; 0: none
 
   bool away(RunTime now) const { return now >= dies && now < comes_back; }
-  std::uint64_t incarnation(RunTime now) const { return now >= comes_back ? 2 : 1; }
+  std::uint64_t session(RunTime now) const { return now >= comes_back ? 2 : 1; }
 };
 
 /// What a node has of the link while edges come and go. Either end of it is a process of one
-/// incarnation; the mobile is there all the time (0).
+/// session; the mobile is there all the time (0).
 class MortalNetwork final : public Network {
  public:
   /// Channels of the link, which both edge processes share.
   using Opened = std::map<std::string, Channel*>;
 
   MortalNetwork(Network& below, Opened& opened, Runtime& runtime, EdgeLife life,
-                std::uint64_t incarnation)
-      : below_(below), opened_(opened), runtime_(runtime), life_(life), own_(incarnation) {}
+                std::uint64_t session)
+      : below_(below), opened_(opened), runtime_(runtime), life_(life), own_(session) {}
 
   Channel& open(const ChannelOptions& options) override {
     Channel*& below = opened_[options.name];
@@ -53,10 +53,10 @@ class MortalNetwork final : public Network {
   }
   PeerState peer() const override {
     PeerState state = below_.peer();
-    if (own_ != 0 || !state.incarnation) return state;
+    if (own_ != 0 || !state.session) return state;
     const RunTime now = runtime_.now();
     return {.connected = state.connected && !life_.away(now),
-            .incarnation = life_.incarnation(now)};
+            .session = life_.session(now)};
   }
   Signal& peer_signal() override { return *changes_; }
 
@@ -88,14 +88,14 @@ class MortalNetwork final : public Network {
 
   bool alive() const {
     const RunTime now = runtime_.now();
-    return own_ == 0 || (!life_.away(now) && life_.incarnation(now) == own_);
+    return own_ == 0 || (!life_.away(now) && life_.session(now) == own_);
   }
   std::optional<Message> take(Channel& below) const {
     if (!alive()) return std::nullopt;
     auto message = below.try_receive();
     // Answers of the dead one that were still on the link.
     while (own_ == 0 && message && life_.away(message->received)) message = below.try_receive();
-    if (message && own_ == 0) message->incarnation = life_.incarnation(message->received);
+    if (message && own_ == 0) message->session = life_.session(message->received);
     return message;
   }
 
@@ -116,7 +116,7 @@ class SemanticPair : public SemanticRun {
   std::uint64_t kept_keyframes = 0;
 
   Played play_pair(const nlohmann::json& chosen, GivenMasks::MaskOf mask_of, EdgeLife life = {}) {
-    write_world(chosen);
+    write_scenario(chosen);
     const SimConfig config = read_sim_config(folder.path() / "sim.json");
     const System system = edgeslam_semantic_system();
     const Parameters parameters(chosen, system.parameters, "params.");

@@ -84,9 +84,9 @@ class SemanticRun : public ::testing::Test {
             {"upload_queue", 8},
             {"local_references", true},
             {"local_keyframes", 10},
-            {"local_neighbours", 5},
+            {"local_neighbors", 5},
             {"label_frames", 120},
-            {"label_neighbours", 3},
+            {"label_neighbors", 3},
             {"label_reach_px", 50.0},
             {"record_culling", false}};
   }
@@ -103,13 +103,13 @@ class SemanticRun : public ::testing::Test {
         .open_or_make("masks", [&](std::uint64_t) {
           return FrameFile::OwnedBlock{1, wire::encode_segmentation({kWidth, kHeight, {below}})};
         });
-    world["mask_caches"] = nlohmann::json::array();
+    scenario["mask_caches"] = nlohmann::json::array();
     for (const double n_m : {0.8, 0.7, 0.6})
-      world["mask_caches"].push_back(
+      scenario["mask_caches"].push_back(
           {{"n_m", n_m}, {"path", folder.path() / "m.masks"}, {"key", "masks"}});
   }
 
-  void write_world(const nlohmann::json& parameters, bool with_edge = true) {
+  void write_scenario(const nlohmann::json& parameters, bool with_edge = true) {
     const nlohmann::json playback{
         {"mode", "realtime"}, {"fps", nullptr}, {"start_s", 0.0}, {"end_s", nullptr}};
     const nlohmann::json network{
@@ -128,11 +128,11 @@ class SemanticRun : public ::testing::Test {
                                             {"output", folder.path()},
                                             {"connect_timeout_s", 1.0}}
                                  .dump());
-    folder.write("sim.json", world.dump());
+    folder.write("sim.json", scenario.dump());
   }
 
   Played play(const nlohmann::json& parameters) {
-    write_world(parameters);
+    write_scenario(parameters);
     const System system = edgeslam_semantic_system();
     run_virtually(folder.path() / "sim.json", {&system, 1});
     Played played;
@@ -150,14 +150,14 @@ class SemanticRun : public ::testing::Test {
   }
   static nlohmann::json mobile_device() {
     return device({"encode_image", "extract", "match_features", "cull_features", "track",
-                   "relocalise", "create_keyframe", "insert", "cull_points", "triangulate",
-                   "serialise", "parse", "apply_update"});
+                   "relocalize", "create_keyframe", "insert", "cull_points", "triangulate",
+                   "serialize", "parse", "apply_update"});
   }
   static nlohmann::json edge_device() {
     nlohmann::json edge =
-        device({"parse", "prepare_update", "serialise", "decode_image", "extract", "track",
+        device({"parse", "prepare_update", "serialize", "decode_image", "extract", "track",
                 "create_keyframe", "insert", "cull_points", "triangulate", "fuse", "bundle",
-                "cull_keyframes", "cull_features", "loop_detect", "relocalise"});
+                "cull_keyframes", "cull_features", "loop_detect", "relocalize"});
     edge["stages"]["segment"] = {{"a_us", kSegment_ms * 1000},
                                  {"b_us", 0},
                                  {"c_us", 0},
@@ -171,7 +171,7 @@ class SemanticRun : public ::testing::Test {
   testing::TemporaryFolder folder;
   std::filesystem::path sequence = shared->path() / "sequence";
   nlohmann::json direction{{"delay_us", {5000}}};
-  nlohmann::json world{
+  nlohmann::json scenario{
       {"format", "slambed-sim"},
       {"version", 1},
       {"run", "run.json"},

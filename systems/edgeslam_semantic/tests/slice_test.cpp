@@ -130,7 +130,7 @@ TEST(MapSlices, AThousandLaterTheMobileHasWhatTheEdgeHas) {
     const auto [now, sent] = edge.map.read([&](const MapView& view) {
       const MapWindow window = window_of(view, edge.newest(8));
       MapSlice slice = difference(before, window, view);
-      return std::pair(window, OptResult{.world = keyframe_id(1),
+      return std::pair(window, OptResult{.map_id = keyframe_id(1),
                                          .number = 1,
                                          .keyframe = keyframe_id(1),
                                          .T_cw = {},

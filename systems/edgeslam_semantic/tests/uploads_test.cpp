@@ -86,7 +86,7 @@ class UploadingPolicy final : public MobilePolicy {
     keyframe.features = frame.features;
     keyframe.points.resize(static_cast<std::size_t>(frame.features->size()));
     SemanticKeyFrame message;
-    message.world = keyframe.id;
+    message.map_id = keyframe.id;
     message.delta.keyframes.push_back(std::move(keyframe));
     uploads_.put(std::move(message), {.reason = "test"});
   }
@@ -117,9 +117,9 @@ TEST_F(UploadsTest, AnAnswerThatComesWithinSendIsAnAnswer) {
   system.mobile = [&](MobileNode& node, const Parameters&) {
     return std::make_unique<UploadingPolicy>(node, noted);
   };
-  world["devices"]["edge"] = nullptr;
-  world["link"] = nullptr;
-  write_world(nlohmann::json::object(), false);
+  scenario["devices"]["edge"] = nullptr;
+  scenario["link"] = nullptr;
+  write_scenario(nlohmann::json::object(), false);
   run_virtually(folder.path() / "sim.json", {&system, 1});
   ASSERT_GT(noted.bytes, 0u);
   ASSERT_TRUE(noted.delay) << "no upload was ever answered";

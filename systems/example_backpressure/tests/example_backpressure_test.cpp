@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The example's one decision, in virtual time on a synthetic world.
+// The example's one decision, in virtual time on a synthetic scene.
 #include "example_backpressure/example_backpressure.hpp"
 
 #include <gtest/gtest.h>

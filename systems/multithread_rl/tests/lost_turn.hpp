@@ -15,7 +15,7 @@ inline nlohmann::json lost_turn_params(const std::string& map_update,
   all.update({{"map_update", map_update},
               {"keyframe_backup", "update"},
               {"prior_map", ""},
-              {"relocalisation", "edge"},
+              {"relocalization", "edge"},
               {"keep_recovery_keyframe", true},
               {"reloc_fail_bytes", 75'000},
               {"codec", codec},
@@ -31,19 +31,19 @@ inline nlohmann::json lost_turn_params(const std::string& map_update,
 inline double far_back_at(int frame) { return 10 + 0.5 * (frame - kDark - kDarkFor); }
 
 /// Darkness, then what nobody but the edge knows.
-inline std::shared_ptr<const FeatureSet> far_back(SyntheticWorld& world, int frame) {
-  if (frame < kDark) return turn(world, frame);
-  return frame < kDark + kDarkFor ? world.nothing() : world.look(pose_at(far_back_at(frame)));
+inline std::shared_ptr<const FeatureSet> far_back(SyntheticScene& scene, int frame) {
+  if (frame < kDark) return turn(scene, frame);
+  return frame < kDark + kDarkFor ? scene.nothing() : scene.look(pose_at(far_back_at(frame)));
 }
 
 /// Darkness, then what was seen last.
-inline std::shared_ptr<const FeatureSet> same_place(SyntheticWorld& world, int frame) {
-  if (frame >= kDark && frame < kDark + kDarkFor) return world.nothing();
-  return turn(world, frame < kDark ? frame : frame - kDarkFor);
+inline std::shared_ptr<const FeatureSet> same_place(SyntheticScene& scene, int frame) {
+  if (frame >= kDark && frame < kDark + kDarkFor) return scene.nothing();
+  return turn(scene, frame < kDark ? frame : frame - kDarkFor);
 }
 
 inline PairResult lost_turn(const nlohmann::json& params, const PairLink& link,
-                            WorldSource::Look look = far_back, int frames = kLostTurnFrames) {
+                            SceneSource::Look look = far_back, int frames = kLostTurnFrames) {
   return run_pair(multithread_rl_system(), params, frames, 10, link, std::move(look));
 }
 

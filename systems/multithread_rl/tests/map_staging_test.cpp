@@ -19,18 +19,18 @@ using Backup = MapStaging::Backup;
 
 /// What is carried over when two keyframes are made before the update begins and two after.
 std::vector<KeyFrameId> carried_with(Backup backup) {
-  StagingScenario world(1, backup);
-  for (int i = 0; i < 8; ++i) world.make_keyframe(false);
-  const MapDelta update = world.update(6, 6);
-  world.staging.begin();
-  world.make_keyframe(true);
-  world.staging.insert(update, keyframe_id(6));
-  world.staging.relate();
-  world.staging.drain();
-  world.make_keyframe(true);
-  world.staging.set_ready();
-  world.swap();
-  auto there = keyframes_in(*world.staging.active());
+  StagingScenario scene(1, backup);
+  for (int i = 0; i < 8; ++i) scene.make_keyframe(false);
+  const MapDelta update = scene.update(6, 6);
+  scene.staging.begin();
+  scene.make_keyframe(true);
+  scene.staging.insert(update, keyframe_id(6));
+  scene.staging.relate();
+  scene.staging.drain();
+  scene.make_keyframe(true);
+  scene.staging.set_ready();
+  scene.swap();
+  auto there = keyframes_in(*scene.staging.active());
   std::erase_if(there, [](KeyFrameId id) { return id <= keyframe_id(6); });
   return there;
 }
@@ -42,39 +42,39 @@ TEST(MapStaging, BacksUpAsItIsTold) {
             (std::vector{keyframe_id(7), keyframe_id(8), keyframe_id(9), keyframe_id(10)}));
 }
 
-std::vector<KeyFrameId> swapped_in(StagingScenario& world, std::uint64_t newest) {
-  const MapDelta update = world.update(newest, 2);
-  world.staging.begin();
-  world.staging.insert(update, keyframe_id(newest));
-  world.staging.relate();
-  world.staging.drain();
-  world.staging.set_ready();
-  world.swap();
-  return keyframes_in(*world.staging.active());
+std::vector<KeyFrameId> swapped_in(StagingScenario& scene, std::uint64_t newest) {
+  const MapDelta update = scene.update(newest, 2);
+  scene.staging.begin();
+  scene.staging.insert(update, keyframe_id(newest));
+  scene.staging.relate();
+  scene.staging.drain();
+  scene.staging.set_ready();
+  scene.swap();
+  return keyframes_in(*scene.staging.active());
 }
 
 TEST(MapStaging, TheRecoverysPlaceStaysUntilAnUpdateIsAllFromBehindIt) {
   for (const int recovery_keyframes : {0, 2}) {
-    StagingScenario world(5, Backup::kUpdate, recovery_keyframes);
-    for (int i = 0; i < 8; ++i) world.make_keyframe(false);
-    world.staging.recovered(keyframe_id(3));
-    world.make_keyframe(true);
-    world.make_keyframe(false);
+    StagingScenario scene(5, Backup::kUpdate, recovery_keyframes);
+    for (int i = 0; i < 8; ++i) scene.make_keyframe(false);
+    scene.staging.recovered(keyframe_id(3));
+    scene.make_keyframe(true);
+    scene.make_keyframe(false);
     // It does not cover what was made since, and that was made before it began.
-    const auto first = swapped_in(world, 8);
+    const auto first = swapped_in(scene, 8);
     if (recovery_keyframes == 0) {
       EXPECT_EQ(first, (std::vector{keyframe_id(7), keyframe_id(8)}));
       continue;
     }
     EXPECT_EQ(first, (std::vector{keyframe_id(3), keyframe_id(7), keyframe_id(8), keyframe_id(9),
                                   keyframe_id(10)}));
-    EXPECT_EQ(world.staging.provisional(), std::vector{keyframe_id(9)});
+    EXPECT_EQ(scene.staging.provisional(), std::vector{keyframe_id(9)});
     // It holds one of two.
-    EXPECT_EQ(swapped_in(world, 9),
+    EXPECT_EQ(swapped_in(scene, 9),
               (std::vector{keyframe_id(3), keyframe_id(8), keyframe_id(9), keyframe_id(10)}));
-    world.make_keyframe(false);
+    scene.make_keyframe(false);
     // It holds both, and the next is the paper's again.
-    EXPECT_EQ(swapped_in(world, 10), (std::vector{keyframe_id(9), keyframe_id(10)}));
+    EXPECT_EQ(swapped_in(scene, 10), (std::vector{keyframe_id(9), keyframe_id(10)}));
   }
 }
 
@@ -107,50 +107,50 @@ TEST(CarryOver, AKeyframeThatObservesOnlyWhatItMadeStaysSo) {
 }
 
 TEST(MapStaging, WhatTheEdgeMayStillDeclineStaysProvisional) {
-  StagingScenario world(2);
-  for (int i = 0; i < 8; ++i) world.make_keyframe(true);
-  const MapDelta update = world.update(8, 6);
-  world.staging.begin();
-  world.staging.insert(update, keyframe_id(8));
-  world.staging.relate();
-  world.make_keyframe(true);
-  world.make_keyframe(false);
-  world.staging.drain();
-  EXPECT_EQ(world.staging.provisional(), std::vector{keyframe_id(9)});
+  StagingScenario scene(2);
+  for (int i = 0; i < 8; ++i) scene.make_keyframe(true);
+  const MapDelta update = scene.update(8, 6);
+  scene.staging.begin();
+  scene.staging.insert(update, keyframe_id(8));
+  scene.staging.relate();
+  scene.make_keyframe(true);
+  scene.make_keyframe(false);
+  scene.staging.drain();
+  EXPECT_EQ(scene.staging.provisional(), std::vector{keyframe_id(9)});
 }
 
 TEST(MapStaging, TrackingsMapIsLeftAloneUntilTheSwap) {
-  StagingScenario world(3);
-  for (int i = 0; i < 8; ++i) world.make_keyframe(false);
-  const auto active = world.staging.active();
+  StagingScenario scene(3);
+  for (int i = 0; i < 8; ++i) scene.make_keyframe(false);
+  const auto active = scene.staging.active();
   const auto revision = active->revision();
-  const MapDelta update = world.update(8, 6);
-  world.staging.begin();
-  world.staging.insert(update, keyframe_id(8));
-  world.staging.relate();
-  world.staging.drain();
-  EXPECT_FALSE(world.staging.ready());
+  const MapDelta update = scene.update(8, 6);
+  scene.staging.begin();
+  scene.staging.insert(update, keyframe_id(8));
+  scene.staging.relate();
+  scene.staging.drain();
+  EXPECT_FALSE(scene.staging.ready());
   EXPECT_EQ(active->revision(), revision);
-  EXPECT_EQ(world.staging.active(), active);
-  world.staging.set_ready();
-  EXPECT_TRUE(world.staging.ready());
+  EXPECT_EQ(scene.staging.active(), active);
+  scene.staging.set_ready();
+  EXPECT_TRUE(scene.staging.ready());
 }
 
 TEST(MapStaging, AnUpdateThatWasGivenUpLeavesNothingBehind) {
-  StagingScenario world(4);
-  for (int i = 0; i < 8; ++i) world.make_keyframe(false);
-  const MapDelta first = world.update(8, 6), second = world.update(8, 2);
-  world.staging.begin();
-  world.staging.insert(first, keyframe_id(8));
-  world.make_keyframe(false);
-  world.staging.cancel();
-  EXPECT_EQ(world.staging.waiting(), 0u);
-  world.staging.begin();
-  world.staging.insert(second, keyframe_id(8));
-  world.staging.relate();
-  world.staging.set_ready();
-  world.swap();
-  EXPECT_EQ(keyframes_in(*world.staging.active()), (std::vector{keyframe_id(7), keyframe_id(8)}));
+  StagingScenario scene(4);
+  for (int i = 0; i < 8; ++i) scene.make_keyframe(false);
+  const MapDelta first = scene.update(8, 6), second = scene.update(8, 2);
+  scene.staging.begin();
+  scene.staging.insert(first, keyframe_id(8));
+  scene.make_keyframe(false);
+  scene.staging.cancel();
+  EXPECT_EQ(scene.staging.waiting(), 0u);
+  scene.staging.begin();
+  scene.staging.insert(second, keyframe_id(8));
+  scene.staging.relate();
+  scene.staging.set_ready();
+  scene.swap();
+  EXPECT_EQ(keyframes_in(*scene.staging.active()), (std::vector{keyframe_id(7), keyframe_id(8)}));
 }
 
 TEST(StagingInterleavings, KeepKeyframesRecoveriesAnswersAndTheLastFrameInAnyOrderOfEvents) {

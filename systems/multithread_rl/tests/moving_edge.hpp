@@ -14,7 +14,7 @@
 #include "multithread_rl/tests/staging_scenario.hpp"
 #include "offload/maps/map_sync.hpp"
 #include "offload/maps/update_content.hpp"
-#include "slam/tests/synthetic_world.hpp"
+#include "slam/tests/synthetic_scene.hpp"
 
 namespace slambed::testing {
 
@@ -59,7 +59,7 @@ class MovingEdge {
       made_[keyframe.id] = {things, degrees};
       if (recovered_at_) since_recovery_ = std::min(since_recovery_, keyframe.id);
     }
-    here.sightings.clear();
+    here.observation_counts.clear();
     map_.commit(here);
   }
 
@@ -109,15 +109,15 @@ class MovingEdge {
   }
 
   /// A frame taken near one of its keyframes, and what of it that keyframe knows.
-  Found find(std::mt19937& random, SyntheticWorld& world, const std::function<SE3(double)>& pose_at,
+  Found find(std::mt19937& random, SyntheticScene& scene, const std::function<SE3(double)>& pose_at,
              int features) {
     auto known = made_.begin();
     std::advance(known, random() % made_.size());
     const auto& [reference, made] = *known;
     Found found;
     found.degrees = made.degrees + 1;
-    found.features = world.look(pose_at(found.degrees), {}, features);
-    const std::vector<int>& things = world.seen();
+    found.features = scene.look(pose_at(found.degrees), {}, features);
+    const std::vector<int>& things = scene.seen();
     found.points.resize(things.size());
     map_.read([&](const MapView& view) {
       const KeyFrame* keyframe = view.keyframe(reference);

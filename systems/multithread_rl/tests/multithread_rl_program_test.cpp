@@ -37,7 +37,7 @@ class MultithreadRlProgram : public testing::FarEdgeTest {
     use("multithread_rl");
     config["variant"] = "multithread_rl";
     config["params"].update({{"map_update", "staged"},
-                             {"relocalisation", "edge"},
+                             {"relocalization", "edge"},
                              {"keep_recovery_keyframe", true},
                              {"reloc_fail_bytes", 75'000},
                              {"keyframe_backup", "update"},
@@ -107,7 +107,7 @@ TEST_F(MultithreadRlProgram, AnEdgeKilledWhileSuspendedIsNotWaitedFor) {
   const auto requests = events_after(killed, "mobile", "reloc_request");
   const auto given_up = events_after(killed, "mobile", "reloc_given_up");
   EXPECT_LE(requests.size(), given_up.size() + 1);
-  const auto found = events_after(killed, "mobile", "relocalised");
+  const auto found = events_after(killed, "mobile", "relocalized");
   ASSERT_FALSE(found.empty());
   EXPECT_EQ(found.front()["by"], "local");
 }
@@ -170,7 +170,7 @@ std::pair<FrameHeader, wire::Bytes> greeting(const std::string& channel, NodeRol
   return {header, std::move(payload)};
 }
 
-void say(int fd, const std::pair<FrameHeader, wire::Bytes>& greeting) {
+void send_greeting(int fd, const std::pair<FrameHeader, wire::Bytes>& greeting) {
   const auto header = greeting.first.encode();
   ::send(fd, header.data(), header.size(), MSG_NOSIGNAL);
   ::send(fd, greeting.second.data(), greeting.second.size(), MSG_NOSIGNAL);
@@ -189,7 +189,7 @@ TEST_F(MultithreadRlProgram, AMobileOfAnotherWireVersionIsTurnedAwayInOneLineOnE
   for (const std::string& channel : kChannels) {
     for (const int step : {-1, 1}) {
       strangers.push_back(testing::connect_to(far_port(channel)));
-      say(strangers.back(), greeting(channel, NodeRole::kMobile, step));
+      send_greeting(strangers.back(), greeting(channel, NodeRole::kMobile, step));
     }
   }
   for (const int fd : strangers) {  // until the edge has closed it
@@ -203,11 +203,11 @@ TEST_F(MultithreadRlProgram, AMobileOfAnotherWireVersionIsTurnedAwayInOneLineOnE
   start();
   EXPECT_EQ(mobile.wait(), 0) << log("mobile");
   expect_parted_in_order(edge);
-  std::map<std::string, std::vector<std::string>> told;
+  std::map<std::string, std::vector<std::string>> reported;
   for (const auto& link : events("edge", "link"))
-    if (link["event"] == "rejected") told[link["channel"]].push_back(link["detail"]);
+    if (link["event"] == "rejected") reported[link["channel"]].push_back(link["detail"]);
   for (const std::string& channel : kChannels) {
-    EXPECT_EQ(told[channel], (std::vector{of_another_version(-1), of_another_version(1)}))
+    EXPECT_EQ(reported[channel], (std::vector{of_another_version(-1), of_another_version(1)}))
         << channel;
   }
 }
@@ -219,7 +219,7 @@ TEST_F(MultithreadRlProgram, AnEdgeOfAnotherWireVersionIsNoEdge) {
     std::vector<std::unique_ptr<testing::Listener>> edge;
     for (const std::string& channel : kChannels) {
       edge.push_back(std::make_unique<testing::Listener>(
-          [=](int fd) { say(fd, greeting(channel, NodeRole::kEdge, step)); }));
+          [=](int fd) { send_greeting(fd, greeting(channel, NodeRole::kEdge, step)); }));
       config["network"]["ports"][channel] = edge.back()->port();
     }
     if (step == 0) config["connect_timeout_s"] = 20.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two nodes in virtual time on a synthetic world: repeatable, and no timing of this machine
+// The two nodes in virtual time on a synthetic scene: repeatable, and no timing of this machine
 // decides.
 #include "multithread_rl/multithread_rl.hpp"
 
@@ -23,12 +23,12 @@ using testing::turn;
 constexpr int kStagedFrames = 90;
 
 nlohmann::json switches(const std::string& map_update, const std::string& backup = "update",
-                        const std::string& relocalisation = "map") {
+                        const std::string& relocalization = "map") {
   auto params = conventional();
   params.update({{"map_update", map_update},
                  {"keyframe_backup", backup},
                  {"prior_map", ""},
-                 {"relocalisation", relocalisation},
+                 {"relocalization", relocalization},
                  {"keep_recovery_keyframe", true},
                  {"reloc_fail_bytes", 75'000},
                  {"sync_period_s", 2.0},
@@ -203,20 +203,20 @@ TEST(Multithread, TheSameSeedGivesTheSameBytes) {
   EXPECT_EQ(first.trajectory, second.trajectory);
 }
 
-TEST(Multithread, AMapForRelocalisationIsStagedToo) {
-  const auto dark = [](testing::SyntheticWorld& world, int frame) {
-    if (frame >= 100 && frame < 110) return world.nothing();
-    return turn(world, frame < 100 ? frame : frame - 90);
+TEST(Multithread, AMapForRelocalizationIsStagedToo) {
+  const auto dark = [](testing::SyntheticScene& scene, int frame) {
+    if (frame >= 100 && frame < 110) return scene.nothing();
+    return turn(scene, frame < 100 ? frame : frame - 90);
   };
   auto params = switches("staged");
   params.update({{"n_kf", 1}, {"min_local_keyframes", 1}});
   const PairResult result = testing::run_pair(multithread_rl_system(), params, 200, 10, {}, dark);
   EXPECT_EQ(result.of("track_lost").size(), 1u);
-  EXPECT_EQ(result.of("relocalised").size(), 1u);
+  EXPECT_EQ(result.of("relocalized").size(), 1u);
   int begun = 0, applied = 0;
-  for (const auto& update : result.of("update_begun")) begun += update["relocalisation"] == true;
+  for (const auto& update : result.of("update_begun")) begun += update["relocalization"] == true;
   for (const auto& update : result.of("update_applied"))
-    applied += update["relocalisation"] == true;
+    applied += update["relocalization"] == true;
   EXPECT_GT(applied, 0);
   EXPECT_GE(begun, applied);
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");

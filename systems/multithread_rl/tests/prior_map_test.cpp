@@ -9,9 +9,9 @@
 namespace slambed::testing {
 namespace {
 
-nlohmann::json params(const std::string& relocalisation) {
+nlohmann::json params(const std::string& relocalization) {
   auto all = lost_turn_params("staged");
-  all.update({{"relocalisation", relocalisation}, {"n_kf", 6}});
+  all.update({{"relocalization", relocalization}, {"n_kf", 6}});
   return all;
 }
 
@@ -20,7 +20,7 @@ TEST(MultithreadPriorMap, AMobileIsFoundInItUnlessPosesAreAskedFor) {
   auto later = params("map");
   later["prior_map"] = prior.map();
   expect_found_in(prior, lost_turn(later, {}, later_trip));
-  later["relocalisation"] = "edge";
+  later["relocalization"] = "edge";
   EXPECT_THROW(lost_turn(later, {}, later_trip), Error);
 }
 

@@ -21,7 +21,7 @@ class Interleaving {
   Interleaving(unsigned seed, Seen& seen)
       : random_(seed),
         seen_(seen),
-        world_(kThings, seed),
+        scene_(kThings, seed),
         tracker_(few_features(), std::make_shared<Map>(), IdSpace::kTracker),
         staging_(tracker_.map(), MapStaging::Backup::kUpdate, kPerUpdate) {
     for (int i = 0; i < 6; ++i) {
@@ -66,12 +66,12 @@ class Interleaving {
     EXPECT_EQ(active().revision(), revision_) << "changed by another worker";
     const bool was_lost = lost();
     degrees_ += dark_ ? 0 : kTurn_deg;
-    const auto features = dark_ ? world_.nothing() : world_.look(turned(degrees_), {}, kFeatures);
-    things_ = world_.seen();
+    const auto features = dark_ ? scene_.nothing() : scene_.look(turned(degrees_), {}, kFeatures);
+    things_ = scene_.seen();
     ++frame_;
     const TrackOutcome outcome = tracker_.track(frame_, time_s(), features);
     keyframe_of_frame_ = {};
-    if (outcome.initialised_now) make_keyframe(false);
+    if (outcome.initialized_now) make_keyframe(false);
     if (was_lost && outcome.state == TrackingState::kOk) {
       reference_ = outcome.reference;
       since_recovery_.clear();
@@ -96,7 +96,7 @@ class Interleaving {
 
   /// What the edge says of a lost frame, as PoseRequests and MapDownlink take it over.
   void be_found() {
-    const auto found = edge_.find(random_, world_, turned, kFeatures);
+    const auto found = edge_.find(random_, scene_, turned, kFeatures);
     const std::uint64_t number = edge_.next_number();
     const bool jumped = edge_.has_moved();
     const auto map = tracker_.map();
@@ -272,7 +272,7 @@ class Interleaving {
 
   std::mt19937 random_;
   Seen& seen_;
-  SyntheticWorld world_;
+  SyntheticScene scene_;
   Tracker tracker_;
   MapStaging staging_;
   MovingEdge edge_;

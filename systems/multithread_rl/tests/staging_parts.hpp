@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "map/map.hpp"
-#include "slam/tests/synthetic_world.hpp"
+#include "slam/tests/synthetic_scene.hpp"
 #include "slam/tracker.hpp"
 
 namespace slambed::testing {
@@ -57,7 +57,7 @@ inline TrackerOptions few_features() {
   TrackerOptions options;
   options.min_init_features = 50;
   options.min_local_map_inliers = 15;
-  options.min_inliers_after_relocalisation = 20;
+  options.min_inliers_after_relocalization = 20;
   options.reset_below_keyframes = 0;
   options.second_hypotheses = false;
   options.follow_recovery = true;
@@ -66,8 +66,8 @@ inline TrackerOptions few_features() {
 
 inline SE3 turned(double deg) {
   const double yaw = deg * M_PI / 180;
-  const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
-  return SE3(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix(), centre).inverse();
+  const Eigen::Vector3d center(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
+  return SE3(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix(), center).inverse();
 }
 
 /// What came up in all orders of events together.

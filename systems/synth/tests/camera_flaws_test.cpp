@@ -72,7 +72,7 @@ class FlawedPicture : public testing::Test {
       options.flaws = f;
       const Camera camera = true_camera(camera_of(320, 180), f);
       const Shot shot = SensorModel(scene, camera, options).capture_stereo(*drive, 0, time_s);
-      return right ? shot.right : shot.grey;
+      return right ? shot.right : shot.gray;
     };
     const auto ideal = take({}), flawed = take(flaws);
     double sum = 0;

@@ -66,7 +66,7 @@ class PathFile : public testing::Test {
       std::filesystem::path(testing::TempDir()) / ("path_" + std::to_string(getpid()) + ".txt");
 };
 
-TEST_F(PathFile, RecordedPathKeepsItsMotionAndIsRecentred) {
+TEST_F(PathFile, RecordedPathKeepsItsMotionAndIsRecentered) {
   std::string text = "# comment\n";
   for (int i = 0; i <= 300; ++i) {
     const double t = i * 0.01, half = 0.25 * t;

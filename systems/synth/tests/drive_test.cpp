@@ -46,8 +46,8 @@ TEST(Drive, SecondLapIsThePublishedOne) {
 TEST(Drive, FirstLapClosesItsLoopBeforeTheSecond) {
   for (const char* name : {"rectangle", "circular", "block"}) {
     const Drive drive(name, 1);
-    EXPECT_LE(drive.travelled_m(0), -30);
-    EXPECT_NEAR(drive.travelled_m(drive.second_lap_s()), drive.route().length_m(), 0.01);
+    EXPECT_LE(drive.traveled_m(0), -30);
+    EXPECT_NEAR(drive.traveled_m(drive.second_lap_s()), drive.route().length_m(), 0.01);
     // The last 30 m of lap 1 are its first ones.
     const double s = drive.route().length_m() - 10;
     EXPECT_LT((drive.route().at(s) - drive.route().at(-10)).norm(), 1e-6);
@@ -59,10 +59,10 @@ TEST(Drive, LapsRunBesideEachOtherAtDifferentSpeeds) {
   double widest = 0;
   int slower = 0, samples = 0;
   for (double t = 0; t < drive.second_lap_s(); t += 0.1) {
-    const double s = drive.travelled_m(t);
+    const double s = drive.traveled_m(t);
     if (s < 0) continue;
     double again = drive.second_lap_s();  // when lap 2 is there
-    while (drive.travelled_m(again) < s + drive.route().length_m()) again += 0.05;
+    while (drive.traveled_m(again) < s + drive.route().length_m()) again += 0.05;
     const Vec3 apart = drive.at(again).t - drive.at(t).t;
     const SinCos ahead = sincos_turns(drive.route().heading_turns(s));
     widest = std::max(widest, std::abs(apart.dot(Vec3(-ahead.sin, ahead.cos, 0))));

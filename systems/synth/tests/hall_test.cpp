@@ -66,7 +66,7 @@ std::size_t features(double yaw_deg) {
   OrbExtractor extractor({});
   std::vector<RawKeyPoint> keypoints;
   std::vector<Descriptor> descriptors;
-  extractor.extract({shot.grey.data(), 640, 480, 640}, keypoints, descriptors);
+  extractor.extract({shot.gray.data(), 640, 480, 640}, keypoints, descriptors);
   return keypoints.size();
 }
 

@@ -94,7 +94,7 @@ TEST(Labels, MaskIsWhereThePersonIsAndJointsLieOnIt) {
   std::vector<bool> mask;
   for (std::size_t i = 0; i < people[0].runs.size(); ++i)
     mask.insert(mask.end(), people[0].runs[i], i % 2 == 1);
-  ASSERT_EQ(mask.size(), picture.grey.size());
+  ASSERT_EQ(mask.size(), picture.gray.size());
   for (std::size_t i = 0; i < mask.size(); ++i) ASSERT_EQ(mask[i], picture.depth_m[i] > 0) << i;
   for (const Keypoint& joint : people[0].keypoints) {
     ASSERT_GT(joint.visibility, 0u);

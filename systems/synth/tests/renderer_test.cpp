@@ -71,9 +71,9 @@ TEST(Renderer, WarpingOnePictureByItsDepthGivesTheOther) {
       const double seen = bilinear(b.depth_m, c.width, uv.x(), uv.y());
       if (std::abs(seen - p.z()) > 0.005 * p.z()) continue;
       ++same_depth;
-      difference += std::abs(bilinear(b.grey, c.width, uv.x(), uv.y()) - a.grey[y * c.width + x]);
-      const double elsewhere = bilinear(b.grey, c.width, uv.x(), std::max(1.0, uv.y() - 20));
-      contrast += std::abs(elsewhere - a.grey[y * c.width + x]);
+      difference += std::abs(bilinear(b.gray, c.width, uv.x(), uv.y()) - a.gray[y * c.width + x]);
+      const double elsewhere = bilinear(b.gray, c.width, uv.x(), std::max(1.0, uv.y() - 20));
+      contrast += std::abs(elsewhere - a.gray[y * c.width + x]);
     }
   }
   ASSERT_GT(inside, 20000);

@@ -22,10 +22,10 @@ Shot shoot(const SensorOptions& options, double time_s = 23.5, const char* path 
   return sensor.capture_rgbd(*make_path(path, 0, 1), 7, time_s);
 }
 
-double sharpness(const std::vector<std::uint8_t>& grey) {
+double sharpness(const std::vector<std::uint8_t>& gray) {
   double sum = 0;
-  for (std::size_t i = 1; i < grey.size(); ++i) sum += std::abs(grey[i] - grey[i - 1]);
-  return sum / static_cast<double>(grey.size());
+  for (std::size_t i = 1; i < gray.size(); ++i) sum += std::abs(gray[i] - gray[i - 1]);
+  return sum / static_cast<double>(gray.size());
 }
 
 double lost(const std::vector<std::uint16_t>& depth) {
@@ -44,7 +44,7 @@ TEST(Sensor, OrbFindsAThousandFeaturesEverywhere) {
   std::vector<Descriptor> descriptors;
   for (double t = 0; t < 60; t += 12) {
     const Shot shot = sensor.capture_rgbd(*path, static_cast<int>(t), t);
-    extractor.extract({shot.grey.data(), 640, 480, 640}, keypoints, descriptors);
+    extractor.extract({shot.gray.data(), 640, 480, 640}, keypoints, descriptors);
     EXPECT_GT(keypoints.size(), 900u) << "at " << t;
     std::set<int> cells;
     for (const RawKeyPoint& k : keypoints)
@@ -54,23 +54,23 @@ TEST(Sensor, OrbFindsAThousandFeaturesEverywhere) {
 }
 
 TEST(Sensor, ExposureBlursTheFastTurnOnly) {
-  const double still = sharpness(shoot({}, 0.5, "still").grey);
-  EXPECT_NEAR(sharpness(shoot({.motion_blur_s = 0.02}, 0.5, "still").grey), still, 0.02 * still);
-  EXPECT_LT(sharpness(shoot({.motion_blur_s = 0.02}).grey), 0.8 * sharpness(shoot({}).grey));
+  const double still = sharpness(shoot({}, 0.5, "still").gray);
+  EXPECT_NEAR(sharpness(shoot({.motion_blur_s = 0.02}, 0.5, "still").gray), still, 0.02 * still);
+  EXPECT_LT(sharpness(shoot({.motion_blur_s = 0.02}).gray), 0.8 * sharpness(shoot({}).gray));
 }
 
 TEST(Sensor, NoiseHasTheAskedDeviation) {
   const Shot clean = shoot({}), noisy = shoot({.noise = 4, .depth_noise = 1});
-  double grey2 = 0, scaled2 = 0, n = 0;
-  for (std::size_t i = 0; i < clean.grey.size(); ++i) {
-    const double d = noisy.grey[i] - clean.grey[i];
-    grey2 += d * d;
+  double gray2 = 0, scaled2 = 0, n = 0;
+  for (std::size_t i = 0; i < clean.gray.size(); ++i) {
+    const double d = noisy.gray[i] - clean.gray[i];
+    gray2 += d * d;
     const double z = clean.depth[i] * 0.0002, error = (noisy.depth[i] - clean.depth[i]) * 0.0002;
     const double sigma = 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4);
     scaled2 += error * error / (sigma * sigma);
     n += 1;
   }
-  EXPECT_NEAR(std::sqrt(grey2 / n), 4, 0.2);
+  EXPECT_NEAR(std::sqrt(gray2 / n), 4, 0.2);
   EXPECT_NEAR(std::sqrt(scaled2 / n), 1, 0.03);
 }
 
@@ -85,8 +85,8 @@ TEST(Sensor, BlackoutLeavesNeitherTextureNorDepth) {
   const SensorOptions covered{.noise = 1, .blackout_start_s = 23, .blackout_end_s = 24};
   const Shot dark = shoot(covered);
   EXPECT_EQ(lost(dark.depth), 1);
-  for (const auto g : dark.grey) ASSERT_LT(g, 12);
-  EXPECT_GT(sharpness(shoot(covered, 24.0).grey), 1);
+  for (const auto g : dark.gray) ASSERT_LT(g, 12);
+  EXPECT_GT(sharpness(shoot(covered, 24.0).gray), 1);
 }
 
 TEST(Sensor, RightPictureIsTheLeftOneMovedByDisparity) {
@@ -99,15 +99,15 @@ TEST(Sensor, RightPictureIsTheLeftOneMovedByDisparity) {
   SensorModel sensor(coarse_room(), camera, options);
   const Shot pair = sensor.capture_stereo(*path, 0, 5);
   const Shot truth = sensor.capture_rgbd(*path, 0, 5);
-  ASSERT_EQ(pair.grey, truth.grey);
+  ASSERT_EQ(pair.gray, truth.gray);
   double matched = 0, unmoved = 0, n = 0;
   for (int y = 0; y < 480; y += 2) {
     for (int x = 160; x < 640; x += 2) {
       const double z = truth.depth[y * 640 + x] * options.depth_unit_m;
       const int right = static_cast<int>(std::lround(x - camera.bf / z));
       if (z < 0.5) continue;
-      matched += std::abs(pair.right[y * 640 + right] - pair.grey[y * 640 + x]);
-      unmoved += std::abs(pair.right[y * 640 + x] - pair.grey[y * 640 + x]);
+      matched += std::abs(pair.right[y * 640 + right] - pair.gray[y * 640 + x]);
+      unmoved += std::abs(pair.right[y * 640 + x] - pair.gray[y * 640 + x]);
       n += 1;
     }
   }

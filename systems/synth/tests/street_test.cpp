@@ -86,7 +86,7 @@ TEST(Street, CullingTakesNothingAway) {
   Renderer culled(scene, small_camera()), drawn(whole, small_camera());
   for (double t = 1; t < drive->duration_s(); t += 2.5) {
     const Picture a = culled.render(drive->at(t), t), b = drawn.render(drive->at(t), t);
-    ASSERT_EQ(a.grey, b.grey) << t;
+    ASSERT_EQ(a.gray, b.gray) << t;
     ASSERT_EQ(a.depth_m, b.depth_m) << t;
   }
 }

@@ -11,7 +11,7 @@ namespace {
 
 TEST(Texture, MipLevelsHalveDownToOneTexelAndKeepTheMean) {
   Texture texture(0.37, 0.21, 0.01);
-  paint(texture, Material{.grey = 120, .contrast = 80, .texel_m = 0.01}, Random(5));
+  paint(texture, Material{.gray = 120, .contrast = 80, .texel_m = 0.01}, Random(5));
   double mean = 0;
   for (int y = 0; y < texture.height(); ++y)
     for (int x = 0; x < texture.width(); ++x) mean += texture.row(y)[x];
@@ -25,7 +25,7 @@ TEST(Texture, MipLevelsHalveDownToOneTexelAndKeepTheMean) {
   EXPECT_NEAR(last.data[0], mean, 12);  // odd sizes repeat their border
 }
 
-TEST(Texture, MagnifiedReadInterpolatesBetweenTexelCentres) {
+TEST(Texture, MagnifiedReadInterpolatesBetweenTexelCenters) {
   Texture texture(0.04, 0.04, 0.01);
   for (int y = 0; y < 4; ++y)
     for (int x = 0; x < 4; ++x)
@@ -39,7 +39,7 @@ TEST(Texture, MagnifiedReadInterpolatesBetweenTexelCentres) {
   EXPECT_NEAR(filter.read(-9.0f, 99.0f, tiny), 100, 0.1);  // outside: the border goes on
 }
 
-TEST(Texture, CheckerFinerThanThePixelGridReadsAsGrey) {
+TEST(Texture, CheckerFinerThanThePixelGridReadsAsGray) {
   Texture texture(1.28, 1.28, 0.01);
   for (int y = 0; y < 128; ++y)
     for (int x = 0; x < 128; ++x) texture.row(y)[x] = (x + y) % 2 == 0 ? 0 : 200;

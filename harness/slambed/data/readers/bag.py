@@ -21,7 +21,7 @@ from slambed.data.association import pairs_of_sensors
 from slambed.data.images import other_size
 from slambed.data.model import Frame
 from slambed.data.readers.base import ReaderOptions, SequenceReader
-from slambed.data.ros_images import depth_of, grey_of
+from slambed.data.ros_images import depth_of, gray_of
 from slambed.data.ros_poses import is_without_turn, poses_of, truth_of
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
@@ -41,7 +41,7 @@ _LONGEST_REASON = 160
 class Reader(SequenceReader):
     """Two image topics paired by header stamp. Parts of a split bag are read as one.
 
-    reader_options: first_topic (grey or colour), second_topic (depth or right image),
+    reader_options: first_topic (gray or color), second_topic (depth or right image),
     groundtruth_topic (PoseStamped, PoseWithCovarianceStamped, TransformStamped, Odometry, Path or
     PointStamped of the camera in the world), max_difference_s (0.02).
     """
@@ -149,20 +149,20 @@ class Reader(SequenceReader):
 
     def _frame(self, stamp: int, messages: list[Any]) -> Frame:
         where = f"{stamp * 1e-9:.6f} s of {self.path}"
-        grey = grey_of(messages[0], f"{where} {self._first}", self.grey_range)
+        gray = gray_of(messages[0], f"{where} {self._first}", self.gray_range)
         if self.options.sensor == "mono":
-            return Frame(stamp, grey, None)
+            return Frame(stamp, gray, None)
         name = f"{where} {self._second}"
         is_stereo = self.options.sensor == "stereo"
         second = (
-            grey_of(messages[1], name, self.grey_range)
+            gray_of(messages[1], name, self.gray_range)
             if is_stereo
             else depth_of(messages[1], name, self.options.depth_unit_m)
         )
-        if second.shape != grey.shape:
+        if second.shape != gray.shape:
             what = "the right picture" if is_stereo else "depth"
-            raise other_size(name, what, second.shape[::-1], grey.shape[::-1])
-        return Frame(stamp, grey, second)
+            raise other_size(name, what, second.shape[::-1], gray.shape[::-1])
+        return Frame(stamp, gray, second)
 
     def _topic_option(self, name: str) -> str:
         if name not in self.options.extra:

@@ -52,7 +52,7 @@ class SequenceReader(ABC):
 
     #: Names allowed in reader_options, and beside them those that all readers know.
     known_options: tuple[str, ...] = ()
-    common_options = ("grey_range", "max_gap_s")
+    common_options = ("gray_range", "max_gap_s")
     #: What the format can hold.
     sensors: tuple[Sensor, ...] = ("rgbd", "stereo", "mono")
     #: False where the format's own calibration says how the lens distorts.
@@ -95,7 +95,7 @@ class SequenceReader(ABC):
                 f"{self.truth_without_key}"
             )
         self.max_gap_s = self._positive_option("max_gap_s", None)
-        self.grey_range = self._grey_range()
+        self.gray_range = self._gray_range()
 
     def _positive_option(self, name: str, default: float | None) -> float | None:
         """A number above 0 of reader_options."""
@@ -104,8 +104,8 @@ class SequenceReader(ABC):
             return value
         raise SlambedError(f"reader_options: {name} must be a number above 0, not {value!r}")
 
-    def _grey_range(self) -> tuple[float, float] | None:
-        asked = self.options.extra.get("grey_range")
+    def _gray_range(self) -> tuple[float, float] | None:
+        asked = self.options.extra.get("gray_range")
         if asked is None:
             return None
         if isinstance(asked, list) and len(asked) == 2 and all(map(_is_number, asked)):
@@ -113,7 +113,7 @@ class SequenceReader(ABC):
             if low < high:
                 return low, high
         raise SlambedError(
-            f"reader_options: grey_range must be two numbers, the lower one first, not {asked!r}"
+            f"reader_options: gray_range must be two numbers, the lower one first, not {asked!r}"
         )
 
     @property
@@ -172,7 +172,7 @@ class SequenceReader(ABC):
         """Every file the content depends on; preparation is repeated when one changes."""
 
     def trajectory(self) -> Trajectory | None:
-        """Ground truth: left (or colour) camera to world, recorded time."""
+        """Ground truth: left (or color) camera to world, recorded time."""
         return None
 
     def camera(self) -> Camera:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from slambed.data.association import pairs_of_sensors
 from slambed.data.camera_files import CalibratedCamera, read_asl
-from slambed.data.images import read_grey
+from slambed.data.images import read_gray
 from slambed.data.lens import rectified
-from slambed.data.model import Camera, Frame, GreyImage
+from slambed.data.model import Camera, Frame, GrayImage
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.rotations import check_quaternions
 from slambed.data.text_file import pose_rows, table_lines
@@ -171,8 +171,8 @@ class Reader(FolderReader):
             left.lens, right.lens, self._size, right_left[:3, :3].copy(), right_left[:3, 3:].copy()
         )
 
-    def _remap(self, file: Path, side: int) -> GreyImage:
-        image = read_grey(file, self._size, self.grey_range)
+    def _remap(self, file: Path, side: int) -> GrayImage:
+        image = read_gray(file, self._size, self.gray_range)
         map_x, map_y = self._maps[side]
         warped = cv2.remap(image, map_x, map_y, interpolation=cv2.INTER_LINEAR)
         return np.asarray(warped, dtype=np.uint8)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slambed.data.images import read_grey
+from slambed.data.images import read_gray
 from slambed.data.model import Camera, Frame
 from slambed.data.readers.base import (
     FolderReader,
@@ -29,7 +29,7 @@ _PROJECTION = "12 numbers, a 3x4 projection"
 
 
 class Reader(FolderReader):
-    """Rectified grey stereo (or left only, sensor mono); the camera comes from calib.txt.
+    """Rectified gray stereo (or left only, sensor mono); the camera comes from calib.txt.
 
     The path is sequences/NN. groundtruth is searched there, then in ../../poses. Where an image is
     missing, times and poses go by the numbers of the images.
@@ -49,9 +49,9 @@ class Reader(FolderReader):
         self._times_file = require(path / "times.txt", "times of the frames")
         self._left = numbered(path / "image_0", "*.png")
         if not self._left:
-            raise SlambedError(f"{path / 'image_0'}: no PNG images; unpack the grey images there")
+            raise SlambedError(f"{path / 'image_0'}: no PNG images; unpack the gray images there")
         if options.sensor == "stereo":
-            require(path / "image_1", "right grey images; 'sensor: mono' works without")
+            require(path / "image_1", "right gray images; 'sensor: mono' works without")
         missing, first = first_missing(self._left)
         if missing:
             self.notes.append(
@@ -59,17 +59,17 @@ class Reader(FolderReader):
                 "times and poses go by number"
             )
         self._lines, self._times_ns = self._read_times()
-        height, width = read_grey(self._left[0], None, self.grey_range).shape
+        height, width = read_gray(self._left[0], None, self.gray_range).shape
         self._size = (width, height)
 
     def __len__(self) -> int:
         return len(self._left)
 
     def __getitem__(self, i: int) -> Frame:
-        left = read_grey(self._left[i], self._size, self.grey_range)
+        left = read_gray(self._left[i], self._size, self.gray_range)
         right = None
         if self.options.sensor == "stereo":
-            right = read_grey(self._right(i), self._size, self.grey_range)
+            right = read_gray(self._right(i), self._size, self.gray_range)
         return Frame(self._times_ns[i], left, right)
 
     def times_ns(self) -> list[int]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from slambed.data.images import read_depth, read_grey
+from slambed.data.images import read_depth, read_gray
 from slambed.data.model import Frame
 from slambed.data.readers.base import (
     FolderReader,
@@ -42,13 +42,13 @@ class Reader(FolderReader):
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
         folder = path / str(options.extra["sequence"]) if "sequence" in options.extra else path
-        self._colour = numbered(folder, "frame-*.color.png")
-        if not self._colour:
+        self._color = numbered(folder, "frame-*.color.png")
+        if not self._color:
             raise SlambedError(f"{folder}: no frame-*.color.png in it; unpack the sequence there")
-        numbers = [number_of(file) for file in self._colour]
+        numbers = [number_of(file) for file in self._color]
         if None in numbers:
             raise SlambedError(f"{folder}: expected frame-NUMBER.color.png; rename the images")
-        missing, first = first_missing(self._colour)
+        missing, first = first_missing(self._color)
         if missing:
             self.notes.append(
                 f"{folder}: {missing} images are missing, the first is number {first}; "
@@ -57,26 +57,26 @@ class Reader(FolderReader):
         self._numbers = [(n or 0) - (numbers[0] or 0) for n in numbers]
 
     def __len__(self) -> int:
-        return len(self._colour)
+        return len(self._color)
 
     def __getitem__(self, i: int) -> Frame:
         size = self.options.size
-        grey = read_grey(self._colour[i], size, self.grey_range)
+        gray = read_gray(self._color[i], size, self.gray_range)
         if self.options.sensor == "mono":
-            return Frame(self._time_ns(i), grey, None)
+            return Frame(self._time_ns(i), gray, None)
         depth = read_depth(self._sibling(i, "depth.png"), size).copy()
         depth[depth == _INVALID_DEPTH] = 0
-        return Frame(self._time_ns(i), grey, depth)
+        return Frame(self._time_ns(i), gray, depth)
 
     def times_ns(self) -> list[int]:
         return [self._time_ns(i) for i in range(len(self))]
 
     def place(self, i: int) -> str:
-        return str(self._colour[i])
+        return str(self._color[i])
 
     def files(self) -> Iterable[Path]:
-        for i, colour in enumerate(self._colour):
-            yield colour
+        for i, color in enumerate(self._color):
+            yield color
             if self.options.sensor == "rgbd":
                 yield self._sibling(i, "depth.png")
             yield self._sibling(i, "pose.txt")
@@ -99,8 +99,8 @@ class Reader(FolderReader):
         return round(self._numbers[i] * 1e9 / self.options.fps)
 
     def _sibling(self, i: int, suffix: str) -> Path:
-        colour = self._colour[i]
-        return colour.with_name(colour.name.removesuffix("color.png") + suffix)
+        color = self._color[i]
+        return color.with_name(color.name.removesuffix("color.png") + suffix)
 
 
 def _read_pose(file: Path) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slambed.data.association import pairs_of_sensors
-from slambed.data.images import read_depth, read_grey
+from slambed.data.images import read_depth, read_gray
 from slambed.data.model import Frame
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.text_file import table_lines
@@ -29,8 +29,8 @@ class _Image:
 
 
 class Reader(FolderReader):
-    """Colour and depth paired by time, closest first, one-to-one; the frame has the colour's time.
-    With `sensor: mono` every colour image, and no depth is asked for.
+    """Color and depth paired by time, closest first, one-to-one; the frame has the color's time.
+    With `sensor: mono` every color image, and no depth is asked for.
 
     reader_options: max_difference_s (0.02), time_unit (s).
     """
@@ -42,32 +42,32 @@ class Reader(FolderReader):
         super().__init__(path, options)
         kinds = ("rgb",) if options.sensor == "mono" else ("rgb", "depth")
         self._lists = [require(path / f"{kind}.txt", "list of images") for kind in kinds]
-        colour, *depth = (self._read_list(file) for file in self._lists)
+        color, *depth = (self._read_list(file) for file in self._lists)
         self._frames: list[tuple[_Image, _Image | None]]
         if not depth:
-            self._frames = [(image, None) for image in colour]
+            self._frames = [(image, None) for image in color]
             return
-        times = [[image.time_ns for image in images] for images in (colour, depth[0])]
+        times = [[image.time_ns for image in images] for images in (color, depth[0])]
         pairs = pairs_of_sensors(times[0], times[1], self.max_difference_s)
         if not pairs:
             raise SlambedError(
-                f"{path}: no colour image has a depth image within {self.max_difference_s} s; "
+                f"{path}: no color image has a depth image within {self.max_difference_s} s; "
                 "check the times in rgb.txt and depth.txt"
             )
-        self._frames = [(colour[i], depth[0][j]) for i, j in pairs]
-        self._tell_unpaired(len(colour), len(pairs))
+        self._frames = [(color[i], depth[0][j]) for i, j in pairs]
+        self._tell_unpaired(len(color), len(pairs))
 
     def __len__(self) -> int:
         return len(self._frames)
 
     def __getitem__(self, i: int) -> Frame:
-        colour, depth = self._frames[i]
+        color, depth = self._frames[i]
         size = self.options.size
         second = None if depth is None else read_depth(depth.file, size)
-        return Frame(colour.time_ns, read_grey(colour.file, size, self.grey_range), second)
+        return Frame(color.time_ns, read_gray(color.file, size, self.gray_range), second)
 
     def times_ns(self) -> list[int]:
-        return [colour.time_ns for colour, _ in self._frames]
+        return [color.time_ns for color, _ in self._frames]
 
     def place(self, i: int) -> str:
         return f"{self._lists[0]}:{self._frames[i][0].line}" if self._frames else str(self.path)
@@ -76,8 +76,8 @@ class Reader(FolderReader):
         yield from self._lists
         if self.options.groundtruth:
             yield require_poses(self.path / self.options.groundtruth)
-        for colour, depth in self._frames:
-            yield colour.file
+        for color, depth in self._frames:
+            yield color.file
             if depth is not None:
                 yield depth.file
 

@@ -88,7 +88,7 @@ class Series(Strict):
 
 
 class PublishedFigure(Strict):
-    """A data figure; no points were digitised."""
+    """A data figure; no points were digitized."""
 
     id: str
     label: str

@@ -12,7 +12,7 @@ from slambed.report.load import Results
 from slambed.report.style import (
     NOTE_PT,
     FigureWriter,
-    colour,
+    color,
     figure,
     file_name,
     from_zero_if_it_shows,
@@ -24,7 +24,7 @@ MOST_POINTS = 60
 
 
 def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: FigureWriter) -> None:
-    """Cells from top to bottom; colour and marker tell the system."""
+    """Cells from top to bottom; color and marker tell the system."""
     if metric.kind == "share":
         _draw_shares(results, cells, metric, writer)
         return
@@ -84,21 +84,21 @@ def _draw_box(axis: Axes, place: int, values: Floats, index: int, rng: np.random
     axis.boxplot(
         values, positions=[place], orientation="horizontal", widths=0.55, whis=(0, 100),
         patch_artist=True, showfliers=False, manage_ticks=False,
-        boxprops={"facecolor": colour(index), "alpha": 0.25, "linewidth": 0.8},
-        medianprops={"color": colour(index), "linewidth": 1.8},
+        boxprops={"facecolor": color(index), "alpha": 0.25, "linewidth": 0.8},
+        medianprops={"color": color(index), "linewidth": 1.8},
         whiskerprops={"linewidth": 0.8}, capprops={"linewidth": 0.8},
     )  # fmt: skip
     points = values if len(values) <= MOST_POINTS else rng.choice(values, MOST_POINTS, False)
     axis.plot(
         points, place + rng.uniform(-0.16, 0.16, len(points)), marker(index),
-        color=colour(index), markersize=3.5, alpha=0.8 if len(values) <= 20 else 0.3,
+        color=color(index), markersize=3.5, alpha=0.8 if len(values) <= 20 else 0.3,
         zorder=1.5, linestyle="none", clip_on=False,
     )  # fmt: skip
 
 
 def _draw_one(axis: Axes, place: int, value: float, metric: Metric, index: int) -> None:
     """One run has no quartiles: its number stands beside its mark, inside the axes."""
-    axis.plot(value, place, marker(index), color=colour(index), markersize=6, clip_on=False)
+    axis.plot(value, place, marker(index), color=color(index), markersize=6, clip_on=False)
     axis.annotate(
         metric.show(value / metric.scale), (value, place), xytext=(0, 5),
         textcoords="offset points", ha="center", va="bottom", fontsize=NOTE_PT,
@@ -117,9 +117,9 @@ def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: Fi
             share = cell.values[metric.key]
             index = labels.index(cell.label)
             found = wilson(round(share.value * share.count), share.count)
-            axis.barh(place, 100 * found.value, color=colour(index), alpha=0.35, height=0.55)
-            axis.plot([100 * found.low, 100 * found.high], [place, place], color=colour(index))
-            axis.plot(100 * found.value, place, marker(index), color=colour(index))
+            axis.barh(place, 100 * found.value, color=color(index), alpha=0.35, height=0.55)
+            axis.plot([100 * found.low, 100 * found.high], [place, place], color=color(index))
+            axis.plot(100 * found.value, place, marker(index), color=color(index))
             axis.annotate(
                 f"{round(share.value * share.count)}/{share.count}", (100 * found.high, place),
                 xytext=(4, 0), textcoords="offset points", va="center", fontsize=NOTE_PT,

@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from slambed.report.differences import Difference
-from slambed.report.style import FigureWriter, colour, figure, file_name, legend_beneath, marker
+from slambed.report.style import FigureWriter, color, figure, file_name, legend_beneath, marker
 
 ROW_IN = 0.34
 """Height of a system, and of every link beyond the first half of it."""
@@ -43,7 +43,7 @@ def _marks(axis: Axes, own: list[Difference], systems: list[str], index: int, li
         [c.value for c in changes],
         [systems.index(d.other) + across for d in own],
         xerr=[[c.value - c.low for c in changes], [c.high - c.value for c in changes]],
-        color=colour(index), marker=marker(index), linestyle="none", markersize=5,
+        color=color(index), marker=marker(index), linestyle="none", markersize=5,
         elinewidth=0.9, capsize=2, label=own[0].under,
     )  # fmt: skip
 

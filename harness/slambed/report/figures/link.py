@@ -89,7 +89,7 @@ def _one_way(results: Results, key: str) -> pd.DataFrame:
 def _source(row: pd.Series, probe: pd.DataFrame) -> str:
     """Where the curves come from; only a link of real packets can be measured."""
     if row["link_backend"] == VIRTUAL:
-        return "Asked by the profile and set in the modelled link, which needs no measurement"
+        return "Asked by the profile and set in the modeled link, which needs no measurement"
     if row["link_backend"] == NETWORK:
         return "The network to a real board, measured by echoes"
     if probe.empty:

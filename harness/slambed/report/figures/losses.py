@@ -10,7 +10,7 @@ from slambed.metrics.network import series
 from slambed.report.cells import text
 from slambed.report.conditions import Condition
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, dash, figure, file_name, legend_beneath
+from slambed.report.style import FigureWriter, color, dash, figure, file_name, legend_beneath
 
 
 def draw_losses(results: Results, condition: Condition, writer: FigureWriter) -> None:
@@ -114,7 +114,7 @@ def _step(axis: Axes, curve: pd.DataFrame, label: str, index: int) -> None:
         curve["runs_lost"],
         where="post",
         label=label,
-        color=colour(index),
+        color=color(index),
         linestyle=dash(index),
     )
 

@@ -14,7 +14,7 @@ from slambed.report.load import Results
 from slambed.report.style import (
     GROUND_TRUTH,
     FigureWriter,
-    colour,
+    color,
     dash,
     figure,
     file_name,
@@ -63,7 +63,7 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
             name = label
             if ate is not None and ate == ate:
                 name += f" (ATE {metric('ate_rmse_m').show(ate)} cm)"
-            axis.plot(x, y, color=colour(index), linestyle=dash(index), linewidth=1.1, label=name)
+            axis.plot(x, y, color=color(index), linestyle=dash(index), linewidth=1.1, label=name)
             rows.append(_data(path, label, key))
         axis.set_aspect("equal", adjustable="datalim")
         axis.set_xlabel(f"{'xyz'[across]} [m]")

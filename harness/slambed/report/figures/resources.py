@@ -8,7 +8,7 @@ import pandas as pd
 
 from slambed.report.conditions import Condition, some_runs
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, dash, figure, file_name, legend_beneath
+from slambed.report.style import FigureWriter, color, dash, figure, file_name, legend_beneath
 
 BIN_S = 1.0
 """Samples come at 10 Hz; a second smooths the quota period away."""
@@ -56,9 +56,9 @@ def draw_over_time(
                 own = own.sort_values("t_s")
                 if own.empty:
                     continue
-                axis.plot(own["t_s"], own["mean"], color=colour(index), linestyle=dash(index),
+                axis.plot(own["t_s"], own["mean"], color=color(index), linestyle=dash(index),
                           label=label)  # fmt: skip
-                axis.fill_between(own["t_s"], own["low"], own["high"], color=colour(index),
+                axis.fill_between(own["t_s"], own["low"], own["high"], color=color(index),
                                   alpha=0.15, linewidth=0)  # fmt: skip
             axis.set_ylabel(f"{node} [{quantity.unit}]")
             axis.set_ylim(bottom=0)

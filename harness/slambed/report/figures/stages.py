@@ -14,7 +14,7 @@ from slambed.report.style import (
     NAME_PT,
     NOTE_PT,
     FigureWriter,
-    colour,
+    color,
     figure,
     file_name,
     legend_beneath,
@@ -78,7 +78,7 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             axis.barh(
                 [p - 0.4 + height * (index + 0.5) for p in places],
                 [float(own[stages[p]]) for p in places],
-                height=0.92 * height, color=colour(index), alpha=0.8, label=label,
+                height=0.92 * height, color=color(index), alpha=0.8, label=label,
                 hatch=HATCHES[index % len(HATCHES)], edgecolor="white", linewidth=0.3,
             )  # fmt: skip
         axis.set_yticks(range(len(stages)), [f"{node}: {name}" for node, name in stages])
@@ -94,17 +94,17 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             file_name("stages", condition.dataset, condition.profile),
             title,
             f"Wall time of each stage, mean of up to {RUNS_READ} runs per system: per tracked "
-            "frame (extract, track), per new keyframe (create_keyframe, serialise), per mapped "
+            "frame (extract, track), per new keyframe (create_keyframe, serialize), per mapped "
             "keyframe (insert to cull_keyframes), else per call.",
             table,
         )
 
 
 STAGES = (
-    "extract", "track", "create_keyframe", "serialise", "serialise_text",
+    "extract", "track", "create_keyframe", "serialize", "serialize_text",
     "parse", "parse_text", "insert", "cull_points",
     "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update",
-    "insert_keyframes", "update_reference", "update_last_frame", "clean_map", "relocalise",
+    "insert_keyframes", "update_reference", "update_last_frame", "clean_map", "relocalize",
 )  # fmt: skip
 """In the order in which a frame meets them."""
 
@@ -130,7 +130,7 @@ def _delay_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             for index, part in enumerate(ORDER):
                 width = float(own.get(part, 0.0))
                 axis.barh(
-                    place, width, left=left, height=0.5, color=colour(index), alpha=0.8,
+                    place, width, left=left, height=0.5, color=color(index), alpha=0.8,
                     hatch=HATCHES[index], edgecolor="white", linewidth=0.3,
                     label=part if place == 0 else None,
                 )  # fmt: skip

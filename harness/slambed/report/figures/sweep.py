@@ -11,7 +11,7 @@ from slambed.metrics.catalog import metric
 from slambed.metrics.metric import Metric
 from slambed.report.cells import estimate
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, colour, figure, file_name, legend_beneath, marker
+from slambed.report.style import FigureWriter, color, figure, file_name, legend_beneath, marker
 
 LEAST_VALUES = 3
 LEFT, RIGHT = "reference_rmse_m", "link_mbit_s"
@@ -45,10 +45,10 @@ def draw_sweep(
             curve = curves[item.key]
             low, high = curve["value"] - curve["low"], curve["high"] - curve["value"]
             place.errorbar(
-                curve[name], curve["value"], yerr=np.array([low, high]), color=colour(index),
+                curve[name], curve["value"], yerr=np.array([low, high]), color=color(index),
                 marker=marker(index), capsize=2, linewidth=0.9, label=item.title,
             )  # fmt: skip
-            place.set_ylabel(item.heading, color=colour(index))
+            place.set_ylabel(item.heading, color=color(index))
             place.set_ylim(bottom=0)
         axis.set_xlabel(name)
         handles = [h for place in (axis, other) for h in place.get_legend_handles_labels()[0]]

@@ -24,7 +24,7 @@ from slambed.report.load import Results
 from slambed.report.style import (
     SQUEEZED_SHARE,
     FigureWriter,
-    colour,
+    color,
     dash,
     figure,
     file_name,
@@ -317,7 +317,7 @@ def _draw(
         made.suptitle(title, fontsize=10)
         used = sorted({index for panel in panels for index, _ in panel.lines})
         handles = [
-            Line2D([], [], color=colour(i), linestyle=dash(i), marker=marker(i), label=legend[i])
+            Line2D([], [], color=color(i), linestyle=dash(i), marker=marker(i), label=legend[i])
             for i in used
         ]
         legend_beneath(made, axes[0], handles)
@@ -344,7 +344,7 @@ def _panel(
             continue
         x = curve["value"].to_numpy(np.float64)
         y, low, high = (curve[name].to_numpy(np.float64) for name in ("middle", "low", "high"))
-        look: Any = {"color": colour(index), "linestyle": dash(index), "marker": marker(index)}
+        look: Any = {"color": color(index), "linestyle": dash(index), "marker": marker(index)}
         across = (index % MOST_LINES - (len(panel.lines) - 1) / 2) * BESIDE
         if panel.item.kind == "share":
             # Bands of shares would lie over each other: no loss in any run is the same everywhere.
@@ -352,7 +352,7 @@ def _panel(
             place.errorbar(x, y, yerr=[y - low, high - y], label=legend[index], capsize=2,
                            elinewidth=0.8, **look)  # fmt: skip
         else:
-            place.fill_between(x, low, high, color=colour(index), alpha=0.13, linewidth=0)
+            place.fill_between(x, low, high, color=color(index), alpha=0.13, linewidth=0)
             place.plot(x, y, label=legend[index], **look)
             _points(place, line, panel.item, index, across, logarithmic)
         told = {"line": legend[index], "panel": panel.title, "metric": panel.item.key}
@@ -389,7 +389,7 @@ def _points(
     x = _beside(line.values.to_numpy(np.float64), across, logarithmic)
     y = pd.to_numeric(line.runs[item.key].astype(object), errors="coerce").to_numpy(np.float64)
     many = len(y) > MANY_RUNS * line.values.nunique()
-    place.plot(x, y * item.scale, ".", color=colour(index), alpha=0.1 if many else 0.3,
+    place.plot(x, y * item.scale, ".", color=color(index), alpha=0.1 if many else 0.3,
                markersize=3.5, zorder=1.5, label="a run")  # fmt: skip
 
 

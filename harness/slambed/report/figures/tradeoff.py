@@ -9,11 +9,11 @@ from matplotlib.lines import Line2D
 from slambed.metrics.catalog import metric
 from slambed.report.cells import Cell
 from slambed.report.style import (
-    COLOURS,
+    COLORS,
     GROUND_TRUTH,
     MARKERS,
     FigureWriter,
-    colour,
+    color,
     dash,
     figure,
     file_name,
@@ -53,8 +53,8 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
         handles: list[Line2D] = []
         for label in dict.fromkeys(cell.label for cell in shown):
             index = labels.index(label)
-            # Where colours begin anew, hollow points tell the systems apart.
-            face = colour(index) if index < len(COLOURS) else "white"
+            # Where colors begin anew, hollow points tell the systems apart.
+            face = color(index) if index < len(COLORS) else "white"
             own = sorted((c for c in shown if c.label == label), key=lambda c: c.values[x].value)
             xs = [cell.values[x].scaled(across.scale) for cell in own]
             ys = [cell.values[y].scaled(up.scale) for cell in own]
@@ -62,10 +62,10 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
                 [v.value for v in xs], [v.value for v in ys],
                 xerr=[[v.value - v.low for v in xs], [v.high - v.value for v in xs]],
                 yerr=[[v.value - v.low for v in ys], [v.high - v.value for v in ys]],
-                color=colour(index), linestyle=dash(index),
+                color=color(index), linestyle=dash(index),
                 elinewidth=0.8, capsize=2, linewidth=0.9, clip_on=False,
             )  # fmt: skip
-            look: Any = {"color": colour(index), "markerfacecolor": face}
+            look: Any = {"color": color(index), "markerfacecolor": face}
             for cell, a, b in zip(own, xs, ys, strict=True):
                 shape = SHAPES[profiles.index(cell.profile) % len(SHAPES)]
                 axis.plot(

@@ -35,13 +35,13 @@
     const found = [];
     for (const axes of points.axes) {
       axes.curves.forEach((curve) => curve.x.forEach((x, i) => found.push({
-        across: across(axes, x), down: down(axes, curve.y[i]), colour: curve.colour, curve,
+        across: across(axes, x), down: down(axes, curve.y[i]), color: curve.color, curve,
         says: [curve.name, said(axes.x, x), said(axes.y, curve.y[i])],
       })));
       for (const bar of axes.bars) {
         const middle = (bar.y[0] + bar.y[1]) / 2;
         found.push({
-          across: across(axes, bar.x[1]), down: down(axes, middle), colour: "#000000", curve: axes.bars,
+          across: across(axes, bar.x[1]), down: down(axes, middle), color: "#000000", curve: axes.bars,
           box: [across(axes, bar.x[0]), down(axes, bar.y[1]), across(axes, bar.x[1]), down(axes, bar.y[0])].map(Number),
           says: [bar.name, `${axes.x.label || "value"}: ${viewMath.short(bar.value)}`, said(axes.y, middle)],
         });

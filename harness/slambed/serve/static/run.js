@@ -61,7 +61,7 @@
 
   const space = spaceOf(by("space"), run.path, ({ error_m }) => {
     const apart = error_m === null ? "" : ` Now ${viewMath.short(100 * error_m)} cm apart.`;
-    by("space-says").textContent = `Blue: estimate (${run.path.how}); grey: truth.${apart}`;
+    by("space-says").textContent = `Blue: estimate (${run.path.how}); gray: truth.${apart}`;
   });
   const lanes = lanesOf(by("lanes"), run, (t_s) => { stop(); go(viewMath.lastBefore(frames.t_s, t_s)); });
 

@@ -22,12 +22,12 @@ const spaceOf = (() => {
     const { middle, radius } = viewMath.ballAround([...lines.truth, ...lines.estimate]);
     let yaw = -0.5, pitch = 0.7, zoom = 1, now_s = 0, drag = null, size = [0, 0];
     const context = canvas.getContext("2d");
-    const colour = (name) => getComputedStyle(canvas).getPropertyValue(name).trim();
-    const pixelsPerMetre = () => (edge * Math.min(...size) * zoom) / (2 * radius);
+    const color = (name) => getComputedStyle(canvas).getPropertyValue(name).trim();
+    const pixelsPerMeter = () => (edge * Math.min(...size) * zoom) / (2 * radius);
 
     function place(point) {
       const [right, up] = viewMath.seen(point.map((value, k) => value - middle[k]), yaw, pitch);
-      return [size[0] / 2 + right * pixelsPerMetre(), size[1] / 2 - up * pixelsPerMetre()];
+      return [size[0] / 2 + right * pixelsPerMeter(), size[1] / 2 - up * pixelsPerMeter()];
     }
 
     function stroke(points, breaks, style, width, until = points.length) {
@@ -49,15 +49,15 @@ const spaceOf = (() => {
       canvas.height = size[1] * ratio;
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
       context.lineJoin = "round";
-      stroke(lines.truth, path.truth.breaks, colour("--truth"), 3);
+      stroke(lines.truth, path.truth.breaks, color("--truth"), 3);
       context.globalAlpha = 0.35;
-      stroke(lines.estimate, path.estimate.breaks, colour("--estimate"), 1.3);
+      stroke(lines.estimate, path.estimate.breaks, color("--estimate"), 1.3);
       context.globalAlpha = 1;
       const last = path.estimate.t_s.length && path.estimate.t_s[0] <= now_s ? viewMath.lastBefore(path.estimate.t_s, now_s) : -1;
-      stroke(lines.estimate, path.estimate.breaks, colour("--estimate"), 1.8, last + 1);
+      stroke(lines.estimate, path.estimate.breaks, color("--estimate"), 1.8, last + 1);
       const true_ = viewMath.lastBefore(path.truth.t_s, now_s);
-      if (true_ >= 0) dot(place(lines.truth[true_]), colour("--truth"), 5);
-      if (last >= 0) dot(place(lines.estimate[last]), colour("--here"), 5);
+      if (true_ >= 0) dot(place(lines.truth[true_]), color("--truth"), 5);
+      if (last >= 0) dot(place(lines.estimate[last]), color("--here"), 5);
       axes();
       scaleBar();
       const error = last >= 0 && true_ >= 0 ? Math.hypot(...lines.estimate[last].map((v, k) => v - lines.truth[true_][k])) : null;
@@ -81,19 +81,19 @@ const spaceOf = (() => {
         context.beginPath();
         context.moveTo(...from);
         context.lineTo(...to);
-        context.strokeStyle = colour("--soft");
+        context.strokeStyle = color("--soft");
         context.lineWidth = 1;
         context.stroke();
-        context.fillStyle = colour("--soft");
+        context.fillStyle = color("--soft");
         context.fillText("xyz"[axis], to[0] + 3 * Math.sign(right), to[1] - 3 * Math.sign(up));
       });
     }
 
     function scaleBar() {
-      const step = viewMath.ticks(0, 120 / pixelsPerMetre(), 2)[1];
+      const step = viewMath.ticks(0, 120 / pixelsPerMeter(), 2)[1];
       if (!step) return;
-      const long = step * pixelsPerMetre(), end = size[0] - 10, y = size[1] - 12;
-      context.fillStyle = colour("--soft");
+      const long = step * pixelsPerMeter(), end = size[0] - 10, y = size[1] - 12;
+      context.fillStyle = color("--soft");
       context.fillRect(end - long, y, long, 2);
       context.textAlign = "right";
       context.fillText(`${viewMath.short(step)} m`, end, y - 4);

@@ -67,10 +67,10 @@ class MultithreadRlProgram : public HelpProgram, public ::testing::WithParamInte
 TEST_P(MultithreadRlProgram, UpdatesAreTakenOverAndALossEnds) {
   const std::string variant = GetParam();
   config["params"]["map_update"] = variant == "relocate" ? "serial" : "staged";
-  config["params"]["relocalisation"] = variant == "multithread" ? "map" : "edge";
+  config["params"]["relocalization"] = variant == "multithread" ? "map" : "edge";
   run_both();
   EXPECT_EQ(events("mobile", "track_lost").size(), 1u);
-  EXPECT_EQ(events("mobile", "relocalised").size(), 1u);
+  EXPECT_EQ(events("mobile", "relocalized").size(), 1u);
   EXPECT_EQ(events("mobile", "frame_tracked").back()["state"], "ok");
   EXPECT_GT(events("mobile", "update_applied").size(), 0u);
   for (const auto& update : events("mobile", "update_applied")) EXPECT_GE(update["pause_ms"], 0);

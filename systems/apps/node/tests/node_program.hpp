@@ -59,7 +59,7 @@ class NodeProgramTest : public ::testing::Test {
     params.update({{"n_orb", 600},
                    {"n_kf", 2},
                    {"sync_period_s", 0.5},
-                   {"update_neighbours", 1},
+                   {"update_neighbors", 1},
                    {"fast_motion_ms", 0.0}});
     config = {{"format", "slambed-run"},
               {"version", 1},

@@ -33,7 +33,7 @@ TEST_F(NodeProgram, MobileAndEdgeRunOverLoopbackToTheEnd) {
   EXPECT_EQ(edge_end["exit_reason"], "bye");
   EXPECT_EQ(mobile_end["keyframes"], edge_end["keyframes"]);
   EXPECT_EQ(events("mobile", "frame_tracked").size(), static_cast<std::size_t>(frames));
-  EXPECT_EQ(events("mobile", "initialised").size(), 1u);
+  EXPECT_EQ(events("mobile", "initialized").size(), 1u);
   EXPECT_FALSE(events("edge", "keyframe_mapped").empty());
   EXPECT_FALSE(events("mobile", "update_applied").empty());
   EXPECT_FALSE(events("mobile", "rtt_sample").empty());
@@ -76,9 +76,9 @@ TEST_F(NodeProgram, ARunGoesOnInTheMapOfAnEarlierOne) {
   config["playback"]["end_s"] = nullptr;
   start();
   ASSERT_EQ(node("mobile").wait(), 0) << log("mobile");
-  EXPECT_TRUE(events("mobile", "initialised").empty());
-  ASSERT_EQ(events("mobile", "relocalised").size(), 1u);
-  EXPECT_LT(events("mobile", "relocalised")[0]["seq_s"], 0.2);
+  EXPECT_TRUE(events("mobile", "initialized").empty());
+  ASSERT_EQ(events("mobile", "relocalized").size(), 1u);
+  EXPECT_LT(events("mobile", "relocalized")[0]["seq_s"], 0.2);
   EXPECT_FALSE(events("mobile", "keyframe_created").empty());
   EXPECT_GT(end("mobile")["keyframes"], keyframes_before);
   EXPECT_TRUE(fs::exists(folder.path() / "mobile" / "map.slm"));
@@ -147,7 +147,7 @@ TEST_F(NodeProgram, ARestartedEdgeJoinsTheRunningMobile) {
   EXPECT_EQ(end("mobile")["keyframes"], end("edge")["keyframes"]);
   ASSERT_EQ(events("mobile", "edge_restarted").size(), 1u);
   const auto restart = events("mobile", "edge_restarted").front();
-  EXPECT_EQ(restart["incarnation"], 2);
+  EXPECT_EQ(restart["session"], 2);
   EXPECT_EQ(events("edge", "node_restarted").size(), 1u);
   // What the first edge wrote is still there, and the second one maps what the mobile sends.
   const auto received = events("edge", "keyframe_received");

@@ -55,18 +55,18 @@ class SensorProgram : public testing::NodeProgramTest {
     start();
     testing::Process mobile = node("mobile");
     ASSERT_EQ(mobile.wait(), 0) << log("mobile");
-    EXPECT_EQ(events("mobile", "initialised").size(), 1u);
+    EXPECT_EQ(events("mobile", "initialized").size(), 1u);
     EXPECT_TRUE(events("mobile", "track_lost").empty());
   }
 };
 
-TEST_F(SensorProgram, StereoRunsAloneInMetres) {
+TEST_F(SensorProgram, StereoRunsAloneInMeters) {
   const auto truth = places(play("stereo") / "groundtruth.txt");
   run_alone_and_sequentially();
-  const auto travelled = places(folder.path() / "mobile" / "trajectory.txt");
-  ASSERT_EQ(travelled.size(), static_cast<std::size_t>(kFrames));
+  const auto traveled = places(folder.path() / "mobile" / "trajectory.txt");
+  ASSERT_EQ(traveled.size(), static_cast<std::size_t>(kFrames));
   EXPECT_GT(end_to_end_m(truth), 0.3);
-  EXPECT_NEAR(end_to_end_m(travelled) / end_to_end_m(truth), 1, 0.03);
+  EXPECT_NEAR(end_to_end_m(traveled) / end_to_end_m(truth), 1, 0.03);
 }
 
 TEST_F(SensorProgram, StereoRunsWithAnEdge) {
@@ -85,7 +85,7 @@ TEST_F(SensorProgram, StereoRunsWithAnEdge) {
 TEST_F(SensorProgram, OneCameraStartsFromTwoFrames) {
   play("mono", 640);
   run_alone_and_sequentially(1000);
-  const auto first = events("mobile", "initialised");
+  const auto first = events("mobile", "initialized");
   ASSERT_EQ(first.size(), 1u);
   const auto keyframes = events("mobile", "keyframe_created");
   ASSERT_GE(keyframes.size(), 2u);

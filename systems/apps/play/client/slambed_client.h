@@ -7,7 +7,7 @@
  *   slambed_ready(&client);                            // vocabulary loaded, edge connected
  *   slambed_frame frame;
  *   while (slambed_next(&client, &frame) == 1) {       // 0: playback is over, -1: the player has
- * gone const uint8_t* grey = slambed_grey(&client, &frame);
+ * gone const uint8_t* gray = slambed_gray(&client, &frame);
  *     ...
  *     slambed_pose pose = slambed_tracked(&frame, T_wc, q_wc);   // or slambed_untracked
  *     slambed_send_pose(&client, &pose);
@@ -44,7 +44,7 @@ enum slambed_type {
   SLAMBED_EVENT = 9  /* client: a JSON object with "type", behind the four bytes of the type */
 };
 enum slambed_sensor { SLAMBED_RGBD = 0, SLAMBED_STEREO = 1, SLAMBED_MONO = 2 };
-enum slambed_state { SLAMBED_OK = 0, SLAMBED_LOST = 1, SLAMBED_NOT_INITIALISED = 2 };
+enum slambed_state { SLAMBED_OK = 0, SLAMBED_LOST = 1, SLAMBED_NOT_INITIALIZED = 2 };
 
 typedef struct {
   uint32_t type, protocol;
@@ -54,7 +54,7 @@ typedef struct {
   double fx, fy, cx, cy; /* pixels */
   double bf;             /* fx times baseline, px*m */
   double distortion[5];  /* OpenCV's k1, k2, p1, p2, k3; stereo pictures are rectified */
-  double depth_unit_m;   /* metres per step of the depth picture */
+  double depth_unit_m;   /* meters per step of the depth picture */
   double fps;            /* as played */
 } slambed_info;
 
@@ -68,7 +68,7 @@ typedef struct {
 typedef struct {
   uint32_t type, state;
   uint64_t index;
-  double t_wc[3];            /* camera in the world, metres */
+  double t_wc[3];            /* camera in the world frame, meters */
   double q_wc[4];            /* x, y, z, w: camera to world */
   int32_t features, inliers; /* -1: not told */
 } slambed_pose;
@@ -86,10 +86,10 @@ static inline int slambed_send_type(slambed_client* c, uint32_t type) {
 
 /* 0, or -1 with a line on standard error. */
 static inline int slambed_open(slambed_client* c) {
-  const char* told = getenv("SLAMBED_CLIENT");
+  const char* channel = getenv("SLAMBED_CLIENT");
   int memory = -1;
   memset(c, 0, sizeof *c);
-  if (told == NULL || sscanf(told, "%d,%d", &c->socket, &memory) != 2) {
+  if (channel == NULL || sscanf(channel, "%d,%d", &c->socket, &memory) != 2) {
     fprintf(stderr, "error: SLAMBED_CLIENT is not set; let slambed-play start this program\n");
     return -1;
   }
@@ -121,14 +121,14 @@ static inline int slambed_next(slambed_client* c, slambed_frame* frame) {
 }
 
 /* width * height bytes. */
-static inline const uint8_t* slambed_grey(const slambed_client* c, const slambed_frame* f) {
+static inline const uint8_t* slambed_gray(const slambed_client* c, const slambed_frame* f) {
   return c->pixels + f->slot * c->info.slot_bytes;
 }
 
 /* rgbd: width * height values of uint16_t, 0 where nothing was measured; stereo: the right picture.
  */
 static inline const void* slambed_second(const slambed_client* c, const slambed_frame* f) {
-  return slambed_grey(c, f) + (size_t)c->info.width * c->info.height;
+  return slambed_gray(c, f) + (size_t)c->info.width * c->info.height;
 }
 
 static inline slambed_pose slambed_tracked(const slambed_frame* f, const double t_wc[3],

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 PROTOCOL = 1
 HELLO, INFO, READY, NEXT, FRAME, END, POSE, FINAL, EVENT = range(1, 10)
 SENSORS = ("rgbd", "stereo", "mono")
-STATES = ("ok", "lost", "not_initialised")
+STATES = ("ok", "lost", "not_initialized")
 EVENT_BYTES = 4096
 # As the structs of slambed_client.h.
 _INFO = struct.Struct("=6IQ5d5d2d")
@@ -46,7 +46,7 @@ class Frame:
     """The recording's time stamp."""
     seq_s: float
     """Since the first frame played."""
-    grey: NDArray[np.uint8]
+    gray: NDArray[np.uint8]
     """(height, width)"""
     depth: NDArray[np.uint16] | None
     """rgbd: steps of `Client.depth_unit_m`, 0 where nothing was measured."""
@@ -99,22 +99,22 @@ class Client:
             depth = np.frombuffer(self._memory, "<u2", pixels, begin + pixels).reshape(shape)
         if self.sensor == "stereo":
             right = np.frombuffer(self._memory, "u1", pixels, begin + pixels).reshape(shape)
-        grey = np.frombuffer(self._memory, "u1", pixels, begin).reshape(shape)
-        return Frame(index, recorded_ns, seq_s, grey, depth, right)
+        gray = np.frombuffer(self._memory, "u1", pixels, begin).reshape(shape)
+        return Frame(index, recorded_ns, seq_s, gray, depth, right)
 
     def __iter__(self) -> Iterator[Frame]:
         while (frame := self.next()) is not None:
             yield frame
 
     def pose(self, frame: Frame | int, T_wc: Any, features: int = -1, inliers: int = -1) -> None:
-        """The frame was tracked: camera to world, 4x4, metres."""
+        """The frame was tracked: camera to world, 4x4, meters."""
         self._send(self._packed(POSE, 0, frame, T_wc, features, inliers))
 
     def lost(self, frame: Frame | int, features: int = -1) -> None:
         """Tracking failed."""
         self._send(self._packed(POSE, 1, frame, np.eye(4), features, -1))
 
-    def not_initialised(self, frame: Frame | int, features: int = -1) -> None:
+    def not_initialized(self, frame: Frame | int, features: int = -1) -> None:
         """There is no map yet, or no longer."""
         self._send(self._packed(POSE, 2, frame, np.eye(4), features, -1))
 

@@ -59,15 +59,15 @@ class RecordTest : public ::testing::Test {
 
 TEST_F(RecordTest, PosesBecomeTheEventsThatEverySystemLeaves) {
   for (const std::uint64_t index : {0, 1, 2, 3}) take(index);
-  pose(0, SLAMBED_NOT_INITIALISED);
+  pose(0, SLAMBED_NOT_INITIALIZED);
   pose(1);
   pose(2, SLAMBED_LOST);
   pose(3);
   const std::string text = events();
   EXPECT_EQ(count(text, "\"type\":\"frame_tracked\""), 4);
-  EXPECT_EQ(count(text, "\"type\":\"initialised\""), 1);
+  EXPECT_EQ(count(text, "\"type\":\"initialized\""), 1);
   EXPECT_EQ(count(text, "\"type\":\"track_lost\""), 1);
-  EXPECT_EQ(count(text, "\"type\":\"relocalised\""), 1);
+  EXPECT_EQ(count(text, "\"type\":\"relocalized\""), 1);
   EXPECT_EQ(count(text, "\"track_ms\":4.000,"), 4);
   EXPECT_EQ(count(text, "\"wait_ms\":1"), 4);
 }
@@ -78,7 +78,7 @@ TEST_F(RecordTest, AFrameThatWasPassedOverHasNoPose) {
   pose(3);
   record_.over(now_);
   const std::string text = events();
-  EXPECT_EQ(count(text, "\"state\":\"not_initialised\""), 1);
+  EXPECT_EQ(count(text, "\"state\":\"not_initialized\""), 1);
   EXPECT_EQ(count(text, "\"state\":\"lost\""), 1);
   EXPECT_EQ(count(text, "\"state\":\"ok\""), 2);
 }

@@ -48,8 +48,8 @@ class HardInput : public ::testing::Test {
     stride = frames.size() / kFrames;
   }
 
-  char* grey(int frame) { return frames.data() + static_cast<std::size_t>(frame) * stride; }
-  char* depth(int frame) { return grey(frame) + kPixels; }
+  char* gray(int frame) { return frames.data() + static_cast<std::size_t>(frame) * stride; }
+  char* depth(int frame) { return gray(frame) + kPixels; }
   void set_time_ns(int frame, std::int64_t ns) {
     std::memcpy(index.data() + static_cast<std::size_t>(frame) * kIndexEntry, &ns, sizeof ns);
   }
@@ -58,14 +58,14 @@ class HardInput : public ::testing::Test {
   int play(const std::string& mode) {
     for (int i = 0; i < kFrames; ++i) {
       const auto crc = static_cast<std::uint32_t>(
-          ::crc32_z(0, reinterpret_cast<const Bytef*>(grey(i)), 3 * kPixels));
+          ::crc32_z(0, reinterpret_cast<const Bytef*>(gray(i)), 3 * kPixels));
       std::memcpy(index.data() + static_cast<std::size_t>(i) * kIndexEntry + 8, &crc, sizeof crc);
     }
     folder.write("sequence/frames.bin", frames);
     folder.write("sequence/index.bin", index);
     const nlohmann::json cost{{"a_us", 3000}, {"b_us", 0}, {"c_us", 0}, {"jitter", 0}};
     nlohmann::json stages;
-    for (const char* stage : {"extract", "track", "relocalise", "create_keyframe", "insert",
+    for (const char* stage : {"extract", "track", "relocalize", "create_keyframe", "insert",
                               "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes",
                               "loop_detect", "loop_close", "global_bundle"})
       stages[stage] = cost;
@@ -138,7 +138,7 @@ class HardInput : public ::testing::Test {
       ++poses;
     }
     // A young map is given up when tracking is lost, and the trajectory begins anew with the next.
-    const auto reset = std::find(states.rbegin(), states.rend(), "not_initialised");
+    const auto reset = std::find(states.rbegin(), states.rend(), "not_initialized");
     EXPECT_EQ(poses,
               tracked(static_cast<int>(states.rend() - reset), static_cast<int>(states.size())));
   }
@@ -163,34 +163,34 @@ class HardInput : public ::testing::Test {
 TEST_F(HardInput, TheWalkItselfIsEasy) { expect_survived(kFrames, kFrames); }
 
 TEST_F(HardInput, BlackFrames) {
-  for (int i = 30; i < 38; ++i) std::memset(grey(i), 0, 3 * kPixels);
+  for (int i = 30; i < 38; ++i) std::memset(gray(i), 0, 3 * kPixels);
   expect_survived(30, 40);
   EXPECT_EQ(tracked(31, 38), 0);
 }
 
-TEST_F(HardInput, FramesOfOneGrey) {
-  for (int i = 30; i < 38; ++i) std::memset(grey(i), 128, kPixels);
+TEST_F(HardInput, FramesOfOneGray) {
+  for (int i = 30; i < 38; ++i) std::memset(gray(i), 128, kPixels);
   expect_survived(30, 40);
   EXPECT_EQ(tracked(31, 38), 0);
 }
 
 TEST_F(HardInput, NothingButBlack) {
-  for (int i = 0; i < kFrames; ++i) std::memset(grey(i), 0, 3 * kPixels);
+  for (int i = 0; i < kFrames; ++i) std::memset(gray(i), 0, 3 * kPixels);
   for (const char* mode : {"every_frame", "realtime"}) {
     EXPECT_EQ(play(mode), 0);
     EXPECT_EQ(tracked(0, kFrames), 0);
-    EXPECT_EQ(std::count(states.begin(), states.end(), "not_initialised"), kFrames);
+    EXPECT_EQ(std::count(states.begin(), states.end(), "not_initialized"), kFrames);
   }
 }
 
 TEST_F(HardInput, ACameraThatHangs) {
-  for (int i = 21; i < 40; ++i) std::memcpy(grey(i), grey(20), 3 * kPixels);
+  for (int i = 21; i < 40; ++i) std::memcpy(gray(i), gray(20), 3 * kPixels);
   // Then it has moved on by twenty frames at once.
   expect_survived(40, 46);
 }
 
 TEST_F(HardInput, EveryFrameTwice) {
-  for (int i = 1; i < kFrames; i += 2) std::memcpy(grey(i), grey(i - 1), 3 * kPixels);
+  for (int i = 1; i < kFrames; i += 2) std::memcpy(gray(i), gray(i - 1), 3 * kPixels);
   expect_survived(kFrames, kFrames);
 }
 

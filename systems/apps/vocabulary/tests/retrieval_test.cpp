@@ -29,7 +29,7 @@ TEST(Retrieval, CountsPlacesSeenAgainAndHowManyAreFoundFirst) {
   EXPECT_NEAR(score.chance, 0.25, 1e-12);
 }
 
-TEST(Retrieval, NeighboursInTimeDoNotCount) {
+TEST(Retrieval, NeighborsInTimeDoNotCount) {
   const std::vector<RetrievalImage> images{image(0, 0, 1), image(1, 0, 1), image(20, 9, 1)};
   EXPECT_EQ(measure_retrieval(images).queries, 0);
 }

@@ -20,7 +20,7 @@ namespace {
 
 constexpr int kWidth = 640, kHeight = 480;
 
-/// Boxes of random size and grey with a little noise: about 7,000 corners over the pyramid, as in a
+/// Boxes of random size and gray with a little noise: about 7,000 corners over the pyramid, as in a
 /// cluttered room.
 const std::vector<std::uint8_t>& scene() {
   static const std::vector<std::uint8_t> pixels = [] {
@@ -31,18 +31,18 @@ const std::vector<std::uint8_t>& scene() {
       const int x0 = below(kWidth), y0 = below(kHeight);
       const int x1 = std::min(kWidth, x0 + 4 + below(50)),
                 y1 = std::min(kHeight, y0 + 4 + below(50));
-      const auto grey = static_cast<std::uint8_t>(20 + below(200));
+      const auto gray = static_cast<std::uint8_t>(20 + below(200));
       for (int y = y0; y < y1; ++y)
         for (int x = x0; x < x1; ++x)
           image[static_cast<std::size_t>(y) * kWidth + x] =
-              static_cast<std::uint8_t>(grey + below(7));
+              static_cast<std::uint8_t>(gray + below(7));
     }
     return image;
   }();
   return pixels;
 }
 
-GreyView view() { return {scene().data(), kWidth, kHeight, kWidth}; }
+GrayView view() { return {scene().data(), kWidth, kHeight, kWidth}; }
 const Kernels& kernels(const benchmark::State& state) {
   return state.range(0) ? fastest_kernels() : portable_kernels();
 }
@@ -96,7 +96,7 @@ void Blur(benchmark::State& state) {
   std::vector<std::uint8_t> blurred(kWide * kHeight);
   for (auto _ : state)
     for (int i = 0; i < pyramid.levels(); ++i) {
-      const GreyView level = pyramid.level(i);
+      const GrayView level = pyramid.level(i);
       kernels(state).blur(level.data, level.stride, level.width, level.height, scratch.data(),
                           blurred.data(), kWide);
       benchmark::DoNotOptimize(blurred.data());

@@ -15,7 +15,7 @@ namespace slambed {
 namespace {
 
 DetectionRegion region(int width, int height) {
-  return DetectionRegion(GreyView{nullptr, width + 32, height + 32, width + 32});
+  return DetectionRegion(GrayView{nullptr, width + 32, height + 32, width + 32});
 }
 
 std::vector<Corner> random_corners(int count, int width, int height, unsigned seed) {

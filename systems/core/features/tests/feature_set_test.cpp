@@ -110,7 +110,7 @@ TEST(FeatureSet, RefusesWhatDoesNotFit) {
 
 class RgbdFeatures : public ::testing::Test {
  protected:
-  RgbdFeatures() : grey_(testing::textured_image(640, 480, 3)), depth_(480, 640, CV_16U) {
+  RgbdFeatures() : gray_(testing::textured_image(640, 480, 3)), depth_(480, 640, CV_16U) {
     // Every pixel has its own depth, each fifth none.
     for (int y = 0; y < 480; ++y)
       for (int x = 0; x < 640; ++x)
@@ -122,16 +122,16 @@ class RgbdFeatures : public ::testing::Test {
             static_cast<std::ptrdiff_t>(depth_.step / 2)};
   }
   OrbExtractor extractor_{OrbOptions{}};
-  cv::Mat grey_, depth_;
+  cv::Mat gray_, depth_;
 };
 
 TEST_F(RgbdFeatures, LooksDepthUpAtTheRawPixelAndUndistorts) {
   const auto distorted = sensor({0.26, -0.95, -0.005, 0.0026, 1.16});
   const auto set =
-      make_rgbd_features(extractor_, distorted, testing::view(grey_), depth_view(), 1.0 / 5000);
+      make_rgbd_features(extractor_, distorted, testing::view(gray_), depth_view(), 1.0 / 5000);
   std::vector<RawKeyPoint> raw;
   std::vector<Descriptor> descriptors;
-  extractor_.extract(testing::view(grey_), raw, descriptors);
+  extractor_.extract(testing::view(gray_), raw, descriptors);
   ASSERT_EQ(set->size(), static_cast<int>(raw.size()));
   int with_depth = 0, moved = 0;
   for (int i = 0; i < set->size(); ++i) {
@@ -160,15 +160,15 @@ TEST_F(RgbdFeatures, LooksDepthUpAtTheRawPixelAndUndistorts) {
 }
 
 TEST_F(RgbdFeatures, RefusesImagesOfAnotherSizeThanTheCamera) {
-  const auto grey = testing::view(grey_);
+  const auto gray = testing::view(gray_);
   const cv::Mat small = testing::textured_image(320, 240, 1);
   DepthView short_depth = depth_view();
   short_depth.height = 479;
   EXPECT_THROW(make_rgbd_features(extractor_, sensor(), testing::view(small), depth_view(), 1e-3),
                Error);
-  EXPECT_THROW(make_rgbd_features(extractor_, sensor(), grey, short_depth, 1e-3), Error);
-  EXPECT_THROW(make_rgbd_features(extractor_, sensor(), grey, depth_view(), 0), Error);
-  EXPECT_THROW(make_rgbd_features(extractor_, nullptr, grey, depth_view(), 1e-3), Error);
+  EXPECT_THROW(make_rgbd_features(extractor_, sensor(), gray, short_depth, 1e-3), Error);
+  EXPECT_THROW(make_rgbd_features(extractor_, sensor(), gray, depth_view(), 0), Error);
+  EXPECT_THROW(make_rgbd_features(extractor_, nullptr, gray, depth_view(), 1e-3), Error);
 }
 
 TEST_F(RgbdFeatures, ABlackImageGivesAnEmptySet) {

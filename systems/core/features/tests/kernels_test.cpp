@@ -26,7 +26,7 @@ TEST(Kernels, BlurIsTheGaussianOfOpenCvWithinRounding) {
     std::vector<std::uint8_t> scratch(kBlurScratchRows * (2 * kBlurRadius + kWide));
     std::vector<std::uint8_t> found(static_cast<std::size_t>(kWide) * image.rows);
     double bias = 0;
-    const GreyView view = plane.view();
+    const GrayView view = plane.view();
     kernels->blur(view.data, view.stride, image.cols, image.rows, scratch.data(), found.data(),
                   kWide);
     for (int y = 0; y < image.rows; ++y)
@@ -55,7 +55,7 @@ TEST(Kernels, MomentsSumUpTheDisc) {
           m01 += y * image.at<std::uint8_t>(at.y + y, at.x + x);
         }
       for (const Kernels* kernels : kAll) {
-        const GreyView view = plane.view();
+        const GrayView view = plane.view();
         const Moments found = kernels->moments(&view.at(at.x, at.y), view.stride);
         EXPECT_EQ(found.m10, m10) << kernels->name;
         EXPECT_EQ(found.m01, m01) << kernels->name;
@@ -106,7 +106,7 @@ TEST(Kernels, DescribeRotatesThePatternAndCompares) {
     }
     for (const Kernels* kernels : kAll) {
       Descriptor found{};
-      const GreyView view = plane.view();
+      const GrayView view = plane.view();
       kernels->describe(&view.at(30, 30), view.stride, pattern, c, s, found.data());
       EXPECT_EQ(found, expected) << kernels->name << " at " << degree;
     }
@@ -141,7 +141,7 @@ TEST(Kernels, SlidingPatchesAddsUpWhatOneReadsInTheImages) {
         if (place == 0 || absolute < least) least = absolute, best = place;
       }
       for (const Kernels* kernels : kAll) {
-        const GreyView l = left_plane.view(), r = right_plane.view();
+        const GrayView l = left_plane.view(), r = right_plane.view();
         const PatchSlide found = kernels->slide_patch(&l.at(x, y), l.stride, &r.at(x, y), r.stride);
         EXPECT_EQ(found.best, best) << kernels->name << " " << shift;
         EXPECT_EQ(found.absolute, least);

@@ -101,10 +101,10 @@ TEST(OrbExtractor, EveryMachineFindsTheseBytes) {
     const int x0 = random() % 400, y0 = random() % 300;
     const int x1 = std::min<int>(400, x0 + 4 + random() % 40);
     const int y1 = std::min<int>(300, y0 + 4 + random() % 40);
-    const int grey = 10 + random() % 230;
+    const int gray = 10 + random() % 230;
     for (int y = y0; y < y1; ++y)
       for (int x = x0; x < x1; ++x)
-        image.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(grey + random() % 5);
+        image.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(gray + random() % 5);
   }
   OrbExtractor extractor({});
   const Features f = extract(extractor, image);
@@ -145,8 +145,8 @@ TEST(OrbExtractor, TheSecondImageAllocatesNothing) {
 
 TEST(OrbExtractor, ImagesWithoutTextureHaveNoFeatures) {
   OrbExtractor extractor({});
-  for (const int grey : {0, 1, 128, 255}) {
-    const Features f = extract(extractor, cv::Mat(480, 640, CV_8U, cv::Scalar(grey)));
+  for (const int gray : {0, 1, 128, 255}) {
+    const Features f = extract(extractor, cv::Mat(480, 640, CV_8U, cv::Scalar(gray)));
     EXPECT_TRUE(f.keypoints.empty());
     EXPECT_TRUE(f.descriptors.empty());
   }
@@ -162,7 +162,7 @@ TEST(OrbExtractor, TinyAndOddImagesAreNoProblem) {
   EXPECT_TRUE(extract(extractor, testing::noise_image(5000, 10, 1)).keypoints.empty());
   EXPECT_FALSE(extract(extractor, testing::noise_image(2000, 40, 1)).keypoints.empty());
   Features f{{RawKeyPoint{}}, {Descriptor{}}};
-  extractor.extract(GreyView{}, f.keypoints, f.descriptors);
+  extractor.extract(GrayView{}, f.keypoints, f.descriptors);
   EXPECT_TRUE(f.keypoints.empty());
   EXPECT_TRUE(f.descriptors.empty());
 }

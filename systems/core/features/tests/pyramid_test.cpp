@@ -65,7 +65,7 @@ TEST(ImagePyramid, StopsBeforeLevelsThatAreTooSmall) {
 }
 
 TEST(ImagePyramid, KeepsBrightnessAndPlaces) {
-  // A ramp stays the same ramp when the centre of pixel x lies at (x + 0.5) * ratio - 0.5.
+  // A ramp stays the same ramp when the center of pixel x lies at (x + 0.5) * ratio - 0.5.
   cv::Mat ramp(200, 250, CV_8U);
   for (int y = 0; y < ramp.rows; ++y)
     for (int x = 0; x < ramp.cols; ++x)
@@ -73,7 +73,7 @@ TEST(ImagePyramid, KeepsBrightnessAndPlaces) {
   ImagePyramid pyramid(ScalePyramid().scale, fastest_kernels());
   pyramid.build(view(ramp));
   for (int i = 1; i < pyramid.levels(); ++i) {
-    const GreyView level = pyramid.level(i);
+    const GrayView level = pyramid.level(i);
     const double rx = 250.0 / level.width, ry = 200.0 / level.height;
     for (int y = 2; y < level.height - 2; ++y)
       for (int x = 2; x < level.width - 2; ++x)
@@ -117,8 +117,8 @@ TEST(PaddedPlane, MirrorsAsReflect101) {
   constexpr int kBorder = PaddedPlane::kBorder;
   cv::Mat expected;
   cv::copyMakeBorder(image, expected, kBorder, kBorder, kBorder, kBorder, cv::BORDER_REFLECT_101);
-  const GreyView inner = plane.view();
-  const GreyView all{inner.row(-kBorder) - kBorder, expected.cols, expected.rows, inner.stride};
+  const GrayView inner = plane.view();
+  const GrayView all{inner.row(-kBorder) - kBorder, expected.cols, expected.rows, inner.stride};
   EXPECT_EQ(cv::norm(to_mat(all), expected, cv::NORM_INF), 0);
 }
 

@@ -11,11 +11,11 @@
 
 namespace slambed::testing {
 
-inline GreyView view(const cv::Mat& grey) {
-  return {grey.data, grey.cols, grey.rows, static_cast<std::ptrdiff_t>(grey.step)};
+inline GrayView view(const cv::Mat& gray) {
+  return {gray.data, gray.cols, gray.rows, static_cast<std::ptrdiff_t>(gray.step)};
 }
 
-inline cv::Mat to_mat(GreyView image) {
+inline cv::Mat to_mat(GrayView image) {
   return cv::Mat(image.height, image.width, CV_8U, const_cast<std::uint8_t*>(image.data),
                  image.stride)
       .clone();
@@ -38,11 +38,11 @@ inline cv::Mat textured_image(int width, int height, unsigned seed) {
   for (int i = 0; i < shapes; ++i) {
     const cv::Point at(below(width), below(height));
     const int size = 3 + below(1 + 60 * (shapes - i) / shapes);
-    const cv::Scalar grey(below(256));
+    const cv::Scalar gray(below(256));
     if (i % 3 == 0)
-      cv::circle(image, at, size / 2 + 2, grey, cv::FILLED);
+      cv::circle(image, at, size / 2 + 2, gray, cv::FILLED);
     else
-      cv::rectangle(image, at, at + cv::Point(size, 3 + below(size)), grey, cv::FILLED);
+      cv::rectangle(image, at, at + cv::Point(size, 3 + below(size)), gray, cv::FILLED);
   }
   cv::GaussianBlur(image, image, {5, 5}, 0.8);
   return image;

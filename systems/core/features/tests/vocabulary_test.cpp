@@ -32,8 +32,8 @@ Descriptor flip_bits(Descriptor d, int bits, std::mt19937_64& random) {
 }
 
 /// A world of landmarks; an image of a place sees that place's landmarks with a few bits wrong.
-struct World {
-  explicit World(int places, int per_place = 80) {
+struct Scene {
+  explicit Scene(int places, int per_place = 80) {
     for (int p = 0; p < places; ++p) {
       landmarks.emplace_back();
       for (int i = 0; i < per_place; ++i) landmarks.back().push_back(random_descriptor(random));
@@ -48,10 +48,10 @@ struct World {
   std::vector<std::vector<Descriptor>> landmarks;
 };
 
-Vocabulary trained(World& world, int depth = 3) {
+Vocabulary trained(Scene& scene, int depth = 3) {
   std::vector<std::vector<Descriptor>> images;
-  for (std::size_t p = 0; p < world.landmarks.size(); ++p) {
-    for (int i = 0; i < 3; ++i) images.push_back(world.image(static_cast<int>(p)));
+  for (std::size_t p = 0; p < scene.landmarks.size(); ++p) {
+    for (int i = 0; i < 3; ++i) images.push_back(scene.image(static_cast<int>(p)));
   }
   return Vocabulary::train(images, {.branching = 10, .depth = depth});
 }
@@ -67,12 +67,12 @@ class VocabularyFile : public ::testing::Test {
 };
 
 TEST(Vocabulary, ASecondLookAtAPlaceIsMoreSimilarThanAnyOtherPlace) {
-  World world(30);
-  const Vocabulary vocabulary = trained(world);
+  Scene scene(30);
+  const Vocabulary vocabulary = trained(scene);
   std::vector<BagOfWords> first, second;
   for (int p = 0; p < 30; ++p) {
-    first.push_back(vocabulary.transform(world.image(p)));
-    second.push_back(vocabulary.transform(world.image(p)));
+    first.push_back(vocabulary.transform(scene.image(p)));
+    second.push_back(vocabulary.transform(scene.image(p)));
   }
   for (int p = 0; p < 30; ++p) {
     const double same = similarity(first[p], second[p]);
@@ -83,10 +83,10 @@ TEST(Vocabulary, ASecondLookAtAPlaceIsMoreSimilarThanAnyOtherPlace) {
   }
 }
 
-TEST(Vocabulary, BagsAreNormalisedOrderedAndCompleteAndSimilarityIsBounded) {
-  World world(10);
-  const Vocabulary vocabulary = trained(world);
-  const BagOfWords bag = vocabulary.transform(world.image(4));
+TEST(Vocabulary, BagsAreNormalizedOrderedAndCompleteAndSimilarityIsBounded) {
+  Scene scene(10);
+  const Vocabulary vocabulary = trained(scene);
+  const BagOfWords bag = vocabulary.transform(scene.image(4));
   double sum = 0;
   for (const auto& word : bag.words) sum += word.second;
   EXPECT_NEAR(sum, 1, 1e-5);
@@ -99,41 +99,41 @@ TEST(Vocabulary, BagsAreNormalisedOrderedAndCompleteAndSimilarityIsBounded) {
 }
 
 TEST(Vocabulary, NoFeaturesGiveAnEmptyBag) {
-  World world(4);
-  const BagOfWords bag = trained(world).transform({});
+  Scene scene(4);
+  const BagOfWords bag = trained(scene).transform({});
   EXPECT_TRUE(bag.words.empty());
   EXPECT_TRUE(bag.nodes.empty());
 }
 
 TEST(Vocabulary, EqualSeedsTrainEqualTrees) {
-  World a(10), b(10);
-  World query(10);
+  Scene a(10), b(10);
+  Scene query(10);
   const auto image = query.image(3);
   EXPECT_EQ(trained(a).transform(image).words, trained(b).transform(image).words);
 }
 
 TEST(Vocabulary, TrainingRefusesNothingAndNonsense) {
   EXPECT_THROW(Vocabulary::train({}), Error);
-  World world(1);
-  const std::vector<std::vector<Descriptor>> images{world.image(0)};
+  Scene scene(1);
+  const std::vector<std::vector<Descriptor>> images{scene.image(0)};
   EXPECT_THROW(Vocabulary::train(images, {.branching = 1}), Error);
   EXPECT_THROW(Vocabulary::train(images, {.depth = 0}), Error);
 }
 
 TEST_F(VocabularyFile, RoundTripKeepsEveryAnswer) {
-  World world(10);
-  const Vocabulary before = trained(world);
+  Scene scene(10);
+  const Vocabulary before = trained(scene);
   before.save(folder_ / "v.slv");
   const Vocabulary after = Vocabulary::load(folder_ / "v.slv");
   EXPECT_EQ(after.words(), before.words());
-  const auto image = world.image(2);
+  const auto image = scene.image(2);
   EXPECT_EQ(after.transform(image).words, before.transform(image).words);
   EXPECT_EQ(after.transform(image).nodes, before.transform(image).nodes);
 }
 
 TEST_F(VocabularyFile, EveryFlippedByteAndEveryCutIsNoticed) {
-  World world(3, 20);
-  trained(world, 2).save(folder_ / "v.slv");
+  Scene scene(3, 20);
+  trained(scene, 2).save(folder_ / "v.slv");
   std::ifstream in(folder_ / "v.slv", std::ios::binary);
   const std::string good((std::istreambuf_iterator<char>(in)), {});
   const auto write = [&](const std::string& bytes) {
@@ -156,13 +156,13 @@ TEST_F(VocabularyFile, EveryFlippedByteAndEveryCutIsNoticed) {
 }
 
 TEST_F(VocabularyFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
-  World world(3, 20);
-  trained(world, 2).save(folder_ / "v.slv");
+  Scene scene(3, 20);
+  trained(scene, 2).save(folder_ / "v.slv");
   std::ifstream in(folder_ / "v.slv", std::ios::binary);
   const std::vector<std::uint8_t> good((std::istreambuf_iterator<char>(in)), {});
   ASSERT_NO_THROW(Vocabulary::parse(good, "good"));
   constexpr std::size_t kHeader = 24, kRecord = 48, kLinks = 32;
-  const auto image = world.image(1);
+  const auto image = scene.image(1);
   std::mt19937 random(6);
   int refused = 0;
   constexpr int kTries = 4000;
@@ -195,10 +195,10 @@ TEST(DefaultVocabulary, IsBuiltInAndTellsPlacesApart) {
   const auto vocabulary = default_vocabulary();
   EXPECT_EQ(vocabulary->words(), 10000u);
   EXPECT_EQ(vocabulary->depth(), 4);
-  World world(5, 300);
-  const BagOfWords here = vocabulary->transform(world.image(0));
-  EXPECT_GT(similarity(here, vocabulary->transform(world.image(0))),
-            2 * similarity(here, vocabulary->transform(world.image(1))));
+  Scene scene(5, 300);
+  const BagOfWords here = vocabulary->transform(scene.image(0));
+  EXPECT_GT(similarity(here, vocabulary->transform(scene.image(0))),
+            2 * similarity(here, vocabulary->transform(scene.image(1))));
 }
 
 TEST_F(VocabularyFile, ReadsDbow2Text) {

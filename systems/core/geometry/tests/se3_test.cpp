@@ -66,7 +66,7 @@ TEST(SE3Test, InverseAndProductAgreeWithTheMapping) {
   EXPECT_LT((a.inverse() * (a * p) - p).norm(), 1e-14);
 }
 
-TEST(SE3Test, NormalisingRepairsALongChain) {
+TEST(SE3Test, NormalizingRepairsALongChain) {
   SE3 chain;
   const SE3 step = SE3::exp((Twist() << 0.01, 0, 0, 0.02, -0.01, 0.03).finished());
   for (int i = 0; i < 1000; ++i) chain = step * chain;

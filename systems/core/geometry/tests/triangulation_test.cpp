@@ -58,7 +58,7 @@ TEST(TriangulationTest, RefusesParallelRaysAndBadNumbers) {
 }
 
 TEST(TriangulationTest, ParallaxOfAKnownTriangle) {
-  // The point (0, 0, 1) seen from the origin and from one metre to the right: 45 degrees.
+  // The point (0, 0, 1) seen from the origin and from one meter to the right: 45 degrees.
   const SE3 right(Eigen::Matrix3d::Identity(), Eigen::Vector3d(-1, 0, 0));
   EXPECT_NEAR(cos_parallax(SE3(), right, {0, 0}, {-1, 0}), std::sqrt(0.5), 1e-14);
 }

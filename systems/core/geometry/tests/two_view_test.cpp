@@ -64,9 +64,9 @@ struct Scene {
   std::vector<Eigen::Vector3d> truth;  ///< in the first camera's frame; behind it: nonsense
 };
 
-SE3 sideways(double metres = 0.5) {
+SE3 sideways(double meters = 0.5) {
   Eigen::Matrix<double, 6, 1> twist;
-  twist << -metres, 0.1 * metres, 0.2 * metres, 0.03, -0.06, 0.02;
+  twist << -meters, 0.1 * meters, 0.2 * meters, 0.03, -0.06, 0.02;
   return SE3::exp(twist);
 }
 

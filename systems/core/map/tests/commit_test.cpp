@@ -70,7 +70,7 @@ TEST(Commit, EditsOfUnknownElementsAreCountedAndIgnored) {
   delta.fusions = {{pt(500), pt(1)}, {pt(1), pt(500)}};
   delta.positions = {{pt(500), {0, 0, 0}, 9}};
   delta.poses = {{kf(7), SE3(), 9}};
-  delta.sightings = {{pt(500), 3, 3}};
+  delta.observation_counts = {{pt(500), 3, 3}};
   delta.culled_points = {pt(500)};
   delta.culled_keyframes = {kf(7)};
   delta.points = {new_point(0)};
@@ -133,7 +133,7 @@ TEST(Commit, FusionMovesObservationsAndResolves) {
   MapDelta delta;
   for (std::uint64_t n = 1; n <= 3; ++n) delta.points.push_back(new_point(n));
   delta.keyframes = {new_keyframe(1, {1, 0, 2}), new_keyframe(2, {2}), new_keyframe(3, {1, 0, 3})};
-  delta.sightings = {{pt(1), 10, 6}, {pt(2), 5, 4}};
+  delta.observation_counts = {{pt(1), 10, 6}, {pt(2), 5, 4}};
   Map map;
   map.commit(delta);
   MapDelta fusion;
@@ -252,14 +252,14 @@ TEST(Commit, RangeOfAPointWhoseReferenceIsNotHereIsKept) {
   EXPECT_EQ(on_point(map, 1, [](auto& p) { return p.appearance.max_distance_m; }), 11);
 }
 
-TEST(Commit, SightingsOnlyGrowAndDoNotCountAsARevision) {
+TEST(Commit, ObservationCountsOnlyGrowAndDoNotCountAsARevision) {
   Map map;
   map.commit(two_keyframes());
   const std::uint64_t revision = map.revision();
   MapDelta delta;
-  delta.sightings = {{pt(1), 8, 4}};
+  delta.observation_counts = {{pt(1), 8, 4}};
   EXPECT_EQ(map.commit(delta).applied, 1);
-  delta.sightings = {{pt(1), 6, 3}};
+  delta.observation_counts = {{pt(1), 6, 3}};
   EXPECT_EQ(map.commit(delta).applied, 0);
   EXPECT_EQ(on_point(map, 1, [](auto& p) { return p.visible * 100 + p.found; }), 804u);
   EXPECT_EQ(map.revision(), revision);

@@ -6,7 +6,7 @@
 namespace slambed::testing {
 namespace {
 
-/// Chain of keyframes with forty points each; neighbours share twenty, next but one share `far`.
+/// Chain of keyframes with forty points each; neighbors share twenty, next but one share `far`.
 MapDelta chain(int keyframes, int far) {
   MapDelta delta;
   const int step = 20;

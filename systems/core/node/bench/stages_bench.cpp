@@ -10,7 +10,7 @@
 #include "slam/frame_search.hpp"
 #include "slam/local_mapper.hpp"
 #include "slam/loop_closer.hpp"
-#include "slam/relocaliser.hpp"
+#include "slam/relocalizer.hpp"
 #include "slam/tests/drifted_laps.hpp"
 #include "slam/tracker.hpp"
 #include "store/map_file.hpp"
@@ -67,7 +67,7 @@ class Played {
         }
       map->commit(mapper.finish_bundle());
     }
-    places->follow(*map);
+    places->update_from(*map);
   }
   std::filesystem::path made() {
     synth::GeneratorOptions options;
@@ -115,7 +115,7 @@ void Pose(benchmark::State& state) {
   int inliers = 0;
   for (auto _ : state) {
     matching.frame.T_cw = matching.run.T_before;
-    inliers = matching.search.optimise_pose(matching.frame);
+    inliers = matching.search.optimize_pose(matching.frame);
   }
   state.counters["inliers"] = inliers;
 }
@@ -178,15 +178,15 @@ void PlaceQuery(benchmark::State& state) {
   }
 }
 
-void Relocalise(benchmark::State& state) {
+void Relocalize(benchmark::State& state) {
   Played& run = Played::once();
-  Relocaliser relocaliser(run.places);
+  Relocalizer relocalizer(run.places);
   FrameSearch search;
   Frame frame;
   int found = 0, tried = 0;
   for (auto _ : state) {
     frame.begin(0, 0, run.frames[++tried * 7 % kFrames]);
-    found += relocaliser.locate(*run.map, {}, search, frame);
+    found += relocalizer.locate(*run.map, {}, search, frame);
   }
   state.counters["found"] = static_cast<double>(found) / tried;
 }
@@ -214,7 +214,7 @@ void CloseLoop(benchmark::State& state) {
   }
 }
 
-void SerialiseKeyFrame(benchmark::State& state) {
+void SerializeKeyFrame(benchmark::State& state) {
   Played& run = Played::once();
   for (auto _ : state)
     state.counters["bytes"] = static_cast<double>(wire::encode(run.newest_delta).size());
@@ -226,7 +226,7 @@ void ParseKeyFrame(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(wire::decode_delta(bytes, run.source.sensor()));
 }
 
-void SerialiseMap(benchmark::State& state) {
+void SerializeMap(benchmark::State& state) {
   Played& run = Played::once();
   const MapInfo info{.sensor = run.info, .sequence = "walk"};
   for (auto _ : state)
@@ -251,13 +251,13 @@ STAGE(LocalBundle);
 STAGE(CullKeyFrames);
 STAGE(CommitKeyFrame);
 STAGE(PlaceQuery);
-STAGE(Relocalise);
+STAGE(Relocalize);
 STAGE(CloseLoop)->Iterations(3);
-STAGE(SerialiseKeyFrame);
+STAGE(SerializeKeyFrame);
 STAGE(ParseKeyFrame);
-STAGE(SerialiseMap);
+STAGE(SerializeMap);
 STAGE(ParseMap);
-// Last: it counts sightings in the map.
+// Last: it counts observations (found, visible) in the map.
 STAGE(TrackFrame);
 
 }  // namespace

@@ -23,14 +23,14 @@ Mapped map_with_correction_at(RunTime when) {
   EventLog log(folder.path() / "events.jsonl", NodeRole::kMobile);
   log.set_clock([] { return RunTime::zero(); });
   log.start(Duration::zero(), [] {});
-  SyntheticWorld world;
+  SyntheticScene scene;
   const auto map = std::make_shared<Map>();
   Tracker tracker({}, map, IdSpace::kTracker);
   KeyFrameId newest;
   for (int frame = 0; frame < 60; ++frame) {
     tracker.track(
         frame, frame / 30.0,
-        world.look(walk(frame), {.pixel_noise = 0.7, .depth_noise = 0.02, .depth_limit_m = 4}));
+        scene.look(walk(frame), {.pixel_noise = 0.7, .depth_noise = 0.02, .depth_limit_m = 4}));
     if (frame % 10 == 0) newest = tracker.create_keyframe().keyframes.at(0).id;
   }
   Mapped mapped;
@@ -63,7 +63,7 @@ double most_moved_m(const Mapped& mapped) {
   double most = 0;
   for (const NewKeyFrame& was : mapped.before.keyframes)
     for (const NewKeyFrame& is : mapped.after.keyframes)
-      if (is.id == was.id) most = std::max(most, centre_error(is.T_cw, was.T_cw));
+      if (is.id == was.id) most = std::max(most, center_error(is.T_cw, was.T_cw));
   return most;
 }
 

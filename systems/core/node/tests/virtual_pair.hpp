@@ -10,25 +10,25 @@
 #include "node/edge_node.hpp"
 #include "node/mobile_node.hpp"
 #include "runtime/virtual/virtual_network.hpp"
-#include "slam/tests/synthetic_world.hpp"
+#include "slam/tests/synthetic_scene.hpp"
 #include "wire/messages.hpp"
 
 namespace slambed::testing {
 
-/// Features of a synthetic world instead of images.
-class WorldSource final : public FeatureSource {
+/// Features of a synthetic scene instead of images.
+class SceneSource final : public FeatureSource {
  public:
-  using Look = std::function<std::shared_ptr<const FeatureSet>(SyntheticWorld&, int frame)>;
-  WorldSource(Look look, bool single_camera)
-      : world_(kPoints, 1, single_camera), look_(std::move(look)) {}
+  using Look = std::function<std::shared_ptr<const FeatureSet>(SyntheticScene&, int frame)>;
+  SceneSource(Look look, bool single_camera)
+      : scene_(kPoints, 1, single_camera), look_(std::move(look)) {}
   std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override {
-    return look_(world_, static_cast<int>(frame));
+    return look_(scene_, static_cast<int>(frame));
   }
-  std::shared_ptr<const Sensor> sensor() const override { return world_.sensor(); }
+  std::shared_ptr<const Sensor> sensor() const override { return scene_.sensor(); }
 
  private:
   static constexpr int kPoints = 5000;
-  SyntheticWorld world_;
+  SyntheticScene scene_;
   Look look_;
 };
 
@@ -39,7 +39,7 @@ inline DeviceModel uniform_device(double stage_us) {
   for (const char* stage : {"extract",
                             "track",
                             "create_keyframe",
-                            "serialise",
+                            "serialize",
                             "parse",
                             "insert",
                             "cull_points",
@@ -53,8 +53,8 @@ inline DeviceModel uniform_device(double stage_us) {
                             "update_reference",
                             "update_last_frame",
                             "clean_map",
-                            "relocalise",
-                            "serialise_text",
+                            "relocalize",
+                            "serialize_text",
                             "parse_text",
                             "loop_detect",
                             "loop_close",
@@ -166,7 +166,7 @@ class RestartingNetwork final : public Network {
   }
   PeerState peer() const override {
     PeerState state = below_.peer();
-    if (restarted()) ++state.incarnation;
+    if (restarted()) ++state.session;
     return state;
   }
   Signal& peer_signal() override { return below_.peer_signal(); }
@@ -178,11 +178,11 @@ class RestartingNetwork final : public Network {
   std::optional<Message> take(Channel& below, bool keyframes) {
     if (keyframes && restarted() && !std::exchange(asked_, true)) {
       return Message{.type = wire::type_of(wire::kKeyFrameWanted),
-                     .incarnation = below_.peer().incarnation + 1,
+                     .session = below_.peer().session + 1,
                      .payload = {}};
     }
     auto message = below.try_receive();
-    if (message && message->received >= when_) ++message->incarnation;
+    if (message && message->received >= when_) ++message->session;
     return message;
   }
 
@@ -249,7 +249,7 @@ struct PairResult {
 
 /// Mobile and edge of one system in one process under virtual time.
 inline PairResult run_pair(const System& system, const nlohmann::json& params, int frames,
-                           double fps, const PairLink& path, WorldSource::Look look) {
+                           double fps, const PairLink& path, SceneSource::Look look) {
   TemporaryFolder folder;
   const Parameters parameters(params, system.parameters, "params.");
   std::vector<std::int64_t> times;
@@ -272,7 +272,7 @@ inline PairResult run_pair(const System& system, const nlohmann::json& params, i
     uniform_edge.stages["global_bundle"].a_us = path.edge_bundle_us;
     VirtualRuntime edge_runtime(simulator, path.edge_device.value_or(uniform_edge), 2, edge_log);
     VirtualLink link(simulator, path.direction(), path.direction(), 1);
-    WorldSource source(std::move(look), path.single_camera);
+    SceneSource source(std::move(look), path.single_camera);
     PeerInfo peer;
     const auto sensor = source.sensor();
     peer.set({.camera = sensor->camera,

@@ -19,7 +19,7 @@ wire::DirectText* MessageCodec::direct(const Worker& worker) const {
 
 template <typename Write>
 Bytes MessageCodec::staged(Worker& worker, Write write) const {
-  return worker.stage(text() ? "serialise_text" : "serialise", [&](StageUnits& units) {
+  return worker.stage(text() ? "serialize_text" : "serialize", [&](StageUnits& units) {
     Bytes bytes = write();
     units.n1 = kilobytes(bytes);
     return bytes;
@@ -39,7 +39,7 @@ auto MessageCodec::read(const Worker& worker, const Bytes& bytes, const wire::Se
   return text() ? from_text(bytes, sensor, direct(worker)) : from_binary(bytes, sensor);
 }
 
-Bytes MessageCodec::serialise(Worker& worker, const wire::KeyFrameMessage& message,
+Bytes MessageCodec::serialize(Worker& worker, const wire::KeyFrameMessage& message,
                               const Map& local) const {
   return staged(worker, [&] {
     if (!text()) return encode(message);
@@ -50,19 +50,19 @@ Bytes MessageCodec::serialise(Worker& worker, const wire::KeyFrameMessage& messa
   });
 }
 
-Bytes MessageCodec::serialise(Worker& worker, const wire::MapUpdate& message) const {
+Bytes MessageCodec::serialize(Worker& worker, const wire::MapUpdate& message) const {
   return written(worker, message);
 }
 
-Bytes MessageCodec::serialise(Worker& worker, const wire::FrameMessage& message) const {
+Bytes MessageCodec::serialize(Worker& worker, const wire::FrameMessage& message) const {
   return written(worker, message);
 }
 
-Bytes MessageCodec::serialise(Worker& worker, const wire::RelocRequest& message) const {
+Bytes MessageCodec::serialize(Worker& worker, const wire::RelocRequest& message) const {
   return written(worker, message);
 }
 
-Bytes MessageCodec::serialise(Worker& worker, const wire::RelocOk& message,
+Bytes MessageCodec::serialize(Worker& worker, const wire::RelocOk& message,
                               const wire::FrameMessage& asked) const {
   return written(worker, message, asked);
 }

@@ -16,8 +16,8 @@
 namespace slambed {
 
 /// How keyframes, updates and frames are written: our checked binary form, or the text archives of
-/// Edge-SLAM, for what they cost: by streams, unless a model charges for it. Stages: serialise and
-/// parse, or serialise_text and parse_text; n1 is kilobytes. Copies share what they keep of texts.
+/// Edge-SLAM, for what they cost: by streams, unless a model charges for it. Stages: serialize and
+/// parse, or serialize_text and parse_text; n1 is kilobytes. Copies share what they keep of texts.
 class MessageCodec {
  public:
   enum class Form { kBinary, kCompatibility };
@@ -29,12 +29,12 @@ class MessageCodec {
   std::string_view parse_stage() const { return text() ? "parse_text" : "parse"; }
 
   /// local: the map that holds the keyframe and the points it sees.
-  Bytes serialise(Worker& worker, const wire::KeyFrameMessage& message, const Map& local) const;
-  Bytes serialise(Worker& worker, const wire::MapUpdate& message) const;
-  Bytes serialise(Worker& worker, const wire::FrameMessage& message) const;
-  Bytes serialise(Worker& worker, const wire::RelocRequest& message) const;
+  Bytes serialize(Worker& worker, const wire::KeyFrameMessage& message, const Map& local) const;
+  Bytes serialize(Worker& worker, const wire::MapUpdate& message) const;
+  Bytes serialize(Worker& worker, const wire::FrameMessage& message) const;
+  Bytes serialize(Worker& worker, const wire::RelocRequest& message) const;
   /// asked: the frame of the request.
-  Bytes serialise(Worker& worker, const wire::RelocOk& message,
+  Bytes serialize(Worker& worker, const wire::RelocOk& message,
                   const wire::FrameMessage& asked) const;
 
   /// All throw wire::DecodeError. Within the stage parse_stage().

@@ -10,7 +10,7 @@
 namespace slambed {
 
 /// The channels of Edge-SLAM, with its drop-oldest queues on both sides. With the compatibility
-/// codec all but control also send as Edge-SLAM does: they wait for acknowledgements.
+/// codec all but control also send as Edge-SLAM does: they wait for acknowledgments.
 class OffloadChannels {
  public:
   OffloadChannels(Runtime& runtime, Network& network, Observer& observer,

@@ -90,8 +90,8 @@ void StopAndWaitChannel::run(Worker& worker) {
 }
 
 void StopAndWaitChannel::on_message(Message message) {
-  if (message.incarnation != incarnation_) {  // a restarted peer counts from 1 again
-    incarnation_ = message.incarnation;
+  if (message.session != session_) {  // a restarted peer counts from 1 again
+    session_ = message.session;
     last_delivered_ = 0;
     announced_.reset();
   }

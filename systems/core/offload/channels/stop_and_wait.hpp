@@ -61,7 +61,7 @@ class StopAndWaitChannel final : public Channel {
   Message current_;               ///< on its way
   std::uint64_t connection_ = 0;  ///< on which current_ was announced
   std::optional<wire::AnnounceMessage> announced_;
-  std::uint64_t last_delivered_ = 0, incarnation_ = 0;
+  std::uint64_t last_delivered_ = 0, session_ = 0;
 };
 
 }  // namespace slambed

@@ -16,14 +16,14 @@ void MapDownlink::before_frame(Worker& worker) {
   applier_->before_frame(worker);
 }
 
-void MapDownlink::join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation,
+void MapDownlink::join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session,
                        bool takes_its_place) {
   const auto map = node_.tracker().map();
   if (takes_its_place) map->clear();
   map->commit(map->read([&](const MapView& view) { return rebase_changes(view, keyframe); }));
-  if (takes_its_place) node_.replace_map(map);  // what tracking knows of it is of another world
+  if (takes_its_place) node_.replace_map(map);  // what tracking knows of it is of another map
   for (const NewKeyFrame& made : keyframe.keyframes) node_.poses().placed(made.id, made.T_cw);
-  check_.joined(keyframe, update, incarnation);
+  check_.joined(keyframe, update, session);
 }
 
 void MapDownlink::keyframe_created(RunTime when, const MapDelta& made, bool provisional) {

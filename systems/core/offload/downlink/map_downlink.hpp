@@ -34,9 +34,9 @@ class MapDownlink {
   void recovered(RunTime when, KeyFrameId reference) { applier_->recovered(when, reference); }
   /// A keyframe of the edge's map with all its points joins the local map, or takes its place;
   /// counts as an update with this number. On the tracking worker.
-  void join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation,
+  void join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session,
             bool takes_its_place);
-  /// Whether the last update was a map for relocalisation; not any more once asked.
+  /// Whether the last update was a map for relocalization; not any more once asked.
   bool came_from_map() { return applier_->came_from_map(); }
   /// Number of the last update applied from the edge that is there now; 0: none.
   std::uint64_t applied_update() const { return check_.applied_update(); }

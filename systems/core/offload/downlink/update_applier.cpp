@@ -41,7 +41,7 @@ int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFram
 
 void UpdateApplier::done(Worker& worker, const UpdateArrival& arrival, const Outcome& outcome) {
   check_.applied(arrival, outcome.backed_up > 0);
-  from_map_ = arrival.relocalisation();
+  from_map_ = arrival.relocalization();
   if (on_applied_) on_applied_(arrival.update, arrival.map);
   check_.place_keyframes(arrival.update);
 
@@ -53,7 +53,7 @@ void UpdateApplier::done(Worker& worker, const UpdateArrival& arrival, const Out
       .add("newest_keyframe", arrival.update.newest.value)
       .add("keyframes", arrival.update.map.keyframes.size())
       .add("points", arrival.update.map.points.size())
-      .add("relocalisation", arrival.relocalisation())
+      .add("relocalization", arrival.relocalization())
       .add("gap_keyframes", outcome.gap);
   if (outcome.backed_up > 0) event.add("backed_up", outcome.backed_up);
   node_.log().write(event.add_ms("pause_ms", now - outcome.begin)

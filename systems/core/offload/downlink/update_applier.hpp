@@ -43,7 +43,7 @@ class UpdateApplier {
   virtual void suspend(bool /*suspended*/) {}
   /// Tracking was lost and goes on, found at this keyframe.
   virtual void recovered(RunTime, KeyFrameId) {}
-  /// Whether the last update was a map for relocalisation; not any more once asked.
+  /// Whether the last update was a map for relocalization; not any more once asked.
   bool came_from_map() { return std::exchange(from_map_, false); }
 
  protected:

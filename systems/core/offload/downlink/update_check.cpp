@@ -14,9 +14,9 @@ UpdateState UpdateCheck::state_for(Worker& worker, const UpdateArrival& arrival)
   const PeerState edge = node_.network().peer();
   std::lock_guard lock(mutex_);
   const auto local_map = local_map_.lock();
-  return {.relocalisation = arrival.relocalisation(),
+  return {.relocalization = arrival.relocalization(),
           .lost = lost_,
-          .former_edge = arrival.raw.incarnation != edge.incarnation,
+          .former_edge = arrival.raw.session != edge.session,
           .before_recovery = arrival.raw.queued < recovered_,
           .behind = arrival.update.newest < expected_,
           .update = arrival.update.update,
@@ -73,8 +73,8 @@ void UpdateCheck::keyframe_created(RunTime when) {
 void UpdateCheck::applied(const UpdateArrival& arrival, bool newer) {
   std::lock_guard lock(mutex_);
   applied_ = arrival.update.update;
-  past_probation_ = arrival.update.settled;
-  applied_incarnation_ = arrival.raw.incarnation;
+  past_probation_ = arrival.update.past_probation;
+  applied_session_ = arrival.raw.session;
   note_edge_points(arrival.update.map);
   new_keyframe_ = newer;
 }
@@ -86,11 +86,11 @@ void UpdateCheck::note_edge_points(const MapDelta& map) {
 }
 
 void UpdateCheck::joined(const MapDelta& keyframe, std::uint64_t update,
-                         std::uint64_t incarnation) {
+                         std::uint64_t session) {
   std::lock_guard lock(mutex_);
-  if (applied_incarnation_ != incarnation) past_probation_ = {};  // the former edge's
+  if (applied_session_ != session) past_probation_ = {};  // the former edge's
   applied_ = update;
-  applied_incarnation_ = incarnation;
+  applied_session_ = session;
   note_edge_points(keyframe);
 }
 

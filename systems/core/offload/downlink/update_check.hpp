@@ -39,7 +39,7 @@ class UpdateCheck {
   /// The update has become the local map. newer: together with keyframes that it does not cover.
   void applied(const UpdateArrival& arrival, bool newer);
   /// A keyframe of the edge's map has joined the local one as if by an update with this number.
-  void joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t incarnation);
+  void joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session);
   void begin_epoch(std::uint64_t epoch);
   void expect_keyframe(KeyFrameId keyframe);
   /// Updates that left before this are declined from now on.
@@ -50,7 +50,7 @@ class UpdateCheck {
 
  private:
   /// The last update came from this edge, not from one before it.
-  bool knows(const PeerState& edge) const { return edge.incarnation == applied_incarnation_; }
+  bool knows(const PeerState& edge) const { return edge.session == applied_session_; }
   UpdateState state_for(Worker& worker, const UpdateArrival& arrival) const;
   int keyframes_since(RunTime begin) const;
   void note_edge_points(const MapDelta& map);
@@ -62,7 +62,7 @@ class UpdateCheck {
   bool lost_ = false;
   std::weak_ptr<Map> local_map_;  ///< tracking's: who replaces it disposes of it
   std::uint64_t applied_ = 0;
-  std::uint64_t applied_incarnation_ = 0;  ///< of the edge it came from: each counts its own
+  std::uint64_t applied_session_ = 0;  ///< of the edge it came from: each counts its own
   MapPointId newest_edge_point_;
   KeyFrameId past_probation_{};
   KeyFrameId expected_{};  ///< older ones than this are behind

@@ -7,15 +7,15 @@
 namespace slambed {
 namespace {
 
-bool is_relocalisation(const Message& message) { return is(message, wire::kRelocMap); }
+bool is_relocalization(const Message& message) { return is(message, wire::kRelocMap); }
 
 bool is_update(const Message& message) {
-  return is_relocalisation(message) || is(message, wire::kMapUpdate);
+  return is_relocalization(message) || is(message, wire::kMapUpdate);
 }
 
 }  // namespace
 
-bool UpdateArrival::relocalisation() const { return is_relocalisation(raw); }
+bool UpdateArrival::relocalization() const { return is_relocalization(raw); }
 
 std::optional<Message> UpdateReceiver::take() {
   while (auto message = channel_.try_receive()) {

@@ -17,7 +17,7 @@ struct UpdateArrival {
   std::shared_ptr<Map> map;  ///< made of it; null: not yet
 
   /// RELOC_MAP rather than MAP_UPDATE.
-  bool relocalisation() const;
+  bool relocalization() const;
 };
 
 /// Receives map updates on the mobile. From any worker.

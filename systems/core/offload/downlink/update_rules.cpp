@@ -25,7 +25,7 @@ std::optional<std::string_view> obsolete_reason(const UpdateState& state) {
 
 std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
   if (const auto obsolete = obsolete_reason(state)) return obsolete;
-  if (state.relocalisation) {
+  if (state.relocalization) {
     if (!state.lost) return "not lost any more";
     return std::nullopt;
   }

@@ -28,7 +28,7 @@ inline constexpr Duration kRateWindow = std::chrono::seconds(1);
 
 /// What the mobile knows when an update lies ready.
 struct UpdateState {
-  bool relocalisation = false;  ///< RELOC_MAP rather than MAP_UPDATE
+  bool relocalization = false;  ///< RELOC_MAP rather than MAP_UPDATE
   bool lost = false;
   bool former_edge = false;      ///< the process that sent it is gone
   bool before_recovery = false;  ///< it left before the camera was found, and shows another place

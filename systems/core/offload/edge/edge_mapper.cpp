@@ -30,7 +30,7 @@ EdgeMapper::EdgeMapper(EdgeNode& node, EdgeMapperOptions options, EdgeHooks hook
       places_(std::make_shared<PlaceIndex>(default_vocabulary())),
       mapping_(node.runtime(), node.log(), options_.mapping, map_, IdSpace::kEdgeMapper,
                LocalMapping::Mode::kWorker, mapping_hooks()) {
-  places_->follow(*map_);
+  places_->update_from(*map_);
   admitted_ = map_->read([](const MapView& view) { return view.keyframe_ids(); });
   mapped_keyframes_ = admitted_;
   begun_with_ = admitted_.size();
@@ -142,7 +142,7 @@ void EdgeMapper::mapped(Worker& worker, KeyFrameId keyframe) {
     mapped_keyframes_.insert(mapped_keyframes_.end(), ids.begin(), ids.end());
     pending_.erase(found);
   }
-  places_->follow(*map_);
+  places_->update_from(*map_);
   hooks_.mapped(worker, times);
   if (loops_) loops_->mapped(worker, keyframe);
 }
@@ -221,7 +221,7 @@ CommitReport EdgeMapper::merge(Worker& worker, MapDelta changes) {
       last_admitted_s_ = std::max(last_admitted_s_, keyframe.timestamp_s);
     }
   }
-  places_->follow(*map_);
+  places_->update_from(*map_);
   mapping_.reset(map_).wait(worker);  // the mapper hears which ids are taken
   return report;
 }

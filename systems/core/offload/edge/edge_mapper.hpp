@@ -82,7 +82,7 @@ class EdgeMapper final : public KeyFrameRecipient {
   /// The last keyframe that was mapped or merged; none before the first.
   KeyFrameId newest() const;
   /// The newest keyframe whose new points are past their probation: no observation counts about
-  /// them are needed any more (wire::MapUpdate::settled).
+  /// them are needed any more (wire::MapUpdate::past_probation).
   KeyFrameId past_probation() const;
 
   /// Waits until all that was admitted is mapped; what closed loops leave to do is dropped at the

@@ -51,9 +51,9 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
   }
   const KeyFrameId newest = mapper_.newest();
   auto keyframes = mapper_.latest(options_.keyframes);
-  if (options_.neighbours > 0 && !keyframes.empty()) {
+  if (options_.neighbors > 0 && !keyframes.empty()) {
     const auto around = mapper_.map()->read([&](const MapView& view) {
-      return with_covisibles(view, {keyframes.front()}, options_.neighbours);
+      return with_covisibles(view, {keyframes.front()}, options_.neighbors);
     });
     for (const KeyFrameId id : around) {
       if (std::find(keyframes.begin(), keyframes.end(), id) == keyframes.end()) {
@@ -68,10 +68,10 @@ RunTime UpdateSender::send_if_due(Worker& worker) {
 }
 
 void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newest,
-                        const std::vector<KeyFrameId>& keyframes, bool relocalisation) {
+                        const std::vector<KeyFrameId>& keyframes, bool relocalization) {
   wire::MapUpdate update;
   update.newest = newest;
-  update.settled = mapper_.past_probation();
+  update.past_probation = mapper_.past_probation();
   update.times = times;
   update.times.due = worker.now();
   Bytes payload = worker.stage("prepare_update", [&](StageUnits& units) {
@@ -94,16 +94,16 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
     return update.map.keyframes.empty() || options_.codec.text() ? Bytes() : encode(update);
   });
   if (update.map.keyframes.empty()) return;
-  if (options_.codec.text()) payload = options_.codec.serialise(worker, update);
+  if (options_.codec.text()) payload = options_.codec.serialize(worker, update);
   const std::size_t bytes = payload.size();
   {
     std::lock_guard lock(mutex_);
     // Preparing took its time: what was asked for since then counts.
-    if (stopped_ || epoch_ != update.map.epoch || (suspended_ && !relocalisation)) return;
-    slambed::send(channel_, relocalisation ? wire::kRelocMap : wire::kMapUpdate,
+    if (stopped_ || epoch_ != update.map.epoch || (suspended_ && !relocalization)) return;
+    slambed::send(channel_, relocalization ? wire::kRelocMap : wire::kMapUpdate,
                   std::move(payload));
     last_sent_ = worker.now();
-    if (!relocalisation) news_ = false;
+    if (!relocalization) news_ = false;
   }
   node_.log().write(JsonLine("update_sent")
                         .add("update", update.update)
@@ -112,7 +112,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
                         .add("keyframes", update.map.keyframes.size())
                         .add("points", update.map.points.size())
                         .add("bytes", bytes)
-                        .add("relocalisation", relocalisation));
+                        .add("relocalization", relocalization));
 }
 
 std::vector<KeyFramePose> UpdateSender::moved_poses(const wire::MapUpdate& update) {

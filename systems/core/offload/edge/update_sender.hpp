@@ -13,7 +13,7 @@ namespace slambed {
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateSenderOptions {
   int keyframes;    ///< n_KF: the latest mapped keyframes that an update carries
-  int neighbours;   ///< best covisibles of the newest one besides
+  int neighbors;   ///< best covisibles of the newest one besides
   Duration period;  ///< at least so long between two updates; 0: after each keyframe
   std::optional<Duration>
       first{};         ///< when the first one is due; nothing: one period after the start
@@ -23,7 +23,7 @@ struct UpdateSenderOptions {
 };
 
 /// Sends parts of the global map to the mobile: the latest keyframes when they are due, on the
-/// mapping worker, and whatever relocalisation asks for, on its own. Of keyframes that the global
+/// mapping worker, and whatever relocalization asks for, on its own. Of keyframes that the global
 /// map begins with an update tells only where they moved since then.
 class UpdateSender {
  public:
@@ -35,7 +35,7 @@ class UpdateSender {
   RunTime send_if_due(Worker& worker);
   /// Sends these keyframes as a local map; newest and times describe the last mapped keyframe.
   void send(Worker& worker, wire::UpdateTimes times, KeyFrameId newest,
-            const std::vector<KeyFrameId>& keyframes, bool relocalisation);
+            const std::vector<KeyFrameId>& keyframes, bool relocalization);
 
   /// The mobile asked where it is, at this time: regular updates pause until a later keyframe says
   /// that it knows again, so that none takes the place of the map that is the answer.

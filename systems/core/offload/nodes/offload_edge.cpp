@@ -12,12 +12,12 @@ EdgeMappingOptions with(EdgeMappingOptions options, const OffloadEdgeParts& part
   return options;
 }
 
-std::unique_ptr<EdgeRelocalisation> by_map(EdgeNode& node, const Parameters& parameters,
+std::unique_ptr<EdgeRelocalization> by_map(EdgeNode& node, const Parameters& parameters,
                                            OffloadChannels& channels, EdgeMapping& mapping,
                                            const MessageCodec& codec) {
-  return std::make_unique<RelocalisationByMap>(
+  return std::make_unique<RelocalizationByMap>(
       node, channels.frame, mapping.mapper(), mapping.updates(),
-      MapRelocalisationOptions{.period = from_seconds(parameters.real("reloc_map_period_s")),
+      MapRelocalizationOptions{.period = from_seconds(parameters.real("reloc_map_period_s")),
                                .max_candidates = parameters.integer("reloc_candidates"),
                                .covisibles = parameters.integer("reloc_covisibles"),
                                .latest = parameters.integer("n_kf"),
@@ -32,16 +32,16 @@ OffloadEdge::OffloadEdge(EdgeNode& node, const Parameters& parameters,
       channels_(node.runtime(), node.network(), node.log(), parameters),
       mapping_(node, with(mapping_options(parameters, codec_), parts), channels_.keyframe,
                channels_.map),
-      relocalisation_(parts.relocalisation ? parts.relocalisation(node, channels_, mapping_, codec_)
+      relocalization_(parts.relocalization ? parts.relocalization(node, channels_, mapping_, codec_)
                                            : by_map(node, parameters, channels_, mapping_, codec_)),
       shutdown_(node, channels_.control, mapping_,
                 {.final_poses = parameters.boolean("final_poses"),
-                 .other = [this](const Message& message) { relocalisation_->listen(message); }}) {}
+                 .other = [this](const Message& message) { relocalization_->listen(message); }}) {}
 
 void OffloadEdge::start() {
   channels_.start();
   mapping_.start();
-  relocalisation_->start();
+  relocalization_->start();
   shutdown_.start();
 }
 

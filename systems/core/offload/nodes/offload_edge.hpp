@@ -10,7 +10,7 @@ namespace slambed {
 
 /// What a system does otherwise than Edge-SLAM on the edge.
 struct OffloadEdgeParts {
-  EdgeRelocalisationMaker relocalisation{};  ///< not set: as Edge-SLAM does
+  EdgeRelocalizationMaker relocalization{};  ///< not set: as Edge-SLAM does
   bool keep_recovery = false;                ///< see UpdateSender::recovered
 };
 
@@ -27,7 +27,7 @@ class OffloadEdge {
   MessageCodec codec_;
   OffloadChannels channels_;
   EdgeMapping mapping_;
-  std::unique_ptr<EdgeRelocalisation> relocalisation_;
+  std::unique_ptr<EdgeRelocalization> relocalization_;
   EdgeShutdown shutdown_;
 };
 

@@ -9,9 +9,9 @@
 namespace slambed {
 namespace {
 
-/// ORB-SLAM2's mMaxFrames: so long after a relocalisation poses are not trusted with keyframes.
-double after_relocalisation_s(const Parameters& parameters, double played_fps) {
-  const int max_frames = original_behaviour(parameters).max_frames;
+/// ORB-SLAM2's mMaxFrames: so long after a relocalization poses are not trusted with keyframes.
+double after_relocalization_s(const Parameters& parameters, double played_fps) {
+  const int max_frames = original_behavior(parameters).max_frames;
   return max_frames > 0 ? max_frames / played_fps : 1.0;
 }
 
@@ -30,48 +30,48 @@ OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters,
       downlink_(node, channels_.map, with(downlink_options(parameters, codec_), parts)),
       shutdown_(node, channels_.control),
       uplink_(node, channels_.keyframe, codec_),
-      relocalisation_(parts.relocalisation
-                          ? parts.relocalisation(node, channels_, downlink_, codec_)
+      relocalization_(parts.relocalization
+                          ? parts.relocalization(node, channels_, downlink_, codec_)
                           : std::make_unique<MapRequests>(
                                 channels_.frame,
                                 from_seconds(parameters.real("reloc_request_ms") / 1000), codec_)),
-      after_relocalisation_s_(after_relocalisation_s(parameters, node.played_fps())),
-      looks_after_extraction_(original_behaviour(parameters).updates_after_extraction) {}
+      after_relocalization_s_(after_relocalization_s(parameters, node.played_fps())),
+      looks_after_extraction_(original_behavior(parameters).updates_after_extraction) {}
 
 void OffloadMobile::start() {
   channels_.start();
   downlink_.start();
-  relocalisation_->start();
+  relocalization_->start();
   spawn_rtt_monitor(node_.runtime(), node_.log(), channels_.keyframe);
 }
 
 void OffloadMobile::before_frame(Worker& worker) {
-  relocalisation_->before_frame(worker);
+  relocalization_->before_frame(worker);
   if (!looks_after_extraction_) downlink_.before_frame(worker);
 }
 
 void OffloadMobile::before_tracking(Worker& worker, const OfferedFrame& frame,
                                     const std::shared_ptr<const FeatureSet>& features) {
   if (looks_after_extraction_) downlink_.before_frame(worker);
-  relocalisation_->before_tracking(worker, frame, features);
+  relocalization_->before_tracking(worker, frame, features);
 }
 
 void OffloadMobile::ask(Worker& worker, const TrackedFrame& frame) {
-  relocalisation_->after_frame(worker, frame);
+  relocalization_->after_frame(worker, frame);
 }
 
 void OffloadMobile::shut_down(Worker& worker) {
-  relocalisation_->finish();
+  relocalization_->finish();
   shutdown_.shut_down(worker, uplink_.last_sequence());
 }
 
-std::string_view OffloadMobile::relocalised_by(const TrackedFrame& frame) {
+std::string_view OffloadMobile::relocalized_by(const TrackedFrame& frame) {
   const bool map = downlink_.came_from_map();
   return frame.outcome.resumed ? "edge" : map ? "map" : "local";
 }
 
 void OffloadMobile::note(const TrackedFrame& frame) {
-  if (frame.relocalised_now) relocalised_s_ = frame.offered.played.seq_s();
+  if (frame.relocalized_now) relocalized_s_ = frame.offered.played.seq_s();
 }
 
 MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& frame,
@@ -81,13 +81,13 @@ MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& fram
   return made;
 }
 
-/// Sightings decide about a point only while it is on probation at the edge.
+/// Observation counts decide about a point only while it is on probation at the edge.
 void OffloadMobile::leave_out_past_probation(MapDelta& made) const {
   const KeyFrameId past_probation = downlink_.past_probation();
   if (!past_probation) return;
   node_.tracker().map()->read([&](const MapView& view) {
-    return std::erase_if(made.sightings, [&](const PointSightings& sightings) {
-      const MapPoint* point = view.point(sightings.id);
+    return std::erase_if(made.observation_counts, [&](const PointObservationCounts& observation_counts) {
+      const MapPoint* point = view.point(observation_counts.id);
       return !point || point->first_keyframe <= past_probation;
     });
   });
@@ -96,12 +96,12 @@ void OffloadMobile::leave_out_past_probation(MapDelta& made) const {
 void OffloadMobile::send(Worker& worker, const TrackedFrame& frame, MapDelta made,
                          KeyFrameNeed need, bool first, bool whole) {
   leave_out_past_probation(made);
-  const double since_s = frame.offered.played.seq_s() - relocalised_s_;
+  const double since_s = frame.offered.played.seq_s() - relocalized_s_;
   uplink_.send(worker, frame, std::move(made),
                {.need = need,
                 .first = first,
                 .whole = whole,
-                .after_relocalisation = relocalised_s_ >= 0 && since_s < after_relocalisation_s_,
+                .after_relocalization = relocalized_s_ >= 0 && since_s < after_relocalization_s_,
                 .applied_update = downlink_.applied_update(),
                 .newest_edge_point = downlink_.newest_edge_point()});
 }

@@ -12,10 +12,10 @@ namespace slambed {
 /// What a system does otherwise than Edge-SLAM on the mobile node; not set: as Edge-SLAM does.
 struct OffloadMobileParts {
   UpdateApplierMaker applier{};
-  MobileRelocalisationMaker relocalisation{};
+  MobileRelocalizationMaker relocalization{};
 };
 
-/// Edge-SLAM's mobile node without its decisions: keyframes up, updates down, relocalisation and
+/// Edge-SLAM's mobile node without its decisions: keyframes up, updates down, relocalization and
 /// shutdown on their channels.
 class OffloadMobile {
  public:
@@ -33,7 +33,7 @@ class OffloadMobile {
   /// While tracking is lost, asks the edge where it is.
   void ask(Worker& worker, const TrackedFrame& frame);
   /// With whose help a lost camera was found in this frame.
-  std::string_view relocalised_by(const TrackedFrame& frame);
+  std::string_view relocalized_by(const TrackedFrame& frame);
   /// Makes a keyframe of the frame; the update rules hear of it.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
@@ -56,10 +56,10 @@ class OffloadMobile {
   MapDownlink downlink_;
   MobileShutdown shutdown_;
   KeyFrameUplink uplink_;
-  std::unique_ptr<MobileRelocalisation> relocalisation_;
-  double after_relocalisation_s_;  ///< so long keyframes say that a relocalisation was before them
+  std::unique_ptr<MobileRelocalization> relocalization_;
+  double after_relocalization_s_;  ///< so long keyframes say that a relocalization was before them
   bool looks_after_extraction_;    ///< for an update, not before
-  double relocalised_s_ = -1;      ///< sequence time of the last relocalisation; negative: none
+  double relocalized_s_ = -1;      ///< sequence time of the last relocalization; negative: none
 };
 
 }  // namespace slambed

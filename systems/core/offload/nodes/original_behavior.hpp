@@ -8,7 +8,7 @@ namespace slambed {
 
 /// Where Edge-SLAM's own code behaves otherwise than our systems: one switch each, by default ours.
 /// Sources (lines of that code) stand beside the parameters in edgeslam/system.yaml.
-struct OriginalBehaviour {
+struct OriginalBehavior {
   int local_map_size = kKeyframesPerStep;  ///< LOCAL_MAP_SIZE, as the fast-motion rule takes it
   int max_frames = 0;                      ///< mMaxFrames; 0: a second at the played rate
   bool admission_when_idle = false;        ///< keyframes wait unread until the mapper looks
@@ -19,6 +19,6 @@ struct OriginalBehaviour {
 };
 
 /// What the parameters ask for; ours where the system does not offer the switches.
-OriginalBehaviour original_behaviour(const Parameters& parameters);
+OriginalBehavior original_behavior(const Parameters& parameters);
 
 }  // namespace slambed

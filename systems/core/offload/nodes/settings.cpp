@@ -25,13 +25,13 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
   system.parameters = std::move(specs);
   system.orb = orb_options;
   system.tracker = [](const Parameters& parameters) {
-    const OriginalBehaviour behaviour = original_behaviour(parameters);
-    TrackerOptions options = tracker_options(parameters, behaviour.tracker);
-    if (behaviour.max_frames > 0) {
-      options.max_frames_between_keyframes = behaviour.max_frames;
+    const OriginalBehavior behavior = original_behavior(parameters);
+    TrackerOptions options = tracker_options(parameters, behavior.tracker);
+    if (behavior.max_frames > 0) {
+      options.max_frames_between_keyframes = behavior.max_frames;
       options.max_frames_is_a_second = false;
     }
-    // The local map is small by design: being lost in it is a case for relocalisation.
+    // The local map is small by design: being lost in it is a case for relocalization.
     options.reset_below_keyframes = 0;
     options.begins_lost = !edge_prior_map(parameters).empty();
     return options;
@@ -43,29 +43,29 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
 DownlinkOptions downlink_options(const Parameters& parameters, const MessageCodec& codec) {
   return {.rules = {.min_local_keyframes = parameters.integer("min_local_keyframes"),
                     .fast_motion = from_seconds(parameters.real("fast_motion_ms") / 1000),
-                    .local_map_size = original_behaviour(parameters).local_map_size,
+                    .local_map_size = original_behavior(parameters).local_map_size,
                     .keyframe_rate_hz = parameters.real("decline_kf_rate_hz")},
           .codec = codec,
           .applier = applier(parameters)};
 }
 
 EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec) {
-  const OriginalBehaviour behaviour = original_behaviour(parameters);
+  const OriginalBehavior behavior = original_behavior(parameters);
   return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
                      .loop_closing = parameters.boolean("loop_closing"),
-                     .max_frames = behaviour.max_frames,
-                     .mapping = {.ages_by_id = behaviour.culls_by_id, .bundle = {}}},
+                     .max_frames = behavior.max_frames,
+                     .mapping = {.ages_by_id = behavior.culls_by_id, .bundle = {}}},
           .updates = {.keyframes = parameters.integer("n_kf"),
-                      .neighbours = parameters.integer("update_neighbours"),
+                      .neighbors = parameters.integer("update_neighbors"),
                       .period = from_seconds(parameters.real("sync_period_s")),
-                      .first = behaviour.first_update_s < 0
+                      .first = behavior.first_update_s < 0
                                    ? std::nullopt
-                                   : std::optional(from_seconds(behaviour.first_update_s)),
+                                   : std::optional(from_seconds(behavior.first_update_s)),
                       .poses = parameters.boolean("update_poses"),
                       .keep_recovery = false,
                       .codec = codec},
           .prior_map = edge_prior_map(parameters),
-          .admission_when_idle = behaviour.admission_when_idle};
+          .admission_when_idle = behavior.admission_when_idle};
 }
 
 std::string edge_prior_map(const Parameters& parameters) {

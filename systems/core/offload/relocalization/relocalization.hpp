@@ -19,9 +19,9 @@ class OffloadChannels;
 /// How a lost camera is found with the edge's help: by a map in which the mobile finds itself
 /// (Edge-SLAM), or by a pose that the edge has found (Relocate). This is the mobile's side, on the
 /// tracking worker.
-class MobileRelocalisation {
+class MobileRelocalization {
  public:
-  virtual ~MobileRelocalisation() = default;
+  virtual ~MobileRelocalization() = default;
   virtual void start() {}
   /// Between two frames: an answer may take effect.
   virtual void before_frame(Worker&) {}
@@ -34,18 +34,18 @@ class MobileRelocalisation {
 };
 
 /// The edge's side.
-class EdgeRelocalisation {
+class EdgeRelocalization {
  public:
-  virtual ~EdgeRelocalisation() = default;
+  virtual ~EdgeRelocalization() = default;
   virtual void start() = 0;
   /// What comes on the control channel and is not the mobile's BYE. On any worker.
   virtual void listen(const Message&) {}
 };
 
 /// Make what a system has chosen; all that they are given outlives it.
-using MobileRelocalisationMaker = std::function<std::unique_ptr<MobileRelocalisation>(
+using MobileRelocalizationMaker = std::function<std::unique_ptr<MobileRelocalization>(
     MobileNode&, OffloadChannels&, MapDownlink&, const MessageCodec&)>;
-using EdgeRelocalisationMaker = std::function<std::unique_ptr<EdgeRelocalisation>(
+using EdgeRelocalizationMaker = std::function<std::unique_ptr<EdgeRelocalization>(
     EdgeNode&, OffloadChannels&, EdgeMapping&, const MessageCodec&)>;
 
 }  // namespace slambed

@@ -17,16 +17,16 @@ void MapRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (last_ != RunTime::min() && now - last_ < period_) return;
   last_ = now;
   send(channel_, wire::FrameMessage::kType,
-       codec_.serialise(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
+       codec_.serialize(worker, wire::FrameMessage{.frame_index = frame.offered.played.index,
                                                    .timestamp_s = frame.offered.played.seq_s(),
                                                    .features = frame.features}));
 }
 
-void RelocalisationByMap::start() {
+void RelocalizationByMap::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
 }
 
-void RelocalisationByMap::serve(Worker& worker) {
+void RelocalizationByMap::serve(Worker& worker) {
   RunTime last = RunTime::min();
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameMessage::kType)) continue;
@@ -46,7 +46,7 @@ void RelocalisationByMap::serve(Worker& worker) {
   }
 }
 
-std::vector<KeyFrameId> RelocalisationByMap::alike(const wire::FrameMessage& frame) const {
+std::vector<KeyFrameId> RelocalizationByMap::alike(const wire::FrameMessage& frame) const {
   const PlaceIndex& places = *mapper_.places();
   const auto bag = places.vocabulary().transform(frame.features->descriptors());
   auto found = places.candidates(bag, *mapper_.map());
@@ -59,7 +59,7 @@ std::vector<KeyFrameId> RelocalisationByMap::alike(const wire::FrameMessage& fra
   });
 }
 
-bool RelocalisationByMap::send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found) {
+bool RelocalizationByMap::send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found) {
   const auto latest = mapper_.latest(options_.latest);
   if (latest.empty()) return false;
   for (const KeyFrameId id : latest) {

@@ -11,7 +11,7 @@ namespace slambed {
 
 /// Edge-SLAM's way, the mobile's side: while tracking is lost, asks the edge where it is, at most
 /// once per period. The answer comes as a map update.
-class MapRequests final : public MobileRelocalisation {
+class MapRequests final : public MobileRelocalization {
  public:
   MapRequests(Channel& frames, Duration period, MessageCodec codec)
       : channel_(frames), period_(period), codec_(std::move(codec)) {}
@@ -25,7 +25,7 @@ class MapRequests final : public MobileRelocalisation {
 };
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
-struct MapRelocalisationOptions {
+struct MapRelocalizationOptions {
   Duration period;  ///< between two answers
   int max_candidates;
   int covisibles;  ///< sent beside each candidate
@@ -35,10 +35,10 @@ struct MapRelocalisationOptions {
 
 /// The edge's side: keyframes that look like the frame and the latest ones become the mobile's map,
 /// in which it finds itself.
-class RelocalisationByMap final : public EdgeRelocalisation {
+class RelocalizationByMap final : public EdgeRelocalization {
  public:
-  RelocalisationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
-                      MapRelocalisationOptions options)
+  RelocalizationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
+                      MapRelocalizationOptions options)
       : node_(node),
         channel_(frames),
         mapper_(mapper),
@@ -56,7 +56,7 @@ class RelocalisationByMap final : public EdgeRelocalisation {
   Channel& channel_;
   EdgeMapper& mapper_;
   UpdateSender& updates_;
-  MapRelocalisationOptions options_;
+  MapRelocalizationOptions options_;
 };
 
 }  // namespace slambed

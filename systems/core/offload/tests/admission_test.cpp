@@ -74,13 +74,13 @@ TEST_F(Admission, AnUrgentOneOnlyNeedsRoomInTheQueue) {
   EXPECT_EQ(reason(), "queue full");
 }
 
-TEST_F(Admission, OldOnesStoppedMappersAndFreshRelocalisationsAreDeclined) {
+TEST_F(Admission, OldOnesStoppedMappersAndFreshRelocalizationsAreDeclined) {
   state.mapper.idle = true;
   state.last_accepted_s = 10;
   EXPECT_EQ(reason(), "older than the last accepted");
   state.last_accepted_s = 9.5;
-  message.after_relocalisation = true;
-  EXPECT_EQ(reason(), "just relocalised");
+  message.after_relocalization = true;
+  EXPECT_EQ(reason(), "just relocalized");
   state.keyframes = 10;  // a young map takes what it gets
   EXPECT_EQ(reason(), "welcome");
   state.mapper.accepts = false;

@@ -54,7 +54,7 @@ class LoopCorrectionLogTest : public ::testing::Test {
   std::uint32_t version = 0;
 };
 
-TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
+TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighborDid) {
   updates(5);
   close_loop();
   const MapDelta moved = correct(made(0.5, 31), 5);
@@ -65,7 +65,7 @@ TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighbourDid) {
   EXPECT_LT((moved.points[0].appearance.normal - shift.R.col(0).cast<float>()).norm(), 1e-6);
 }
 
-TEST_F(LoopCorrectionLogTest, ANeighbourThatStayedMovesNothing) {
+TEST_F(LoopCorrectionLogTest, ANeighborThatStayedMovesNothing) {
   updates(5);
   close_loop();
   const MapDelta delta = made(0.5, 1);
@@ -81,7 +81,7 @@ TEST_F(LoopCorrectionLogTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
   EXPECT_EQ(correct(delta, 6).keyframes[0].T_cw.t, delta.keyframes[0].T_cw.t);
 }
 
-TEST_F(LoopCorrectionLogTest, WithoutACorrectionOrANeighbourNothingMoves) {
+TEST_F(LoopCorrectionLogTest, WithoutACorrectionOrANeighborNothingMoves) {
   const MapDelta delta = made(0.5, 31);
   log.commit(map, {});
   EXPECT_EQ(correct(delta, 0).points[0].p_w, delta.points[0].p_w);
@@ -116,8 +116,8 @@ TEST_F(LoopCorrectionLogTest, AKeyframeThatMovedAlongMovesTheNext) {
   second.keyframes[0].id = kf(4);
   for (std::size_t i = 0; i < 5; ++i) second.keyframes[0].points[i] = testing::pt(100);
   const MapDelta moved = correct(second, 5);
-  const Eigen::Vector3d centre = moved.keyframes[0].T_cw.inverse().t;
-  EXPECT_LT((centre - shift * Eigen::Vector3d(0.7, 0, 0)).norm(), 1e-9);
+  const Eigen::Vector3d center = moved.keyframes[0].T_cw.inverse().t;
+  EXPECT_LT((center - shift * Eigen::Vector3d(0.7, 0, 0)).norm(), 1e-9);
 }
 
 TEST_F(LoopCorrectionLogTest, AfterTwoCorrectionsTheOldestMapCounts) {

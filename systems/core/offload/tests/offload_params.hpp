@@ -11,7 +11,7 @@ inline nlohmann::json conventional() {
           {"n_kf", 6},
           {"sync_period_s", 5.0},
           {"map_update", "serial"},
-          {"update_neighbours", 0},
+          {"update_neighbors", 0},
           {"min_local_keyframes", 6},
           {"fast_motion_ms", 300.0},
           {"decline_kf_rate_hz", 0.0},
@@ -28,7 +28,7 @@ inline nlohmann::json conventional() {
           {"second_hypotheses", false}};
 }
 
-/// What only edgeslam has: the switches of original_behaviour.hpp as our own systems behave, and no
+/// What only edgeslam has: the switches of original_behavior.hpp as our own systems behave, and no
 /// prior map.
 inline nlohmann::json ours() {
   return {{"reference_fallback", "descriptors"},

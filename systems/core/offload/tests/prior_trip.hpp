@@ -14,7 +14,7 @@ class PriorTrip {
   explicit PriorTrip(const MapDelta& content) : keyframes(content.keyframes.size()) {
     Map map;
     map.commit(content);
-    const auto sensor = SyntheticWorld(0).sensor();
+    const auto sensor = SyntheticScene(0).sensor();
     MapInfo info{.sensor = {.camera = sensor->camera, .close_depth_m = sensor->close_depth_m},
                  .sequence = "turn",
                  .time_origin_s = 0};
@@ -35,17 +35,17 @@ constexpr int kTripStart = 20;  ///< frame of the turn near which the later trip
 
 /// Half a frame beside the turn, seen less well.
 inline SE3 later_pose(int frame) { return pose_at(kTripStart + frame + 0.5); }
-inline std::shared_ptr<const FeatureSet> later_trip(SyntheticWorld& world, int frame) {
-  return world.look(later_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
+inline std::shared_ptr<const FeatureSet> later_trip(SyntheticScene& scene, int frame) {
+  return scene.look(later_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
 }
 
 /// The later trip was found in the map of the turn, once, and went on in it.
 inline void expect_found_in(const PriorTrip& prior, const PairResult& result) {
-  EXPECT_TRUE(result.of("initialised").empty());
+  EXPECT_TRUE(result.of("initialized").empty());
   EXPECT_TRUE(result.of("edge_restarted").empty());
   EXPECT_TRUE(result.of("warning").empty());
-  ASSERT_EQ(result.of("relocalised").size(), 1u);
-  EXPECT_EQ(result.of("relocalised")[0]["by"], "map");
+  ASSERT_EQ(result.of("relocalized").size(), 1u);
+  EXPECT_EQ(result.of("relocalized")[0]["by"], "map");
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
 
   // In the frame of the map: its first camera is where the turn began.
@@ -57,7 +57,7 @@ inline void expect_found_in(const PriorTrip& prior, const PairResult& result) {
     EXPECT_EQ(space_of(id), IdSpace::kTracker);
     EXPECT_GT(id.value & 0xffffffff, prior.keyframes) << "an id that the map has";
     const SE3 expected = later_pose(event["frame"].get<int>()) * T_wm;
-    EXPECT_LT(centre_error(result.keyframe_poses.at(id), expected), 0.03);
+    EXPECT_LT(center_error(result.keyframe_poses.at(id), expected), 0.03);
   }
   std::size_t joined = 0;
   for (const NewKeyFrame& keyframe : result.edge_map.keyframes)

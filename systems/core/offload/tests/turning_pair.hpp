@@ -11,22 +11,22 @@ namespace slambed::testing {
 /// frame: may lie between two.
 inline SE3 pose_at(double frame) {
   const double yaw = 2.5 * frame * std::numbers::pi / 180;
-  const Eigen::Vector3d centre(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
+  const Eigen::Vector3d center(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
   const Eigen::Matrix3d R_wc = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return SE3(R_wc, centre).inverse();
+  return SE3(R_wc, center).inverse();
 }
 
 /// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
 /// new to make keyframes of.
-inline std::shared_ptr<const FeatureSet> turn(SyntheticWorld& world, int frame) {
-  return world.look(pose_at(frame));
+inline std::shared_ptr<const FeatureSet> turn(SyntheticScene& scene, int frame) {
+  return scene.look(pose_at(frame));
 }
 
 /// A lens that shows less turning than there is: after a lap 3.6 degrees are missing.
-inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticWorld& world, int frame) {
+inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticScene& scene, int frame) {
   constexpr float kZoom = 0.99f;
-  const auto seen = turn(world, frame);
-  const auto& camera = world.sensor()->camera;
+  const auto seen = turn(scene, frame);
+  const auto& camera = scene.sensor()->camera;
   std::vector<KeyPoint> keypoints(seen->keypoints().begin(), seen->keypoints().end());
   for (KeyPoint& p : keypoints) {
     const float disparity = p.u - p.right_u;
@@ -35,7 +35,7 @@ inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticWorld& wo
     p.right_u = p.u - disparity;
   }
   return std::make_shared<FeatureSet>(
-      world.sensor(), std::move(keypoints),
+      scene.sensor(), std::move(keypoints),
       std::vector<Descriptor>(seen->descriptors().begin(), seen->descriptors().end()));
 }
 

@@ -62,7 +62,7 @@ class TwoNodes {
   VirtualRuntime mobile_runtime{simulator, uniform_device(2000), 1, mobile_log};
   VirtualRuntime edge_runtime{simulator, uniform_device(2000), 2, edge_log};
   VirtualLink link{simulator, path(), path(), 1};
-  WorldSource source{turn, false};
+  SceneSource source{turn, false};
   PeerInfo peer;
   Playlist playlist{std::vector<std::int64_t>{0}, 10, {}};
   RealtimeFeed feed{mobile_runtime, playlist, mobile_log};
@@ -99,10 +99,10 @@ class TwoNodes {
 /// Keyframes of a turn as a mobile sends them, the first of them whole, and the map that they make.
 struct SentTurn {
   explicit SentTurn(std::size_t keyframes) {
-    SyntheticWorld world;
+    SyntheticScene scene;
     Tracker tracker({}, map, IdSpace::kTracker);
     for (int frame = 0; messages.size() < keyframes; ++frame) {
-      tracker.track(static_cast<std::uint64_t>(frame), 0.1 * frame, turn(world, frame));
+      tracker.track(static_cast<std::uint64_t>(frame), 0.1 * frame, turn(scene, frame));
       if (!tracker.wants_keyframe({})) continue;
       wire::KeyFrameMessage message;
       message.delta = tracker.create_keyframe();

@@ -23,10 +23,10 @@ class UpdatesReceived : public ::testing::Test {
     made.map = turn.map->read([&](const MapView& view) { return extract_keyframes(view, ids); });
     return made;
   }
-  UpdateArrival arrival(const wire::MapUpdate& update, std::uint64_t incarnation = 0) {
+  UpdateArrival arrival(const wire::MapUpdate& update, std::uint64_t session = 0) {
     UpdateArrival made{.raw = {}, .update = update, .map = nullptr};
     made.raw.type = wire::type_of(wire::kMapUpdate);
-    made.raw.incarnation = incarnation;
+    made.raw.session = session;
     return made;
   }
   /// Does it on the mobile while it is connected.
@@ -37,7 +37,7 @@ class UpdatesReceived : public ::testing::Test {
     });
     nodes.run_until(3s);
   }
-  std::uint64_t edge() { return nodes.mobile.network().peer().incarnation; }
+  std::uint64_t edge() { return nodes.mobile.network().peer().session; }
 
   TwoNodes nodes;
   std::pair<Channel&, Channel&> ends = nodes.open({.name = "map"});
@@ -58,9 +58,9 @@ TEST_F(UpdatesReceived, OnlyUpdatesAreTakenAndWhatCannotBeReadIsRefused) {
     ASSERT_TRUE(regular);
     EXPECT_EQ(regular->update.update, 1u);
     EXPECT_EQ(regular->update.newest, turn.id(2));
-    EXPECT_FALSE(regular->relocalisation());
+    EXPECT_FALSE(regular->relocalization());
     EXPECT_TRUE(regular->raw.payload.empty());
-    EXPECT_TRUE(receiver.read(worker, receiver.take().value())->relocalisation());
+    EXPECT_TRUE(receiver.read(worker, receiver.take().value())->relocalization());
     EXPECT_FALSE(receiver.read(worker, receiver.take().value()));
     EXPECT_FALSE(receiver.take());
   });
@@ -86,7 +86,7 @@ TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
   run([&](Worker& worker) {
     check.keyframe_created(worker.now());
     auto carrier = update(5, 3);
-    carrier.settled = turn.id(1);
+    carrier.past_probation = turn.id(1);
     check.applied(arrival(carrier, edge()), true);
     EXPECT_EQ(check.past_probation(), turn.id(1));
     EXPECT_EQ(check.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");

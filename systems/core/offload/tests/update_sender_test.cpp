@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 UpdateSenderOptions carrying(int keyframes, Duration period = {}, bool keep_recovery = false) {
   return {.keyframes = keyframes,
-          .neighbours = 0,
+          .neighbors = 0,
           .period = period,
           .poses = true,
           .keep_recovery = keep_recovery,

@@ -44,7 +44,7 @@ TEST(UpdateRules, FollowEdgeSlam) {
   state = usual();
   state.behind = true;
   EXPECT_EQ(reason(rules, state), "the edge catches up");
-  state.relocalisation = state.lost = true;
+  state.relocalization = state.lost = true;
   EXPECT_EQ(reason(rules, state), "welcome");
 }
 
@@ -88,14 +88,14 @@ TEST(UpdateRules, ManyKeyframesPerSecondAreFastMotionToo) {
   state.keyframes_in_window = 4;
   EXPECT_EQ(reason(rules, state), "fast motion");
   EXPECT_EQ(reason({.min_local_keyframes = 1}, state), "welcome");
-  state.relocalisation = state.lost = true;
+  state.relocalization = state.lost = true;
   EXPECT_EQ(reason(rules, state), "welcome");
 }
 
-TEST(UpdateRules, ARelocalisationMapIsForTheLostOnly) {
+TEST(UpdateRules, ARelocalizationMapIsForTheLostOnly) {
   const UpdateRules rules{.min_local_keyframes = 6, .fast_motion = 300ms};
   auto state = usual();
-  state.relocalisation = true;
+  state.relocalization = true;
   EXPECT_EQ(reason(rules, state), "not lost any more");
   state.lost = true;
   state.local_keyframes = 0;

@@ -26,9 +26,9 @@ std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& mess
     if (message.whole || state.keyframes > 0) return std::nullopt;
     return kNoMap;
   }
-  if (message.after_relocalisation &&
+  if (message.after_relocalization &&
       static_cast<double>(state.keyframes) > state.played_fps * max_gap_s) {
-    return "just relocalised";
+    return "just relocalized";
   }
   if (!message.urgent && !state.mapper.idle) {
     const double gap_s = time_s - state.last_accepted_s;

@@ -16,11 +16,11 @@ void KeyFrameUplink::send(Worker& worker, const TrackedFrame& frame, MapDelta de
   message.urgent = about.need == KeyFrameNeed::kUrgent;
   message.first = about.first;
   message.whole = about.whole;
-  message.after_relocalisation = about.after_relocalisation;
+  message.after_relocalization = about.after_relocalization;
   message.applied_update = about.applied_update;
   message.newest_edge_point = about.newest_edge_point;
   message.delta = std::move(delta);
-  Bytes payload = codec_.serialise(worker, message, *node_.tracker().map());
+  Bytes payload = codec_.serialize(worker, message, *node_.tracker().map());
   last_sequence_ = slambed::send(channel_, wire::kKeyFrame, std::move(payload));
   node_.log().write(JsonLine("keyframe_sent").add("keyframe", message.keyframe.value));
 }

@@ -6,7 +6,7 @@
 
 namespace slambed {
 
-/// Sends keyframes from the tracking worker: serialising counts as tracking time, as Edge-SLAM
+/// Sends keyframes from the tracking worker: serializing counts as tracking time, as Edge-SLAM
 /// does.
 class KeyFrameUplink {
  public:
@@ -18,7 +18,7 @@ class KeyFrameUplink {
     KeyFrameNeed need = KeyFrameNeed::kIfMapperAgrees;
     bool first = false;  ///< the edge's map begins with it
     bool whole = false;  ///< the delta has all points that the keyframe sees
-    bool after_relocalisation = false;
+    bool after_relocalization = false;
     std::uint64_t applied_update = 0;
     MapPointId newest_edge_point{};
   };

@@ -96,9 +96,9 @@ TEST(DegeneratePoseTest, HopelessScenesStayFinite) {
   for (auto& o : same) o = s.observations[0];
   EXPECT_TRUE(finite(solve(s.start, same, outlier).T_cw));
 
-  auto at_centre = s.observations;  // on the camera centre
-  for (auto& o : at_centre) o.p_w = s.start.inverse().t;
-  EXPECT_TRUE(finite(solve(s.start, at_centre, outlier).T_cw));
+  auto at_center = s.observations;  // on the camera center
+  for (auto& o : at_center) o.p_w = s.start.inverse().t;
+  EXPECT_TRUE(finite(solve(s.start, at_center, outlier).T_cw));
 
   SE3 broken = s.start;
   broken.t.x() = kNan;

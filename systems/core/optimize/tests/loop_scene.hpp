@@ -57,7 +57,7 @@ struct Sim3Scene {
   std::vector<std::uint8_t> outlier;
 };
 
-/// Points between one and five metres that two cameras, half a metre and some ten degrees apart,
+/// Points between one and five meters that two cameras, half a meter and some ten degrees apart,
 /// see. The second camera's map is `scale` times smaller; positions err by point_noise_m.
 inline Sim3Scene make_sim3_scene(int count, double scale, double outlier_share, double noise_px,
                                  double point_noise_m, unsigned seed = 1) {

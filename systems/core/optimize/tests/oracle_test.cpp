@@ -38,7 +38,7 @@ SE3 from_array(const std::array<double, 6>& a) {
   return {SE3::exp(turn).R, Eigen::Vector3d(a[3], a[4], a[5])};
 }
 
-/// Minimises the cost of the observations that are not marked; updates the free poses and points.
+/// Minimizes the cost of the observations that are not marked; updates the free poses and points.
 void solve_with_ceres(BundleProblem& problem, const std::vector<std::uint8_t>& outlier, bool robust,
                       bool move_points) {
   std::vector<std::array<double, 6>> poses;

@@ -94,7 +94,7 @@ struct BundleScene {
   std::vector<std::uint8_t> outlier;
 };
 
-/// A camera that walks past a wall of points; each point is seen by a run of neighbouring
+/// A camera that walks past a wall of points; each point is seen by a run of neighboring
 /// keyframes. The oldest keyframes are the fixed ones, last in the list of poses.
 inline BundleScene make_bundle_scene(int free_poses, int fixed_poses, int points,
                                      int observations_per_point, const Recipe& recipe) {
@@ -161,7 +161,7 @@ inline double huber_cost(double s, double limit) {
 inline double rotation_error_rad(const SE3& a, const SE3& b) {
   return (a * b.inverse()).log().tail<3>().norm();
 }
-/// Distance of the camera centres.
+/// Distance of the camera centers.
 inline double position_error_m(const SE3& a, const SE3& b) {
   return (a.inverse().t - b.inverse().t).norm();
 }

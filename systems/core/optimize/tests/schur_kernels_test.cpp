@@ -116,7 +116,7 @@ struct Equations {
       std::copy_n(kInverse, 9, inverse.data() + kPointSumsSize * i);
       invertible[i] = i % 11 != 5;
     }
-    kernels.linearise(scene.values.view(robust), scene.rows.size(),
+    kernels.linearize(scene.values.view(robust), scene.rows.size(),
                       {scene.rows.active.data(), order.slot.data(), Scene::kFree, pose_sums.data(),
                        point_sums.data(), cross.data(), coupled.data()});
     AlignedDoubles scratch;
@@ -176,7 +176,7 @@ DenseCholesky matrix_of(const Eigen::MatrixXd& full, const SchurKernels& kernels
   return matrix;
 }
 
-TEST(SchurKernels, FactorisationSolvesAsEigensAndGivesTheSameBits) {
+TEST(SchurKernels, FactorizationSolvesAsEigensAndGivesTheSameBits) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (const int n : {1, 6, 8, 18, 31, 120}) {
@@ -188,7 +188,7 @@ TEST(SchurKernels, FactorisationSolvesAsEigensAndGivesTheSameBits) {
     for (const SchurKernels* kernels : runnable()) {
       DenseCholesky matrix = matrix_of(full, *kernels);
       Eigen::VectorXd solution = right;
-      ASSERT_TRUE(matrix.factorise());
+      ASSERT_TRUE(matrix.factorize());
       ASSERT_TRUE(matrix.solve({solution.data(), static_cast<std::size_t>(n)}));
       EXPECT_LT((solution - expected).norm(), 1e-10 * expected.norm()) << n;
       if (portable.size() == 0) portable = solution;
@@ -198,11 +198,11 @@ TEST(SchurKernels, FactorisationSolvesAsEigensAndGivesTheSameBits) {
     Eigen::MatrixXd indefinite = full;
     indefinite(n - 1, n - 1) = -1;
     for (const SchurKernels* kernels : runnable())
-      EXPECT_FALSE(matrix_of(indefinite, *kernels).factorise()) << kernels->name;
+      EXPECT_FALSE(matrix_of(indefinite, *kernels).factorize()) << kernels->name;
   }
 }
 
-/// Every sum anew, pair of rows by pair of rows, from the blocks that linearise() left.
+/// Every sum anew, pair of rows by pair of rows, from the blocks that linearize() left.
 TEST(SchurKernels, EliminationTakesEveryPairOfRowsOfAPointOnce) {
   const Scene scene(5);
   const BundleRows& rows = scene.rows;

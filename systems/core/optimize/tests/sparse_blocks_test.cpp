@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sparse block systems against the dense factorisation.
+// Sparse block systems against the dense factorization.
 #include "optimize/sparse_blocks.hpp"
 
 #include <gtest/gtest.h>

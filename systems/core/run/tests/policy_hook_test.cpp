@@ -30,7 +30,7 @@ class CullingPolicy final : public MobilePolicy {
       Worker&, const OfferedFrame& frame, std::shared_ptr<const FeatureSet> features) override {
     const auto picture = node_.picture(frame);
     seen_.pictures +=
-        picture && picture->index == frame.played.index && picture->grey.width == kWidth;
+        picture && picture->index == frame.played.index && picture->gray.width == kWidth;
     std::vector<std::uint8_t> keep(features->keypoints().size());
     for (int i = 0; i < features->size(); ++i)
       keep[i] = frame.played.index != kDark && features->keypoint(i).octave <= 3;
@@ -92,7 +92,7 @@ TEST(PolicyHook, TrackingSeesWhatThePolicyLeaves) {
                                           {"output", folder.path()},
                                           {"connect_timeout_s", 1.0}}
                                .dump());
-  const nlohmann::json stages{{"extract", cost}, {"track", cost}, {"relocalise", cost}};
+  const nlohmann::json stages{{"extract", cost}, {"track", cost}, {"relocalize", cost}};
   const nlohmann::json mobile{{"cores", 2}, {"speed", 1.0}, {"stages", stages}};
   folder.write("sim.json", nlohmann::json{{"format", "slambed-sim"},
                                           {"version", 1},

@@ -28,9 +28,9 @@ TcpConnection::TcpConnection(FileDescriptor fd, std::size_t max_payload, RunTime
       last_received_(opened),
       last_sent_(opened) {}
 
-void TcpConnection::greet(std::uint64_t session, Bytes payload) {
+void TcpConnection::greet(std::uint64_t session_id, Bytes payload) {
   Message message;
-  message.sequence = session;
+  message.sequence = session_id;
   message.payload = std::move(payload);
   load([] { return RunTime{}; }, std::move(message), FrameHeader::kGreetingFlag);
 }
@@ -91,7 +91,7 @@ std::optional<TcpConnection::End> TcpConnection::finish_frame(const FrameHandler
                                                               const FrameHandler& on_message) {
   if (checksum(payload_) != header_->payload_crc) return End{true, "payload checksum is wrong"};
   std::optional<std::string> refused;
-  if (header_->farewell()) {
+  if (header_->closes()) {
     peer_closing_ = true;
   } else if (header_->greeting()) {
     refused = on_greeting(*header_, std::move(payload_));
@@ -148,7 +148,7 @@ std::optional<TcpConnection::End> TcpConnection::write_some(const Clock& clock,
       if (auto message = next()) {
         load(clock, std::move(*message), 0);
       } else if (closing_ && !close_sent_) {
-        load(clock, {}, FrameHeader::kFarewellFlag);
+        load(clock, {}, FrameHeader::kCloseFlag);
         close_sent_ = true;
       } else {
         return std::nullopt;

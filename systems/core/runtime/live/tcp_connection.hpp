@@ -35,7 +35,7 @@ class TcpConnection {
   bool sending() const { return sending_.has_value(); }
 
   /// Queues our greeting; messages wait until the peer's has been accepted.
-  void greet(std::uint64_t session, Bytes payload);
+  void greet(std::uint64_t session_id, Bytes payload);
 
   /// Tells the peer that we are there, unless it hears from us anyway.
   void send_heartbeat(const Clock& clock);

@@ -26,7 +26,7 @@ TcpNetwork::TcpNetwork(LiveRuntime& runtime, Observer& observer, TcpNetworkOptio
       observer_(observer),
       options_(std::move(options)),
       greeting_(std::move(greeting)),
-      session_(static_cast<std::uint64_t>(monotonic_now().count()) ^
+      session_id_(static_cast<std::uint64_t>(monotonic_now().count()) ^
                (static_cast<std::uint64_t>(::getpid()) << 48)),
       wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       peer_signal_(runtime.make_signal()) {

@@ -59,7 +59,7 @@ class TcpNetwork final : public Network {
   void promote(Link& link, TcpConnection& fresh);
   void end(Link& link, const TcpConnection& ended, const TcpConnection::End& why);
   void end_current(Link& link, const std::string& reason);
-  void note_session(Link& link, std::uint64_t session);
+  void note_session(Link& link, std::uint64_t session_id);
   void keep_alive(Link& link);
   void watch_stall(Link& link);
   bool flushed() const;
@@ -69,8 +69,8 @@ class TcpNetwork final : public Network {
   Observer& observer_;
   TcpNetworkOptions options_;
   Greeting greeting_;
-  std::uint64_t session_;  ///< tells a restarted process from a reconnecting one
-  std::uint64_t peer_session_ = 0;
+  std::uint64_t session_id_;  ///< tells a restarted process from a reconnecting one
+  std::uint64_t peer_session_id_ = 0;
   bool silent_ = false;  ///< connected, but nothing comes
   FileDescriptor wake_;
   std::vector<std::unique_ptr<Link>> links_;

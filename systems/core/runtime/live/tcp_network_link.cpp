@@ -69,7 +69,7 @@ void TcpNetwork::adopt(Link& link, FileDescriptor fd) {
   const auto& options = link.channel->options();
   link.connections.push_back(
       std::make_unique<TcpConnection>(std::move(fd), options.max_payload, monotonic_now()));
-  link.connections.back()->greet(session_, greeting_.own(options.name));
+  link.connections.back()->greet(session_id_, greeting_.own(options.name));
 }
 
 void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
@@ -77,13 +77,13 @@ void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
   std::optional<TcpConnection::End> ended;
   bool newly_greeted = false;
   if (events & (POLLIN | POLLHUP | POLLERR)) {
-    std::uint64_t session = 0;
+    std::uint64_t session_id = 0;
     ended = connection.read_some(
         [&](const FrameHeader& header, Bytes payload) -> std::optional<std::string> {
-          session = header.sequence;
+          session_id = header.sequence;
           auto refused = greeting_.check(link.channel->options().name, payload);
           if (refused) return refused;
-          note_session(link, session);
+          note_session(link, session_id);
           newly_greeted = true;
           return std::nullopt;
         },
@@ -93,7 +93,7 @@ void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
                                  .queued = header.queued,
                                  .sent = header.sent,
                                  .received = runtime_.now(),
-                                 .incarnation = link.incarnation,
+                                 .session = link.session,
                                  .payload = std::move(payload)});
           return std::nullopt;
         });
@@ -116,11 +116,11 @@ void TcpNetwork::promote(Link& link, TcpConnection& fresh) {
   }
   link.current = &fresh;
   for (auto& other : links_) {  // what is left of a process that is no more
-    if (other->peer_session != peer_session_) end_current(*other, "the peer was restarted");
+    if (other->peer_session_id != peer_session_id_) end_current(*other, "the peer was restarted");
   }
   link.channel->set_connection(fresh.fd());
   std::string detail = link.endpoint.address + " port " + std::to_string(link.endpoint.port);
-  if (link.incarnation > 1) detail += ", incarnation " + std::to_string(link.incarnation);
+  if (link.session > 1) detail += ", session " + std::to_string(link.session);
   if (!link.untuned.empty()) detail += ", could not set " + link.untuned;
   link.channel->record_link(link.ever_connected ? "reconnected" : "connected", detail);
   link.ever_connected = true;
@@ -154,15 +154,15 @@ void TcpNetwork::end_current(Link& link, const std::string& reason) {
 }
 
 /// A greeting was accepted: by it a restarted peer is told from one that reconnects.
-void TcpNetwork::note_session(Link& link, std::uint64_t session) {
+void TcpNetwork::note_session(Link& link, std::uint64_t session_id) {
   std::lock_guard lock(mutex_);
-  if (session != peer_session_) {
-    peer_session_ = session;
-    ++peer_.incarnation;
+  if (session_id != peer_session_id_) {
+    peer_session_id_ = session_id;
+    ++peer_.session;
   }
-  if (session != link.peer_session) link.channel->forget_peer_sequence();
-  link.peer_session = session;
-  link.incarnation = peer_.incarnation;
+  if (session_id != link.peer_session_id) link.channel->forget_peer_sequence();
+  link.peer_session_id = session_id;
+  link.session = peer_.session;
 }
 
 }  // namespace slambed

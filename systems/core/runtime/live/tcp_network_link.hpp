@@ -27,8 +27,8 @@ struct TcpNetwork::Link {
   std::vector<std::unique_ptr<TcpConnection>> connections;
   TcpConnection* current = nullptr;
   bool ever_connected = false;
-  std::uint64_t peer_session = 0;
-  std::uint64_t incarnation = 0;
+  std::uint64_t peer_session_id = 0;
+  std::uint64_t session = 0;
   int rejections = 0;
   StallWatch stall;
   std::uint64_t acknowledged = 0;  ///< bytes, of the current connection when it was looked at last

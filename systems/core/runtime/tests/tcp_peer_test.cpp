@@ -59,12 +59,12 @@ TEST(TcpPeer, IsConnectedOnceAllChannelsAre) {
   Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
   EXPECT_EQ(edge.network->peer(), PeerState{});
   FrozenPeer a(edge, "a", 77);
-  ASSERT_TRUE(eventually([&] { return edge.network->peer().incarnation == 1; }));
+  ASSERT_TRUE(eventually([&] { return edge.network->peer().session == 1; }));
   EXPECT_FALSE(connected(edge));
   const auto ticket = edge.network->peer_signal().ticket();
   FrozenPeer b(edge, "b", 77);
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
-  EXPECT_EQ(edge.network->peer().incarnation, 1u);
+  EXPECT_EQ(edge.network->peer().session, 1u);
   EXPECT_NE(edge.network->peer_signal().ticket(), ticket);
 }
 
@@ -89,7 +89,7 @@ TEST(TcpPeer, AFrozenOneIsAwayUntilItShowsLife) {
   a.send_heartbeat();
   EXPECT_TRUE(eventually([&] { return connected(edge); }));
   EXPECT_TRUE(edge.recorder.saw_link("alive"));
-  EXPECT_EQ(edge.network->peer().incarnation, 1u);
+  EXPECT_EQ(edge.network->peer().session, 1u);
 }
 
 TEST(TcpPeer, BytesThatNobodyAcknowledgesAreAStallUntilSomebodyDoes) {
@@ -104,7 +104,7 @@ TEST(TcpPeer, BytesThatNobodyAcknowledgesAreAStallUntilSomebodyDoes) {
   EXPECT_TRUE(connected(edge));
 }
 
-TEST(TcpPeer, ARestartedOneHasANewIncarnation) {
+TEST(TcpPeer, ARestartedOneHasANewSession) {
   auto edge = std::make_unique<Node>(true, Node::Ports{{"a", 0}, {"b", 0}}, kWatched);
   const Node::Ports ports = ports_of(*edge);
   Node mobile(false, ports, kWatched);
@@ -112,19 +112,19 @@ TEST(TcpPeer, ARestartedOneHasANewIncarnation) {
   edge->channel->send(1, {});
   auto message = await_message(mobile);
   ASSERT_TRUE(message);
-  EXPECT_EQ(message->incarnation, 1u);
+  EXPECT_EQ(message->session, 1u);
   edge.reset();
   ASSERT_TRUE(eventually([&] { return !connected(mobile); }));
-  EXPECT_EQ(mobile.network->peer().incarnation, 1u);
+  EXPECT_EQ(mobile.network->peer().session, 1u);
   edge = std::make_unique<Node>(true, ports, kWatched);
   ASSERT_TRUE(mobile.network->wait_connected(kLong));
-  EXPECT_EQ(mobile.network->peer().incarnation, 2u);
-  EXPECT_EQ(edge->network->peer().incarnation, 1u);
-  EXPECT_TRUE(eventually([&] { return mobile.recorder.saw_link("incarnation 2"); }));
+  EXPECT_EQ(mobile.network->peer().session, 2u);
+  EXPECT_EQ(edge->network->peer().session, 1u);
+  EXPECT_TRUE(eventually([&] { return mobile.recorder.saw_link("session 2"); }));
   edge->channel->send(1, {});
   message = await_message(mobile);
   ASSERT_TRUE(message);
-  EXPECT_EQ(message->incarnation, 2u);
+  EXPECT_EQ(message->session, 2u);
 }
 
 TEST(TcpPeer, AReconnectedOneIsTheSame) {
@@ -137,7 +137,7 @@ TEST(TcpPeer, AReconnectedOneIsTheSame) {
   EXPECT_FALSE(connected(edge));
   a = std::make_unique<FrozenPeer>(edge, "a", 77);
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
-  EXPECT_EQ(edge.network->peer().incarnation, 1u);
+  EXPECT_EQ(edge.network->peer().session, 1u);
 }
 
 TEST(TcpPeer, WhatAReplacedConnectionDidNotTakeWholeIsTheFirstOnTheNext) {
@@ -162,10 +162,10 @@ TEST(TcpPeer, WhatIsLeftOfADeadProcessIsCutOff) {
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
   FrozenPeer new_a(edge, "a", 88);
   ASSERT_TRUE(eventually([&] { return edge.recorder.saw_link("the peer was restarted"); }));
-  EXPECT_EQ(edge.network->peer(), (PeerState{.connected = false, .incarnation = 2}));
+  EXPECT_EQ(edge.network->peer(), (PeerState{.connected = false, .session = 2}));
   FrozenPeer new_b(edge, "b", 88);
   EXPECT_TRUE(eventually([&] { return connected(edge); }));
-  EXPECT_EQ(edge.network->peer().incarnation, 2u);
+  EXPECT_EQ(edge.network->peer().session, 2u);
 }
 
 TEST(TcpPeer, EveryLifeIsNumberedInItsMessages) {
@@ -184,9 +184,9 @@ TEST(TcpPeer, EveryLifeIsNumberedInItsMessages) {
     const auto message = await_message(edge);
     ASSERT_TRUE(message);
     EXPECT_EQ(message->type, life);
-    EXPECT_EQ(message->incarnation, life);
+    EXPECT_EQ(message->session, life);
   }
-  EXPECT_EQ(edge.network->peer().incarnation, sent);
+  EXPECT_EQ(edge.network->peer().session, sent);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The modelled link: delays, serialisation, slow start, smoothed RTT, queues, a peer that is away.
+// The modeled link: delays, serialization, slow start, smoothed RTT, queues, a peer that is away.
 #include "runtime/virtual/virtual_network.hpp"
 
 #include <gtest/gtest.h>
@@ -45,7 +45,7 @@ TEST(VirtualNetwork, AShortIdleTimeHalvesTheWindow) {
   EXPECT_EQ(deliver(nodes, bytes, {0ms, 400ms})[1], 400ms + 10ms + 20ms);
 }
 
-TEST(VirtualNetwork, TheRateSerialisesAllChannelsTogether) {
+TEST(VirtualNetwork, TheRateSerializesAllChannelsTogether) {
   Nodes nodes(constant(0, 8), constant(0));
   // 8 Mbit/s are 1 byte per microsecond: one message of 1,000 bytes and 96 of headers.
   const auto received = deliver(nodes, 1000 - 44, {0ms, 0ms});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the modelled TCP does about loss and cuts.
+// What the modeled TCP does about loss and cuts.
 #include <gtest/gtest.h>
 
 #include <vector>

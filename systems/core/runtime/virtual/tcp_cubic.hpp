@@ -22,7 +22,7 @@ class TcpCubic {
   /// Segments were acknowledged while the window limited the sender.
   void grow(double segments, RunTime now, Duration rtt);
   /// Every sample of the RTT; ends slow start before the queue overflows.
-  void hear(Duration rtt, RunTime now, std::uint64_t acknowledged, std::uint64_t next);
+  void sample_rtt(Duration rtt, RunTime now, std::uint64_t acknowledged, std::uint64_t next);
   /// The sender had nothing to send; the growth curve is a function of busy time.
   void idle(Duration time);
   void forget_epoch() { in_epoch_ = false; }

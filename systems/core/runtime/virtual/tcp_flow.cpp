@@ -63,8 +63,8 @@ void TcpFlow::send_new() {
   transmit(bytes);
 }
 
-void TcpFlow::send_again(TcpSegment& segment) {
-  board_.resend(segment, simulator_.now());
+void TcpFlow::retransmit(TcpSegment& segment) {
+  board_.retransmit(segment, simulator_.now());
   transmit(segment.bytes);
 }
 
@@ -77,7 +77,7 @@ void TcpFlow::pump() {
       limited = true;
       break;
     }
-    send_again(*lost);
+    retransmit(*lost);
   }
   while (!limited && next_ < written_) {
     if (board_.in_flight() + 1 > cubic_.window) {
@@ -92,7 +92,7 @@ void TcpFlow::pump() {
 
 /// A window that is not used says nothing about the path (RFC 2861, as Linux does it).
 void TcpFlow::validate_window(bool limited) {
-  const int out = board_.out();
+  const int out = board_.outstanding();
   if (acknowledged_ >= usage_end_ || limited || (!limited_ && out > most_out_)) {
     limited_ = limited;
     most_out_ = out;
@@ -129,35 +129,35 @@ void TcpFlow::acknowledge(const TcpAck& ack) {
   if (ack.upto < acknowledged_) return;
   const bool advanced = ack.upto > acknowledged_;
   const RunTime now = simulator_.now();
-  const TcpNews news = board_.take(ack, now);
+  const TcpAckResult result = board_.take(ack, now);
   acknowledged_ = ack.upto;
-  if (advanced || news.rtt) {
-    const Duration rtt = news.rtt.value_or(now - ack.echo);
+  if (advanced || result.rtt) {
+    const Duration rtt = result.rtt.value_or(now - ack.echo);
     sample(rtt);
-    if (news.rtt) cubic_.hear(rtt, now, acknowledged_, next_);
+    if (result.rtt) cubic_.sample_rtt(rtt, now, acknowledged_, next_);
   }
   if (advanced) backoff_ = 0;
   finish_tail_probe(ack);
-  if (state_ == State::kLoss) after_loss_timeout(ack, news);
+  if (state_ == State::kLoss) after_loss_timeout(ack, result);
   if (state_ == State::kRecovery && acknowledged_ >= recovery_end_) {
     cubic_.window = cubic_.slow_start_limit;
     state_ = State::kOpen;
   }
   const int lost_before = board_.lost();
-  find_losses(news);
+  find_losses(result);
   if (state_ == State::kRecovery) {
-    reduce_window(news, board_.lost() > lost_before);
+    reduce_window(result, board_.lost() > lost_before);
   } else if (advanced && window_limits()) {
-    cubic_.grow(news.acknowledged, now, srtt_);
+    cubic_.grow(result.acknowledged, now, srtt_);
   }
   if (advanced) armed_ = Timer::kNone;
   pump();
   if (advanced) on_acknowledged_();
 }
 
-void TcpFlow::after_loss_timeout(const TcpAck& ack, const TcpNews& news) {
-  const bool advanced = news.acknowledged > 0;
-  if ((advanced && ack.echo < resent_) || (testing_ && news.original && next_ == recovery_end_)) {
+void TcpFlow::after_loss_timeout(const TcpAck& ack, const TcpAckResult& result) {
+  const bool advanced = result.acknowledged > 0;
+  if ((advanced && ack.echo < resent_) || (testing_ && result.original && next_ == recovery_end_)) {
     undo();
     return;
   }
@@ -179,16 +179,16 @@ void TcpFlow::after_loss_timeout(const TcpAck& ack, const TcpNews& news) {
 }
 
 void TcpFlow::undo() {
-  board_.forgive();
+  board_.undo_losses();
   cubic_.window = std::max(cubic_.window, window_before_);
   cubic_.slow_start_limit = std::max(cubic_.slow_start_limit, limit_before_);
   state_ = State::kOpen;
   testing_ = false;
 }
 
-void TcpFlow::find_losses(const TcpNews& news) {
+void TcpFlow::find_losses(const TcpAckResult& result) {
   if (board_.sacked() == 0 && state_ == State::kOpen) return;
-  if (news.delivered == 0 && armed_ != Timer::kNone) return;
+  if (result.delivered == 0 && armed_ != Timer::kNone) return;
   // The link never changes the order of packets, so three beyond a hole are enough.
   const bool sure = state_ != State::kOpen || board_.sacked() >= kDuplicatesForLoss;
   const auto look_again =
@@ -207,16 +207,16 @@ void TcpFlow::enter_recovery() {
   recovered_ = sent_in_recovery_ = 0;
 }
 
-void TcpFlow::reduce_window(const TcpNews& news, bool newly_lost) {
-  if (news.delivered == 0) return;
-  recovered_ += news.delivered;
+void TcpFlow::reduce_window(const TcpAckResult& result, bool newly_lost) {
+  if (result.delivered == 0) return;
+  recovered_ += result.delivered;
   const double limit = cubic_.slow_start_limit, flying = board_.in_flight();
   double may_send;
   if (flying > limit) {
     may_send = std::max(0.0, std::ceil(limit * recovered_ / window_before_) - sent_in_recovery_);
   } else {
-    may_send = std::max(recovered_ - sent_in_recovery_, news.delivered);
-    if (news.acknowledged > 0 && !newly_lost) ++may_send;
+    may_send = std::max(recovered_ - sent_in_recovery_, result.delivered);
+    if (result.acknowledged > 0 && !newly_lost) ++may_send;
     may_send = std::min(limit - flying, may_send);
   }
   if (sent_in_recovery_ == 0) may_send = std::max(may_send, 1.0);
@@ -251,7 +251,7 @@ void TcpFlow::rearm() {
   if (armed_ == Timer::kReordering) return;
   const RunTime now = simulator_.now();
   if (state_ == State::kOpen && board_.sacked() == 0 && !probe_end_) {
-    const Duration more = board_.out() == 1 ? kLeastVariation : kProbeMargin;
+    const Duration more = board_.outstanding() == 1 ? kLeastVariation : kProbeMargin;
     arm(Timer::kTailProbe, now + std::min(2 * srtt_ + more, timeout()));
   } else {
     arm(Timer::kTimeout, now + timeout());
@@ -274,14 +274,14 @@ void TcpFlow::expire(Timer kind) {
       pump();
       break;
     default:
-      time_out();
+      on_retransmission_timeout();
   }
 }
 
 void TcpFlow::probe_tail() {
   probe_was_old_ = next_ == written_;
   if (probe_was_old_) {
-    send_again(board_.last());
+    retransmit(board_.last());
   } else {
     send_new();
   }
@@ -289,7 +289,7 @@ void TcpFlow::probe_tail() {
   arm(Timer::kTimeout, simulator_.now() + timeout());
 }
 
-void TcpFlow::time_out() {
+void TcpFlow::on_retransmission_timeout() {
   const bool first = state_ != State::kLoss;
   const bool fresh = state_ == State::kOpen || acknowledged_ >= recovery_end_;
   if (fresh) {
@@ -300,13 +300,13 @@ void TcpFlow::time_out() {
   testing_ = fresh || !first;
   state_ = State::kLoss;
   cubic_.forget_epoch();
-  board_.time_out(simulator_.now());
+  board_.on_retransmission_timeout(simulator_.now());
   cubic_.window = board_.in_flight() + 1;
   recovery_end_ = next_;
   probe_end_.reset();
   if (first) resent_ = simulator_.now();
   ++backoff_;
-  send_again(board_.first());
+  retransmit(board_.first());
   arm(Timer::kTimeout, simulator_.now() + timeout());
 }
 

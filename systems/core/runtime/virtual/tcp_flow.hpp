@@ -15,7 +15,7 @@ namespace slambed {
 
 /// One direction of a TCP connection, segment by segment, as Linux does it: ACK clocking, CUBIC
 /// with HyStart, a window that idle time and unused room close (RFC 2861), selective
-/// acknowledgements, loss found by RACK and tail-loss probes (RFC 8985), recovery by proportional
+/// acknowledgments, loss found by RACK and tail-loss probes (RFC 8985), recovery by proportional
 /// rate reduction (RFC 6937), slow start after a time-out (with F-RTO, RFC 5682, and its undoing
 /// when it was wrong), and the smoothed RTT of RFC 6298. Every segment is acknowledged at once, as
 /// the nodes ask for.
@@ -45,24 +45,24 @@ class TcpFlow {
   void pump();
   void transmit(ByteRange bytes);
   void send_new();
-  void send_again(TcpSegment& segment);
+  void retransmit(TcpSegment& segment);
   void validate_window(bool limited);
   bool window_limits() const;
   void close_window_after(Duration idle);
-  // Receiving acknowledgements.
+  // Receiving acknowledgments.
   void arrive(ByteRange bytes, RunTime stamp);
   void acknowledge(const TcpAck& ack);
-  void after_loss_timeout(const TcpAck& ack, const TcpNews& news);
-  void find_losses(const TcpNews& news);
+  void after_loss_timeout(const TcpAck& ack, const TcpAckResult& result);
+  void find_losses(const TcpAckResult& result);
   void enter_recovery();
-  void reduce_window(const TcpNews& news, bool newly_lost);
+  void reduce_window(const TcpAckResult& result, bool newly_lost);
   void finish_tail_probe(const TcpAck& ack);
   void undo();
   // Time.
   void arm(Timer kind, RunTime when);
   void rearm();
   void expire(Timer kind);
-  void time_out();
+  void on_retransmission_timeout();
   void probe_tail();
   void sample(Duration rtt);
   Duration timeout() const;

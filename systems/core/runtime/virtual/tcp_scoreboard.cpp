@@ -6,12 +6,12 @@
 
 namespace slambed {
 
-void TcpScoreboard::arrived(const TcpSegment& segment, RunTime now, TcpNews& news) {
-  ++news.delivered;
+void TcpScoreboard::arrived(const TcpSegment& segment, RunTime now, TcpAckResult& result) {
+  ++result.delivered;
   const Duration rtt = now - segment.sent;
   if (!segment.retransmitted) {
-    news.original = true;
-    if (!news.rtt) news.rtt = rtt;
+    result.original = true;
+    if (!result.rtt) result.rtt = rtt;
     least_rtt_ = std::min(least_rtt_, rtt);
   } else if (rtt < least_rtt_) {
     return;  // the original has arrived, not the retransmission
@@ -23,17 +23,17 @@ void TcpScoreboard::arrived(const TcpSegment& segment, RunTime now, TcpNews& new
   }
 }
 
-TcpNews TcpScoreboard::take(const TcpAck& ack, RunTime now) {
-  TcpNews news;
+TcpAckResult TcpScoreboard::take(const TcpAck& ack, RunTime now) {
+  TcpAckResult result;
   while (!segments_.empty() && segments_.front().bytes.to <= ack.upto) {
     TcpSegment& first = segments_.front();
     if (first.sacked) {
       --sacked_;
     } else {
-      arrived(first, now, news);
+      arrived(first, now, result);
     }
     if (first.lost) --lost_;
-    ++news.acknowledged;
+    ++result.acknowledged;
     segments_.pop_front();
   }
   for (int i = 0; i < ack.blocks; ++i) {
@@ -43,13 +43,13 @@ TcpNews TcpScoreboard::take(const TcpAck& ack, RunTime now) {
         [](const TcpSegment& s, std::uint64_t from) { return s.bytes.from < from; });
     for (; segment != segments_.end() && segment->bytes.to <= block.to; ++segment) {
       if (segment->sacked) continue;
-      arrived(*segment, now, news);
+      arrived(*segment, now, result);
       if (std::exchange(segment->lost, false)) --lost_;
       segment->sacked = true;
       ++sacked_;
     }
   }
-  return news;
+  return result;
 }
 
 bool TcpScoreboard::before_newest(const TcpSegment& segment) const {
@@ -76,14 +76,14 @@ std::optional<RunTime> TcpScoreboard::find_losses(RunTime now, Duration reorderi
   return look_again;
 }
 
-void TcpScoreboard::time_out(RunTime now) {
+void TcpScoreboard::on_retransmission_timeout(RunTime now) {
   for (TcpSegment& segment : segments_) {
     const bool recent = &segment != &segments_.front() && segment.sent + newest_rtt_ > now;
     if (!segment.sacked && !segment.lost && !recent) mark_lost(segment);
   }
 }
 
-void TcpScoreboard::forgive() {
+void TcpScoreboard::undo_losses() {
   for (TcpSegment& segment : segments_) segment.lost = false;
   lost_ = 0;
 }
@@ -96,7 +96,7 @@ TcpSegment* TcpScoreboard::next_lost() {
   return nullptr;
 }
 
-void TcpScoreboard::resend(TcpSegment& segment, RunTime now) {
+void TcpScoreboard::retransmit(TcpSegment& segment, RunTime now) {
   if (std::exchange(segment.lost, false)) --lost_;
   segment.sent = now;
   segment.retransmitted = true;

@@ -20,8 +20,8 @@ struct TcpSegment {
   bool again = false;  ///< sent again after a loss, under way
 };
 
-/// What one acknowledgement changed.
-struct TcpNews {
+/// What one acknowledgment changed.
+struct TcpAckResult {
   int acknowledged = 0;         ///< segments, cumulatively
   int delivered = 0;            ///< segments newly known to have arrived
   bool original = false;        ///< one of them had never been retransmitted
@@ -33,29 +33,29 @@ struct TcpNews {
 class TcpScoreboard {
  public:
   void sent(const TcpSegment& segment) { segments_.push_back(segment); }
-  TcpNews take(const TcpAck& ack, RunTime now);
+  TcpAckResult take(const TcpAck& ack, RunTime now);
 
   /// Marks losses; returns when to look again at segments that may just be late, if at all.
   std::optional<RunTime> find_losses(RunTime now, Duration reordering);
   /// After a time-out everything counts as lost that was not sent within the last round trip.
-  void time_out(RunTime now);
+  void on_retransmission_timeout(RunTime now);
   /// The time-out was wrong: nothing is lost.
-  void forgive();
+  void undo_losses();
 
   /// The first one to send again; nullptr when none is lost.
   TcpSegment* next_lost();
-  void resend(TcpSegment& segment, RunTime now);
+  void retransmit(TcpSegment& segment, RunTime now);
   TcpSegment& first() { return segments_.front(); }
   TcpSegment& last() { return segments_.back(); }
 
   bool empty() const { return segments_.empty(); }
-  int out() const { return static_cast<int>(segments_.size()); }
+  int outstanding() const { return static_cast<int>(segments_.size()); }
   int sacked() const { return sacked_; }
   int lost() const { return lost_; }
-  int in_flight() const { return out() - sacked_ - lost_; }
+  int in_flight() const { return outstanding() - sacked_ - lost_; }
 
  private:
-  void arrived(const TcpSegment& segment, RunTime now, TcpNews& news);
+  void arrived(const TcpSegment& segment, RunTime now, TcpAckResult& result);
   bool before_newest(const TcpSegment& segment) const;
   void mark_lost(TcpSegment& segment);
 

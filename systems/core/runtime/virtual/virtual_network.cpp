@@ -15,7 +15,7 @@ namespace {
 /// Bytes that the live channel leaves unsent in the kernel before it hands over the next message.
 constexpr std::uint64_t kUnsentLimit = 128 * 1024;
 /// Nobody dies in a virtual run.
-constexpr std::uint64_t kOnlyIncarnation = 1;
+constexpr std::uint64_t kOnlySession = 1;
 
 }  // namespace
 
@@ -139,7 +139,7 @@ class VirtualLink::VirtualChannel final : public Channel {
       Message message = std::move(under_way_.front().second);
       under_way_.pop_front();
       message.received = simulator_.now();
-      message.incarnation = kOnlyIncarnation;
+      message.session = kOnlySession;
       auto dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
       if (dropped) record(*dropped, true, true);
       arrived = true;
@@ -185,7 +185,7 @@ class VirtualLink::Side final : public Network {
                      std::all_of(channels_.begin(), channels_.end(), [](const auto& channel) {
                        return channel.second->path().connected;
                      });
-    return {.connected = met && silences_ == 0, .incarnation = met ? kOnlyIncarnation : 0};
+    return {.connected = met && silences_ == 0, .session = met ? kOnlySession : 0};
   }
   Signal& peer_signal() override { return peer_signal_; }
   void freeze(bool frozen) {

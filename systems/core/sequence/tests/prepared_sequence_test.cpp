@@ -93,7 +93,7 @@ TEST_F(PreparedSequenceTest, ShowsHeaderAndPixels) {
   EXPECT_NEAR(sequence.close_depth_m(), 3.2, 1e-12);
   const auto frame = sequence.frame(2);
   EXPECT_EQ(frame.timestamp_ns, 66'666'667);
-  EXPECT_EQ(frame.grey.at(5, 7),
+  EXPECT_EQ(frame.gray.at(5, 7),
             static_cast<std::uint8_t>(frames[2 * kStride + 7 * kTinyWidth + 5]));
   std::uint16_t depth = 0;
   std::memcpy(&depth,
@@ -127,7 +127,7 @@ TEST_F(PreparedSequenceTest, AMonoSequenceHasOneImageAndNoBaseline) {
   EXPECT_EQ(sequence.camera().bf, 0);
   EXPECT_EQ(sequence.close_depth_m(), 0);
   const auto frame = sequence.frame(2);
-  EXPECT_EQ(frame.grey.at(5, 7),
+  EXPECT_EQ(frame.gray.at(5, 7),
             static_cast<std::uint8_t>(frames[2 * kStride + 7 * kTinyWidth + 5]));
   EXPECT_EQ(frame.right.data, nullptr);
   EXPECT_EQ(frame.depth.data, nullptr);

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "../bench/endless_world.hpp"
+#include "../bench/endless_scene.hpp"
 #include "map/appearance.hpp"
 #include "slam/pose_correction.hpp"
 #include "slam/remote_mapper.hpp"
@@ -43,14 +43,14 @@ double median(std::vector<double> values) {
 /// Makes keyframes of one trip; features that are near a known point's place in the image see it.
 class Trip {
  public:
-  Trip(EndlessWorld& world, IdSpace space) : world_(world), keyframes_(space), points_(space) {}
+  Trip(EndlessScene& scene, IdSpace space) : scene_(scene), keyframes_(space), points_(space) {}
 
   MapDelta next(double place, const SE3& T_cw) {
     MapDelta delta;
     NewKeyFrame keyframe;
     keyframe.id = keyframes_.next();
     keyframe.timestamp_s = ++made_;
-    keyframe.features = world_.look(stand(place));
+    keyframe.features = scene_.look(stand(place));
     keyframe.T_cw = T_cw;
     const FeatureSet& features = *keyframe.features;
     std::erase_if(known_, [&](const Tracked& k) { return k.seen < made_ - kMemory; });
@@ -88,7 +88,7 @@ class Trip {
     Eigen::Vector3d p_w;
     int seen;
   };
-  EndlessWorld& world_;
+  EndlessScene& scene_;
   IdSource<KeyFrameId> keyframes_;
   IdSource<MapPointId> points_;
   std::vector<Tracked> known_;
@@ -96,12 +96,12 @@ class Trip {
 };
 
 void run(int wanted) {
-  EndlessWorld world;
+  EndlessScene scene;
   const auto map = std::make_shared<Map>();
-  const auto places = std::make_shared<PlaceIndex>(world.vocabulary());
-  Trip first(world, IdSpace::kEdgeMapper), second(world, IdSpace::kTracker);
+  const auto places = std::make_shared<PlaceIndex>(scene.vocabulary());
+  Trip first(scene, IdSpace::kEdgeMapper), second(scene, IdSpace::kTracker);
   for (int k = 0; k < wanted; ++k) map->commit(first.next(k, stand(k)));
-  places->follow(*map);
+  places->update_from(*map);
   RemoteMapper mapper({}, map, places);
   std::vector<double> match_ms, bundle_ms, per_try_ms, features, observations, correct_ms, moved;
   int matched = 0;

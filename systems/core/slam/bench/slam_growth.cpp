@@ -11,7 +11,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "../bench/endless_world.hpp"
+#include "../bench/endless_scene.hpp"
 #include "slam/local_mapper.hpp"
 #include "slam/loop_closer.hpp"
 #include "slam/tracker.hpp"
@@ -64,12 +64,12 @@ class Times {
   std::vector<double> ms_;
 };
 
-/// Tracks the same frames back and forth in the map of the first few metres.
+/// Tracks the same frames back and forth in the map of the first few meters.
 class Yardstick {
  public:
   Yardstick() {
     for (int frame = 0; frame < kFrames; ++frame) {
-      frames_.push_back(world_.look(stand(frame)));
+      frames_.push_back(scene_.look(stand(frame)));
       tracker_.track(frame, frame / 30.0, frames_.back());
       if (frame % 5 == 0) tracker_.create_keyframe();
     }
@@ -85,7 +85,7 @@ class Yardstick {
 
  private:
   static constexpr int kFrames = 40;
-  EndlessWorld world_;
+  EndlessScene scene_;
   std::vector<std::shared_ptr<const FeatureSet>> frames_;
   Tracker tracker_{{.min_init_features = 200}, std::make_shared<Map>(), IdSpace::kTracker};
 };
@@ -98,7 +98,7 @@ class Growth {
         "mb,yardstick_ms\n");
     std::size_t next_row = kRowEvery;
     for (int frame = 0; frame < kMaxFrames; ++frame) {
-      const auto features = world_.look(stand(frame));
+      const auto features = scene_.look(stand(frame));
       const TrackOutcome outcome =
           track_.measure([&] { return tracker_.track(frame, frame / 30.0, features); });
       losses_ += outcome.state == TrackingState::kLost;
@@ -143,9 +143,9 @@ class Growth {
   }
 
   Yardstick yardstick_;
-  EndlessWorld world_;
+  EndlessScene scene_;
   std::shared_ptr<Map> map_ = std::make_shared<Map>();
-  std::shared_ptr<PlaceIndex> places_ = std::make_shared<PlaceIndex>(world_.vocabulary());
+  std::shared_ptr<PlaceIndex> places_ = std::make_shared<PlaceIndex>(scene_.vocabulary());
   Tracker tracker_{{.min_init_features = 200}, map_, IdSpace::kTracker, places_};
   LocalMapper mapper_{{}, map_, IdSpace::kMobileMapper};
   LoopCloser closer_{{}, map_, places_};

@@ -5,7 +5,7 @@
 
 #include "geometry/sim3.hpp"
 #include "slam/place_index.hpp"
-#include "world_vocabulary.hpp"
+#include "scene_vocabulary.hpp"
 
 namespace slambed::testing {
 
@@ -21,14 +21,14 @@ class DriftedLaps {
   static constexpr int kPerLap = 60;
 
   explicit DriftedLaps(const Drift& drift)
-      : map(std::make_shared<Map>()), drift_(drift), world_(9000) {
-    sensor_ = world_.sensor();
+      : map(std::make_shared<Map>()), drift_(drift), scene_(9000) {
+    sensor_ = scene_.sensor();
     if (drift.mono) {
       auto mono = std::make_shared<Sensor>(*sensor_);
       mono->camera.bf = 0;
       sensor_ = mono;
     }
-    places = std::make_shared<PlaceIndex>(world_vocabulary(world_));
+    places = std::make_shared<PlaceIndex>(scene_vocabulary(scene_));
   }
 
   /// On a circle of 0.8 m, looking outwards.
@@ -58,11 +58,11 @@ class DriftedLaps {
     keyframe.T_cw = to_se3(S_cw_);
     keyframe.features = look(k);
     for (int i = 0; i < keyframe.features->size(); ++i) {
-      Tracked& known = known_[world_.seen()[i]];
+      Tracked& known = known_[scene_.seen()[i]];
       if (!known.point || known.last_seen < k - kMemory) {
         NewPoint point;
         point.id = {std::uint64_t{1} << 56 | ++points_};
-        point.p_w = S_cw_.inverse() * (path(k) * world_.point(world_.seen()[i]));
+        point.p_w = S_cw_.inverse() * (path(k) * scene_.point(scene_.seen()[i]));
         point.reference = point.first_keyframe = keyframe.id;
         delta.points.push_back(point);
         known.point = point.id;
@@ -84,7 +84,7 @@ class DriftedLaps {
   }
   double error_m(int k) const {
     return map->read(
-        [&](const MapView& view) { return centre_error(view.keyframe(id(k))->T_cw, truth(k)); });
+        [&](const MapView& view) { return center_error(view.keyframe(id(k))->T_cw, truth(k)); });
   }
   SE3 pose(int k) const {
     return map->read([&](const MapView& view) { return view.keyframe(id(k))->T_cw; });
@@ -103,7 +103,7 @@ class DriftedLaps {
 
   std::shared_ptr<const FeatureSet> look(int k) {
     auto features =
-        world_.look(path(k), {.pixel_noise = 0.3, .depth_noise = 0.005, .flipped_bits = 6});
+        scene_.look(path(k), {.pixel_noise = 0.3, .depth_noise = 0.005, .flipped_bits = 6});
     if (!drift_.mono) return features;
     std::vector<KeyPoint> keypoints(features->keypoints().begin(), features->keypoints().end());
     for (KeyPoint& p : keypoints) p.depth_m = p.right_u = -1;
@@ -113,7 +113,7 @@ class DriftedLaps {
   }
 
   Drift drift_;
-  SyntheticWorld world_;
+  SyntheticScene scene_;
   std::shared_ptr<const Sensor> sensor_;
   std::map<int, Tracked> known_;
   Sim3 S_cw_;

@@ -53,22 +53,22 @@ const Row kRows[] = {
      false, false},
     {"a single keyframe, very few", [](KeyFrameEvidence& e) { e.keyframes = 1, e.inliers = 130; },
      KeyFrameNeed::kIfMapperAgrees, true, false, false},
-    {"just relocalised in a grown map",
+    {"just relocalized in a grown map",
      [](KeyFrameEvidence& e) {
-       e.inliers = 80, e.keyframes = 31, e.relocalised_ever = true,
-       e.frames_since_relocalisation = 29;
+       e.inliers = 80, e.keyframes = 31, e.relocalized_ever = true,
+       e.frames_since_relocalization = 29;
      },
      KeyFrameNeed::kNone, false, false, false},
-    {"just relocalised in a young map",
+    {"just relocalized in a young map",
      [](KeyFrameEvidence& e) {
-       e.inliers = 80, e.keyframes = 30, e.relocalised_ever = true,
-       e.frames_since_relocalisation = 29;
+       e.inliers = 80, e.keyframes = 30, e.relocalized_ever = true,
+       e.frames_since_relocalization = 29;
      },
      KeyFrameNeed::kUrgent, true, true, false},
-    {"relocalised a second ago",
+    {"relocalized a second ago",
      [](KeyFrameEvidence& e) {
-       e.inliers = 80, e.keyframes = 31, e.relocalised_ever = true,
-       e.frames_since_relocalisation = 30;
+       e.inliers = 80, e.keyframes = 31, e.relocalized_ever = true,
+       e.frames_since_relocalization = 30;
      },
      KeyFrameNeed::kUrgent, true, true, false},
 };

@@ -6,7 +6,7 @@
 
 #include <map>
 
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -25,19 +25,19 @@ class MapperTest : public ::testing::Test {
     MapDelta delta;
     NewKeyFrame keyframe;
     keyframe.id = kf(++keyframes_);
-    keyframe.features = world.look(walk(frame), view, 600);
+    keyframe.features = scene.look(walk(frame), view, 600);
     keyframe.T_cw = walk(frame);
     keyframe.points.resize(keyframe.features->size());
-    things_[keyframe.id] = world.seen();
-    for (std::size_t i = 0; i < world.seen().size(); ++i) {
-      const int thing = world.seen()[i];
+    things_[keyframe.id] = scene.seen();
+    for (std::size_t i = 0; i < scene.seen().size(); ++i) {
+      const int thing = scene.seen()[i];
       if (!known(thing)) continue;
       auto [place, fresh] = point_of_.try_emplace(thing);
       if (fresh) {
         place->second = pt(++points_);
         NewPoint point;
         point.id = place->second;
-        point.p_w = world.point(thing);
+        point.p_w = scene.point(thing);
         point.reference = point.first_keyframe = keyframe.id;
         delta.points.push_back(point);
       }
@@ -50,7 +50,7 @@ class MapperTest : public ::testing::Test {
   }
   int thing(KeyFrameId keyframe, int feature) { return things_[keyframe][feature]; }
 
-  SyntheticWorld world;
+  SyntheticScene scene;
   std::shared_ptr<Map> map = std::make_shared<Map>();
   LocalMapper mapper{{}, map, IdSpace::kEdgeMapper};
   std::map<int, MapPointId> point_of_;
@@ -95,7 +95,7 @@ TEST_F(MapperTest, TriangulatesUnmatchedFeaturesWhereTheyAre) {
     wrong += thing_a != thing(b, in_b.feature);
     if (thing_a == thing(b, in_b.feature)) {
       const double depth_m = (walk(30) * delta.points[i].p_w).z();
-      EXPECT_LT((delta.points[i].p_w - world.point(thing_a)).norm(), 0.05 * depth_m * depth_m);
+      EXPECT_LT((delta.points[i].p_w - scene.point(thing_a)).norm(), 0.05 * depth_m * depth_m);
     }
   }
   EXPECT_LE(wrong, 2);
@@ -191,7 +191,7 @@ TEST_F(MapperTest, BundleMovesPointsAndPosesToTheTruth) {
   EXPECT_EQ(map->commit(delta).stale, 0);
   map->read([&](const MapView& view) {
     for (int i = 0; i < 5; ++i)
-      EXPECT_LT(centre_error(view.keyframe(kf(i + 1))->T_cw, walk(i * 12)), 3e-3) << i;
+      EXPECT_LT(center_error(view.keyframe(kf(i + 1))->T_cw, walk(i * 12)), 3e-3) << i;
     return 0;
   });
   EXPECT_TRUE(mapper.finish_bundle().empty()) << "handed out only once";
@@ -263,9 +263,9 @@ TEST_F(MapperTest, PointsThatAreNotFoundOrNotSeenAgainAreCulled) {
   add(0, all);
   EXPECT_TRUE(mapper.cull_points().empty());
   const MapPointId hardly_found = point_of_.begin()->second;
-  MapDelta sightings;
-  sightings.sightings = {{hardly_found, 9, 2}};
-  map->commit(sightings);
+  MapDelta observation_counts;
+  observation_counts.observation_counts = {{hardly_found, 9, 2}};
+  map->commit(observation_counts);
   MapDelta delta = mapper.cull_points();
   ASSERT_EQ(delta.culled_points.size(), 1u);
   EXPECT_EQ(delta.culled_points[0], hardly_found);
@@ -289,7 +289,7 @@ TEST_F(MapperTest, PointsThatAreNotFoundOrNotSeenAgainAreCulled) {
   mapper.cull_points();
   const MapPointId old = map->read([](const MapView& view) { return view.point_ids().front(); });
   MapDelta late;
-  late.sightings = {{old, 1000, 1}};
+  late.observation_counts = {{old, 1000, 1}};
   map->commit(late);
   EXPECT_TRUE(mapper.cull_points().empty());
 }

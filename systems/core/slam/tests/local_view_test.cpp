@@ -5,7 +5,7 @@
 
 #include "slam/keyframe_maker.hpp"
 #include "slam/trajectory.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -16,7 +16,7 @@ class LocalViewTest : public ::testing::Test {
  protected:
   KeyFrameId add_keyframe(int frame_number) {
     Frame frame;
-    frame.begin(frame_number, 0, world.look(walk(frame_number)));
+    frame.begin(frame_number, 0, scene.look(walk(frame_number)));
     const MapDelta delta =
         make_keyframe(map, frame, walk(frame_number), NewPoints::kAllWithDepth, ids);
     map.commit(delta);
@@ -24,7 +24,7 @@ class LocalViewTest : public ::testing::Test {
     return delta.keyframes[0].id;
   }
 
-  SyntheticWorld world;
+  SyntheticScene scene;
   Map map;
   TrackerIds ids{IdSpace::kTracker};
   LocalView view;
@@ -40,9 +40,9 @@ TEST_F(LocalViewTest, IsCopiedOnlyWhenSomethingChanged) {
   EXPECT_FALSE(view.update(map, last, anyone).copied);
 
   MapDelta delta;
-  delta.sightings = {{last.points[0], 5, 5}};
+  delta.observation_counts = {{last.points[0], 5, 5}};
   map.commit(delta);
-  EXPECT_FALSE(view.update(map, last, anyone).copied) << "sightings do not matter";
+  EXPECT_FALSE(view.update(map, last, anyone).copied) << "observations do not matter";
 
   delta = {};
   delta.positions = {{last.points[0], {1, 2, 3}, 1}};
@@ -73,26 +73,26 @@ TEST_F(LocalViewTest, ReferenceIsTheOneWithMostVotesThatMayBe) {
   EXPECT_EQ(view.update(map, mixed, [&](KeyFrameId id) { return id != b; }).reference, a);
 }
 
-TEST_F(LocalViewTest, SightingsAreAbsoluteAndSorted) {
+TEST_F(LocalViewTest, ObservationCountsAreAbsoluteAndSorted) {
   add_keyframe(0);
   view.update(map, last, anyone);
   for (int turn = 0; turn < 3; ++turn)
     for (std::size_t i = 0; i < 10; ++i) view.count_visible(9 - i);
   view.count_found(view.points()[4].id);
-  view.keep_sightings();
+  view.keep_observation_counts();
   view.begin_look();
   view.count_visible(20);
   view.begin_look();  // the search before it had a wrong pose
-  const auto sightings = view.take_sightings(map);
-  ASSERT_EQ(sightings.size(), 10u);
+  const auto observation_counts = view.take_observation_counts(map);
+  ASSERT_EQ(observation_counts.size(), 10u);
   for (std::size_t i = 0; i < 10; ++i) {
-    EXPECT_EQ(sightings[i].visible, 4u);  // a point starts as seen and found once
-    EXPECT_EQ(sightings[i].found, sightings[i].id == view.points()[4].id ? 2u : 1u);
+    EXPECT_EQ(observation_counts[i].visible, 4u);  // a point starts as seen and found once
+    EXPECT_EQ(observation_counts[i].found, observation_counts[i].id == view.points()[4].id ? 2u : 1u);
     if (i > 0) {
-      EXPECT_LT(sightings[i - 1].id, sightings[i].id);
+      EXPECT_LT(observation_counts[i - 1].id, observation_counts[i].id);
     }
   }
-  EXPECT_TRUE(view.take_sightings(map).empty());
+  EXPECT_TRUE(view.take_observation_counts(map).empty());
 }
 
 TEST_F(LocalViewTest, TrajectoryKeepsNotedPosesOfKeyFramesThatALaterMapDoesNotKnow) {

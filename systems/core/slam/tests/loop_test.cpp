@@ -48,9 +48,9 @@ TEST_P(LoopTest, IsFoundWhereTheLapCloses) {
   const int k = laps.count() - 1;
   const int old = static_cast<int>(loop.matched.value & 0xffff) - 1;
   const SE3 expected = DriftedLaps::truth(k) * DriftedLaps::truth(old).inverse() * laps.pose(old);
-  EXPECT_LT(centre_error(found, expected), 0.06);
+  EXPECT_LT(center_error(found, expected), 0.06);
   EXPECT_LT(turn_error_deg(found, expected), 1.5);
-  EXPECT_GT(centre_error(laps.pose(k), expected), 0.15)
+  EXPECT_GT(center_error(laps.pose(k), expected), 0.15)
       << "without drift there is nothing to close";
 }
 
@@ -164,7 +164,7 @@ TEST(LoopClosing, EqualRunsGiveEqualMaps) {
 TEST(LoopVerification, OtherPlacesAreRefused) {
   DriftedLaps laps({});
   for (int i = 0; i < 40; ++i) laps.add();
-  laps.places->follow(*laps.map);
+  laps.places->update_from(*laps.map);
   LoopVerifier verifier({}, laps.places);
   for (const int other : {0, 3, 10, 15})
     EXPECT_FALSE(verifier.verify(*laps.map, DriftedLaps::id(39), DriftedLaps::id(other))) << other;
@@ -189,7 +189,7 @@ TEST(MapCorrectionTest, TheUnmentionedFollowTheirParentsAndPointsTheirKeyFrames)
   laps.map->read([&](const MapView& view) {
     for (const KeyFramePose& pose : delta.poses) {
       const SE3 expected = to_se3(to_sim3(view.keyframe(pose.id)->T_cw) * change.inverse());
-      EXPECT_LT(centre_error(pose.T_cw, expected), 1e-9);
+      EXPECT_LT(center_error(pose.T_cw, expected), 1e-9);
       EXPECT_LT((pose.T_cw.R - expected.R).norm(), 1e-9);
       EXPECT_EQ(pose.version, 1u);
     }
@@ -234,7 +234,7 @@ TEST(GlobalBundleTest, WhatWasAddedMeanwhileMovesAlong) {
   EXPECT_EQ(laps.map->commit(result).stale, 0);
   for (int k = 0; k < 12; ++k) EXPECT_LT(laps.error_m(k), 0.01) << k;
   laps.map->read([&](const MapView& view) {
-    EXPECT_LT(centre_error(view.keyframe(fresh)->T_cw, T_fp * view.keyframe(parent)->T_cw), 1e-9);
+    EXPECT_LT(center_error(view.keyframe(fresh)->T_cw, T_fp * view.keyframe(parent)->T_cw), 1e-9);
     return 0;
   });
 }

@@ -5,7 +5,7 @@
 #include "slam/local_mapper.hpp"
 #include "slam/tracker.hpp"
 #include "slam/trajectory.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -17,7 +17,7 @@ struct Walked {
 };
 
 Walked walk_and_map(int frames) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   auto map = std::make_shared<Map>();
   Tracker tracker({}, map, IdSpace::kTracker);
   LocalMapper mapper({}, map, IdSpace::kEdgeMapper);
@@ -25,7 +25,7 @@ Walked walk_and_map(int frames) {
   Walked run;
   for (int i = 0; i < frames; ++i) {
     const TrackOutcome outcome = tracker.track(i, i / 30.0,
-                                               world.look(walk(i), {.pixel_noise = 0.7,
+                                               scene.look(walk(i), {.pixel_noise = 0.7,
                                                                     .depth_noise = 0.02,
                                                                     .flipped_bits = 15,
                                                                     .depth_limit_m = 4,
@@ -63,7 +63,7 @@ TEST(MappingRun, NoisyWalkIsTrackedToACentimetre) {
   EXPECT_GT(run.points, 800u);
   double sum = 0;
   for (int i = 0; i < kFrames; ++i) {
-    const double error = centre_error(run.poses[i].T_cw, walk(i) * walk(0).inverse());
+    const double error = center_error(run.poses[i].T_cw, walk(i) * walk(0).inverse());
     EXPECT_LT(error, 0.04) << "frame " << i;
     sum += error * error;
   }

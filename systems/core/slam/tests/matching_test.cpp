@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "slam/matching.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -31,8 +31,8 @@ TEST(RotationCheck, SmallSecondAndThirdBinsAreDropped) {
 }
 
 TEST(Viewpoint, SeesOnlyWhatIsInFrontInRangeAndFacing) {
-  const SyntheticWorld world(1);
-  const Viewpoint camera(*world.sensor(), SE3());
+  const SyntheticScene scene(1);
+  const Viewpoint camera(*scene.sensor(), SE3());
   PointSketch point;
   point.p_w = {0.1, 0.2, 2};
   point.normal = {0, 0, 1};
@@ -61,7 +61,7 @@ TEST(Viewpoint, SeesOnlyWhatIsInFrontInRangeAndFacing) {
 }
 
 TEST(Matcher, FindsTheBestTwoAndRespectsTheRightImage) {
-  const SyntheticWorld world(1);
+  const SyntheticScene scene(1);
   std::vector<KeyPoint> keypoints(4);
   std::vector<Descriptor> descriptors(4);
   for (int i = 0; i < 4; ++i) {
@@ -72,7 +72,7 @@ TEST(Matcher, FindsTheBestTwoAndRespectsTheRightImage) {
   }
   keypoints[0].right_u = 50;  // the projection expects 90
   keypoints[0].depth_m = 1;
-  const FeatureSet features(world.sensor(), keypoints, descriptors);
+  const FeatureSet features(scene.sensor(), keypoints, descriptors);
   Matcher matcher;
   const Descriptor wanted{};
   Matcher::Query query;
@@ -95,11 +95,11 @@ TEST(Matcher, FindsTheBestTwoAndRespectsTheRightImage) {
 }
 
 TEST(Matcher, MatchesAllByDescriptorAlone) {
-  SyntheticWorld world;
-  const auto a = world.look(walk(0));
-  const std::vector<int> seen_a = world.seen();
-  const auto b = world.look(walk(8), {.flipped_bits = 10});
-  const std::vector<int> seen_b = world.seen();
+  SyntheticScene scene;
+  const auto a = scene.look(walk(0));
+  const std::vector<int> seen_a = scene.seen();
+  const auto b = scene.look(walk(8), {.flipped_bits = 10});
+  const std::vector<int> seen_b = scene.seen();
   std::vector<Matcher::Seen> points;
   for (int i = 0; i < a->size(); ++i)
     points.push_back({&a->descriptor(i), a->keypoint(i).angle_deg});

@@ -6,7 +6,7 @@
 #include "slam/local_mapper.hpp"
 #include "slam/tracker.hpp"
 #include "slam/two_view_start.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -20,20 +20,20 @@ struct Start {
 };
 
 /// Offers frames until there is a map.
-Start start(SyntheticWorld& world, const Seeing& seeing, SE3 (*path)(int), int most = 40) {
+Start start(SyntheticScene& scene, const Seeing& seeing, SE3 (*path)(int), int most = 40) {
   TwoViewStart two_views;
   TrackerIds ids(IdSpace::kTracker);
   Frame frame;
   for (int i = 0; i < most; ++i) {
-    frame.begin(static_cast<std::uint64_t>(i), i / 30.0, world.look(path(i), seeing));
+    frame.begin(static_cast<std::uint64_t>(i), i / 30.0, scene.look(path(i), seeing));
     if (auto delta = two_views.offer(frame, ids)) return {i, std::move(*delta), frame.T_cw};
   }
   return {};
 }
 
 TEST(TwoViewStart, TwoKeyFramesWithUnitMedianDepth) {
-  SyntheticWorld world(5000, 1, true);
-  const Start made = start(world, {}, stroll);
+  SyntheticScene scene(5000, 1, true);
+  const Start made = start(scene, {}, stroll);
   ASSERT_GT(made.frame, 0);
   ASSERT_EQ(made.delta.keyframes.size(), 2u);
   const NewKeyFrame &first = made.delta.keyframes[0], &second = made.delta.keyframes[1];
@@ -53,9 +53,9 @@ TEST(TwoViewStart, TwoKeyFramesWithUnitMedianDepth) {
 }
 
 TEST(TwoViewStart, NoiseAndWrongMatchesAreSurvived) {
-  SyntheticWorld world(5000, 2, true);
+  SyntheticScene scene(5000, 2, true);
   const Start made =
-      start(world, {.pixel_noise = 0.4, .flipped_bits = 15, .wrong_share = 0.1}, stroll);
+      start(scene, {.pixel_noise = 0.4, .flipped_bits = 15, .wrong_share = 0.1}, stroll);
   ASSERT_GT(made.frame, 0);
   const SE3 truth = stroll(made.frame) * stroll(0).inverse();
   EXPECT_LT(turn_error_deg(made.T_cw, truth), 0.5);
@@ -63,16 +63,16 @@ TEST(TwoViewStart, NoiseAndWrongMatchesAreSurvived) {
 }
 
 TEST(TwoViewStart, TurningOnTheSpotMakesNoMap) {
-  SyntheticWorld world(5000, 3, true);
+  SyntheticScene scene(5000, 3, true);
   const auto turn = [](int i) {
     return SE3(Eigen::AngleAxisd(0.01 * i, Eigen::Vector3d::UnitY()).toRotationMatrix(),
                Eigen::Vector3d::Zero());
   };
-  EXPECT_EQ(start(world, {.pixel_noise = 0.3}, turn).frame, -1);
+  EXPECT_EQ(start(scene, {.pixel_noise = 0.3}, turn).frame, -1);
 }
 
 TEST(TwoViewStart, AViewThatIsGoneIsGivenUp) {
-  SyntheticWorld world(5000, 4, true);
+  SyntheticScene scene(5000, 4, true);
   TwoViewStart two_views;
   TrackerIds ids(IdSpace::kTracker);
   Frame frame;
@@ -82,11 +82,11 @@ TEST(TwoViewStart, AViewThatIsGoneIsGivenUp) {
   };
   const SE3 behind(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()).toRotationMatrix(),
                    Eigen::Vector3d::Zero());
-  EXPECT_FALSE(offer(0, world.look(behind * stroll(0))));
-  EXPECT_FALSE(offer(1, world.look(stroll(0))));
+  EXPECT_FALSE(offer(0, scene.look(behind * stroll(0))));
+  EXPECT_FALSE(offer(1, scene.look(stroll(0))));
   // The frame that showed something else waits now, not the first one.
   std::optional<MapDelta> delta;
-  for (int i = 2; i < 40 && !delta; ++i) delta = offer(i, world.look(stroll(i)));
+  for (int i = 2; i < 40 && !delta; ++i) delta = offer(i, scene.look(stroll(i)));
   ASSERT_TRUE(delta);
   EXPECT_EQ(delta->keyframes[0].frame_index, 1u);
 }
@@ -98,15 +98,15 @@ struct MonoWalk {
 };
 
 MonoWalk walk_and_map(int frames, const Seeing& seeing) {
-  SyntheticWorld world(5000, 1, true);
+  SyntheticScene scene(5000, 1, true);
   auto map = std::make_shared<Map>();
   Tracker tracker(mono_options(), map, IdSpace::kTracker);
   LocalMapper mapper({}, map, IdSpace::kEdgeMapper);
   MonoWalk run;
   for (int i = 0; i < frames; ++i) {
-    const TrackOutcome outcome = tracker.track(i, i / 30.0, world.look(stroll(i), seeing));
+    const TrackOutcome outcome = tracker.track(i, i / 30.0, scene.look(stroll(i), seeing));
     run.resets += outcome.reset_now;
-    if (outcome.initialised_now && run.started < 0) run.started = i;
+    if (outcome.initialized_now && run.started < 0) run.started = i;
     if (outcome.state == TrackingState::kOk) {
       ++run.tracked;
       run.estimate.push_back(outcome.T_cw.inverse().t);
@@ -165,18 +165,18 @@ TEST(MonoRun, ANoisyCameraIsTrackedToCentimetres) {
 }
 
 TEST(MonoRun, LostTooEarlyItStartsAnew) {
-  SyntheticWorld world(5000, 1, true);
+  SyntheticScene scene(5000, 1, true);
   auto map = std::make_shared<Map>();
   Tracker tracker(mono_options(), map, IdSpace::kTracker);
   int i = 0;
-  while (tracker.track(i, i, world.look(stroll(i))).state != TrackingState::kOk) ASSERT_LT(++i, 40);
+  while (tracker.track(i, i, scene.look(stroll(i))).state != TrackingState::kOk) ASSERT_LT(++i, 40);
   tracker.create_keyframe();
   ++i;
-  const TrackOutcome blind = tracker.track(i, i, world.nothing());
+  const TrackOutcome blind = tracker.track(i, i, scene.nothing());
   EXPECT_TRUE(blind.reset_now);
-  EXPECT_EQ(blind.state, TrackingState::kNotInitialised);
+  EXPECT_EQ(blind.state, TrackingState::kNotInitialized);
   const int blind_at = i;
-  while (tracker.track(i, i, world.look(stroll(i))).state != TrackingState::kOk)
+  while (tracker.track(i, i, scene.look(stroll(i))).state != TrackingState::kOk)
     ASSERT_LT(++i, blind_at + 150);
   EXPECT_EQ(tracker.create_keyframe().keyframes.size(), 2u);
 }

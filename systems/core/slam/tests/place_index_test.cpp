@@ -9,8 +9,8 @@
 #include <random>
 #include <set>
 
-#include "synthetic_world.hpp"
-#include "world_vocabulary.hpp"
+#include "synthetic_scene.hpp"
+#include "scene_vocabulary.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -27,9 +27,9 @@ BagOfWords bag_of(std::initializer_list<std::uint32_t> words) {
 /// Keyframes 1 to 4 in pairs (1, 2), (3, 4) that share points.
 class PlaceIndexTest : public ::testing::Test {
  protected:
-  PlaceIndexTest() : index(world_vocabulary(world)) {
+  PlaceIndexTest() : index(scene_vocabulary(scene)) {
     MapDelta delta;
-    const auto features = world.look(SE3(), {}, 60);
+    const auto features = scene.look(SE3(), {}, 60);
     for (std::uint64_t k = 1; k <= 4; ++k) {
       NewKeyFrame keyframe;
       keyframe.id = keyframe_id(k);
@@ -52,7 +52,7 @@ class PlaceIndexTest : public ::testing::Test {
     return index.candidates(bag, map, exclude, min_score);
   }
 
-  SyntheticWorld world{2000};
+  SyntheticScene scene{2000};
   Map map;
   PlaceIndex index;
 };
@@ -99,7 +99,7 @@ TEST_F(PlaceIndexTest, RemovedAndReplacedKeyFramesLeaveNothingBehind) {
 
 TEST_F(PlaceIndexTest, FollowsAMap) {
   index.add(keyframe_id(77), bag_of({1, 2}));
-  index.follow(map);
+  index.update_from(map);
   EXPECT_EQ(index.size(), 4u);
   EXPECT_FALSE(index.bag(keyframe_id(77)));
   const auto bag = index.bag(keyframe_id(3));
@@ -107,31 +107,31 @@ TEST_F(PlaceIndexTest, FollowsAMap) {
   MapDelta cull;
   cull.culled_keyframes = {keyframe_id(3)};
   map.commit(cull);
-  index.follow(map);
+  index.update_from(map);
   EXPECT_EQ(index.size(), 3u);
   EXPECT_EQ(ask(*bag).size(), 2u);  // of equal groups each
 }
 
 TEST_F(PlaceIndexTest, FollowsAMapThatBeginsAnewAndAnotherMap) {
-  index.follow(map);
+  index.update_from(map);
   MapDelta other;
   for (std::uint64_t k : {5, 6}) {
     NewKeyFrame keyframe;
     keyframe.id = keyframe_id(k);
-    keyframe.features = world.look(SE3(), {}, 60);
+    keyframe.features = scene.look(SE3(), {}, 60);
     keyframe.points.resize(keyframe.features->size());
     other.keyframes.push_back(keyframe);
   }
   map.clear();
   map.commit(other);
-  index.follow(map);
+  index.update_from(map);
   EXPECT_EQ(index.size(), 2u);
   EXPECT_TRUE(index.bag(keyframe_id(5)));
   EXPECT_FALSE(index.bag(keyframe_id(1)));
   Map another;
   other.keyframes.front().id = keyframe_id(7);
   another.commit(other);
-  index.follow(another);
+  index.update_from(another);
   EXPECT_EQ(index.size(), 2u);
   EXPECT_TRUE(index.bag(keyframe_id(7)));
   EXPECT_FALSE(index.bag(keyframe_id(5)));
@@ -153,7 +153,7 @@ TEST_F(PlaceIndexTest, ComparesAsIfEveryBagWereComparedOneByOne) {
   for (std::uint64_t k = 11; k <= 60; ++k) {
     NewKeyFrame keyframe;
     keyframe.id = keyframe_id(k);
-    keyframe.features = world.look(SE3(), {}, 1);
+    keyframe.features = scene.look(SE3(), {}, 1);
     keyframe.points.resize(1);
     lonely.keyframes.push_back(keyframe);
   }
@@ -195,7 +195,7 @@ TEST_F(PlaceIndexTest, ComparesAsIfEveryBagWereComparedOneByOne) {
 
 TEST_F(PlaceIndexTest, AnEmptyIndexOrBagHasNoAnswer) {
   EXPECT_TRUE(ask(bag_of({1})).empty());
-  index.follow(map);
+  index.update_from(map);
   EXPECT_TRUE(ask({}).empty());
 }
 

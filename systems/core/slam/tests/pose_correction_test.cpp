@@ -8,7 +8,7 @@
 
 #include "slam/local_mapper.hpp"
 #include "slam/tracker.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -35,7 +35,7 @@ class Car {
     for (const int end = frame_ + frames; frame_ < end; ++frame_) {
       outcome = tracker.track(
           frame_, frame_ / kFps,
-          world.look(walk(frame_), {.pixel_noise = 0.3, .depth_noise = 0.005, .flipped_bits = 5}));
+          scene.look(walk(frame_), {.pixel_noise = 0.3, .depth_noise = 0.005, .flipped_bits = 5}));
       ASSERT_EQ(outcome.state, TrackingState::kOk) << frame_;
       if (mapping == Mapping::kNone || frame_ % kFramesBetween != 0) continue;
       mapper.insert(tracker.create_keyframe().keyframes[0].id);
@@ -65,7 +65,7 @@ class Car {
     return correction;
   }
 
-  SyntheticWorld world;
+  SyntheticScene scene;
   std::shared_ptr<Map> map = std::make_shared<Map>();
   Tracker tracker{{}, map, IdSpace::kTracker};
   LocalMapper mapper{{}, map, IdSpace::kMobileMapper};
@@ -86,17 +86,17 @@ TEST_F(PoseCorrectionTest, PutsTheKeyframeWhereItWasToldAndFadesBackInTime) {
   const SE3 answer = off(car.pose(k));
   std::map<int, SE3> before;
   for (int i = 0; i < kKeyFrames; ++i) before[i] = car.pose(i);
-  const double distance_m = centre_error(before[k], answer);
+  const double distance_m = center_error(before[k], answer);
   const PoseCorrection correction = car.correct(k, answer);
   EXPECT_NEAR(correction.magnitude_m, distance_m, 1e-9);
   EXPECT_NEAR(correction.rotation_deg, 4.0, 0.1);
-  EXPECT_LT(centre_error(car.pose(k), answer), 1e-3);
+  EXPECT_LT(center_error(car.pose(k), answer), 1e-3);
   EXPECT_LT(turn_error_deg(car.pose(k), answer), 1e-2);
   const int begin = k - static_cast<int>(kWindow.window_s * kFps / kFramesBetween);
   double last_m = 0;
   for (int i = 0; i < kKeyFrames; ++i) {
     const SE3 now = car.pose(i);
-    const double moved_m = centre_error(now, before[i]);
+    const double moved_m = center_error(now, before[i]);
     if (i < begin) {
       EXPECT_TRUE(now.R == before[i].R && now.t == before[i].t) << "before the window: " << i;
     } else if (i < k) {
@@ -104,7 +104,7 @@ TEST_F(PoseCorrectionTest, PutsTheKeyframeWhereItWasToldAndFadesBackInTime) {
       EXPECT_GE(moved_m, last_m) << i;
     } else {
       // Newer ones keep their place relative to k.
-      EXPECT_LT(centre_error(now * car.pose(k).inverse(), before[i] * before[k].inverse()), 1e-6);
+      EXPECT_LT(center_error(now * car.pose(k).inverse(), before[i] * before[k].inverse()), 1e-6);
     }
     last_m = i >= begin && i < k ? moved_m : last_m;
   }
@@ -117,9 +117,9 @@ TEST_F(PoseCorrectionTest, RigidMovesTheWindowAlike) {
             at_k = car.pose(k);
   car.correct(k, answer, {.window_s = 2, .graded = false});
   EXPECT_TRUE(car.pose(0).t == first.t && car.pose(0).R == first.R);
-  EXPECT_LT(centre_error(car.pose(20) * car.pose(k).inverse(), inside * at_k.inverse()), 1e-6);
+  EXPECT_LT(center_error(car.pose(20) * car.pose(k).inverse(), inside * at_k.inverse()), 1e-6);
   car.correct(k, at_k, {.window_s = std::numeric_limits<double>::infinity()});
-  EXPECT_GT(centre_error(car.pose(0), first), 0.2) << "an infinite window is the whole map";
+  EXPECT_GT(center_error(car.pose(0), first), 0.2) << "an infinite window is the whole map";
 }
 
 TEST_F(PoseCorrectionTest, OneErrorToldTwiceInFlightIsAppliedOnce) {
@@ -130,7 +130,7 @@ TEST_F(PoseCorrectionTest, OneErrorToldTwiceInFlightIsAppliedOnce) {
   const PoseCorrection second = car.correct(35, told_2);
   EXPECT_LT(second.magnitude_m, 1e-6);
   EXPECT_LT(second.rotation_deg, 1e-5);
-  EXPECT_LT(centre_error(car.pose(35), told_2), 1e-6);
+  EXPECT_LT(center_error(car.pose(35), told_2), 1e-6);
 }
 
 TEST_F(PoseCorrectionTest, TheNextFrameKeepsItsInliersAndTheBundlesKeepTheCorrection) {
@@ -147,11 +147,11 @@ TEST_F(PoseCorrectionTest, TheNextFrameKeepsItsInliersAndTheBundlesKeepTheCorrec
   const int last = kFramesBetween * kKeyFrames + 1 + 10 * kFramesBetween;
   const SE3 uncorrected = walk(last) * walk(0).inverse();
   const SE3 expected = uncorrected * correction.T_new_old.inverse();
-  const double full_m = centre_error(uncorrected, expected);
+  const double full_m = center_error(uncorrected, expected);
   ASSERT_GT(full_m, 0.3);
-  EXPECT_LT(centre_error(car.outcome.T_cw, expected), 0.05 * full_m);
+  EXPECT_LT(center_error(car.outcome.T_cw, expected), 0.05 * full_m);
   EXPECT_LT(turn_error_deg(car.outcome.T_cw, expected), 0.05 * 4);
-  EXPECT_LT(centre_error(car.pose(k), answer), 1e-3) << "bundles hold the keyframe";
+  EXPECT_LT(center_error(car.pose(k), answer), 1e-3) << "bundles hold the keyframe";
 }
 
 TEST_F(PoseCorrectionTest, ACarThatStoodLongerThanTheWindowIsCorrectedToo) {
@@ -164,7 +164,7 @@ TEST_F(PoseCorrectionTest, ACarThatStoodLongerThanTheWindowIsCorrectedToo) {
   EXPECT_GE(car.outcome.inliers, 0.8 * inliers);
   const SE3 expected =
       walk(kFramesBetween * kKeyFrames) * walk(0).inverse() * correction.T_new_old.inverse();
-  EXPECT_LT(centre_error(car.outcome.T_cw, expected), 0.05 * correction.magnitude_m);
+  EXPECT_LT(center_error(car.outcome.T_cw, expected), 0.05 * correction.magnitude_m);
 }
 
 TEST(PoseCorrection, AnUnknownKeyframeCorrectsNothing) {

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "map/appearance.hpp"
-#include "world_vocabulary.hpp"
+#include "scene_vocabulary.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -29,27 +29,27 @@ class RemoteMapperTest : public ::testing::Test {
     std::map<int, MapPointId> known;
     std::uint64_t points = 0;
     for (int k = 0; k < kPerLap; ++k)
-      map->commit(look(world, k, path(k), {kPrior | static_cast<unsigned>(k + 1)}, [&](int thing) {
+      map->commit(look(scene, k, path(k), {kPrior | static_cast<unsigned>(k + 1)}, [&](int thing) {
         auto [place, fresh] = known.try_emplace(thing);
         if (fresh) place->second = {kPrior | ++points};
         return place->second;
       }));
-    places->follow(*map);
+    places->update_from(*map);
   }
 
   /// What a camera at path(k) sees, believed to be at T_cw. All points it sees come along.
   template <typename Name>
-  static MapDelta look(SyntheticWorld& world, double k, const SE3& T_cw, KeyFrameId id, Name name) {
+  static MapDelta look(SyntheticScene& scene, double k, const SE3& T_cw, KeyFrameId id, Name name) {
     MapDelta delta;
     NewKeyFrame keyframe;
     keyframe.id = id;
     keyframe.timestamp_s = k;
-    keyframe.features = world.look(path(k), kSeeing);
+    keyframe.features = scene.look(path(k), kSeeing);
     keyframe.T_cw = T_cw;
     for (int i = 0; i < keyframe.features->size(); ++i) {
       const KeyPoint& seen = keyframe.features->keypoint(i);
       NewPoint point;
-      point.id = name(world.seen()[i]);
+      point.id = name(scene.seen()[i]);
       point.p_w = T_cw.inverse() *
                   keyframe.features->sensor().camera.unproject(seen.u, seen.v, seen.depth_m);
       point.appearance = appearance_of(point.p_w, T_cw, *keyframe.features, i);
@@ -63,7 +63,7 @@ class RemoteMapperTest : public ::testing::Test {
 
   /// A keyframe of the second trip; a thing's point keeps its name.
   MapDelta receive(double k, const SE3& T_cw) {
-    return look(world, k, T_cw, {kTrip | ++received_}, [&](int thing) {
+    return look(scene, k, T_cw, {kTrip | ++received_}, [&](int thing) {
       auto [place, fresh] = trip_.try_emplace(thing);
       if (fresh) place->second = {kTrip | ++trip_points_};
       return place->second;
@@ -91,9 +91,9 @@ class RemoteMapperTest : public ::testing::Test {
     });
   }
 
-  SyntheticWorld world{9000};
+  SyntheticScene scene{9000};
   std::shared_ptr<Map> map = std::make_shared<Map>();
-  std::shared_ptr<PlaceIndex> places = std::make_shared<PlaceIndex>(world_vocabulary(world));
+  std::shared_ptr<PlaceIndex> places = std::make_shared<PlaceIndex>(scene_vocabulary(scene));
   static RemoteMapperOptions options() {
     RemoteMapperOptions room;
     room.search_radius_m = 1.5;
@@ -119,7 +119,7 @@ TEST_F(RemoteMapperTest, PutsDriftedKeyframesWhereTheEarlierTripSays) {
     const auto found = answer(receive(k + 0.5, believed));
     if (!found) continue;
     ++matched;
-    EXPECT_LT(centre_error(*found, truth), 0.01) << k;
+    EXPECT_LT(center_error(*found, truth), 0.01) << k;
     EXPECT_LT(turn_error_deg(*found, truth), 0.15) << k;
     EXPECT_GE(match.matches, 40);
   }
@@ -134,7 +134,7 @@ TEST_F(RemoteMapperTest, PutsDriftedKeyframesWhereTheEarlierTripSays) {
 TEST_F(RemoteMapperTest, NeedsNoEstimateAndNoKeyframesBeforeThisOne) {
   const auto found = answer(receive(17.4, SE3()), false);
   ASSERT_TRUE(found);
-  EXPECT_LT(centre_error(*found, path(17.4)), 0.01);
+  EXPECT_LT(center_error(*found, path(17.4)), 0.01);
 }
 
 TEST_F(RemoteMapperTest, AKeyframeStaysAndSharesThePointsOfTheEarlierTrip) {
@@ -159,7 +159,7 @@ TEST_F(RemoteMapperTest, AKeyframeStaysAndSharesThePointsOfTheEarlierTrip) {
 }
 
 TEST_F(RemoteMapperTest, AnotherPlaceIsNotAccepted) {
-  SyntheticWorld elsewhere(9000, 2);
+  SyntheticScene elsewhere(9000, 2);
   const std::size_t keyframes = prior_poses().size();
   for (int k = 0; k < kPerLap; k += 6) {
     std::uint64_t points = 0;

@@ -9,7 +9,7 @@
 #include "slam/local_mapper.hpp"
 #include "slam/map_change.hpp"
 #include "slam/tracker.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -42,8 +42,8 @@ class ReplaceMap : public ::testing::Test {
   ReplaceMap() : tracker({}, std::make_shared<Map>(), IdSpace::kTracker) {}
 
   TrackOutcome show(int i, bool keyframe = false) {
-    const TrackOutcome outcome = tracker.track(i, i / 30.0, world.look(walk(i)));
-    if (keyframe || outcome.initialised_now) tracker.create_keyframe();
+    const TrackOutcome outcome = tracker.track(i, i / 30.0, scene.look(walk(i)));
+    if (keyframe || outcome.initialized_now) tracker.create_keyframe();
     return outcome;
   }
   void expect_tracked(int i, const SE3& T_new_old = {}) {
@@ -51,10 +51,10 @@ class ReplaceMap : public ::testing::Test {
     ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
     EXPECT_TRUE(outcome.by_motion_model) << "frame " << i;
     const SE3 truth = walk(i) * walk(0).inverse() * T_new_old.inverse();
-    EXPECT_LT(centre_error(outcome.T_cw, truth), 2e-3) << "frame " << i;
+    EXPECT_LT(center_error(outcome.T_cw, truth), 2e-3) << "frame " << i;
   }
 
-  SyntheticWorld world;
+  SyntheticScene scene;
   Tracker tracker;
 };
 
@@ -66,7 +66,7 @@ TEST_F(ReplaceMap, SameKeyFramesInOtherCoordinates) {
   for (int i = 40; i < 50; ++i) expect_tracked(i, kMoved);
 }
 
-TEST_F(ReplaceMap, TheReferenceIsMissingButANeighbourIsThere) {
+TEST_F(ReplaceMap, TheReferenceIsMissingButANeighborIsThere) {
   for (int i = 0; i < 33; ++i) show(i, i % 8 == 7);
   const auto older = excerpt(*tracker.map(), 3, kMoved);
   tracker.create_keyframe();  // becomes the reference, unknown to the older copy
@@ -114,8 +114,8 @@ class ReplaceMapAsEdgeSlam : public ReplaceMap {
     for (int i = 0; i < 40; ++i) step(i, i % 8 == 7);
   }
   TrackOutcome step(int i, bool keyframe = false) {
-    const TrackOutcome outcome = tracker_->track(i, i / 30.0, world.look(walk(i)));
-    if (keyframe || outcome.initialised_now) tracker_->create_keyframe();
+    const TrackOutcome outcome = tracker_->track(i, i / 30.0, scene.look(walk(i)));
+    if (keyframe || outcome.initialized_now) tracker_->create_keyframe();
     return outcome;
   }
   KeyFrameId newest() const {
@@ -194,12 +194,12 @@ TEST_F(ReplaceMapAsEdgeSlam, NoKeyframeIsWantedForPointsThatOnlyTrackingHasSeen)
   }
 }
 
-TEST_F(ReplaceMap, NothingInCommonMeansRelocalisation) {
+TEST_F(ReplaceMap, NothingInCommonMeansRelocalization) {
   for (int i = 0; i < 20; ++i) show(i, i % 8 == 7);
   Tracker other({}, std::make_shared<Map>(), IdSpace::kEdgeMapper);
   for (int i = 0; i < 30; ++i) {
-    const auto outcome = other.track(i, i / 30.0, world.look(walk(i)));
-    if (outcome.initialised_now || i % 8 == 7) other.create_keyframe();
+    const auto outcome = other.track(i, i / 30.0, scene.look(walk(i)));
+    if (outcome.initialized_now || i % 8 == 7) other.create_keyframe();
   }
   tracker.replace_map(other.map());
   int tracked = 0;
@@ -210,15 +210,15 @@ TEST_F(ReplaceMap, NothingInCommonMeansRelocalisation) {
 TEST_F(ReplaceMap, AnEmptyMapMeansStartingOver) {
   for (int i = 0; i < 10; ++i) show(i);
   tracker.replace_map(std::make_shared<Map>());
-  EXPECT_EQ(tracker.state(), TrackingState::kNotInitialised);
-  EXPECT_TRUE(show(10).initialised_now);
+  EXPECT_EQ(tracker.state(), TrackingState::kNotInitialized);
+  EXPECT_TRUE(show(10).initialized_now);
 }
 
 TEST_F(ReplaceMap, AMapFromElsewhereBeforeTheFirstFrame) {
   Tracker other({}, std::make_shared<Map>(), IdSpace::kEdgeMapper);
   for (int i = 0; i < 60; ++i) {
-    const auto outcome = other.track(i, i / 30.0, world.look(walk(i)));
-    if (outcome.initialised_now || i % 8 == 7) other.create_keyframe();
+    const auto outcome = other.track(i, i / 30.0, scene.look(walk(i)));
+    if (outcome.initialized_now || i % 8 == 7) other.create_keyframe();
   }
   tracker.replace_map(other.map());
   EXPECT_EQ(tracker.state(), TrackingState::kLost);
@@ -236,8 +236,8 @@ TEST_F(ReplaceMap, AnotherTrackerAndMapperGoOnInAMapAndNameNothingAsItDoes) {
   };
   for (int i = 0; i < 60; ++i) {
     // Far points have no depth: the mapper has something to triangulate.
-    const auto features = world.look(walk(i), {.depth_limit_m = 3});
-    const bool first = tracker.track(i, i / 30.0, features).initialised_now;
+    const auto features = scene.look(walk(i), {.depth_limit_m = 3});
+    const bool first = tracker.track(i, i / 30.0, features).initialized_now;
     if (first || i % 8 == 7) work_in(mapper, tracker.create_keyframe());
   }
   const auto ids = [](const MapView& view) {
@@ -253,10 +253,10 @@ TEST_F(ReplaceMap, AnotherTrackerAndMapperGoOnInAMapAndNameNothingAsItDoes) {
   EXPECT_EQ(next.state(), TrackingState::kLost);
   std::size_t triangulated = 0;
   for (int i = 60; i < 90; ++i) {
-    const auto outcome = next.track(i, i / 30.0, world.look(walk(i), {.depth_limit_m = 3}));
+    const auto outcome = next.track(i, i / 30.0, scene.look(walk(i), {.depth_limit_m = 3}));
     ASSERT_EQ(outcome.state, TrackingState::kOk) << i;
-    EXPECT_FALSE(outcome.initialised_now);
-    EXPECT_LT(centre_error(outcome.T_cw, walk(i) * walk(0).inverse()), 5e-3) << i;
+    EXPECT_FALSE(outcome.initialized_now);
+    EXPECT_LT(center_error(outcome.T_cw, walk(i) * walk(0).inverse()), 5e-3) << i;
     if (i % 8 != 7) continue;
     const MapDelta made = next.create_keyframe();
     EXPECT_FALSE(named(keyframes, made.keyframes.at(0).id));

@@ -10,45 +10,45 @@ namespace slambed::testing {
 namespace {
 
 TEST(Tracker, LostEarlyStartsOver) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  rig.show(world.look(walk(0)));
-  rig.show(world.look(walk(1)));
-  const TrackOutcome outcome = rig.show(world.nothing());
-  EXPECT_EQ(outcome.state, TrackingState::kNotInitialised);
+  rig.show(scene.look(walk(0)));
+  rig.show(scene.look(walk(1)));
+  const TrackOutcome outcome = rig.show(scene.nothing());
+  EXPECT_EQ(outcome.state, TrackingState::kNotInitialized);
   EXPECT_TRUE(outcome.reset_now);
   EXPECT_EQ(rig.keyframes(), 0u);
-  const TrackOutcome again = rig.show(world.look(walk(3)));
-  EXPECT_TRUE(again.initialised_now);
+  const TrackOutcome again = rig.show(scene.look(walk(3)));
+  EXPECT_TRUE(again.initialized_now);
   EXPECT_EQ(again.reference.value & 0xff, 2u) << "ids are never reused";
 }
 
 TEST(Tracker, SurvivesBlackFramesAndFindsItsPlaceAgain) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig({.reset_below_keyframes = 1});
-  for (int i = 0; i < 60; ++i) rig.show(world.look(walk(i)));
+  for (int i = 0; i < 60; ++i) rig.show(scene.look(walk(i)));
   for (int i = 0; i < 5; ++i) {
-    const TrackOutcome black = rig.show(world.nothing());
+    const TrackOutcome black = rig.show(scene.nothing());
     EXPECT_EQ(black.state, TrackingState::kLost);
     EXPECT_EQ(rig.tracker.keyframe_need(), KeyFrameNeed::kNone);
     EXPECT_TRUE(rig.tracker.create_keyframe().empty());
   }
   for (int i = 70; i < 80; ++i) {
-    const TrackOutcome back = rig.show(world.look(walk(i)));
+    const TrackOutcome back = rig.show(scene.look(walk(i)));
     ASSERT_EQ(back.state, TrackingState::kOk) << "frame " << i;
-    EXPECT_LT(centre_error(back.T_cw, truth(i)), 2e-3);
+    EXPECT_LT(center_error(back.T_cw, truth(i)), 2e-3);
     EXPECT_EQ(back.by_motion_model, i >= 72);
   }
 }
 
 /// Frames of six that are lost after a recovery in a place that only provisional keyframes see.
 int lost_after_recovery(TrackerOptions options) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   options.reset_below_keyframes = 1;
   TrackerRig rig(options);
   const auto turned = [&](int degrees) {
     const Eigen::AngleAxisd turn(degrees * M_PI / 180, Eigen::Vector3d::UnitY());
-    return world.look(SE3(turn.toRotationMatrix(), Eigen::Vector3d::Zero()) * walk(0));
+    return scene.look(SE3(turn.toRotationMatrix(), Eigen::Vector3d::Zero()) * walk(0));
   };
   for (int degrees = 0; degrees <= 180; degrees += 2) {
     EXPECT_EQ(rig.show(turned(degrees), degrees < 30).state, TrackingState::kOk) << degrees;
@@ -57,7 +57,7 @@ int lost_after_recovery(TrackerOptions options) {
     }
   }
   for (int i = 0; i < 3; ++i)
-    EXPECT_EQ(rig.show(world.nothing(), false).state, TrackingState::kLost);
+    EXPECT_EQ(rig.show(scene.nothing(), false).state, TrackingState::kLost);
   int lost = 0;
   for (int degrees = 180; degrees <= 190; degrees += 2)
     lost += rig.show(turned(degrees), false).state == TrackingState::kLost;
@@ -70,54 +70,54 @@ TEST(Tracker, StaysFoundWhereOnlyProvisionalKeyFramesSeeThePlace) {
   EXPECT_EQ(lost_after_recovery({.second_hypotheses = false}), 3) << "ORB-SLAM2's steps alone";
 }
 
-TEST(Tracker, RelocalisesAfterAJumpToAKnownPlace) {
-  SyntheticWorld world;
+TEST(Tracker, RelocalizesAfterAJumpToAKnownPlace) {
+  SyntheticScene scene;
   TrackerRig rig({.reset_below_keyframes = 1});
-  for (int i = 0; i < 120; ++i) rig.show(world.look(walk(i)));
+  for (int i = 0; i < 120; ++i) rig.show(scene.look(walk(i)));
   // Looks at the wall behind, never seen, then at a place from long ago.
   const SE3 behind(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()).toRotationMatrix(),
                    Eigen::Vector3d::Zero());
   for (int i = 0; i < 3; ++i)
-    EXPECT_EQ(rig.show(world.look(behind * walk(110))).state, TrackingState::kLost);
+    EXPECT_EQ(rig.show(scene.look(behind * walk(110))).state, TrackingState::kLost);
   bool found = false;
   for (int i = 20; i < 30 && !found; ++i) {
-    const TrackOutcome back = rig.show(world.look(walk(i)));
+    const TrackOutcome back = rig.show(scene.look(walk(i)));
     found = back.state == TrackingState::kOk;
     if (found) {
-      EXPECT_LT(centre_error(back.T_cw, truth(i)), 2e-3);
+      EXPECT_LT(center_error(back.T_cw, truth(i)), 2e-3);
     }
   }
   EXPECT_TRUE(found);
 }
 
 TEST(Tracker, ResumesAtAPoseThatSomebodyElseFound) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig({.reset_below_keyframes = 0});
   KeyFrameId old;
   for (int i = 0; i < 120; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     if (i == 20) old = outcome.reference;
   }
   const SE3 pose = truth(20);
   EXPECT_FALSE(rig.tracker.resume(pose, old)) << "not lost";
-  EXPECT_EQ(rig.show(world.nothing()).state, TrackingState::kLost);
+  EXPECT_EQ(rig.show(scene.nothing()).state, TrackingState::kLost);
   EXPECT_FALSE(rig.tracker.resume(pose, KeyFrameId{12345})) << "nobody knows that keyframe";
   EXPECT_EQ(rig.tracker.state(), TrackingState::kLost);
   ASSERT_TRUE(rig.tracker.resume(pose, old));
   EXPECT_EQ(rig.tracker.state(), TrackingState::kOk);
   EXPECT_FALSE(rig.tracker.wants_keyframe({}));
   for (int i = 23; i < 30; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
-    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 2e-3);
+    EXPECT_LT(center_error(outcome.T_cw, truth(i)), 2e-3);
   }
 }
 
 TEST(Tracker, AWrongPoseIsNotBelievedForLong) {
-  SyntheticWorld world, other(5000, 2);
+  SyntheticScene scene, other(5000, 2);
   TrackerRig rig({.reset_below_keyframes = 0});
-  for (int i = 0; i < 30; ++i) rig.show(world.look(walk(i)));
-  const TrackOutcome last = rig.show(world.look(walk(30)), false);
+  for (int i = 0; i < 30; ++i) rig.show(scene.look(walk(i)));
+  const TrackOutcome last = rig.show(scene.look(walk(30)), false);
   EXPECT_EQ(rig.show(other.look(walk(31))).state, TrackingState::kLost);
   ASSERT_TRUE(rig.tracker.resume(last.T_cw, last.reference));
   EXPECT_EQ(rig.show(other.look(walk(32))).state, TrackingState::kLost);
@@ -137,19 +137,19 @@ FoundFrame found_at(const Map& map, KeyFrameId id) {
 }
 
 TEST(Tracker, GoesOnFromAFrameThatSomebodyElseFoundAndIsLostUntilThen) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig({.reset_below_keyframes = 0});
   KeyFrameId old;
   int seen_at = 0;
   for (int i = 0; i < 120; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     if (i == 20) old = outcome.reference;
   }
   const Map& map = *rig.tracker.map();
   FoundFrame found = found_at(map, old);
   seen_at = static_cast<int>(found.index);
   EXPECT_FALSE(rig.tracker.resume(found)) << "not lost";
-  EXPECT_EQ(rig.show(world.nothing()).state, TrackingState::kLost);
+  EXPECT_EQ(rig.show(scene.nothing()).state, TrackingState::kLost);
   FoundFrame unknown = found;
   unknown.reference = KeyFrameId{12345};
   EXPECT_FALSE(rig.tracker.resume(unknown)) << "nobody knows that keyframe";
@@ -159,18 +159,18 @@ TEST(Tracker, GoesOnFromAFrameThatSomebodyElseFoundAndIsLostUntilThen) {
   ASSERT_TRUE(rig.tracker.resume(found));
   EXPECT_EQ(rig.tracker.state(), TrackingState::kLost);
   for (int i = seen_at + 2; i < seen_at + 8; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
     EXPECT_EQ(outcome.resumed, i == seen_at + 2);
-    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 2e-3);
+    EXPECT_LT(center_error(outcome.T_cw, truth(i)), 2e-3);
   }
 }
 
 TEST(Tracker, AFrameThatWasFoundAtAWrongPlaceEndsNoLoss) {
-  SyntheticWorld world, other(5000, 2);
+  SyntheticScene scene, other(5000, 2);
   TrackerRig rig({.reset_below_keyframes = 0});
-  for (int i = 0; i < 30; ++i) rig.show(world.look(walk(i)));
-  const KeyFrameId last = rig.show(world.look(walk(30)), false).reference;
+  for (int i = 0; i < 30; ++i) rig.show(scene.look(walk(i)));
+  const KeyFrameId last = rig.show(scene.look(walk(30)), false).reference;
   const FoundFrame found = found_at(*rig.tracker.map(), last);
   EXPECT_EQ(rig.show(other.look(walk(31))).state, TrackingState::kLost);
   ASSERT_TRUE(rig.tracker.resume(found));
@@ -178,7 +178,7 @@ TEST(Tracker, AFrameThatWasFoundAtAWrongPlaceEndsNoLoss) {
   EXPECT_EQ(outcome.state, TrackingState::kLost);
   EXPECT_FALSE(outcome.resumed);
   // It is tried once; the next frame is a lost one as any.
-  EXPECT_EQ(rig.show(world.look(walk(33))).state, TrackingState::kOk);
+  EXPECT_EQ(rig.show(scene.look(walk(33))).state, TrackingState::kOk);
 }
 
 }  // namespace

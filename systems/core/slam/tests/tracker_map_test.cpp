@@ -10,45 +10,45 @@
 namespace slambed::testing {
 namespace {
 
-TEST(Tracker, KeyFrameTakesCloseFeaturesAndSightings) {
-  SyntheticWorld world;
+TEST(Tracker, KeyFrameTakesCloseFeaturesAndObservationCounts) {
+  SyntheticScene scene;
   TrackerRig rig;
-  rig.show(world.look(walk(0)));
-  for (int i = 1; i < 12; ++i) rig.show(world.look(walk(i)), false);
+  rig.show(scene.look(walk(0)));
+  for (int i = 1; i < 12; ++i) rig.show(scene.look(walk(i)), false);
   const MapDelta delta = rig.tracker.create_keyframe();
   ASSERT_EQ(delta.keyframes.size(), 1u);
   const NewKeyFrame& keyframe = delta.keyframes[0];
-  const Sensor& sensor = *world.sensor();
+  const Sensor& sensor = *scene.sensor();
   for (int i = 0; i < keyframe.features->size(); ++i)
     if (keyframe.features->keypoint(i).depth_m < sensor.close_depth_m) {
       EXPECT_TRUE(keyframe.points[i]);
     }
-  ASSERT_GT(delta.sightings.size(), 300u);
+  ASSERT_GT(delta.observation_counts.size(), 300u);
   int ten_times = 0;
-  for (const PointSightings& s : delta.sightings) {
+  for (const PointObservationCounts& s : delta.observation_counts) {
     EXPECT_LE(s.found, s.visible);
     ten_times += s.found >= 10;
   }
   EXPECT_GT(ten_times, 200);
-  EXPECT_EQ(rig.tracker.create_keyframe().sightings.size(), 0u) << "handed on only once";
+  EXPECT_EQ(rig.tracker.create_keyframe().observation_counts.size(), 0u) << "handed on only once";
 }
 
 TEST(Tracker, ProvisionalKeyFrameDoesNotBecomeTheReference) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  const KeyFrameId first = rig.show(world.look(walk(0))).reference;
-  for (int i = 1; i < 10; ++i) rig.show(world.look(walk(i)), false);
+  const KeyFrameId first = rig.show(scene.look(walk(0))).reference;
+  for (int i = 1; i < 10; ++i) rig.show(scene.look(walk(i)), false);
   ASSERT_FALSE(rig.tracker.create_keyframe(false).keyframes.empty());
-  for (int i = 10; i < 20; ++i) EXPECT_EQ(rig.show(world.look(walk(i)), false).reference, first);
+  for (int i = 10; i < 20; ++i) EXPECT_EQ(rig.show(scene.look(walk(i)), false).reference, first);
   ASSERT_FALSE(rig.tracker.create_keyframe(true).keyframes.empty());
-  EXPECT_NE(rig.show(world.look(walk(20)), false).reference, first);
+  EXPECT_NE(rig.show(scene.look(walk(20)), false).reference, first);
 }
 
 TEST(Tracker, FollowsCorrectionsOfTheMap) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
   TrajectoryRecorder recorder;
-  for (int i = 0; i < 40; ++i) recorder.add(i / 30.0, rig.show(world.look(walk(i))));
+  for (int i = 0; i < 40; ++i) recorder.add(i / 30.0, rig.show(scene.look(walk(i))));
   // Somebody found out that the world is turned and somewhere else.
   const SE3 T_new_old(
       Eigen::AngleAxisd(0.6, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(), {3, -2, 5});
@@ -62,23 +62,23 @@ TEST(Tracker, FollowsCorrectionsOfTheMap) {
   });
   rig.map->commit(correction);
   for (int i = 40; i < 60; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     recorder.add(i / 30.0, outcome);
     ASSERT_EQ(outcome.state, TrackingState::kOk);
     EXPECT_TRUE(outcome.by_motion_model);
-    EXPECT_LT(centre_error(outcome.T_cw, truth(i) * T_new_old.inverse()), 1e-3);
+    EXPECT_LT(center_error(outcome.T_cw, truth(i) * T_new_old.inverse()), 1e-3);
   }
   const auto poses = recorder.final_poses(*rig.map);
   ASSERT_EQ(poses.size(), 60u);
   for (int i = 0; i < 60; ++i)
-    EXPECT_LT(centre_error(poses[i].T_cw, truth(i) * T_new_old.inverse()), 1e-3);
-  EXPECT_LT(centre_error(recorder.live_poses()[10].T_cw, truth(10)), 1e-3);
+    EXPECT_LT(center_error(poses[i].T_cw, truth(i) * T_new_old.inverse()), 1e-3);
+  EXPECT_LT(center_error(recorder.live_poses()[10].T_cw, truth(10)), 1e-3);
 }
 
 TEST(Tracker, FollowsFusionsAndCulls) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  for (int i = 0; i < 30; ++i) rig.show(world.look(walk(i)));
+  for (int i = 0; i < 30; ++i) rig.show(scene.look(walk(i)));
   const MapDelta edit = rig.map->read([](const MapView& view) {
     MapDelta delta;
     const auto ids = view.point_ids();
@@ -87,32 +87,32 @@ TEST(Tracker, FollowsFusionsAndCulls) {
   });
   rig.map->commit(edit);
   for (int i = 30; i < 40; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     ASSERT_EQ(outcome.state, TrackingState::kOk);
-    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 1e-3);
+    EXPECT_LT(center_error(outcome.T_cw, truth(i)), 1e-3);
   }
 }
 
 TEST(Tracker, StartsInTheWorldOfAnotherMap) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
   rig.tracker.start_at(walk(0));
   for (int i = 0; i < 20; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     ASSERT_EQ(outcome.state, TrackingState::kOk);
-    EXPECT_LT(centre_error(outcome.T_cw, walk(i)), 1e-3) << "frame " << i;
+    EXPECT_LT(center_error(outcome.T_cw, walk(i)), 1e-3) << "frame " << i;
   }
-  rig.show(world.nothing());  // starts over, at the same pose
-  const TrackOutcome again = rig.show(world.look(walk(0)));
-  ASSERT_TRUE(again.initialised_now);
-  EXPECT_LT(centre_error(again.T_cw, walk(0)), 1e-9);
+  rig.show(scene.nothing());  // starts over, at the same pose
+  const TrackOutcome again = rig.show(scene.look(walk(0)));
+  ASSERT_TRUE(again.initialized_now);
+  EXPECT_LT(center_error(again.T_cw, walk(0)), 1e-9);
 }
 
 TEST(Tracker, TellsWhatItsRuleKnows) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  rig.show(world.look(walk(0)));
-  const TrackOutcome outcome = rig.show(world.look(walk(1)), false);
+  rig.show(scene.look(walk(0)));
+  const TrackOutcome outcome = rig.show(scene.look(walk(1)), false);
   const KeyFrameEvidence& evidence = rig.tracker.evidence();
   EXPECT_TRUE(evidence.tracked);
   EXPECT_EQ(evidence.inliers, outcome.inliers);
@@ -120,7 +120,7 @@ TEST(Tracker, TellsWhatItsRuleKnows) {
   EXPECT_EQ(evidence.frames_since_keyframe, 1);
   EXPECT_GT(evidence.close_tracked, 0);
   EXPECT_GE(outcome.searched_points, outcome.local_points);
-  rig.show(world.nothing());
+  rig.show(scene.nothing());
   EXPECT_FALSE(rig.tracker.evidence().tracked);
 }
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "slam/tests/synthetic_world.hpp"
+#include "slam/tests/synthetic_scene.hpp"
 #include "slam/tracker.hpp"
 
 namespace slambed::testing {

@@ -10,12 +10,12 @@ namespace slambed::testing {
 namespace {
 
 TEST(Tracker, FirstFrameBecomesTheFirstKeyFrame) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  const auto features = world.look(walk(0));
+  const auto features = scene.look(walk(0));
   const TrackOutcome outcome = rig.tracker.track(7, 0.5, features);
   EXPECT_EQ(outcome.state, TrackingState::kOk);
-  EXPECT_TRUE(outcome.initialised_now);
+  EXPECT_TRUE(outcome.initialized_now);
   EXPECT_EQ(rig.tracker.keyframe_need(), KeyFrameNeed::kUrgent);
   EXPECT_TRUE(rig.tracker.wants_keyframe({false, 9, true}));
   const MapDelta delta = rig.tracker.create_keyframe();
@@ -29,14 +29,14 @@ TEST(Tracker, FirstFrameBecomesTheFirstKeyFrame) {
 }
 
 TEST(Tracker, NoiseFreePathIsExact) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
   for (int i = 0; i < 150; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i)));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i)));
     ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
     EXPECT_EQ(outcome.by_motion_model, i >= 2) << "frame " << i;
     // Only float rounding of pixels and depths is left.
-    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 1e-3) << "frame " << i;
+    EXPECT_LT(center_error(outcome.T_cw, truth(i)), 1e-3) << "frame " << i;
     EXPECT_LT(turn_error_deg(outcome.T_cw, truth(i)), 0.02) << "frame " << i;
     if (i > 0) {
       EXPECT_GT(outcome.inliers, 300) << "frame " << i;
@@ -46,15 +46,15 @@ TEST(Tracker, NoiseFreePathIsExact) {
 }
 
 TEST(Tracker, NoisyPathStaysWithinCentimetres) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
   double worst_m = 0, worst_deg = 0;
   for (int i = 0; i < 150; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(
+    const TrackOutcome outcome = rig.show(scene.look(
         walk(i),
         {.pixel_noise = 0.5, .depth_noise = 0.01, .flipped_bits = 15, .wrong_share = 0.1}));
     ASSERT_EQ(outcome.state, TrackingState::kOk) << "frame " << i;
-    worst_m = std::max(worst_m, centre_error(outcome.T_cw, truth(i)));
+    worst_m = std::max(worst_m, center_error(outcome.T_cw, truth(i)));
     worst_deg = std::max(worst_deg, turn_error_deg(outcome.T_cw, truth(i)));
   }
   EXPECT_LT(worst_m, 0.03);
@@ -63,11 +63,11 @@ TEST(Tracker, NoisyPathStaysWithinCentimetres) {
 
 TEST(Tracker, SameInputSamePosesToTheLastBit) {
   const auto run = [] {
-    SyntheticWorld world;
+    SyntheticScene scene;
     TrackerRig rig;
     std::vector<double> numbers;
     for (int i = 0; i < 40; ++i) {
-      const TrackOutcome outcome = rig.show(world.look(walk(i), {.pixel_noise = 0.5}));
+      const TrackOutcome outcome = rig.show(scene.look(walk(i), {.pixel_noise = 0.5}));
       for (int k = 0; k < 3; ++k) numbers.push_back(outcome.T_cw.t[k]);
       numbers.push_back(outcome.inliers);
     }
@@ -77,56 +77,56 @@ TEST(Tracker, SameInputSamePosesToTheLastBit) {
 }
 
 TEST(Tracker, NeedsDepthAndFeaturesToBegin) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  EXPECT_EQ(rig.show(world.nothing()).state, TrackingState::kNotInitialised);
-  EXPECT_EQ(rig.show(world.look(walk(0), {}, 500)).state, TrackingState::kNotInitialised);
-  EXPECT_EQ(rig.show(world.look(walk(0), {.depth_limit_m = 0})).state,
-            TrackingState::kNotInitialised);
+  EXPECT_EQ(rig.show(scene.nothing()).state, TrackingState::kNotInitialized);
+  EXPECT_EQ(rig.show(scene.look(walk(0), {}, 500)).state, TrackingState::kNotInitialized);
+  EXPECT_EQ(rig.show(scene.look(walk(0), {.depth_limit_m = 0})).state,
+            TrackingState::kNotInitialized);
   EXPECT_FALSE(rig.tracker.wants_keyframe({}));
   EXPECT_TRUE(rig.tracker.create_keyframe().empty());
-  EXPECT_EQ(rig.show(world.look(walk(0), {}, 501)).state, TrackingState::kOk);
+  EXPECT_EQ(rig.show(scene.look(walk(0), {}, 501)).state, TrackingState::kOk);
 }
 
 TEST(Tracker, DuplicateFramesDoNotHurt) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
   for (int i = 0; i < 60; ++i) {
-    const auto features = world.look(walk(i));
+    const auto features = scene.look(walk(i));
     for (int copy = 0; copy < 1 + i % 3; ++copy) {
       const TrackOutcome outcome = rig.show(features);
       ASSERT_EQ(outcome.state, TrackingState::kOk);
-      EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 1e-3);
+      EXPECT_LT(center_error(outcome.T_cw, truth(i)), 1e-3);
     }
   }
 }
 
 TEST(Tracker, FallsBackToTheReferenceKeyFrameWhenMotionModelFails) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  for (int i = 0; i < 20; ++i) rig.show(world.look(walk(i)));
+  for (int i = 0; i < 20; ++i) rig.show(scene.look(walk(i)));
   // A kick of 17 degrees between two frames moves everything by 150 px or more.
   const SE3 kick(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).toRotationMatrix(), {0, 0, 0});
-  const TrackOutcome outcome = rig.show(world.look(kick * walk(20)), false);
+  const TrackOutcome outcome = rig.show(scene.look(kick * walk(20)), false);
   EXPECT_EQ(outcome.state, TrackingState::kOk);
   EXPECT_FALSE(outcome.by_motion_model);
-  EXPECT_LT(centre_error(outcome.T_cw, kick * truth(20)), 1e-3);
+  EXPECT_LT(center_error(outcome.T_cw, kick * truth(20)), 1e-3);
 }
 
 TEST(Tracker, WordsHaveTheLastWordWithoutTheSecondLook) {
   for (const bool again : {true, false}) {
-    SyntheticWorld world;
+    SyntheticScene scene;
     Tracker tracker(
         {.reset_below_keyframes = 0, .second_hypotheses = false, .descriptor_fallback = again},
         std::make_shared<Map>(), IdSpace::kTracker);
     for (int i = 0; i < 10; ++i) {
-      tracker.track(i, i / 30.0, world.look(walk(i)));
+      tracker.track(i, i / 30.0, scene.look(walk(i)));
       if (i == 0) tracker.create_keyframe();
     }
     // A kick, and few features, whose words are mostly others.
     const SE3 kick(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()).toRotationMatrix(), {0, 0, 0});
     const TrackOutcome outcome =
-        tracker.track(10, 10 / 30.0, world.look(kick * walk(10), {.flipped_bits = 40}, 60));
+        tracker.track(10, 10 / 30.0, scene.look(kick * walk(10), {.flipped_bits = 40}, 60));
     ASSERT_TRUE(outcome.search.motion_matches && outcome.search.word_matches);
     EXPECT_LT(*outcome.search.motion_matches, 20);
     EXPECT_LT(*outcome.search.word_matches, 15);
@@ -141,13 +141,13 @@ TEST(Tracker, WordsHaveTheLastWordWithoutTheSecondLook) {
 }
 
 TEST(Tracker, ZeroDepthMidwayIsTrackedMonocularly) {
-  SyntheticWorld world;
+  SyntheticScene scene;
   TrackerRig rig;
-  for (int i = 0; i < 20; ++i) rig.show(world.look(walk(i)));
+  for (int i = 0; i < 20; ++i) rig.show(scene.look(walk(i)));
   for (int i = 20; i < 30; ++i) {
-    const TrackOutcome outcome = rig.show(world.look(walk(i), {.depth_limit_m = 0}));
+    const TrackOutcome outcome = rig.show(scene.look(walk(i), {.depth_limit_m = 0}));
     ASSERT_EQ(outcome.state, TrackingState::kOk);
-    EXPECT_LT(centre_error(outcome.T_cw, truth(i)), 1e-3);
+    EXPECT_LT(center_error(outcome.T_cw, truth(i)), 1e-3);
   }
 }
 

@@ -17,8 +17,8 @@
 #include "map/tests/map_fixture.hpp"
 #include "slam/global_bundle.hpp"
 #include "slam/place_index.hpp"
-#include "slam/tests/synthetic_world.hpp"
-#include "slam/tests/world_vocabulary.hpp"
+#include "slam/tests/synthetic_scene.hpp"
+#include "slam/tests/scene_vocabulary.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -144,10 +144,10 @@ class ClosedMap {
 };
 
 TEST(WholeMap, PlacesAreSearchedWhileNobodyGetsAtIt) {
-  SyntheticWorld world(2000);
+  SyntheticScene scene(2000);
   Map map;
   fill(map);
-  PlaceIndex index(world_vocabulary(world));
+  PlaceIndex index(scene_vocabulary(scene));
   BagOfWords bag;
   for (std::uint32_t word = 0; word < 100; ++word) bag.words.emplace_back(word, 0.01f);
   for (std::uint64_t n = 1; n <= 20000; ++n) index.add(kf(n), bag);

@@ -6,13 +6,13 @@
 #include "slam/tracker.hpp"
 #include "slam/trajectory.hpp"
 #include "slam/wide_search.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
 
-SE3 turned(double yaw_rad, const Eigen::Vector3d& centre) {
-  return SE3(Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitY()).toRotationMatrix(), centre)
+SE3 turned(double yaw_rad, const Eigen::Vector3d& center) {
+  return SE3(Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitY()).toRotationMatrix(), center)
       .inverse();
 }
 
@@ -20,11 +20,11 @@ SE3 turned(double yaw_rad, const Eigen::Vector3d& centre) {
 class WideSearchTest : public ::testing::Test {
  protected:
   void make_map(const SE3& T_cw) {
-    const auto features = world.look(T_cw, {.flipped_bits = 20});
+    const auto features = scene.look(T_cw, {.flipped_bits = 20});
     for (int i = 0; i < features->size(); ++i) {
       PointSketch point;
       point.id = MapPointId{static_cast<std::uint64_t>(i + 1)};
-      point.p_w = world.point(world.seen()[i]);
+      point.p_w = scene.point(scene.seen()[i]);
       point.descriptor = features->descriptor(i);
       points.push_back(point);
     }
@@ -34,7 +34,7 @@ class WideSearchTest : public ::testing::Test {
     return wide.locate(points, search, frame);
   }
 
-  SyntheticWorld world;
+  SyntheticScene scene;
   std::vector<PointSketch> points;
   WideSearch wide;
   FrameSearch search;
@@ -45,8 +45,8 @@ TEST_F(WideSearchTest, FindsAViewThatSharesAFifthOfTheImage) {
   make_map(turned(0, {0, 0, -1}));
   const SE3 truth = turned(0.75, {0.3, 0.1, -0.8});
   const Seeing noisy{.pixel_noise = 0.5, .depth_noise = 0.01, .flipped_bits = 20};
-  ASSERT_TRUE(locate(world.look(truth, noisy)));
-  EXPECT_LT(centre_error(frame.T_cw, truth), 0.03);
+  ASSERT_TRUE(locate(scene.look(truth, noisy)));
+  EXPECT_LT(center_error(frame.T_cw, truth), 0.03);
   EXPECT_LT(turn_error_deg(frame.T_cw, truth), 0.5);
   EXPECT_LT(frame.matches(), 400) << "the views share too much to be a test";
 }
@@ -55,23 +55,23 @@ TEST_F(WideSearchTest, NearlyHalfOfTheMatchesMayBeWrong) {
   make_map(turned(0, {0, 0, -1}));
   const SE3 truth = turned(0.3, {0.2, 0, -0.9});
   for (const double depth_limit_m : {1e9, 0.0}) {  // with depth, and as a single camera would
-    ASSERT_TRUE(locate(world.look(truth, {.pixel_noise = 0.5,
+    ASSERT_TRUE(locate(scene.look(truth, {.pixel_noise = 0.5,
                                           .depth_noise = 0.01,
                                           .flipped_bits = 20,
                                           .depth_limit_m = depth_limit_m,
                                           .wrong_share = 0.4})));
-    EXPECT_LT(centre_error(frame.T_cw, truth), 0.03);
+    EXPECT_LT(center_error(frame.T_cw, truth), 0.03);
   }
 }
 
-TEST_F(WideSearchTest, FindsNothingInAnotherWorld) {
+TEST_F(WideSearchTest, FindsNothingInAnotherScene) {
   make_map(turned(0, {0, 0, -1}));
-  SyntheticWorld other(5000, 2);
+  SyntheticScene other(5000, 2);
   EXPECT_FALSE(locate(other.look(turned(0, {0, 0, -1}))));
-  EXPECT_FALSE(locate(world.nothing()));
+  EXPECT_FALSE(locate(scene.nothing()));
   EXPECT_EQ(frame.matches(), 0);
   points.clear();
-  EXPECT_FALSE(locate(world.look(turned(0, {0, 0, -1}))));
+  EXPECT_FALSE(locate(scene.look(turned(0, {0, 0, -1}))));
 }
 
 struct GapRun {
@@ -81,7 +81,7 @@ struct GapRun {
 
 /// Plays every `step`th frame of the walk and maps each keyframe before the next frame.
 GapRun play(int step, bool second_hypotheses, unsigned seed) {
-  SyntheticWorld world(5000, seed);
+  SyntheticScene scene(5000, seed);
   auto map = std::make_shared<Map>();
   TrackerOptions options{.max_frames_between_keyframes = std::max(1, 30 / step)};
   options.second_hypotheses = second_hypotheses;
@@ -91,7 +91,7 @@ GapRun play(int step, bool second_hypotheses, unsigned seed) {
   GapRun run;
   for (int i = 0; i < 600; i += step) {
     const TrackOutcome outcome = tracker.track(i, i / 30.0,
-                                               world.look(walk(i), {.pixel_noise = 0.7,
+                                               scene.look(walk(i), {.pixel_noise = 0.7,
                                                                     .depth_noise = 0.02,
                                                                     .flipped_bits = 30,
                                                                     .depth_limit_m = 4,
@@ -116,7 +116,7 @@ GapRun play(int step, bool second_hypotheses, unsigned seed) {
   const auto poses = recorder.final_poses(*map);
   for (const StampedPose& pose : poses) {
     const int frame = static_cast<int>(std::lround(30 * pose.timestamp_s));
-    const double error_m = centre_error(pose.T_cw, walk(frame) * walk(0).inverse());
+    const double error_m = center_error(pose.T_cw, walk(frame) * walk(0).inverse());
     sum += error_m * error_m;
   }
   run.ate_m = std::sqrt(sum / static_cast<double>(poses.size()));
@@ -140,20 +140,20 @@ TEST(WideGaps, NoFrameIsLostThatSharesAViewWithTheMap) {
 }
 
 TEST(WideGaps, WhereNothingIsKnownTheCameraIsLost) {
-  SyntheticWorld world, other(5000, 2);
+  SyntheticScene scene, other(5000, 2);
   auto map = std::make_shared<Map>();
   Tracker tracker({.reset_below_keyframes = 0}, map, IdSpace::kTracker);
   for (int i = 0; i < 30; ++i) {
-    ASSERT_EQ(tracker.track(i, i / 30.0, world.look(walk(i))).state, TrackingState::kOk);
+    ASSERT_EQ(tracker.track(i, i / 30.0, scene.look(walk(i))).state, TrackingState::kOk);
     if (tracker.wants_keyframe({})) tracker.create_keyframe();
   }
   for (int i = 30; i < 40; ++i)
     EXPECT_EQ(tracker.track(i, i / 30.0, other.look(walk(i))).state, TrackingState::kLost);
   for (int i = 40; i < 45; ++i)
-    EXPECT_EQ(tracker.track(i, i / 30.0, world.nothing()).state, TrackingState::kLost);
-  const TrackOutcome back = tracker.track(45, 1.5, world.look(walk(45)));
+    EXPECT_EQ(tracker.track(i, i / 30.0, scene.nothing()).state, TrackingState::kLost);
+  const TrackOutcome back = tracker.track(45, 1.5, scene.look(walk(45)));
   ASSERT_EQ(back.state, TrackingState::kOk);
-  EXPECT_LT(centre_error(back.T_cw, walk(45) * walk(0).inverse()), 2e-3);
+  EXPECT_LT(center_error(back.T_cw, walk(45) * walk(0).inverse()), 2e-3);
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "world_vocabulary.hpp"
+#include "scene_vocabulary.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -17,19 +17,19 @@ struct Image {
 
 class WordMatching : public ::testing::Test {
  protected:
-  WordMatching() : vocabulary(world_vocabulary(world)) {
+  WordMatching() : vocabulary(scene_vocabulary(scene)) {
     a = look(walk(0), 0);
     b = look(walk(20), 8);
   }
   Image look(const SE3& T_cw, int flipped_bits) {
     Image image;
-    image.features = world.look(T_cw, {.flipped_bits = flipped_bits});
-    image.things = world.seen();
+    image.features = scene.look(T_cw, {.flipped_bits = flipped_bits});
+    image.things = scene.seen();
     image.bag = vocabulary->transform(image.features->descriptors());
     return image;
   }
 
-  SyntheticWorld world{3000};
+  SyntheticScene scene{3000};
   std::shared_ptr<const Vocabulary> vocabulary;
   Image a, b;
 };
@@ -59,7 +59,7 @@ TEST_F(WordMatching, OnlyWantedFeaturesTakePart) {
 }
 
 TEST_F(WordMatching, EmptyImagesHaveNoMatches) {
-  const auto nothing = world.nothing();
+  const auto nothing = scene.nothing();
   const BagOfWords empty = vocabulary->transform(nothing->descriptors());
   EXPECT_TRUE(match_by_words({*nothing, empty, {}}, {*b.features, b.bag, {}}, 0.75f).empty());
   EXPECT_TRUE(match_by_words({*b.features, b.bag, {}}, {*nothing, empty, {}}, 0.75f).empty());

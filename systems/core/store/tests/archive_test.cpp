@@ -6,12 +6,12 @@
 
 #include <algorithm>
 
-#include "stored_world.hpp"
+#include "stored_scene.hpp"
 
 namespace slambed::testing {
 namespace {
 
-class ArchiveTest : public StoredWorld {};
+class ArchiveTest : public StoredScene {};
 
 TEST_F(ArchiveTest, IsTheSameMapUnderOtherIds) {
   make_map(120);
@@ -45,7 +45,7 @@ TEST_F(ArchiveTest, TakesTheKeyFramesOfANewTrip) {
   make_map(90);
   const auto trip = std::make_shared<Map>();
   Tracker tracker({}, trip, IdSpace::kTracker);
-  tracker.track(0, 0, world.look(walk(5)));
+  tracker.track(0, 0, scene.look(walk(5)));
   const MapDelta first = tracker.create_keyframe();
   ASSERT_EQ(first.keyframes.size(), 1u);
   const auto known = [](const Map& where, KeyFrameId id) {

@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "base/error.hpp"
-#include "stored_world.hpp"
+#include "stored_scene.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -20,7 +20,7 @@ std::vector<std::string> lines_of(const std::filesystem::path& path) {
   return lines;
 }
 
-using MapExport = StoredWorld;
+using MapExport = StoredScene;
 
 TEST_F(MapExport, PlyHoldsEveryPointAndKeyFrame) {
   make_map(40);
@@ -39,8 +39,8 @@ TEST_F(MapExport, PlyHoldsEveryPointAndKeyFrame) {
   EXPECT_EQ(red, 255);
   EXPECT_EQ(green, 0);
   map->read([&](const MapView& view) {
-    const Eigen::Vector3d centre = view.keyframe(view.keyframe_ids().back())->T_cw.inverse().t;
-    EXPECT_LT((centre - Eigen::Vector3d(x, y, z)).norm(), 1e-4);
+    const Eigen::Vector3d center = view.keyframe(view.keyframe_ids().back())->T_cw.inverse().t;
+    EXPECT_LT((center - Eigen::Vector3d(x, y, z)).norm(), 1e-4);
     return 0;
   });
 }

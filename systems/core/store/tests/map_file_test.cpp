@@ -10,7 +10,7 @@
 
 #include "base/error.hpp"
 #include "map/map_snapshot.hpp"
-#include "stored_world.hpp"
+#include "stored_scene.hpp"
 #include "wire/delta_codec.hpp"
 
 namespace slambed::testing {
@@ -55,7 +55,7 @@ void expect_same(const MapView& a, const MapView& b) {
   }
 }
 
-class MapFile : public StoredWorld {
+class MapFile : public StoredScene {
  protected:
   wire::Bytes with_right_checksum(wire::Bytes bytes) const {
     const auto crc = static_cast<std::uint32_t>(::crc32_z(0, bytes.data() + 20, bytes.size() - 20));
@@ -112,9 +112,9 @@ TEST_F(MapFile, ATrackerFindsItselfInALoadedMapAndGoesOnWithFreshIds) {
   Tracker tracker({}, std::make_shared<Map>(), IdSpace::kTracker);
   tracker.replace_map(loaded.map);
   for (int i = 40; i < 60; ++i) {
-    const TrackOutcome outcome = tracker.track(i, i / 30.0, world.look(walk(i)));
+    const TrackOutcome outcome = tracker.track(i, i / 30.0, scene.look(walk(i)));
     ASSERT_EQ(outcome.state, TrackingState::kOk) << i;
-    EXPECT_LT(centre_error(outcome.T_cw, walk(i) * walk(0).inverse()), 0.02);
+    EXPECT_LT(center_error(outcome.T_cw, walk(i) * walk(0).inverse()), 0.02);
   }
   const MapDelta made = tracker.create_keyframe();
   ASSERT_EQ(made.keyframes.size(), 1u);

@@ -67,7 +67,7 @@ TEST_F(Codec, TimesThatCannotBeCalculatedWithAreRefused) {
   }
 }
 
-TEST_F(Codec, QuantisingTwiceChangesNothingMore) {
+TEST_F(Codec, QuantizingTwiceChangesNothingMore) {
   const auto features = example_features(random, 300, sensor);
   ByteWriter first, second;
   put_features(first, *features);
@@ -78,16 +78,16 @@ TEST_F(Codec, QuantisingTwiceChangesNothingMore) {
 }
 
 TEST(DepthCode, CoversItsRangeAndNothingElse) {
-  EXPECT_EQ(quantise_depth(-1), 0);
-  EXPECT_EQ(quantise_depth(0), 0);
-  EXPECT_EQ(quantise_depth(0.0624f), 0);
-  EXPECT_EQ(quantise_depth(4096), 0);
-  EXPECT_EQ(quantise_depth(std::numeric_limits<float>::quiet_NaN()), 0);
-  EXPECT_EQ(restore_depth(quantise_depth(0.0625f)), 0.0625f);
-  EXPECT_NEAR(restore_depth(quantise_depth(4095.9f)), 4095.9f, 1);
+  EXPECT_EQ(quantize_depth(-1), 0);
+  EXPECT_EQ(quantize_depth(0), 0);
+  EXPECT_EQ(quantize_depth(0.0624f), 0);
+  EXPECT_EQ(quantize_depth(4096), 0);
+  EXPECT_EQ(quantize_depth(std::numeric_limits<float>::quiet_NaN()), 0);
+  EXPECT_EQ(restore_depth(quantize_depth(0.0625f)), 0.0625f);
+  EXPECT_NEAR(restore_depth(quantize_depth(4095.9f)), 4095.9f, 1);
   EXPECT_LT(restore_depth(0), 0);
   for (std::uint32_t code = 1; code <= UINT16_MAX; ++code) {
-    ASSERT_EQ(quantise_depth(restore_depth(static_cast<std::uint16_t>(code))), code);
+    ASSERT_EQ(quantize_depth(restore_depth(static_cast<std::uint16_t>(code))), code);
   }
 }
 
@@ -128,7 +128,7 @@ TEST_F(Codec, DeltaComesBackWhole) {
   EXPECT_EQ(back.positions.at(0).version, 4u);
   EXPECT_EQ(back.poses.at(0).version, 9u);
   expect_same_pose(back.poses.at(0).T_cw, delta.poses[0].T_cw);
-  EXPECT_EQ(back.sightings.at(0).visible, 1000u);
+  EXPECT_EQ(back.observation_counts.at(0).visible, 1000u);
   EXPECT_EQ(back.culled_points, delta.culled_points);
   EXPECT_EQ(back.culled_keyframes, delta.culled_keyframes);
 }
@@ -137,11 +137,11 @@ TEST_F(Codec, FreshPointsAreMadeAgainFromTheirFeatures) {
   const MapDelta delta = fresh_keyframe(random, sensor, 400, 300);
   const MapDelta back = decode_delta(encode(delta, FreshPoints::kDerived), sensor);
   ASSERT_EQ(back.points.size(), delta.points.size());
-  const Eigen::Vector3d centre = delta.keyframes[0].T_cw.inverse().t;
+  const Eigen::Vector3d center = delta.keyframes[0].T_cw.inverse().t;
   for (std::size_t i = 0; i < back.points.size(); ++i) {
     const NewPoint &a = delta.points[i], &b = back.points[i];
     EXPECT_EQ(a.id, b.id);
-    EXPECT_LT((a.p_w - b.p_w).norm(), 2e-4 * (a.p_w - centre).norm());
+    EXPECT_LT((a.p_w - b.p_w).norm(), 2e-4 * (a.p_w - center).norm());
     EXPECT_EQ(a.appearance.descriptor, b.appearance.descriptor);
     EXPECT_LT((a.appearance.normal - b.appearance.normal).norm(), 2e-4);
     EXPECT_NEAR(a.appearance.max_distance_m, b.appearance.max_distance_m, 2e-3);
@@ -215,7 +215,7 @@ TEST_F(Codec, MessagesComeBack) {
   KeyFrameMessage keyframe;
   keyframe.keyframe = keyframe_id(40);
   keyframe.captured = RunTime(-17);
-  keyframe.urgent = keyframe.after_relocalisation = true;
+  keyframe.urgent = keyframe.after_relocalization = true;
   keyframe.whole = true;
   keyframe.applied_update = 6;
   keyframe.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
@@ -223,7 +223,7 @@ TEST_F(Codec, MessagesComeBack) {
   const auto keyframe_back = decode_keyframe(encode(keyframe), sensor);
   EXPECT_EQ(keyframe_back.keyframe, keyframe.keyframe);
   EXPECT_EQ(keyframe_back.captured, keyframe.captured);
-  EXPECT_TRUE(keyframe_back.urgent && keyframe_back.after_relocalisation && !keyframe_back.first &&
+  EXPECT_TRUE(keyframe_back.urgent && keyframe_back.after_relocalization && !keyframe_back.first &&
               keyframe_back.whole);
   EXPECT_EQ(keyframe_back.applied_update, 6u);
   EXPECT_EQ(keyframe_back.newest_edge_point, keyframe.newest_edge_point);
@@ -232,14 +232,14 @@ TEST_F(Codec, MessagesComeBack) {
   MapUpdate update;
   update.update = 12;
   update.newest = keyframe_id(40);
-  update.settled = keyframe_id(37);
+  update.past_probation = keyframe_id(37);
   update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
   update.map = keyframe.delta;
   update.poses = {{keyframe_id(1), SE3(), 3}};
   const auto update_back = decode_update(encode(update), sensor);
   EXPECT_EQ(update_back.update, 12u);
   EXPECT_EQ(update_back.newest, update.newest);
-  EXPECT_EQ(update_back.settled, update.settled);
+  EXPECT_EQ(update_back.past_probation, update.past_probation);
   EXPECT_EQ(update_back.times.captured, RunTime(1));
   EXPECT_EQ(update_back.times.due, RunTime(6));
   EXPECT_EQ(update_back.poses.at(0).id, keyframe_id(1));

@@ -66,14 +66,14 @@ void expect_equal(const NewPoint& a, const NewPoint& b) {
 TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   KeyFrameMessage message = keyframe(200, 60, 40);
   message.captured = RunTime(-17);
-  message.urgent = message.after_relocalisation = true;
+  message.urgent = message.after_relocalization = true;
   message.applied_update = 6;
   message.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
-  message.delta.sightings = {{point_id(3), 1000, 70}, {point_id(4, IdSpace::kEdgeMapper), 5, 5}};
+  message.delta.observation_counts = {{point_id(3), 1000, 70}, {point_id(4, IdSpace::kEdgeMapper), 5, 5}};
   const auto back = decode_keyframe_text(encode_text(message, known, *vocabulary), sensor);
   EXPECT_EQ(back.keyframe, message.keyframe);
   EXPECT_EQ(back.captured, message.captured);
-  EXPECT_TRUE(back.urgent && back.after_relocalisation && !back.first);
+  EXPECT_TRUE(back.urgent && back.after_relocalization && !back.first);
   EXPECT_EQ(back.applied_update, 6u);
   EXPECT_EQ(back.newest_edge_point, message.newest_edge_point);
   EXPECT_EQ(back.delta.epoch, message.delta.epoch);
@@ -85,11 +85,11 @@ TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   EXPECT_LT((a.T_cw.R - b.T_cw.R).norm(), 1e-14);
   EXPECT_EQ(a.T_cw.t, b.T_cw.t);
   expect_equal(*a.features, *b.features);
-  ASSERT_EQ(back.delta.sightings.size(), 2u);
+  ASSERT_EQ(back.delta.observation_counts.size(), 2u);
   for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(back.delta.sightings[i].id, message.delta.sightings[i].id);
-    EXPECT_EQ(back.delta.sightings[i].visible, message.delta.sightings[i].visible);
-    EXPECT_EQ(back.delta.sightings[i].found, message.delta.sightings[i].found);
+    EXPECT_EQ(back.delta.observation_counts[i].id, message.delta.observation_counts[i].id);
+    EXPECT_EQ(back.delta.observation_counts[i].visible, message.delta.observation_counts[i].visible);
+    EXPECT_EQ(back.delta.observation_counts[i].found, message.delta.observation_counts[i].found);
   }
   ASSERT_EQ(back.delta.points.size(), 40u);
   for (std::size_t i = 0; i < 40; ++i) expect_equal(message.delta.points[i], back.delta.points[i]);
@@ -125,7 +125,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   MapUpdate update;
   update.update = 12;
   update.newest = keyframe_id(40);
-  update.settled = keyframe_id(37);
+  update.past_probation = keyframe_id(37);
   update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
   update.map = keyframe(60, 0, 40).delta;
   update.map.keyframes.push_back(update.map.keyframes[0]);  // sees the same points
@@ -134,7 +134,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   const auto back = decode_update_text(encode_text(update, *vocabulary), sensor);
   EXPECT_EQ(back.update, 12u);
   EXPECT_EQ(back.newest, update.newest);
-  EXPECT_EQ(back.settled, update.settled);
+  EXPECT_EQ(back.past_probation, update.past_probation);
   EXPECT_EQ(back.times.captured, RunTime(1));
   EXPECT_EQ(back.times.due, RunTime(6));
   ASSERT_EQ(back.map.keyframes.size(), 2u);

@@ -59,7 +59,7 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
   KeyFrameMessage keyframe{.keyframe = keyframe_id(40),
                            .captured = {},
                            .delta = example_keyframe(random, sensor, 6, 2, 2)};
-  keyframe.delta.sightings = {{point_id(12), 1000, 70}};
+  keyframe.delta.observation_counts = {{point_id(12), 1000, 70}};
   MapUpdate update{.update = 1,
                    .newest = keyframe_id(40),
                    .times = {},

@@ -147,16 +147,16 @@ inline MapDelta example_delta(std::mt19937& random, std::shared_ptr<const Sensor
   delta.fusions = {{point_id(10), point_id(11, IdSpace::kEdgeMapper)}};
   delta.positions = {{point_id(12), {1, 2, 3.5}, 4}};
   delta.poses = {{keyframe_id(8), SE3::exp(Eigen::Matrix<double, 6, 1>::Constant(0.1)), 9}};
-  delta.sightings = {{point_id(12), 1000, 70}};
+  delta.observation_counts = {{point_id(12), 1000, 70}};
   delta.culled_points = {point_id(1), point_id(2)};
   delta.culled_keyframes = {keyframe_id(4)};
   return delta;
 }
 
 /// Slopes, an edge and noise.
-inline GreyImage example_picture(int width, int height) {
+inline GrayImage example_picture(int width, int height) {
   std::mt19937 random(3);
-  GreyImage image{width, height, {}};
+  GrayImage image{width, height, {}};
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
       image.pixels.push_back(

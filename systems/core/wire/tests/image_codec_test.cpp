@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kWidth = 160, kHeight = 120;
 
-double largest_difference(const GreyImage& a, const GreyImage& b) {
+double largest_difference(const GrayImage& a, const GrayImage& b) {
   double largest = 0;
   for (std::size_t i = 0; i < a.pixels.size(); ++i)
     largest = std::max(largest, std::abs(double(a.pixels[i]) - double(b.pixels[i])));
@@ -21,9 +21,9 @@ double largest_difference(const GreyImage& a, const GreyImage& b) {
 }
 
 TEST(ImageCodec, APictureComesBackAsItWasAndSmallerWithLessQuality) {
-  const GreyImage picture = example_picture(kWidth, kHeight);
+  const GrayImage picture = example_picture(kWidth, kHeight);
   const Bytes fine = encode_jpeg(picture.view(), 95), coarse = encode_jpeg(picture.view(), 20);
-  const GreyImage back = decode_jpeg(fine, kWidth, kHeight);
+  const GrayImage back = decode_jpeg(fine, kWidth, kHeight);
   EXPECT_EQ(back.width, kWidth);
   EXPECT_EQ(back.pixels.size(), picture.pixels.size());
   EXPECT_LE(largest_difference(picture, back), 12);
@@ -34,9 +34,9 @@ TEST(ImageCodec, APictureComesBackAsItWasAndSmallerWithLessQuality) {
 }
 
 TEST(ImageCodec, APartOfALargerPictureIsCodedAlone) {
-  const GreyImage picture = example_picture(kWidth, kHeight);
-  const GreyView part{picture.pixels.data() + 5 * kWidth + 7, 64, 48, kWidth};
-  GreyImage copy{64, 48, {}};
+  const GrayImage picture = example_picture(kWidth, kHeight);
+  const GrayView part{picture.pixels.data() + 5 * kWidth + 7, 64, 48, kWidth};
+  GrayImage copy{64, 48, {}};
   for (int y = 0; y < 48; ++y) copy.pixels.insert(copy.pixels.end(), part.row(y), part.row(y) + 64);
   EXPECT_EQ(encode_jpeg(part, 90), encode_jpeg(copy.view(), 90));
 }
@@ -69,7 +69,7 @@ TEST(ImageCodec, NeitherCutsNorWrongBitsEverCrashIt) {
   const Bytes jpeg = encode_jpeg(example_picture(64, 48).view(), 60);
   const auto tried = [](std::span<const std::uint8_t> bytes) {
     try {
-      const GreyImage image = decode_jpeg(bytes, 64, 48);
+      const GrayImage image = decode_jpeg(bytes, 64, 48);
       EXPECT_EQ(image.pixels.size(), 64u * 48u);
     } catch (const DecodeError&) {
     }

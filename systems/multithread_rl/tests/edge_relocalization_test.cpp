@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera that is lost, and an edge that may find it, in virtual time on a synthetic world.
+// A camera that is lost, and an edge that may find it, in virtual time on a synthetic scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ using testing::lost_turn_params;
 using testing::PairLink;
 using testing::PairResult;
 using testing::same_place;
-using testing::SyntheticWorld;
+using testing::SyntheticScene;
 using testing::turn;
 
 constexpr int kPerUpdate = 6;  ///< keyframes, where a test says so
@@ -37,9 +37,9 @@ class FoundOnTheEdge : public ::testing::TestWithParam<const char*> {};
 TEST_P(FoundOnTheEdge, FindsALostCameraByItsPose) {
   const PairResult result = lost_turn(lost_turn_params(GetParam()), {.one_way_ms = {20}});
   ASSERT_EQ(result.of("track_lost").size(), 1u);
-  const auto relocalised = result.of("relocalised");
-  ASSERT_EQ(relocalised.size(), 1u);
-  EXPECT_EQ(relocalised[0]["by"], "edge");
+  const auto relocalized = result.of("relocalized");
+  ASSERT_EQ(relocalized.size(), 1u);
+  EXPECT_EQ(relocalized[0]["by"], "edge");
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
   EXPECT_EQ(result.end_reason, "bye");
   EXPECT_EQ(count_of(result, "RELOC_MAP"), 0);
@@ -67,8 +67,8 @@ TEST_P(FoundOnTheEdge, FindsALostCameraByItsPose) {
     EXPECT_GE(reply["down_ms"].get<double>(), 20);
   }
   ASSERT_FALSE(used.is_null());
-  EXPECT_GT(relocalised[0]["frame"].get<int>(), used["frame"].get<int>());
-  EXPECT_GT(time_of(relocalised[0]), time_of(used));
+  EXPECT_GT(relocalized[0]["frame"].get<int>(), used["frame"].get<int>());
+  EXPECT_GT(time_of(relocalized[0]), time_of(used));
 
   // Poses go on where the camera is: it looks at what it saw at second one.
   for (const auto& [keyframe, T_cw] : result.keyframe_poses) {
@@ -198,10 +198,10 @@ INSTANTIATE_TEST_SUITE_P(Updates, FoundOnTheEdge, ::testing::Values("serial", "s
 /// the middle of the lap. The only update comes before the edge can know that it was a lap.
 PairResult lap(bool loop_closing) {
   constexpr int kDarkAfterLap = 174, kBack = 80;
-  const auto look = [](SyntheticWorld& world, int frame) {
-    if (frame >= kDarkAfterLap && frame < kDarkAfterLap + kDarkFor) return world.nothing();
+  const auto look = [](SyntheticScene& scene, int frame) {
+    if (frame >= kDarkAfterLap && frame < kDarkAfterLap + kDarkFor) return scene.nothing();
     const int shown = frame < kDarkAfterLap ? frame : frame - kDarkAfterLap - kDarkFor + kBack;
-    return testing::through_a_wrong_lens(world, shown);
+    return testing::through_a_wrong_lens(scene, shown);
   };
   auto all = lost_turn_params("staged");
   all.update({{"sync_period_s", 13.0}, {"loop_closing", loop_closing}});
@@ -217,14 +217,14 @@ std::ptrdiff_t kept_from_before(const PairResult& result) {
   });
 }
 
-TEST(EdgeRelocalisationAfterALoop, TheKeyframeTakesThePlaceOfTheOldWorld) {
+TEST(EdgeRelocalizationAfterALoop, TheKeyframeTakesThePlaceOfTheOldWorld) {
   const PairResult closed = lap(true), open = lap(false);
   ASSERT_FALSE(closed.of("loop_closed").empty());
   EXPECT_TRUE(open.of("loop_closed").empty());
   for (const PairResult* result : {&closed, &open}) {
     ASSERT_EQ(result->of("track_lost").size(), 1u);
-    ASSERT_EQ(result->of("relocalised").size(), 1u);
-    EXPECT_EQ(result->of("relocalised")[0]["by"], "edge");
+    ASSERT_EQ(result->of("relocalized").size(), 1u);
+    EXPECT_EQ(result->of("relocalized")[0]["by"], "edge");
     EXPECT_EQ(result->of("frame_tracked").back()["state"], "ok");
     EXPECT_EQ(result->of("update_applied").size(), 1u);
   }
@@ -233,12 +233,12 @@ TEST(EdgeRelocalisationAfterALoop, TheKeyframeTakesThePlaceOfTheOldWorld) {
   EXPECT_GT(kept_from_before(open), 1);
 }
 
-TEST(EdgeRelocalisationAsText, SendsFramesAndKeyframesWhole) {
+TEST(EdgeRelocalizationAsText, SendsFramesAndKeyframesWhole) {
   const PairResult result =
       lost_turn(lost_turn_params("serial", "compatibility"), {.one_way_ms = {5}});
-  const auto relocalised = result.of("relocalised");
-  ASSERT_EQ(relocalised.size(), 1u);
-  EXPECT_EQ(relocalised[0]["by"], "edge");
+  const auto relocalized = result.of("relocalized");
+  ASSERT_EQ(relocalized.size(), 1u);
+  EXPECT_EQ(relocalized[0]["by"], "edge");
   std::map<std::string, double> largest;
   for (const auto& message : result.of("message")) {
     double& bytes = largest[message["message"]];

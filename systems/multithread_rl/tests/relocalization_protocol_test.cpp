@@ -12,7 +12,7 @@ namespace slambed::testing {
 namespace {
 
 /// Of which answers the reason is told.
-enum class Told { kOnce, kOfAFoundPose, kOfEveryAnswer };
+enum class Reported { kOnce, kOfAFoundPose, kOfEveryAnswer };
 
 /// What becomes of an answer, and who ends the loss.
 struct Case {
@@ -21,7 +21,7 @@ struct Case {
   PairLink link;
   const char* by;  ///< nullptr: stays lost
   const char* reason;
-  Told told = Told::kOnce;
+  Reported reported = Reported::kOnce;
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
@@ -37,7 +37,7 @@ bool is_found(const Message& message) {
 }
 
 void fail_as(Message& message, std::uint64_t add) {
-  static const SyntheticWorld kWorld;
+  static const SyntheticScene kWorld;
   wire::RelocFail failed;
   failed.number =
       (is_found(message) ? wire::decode_reloc_ok(message.payload, kWorld.sensor()).number
@@ -60,7 +60,7 @@ bool fail_of_another_request(Message& message) {
 bool never(Message&) { return false; }
 
 bool from_a_former_process(Message& message) {
-  ++message.incarnation;
+  ++message.session;
   return true;
 }
 
@@ -107,27 +107,27 @@ TEST_P(Protocol, EndsALossByTheFirstSuccess) {
   // Without updates the mobile's own map keeps the place also where the link is slow.
   if (c.local) params["sync_period_s"] = 60.0;
   const PairResult result =
-      lost_turn(params, c.link, c.local ? WorldSource::Look(same_place) : far_back);
+      lost_turn(params, c.link, c.local ? SceneSource::Look(same_place) : far_back);
   ASSERT_EQ(result.of("track_lost").size(), 1u);
-  const auto relocalised = result.of("relocalised");
+  const auto relocalized = result.of("relocalized");
   if (c.by == nullptr) {
-    EXPECT_TRUE(relocalised.empty());
+    EXPECT_TRUE(relocalized.empty());
   } else {
-    ASSERT_EQ(relocalised.size(), 1u);
-    EXPECT_EQ(relocalised[0]["by"], c.by);
+    ASSERT_EQ(relocalized.size(), 1u);
+    EXPECT_EQ(relocalized[0]["by"], c.by);
   }
   EXPECT_TRUE(result.finished);
   EXPECT_EQ(result.end_reason, "bye");
-  bool told = false;
+  bool reported = false;
   for (const auto& event : result.mobile) {
-    if (c.told == Told::kOfAFoundPose && !event.value("found", false)) continue;
+    if (c.reported == Reported::kOfAFoundPose && !event.value("found", false)) continue;
     for (const char* field : {"reason", "message", "text"}) {
       if (!event.contains(field) || !event[field].is_string()) continue;
-      told |= event[field].get<std::string>().find(c.reason) != std::string::npos;
+      reported |= event[field].get<std::string>().find(c.reason) != std::string::npos;
     }
   }
-  EXPECT_TRUE(told) << c.reason;
-  if (c.told == Told::kOfEveryAnswer) {
+  EXPECT_TRUE(reported) << c.reason;
+  if (c.reported == Reported::kOfEveryAnswer) {
     for (const auto& reply : result.of("reloc_reply")) EXPECT_EQ(reply["reason"], c.reason);
   }
   // Never two requests under way.
@@ -142,28 +142,28 @@ TEST_P(Protocol, EndsALossByTheFirstSuccess) {
 }
 
 const Case kCases[] = {
-    {"LocalOk", true, {}, "local", "not lost any more", Told::kOfAFoundPose},
-    {"LocalFail", true, with(fail), "local", "not found", Told::kOfEveryAnswer},
+    {"LocalOk", true, {}, "local", "not lost any more", Reported::kOfAFoundPose},
+    {"LocalFail", true, with(fail), "local", "not found", Reported::kOfEveryAnswer},
     {"LocalForeign", true, with(fail_of_another_request), "local", "not asked for",
-     Told::kOfEveryAnswer},
+     Reported::kOfEveryAnswer},
     {"LocalLate", true, slow_after_the_dark(800), "local", "not lost any more",
-     Told::kOfAFoundPose},
+     Reported::kOfAFoundPose},
     {"LocalGivenUp", true, slow_after_the_dark(2500), "local", "not asked for",
-     Told::kOfAFoundPose},
+     Reported::kOfAFoundPose},
     {"LocalNever", true, with(never), "local", "no answer"},
-    {"LocalDouble", true, twice(), "local", "not asked for", Told::kOfAFoundPose},
+    {"LocalDouble", true, twice(), "local", "not asked for", Reported::kOfAFoundPose},
     {"LocalFormer", true, with(from_a_former_process), "local", "its edge is gone",
-     Told::kOfEveryAnswer},
+     Reported::kOfEveryAnswer},
     {"LocalGarbage", true, with(garbage), "local", "refused"},
     {"EdgeOk", false, {}, "edge", "not found"},
-    {"EdgeFail", false, with(fail), nullptr, "not found", Told::kOfEveryAnswer},
+    {"EdgeFail", false, with(fail), nullptr, "not found", Reported::kOfEveryAnswer},
     {"EdgeForeign", false, with(fail_of_another_request), nullptr, "not asked for",
-     Told::kOfEveryAnswer},
-    {"EdgeGivenUp", false, late(), nullptr, "not asked for", Told::kOfAFoundPose},
+     Reported::kOfEveryAnswer},
+    {"EdgeGivenUp", false, late(), nullptr, "not asked for", Reported::kOfAFoundPose},
     {"EdgeNever", false, with(never), nullptr, "no answer"},
-    {"EdgeDouble", false, twice(), "edge", "not asked for", Told::kOfAFoundPose},
+    {"EdgeDouble", false, twice(), "edge", "not asked for", Reported::kOfAFoundPose},
     {"EdgeFormer", false, with(from_a_former_process), nullptr, "its edge is gone",
-     Told::kOfEveryAnswer},
+     Reported::kOfEveryAnswer},
     {"EdgeGarbage", false, with(garbage), nullptr, "refused"}};
 
 INSTANTIATE_TEST_SUITE_P(Table, Protocol,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "slam/relocaliser.hpp"
+#include "slam/relocalizer.hpp"
 
 #include <algorithm>
 
@@ -10,7 +10,7 @@
 namespace slambed {
 namespace {
 
-// ORB-SLAM2's limits of a relocalisation.
+// ORB-SLAM2's limits of a relocalization.
 constexpr float kRatio = 0.75f;
 constexpr std::size_t kLeastMatches = 15;
 constexpr int kLeastInliers = 10;
@@ -21,7 +21,7 @@ constexpr int kNarrowDistance = 64;  ///< bits
 
 }  // namespace
 
-std::vector<KeyFrameId> Relocaliser::candidates(const Map& map, KeyFrameId around,
+std::vector<KeyFrameId> Relocalizer::candidates(const Map& map, KeyFrameId around,
                                                 const BagOfWords& bag) const {
   std::vector<KeyFrameId> list = places_->candidates(bag, map);
   // Most often the camera is still where it was lost.
@@ -33,7 +33,7 @@ std::vector<KeyFrameId> Relocaliser::candidates(const Map& map, KeyFrameId aroun
   return list;
 }
 
-bool Relocaliser::copy(const Map& map, KeyFrameId candidate) {
+bool Relocalizer::copy(const Map& map, KeyFrameId candidate) {
   points_.clear();
   return map.read([&](const MapView& view) {
     const KeyFrame* keyframe = view.keyframe(candidate);
@@ -56,7 +56,7 @@ bool Relocaliser::copy(const Map& map, KeyFrameId candidate) {
 }
 
 /// Pose and matches of the largest set that agrees.
-bool Relocaliser::start_pose(std::span<const std::pair<int, int>> matches, Frame& frame) const {
+bool Relocalizer::start_pose(std::span<const std::pair<int, int>> matches, Frame& frame) const {
   const FeatureSet& features = *frame.features;
   std::vector<PnpCorrespondence> pairs;
   pairs.reserve(matches.size());
@@ -78,34 +78,34 @@ bool Relocaliser::start_pose(std::span<const std::pair<int, int>> matches, Frame
   return true;
 }
 
-bool Relocaliser::try_keyframe(const BagOfWords& bag, const BagOfWords& candidate_bag,
+bool Relocalizer::try_keyframe(const BagOfWords& bag, const BagOfWords& candidate_bag,
                                FrameSearch& search, Frame& frame) {
   const auto matches =
       match_by_words({*features_, candidate_bag, has_point_}, {*frame.features, bag, {}}, kRatio);
   if (matches.size() < kLeastMatches || !start_pose(matches, frame)) return false;
   ++candidates_posed_;
-  int inliers = search.optimise_pose(frame);
+  int inliers = search.optimize_pose(frame);
   if (inliers < kLeastInliers) return false;
   if (inliers >= kInliersWanted) return true;
   frame.drop_outliers();
   if (inliers + search.add_projected(points_, kWideWindow_px, kHammingHigh, frame) < kInliersWanted)
     return false;
-  inliers = search.optimise_pose(frame);
+  inliers = search.optimize_pose(frame);
   if (inliers <= kWorthASecondLook) return false;
   if (inliers >= kInliersWanted) return true;
   frame.drop_outliers();
   if (inliers + search.add_projected(points_, kNarrowWindow_px, kNarrowDistance, frame) <
       kInliersWanted)
     return false;
-  return search.optimise_pose(frame) >= kInliersWanted;
+  return search.optimize_pose(frame) >= kInliersWanted;
 }
 
-PlaceIndex& Relocaliser::places() {
+PlaceIndex& Relocalizer::places() {
   if (!places_) places_ = std::make_shared<PlaceIndex>(default_vocabulary());
   return *places_;
 }
 
-int Relocaliser::match(const Map& map, KeyFrameId keyframe, float ratio, Frame& frame) {
+int Relocalizer::match(const Map& map, KeyFrameId keyframe, float ratio, Frame& frame) {
   frame.clear_matches();
   if (!copy(map, keyframe)) return 0;
   const Vocabulary& vocabulary = places().vocabulary();
@@ -122,9 +122,9 @@ int Relocaliser::match(const Map& map, KeyFrameId keyframe, float ratio, Frame& 
   return static_cast<int>(matches.size());
 }
 
-bool Relocaliser::locate(const Map& map, KeyFrameId around, FrameSearch& search, Frame& frame) {
+bool Relocalizer::locate(const Map& map, KeyFrameId around, FrameSearch& search, Frame& frame) {
   candidates_posed_ = 0;
-  places().follow(map);
+  places().update_from(map);
   const BagOfWords bag = places_->vocabulary().transform(frame.features->descriptors());
   for (const KeyFrameId candidate : candidates(map, around, bag)) {
     const auto candidate_bag = places_->bag(candidate);

@@ -5,18 +5,18 @@
 #include <vector>
 
 #include "features/vocabulary.hpp"
-#include "synthetic_world.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 
 /// A vocabulary of the world's own descriptors. Random bits have no structure that a vocabulary of
 /// real images could know, so that a few flipped bits would carry them to another word there.
-inline std::shared_ptr<const Vocabulary> world_vocabulary(SyntheticWorld& world) {
+inline std::shared_ptr<const Vocabulary> scene_vocabulary(SyntheticScene& scene) {
   std::vector<std::vector<Descriptor>> images;
   for (int turn = 0; turn < 24; ++turn) {
     const SE3 T_cw(Eigen::AngleAxisd(turn * M_PI / 12, Eigen::Vector3d::UnitY()).toRotationMatrix(),
                    Eigen::Vector3d::Zero());
-    const auto features = world.look(T_cw, {.flipped_bits = 10});
+    const auto features = scene.look(T_cw, {.flipped_bits = 10});
     images.emplace_back(features->descriptors().begin(), features->descriptors().end());
   }
   return std::make_shared<const Vocabulary>(

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from slambed.link.direction import ModelledLink
+from slambed.link.direction import ModeledLink
 from slambed.link.log import ASKED_STEP_S, series_frame
 from slambed.link.profile import Profile
 from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
 
 
-def modelled_link(profile: Profile, horizon_s: float) -> ModelledLink:
+def modeled_link(profile: Profile, horizon_s: float) -> ModeledLink:
     """Both directions (docs/formats.md, "Virtual run")."""
     up_ms, down_ms = delay_table_ms(profile, horizon_s)
-    return ModelledLink(
+    return ModeledLink(
         step_ms=STEP_MS,
         interpolation="linear",
         up=direction_config(profile, profile.up, up_ms, horizon_s),

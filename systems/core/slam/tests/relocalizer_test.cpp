@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Finding a lost camera in a map of a whole room.
-#include "slam/relocaliser.hpp"
+#include "slam/relocalizer.hpp"
 
 #include <gtest/gtest.h>
 
 #include "slam/tracker.hpp"
-#include "world_vocabulary.hpp"
+#include "scene_vocabulary.hpp"
 
 namespace slambed::testing {
 namespace {
@@ -22,67 +22,67 @@ SE3 turned(double frame) {
 SE3 truth(const SE3& T_cw) { return T_cw * turned(0).inverse(); }
 
 /// A map of the whole room, from a tracker that turned around once.
-class RelocaliserTest : public ::testing::Test {
+class RelocalizerTest : public ::testing::Test {
  protected:
-  RelocaliserTest()
+  RelocalizerTest()
       : map(std::make_shared<Map>()),
-        places(std::make_shared<PlaceIndex>(world_vocabulary(world))) {
+        places(std::make_shared<PlaceIndex>(scene_vocabulary(scene))) {
     Tracker tracker({}, map, IdSpace::kTracker, places);
     for (int i = 0; i < 120; ++i) {
-      EXPECT_EQ(tracker.track(i, i / 30.0, world.look(turned(i))).state, TrackingState::kOk);
+      EXPECT_EQ(tracker.track(i, i / 30.0, scene.look(turned(i))).state, TrackingState::kOk);
       if (i % 5 == 0) tracker.create_keyframe();
     }
   }
-  bool locate(const SE3& T_cw, const Seeing& view, Relocaliser& relocaliser) {
-    frame.begin(999, 99, world.look(T_cw, view));
-    return relocaliser.locate(*map, {}, search, frame);
+  bool locate(const SE3& T_cw, const Seeing& view, Relocalizer& relocalizer) {
+    frame.begin(999, 99, scene.look(T_cw, view));
+    return relocalizer.locate(*map, {}, search, frame);
   }
 
-  SyntheticWorld world{6000};
+  SyntheticScene scene{6000};
   std::shared_ptr<Map> map;
   std::shared_ptr<PlaceIndex> places;
   FrameSearch search;
   Frame frame;
 };
 
-TEST_F(RelocaliserTest, FindsEveryDirectionFromOtherPlacesUnderNoise) {
-  Relocaliser relocaliser(places);
+TEST_F(RelocalizerTest, FindsEveryDirectionFromOtherPlacesUnderNoise) {
+  Relocalizer relocalizer(places);
   int found = 0;
   for (int k = 0; k < 24; ++k) {
     // 0.3 m away and between the directions of keyframes.
     const SE3 T_cw = SE3(Eigen::Matrix3d::Identity(), {0.25, -0.05, 0.2}) * turned(5 * k + 2);
-    if (!locate(T_cw, kNoisy, relocaliser)) continue;
+    if (!locate(T_cw, kNoisy, relocalizer)) continue;
     ++found;
-    EXPECT_LT(centre_error(frame.T_cw, truth(T_cw)), 0.03) << k;
+    EXPECT_LT(center_error(frame.T_cw, truth(T_cw)), 0.03) << k;
     EXPECT_LT(turn_error_deg(frame.T_cw, truth(T_cw)), 0.5) << k;
     EXPECT_GE(frame.matches(), 50) << k;
   }
   EXPECT_GE(found, 23);
 }
 
-TEST_F(RelocaliserTest, AnotherWorldIsNotFound) {
-  Relocaliser relocaliser(places);
-  SyntheticWorld elsewhere(6000, 7);
+TEST_F(RelocalizerTest, AnotherSceneIsNotFound) {
+  Relocalizer relocalizer(places);
+  SyntheticScene elsewhere(6000, 7);
   for (int k = 0; k < 8; ++k) {
     frame.begin(999, 99, elsewhere.look(turned(15 * k)));
-    EXPECT_FALSE(relocaliser.locate(*map, {}, search, frame));
+    EXPECT_FALSE(relocalizer.locate(*map, {}, search, frame));
     EXPECT_EQ(frame.matches(), 0);
   }
 }
 
-TEST_F(RelocaliserTest, BlackFramesAndEmptyMapsAreRefused) {
-  Relocaliser relocaliser(places);
-  frame.begin(999, 99, world.nothing());
-  EXPECT_FALSE(relocaliser.locate(*map, {}, search, frame));
+TEST_F(RelocalizerTest, BlackFramesAndEmptyMapsAreRefused) {
+  Relocalizer relocalizer(places);
+  frame.begin(999, 99, scene.nothing());
+  EXPECT_FALSE(relocalizer.locate(*map, {}, search, frame));
   const Map empty;
-  frame.begin(999, 99, world.look(turned(0)));
-  EXPECT_FALSE(relocaliser.locate(empty, {}, search, frame));
+  frame.begin(999, 99, scene.look(turned(0)));
+  EXPECT_FALSE(relocalizer.locate(empty, {}, search, frame));
 }
 
-TEST_F(RelocaliserTest, KeepsAnIndexOfItsOwnWhenNoneIsGiven) {
-  Relocaliser relocaliser;
-  ASSERT_TRUE(locate(turned(31), {}, relocaliser));
-  EXPECT_LT(centre_error(frame.T_cw, truth(turned(31))), 2e-3);
+TEST_F(RelocalizerTest, KeepsAnIndexOfItsOwnWhenNoneIsGiven) {
+  Relocalizer relocalizer;
+  ASSERT_TRUE(locate(turned(31), {}, relocalizer));
+  EXPECT_LT(center_error(frame.T_cw, truth(turned(31))), 2e-3);
 }
 
 }  // namespace

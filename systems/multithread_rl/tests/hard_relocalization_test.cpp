@@ -19,14 +19,14 @@ using testing::lost_turn_params;
 using testing::PairLink;
 using testing::PairResult;
 using testing::pose_at;
-using testing::SyntheticWorld;
+using testing::SyntheticScene;
 
 bool is_found(const Message& message) {
   return message.type == wire::type_of(wire::RelocOk::kType);
 }
 
 wire::RelocOk read(const Message& message) {
-  static const SyntheticWorld kWorld;
+  static const SyntheticScene kWorld;
   return wire::decode_reloc_ok(message.payload, kWorld.sensor());
 }
 
@@ -66,7 +66,7 @@ void be_noise(Message& message) {
 struct BadAnswer {
   const char* name;
   void (*spoil)(Message&);
-  const char* told;
+  const char* reported;
 };
 
 void PrintTo(const BadAnswer& bad, std::ostream* out) { *out << bad.name; }
@@ -87,15 +87,15 @@ TEST_P(BadAnswers, AreToldInOneLineEachAndChangeNothing) {
   };
   const PairResult result = lost_turn(lost_turn_params("staged"), link);
   ASSERT_GT(spoilt, 0);
-  int told = 0;
+  int reported = 0;
   for (const auto& event : result.mobile) {
     for (const char* field : {"reason", "text"}) {
       if (!event.contains(field) || !event[field].is_string()) continue;
-      told += event[field].get<std::string>().find(GetParam().told) != std::string::npos;
+      reported += event[field].get<std::string>().find(GetParam().reported) != std::string::npos;
     }
   }
-  EXPECT_EQ(told, spoilt);
-  EXPECT_TRUE(result.of("relocalised").empty());
+  EXPECT_EQ(reported, spoilt);
+  EXPECT_TRUE(result.of("relocalized").empty());
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "lost");
   EXPECT_EQ(result.end_reason, "bye");
   for (const NewKeyFrame& keyframe : result.mobile_map.keyframes) {
@@ -124,12 +124,12 @@ std::size_t memory_in_use() {
 /// between them. Or it stays in one of them.
 constexpr int kLosses = 200, kSeen = 12, kCovered = 3, kCycle = kSeen + kCovered;
 
-std::shared_ptr<const FeatureSet> to_and_fro(SyntheticWorld& world, int frame, bool covered) {
-  if (frame < kDark) return testing::turn(world, frame);
+std::shared_ptr<const FeatureSet> to_and_fro(SyntheticScene& scene, int frame, bool covered) {
+  if (frame < kDark) return testing::turn(scene, frame);
   const int cycle = (frame - kDark) / kCycle, step = (frame - kDark) % kCycle;
-  if (covered && step < kCovered) return world.nothing();
+  if (covered && step < kCovered) return scene.nothing();
   const int part = covered && cycle % 2 ? 15 : 55;
-  return world.look(pose_at(part + std::min(step, kCycle - step) * 2.0));
+  return scene.look(pose_at(part + std::min(step, kCycle - step) * 2.0));
 }
 
 struct LongRun {
@@ -144,19 +144,19 @@ LongRun long_run(bool covered) {
   LongRun run;
   run.result = lost_turn(
       lost_turn_params("staged"), {.one_way_ms = {5}},
-      [&](SyntheticWorld& world, int frame) {
+      [&](SyntheticScene& scene, int frame) {
         if (frame >= kDark && (frame - kDark) % kCycle == 0) run.in_use.push_back(memory_in_use());
-        return to_and_fro(world, frame, covered);
+        return to_and_fro(scene, frame, covered);
       },
       kDark + kLosses * kCycle);
   return run;
 }
 
-TEST(EdgeRelocalisationForLong, TwoHundredLossesLeaveNothingBehind) {
+TEST(EdgeRelocalizationForLong, TwoHundredLossesLeaveNothingBehind) {
   const LongRun losing = long_run(true), staying = long_run(false);
   const PairResult& result = losing.result;
   EXPECT_TRUE(staying.result.of("track_lost").empty());
-  for (const char* event : {"track_lost", "suspended", "resumed", "relocalised"})
+  for (const char* event : {"track_lost", "suspended", "resumed", "relocalized"})
     EXPECT_EQ(result.of(event).size(), static_cast<std::size_t>(kLosses)) << event;
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
   EXPECT_EQ(result.end_reason, "bye");

@@ -24,9 +24,9 @@ struct Seeing {
 
 /// A room of points with unique descriptors, seen by a perfect or a noisy RGB-D camera, or by one
 /// without depth.
-class SyntheticWorld {
+class SyntheticScene {
  public:
-  explicit SyntheticWorld(int points = 5000, unsigned seed = 1, bool mono = false) : random_(seed) {
+  explicit SyntheticScene(int points = 5000, unsigned seed = 1, bool mono = false) : random_(seed) {
     auto sensor = std::make_shared<Sensor>();
     Camera& camera = sensor->camera;
     camera.width = 640;
@@ -127,23 +127,23 @@ class SyntheticWorld {
 /// Hand-held walk at 30 Hz: a gentle sway and turn in the middle of the room.
 inline SE3 walk(int frame) {
   const double s = frame / 30.0;
-  const Eigen::Vector3d centre(0.6 * std::sin(0.8 * s), 0.1 * std::sin(1.9 * s),
+  const Eigen::Vector3d center(0.6 * std::sin(0.8 * s), 0.1 * std::sin(1.9 * s),
                                -1.0 + 0.5 * std::sin(0.5 * s));
   const Eigen::Matrix3d R_wc =
       (Eigen::AngleAxisd(0.6 * std::sin(0.7 * s), Eigen::Vector3d::UnitY()) *
        Eigen::AngleAxisd(0.1 * std::sin(1.1 * s), Eigen::Vector3d::UnitX()))
           .toRotationMatrix();
-  return SE3(R_wc, centre).inverse();
+  return SE3(R_wc, center).inverse();
 }
 
 /// A walk with more steps than turns: one camera learns depth from steps only.
 inline SE3 stroll(int frame) {
   const double s = frame / 30.0;
-  const Eigen::Vector3d centre(1.2 * std::sin(0.9 * s), 0.2 * std::sin(1.3 * s),
+  const Eigen::Vector3d center(1.2 * std::sin(0.9 * s), 0.2 * std::sin(1.3 * s),
                                -1.0 + 0.3 * std::sin(0.5 * s));
   const Eigen::Matrix3d R_wc =
       Eigen::AngleAxisd(0.1 * std::sin(0.7 * s), Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return SE3(R_wc, centre).inverse();
+  return SE3(R_wc, center).inverse();
 }
 
 /// The same, and slowly round: after ten seconds nothing of the beginning is in view.
@@ -152,8 +152,8 @@ inline SE3 stroll_round(int frame) {
   return SE3(turn.toRotationMatrix(), Eigen::Vector3d::Zero()) * stroll(frame);
 }
 
-/// Distance between camera centres, m.
-inline double centre_error(const SE3& a, const SE3& b) {
+/// Distance between camera centers, m.
+inline double center_error(const SE3& a, const SE3& b) {
   return (a.inverse().t - b.inverse().t).norm();
 }
 inline double turn_error_deg(const SE3& a, const SE3& b) {

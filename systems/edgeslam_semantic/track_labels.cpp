@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "edgeslam_semantic/chain_labels.hpp"
+#include "edgeslam_semantic/track_labels.hpp"
 
 #include <algorithm>
 
@@ -17,7 +17,7 @@ float middle(std::vector<float>& values) {
 
 }  // namespace
 
-void ChainLabels::judge(const ChainFrame& frame, const FrameMasks& masks) {
+void TrackLabels::judge(const FrameTracks& frame, const FrameMasks& masks) {
   check_size(masks, frame.features->sensor().camera);
   const MovingArea area(masks);
   if (frame.number >= newest_) {
@@ -25,17 +25,17 @@ void ChainLabels::judge(const ChainFrame& frame, const FrameMasks& masks) {
     area_ = area;
   }
   const Camera& camera = frame.features->sensor().camera;
-  for (std::size_t i = 0; i < frame.chains.size(); ++i) {
-    Judgement& known = judged_[frame.chains[i]];
+  for (std::size_t i = 0; i < frame.tracks.size(); ++i) {
+    Judgment& known = judged_[frame.tracks[i]];
     if (known.mask_frame > frame.number) continue;
     const KeyPoint& at = frame.features->keypoint(static_cast<int>(i));
-    known = judgement(area, camera, at.u, at.v);
+    known = judgment(area, camera, at.u, at.v);
     known.mask_frame = frame.number;
     known.by_mask = true;
   }
 }
 
-ChainLabels::Judgement ChainLabels::judgement(const MovingArea& area, const Camera& camera, float u,
+TrackLabels::Judgment TrackLabels::judgment(const MovingArea& area, const Camera& camera, float u,
                                               float v) const {
   const Eigen::Vector2d raw = camera.distort(u, v);
   return {.moves = area.covers(raw.x(), raw.y(), options_.border_px),
@@ -44,10 +44,10 @@ ChainLabels::Judgement ChainLabels::judgement(const MovingArea& area, const Came
           .v = v};
 }
 
-std::vector<ChainLabels::Guide> ChainLabels::guides(const ChainFrame& frame) const {
-  std::vector<Guide> found;
-  for (std::size_t i = 0; i < frame.chains.size(); ++i) {
-    const auto known = judged_.find(frame.chains[i]);
+std::vector<TrackLabels::TrackMotion> TrackLabels::motions_in_mask(const FrameTracks& frame) const {
+  std::vector<TrackMotion> found;
+  for (std::size_t i = 0; i < frame.tracks.size(); ++i) {
+    const auto known = judged_.find(frame.tracks[i]);
     if (known == judged_.end() || known->second.mask_frame != newest_ || !known->second.inside)
       continue;
     const KeyPoint& at = frame.features->keypoint(static_cast<int>(i));
@@ -56,43 +56,43 @@ std::vector<ChainLabels::Guide> ChainLabels::guides(const ChainFrame& frame) con
   return found;
 }
 
-void ChainLabels::place(const ChainFrame& frame) {
-  if (options_.neighbours == 0 || newest_ == 0) return;
+void TrackLabels::place(const FrameTracks& frame) {
+  if (options_.neighbors == 0 || newest_ == 0) return;
   const Camera& camera = frame.features->sensor().camera;
-  const std::vector<Guide> all = guides(frame);
-  std::vector<std::pair<float, const Guide*>> near;
+  const std::vector<TrackMotion> all = motions_in_mask(frame);
+  std::vector<std::pair<float, const TrackMotion*>> near;
   std::vector<float> du, dv;
-  for (std::size_t i = 0; i < frame.chains.size(); ++i) {
-    const auto known = judged_.find(frame.chains[i]);
+  for (std::size_t i = 0; i < frame.tracks.size(); ++i) {
+    const auto known = judged_.find(frame.tracks[i]);
     const bool judged = known != judged_.end();
     if (judged && (known->second.by_mask || known->second.mask_frame == newest_)) continue;
     const KeyPoint& at = frame.features->keypoint(static_cast<int>(i));
     near.clear();
-    for (const Guide& guide : all) {
-      const float u = guide.u - at.u, v = guide.v - at.v;
+    for (const TrackMotion& motion : all) {
+      const float u = motion.u - at.u, v = motion.v - at.v;
       if (u * u + v * v < options_.reach_px * options_.reach_px)
-        near.emplace_back(u * u + v * v, &guide);
+        near.emplace_back(u * u + v * v, &motion);
     }
     if (near.empty()) {
-      // What an older mask's neighbours said, the newest one's do not.
+      // What an older mask's neighbors said, the newest one's do not.
       if (judged) judged_.erase(known);
       continue;
     }
-    const auto used = std::min(std::ssize(near), std::ptrdiff_t{options_.neighbours});
+    const auto used = std::min(std::ssize(near), std::ptrdiff_t{options_.neighbors});
     std::partial_sort(near.begin(), near.begin() + used, near.end());
     du.clear();
     dv.clear();
-    for (const auto& [far, guide] : std::span(near).first(static_cast<std::size_t>(used))) {
-      du.push_back(guide->du);
-      dv.push_back(guide->dv);
+    for (const auto& [far, motion] : std::span(near).first(static_cast<std::size_t>(used))) {
+      du.push_back(motion->du);
+      dv.push_back(motion->dv);
     }
-    Judgement placed = judgement(area_, camera, at.u - middle(du), at.v - middle(dv));
+    Judgment placed = judgment(area_, camera, at.u - middle(du), at.v - middle(dv));
     placed.mask_frame = newest_;
-    judged_[frame.chains[i]] = placed;
+    judged_[frame.tracks[i]] = placed;
   }
 }
 
-void ChainLabels::forget(int frame) {
+void TrackLabels::forget(int frame) {
   if (frame - forgotten_ < kFramesBetweenWalks) return;
   forgotten_ = frame;
   std::erase_if(judged_, [&](const auto& entry) {
@@ -100,8 +100,8 @@ void ChainLabels::forget(int frame) {
   });
 }
 
-bool ChainLabels::moves(ChainId chain, int frame) const {
-  const auto found = judged_.find(chain);
+bool TrackLabels::moves(FeatureTrackId track, int frame) const {
+  const auto found = judged_.find(track);
   return found != judged_.end() && found->second.moves &&
          frame - found->second.mask_frame <= options_.frames;
 }

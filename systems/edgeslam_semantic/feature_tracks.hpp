@@ -11,43 +11,43 @@
 namespace slambed::edgeslam_semantic {
 
 /// Names what is one feature in one frame after the other.
-using ChainId = std::uint64_t;
+using FeatureTrackId = std::uint64_t;
 
-struct ChainOptions {
+struct FeatureTrackOptions {
   float radius_px = 20;    ///< around where a feature is expected
   float ratio = 0.9f;      ///< of the best distance to the second best
-  int missing_frames = 3;  ///< that a chain outlives
+  int missing_frames = 3;  ///< that a track outlives
 };
 
 /// Matches all features of each frame with those of the frames just before.
-class FeatureChains {
+class FeatureTracks {
  public:
-  explicit FeatureChains(ChainOptions options) : options_(options) {}
+  explicit FeatureTracks(FeatureTrackOptions options) : options_(options) {}
 
-  /// The next frame. Returns the chain of each feature, as long as nothing else is called.
-  std::span<const ChainId> follow(const FeatureSet& features);
+  /// The next frame. Returns the track of each feature, as long as nothing else is called.
+  std::span<const FeatureTrackId> track(const FeatureSet& features);
   /// Number of the newest frame, from 1.
   int frame() const { return frame_; }
-  std::span<const ChainId> ids() const { return ids_; }
+  std::span<const FeatureTrackId> ids() const { return ids_; }
 
-  /// How many of these chains the newest frame still has.
-  int shared(const std::unordered_set<ChainId>& chains) const;
+  /// How many of these tracks the newest frame still has.
+  int shared(const std::unordered_set<FeatureTrackId>& tracks) const;
 
  private:
-  struct Chain {
-    ChainId id = 0;
+  struct Track {
+    FeatureTrackId id = 0;
     Descriptor descriptor{};
     float u = 0, v = 0, du = 0, dv = 0;  ///< where it was last, and its step from frame to frame
     float angle_deg = 0;
     int octave = 0, seen = 0;  ///< frame
   };
 
-  ChainOptions options_;
+  FeatureTrackOptions options_;
   Matcher matcher_;
   RotationCheck rotation_;
-  std::vector<Chain> chains_;
-  std::vector<ChainId> ids_;
-  ChainId next_ = 1;
+  std::vector<Track> tracks_;
+  std::vector<FeatureTrackId> ids_;
+  FeatureTrackId next_ = 1;
   int frame_ = 0;
 };
 

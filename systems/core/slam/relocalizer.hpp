@@ -11,16 +11,16 @@
 
 namespace slambed {
 
-/// Finds the pose of a frame with no idea of where it is: keyframes that look alike, matches inside
+/// Relocalizes a lost frame, one with no idea of where it is: keyframes that look alike, matches inside
 /// the nodes of the vocabulary, a pose from three points in RANSAC, and ever narrower searches for
 /// more matches until enough agree.
-class Relocaliser {
+class Relocalizer {
  public:
   /// Keyframes tried per frame.
   static constexpr std::size_t kCandidates = 8;
 
   /// Without an index it makes its own with the built-in vocabulary when it is first needed.
-  explicit Relocaliser(std::shared_ptr<PlaceIndex> places = nullptr) : places_(std::move(places)) {}
+  explicit Relocalizer(std::shared_ptr<PlaceIndex> places = nullptr) : places_(std::move(places)) {}
 
   /// True when the frame has a verified pose and matches; around: the last reference keyframe.
   bool locate(const Map& map, KeyFrameId around, FrameSearch& search, Frame& frame);

@@ -16,9 +16,9 @@ namespace slambed::testing {
 /// A hall without walls or end: every 2 m of floor hold the same few dozen points each time they
 /// are looked at, made from the place's number and never kept. So a map can grow as long as one
 /// likes and the memory measured is the map's alone.
-class EndlessWorld {
+class EndlessScene {
  public:
-  EndlessWorld() {
+  EndlessScene() {
     auto sensor = std::make_shared<Sensor>();
     sensor->camera = {
         .width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240, .bf = 40};
