@@ -50,7 +50,7 @@ class Vehicle final : public MobilePolicy {
   bool align_failed_ = false;
   std::optional<double> first_s_;        ///< of this map's first keyframe
   double align_sent_s_ = 0;              ///< last keyframe sent to be placed
-  double traveled_m_ = 0;               ///< tracked path
+  double traveled_m_ = 0;                ///< tracked path
   std::optional<Eigen::Vector3d> at_w_;  ///< camera center of the last frame, if it was tracked
 };
 

@@ -17,8 +17,7 @@ EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters,
                                      const wire::MapUpdate&, const std::shared_ptr<Map>&) {
     edge_has_map_ = true;
     // Found in the map that the edge began with: it needs none of ours.
-    if (begins_there && edge_session_ == 0)
-      edge_session_ = node_.network().peer().session;
+    if (begins_there && edge_session_ == 0) edge_session_ = node_.network().peer().session;
   });
 }
 

@@ -68,8 +68,8 @@ std::span<const FeatureTrackId> FeatureTracks::track(const FeatureSet& features)
 }
 
 int FeatureTracks::shared(const std::unordered_set<FeatureTrackId>& tracks) const {
-  return static_cast<int>(std::count_if(ids_.begin(), ids_.end(),
-                                        [&](FeatureTrackId track) { return tracks.contains(track); }));
+  return static_cast<int>(std::count_if(
+      ids_.begin(), ids_.end(), [&](FeatureTrackId track) { return tracks.contains(track); }));
 }
 
 }  // namespace slambed::edgeslam_semantic

@@ -19,7 +19,8 @@ MapDelta without_labeled(const MapView& view, const Labels& labels) {
     if (!keyframe) continue;
     for (std::size_t i = 0; i < moves.size() && i < keyframe->points.size(); ++i) {
       const MapPointId point = keyframe->points[i];
-      if (moves[i] && point) observations[point].push_back({id, static_cast<std::uint16_t>(i), point});
+      if (moves[i] && point)
+        observations[point].push_back({id, static_cast<std::uint16_t>(i), point});
     }
   }
   MapDelta delta;

@@ -18,8 +18,8 @@ std::vector<std::uint8_t> features_on_masks(const FeatureSet& features, const Fr
                                             int border_px);
 
 /// What a map does without: points at least half of whose observations lie on something that moves,
-/// and of the others those observations. A point behind somebody's outline is thus not lost with one
-/// mask.
+/// and of the others those observations. A point behind somebody's outline is thus not lost with
+/// one mask.
 MapDelta without_labeled(const MapView& view, const Labels& labels);
 
 }  // namespace slambed::edgeslam_semantic

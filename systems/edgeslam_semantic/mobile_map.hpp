@@ -17,7 +17,7 @@ class MobileMap {
  public:
   struct Options {
     int neighbors;  ///< keyframes that a new one is triangulated with
-    int keyframes;   ///< uploaded ones that stay where no slice comes
+    int keyframes;  ///< uploaded ones that stay where no slice comes
   };
   MobileMap(MobileNode& node, Options options);
 

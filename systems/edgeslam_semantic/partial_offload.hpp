@@ -74,7 +74,7 @@ class SemanticMobile final : public MobilePolicy {
   Configuration configuration_;
   FrameFacts facts_;
   std::map<KeyFrameId, Waiting> waiting_;  ///< uploads whose answers are not all back
-  std::uint64_t edge_session_ = 0;     ///< of the edge that this map went to
+  std::uint64_t edge_session_ = 0;         ///< of the edge that this map went to
   bool edge_lacks_map_ = false;            ///< it has told that it has no beginning of it
   bool unanswered_ = false;                ///< an upload had no result in time, and none since
   Moments moments_;

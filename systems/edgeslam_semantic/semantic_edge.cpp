@@ -157,7 +157,8 @@ void SemanticEdge::segment(Worker& worker) {
 
 void SemanticEdge::report_no_mask(KeyFrameId map_id, KeyFrameId keyframe, Duration took,
                                   NoMaskReason reason) {
-  send(masks_, NoMaskMessage{.map_id = map_id, .keyframe = keyframe, .took = took, .reason = reason});
+  send(masks_,
+       NoMaskMessage{.map_id = map_id, .keyframe = keyframe, .took = took, .reason = reason});
 }
 
 /// On the mapping side: what was known of a map that is gone goes too.

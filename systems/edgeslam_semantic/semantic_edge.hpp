@@ -68,7 +68,7 @@ class SemanticEdge final : public EdgePolicy, private ShutdownSource {
   /// The map was cleared; the mapping worker has to hear of it.
   std::atomic<bool> begun_anew_{false};
   KeyFrameId last_map_id_;  ///< received; of the receiving worker
-  KeyFrameId last_;        ///< received; of the receiving worker
+  KeyFrameId last_;         ///< received; of the receiving worker
 
   // Of the mapping worker.
   Labels labels_;

@@ -36,7 +36,7 @@ void TrackLabels::judge(const FrameTracks& frame, const FrameMasks& masks) {
 }
 
 TrackLabels::Judgment TrackLabels::judgment(const MovingArea& area, const Camera& camera, float u,
-                                              float v) const {
+                                            float v) const {
   const Eigen::Vector2d raw = camera.distort(u, v);
   return {.moves = area.covers(raw.x(), raw.y(), options_.border_px),
           .inside = area.covers(raw.x(), raw.y(), 0),

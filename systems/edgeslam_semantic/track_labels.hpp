@@ -62,7 +62,7 @@ class TrackLabels {
 
   LabelOptions options_;
   std::unordered_map<FeatureTrackId, Judgment> judged_;  ///< looked up only, never walked in order
-  MovingArea area_;                                ///< of the newest mask
+  MovingArea area_;                                      ///< of the newest mask
   int newest_ = 0, forgotten_ = 0;
 };
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
+from slambed.metrics.collect import events_today
 from slambed.metrics.events import read_events
 from slambed.records.manifest import Manifest
 
@@ -45,6 +46,6 @@ def _has_events(folder: Path) -> bool:
 def _stages(run: Path) -> pd.DataFrame:
     if (parquet := run / "events.parquet").is_file():
         table = pq.read_table(parquet, columns=["type", *COLUMNS]).to_pandas()
-        return pd.DataFrame(table[table["type"] == "stage"][COLUMNS])
+        return events_today(pd.DataFrame(table[table["type"] == "stage"][COLUMNS]))
     events = [{key: e.get(key) for key in COLUMNS} for e in read_events(run).of("stage")]
     return pd.DataFrame(events, columns=COLUMNS)

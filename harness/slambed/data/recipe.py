@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
 from slambed.data.model import Camera, Sensor
 from slambed.errors import SlambedError
+from slambed.older_names import RECIPES, keys_today
 
 UNVERIFIED = "unverified here"
 
@@ -176,6 +177,11 @@ class Dataset(_Strict):
     """Prepared input that a parameter with the value `dataset` stands for (docs/inputs.md)."""
     reference: str | None = None
     """Prepared input whose path runs on this dataset are compared with."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_words_of_today(cls, found: Any) -> Any:
+        return keys_today(found, RECIPES) if isinstance(found, dict) else found
 
     @field_validator("paths")
     @classmethod

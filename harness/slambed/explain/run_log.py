@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
-from slambed.metrics.collect import read_link, read_samples
+from slambed.metrics.collect import events_today, read_link, read_samples
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.faults import Span, spans
 from slambed.metrics.older import two_axes
@@ -89,7 +89,7 @@ class RunLog:
 def read_run(folder: Path) -> RunLog:
     """Reads a result's run folder or a raw folder."""
     if (parquet := folder / "events.parquet").is_file():
-        events = pq.read_table(parquet).to_pandas()
+        events = events_today(pq.read_table(parquet).to_pandas())
     else:
         events = pd.DataFrame(read_events(folder).events)
     if events.empty:

@@ -21,6 +21,7 @@ from slambed.metrics.tables import (
     frame_of,
     table_of_frame,
 )
+from slambed.older_names import FIELDS, OF_VALUES, event_today, types_then
 
 EVENTS = "events.parquet"
 
@@ -42,7 +43,7 @@ def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
         with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
         if types:
-            table = table.filter(pc.is_in(table["type"], pa.array(types)))
+            table = table.filter(pc.is_in(table["type"], pa.array(types_then(types))))
     except (OSError, KeyError, pa.ArrowException) as error:
         return EventLog([], [f"{path.name}: unreadable ({str(error).splitlines()[0]})"])
     told = [name for name in table.column_names if table[name].null_count < len(table)]
@@ -51,8 +52,17 @@ def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
         event = {key: value for key, value in row.items() if value is not None}
         if (extra := event.pop(EXTRA_COLUMN, None)) is not None:
             event |= json.loads(extra)
-        events.append(event)
+        events.append(event_today(event))
     return EventLog(events)
+
+
+def events_today(table: pd.DataFrame) -> pd.DataFrame:
+    """The table of a result's events in today's words."""
+    renamed = table.rename(columns={old: new for old, new in FIELDS.items() if new not in table})
+    for column, names in OF_VALUES.items():
+        if column in renamed:
+            renamed[column] = renamed[column].replace(names)
+    return renamed
 
 
 def read_samples(raw_dir: Path) -> tuple[pd.DataFrame, list[str]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slambed.older_names import event_today
 from slambed.spec.faults import FAULT_FILE
 
 Event = dict[str, Any]
@@ -118,7 +119,7 @@ def read_events(raw_dir: Path, nodes: Iterable[str] = NODES) -> EventLog:
         for event in objects:
             if isinstance(event.get("t_ns"), int) and isinstance(event.get("type"), str):
                 event["node"] = node
-                events.append(event)
+                events.append(event_today(event))
             else:
                 incomplete += 1
         if incomplete:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Self
 
 from slambed.files.json_file import read_object
+from slambed.older_names import METRICS, keys_today
 
 Value = float | int | bool | str | None
 
@@ -16,7 +17,7 @@ class Summary(dict[str, Value]):
     def read(cls, path: Path) -> Self | None:
         """From a file; None when it is not there or not whole."""
         content = read_object(path)
-        return None if content is None else cls(content)
+        return None if content is None else cls(keys_today(content, METRICS))
 
     @property
     def trusted(self) -> bool:

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The RunSpec of a run that was made, perhaps long ago: what is read of it afterwards."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import JsonValue
 
 from slambed.files.json_file import Record
+from slambed.older_names import PARAMETERS, in_keys
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE, HOST_PACE
 from slambed.spec.system import Role
@@ -62,7 +63,7 @@ class KeptSpec(Record):
     label: str | None = None
     system: str | None = None
     variant: str | None = None
-    params: dict[str, JsonValue] | None = None
+    params: Annotated[dict[str, JsonValue] | None, in_keys(PARAMETERS)] = None
     system_folder: str | None = None
     runtime: KeptRuntime | None = None
     dataset: str | None = None

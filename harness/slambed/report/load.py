@@ -17,7 +17,7 @@ from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
 from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
-from slambed.metrics.collect import stored_log
+from slambed.metrics.collect import events_today, stored_log
 from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Metric
@@ -112,10 +112,11 @@ class Results:
         if not path.exists():
             return None
         try:
-            return pd.DataFrame(pq.read_table(path).to_pandas())
+            table = pd.DataFrame(pq.read_table(path).to_pandas())
         except (OSError, pa.ArrowException) as error:
             self.complain(f"{run_key}/{path.name}: unreadable ({str(error).splitlines()[0]})")
             return None
+        return events_today(table) if name == "events" else table
 
     def events(self, run_key: str, kinds: tuple[str, ...]) -> EventLog | None:
         """The stored events of these types; None (and a problem) when they cannot be read."""

@@ -18,6 +18,7 @@ from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError, environment_error
 from slambed.files.yaml_source import load_yaml, parse
 from slambed.native import left_behind, repository_root
+from slambed.older_names import RECIPES, keys_today
 from slambed.suggestion import did_you_mean
 
 _SHA256 = r"^[0-9a-f]{64}$"
@@ -62,6 +63,11 @@ class Network(_Strict):
     classes: tuple[str, ...]
     moves: tuple[str, ...]
     made: dict[str, Any] = Field(default_factory=dict, description="how it was trained, its scores")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_words_of_today(cls, found: Any) -> Any:
+        return keys_today(found, RECIPES) if isinstance(found, dict) else found
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:

@@ -13,6 +13,8 @@ from pydantic import (
     model_validator,
 )
 
+from slambed.older_names import STAGES, in_keys
+
 ROUNDING = 1e-3
 """Differences of computed cores that mean nothing."""
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -95,7 +97,7 @@ class CostModel(BaseModel):
     """Every cost is divided by it: 2 is a device twice as fast."""
     background: float = Field(default=0.0, ge=0, le=1024)
     """Cores that are busy with what is no part of the system: drivers, a player, a viewer."""
-    stages: dict[str, StageCost]
+    stages: Annotated[dict[str, StageCost], in_keys(STAGES)]
     accelerators: dict[str, Accelerator] = Field(default_factory=dict)
 
     @model_validator(mode="after")

@@ -105,11 +105,11 @@ class Player {
         {"SLAMBED_PARAMS", config_.params.dump()}};
     if (options_.client) {
       variables.emplace_back("SLAMBED_CLIENT", std::to_string(conversation_.client_fd()) + "," +
-                                              std::to_string(memory_ ? memory_->fd() : -1));
+                                                   std::to_string(memory_ ? memory_->fd() : -1));
     }
     for (const auto& [name, value] : config_.params.items()) {
       variables.emplace_back("SLAMBED_PARAM_" + upper(name),
-                        value.is_string() ? value.get<std::string>() : value.dump());
+                             value.is_string() ? value.get<std::string>() : value.dump());
     }
     if (config_.network) {
       variables.emplace_back("SLAMBED_EDGE_ADDRESS", config_.network->edge_address);

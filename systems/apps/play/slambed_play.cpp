@@ -33,7 +33,8 @@ int run(int argc, char** argv) {
                  "TUM file that a program without client leaves in $SLAMBED_OUTPUT");
   app.add_option("command", options.command, "the program")->required();
   if (const auto code = parse(app, argc, argv)) return *code;
-  while (!start_barrier.empty() && !std::filesystem::exists(start_barrier)) std::this_thread::sleep_for(kStartBarrierPoll);
+  while (!start_barrier.empty() && !std::filesystem::exists(start_barrier))
+    std::this_thread::sleep_for(kStartBarrierPoll);
   options.role = role == "edge" ? NodeRole::kEdge : NodeRole::kMobile;
   options.client = !no_client;
   return play(options);

@@ -39,8 +39,9 @@ struct Admission {
   std::int64_t queue_bytes = 0;  ///< waiting for the rate, before this packet
 };
 
-/// One direction of the link as a pure model of its delay, jitter, bandwidth and packet loss: arrival time and size in, due time or drop out. Due
-/// times of a lane never decrease, so packets cannot overtake one another when the delay falls.
+/// One direction of the link as a pure model of its delay, jitter, bandwidth and packet loss:
+/// arrival time and size in, due time or drop out. Due times of a lane never decrease, so packets
+/// cannot overtake one another when the delay falls.
 class DirectionModel {
  public:
   DirectionModel(const DirectionOptions& options, std::uint64_t seed, std::uint64_t direction);

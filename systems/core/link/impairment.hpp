@@ -8,9 +8,9 @@
 
 namespace slambed::link {
 
-/// Packet loss as a two-state Markov chain (Gilbert 1960, Elliott 1963); independent random loss is the
-/// chain that never leaves the good state. The chain advances per packet, or in time where the mean
-/// durations are given: then its states are a function of run time, whatever is sent.
+/// Packet loss as a two-state Markov chain (Gilbert 1960, Elliott 1963); independent random loss is
+/// the chain that never leaves the good state. The chain advances per packet, or in time where the
+/// mean durations are given: then its states are a function of run time, whatever is sent.
 /// Probabilities 0..1.
 struct LossOptions {
   double to_bad = 0.0;        ///< good -> bad, per packet

@@ -10,8 +10,8 @@ namespace slambed::link {
 
 inline constexpr double kNsPerS = 1e9;
 
-/// The link's bandwidth: a constant rate, or a Mahimahi trace: one 1,500-byte delivery opportunity per entry, repeated for
-/// ever.
+/// The link's bandwidth: a constant rate, or a Mahimahi trace: one 1,500-byte delivery opportunity
+/// per entry, repeated for ever.
 struct RateOptions {
   double bits_per_s = 0.0;  ///< constant rate; 0 when a trace is given
   std::vector<std::int64_t> opportunities_ns =

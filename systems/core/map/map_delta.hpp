@@ -67,8 +67,9 @@ struct PointObservationCounts {
 /// old version never overwrites a newer one; edits of elements that are gone are ignored and
 /// counted.
 struct MapDelta {
-  /// Generation of the map, that is of its coordinate frame. A correction of the whole map (a closed
-  /// loop) begins the next one; poses and positions that were computed in an older one are stale.
+  /// Generation of the map, that is of its coordinate frame. A correction of the whole map (a
+  /// closed loop) begins the next one; poses and positions that were computed in an older one are
+  /// stale.
   std::uint64_t epoch = 0;
   std::vector<NewPoint> points;
   std::vector<NewKeyFrame> keyframes;

@@ -13,7 +13,7 @@ struct WindowSize {
   double covisibles = 0;  ///< keyframes that share points with it
   double shared = 0;      ///< observations shared with them
   double unmatched = 0;   ///< features without a point
-  double neighbors = 0;  ///< keyframes that are searched for them
+  double neighbors = 0;   ///< keyframes that are searched for them
 };
 
 WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& options) {

@@ -104,7 +104,7 @@ class LocalMapping {
   Mode mode_;
   MappingHooks hooks_;
   Mailbox<Task> queue_;
-  std::unique_ptr<Signal> progressed_;               ///< a keyframe is done, or a change of map
+  std::unique_ptr<Signal> progressed_;            ///< a keyframe is done, or a change of map
   std::atomic<int> waiting_{0};                   ///< keyframes in the queue
   std::atomic<int> submitted_{0}, completed_{0};  ///< keyframes; completed: of the first so many
   std::atomic<bool> busy_{false}, parked_{false}, accepting_{true};

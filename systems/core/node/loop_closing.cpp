@@ -141,7 +141,8 @@ void LoopClosing::map_changed() {
 }
 
 Completion LoopClosing::drained() {
-  return {mapping_.progressed(), [this] { return open_ == 0; }, [this] { return mapping_.parked(); }};
+  return {mapping_.progressed(), [this] { return open_ == 0; },
+          [this] { return mapping_.parked(); }};
 }
 
 }  // namespace slambed

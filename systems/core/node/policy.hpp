@@ -27,10 +27,11 @@ class MobilePolicy : public TrackingPolicy {
   virtual void start() {}
   /// Between two frames: the place where an update may change the map.
   virtual void before_frame(Worker&, const OfferedFrame&) {}
-  /// A frame that is tracked on the other node: sends it there and returns true. False: it is tracked
-  /// here, and before_tracking and after_frame are called.
+  /// A frame that is tracked on the other node: sends it there and returns true. False: it is
+  /// tracked here, and before_tracking and after_frame are called.
   virtual bool offload(Worker&, const OfferedFrame&) { return false; }
-  /// Playback is over: drains what is queued, then goes through the shutdown exchange with the peer.
+  /// Playback is over: drains what is queued, then goes through the shutdown exchange with the
+  /// peer.
   virtual void finish(Worker& worker) = 0;
   /// After all workers have ended: enters the keyframe poses it knows of.
   virtual void place_keyframes(PoseBook& book) = 0;

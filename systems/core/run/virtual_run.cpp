@@ -24,8 +24,8 @@ namespace fs = std::filesystem;
 
 /// What both nodes have; destroyed in the reverse order.
 struct VirtualNode {
-  VirtualNode(Simulator& simulator, const SimConfig& config, const System& system, NodeRole node_role,
-            DeviceModel device)
+  VirtualNode(Simulator& simulator, const SimConfig& config, const System& system,
+              NodeRole node_role, DeviceModel device)
       : role(node_role),
         folder(prepare_node_folder(config.run.output, node_role)),
         log(folder / "events.jsonl", node_role, EventLog::Open::kAnew,

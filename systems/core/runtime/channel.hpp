@@ -16,11 +16,11 @@ using Bytes = std::vector<std::uint8_t>;
 /// One framed message: what the wire floor encodes and verifies. type: wire::MessageType.
 struct Message {
   std::uint8_t type = 0;
-  std::uint64_t sequence = 0;     ///< per channel and direction, from 1
-  RunTime queued{};               ///< on the sender's run clock
-  RunTime sent{};                 ///< first byte handed to the transport
-  RunTime received{};             ///< last byte taken from it
-  std::uint64_t session = 0;  ///< of the peer that sent it (PeerState)
+  std::uint64_t sequence = 0;  ///< per channel and direction, from 1
+  RunTime queued{};            ///< on the sender's run clock
+  RunTime sent{};              ///< first byte handed to the transport
+  RunTime received{};          ///< last byte taken from it
+  std::uint64_t session = 0;   ///< of the peer that sent it (PeerState)
   Bytes payload;
 };
 
@@ -33,8 +33,8 @@ struct PathStats {
 };
 
 struct ChannelOptions {
-  std::string name;       ///< "keyframe", "map", "frame"
-  int send_queue = 0;     ///< backlog to be sent, messages; 0: unbounded. When full, drop the oldest
+  std::string name;    ///< "keyframe", "map", "frame"
+  int send_queue = 0;  ///< backlog to be sent, messages; 0: unbounded. When full, drop the oldest
   int receive_queue = 0;  ///< likewise for messages not yet taken
   std::size_t max_payload = 64u << 20;
   bool heartbeat = false;  ///< both ends show signs of life here when they have nothing to say

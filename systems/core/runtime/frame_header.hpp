@@ -20,7 +20,7 @@ struct FrameHeader {
   static constexpr std::uint32_t kMagic = 0x44424C53;  // "SLBD"
   static constexpr std::uint16_t kVersion = 1;
   static constexpr std::uint8_t kGreetingFlag = 1;  ///< first on every connection
-  static constexpr std::uint8_t kCloseFlag = 2;  ///< last: the sender closes the connection
+  static constexpr std::uint8_t kCloseFlag = 2;     ///< last: the sender closes the connection
   static constexpr std::uint8_t kAliveFlag = 4;     ///< no message: the sender is there
 
   std::uint8_t type = 0;

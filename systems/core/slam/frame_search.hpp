@@ -37,8 +37,8 @@ class FrameSearch {
   /// Adds a keyframe's points around where frame.T_cw expects them; max_distance in bits.
   int add_projected(std::span<const SeenPoint> points, float radius_px, int max_distance,
                     Frame& frame);
-  /// Adds points of the local map; radius_factor widens the windows. Counts observations (found, visible): every point
-  /// that should be seen is "visible".
+  /// Adds points of the local map; radius_factor widens the windows. Counts observations (found,
+  /// visible): every point that should be seen is "visible".
   int add_local(LocalView& local, float radius_factor, Frame& frame);
 
   /// Pose from all matches, marks outliers; returns the number of inliers.

@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// Keyframe culling: covisibles of a keyframe nearly all of whose close points (without depth: all) are seen as well
-/// or better by at least three others. The origin and the keyframe itself stay.
+/// Keyframe culling: covisibles of a keyframe nearly all of whose close points (without depth: all)
+/// are seen as well or better by at least three others. The origin and the keyframe itself stay.
 MapDelta redundant_keyframes(const Map& map, KeyFrameId keyframe, double redundant_share);
 
 }  // namespace slambed

@@ -42,7 +42,7 @@ struct LocalMapper::Impl {
   std::shared_ptr<Map> map;
   IdSource<MapPointId> point_ids;
   KeyFrameId current;
-  int neighbors = 0;    ///< of the current keyframe to work with
+  int neighbors = 0;     ///< of the current keyframe to work with
   int least_weight = 0;  ///< that a recent point must exceed
   int keyframes = 0;     ///< inserted so far
   std::vector<Recent> recent;

@@ -11,9 +11,9 @@
 namespace slambed {
 
 struct LocalMapperOptions {
-  int neighbors = 10;           ///< best covisibles used for triangulation and fusion ...
-  int neighbors_mono = 20;      ///< ... where every point must be triangulated
-  int second_neighbors = 5;     ///< of each neighbor, for fusion
+  int neighbors = 10;            ///< best covisibles used for triangulation and fusion ...
+  int neighbors_mono = 20;       ///< ... where every point must be triangulated
+  int second_neighbors = 5;      ///< of each neighbor, for fusion
   double redundant_share = 0.9;  ///< keyframe culling
   /// How old a new point is: by the ids of keyframes, which also count those that were made and
   /// never came (Edge-SLAM), instead of by the keyframes mapped since.

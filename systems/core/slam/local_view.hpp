@@ -13,7 +13,8 @@ namespace slambed {
 
 /// The tracker's copy of the part of the map around the current frame: keyframes that share points
 /// with it, their neighbors, and all their points. It is copied again only when the map or the set
-/// of keyframes has changed, and counts observations (found, visible) until a delta carries them away.
+/// of keyframes has changed, and counts observations (found, visible) until a delta carries them
+/// away.
 class LocalView {
  public:
   /// Largest list of keyframes that still grows by neighbors (ORB-SLAM2).

@@ -14,7 +14,8 @@ struct MapChange {
   /// the new map is empty.
   KeyFrameId reference;
   SE3 T_rw;       ///< its pose in the new map
-  SE3 T_old_new;  ///< maps coordinates of the new map to those of the old one, as seen from the shared keyframe
+  SE3 T_old_new;  ///< maps coordinates of the new map to those of the old one, as seen from the
+                  ///< shared keyframe
   bool shared = false;
 };
 

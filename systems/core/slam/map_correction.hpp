@@ -29,8 +29,8 @@ class MapCorrection {
   struct Move {
     Sim3 before, after;
   };
-  /// Carries points of the old map to the corrected one as seen from a keyframe; nothing when neither
-  /// it nor any of its ancestors moves.
+  /// Carries points of the old map to the corrected one as seen from a keyframe; nothing when
+  /// neither it nor any of its ancestors moves.
   std::optional<Sim3> change_at(const MapView& view, KeyFrameId id) const;
 
   std::map<KeyFrameId, Move> moves_;

@@ -23,8 +23,7 @@ void set_bit(std::vector<std::uint64_t>& words, int i) {
 
 }  // namespace
 
-bool PointMerging::copy(const Map& map, KeyFrameId keyframe, int neighbors,
-                        int second_neighbors) {
+bool PointMerging::copy(const Map& map, KeyFrameId keyframe, int neighbors, int second_neighbors) {
   keyframes_.clear();
   points_.clear();
   ++run_;

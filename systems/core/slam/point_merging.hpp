@@ -10,9 +10,9 @@
 
 namespace slambed {
 
-/// Merges (fuses) map points that are the same thing seen twice: projects a keyframe's points into its
-/// neighbors and theirs into it. A hit on a free feature attaches, a hit on another point fuses;
-/// the better observed one survives. Works on a copy that follows its own edits.
+/// Merges (fuses) map points that are the same thing seen twice: projects a keyframe's points into
+/// its neighbors and theirs into it. A hit on a free feature attaches, a hit on another point
+/// fuses; the better observed one survives. Works on a copy that follows its own edits.
 class PointMerging {
  public:
   MapDelta run(const Map& map, KeyFrameId keyframe, int neighbors, int second_neighbors);

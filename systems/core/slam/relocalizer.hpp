@@ -11,9 +11,9 @@
 
 namespace slambed {
 
-/// Relocalizes a lost frame, one with no idea of where it is: keyframes that look alike, matches inside
-/// the nodes of the vocabulary, a pose from three points in RANSAC, and ever narrower searches for
-/// more matches until enough agree.
+/// Relocalizes a lost frame, one with no idea of where it is: keyframes that look alike, matches
+/// inside the nodes of the vocabulary, a pose from three points in RANSAC, and ever narrower
+/// searches for more matches until enough agree.
 class Relocalizer {
  public:
   /// Keyframes tried per frame.

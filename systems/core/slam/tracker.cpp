@@ -31,8 +31,9 @@ TrackOutcome Tracker::Impl::track(std::uint64_t index, double time_s,
     initialize(outcome);
   } else {
     const KeyFrameId before = reference;
-    const bool tracked = state == TrackingState::kOk ? track_hypotheses(outcome)
-                                                     : track_from_found_frame(outcome) || relocalize(outcome);
+    const bool tracked = state == TrackingState::kOk
+                             ? track_hypotheses(outcome)
+                             : track_from_found_frame(outcome) || relocalize(outcome);
     if (tracked) {
       local.keep_observation_counts();
       velocity =

@@ -123,8 +123,8 @@ class Tracker {
                      std::shared_ptr<const FeatureSet> features);
 
   /// Makes the first keyframe at this pose, not the identity, also after a reset: the map then
-  /// shares its world frame with another one (CloudSLAM's alignment). Without effect once there is a map,
-  /// and for a single camera, whose first map has a scale of its own.
+  /// shares its world frame with another one (CloudSLAM's alignment). Without effect once there is
+  /// a map, and for a single camera, whose first map has a scale of its own.
   void start_at(const SE3& T_cw);
   /// Goes on from a pose that somebody else found for a lost frame (relocalization by pose): the
   /// next frame is tracked from this keyframe as right after a relocalization. False, and nothing

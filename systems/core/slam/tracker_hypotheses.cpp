@@ -82,7 +82,9 @@ bool Tracker::Impl::track_reference() {
   return inliers >= kLeastPoseInliers;
 }
 
-bool Tracker::Impl::relocalize_by_appearance() { return relocalizer.locate(*map, reference, search, current); }
+bool Tracker::Impl::relocalize_by_appearance() {
+  return relocalizer.locate(*map, reference, search, current);
+}
 
 void Tracker::Impl::note_relocalization() {
   relocalized_at = frame_number;
@@ -137,7 +139,8 @@ bool Tracker::Impl::verify(float radius_factor, TrackOutcome& outcome) {
   return false;
 }
 
-/// A lost frame: by keyframes that look alike, then among all local points around the last reference.
+/// A lost frame: by keyframes that look alike, then among all local points around the last
+/// reference.
 bool Tracker::Impl::relocalize(TrackOutcome& outcome) {
   const KeyFrameId around = reference;
   const bool located = relocalize_by_appearance();

@@ -176,7 +176,8 @@ void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
 
 /// Edge-SLAM's points carry their counters by value. Ours are written there for their size, but
 /// only these are current: tracking has counted on since the local map came.
-void put_observation_counts(TextWriter& out, std::span<const PointObservationCounts> observation_counts) {
+void put_observation_counts(TextWriter& out,
+                            std::span<const PointObservationCounts> observation_counts) {
   out.integer(observation_counts.size());
   for (const PointObservationCounts& point : observation_counts) {
     put_id(out, point.id);

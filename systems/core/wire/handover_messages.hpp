@@ -10,8 +10,8 @@ namespace slambed::wire {
 
 /// Where mapping runs, and the map on its way there.
 ///
-/// An epoch in these messages counts how often mapping has changed its place: it is the generation of
-/// the map that both nodes go by, and what was made in an older one is declined.
+/// An epoch in these messages counts how often mapping has changed its place: it is the generation
+/// of the map that both nodes go by, and what was made in an older one is declined.
 inline constexpr MessageRange kHandoverMessages(16, {"STATE", "START", "STOP", "MAP_HANDOVER",
                                                      "HANDOVER_ACK"});
 

@@ -16,11 +16,11 @@ using namespace std::chrono_literals;
 class Handover : public ::testing::Test {
  protected:
   Handover() {
-    inbox.on<wire::HandoverAck>(
-        wire::decode_handover_ack, [this](const wire::HandoverAck& ack, const Message& raw) {
-          answers.push_back(ack);
-          client.acknowledged(ack, raw.session, nodes.mobile_runtime.now());
-        });
+    inbox.on<wire::HandoverAck>(wire::decode_handover_ack,
+                                [this](const wire::HandoverAck& ack, const Message& raw) {
+                                  answers.push_back(ack);
+                                  client.acknowledged(ack, raw.session, nodes.mobile_runtime.now());
+                                });
     inbox.on<wire::AckMessage>(wire::decode_ack,
                                [this](const wire::AckMessage&, const Message&) { ++echoes; });
     nodes.on_mobile([this](Worker& worker) {

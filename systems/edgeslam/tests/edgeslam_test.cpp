@@ -137,8 +137,8 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   const auto applied = result.of("update_applied");
   ASSERT_GE(applied.size(), 2u);
   const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
-  // Observation counts of every point in view grow with the local map until an update says which are
-  // past their probation.
+  // Observation counts of every point in view grow with the local map until an update says which
+  // are past their probation.
   double before = 0, after = 0;
   for (const auto& message : result.of("message")) {
     if (message["message"] != "KEYFRAME") continue;

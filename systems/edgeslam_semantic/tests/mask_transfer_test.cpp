@@ -119,8 +119,7 @@ constexpr int kWalker = 23, kStander = 26;
 /// Far enough for the features around these.
 constexpr float kReach_px = 130;
 
-TEST(MaskTransfer,
-     AFeatureThatBeganLaterIsLabeledWhereTheMaskCoversTheFrameItsNeighborsCameFrom) {
+TEST(MaskTransfer, AFeatureThatBeganLaterIsLabeledWhereTheMaskCoversTheFrameItsNeighborsCameFrom) {
   const Walk walk;
   for (const int late : {kWalker, kStander}) {
     MaskTransfer transfer({.reach_px = kReach_px});

@@ -55,8 +55,7 @@ class MortalNetwork final : public Network {
     PeerState state = below_.peer();
     if (own_ != 0 || !state.session) return state;
     const RunTime now = runtime_.now();
-    return {.connected = state.connected && !life_.away(now),
-            .session = life_.session(now)};
+    return {.connected = state.connected && !life_.away(now), .session = life_.session(now)};
   }
   Signal& peer_signal() override { return *changes_; }
 

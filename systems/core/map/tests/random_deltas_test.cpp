@@ -27,7 +27,8 @@ class DeltaMaker {
     for (int i = pick(3); i > 0; --i)
       delta.poses.push_back(
           {some_keyframe(), SE3(Eigen::Matrix3d::Identity(), {real(), real(), 0}), version()});
-    for (int i = pick(3); i > 0; --i) delta.observation_counts.push_back({some_point(), version(), 1});
+    for (int i = pick(3); i > 0; --i)
+      delta.observation_counts.push_back({some_point(), version(), 1});
     if (chance(20)) delta.culled_points.push_back(some_point());
     if (chance(15)) delta.culled_keyframes.push_back(some_keyframe());
     return delta;

@@ -85,8 +85,7 @@ void UpdateCheck::note_edge_points(const MapDelta& map) {
   }
 }
 
-void UpdateCheck::joined(const MapDelta& keyframe, std::uint64_t update,
-                         std::uint64_t session) {
+void UpdateCheck::joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session) {
   std::lock_guard lock(mutex_);
   if (applied_session_ != session) past_probation_ = {};  // the former edge's
   applied_ = update;

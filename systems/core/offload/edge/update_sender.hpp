@@ -13,7 +13,7 @@ namespace slambed {
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateSenderOptions {
   int keyframes;    ///< n_KF: the latest mapped keyframes that an update carries
-  int neighbors;   ///< best covisibles of the newest one besides
+  int neighbors;    ///< best covisibles of the newest one besides
   Duration period;  ///< at least so long between two updates; 0: after each keyframe
   std::optional<Duration>
       first{};         ///< when the first one is due; nothing: one period after the start

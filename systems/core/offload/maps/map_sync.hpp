@@ -14,8 +14,8 @@ struct MapCopy {
 MapCopy copy_of(const Map& map, const MapDelta& earlier);
 
 /// What has happened to a map between two copies, of which the later one knows the earlier: new
-/// elements whole, moved ones by position, changed observations, fusions and removals. Observation counts
-/// are left out: they decide about points of the last few keyframes only.
+/// elements whole, moved ones by position, changed observations, fusions and removals. Observation
+/// counts are left out: they decide about points of the last few keyframes only.
 MapDelta changes_since(const MapDelta& earlier, const MapCopy& later);
 
 /// The changes as they can be committed to a map that went on by itself since base. They win over

@@ -86,10 +86,11 @@ void OffloadMobile::leave_out_past_probation(MapDelta& made) const {
   const KeyFrameId past_probation = downlink_.past_probation();
   if (!past_probation) return;
   node_.tracker().map()->read([&](const MapView& view) {
-    return std::erase_if(made.observation_counts, [&](const PointObservationCounts& observation_counts) {
-      const MapPoint* point = view.point(observation_counts.id);
-      return !point || point->first_keyframe <= past_probation;
-    });
+    return std::erase_if(made.observation_counts,
+                         [&](const PointObservationCounts& observation_counts) {
+                           const MapPoint* point = view.point(observation_counts.id);
+                           return !point || point->first_keyframe <= past_probation;
+                         });
   });
 }
 

@@ -27,7 +27,7 @@ TcpNetwork::TcpNetwork(LiveRuntime& runtime, Observer& observer, TcpNetworkOptio
       options_(std::move(options)),
       greeting_(std::move(greeting)),
       session_id_(static_cast<std::uint64_t>(monotonic_now().count()) ^
-               (static_cast<std::uint64_t>(::getpid()) << 48)),
+                  (static_cast<std::uint64_t>(::getpid()) << 48)),
       wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       peer_signal_(runtime.make_signal()) {
   if (!wake_)

@@ -53,7 +53,8 @@ double TcpCubic::wanted_acks(RunTime now, Duration rtt) {
   return std::max(acks, 2.0);
 }
 
-void TcpCubic::sample_rtt(Duration rtt, RunTime now, std::uint64_t acknowledged, std::uint64_t next) {
+void TcpCubic::sample_rtt(Duration rtt, RunTime now, std::uint64_t acknowledged,
+                          std::uint64_t next) {
   least_rtt_ = std::min(least_rtt_, rtt);
   if (!slow_start()) return;
   if (acknowledged > round_end_ || round_end_ == 0) {

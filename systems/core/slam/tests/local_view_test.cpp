@@ -87,7 +87,8 @@ TEST_F(LocalViewTest, ObservationCountsAreAbsoluteAndSorted) {
   ASSERT_EQ(observation_counts.size(), 10u);
   for (std::size_t i = 0; i < 10; ++i) {
     EXPECT_EQ(observation_counts[i].visible, 4u);  // a point starts as seen and found once
-    EXPECT_EQ(observation_counts[i].found, observation_counts[i].id == view.points()[4].id ? 2u : 1u);
+    EXPECT_EQ(observation_counts[i].found,
+              observation_counts[i].id == view.points()[4].id ? 2u : 1u);
     if (i > 0) {
       EXPECT_LT(observation_counts[i - 1].id, observation_counts[i].id);
     }

@@ -69,7 +69,8 @@ TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   message.urgent = message.after_relocalization = true;
   message.applied_update = 6;
   message.newest_edge_point = point_id(77, IdSpace::kEdgeMapper);
-  message.delta.observation_counts = {{point_id(3), 1000, 70}, {point_id(4, IdSpace::kEdgeMapper), 5, 5}};
+  message.delta.observation_counts = {{point_id(3), 1000, 70},
+                                      {point_id(4, IdSpace::kEdgeMapper), 5, 5}};
   const auto back = decode_keyframe_text(encode_text(message, known, *vocabulary), sensor);
   EXPECT_EQ(back.keyframe, message.keyframe);
   EXPECT_EQ(back.captured, message.captured);
@@ -88,7 +89,8 @@ TEST_F(Compatibility, KeyFrameComesBackExactlyWithItsNewPointsOnly) {
   ASSERT_EQ(back.delta.observation_counts.size(), 2u);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(back.delta.observation_counts[i].id, message.delta.observation_counts[i].id);
-    EXPECT_EQ(back.delta.observation_counts[i].visible, message.delta.observation_counts[i].visible);
+    EXPECT_EQ(back.delta.observation_counts[i].visible,
+              message.delta.observation_counts[i].visible);
     EXPECT_EQ(back.delta.observation_counts[i].found, message.delta.observation_counts[i].found);
   }
   ASSERT_EQ(back.delta.points.size(), 40u);
