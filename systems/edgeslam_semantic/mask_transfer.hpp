@@ -6,8 +6,8 @@
 #include <memory>
 #include <unordered_set>
 
-#include "edgeslam_semantic/track_labels.hpp"
 #include "edgeslam_semantic/labels.hpp"
+#include "edgeslam_semantic/track_labels.hpp"
 
 namespace slambed::edgeslam_semantic {
 

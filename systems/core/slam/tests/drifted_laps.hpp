@@ -4,8 +4,8 @@
 #include <map>
 
 #include "geometry/sim3.hpp"
-#include "slam/place_index.hpp"
 #include "scene_vocabulary.hpp"
+#include "slam/place_index.hpp"
 
 namespace slambed::testing {
 

@@ -9,8 +9,8 @@
 #include <random>
 #include <set>
 
-#include "synthetic_scene.hpp"
 #include "scene_vocabulary.hpp"
+#include "synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "slam/tracker.hpp"
 #include "scene_vocabulary.hpp"
+#include "slam/tracker.hpp"
 
 namespace slambed::testing {
 namespace {

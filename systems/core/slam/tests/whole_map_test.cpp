@@ -17,8 +17,8 @@
 #include "map/tests/map_fixture.hpp"
 #include "slam/global_bundle.hpp"
 #include "slam/place_index.hpp"
-#include "slam/tests/synthetic_scene.hpp"
 #include "slam/tests/scene_vocabulary.hpp"
+#include "slam/tests/synthetic_scene.hpp"
 
 namespace slambed::testing {
 namespace {
