@@ -3,7 +3,7 @@
 """Compares the benchmarks of this checkout with those of another commit, the yardstick.
 
 Both run beside each other, in turn, so that the pairs share the host's mood. docs/benchmarks.md,
-"Against a yardstick", tells how a slow-down is judged.
+"Against a yardstick", reports how a slow-down is judged.
 """
 
 import argparse
@@ -224,8 +224,8 @@ def main() -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except BadInputError as told:
-        sys.exit(print(f"error: {told}", file=sys.stderr) or 2)
+    except BadInputError as raised:
+        sys.exit(print(f"error: {raised}", file=sys.stderr) or 2)
     except subprocess.CalledProcessError as failed:
         what = f"{Path(failed.cmd[0]).name} ended with {failed.returncode}"
         sys.exit(print(f"error: {what}; see the lines above", file=sys.stderr) or 3)

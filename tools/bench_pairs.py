@@ -19,7 +19,7 @@ ALARMS = 0.01
 PLAIN = 0.05
 """What is not suspected has an interval that is wrong so often."""
 SLOWER, FASTER = "slower", "faster"
-NO_DIFFERENCE, CANNOT_TELL = "no difference shown", "cannot tell"
+NO_DIFFERENCE, INCONCLUSIVE = "no difference shown", "inconclusive"
 
 
 class BadInputError(Exception):
@@ -40,7 +40,7 @@ class Finding:
     pairs: int
     verdict: str
     more_pairs: int = 0
-    """Pairs that would tell, where these cannot; 0: it lies too near the limit."""
+    """Pairs that would decide, where these do not; 0: it lies too near the limit."""
 
 
 def tail(pairs: int, most: int) -> float:
@@ -82,7 +82,7 @@ def judge(name: str, base: list[float], now: list[float], limit: float, wrong: f
     elif high <= 1 + limit:
         verdict = NO_DIFFERENCE
     else:
-        verdict = CANNOT_TELL
+        verdict = INCONCLUSIVE
         more = more_pairs(middle, low, high, limit, len(ratios), wrong)
     spread = statistics.median(abs(ratio - middle) for ratio in ratios) / middle
     middles = statistics.median(base), statistics.median(now)
@@ -152,7 +152,7 @@ def table(found: list[Finding]) -> list[str]:
     ]
     for one in found:
         verdict = one.verdict
-        if verdict == CANNOT_TELL:
+        if verdict == INCONCLUSIVE:
             verdict += f": {one.more_pairs} more" if one.more_pairs else ": at the limit"
         known = f"{one.low:.2f} to {one.high:.2f}" if one.low else ""
         lines.append(
@@ -189,7 +189,7 @@ def append_history(path: Path, rows: list[dict[str, object]]) -> None:
 
 
 def processor() -> str:
-    """The model's name as Linux tells it."""
+    """The model's name as Linux reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except OSError:

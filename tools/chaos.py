@@ -42,7 +42,7 @@ def main() -> int:
         one.add_argument(
             "--each", type=int, default=FAULTS_EACH[kind], help="of a campaign at most"
         )
-        one.add_argument("--only", default="", help="faults as they are told, a comma list")
+        one.add_argument("--only", default="", help="faults as they are reported, a comma list")
         one.add_argument("--clock", action="store_true", help="the host's clock may jump as well")
         one.add_argument(
             "--user",
@@ -90,13 +90,13 @@ def _torment_all(asked: argparse.Namespace, place: Place) -> int:
         outcome = place.play(torment)
         struck += len(outcome.struck)
         bad += bool(outcome.problems)
-        tell(outcome, struck, asked.log)
+        show(outcome, struck, asked.log)
         seed += 1
     print(f"chaos: {struck} faults in {seed - asked.seed} campaigns, {bad} not as they must be")
     return 1 if bad else 0
 
 
-def tell(outcome: Outcome, struck: int, log: Path | None) -> None:
+def show(outcome: Outcome, struck: int, log: Path | None) -> None:
     t = outcome.torment
     print(
         f"{t.kind} seed {t.seed}, {t.jobs} jobs: {len(outcome.struck)} faults ({struck} in all), "

@@ -118,13 +118,13 @@ def clips(
 def draw_scenes(folder: Path, first: int, scenes: int, frames: int) -> None:
     """Writes the pile."""
     folder.mkdir(parents=True, exist_ok=True)
-    pile, said = Pile(), []
+    pile, output = Pile(), []
     for sequence, labels, draw, asked in clips(first, scenes, frames):
         pile.add_clip(sequence, labels, draw)
-        said.append(asked)
+        output.append(asked)
     pile.save(folder)
-    (folder / "scenes.json").write_text(json.dumps(said, indent=1) + "\n")
-    print(f"{folder}: {len(pile.gray)} pictures of {len(said)} scenes")
+    (folder / "scenes.json").write_text(json.dumps(output, indent=1) + "\n")
+    print(f"{folder}: {len(pile.gray)} pictures of {len(output)} scenes")
 
 
 if __name__ == "__main__":

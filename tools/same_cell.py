@@ -49,8 +49,8 @@ def main() -> int:
             verdict = Runner(results, Ledger(work / side / "ledger.jsonl"), executor).run(
                 plan.specs, Quiet()
             )
-            print(f"{folder}: {verdict.done} runs, {verdict.trusted} to be trusted", flush=True)
-            all_good &= verdict.trusted == len(plan.specs)
+            print(f"{folder}: {verdict.done} runs, {verdict.valid} valid", flush=True)
+            all_good &= verdict.valid == len(plan.specs)
             found.append(fingerprints(results))
     different = sorted(
         name

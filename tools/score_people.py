@@ -37,8 +37,8 @@ def score(name: str, first: int, scenes: int, frames: int) -> None:
             taken_ms.append(1000 * (time.process_time() - begin))
             scores.add(found, labels.frame(i))
             pictures += 1
-    told = {"first_seed": first, "scenes": scenes, "pictures": pictures, **scores.as_dict()}
-    print(json.dumps({**told, "cpu_ms_median": round(statistics.median(taken_ms), 1)}))
+    reported = {"first_seed": first, "scenes": scenes, "pictures": pictures, **scores.as_dict()}
+    print(json.dumps({**reported, "cpu_ms_median": round(statistics.median(taken_ms), 1)}))
 
 
 if __name__ == "__main__":

@@ -144,8 +144,8 @@ def executed(experiment: dict[str, Any], place: Path, results: Path) -> str:
     """Executes it once; what is wrong in one line, empty when it went well."""
     file = place / f"{experiment['id']}.yaml"
     file.write_text(yaml.safe_dump(experiment, sort_keys=False))
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         # Figures are the tests' of reports: one that cannot be drawn fails no campaign.
         code = run_command(
             [
@@ -153,7 +153,7 @@ def executed(experiment: dict[str, Any], place: Path, results: Path) -> str:
                 "--no-figures", "--results", str(results),
             ]
         )  # fmt: skip
-    lines = [line for line in said.getvalue().splitlines() if line.strip()]
+    lines = [line for line in output.getvalue().splitlines() if line.strip()]
     return f"exit code {code}: {lines[-1] if lines else 'no output'}" if code else ""
 
 
@@ -187,8 +187,8 @@ def main() -> int:
     began = time.monotonic()
     # One process for each CPU: what they load, they load once.
     with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        told = pool.map(partial(play, catalog=catalog, place=place), names)
-        results = dict(zip(names, told, strict=True))
+        reported = pool.map(partial(play, catalog=catalog, place=place), names)
+        results = dict(zip(names, reported, strict=True))
     bad = {name: line for name, line in results.items() if line}
     for name, line in bad.items():
         print(f"error: smoke, {name}: {line}", file=sys.stderr)

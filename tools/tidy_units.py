@@ -4,7 +4,7 @@
     tidy_units.py BUILD_FOLDER [--pattern TEXT] [--since COMMIT]
 
 With `--since` only units that hang on a file which differs from that commit; ninja knows what each
-object was made of. All of them where that cannot be told: an unknown commit, no git, another
+object was made of. All of them where that is unknown: an unknown commit, no git, another
 configuration of clang-tidy or of the build.
 """
 

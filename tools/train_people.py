@@ -307,10 +307,10 @@ def train(
         if begin - saved > STATE_PERIOD_S:
             run.save()
             run.mean.eval()
-            told = f", overlap {overlap_of(run.mean, looked_at):.4f}" if looked_at else ""
+            message = f", overlap {overlap_of(run.mean, looked_at):.4f}" if looked_at else ""
             print(
                 f"{run.taken_s:.0f} s, {run.steps} steps, {run.shown} pictures: "
-                f"{np.mean(sums):.4f}{told}",
+                f"{np.mean(sums):.4f}{message}",
                 flush=True,
             )
             saved = time.monotonic()

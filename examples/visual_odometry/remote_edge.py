@@ -25,8 +25,8 @@ def decoded(content: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 def serve(connection: socket.socket, client: Client) -> None:
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    _, told = receive(connection)
-    camera = {k: np.array(v) if isinstance(v, list) else v for k, v in json.loads(told).items()}
+    _, settings = receive(connection)
+    camera = {k: np.array(v) if isinstance(v, list) else v for k, v in json.loads(settings).items()}
     odometry = Odometry(SimpleNamespace(**camera), client.params)
     while True:
         number, picture = receive(connection)

@@ -39,8 +39,8 @@ def answer_to(connection: socket.socket, number: int, deadline: float) -> dict |
     try:
         while (left := deadline - time.monotonic()) > 0:
             connection.settimeout(left)
-            told, content = receive(connection)
-            if told == number:
+            answered, content = receive(connection)
+            if answered == number:
                 return json.loads(content)
     except TimeoutError:
         pass

@@ -16,7 +16,7 @@ class ExitCode(IntEnum):
 
 
 class SlambedError(Exception):
-    """A failure told in one line: what, where, what to do."""
+    """A failure reported in one line: what, where, what to do."""
 
     def __init__(self, line: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
         super().__init__(line)

@@ -31,9 +31,9 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
     if isinstance(error, KeyboardInterrupt | typer.Abort):
         return "interrupted", INTERRUPTED
     if isinstance(error, typer.TyperException):
-        told = error.format_message() or "a subcommand is missing"
-        stop = "" if told.endswith((".", "?")) else "."
-        return f"{told}{stop} See 'slambed --help'", int(ExitCode.BAD_INPUT)
+        message = error.format_message() or "a subcommand is missing"
+        stop = "" if message.endswith((".", "?")) else "."
+        return f"{message}{stop} See 'slambed --help'", int(ExitCode.BAD_INPUT)
     if (refused := refused_write(error)) is not None:
         return str(refused), int(refused.code)
     if isinstance(error, PermissionError):

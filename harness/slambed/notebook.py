@@ -43,9 +43,9 @@ class Results:
         return self._loaded.runs
 
     @property
-    def trusted(self) -> pd.DataFrame:
+    def valid_runs(self) -> pd.DataFrame:
         """Those of them that count."""
-        return self._loaded.trusted
+        return self._loaded.valid_runs
 
     @property
     def problems(self) -> list[str]:
@@ -54,26 +54,26 @@ class Results:
 
     @property
     def cells(self) -> pd.DataFrame:
-        """One row per cell: `runs` to be trusted, and the median of every number over them."""
+        """One row per cell: valid `runs`, and the median of every number over them."""
         numbers = [key for key in self._loaded.numbers() if key not in OF_A_RUN]
-        trusted = self.trusted[["cell", *numbers]].copy()
-        trusted[numbers] = trusted[numbers].apply(pd.to_numeric, errors="coerce")
-        grouped = trusted.groupby("cell", sort=False)
+        valid = self.valid_runs[["cell", *numbers]].copy()
+        valid[numbers] = valid[numbers].apply(pd.to_numeric, errors="coerce")
+        grouped = valid.groupby("cell", sort=False)
         medians = grouped[numbers].median()
         medians.insert(0, "runs", grouped.size())
         return medians
 
     def events(self, *types: str) -> pd.DataFrame:
-        """Events of all runs to be trusted (of these types; all without one), run time in `t_ns`;
+        """Events of all valid runs (of these types; all without one), run time in `t_ns`;
         columns that no event of these types has are left out."""
         return self._tables("events", types)
 
     def samples(self) -> pd.DataFrame:
-        """CPU, memory, throttling and RTT, ten times a second, of all runs to be trusted."""
+        """CPU, memory, throttling and RTT, ten times a second, of all valid runs."""
         return self._tables("samples")
 
     def link(self) -> pd.DataFrame:
-        """Series of the link (asked, applied, probed RTT, drops) of all runs to be trusted."""
+        """Series of the link (asked, applied, probed RTT, drops) of all valid runs."""
         return self._tables("link")
 
     def trajectory(self, run_key: str, which: str = "final") -> pd.DataFrame:
@@ -89,7 +89,7 @@ class Results:
 
     def _tables(self, name: str, types: tuple[str, ...] = ()) -> pd.DataFrame:
         parts = []
-        for row in self.trusted[list(OF_A_RUN)].to_dict("records"):
+        for row in self.valid_runs[list(OF_A_RUN)].to_dict("records"):
             table = self._loaded.table(str(row["run_key"]), name)
             if table is None:
                 continue

@@ -12,7 +12,7 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`, did you mean 'x'?` for a near miss, or nothing: what is known is told elsewhere."""
+    """`, did you mean 'x'?` for a near miss, or nothing: what is known is reported elsewhere."""
     near = _near(word, list(known))
     return f", {near}" if near else ""
 

@@ -58,12 +58,12 @@ class Page:
             self._rest += data
         line, self._rest = self._rest.split(b"\0", 1)
         message: dict[str, Any] = json.loads(line)
-        told = message.get("params", {})
+        reported = message.get("params", {})
         if message.get("method") == "Runtime.exceptionThrown":
-            details = told["exceptionDetails"]
+            details = reported["exceptionDetails"]
             self.problems.append(str(details.get("exception", details).get("description", details)))
-        if message.get("method") == "Log.entryAdded" and told["entry"]["level"] == "error":
-            self.problems.append(told["entry"]["text"])
+        if message.get("method") == "Log.entryAdded" and reported["entry"]["level"] == "error":
+            self.problems.append(reported["entry"]["text"])
         return message
 
     def size(self, width: int, height: int = 900) -> None:

@@ -44,7 +44,7 @@ def problems_of_results(folder: ResultFolder) -> list[str]:
     finished = Counter(
         str(entry["run_key"])
         for entry in Ledger(folder.path / "ledger.jsonl").read()
-        if entry["event"] == "run_finished" and entry.get("trusted") is True
+        if entry["event"] == "run_finished" and entry.get("valid") is True
     )
     found += [f"double: {key} {count} times" for key, count in finished.items() if count > 1]
     for place in (folder.store.results / WORK, folder.path):
@@ -54,9 +54,9 @@ def problems_of_results(folder: ResultFolder) -> list[str]:
     work = [p.name for p in (folder.store.results / WORK).iterdir() if p.name != LOCK]
     found += [f"left in {WORK}: {name}" for name in work]
     table = folder.path / "summary.csv"
-    told = set(pd.read_csv(table)["run_key"]) if table.is_file() else set()
-    if told != keys or not (folder.path / "report" / "index.html").is_file():
-        found.append(f"a report of {len(told)} runs instead of {len(keys)}")
+    reported = set(pd.read_csv(table)["run_key"]) if table.is_file() else set()
+    if reported != keys or not (folder.path / "report" / "index.html").is_file():
+        found.append(f"a report of {len(reported)} runs instead of {len(keys)}")
     return found
 
 
@@ -64,13 +64,13 @@ def _torn(place: Path) -> list[str]:
     """What is wrong with the folder of one run."""
     found = [f"no {name}" for name in ALWAYS if read_object(place / name) is None]
     if not found:
-        told = (read_object(place / "manifest.json") or {}).get("results_sha256")
-        if told != digest(place):
+        reported = (read_object(place / "manifest.json") or {}).get("results_sha256")
+        if reported != digest(place):
             found.append("its files are not what its manifest says")
         summary = read_object(place / "summary.json") or {}
         whole = summary.get("coverage") is not None and summary.get("outcome") == "completed"
-        if summary.get("trusted") is True and not whole:
-            found.append(f"trusted, but {summary.get('outcome')}: {summary.get('outcome_reason')}")
+        if summary.get("valid") is True and not whole:
+            found.append(f"valid, but {summary.get('outcome')}: {summary.get('outcome_reason')}")
     return found
 
 

@@ -54,7 +54,7 @@ class Daemon:
             "iptables": False,
             "ip-masq": False,
             "cgroup-parent": f"/{self.cgroup}",
-            "storage-driver": _told("info", "--format", "{{.Driver}}"),
+            "storage-driver": _docker_output("info", "--format", "{{.Driver}}"),
         }
         self._config.write_text(json.dumps(settings))
         self._over = threading.Event()
@@ -186,6 +186,6 @@ def _mounts_below(folder: Path) -> list[str]:
     return [line.split()[1] for line in lines if line.split()[1].startswith(f"{folder}/")]
 
 
-def _told(*arguments: str) -> str:
+def _docker_output(*arguments: str) -> str:
     done = subprocess.run(["docker", *arguments], capture_output=True, text=True, check=True)
     return done.stdout.strip()

@@ -29,7 +29,7 @@ PLACE = "SLAMBED_TEST_PLACE"
 """Set for the processes of one session: pytest-xdist's workers, and what tests start."""
 STANDING = "SLAMBED_STANDING"
 """A folder where each process writes the test that it has begun: who ends a session that hangs
-(tools/test.sh) tells where it stood."""
+(tools/test.sh) reports where it stood."""
 QUIET = "quiet.lock"
 """Held alone by a live test, together by all others: nothing computes beside a live one."""
 GIVEN = {"recordings": "FOLDER", "browser": "PROGRAM"}

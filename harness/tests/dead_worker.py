@@ -27,8 +27,8 @@ class DeadWorker:
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         for file in self._place.glob("runs-*"):
             if file.read_text() == item.nodeid and not _lives(int(file.name.removeprefix("runs-"))):
-                told = f"{item.nodeid} ended the process that ran it, and is not run again"
-                pytest.fail(told, pytrace=False)
+                message = f"{item.nodeid} ended the process that ran it, and is not run again"
+                pytest.fail(message, pytrace=False)
         (self._place / f"runs-{os.getpid()}").write_text(item.nodeid)
 
     @pytest.hookimpl(optionalhook=True)

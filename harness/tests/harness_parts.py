@@ -45,25 +45,25 @@ what a quiet host and a late one were measured to do."""
 OF_THE_HOST = re.compile(
     "RTT error|RTT probes came back|stalled the mobile node|waited for a processor"
 )
-"""What a busy host does to a run, as the line says that tells why it is not to be trusted."""
+"""What a busy host does to a run, as the line says that gives the reason why it is invalid."""
 OF_A_LATE_HOST = re.compile(r" came at \d|was not measured|no RTT was measured")
 """The same, where the host was measured to be late meanwhile (`host_late`): a fault came late, or
 no probe was back in time. On a host that was in time that is a fault of ours."""
 
 
-def is_valid(distrust: Sequence[str]) -> bool:
+def is_valid(invalid_reasons: Sequence[str]) -> bool:
     """Whether nothing speaks against a live run. What does must be the host's part."""
-    others = [line for line in distrust if not OF_THE_HOST.search(line)]
-    assert not others or (all(map(OF_A_LATE_HOST.search, others)) and is_late()), distrust
-    return not distrust
+    others = [line for line in invalid_reasons if not OF_THE_HOST.search(line)]
+    assert not others or (all(map(OF_A_LATE_HOST.search, others)) and is_late()), invalid_reasons
+    return not invalid_reasons
 
 
-def is_trusted(summary: Mapping[str, Any], attempts: int = 3) -> bool:
+def is_valid_run(summary: Mapping[str, Any], attempts: int = 3) -> bool:
     """Whether what the system did in a live run may be judged. A busy host may spoil all attempts:
-    what is promised then is that each was made, and that the last one tells the host's part."""
-    if summary["trusted"]:
+    what is promised then is that each was made, and that the last one reports the host's part."""
+    if summary["valid"]:
         return True
-    assert not is_valid(str(summary["distrust"] or "").split("; "))
+    assert not is_valid(str(summary["invalid_reasons"] or "").split("; "))
     assert summary["attempts"] == attempts
     return False
 
@@ -218,4 +218,4 @@ class IdleLink:
 
     def stop(self) -> LinkFacts:
         self.stopped += 1
-        return LinkFacts(backend="idle", distrust=None)
+        return LinkFacts(backend="idle", invalid_reasons=None)

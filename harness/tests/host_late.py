@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live test that fails while the host is measurably late is repeated, at most twice, and told.
+"""A live test that fails while the host is measurably late is repeated, at most twice, and
+reported.
 
 A process beside the tests (`host_watcher`), at their priority, measures how late this host is. That
 is asked of what a test met itself and of the wider fixtures that it uses, as a module's campaign.
@@ -31,7 +32,7 @@ NAP_MS = 100.0
 higher class had the processors for two fifths of the time, so that nodes waited nearly always, 264.
 """
 STEAL_SHARE = 0.05
-"""Ten times what was ever seen beside a run that was to be trusted."""
+"""Ten times what was ever seen beside a run that was valid."""
 PRESSURE_SHARE, PRESSURE_S = 0.95, 10.0
 """So much of at least so long. Any process counts, also one that is to go behind live tests: beside
 work on all processors it was up to 91 % in tests of such length, of which none failed, and up to
@@ -39,7 +40,7 @@ work on all processors it was up to 91 % in tests of such length, of which none 
 PATIENCE_S = 10.0
 """With the watcher, whose answer takes a millisecond: a host where it does not come is late."""
 REPEATED = "repeated because the host was late"
-"""Name of the property by which reports tell it, also those of pytest-xdist's workers."""
+"""Name of the property by which reports report it, also those of pytest-xdist's workers."""
 NOT_BESIDE = ("usepdb", "setuponly", "setupshow")
 """Options with which nothing is repeated."""
 
@@ -203,7 +204,7 @@ class HostLate:
     live: int = 0
     """Tests that were reported."""
     repeated: list[dict[str, Any]] = field(default_factory=list)
-    """Discarded failures, as reports tell them."""
+    """Discarded failures, as reports name them."""
     _wide: dict[pytest.FixtureDef[Any], Window] = field(default_factory=dict)
     """When fixtures that are wider than one test were last set up."""
     _attempt: Attempt | None = None
@@ -242,8 +243,12 @@ class HostLate:
             self._attempt = None
             if lateness is None:
                 break
-            told = {"test": item.nodeid, "why": _reason(attempt.failed[0]), "late": vars(lateness)}
-            item.user_properties.append((REPEATED, told))
+            reported = {
+                "test": item.nodeid,
+                "why": _reason(attempt.failed[0]),
+                "late": vars(lateness),
+            }
+            item.user_properties.append((REPEATED, reported))
             item._report_sections.clear()
             for name in ("_instance", "_obj"):
                 item.__dict__.pop(name, None)
@@ -283,19 +288,23 @@ class HostLate:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "setup" and "live" in report.keywords:
             self.live += 1
-            self.repeated += [told for name, told in report.user_properties if name == REPEATED]
+            self.repeated += [
+                expected for name, expected in report.user_properties if name == REPEATED
+            ]
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         if not self.live:
             return
-        found = [Lateness(**told["late"]) for told in self.repeated]
-        names = sorted({told["test"].rpartition("/")[2] for told in self.repeated})
+        found = [Lateness(**expected["late"]) for expected in self.repeated]
+        names = sorted({expected["test"].rpartition("/")[2] for expected in self.repeated})
         more = f" ({', '.join(names)}; at most {_worst(found)})" if found else ""
         terminalreporter.write_line(
             f"repeated: {len(names)} live tests because the host was late{more}"
         )
-        for told, late in zip(self.repeated, found, strict=True):
-            terminalreporter.write_line(f"repeated: {told['test']} after {told['why']} ({late})")
+        for expected, late in zip(self.repeated, found, strict=True):
+            terminalreporter.write_line(
+                f"repeated: {expected['test']} after {expected['why']} ({late})"
+            )
 
     def pytest_unconfigure(self) -> None:
         self.watch.close()

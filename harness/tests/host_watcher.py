@@ -28,7 +28,7 @@ def _stolen_s() -> float:
 
 
 def _waited_s() -> float | None:
-    """How long any process waited for a processor so far; not every kernel tells."""
+    """How long any process waited for a processor so far; not every kernel reports."""
     try:
         with PRESSURE.open() as file:
             return int(file.readline().rpartition("=")[2]) / 1e6
@@ -40,7 +40,7 @@ class Looks:
     """One a second, and one whenever somebody asks."""
 
     def __init__(self) -> None:
-        self.told: list[dict[str, float | None]] = []
+        self.reported: list[dict[str, float | None]] = []
         self._begin()
 
     def _begin(self) -> None:
@@ -56,7 +56,7 @@ class Looks:
     def end(self) -> None:
         """Ends the look in hand."""
         waited = _waited_s()
-        self.told.append({
+        self.reported.append({
             "began_s": self._began,
             "ended_s": time.monotonic(),
             "nap_ms": 1e3 * self._nap_s,
@@ -80,9 +80,9 @@ def watch() -> None:
         if not os.read(0, 4096):
             return
         looks.end()
-        sys.stdout.write(json.dumps(looks.told) + "\n")
+        sys.stdout.write(json.dumps(looks.reported) + "\n")
         sys.stdout.flush()
-        looks.told = []
+        looks.reported = []
 
 
 if __name__ == "__main__":

@@ -187,7 +187,7 @@ def write_raw(folder: Path, run: RawRun) -> Path:
         "commit": "0123456789abcdef", "dirty": False, "kernel": "6.1.0",
         "cpu_model": "Invented CPU", "cores": 2, "seed": run.seed,
         "started_utc": "2026-01-02T03:04:05Z",
-        "outcome": "completed", "outcome_reason": None, "distrust": [],
+        "outcome": "completed", "outcome_reason": None, "invalid_reasons": [],
         "limits": {"mobile": {"asked": {"quota_cores": 1.0}, "granted": {"quota_cores": 1.0}}},
         "link": {"base_rtt_ms": run.base_rtt_ms} if run.edge else None,
         "command": "slambed run experiments/invented.yaml",

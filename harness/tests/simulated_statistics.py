@@ -221,7 +221,7 @@ def table() -> str:
     lines += [
         f"| gate: quiet virtual nights with an alarm, {OLD_NIGHTS} identical nights kept (at most "
         f"5 %) | {quiet_nights_with_alarm(True):.1%} | {quiet_nights_with_alarm(False):.1%} |",
-        "| gate: virtual nights of 6 runs in which one of 6 cells tracks 15 % slower, told | - | "
+        "| gate: virtual nights of 6 runs in which one of 6 cells tracks 15 % slower, found | - | "
         f"{nights_with_alarm(1.15):.1%} |",
         *(
             f"| diff: 95 % interval of a shift, {runs} against {runs} skewed runs, holds the true "

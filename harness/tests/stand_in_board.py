@@ -134,8 +134,8 @@ class StandInBoard:
         deadline = time.monotonic() + UP_S
         command = ["docker", "version"] if self._has_docker else ["true"]
         while self.over_ssh(*command).returncode != 0:
-            told = [self.folder / name for name in ("boot.txt", "dockerd.txt")]
-            text = "\n".join(path.read_text() for path in told if path.exists())
+            reported = [self.folder / name for name in ("boot.txt", "dockerd.txt")]
+            text = "\n".join(path.read_text() for path in reported if path.exists())
             assert time.monotonic() < deadline, text
             time.sleep(0.2)
 

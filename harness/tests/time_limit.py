@@ -38,7 +38,7 @@ class Limit:
     works: bool = False
     """The test, or a fixture of it."""
     struck: str = ""
-    """What it says, until a report tells it."""
+    """What it says, until a report shows it."""
 
     def start(self, stderr: int) -> None:
         """Sets the alarm, which may have been taken back meanwhile."""

@@ -79,7 +79,7 @@ def played_of(plan: Plan) -> dict[str, tuple[Path, float]]:
 
 
 class Quiet:
-    """A reporter that tells nothing."""
+    """A reporter that reports nothing."""
 
     def run_started(self, spec: RunSpec) -> None: ...
 

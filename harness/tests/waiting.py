@@ -24,7 +24,7 @@ def until(
 
 
 @contextmanager
-def beside(
+def in_background(
     work: Callable[[], object], over: threading.Event | None = None, limit_s: float = LIMIT_S
 ) -> Iterator[None]:
     """Does `work` in a thread meanwhile, and raises here what went wrong there. `over` is set at

@@ -63,7 +63,7 @@ def fit_stage(name: str, n1: Values, n2: Values, measured_us: Values) -> StageFi
     log residuals, and the fit is scaled so that the mean charged is the mean measured: a device's
     load is a sum of times, not of medians.
     """
-    # A size that never changes cannot be told from a fixed time, which it then is.
+    # A size that never changes cannot be distinguished from a fixed time, which it then is.
     columns = np.column_stack([np.ones_like(n1), n1, n2 if np.ptp(n2) > 0 else 0 * n2])
     predicted = np.full_like(measured_us, measured_us.mean())
     solution = np.zeros(columns.shape[1])

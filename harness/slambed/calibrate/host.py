@@ -50,11 +50,11 @@ def run_pace(seconds: float) -> dict[str, Any]:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise environment_error(f"{PROGRAM} failed: {done.stderr.strip() or done.returncode}")
-    told: dict[str, Any] = json.loads(done.stdout)
-    if told["workload"] != WORKLOAD:
+    content: dict[str, Any] = json.loads(done.stdout)
+    if content["workload"] != WORKLOAD:
         text = f"{PROGRAM} does other work than this harness knows; run {how_to_build()}"
         raise SlambedError(text)
-    return told
+    return content
 
 
 def host_cpus() -> list[int]:

@@ -14,7 +14,7 @@ import docker
 from rich.table import Table
 
 from slambed.calibrate.host import PROGRAM, host_cpus, run_pace
-from slambed.engines.attendant import AttendantClient
+from slambed.engines.attendant import SidecarClient
 from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_problems
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import find_image, image_tag
@@ -108,7 +108,7 @@ def measure_limits(
         plan = NodePlan("mobile", "limits", run_dir, run_dir, limits, cpus["mobile"])
         node = engine.start(plan)
         stack.callback(node.remove)
-        attendant = AttendantClient(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
+        attendant = SidecarClient(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
         stack.callback(attendant.close)
         node.release()
         deadline = time.monotonic() + SETTLE_S + seconds + GRACE_S
@@ -118,7 +118,7 @@ def measure_limits(
         attended = attendant.stop()
         if code != 0:
             raise SlambedError(f"{PROGRAM} ended with {code} in engine {engine.name}")
-        told = json.loads((run_dir / "mobile" / "pace.json").read_text())["threads"]
+        per_thread = json.loads((run_dir / "mobile" / "pace.json").read_text())["threads"]
         problems = differences(limits, node.granted, cpus["mobile"])
         if limits.thread_cores is not None:
             problems += thread_problems("mobile", attended.threads["mobile"], limits)
@@ -127,10 +127,10 @@ def measure_limits(
         engine=engine.name,
         threads=threads,
         asked=expected_cores(limits, threads),
-        cpu=sum(thread["cpu_share"] for thread in told),
-        speed=sum(thread["units_per_s"] for thread in told) / mean([before, after]),
-        longest_freeze_ms=max(thread["longest_freeze_ms"] for thread in told),
-        freezes_over_10_ms=sum(thread["freezes_over_10_ms"] for thread in told),
+        cpu=sum(thread["cpu_share"] for thread in per_thread),
+        speed=sum(thread["units_per_s"] for thread in per_thread) / mean([before, after]),
+        longest_freeze_ms=max(thread["longest_freeze_ms"] for thread in per_thread),
+        freezes_over_10_ms=sum(thread["freezes_over_10_ms"] for thread in per_thread),
         metronome=attended.own.metronome_cpu_percent or None,
         problems=problems,
     )

@@ -100,7 +100,7 @@ def _per_answer(_: Component, log: EventLog) -> tuple[int, list[float]]:
 
 
 def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """A part of T_Total as applied updates tell it; its stages run for all keyframes."""
+    """A part of T_Total as applied updates report it; its stages run for all keyframes."""
     delay = delays(log).get(component.measure)
     if delay is None:
         return 0, []

@@ -12,7 +12,7 @@ from slambed.files.json_file import read_object
 from slambed.spec.run_spec import RunSpec
 
 
-def away_sequence(spec: RunSpec, there: Path) -> Path:
+def remote_sequence(spec: RunSpec, there: Path) -> Path:
     """Where the campaign has it, or prepared here from the same source."""
     if (read_object(there / "sequence.json") or {}).get("checksum") == spec.sequence_checksum:
         return there

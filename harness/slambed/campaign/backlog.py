@@ -18,7 +18,7 @@ class Item:
 
     spec: RunSpec
     retries: int = 0
-    """Attempts after an untrusted one."""
+    """Attempts after an invalid one."""
     failures: int = 0
     """Attempts that ended without a result."""
     not_before_s: float = 0.0

@@ -27,14 +27,14 @@ PROBE_HZ = 20.0
 LAST_ECHO_S = 0.5
 
 
-def take_board(here: Engine, role: RoleHost, say: Callable[[str], None]) -> BoardEngine:
+def take_board(here: Engine, role: RoleHost, notify: Callable[[str], None]) -> BoardEngine:
     """The engine for such runs; boards that killed campaigns had are cleaned. Raises SlambedError,
     in a line, for a board that does not answer or is not fit."""
     client: docker.DockerClient | None = None
     with contextlib.suppress(SlambedError):  # without it there is no image to copy
         client = connect()
-    engine = BoardEngine(here, role, client, say)
-    clean_boards(say, but=role)
+    engine = BoardEngine(here, role, client, notify)
+    clean_boards(notify, but=role)
     return engine
 
 

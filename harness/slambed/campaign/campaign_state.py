@@ -35,7 +35,7 @@ class InHand:
 
 @dataclass(frozen=True)
 class CampaignState:
-    """One campaign of an experiment, the last one that its ledger tells of."""
+    """One campaign of an experiment, the last one that its ledger reports."""
 
     experiment: str
     pid: int
@@ -49,9 +49,9 @@ class CampaignState:
     asked: int
     """Runs that it had to execute."""
     there_before: int
-    trusted: int
-    untrusted: int
-    """Ended, and not to be trusted: executed again while attempts are left."""
+    valid: int
+    invalid: int
+    """Ended, and invalid: executed again while attempts are left."""
     failed: int
     """Their last attempt gave no result."""
     in_hand: list[InHand] = field(default_factory=list)
@@ -61,7 +61,7 @@ class CampaignState:
     @property
     def done(self) -> int:
         """Runs with a result."""
-        return self.trusted + self.untrusted
+        return self.valid + self.invalid
 
     @property
     def waiting(self) -> int:
@@ -89,7 +89,7 @@ def is_alive(pid: int, since_s: float) -> bool:
 def state_of_ledger(
     experiment: str, entries: Iterable[Entry], now_s: float, alive: Alive = is_alive
 ) -> CampaignState | None:
-    """The last campaign of a ledger; None where it tells of none."""
+    """The last campaign of a ledger; None where it reports none."""
     last: list[Entry] = []
     for entry in entries:
         if entry.get("event") == STARTED:
@@ -104,7 +104,7 @@ def state_of_ledger(
     latest, durations_s, most_at_once = _follow(last[1:], asked)
     kinds = {key: entry["event"] for key, entry in latest.items()}
     finished = [e for e in latest.values() if e["event"] == "run_finished"]
-    trusted = sum(entry.get("trusted") is True for entry in finished)
+    valid = sum(entry.get("valid") is True for entry in finished)
     living = alive(pid, began_s)
     ended = next((e for e in last if e.get("event") == ENDED), None)
     running = living and ended is None
@@ -122,8 +122,8 @@ def state_of_ledger(
         interrupted=bool(ended and ended.get("interrupted")),
         asked=len(asked),
         there_before=max(0, int(begin.get("runs") or 0) - len(asked)),
-        trusted=trusted,
-        untrusted=len(finished) - trusted,
+        valid=valid,
+        invalid=len(finished) - valid,
         failed=sum(kind == "run_failed" for kind in kinds.values()),
         in_hand=in_hand,
     )

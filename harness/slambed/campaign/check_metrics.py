@@ -10,7 +10,7 @@ from slambed.spec.system import OwnMetric
 
 
 def about_metric(item: OwnMetric, recorded: Sequence[Event], frames: int) -> str:
-    """Whether there is what it is taken from. It need not be: what an event tells of (a loss, a
+    """Whether there is what it is taken from. It need not be: what an event reports (a loss, a
     loop, a map that was made) may not happen in so few frames, nor in every run."""
     events = [event for event in recorded if event["type"] == item.event]
     chosen = [event for event in events if fits(item, event)]

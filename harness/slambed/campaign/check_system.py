@@ -56,7 +56,7 @@ class Checked:
 
     lines: list[tuple[bool, str]] = field(default_factory=list)
 
-    def tell(self, good: bool, line: str) -> bool:
+    def report(self, good: bool, line: str) -> bool:
         """Adds a line; returns whether it is a good one."""
         self.lines.append((good, line))
         return good
@@ -161,7 +161,7 @@ class Trial:
         except subprocess.TimeoutExpired:
             return None
 
-    def said(self, role: Role) -> str:
+    def last_words(self, role: Role) -> str:
         """The last line of a node."""
         return last_line(self._log(role)).removeprefix("error: ")
 
@@ -178,7 +178,7 @@ def check_system(named: str, library: Library) -> Checked:
         raise SlambedError(f"system {system.name} is built in; only programs of others are checked")
     folder = library.system_file(named).parent
     found = Checked()
-    found.tell(True, f"system.yaml: {system.name}, {' and '.join(system.roles)}")
+    found.report(True, f"system.yaml: {system.name}, {' and '.join(system.roles)}")
     with tempfile.TemporaryDirectory(prefix="slambed-check-") as place:
         sequence = _generate(system.sensors[0], Path(place) / "sequence")
         reads = system.runtime.reads
@@ -187,7 +187,7 @@ def check_system(named: str, library: Library) -> Checked:
             prepared = PreparedSequence.open(sequence)
             recording = Recording.of(prepared, Playback(), reads, Path(place))
             recording.folder()
-            found.tell(True, f"is given {FRAMES} frames as a folder of layout {reads}")
+            found.report(True, f"is given {FRAMES} frames as a folder of layout {reads}")
         trial = Trial(system, folder, sequence, Path(place) / "run", recording)
         with trial.started():
             if _begins(trial, found):
@@ -205,9 +205,13 @@ def _begins(trial: Trial, found: Checked) -> bool:
     for role in sorted(trial.nodes):
         if not trial.system.runtime.has_client(role):
             continue
-        said = (trial.run_dir / role / "ready.json").exists()
-        why = "" if said else f" within {trial.system.runtime.ready_s:g} s: {trial.said(role)}"
-        found.tell(said, f"{role}: starts and says that it is ready{why}")
+        is_ready = (trial.run_dir / role / "ready.json").exists()
+        why = (
+            ""
+            if is_ready
+            else f" within {trial.system.runtime.ready_s:g} s: {trial.last_words(role)}"
+        )
+        found.report(is_ready, f"{role}: starts and says that it is ready{why}")
     return ready
 
 
@@ -218,18 +222,18 @@ def _plays(trial: Trial, found: Checked) -> None:
     ends = f"mobile: {does} to the end and then ends by itself, exit code 0"
     if code != 0:
         how = "it had to be killed" if code is None else f"exit code {code}"
-        found.tell(False, f"{ends}: {how}, {trial.said('mobile')}")
+        found.report(False, f"{ends}: {how}, {trial.last_words('mobile')}")
     else:
-        found.tell(True, ends)
+        found.report(True, ends)
     if trial.system.has_edge:
         edge = trial.code("edge", END_PATIENCE_S)
-        found.tell(edge == 0, f"edge: ends with the run{'' if edge == 0 else ': ' + str(edge)}")
+        found.report(edge == 0, f"edge: ends with the run{'' if edge == 0 else ': ' + str(edge)}")
     _answers(trial, found)
     if code == 0 and (trial.recording is None or _leaves(trial, found)):
         _path(trial, found)
     for key, item in trial.system.metrics.items():
-        told = about_metric(item, trial.events(item.node or "mobile"), FRAMES)
-        found.tell(True, f"metric {key} ({item.doc}): {told}")
+        finding = about_metric(item, trial.events(item.node or "mobile"), FRAMES)
+        found.report(True, f"metric {key} ({item.doc}): {finding}")
 
 
 def _answers(trial: Trial, found: Checked) -> None:
@@ -237,12 +241,12 @@ def _answers(trial: Trial, found: Checked) -> None:
     if not trial.system.runtime.has_client("mobile"):
         return
     frames = [e for e in trial.events() if e["type"] == "frame_tracked"]
-    found.tell(len(frames) == FRAMES, f"takes every frame: {len(frames)} of {FRAMES}")
+    found.report(len(frames) == FRAMES, f"takes every frame: {len(frames)} of {FRAMES}")
     answered = [e for e in frames if "track_ms" in e]
     line = f"answers every frame with a pose or a state: {len(answered)} of {len(frames)}"
-    if found.tell(bool(answered) and len(answered) == len(frames), line):
+    if found.report(bool(answered) and len(answered) == len(frames), line):
         median = float(np.median([e["track_ms"] for e in answered]))
-        found.tell(True, f"a frame takes {median:.1f} ms (median, without limits)")
+        found.report(True, f"a frame takes {median:.1f} ms (median, without limits)")
 
 
 def _leaves(trial: Trial, found: Checked) -> bool:
@@ -253,15 +257,15 @@ def _leaves(trial: Trial, found: Checked) -> bool:
     line = f"leaves {path.name} in $SLAMBED_OUTPUT, as {runtime.trajectory_format} has it"
     try:
         poses = read_poses(path, runtime, recording)
-        found.tell(True, line)
+        found.report(True, line)
         line = "its poses are rotations"
         check_rotations(path, poses)
-        found.tell(True, line)
+        found.report(True, line)
         line = "its time stamps are those of the frames"
         frames_of(path, poses, recording)
-        found.tell(True, f"{line}: {len(poses)} of {FRAMES} have a pose")
+        found.report(True, f"{line}: {len(poses)} of {FRAMES} have a pose")
     except SlambedError as error:
-        return found.tell(False, f"{line}: {error}")
+        return found.report(False, f"{line}: {error}")
     result = record_poses(RunResult("completed", None), runtime, recording, trial.run_dir)
     return result.outcome == "completed"
 
@@ -269,9 +273,9 @@ def _leaves(trial: Trial, found: Checked) -> bool:
 def _path(trial: Trial, found: Checked) -> None:
     path = trial.run_dir / "mobile" / "trajectory.txt"
     estimate = read_tum(path) if path.exists() else None
-    if not found.tell(
+    if not found.report(
         estimate is not None and len(estimate) >= 3,
-        f"tells where the camera was: {0 if estimate is None else len(estimate)} poses",
+        f"reports where the camera was: {0 if estimate is None else len(estimate)} poses",
     ):
         return
     assert estimate is not None
@@ -283,13 +287,13 @@ def _path(trial: Trial, found: Checked) -> None:
     line = "poses are camera to world"
     if turned:
         line += f": no, inverted they fit ({100 * error:.1f} cm as sent, {100 * inverse:.1f} cm)"
-    found.tell(not turned, line)
-    found.tell(True, f"ATE over these frames {100 * error:.1f} cm")
+    found.report(not turned, line)
+    found.report(True, f"ATE over these frames {100 * error:.1f} cm")
 
 
 def _stops(trial: Trial, found: Checked) -> None:
     if not trial.ready():
-        found.tell(False, "starts a second time")
+        found.report(False, "starts a second time")
         return
     trial.start_clock()
     trial.wait(
@@ -302,7 +306,7 @@ def _stops(trial: Trial, found: Checked) -> None:
     over = trial.recording is not None and stopped is False
     good = set(codes.values()) == {0} and (stopped is True or over)
     how = ": it had ended before" if over else ("" if good else f": {codes}")
-    found.tell(good, f"stops when told{how}")
+    found.report(good, f"stops when asked{how}")
 
 
 def _inverted(path: Trajectory) -> Trajectory:

@@ -33,7 +33,7 @@ def decide(asked: str) -> tuple[Literal["docker", "local"], str]:
 def choose_engine(
     asked: str, console: Console, build: Callable[[], None] | None = build_image
 ) -> tuple[Engine, str]:
-    """The engine and the tag of the software it runs; tells why `auto` takes local.
+    """The engine and the tag of the software it runs; reports why `auto` takes local.
 
     A missing image is built; with `build` None it is not, and the engine is for questions only.
     """

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from slambed.campaign.away import away_sequence, pack, unpack
+from slambed.campaign.away import pack, remote_sequence, unpack
 from slambed.campaign.away_result import LostWorkerError, result_of
 from slambed.campaign.executors import Played
 from slambed.campaign.virtual_task import VirtualTask
@@ -44,17 +44,17 @@ class ClusterExecutor:
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Hands the run to the cluster and waits for it."""
         sequence, played_s = self.played[spec.dataset]
-        away = AwayRun(spec, sequence.resolve(), played_s, sys.argv, attempt)
+        away = RemoteRun(spec, sequence.resolve(), played_s, sys.argv, attempt)
         try:
             found: tuple[Summary, bytes] = result_of(
-                self.client.submit(execute_away, away, pure=False), stop
+                self.client.submit(execute_remotely, away, pure=False), stop
             )
         except LostWorkerError as lost:
             if lost.killed:
-                told = (
+                message = (
                     f"workers died again and again in run {spec.run_key}; is there enough memory?"
                 )
-                raise KilledError(told) from None
+                raise KilledError(message) from None
             raise environment_error(
                 "the scheduler is gone; finished runs are kept, start it and call again to go on"
             ) from None
@@ -123,7 +123,7 @@ def imported(module: str, option: str) -> Any:
 
 
 @dataclass(frozen=True)
-class AwayRun:
+class RemoteRun:
     """A run as it travels to a worker, which finds the rest where it is."""
 
     spec: RunSpec
@@ -134,7 +134,7 @@ class AwayRun:
     attempt: int
 
 
-def execute_away(away: AwayRun) -> tuple[Summary, bytes]:
+def execute_remotely(away: RemoteRun) -> tuple[Summary, bytes]:
     """On a worker: executes the run; its summary and its packed folder."""
     from distributed import get_worker
 
@@ -146,7 +146,7 @@ def execute_away(away: AwayRun) -> tuple[Summary, bytes]:
             task = VirtualTask(
                 away.spec,
                 raw,
-                away_sequence(away.spec, away.sequence),
+                remote_sequence(away.spec, away.sequence),
                 away.played_s,
                 _program(away.spec.software, away.spec.system),
                 cache_folder() / "features",
@@ -163,6 +163,6 @@ def execute_away(away: AwayRun) -> tuple[Summary, bytes]:
 def _program(software: str, system: str) -> Path:
     whole = host_software(program=SIMULATION)
     if (found := software_of_systems(whole, [system]).get(system, whole)) != software:
-        told = f"software is {found}, the campaign's {software}; run {how_to_build()}"
-        raise environment_error(told)
+        message = f"software is {found}, the campaign's {software}; run {how_to_build()}"
+        raise environment_error(message)
     return find_program(SIMULATION)

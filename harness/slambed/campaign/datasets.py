@@ -120,9 +120,9 @@ def must_be_made(name: str) -> bool:
     return catalog.prepared(name) is None and catalog.available(catalog.resolve(name))
 
 
-def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) -> Sequence:
+def prepare_sequence(name: str, notify: Callable[[str], None] = lambda line: None) -> Sequence:
     """Prepares a dataset, and reads every frame of it against its checksums where nobody has of
-    late. `say`: hears when it has to be made first, which may take minutes."""
+    late. `notify`: hears when it has to be made first, which may take minutes."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
     from slambed.data.verified import verify_once
@@ -131,8 +131,8 @@ def prepare_sequence(name: str, say: Callable[[str], None] = lambda line: None) 
     catalog = None if given else Catalog.load()
     dataset = catalog.resolve(name) if catalog else None
     if dataset and must_be_made(name):
-        say(f"preparing {dataset.id}: once, it is kept")
-    prepared = catalog.prepare(name, say=say) if catalog else PreparedSequence.open(name)
+        notify(f"preparing {dataset.id}: once, it is kept")
+    prepared = catalog.prepare(name, notify=notify) if catalog else PreparedSequence.open(name)
     verify_once(prepared)
     return _sequence(name, prepared, catalog, dataset)
 

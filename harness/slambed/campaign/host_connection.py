@@ -78,11 +78,11 @@ class HostConnection:
         quiet_s: float = 0.0,
         measure: bool = False,
         take: bool = True,
-        say: Callable[[str], None] = lambda line: None,
+        notify: Callable[[str], None] = lambda line: None,
     ) -> Joined:
-        """Makes the host a worker of the scheduler at this address. `say`: hears that it waits for
-        another campaign there. Raises PassingError where it cannot be reached, SlambedError where
-        it is not fit."""
+        """Makes the host a worker of the scheduler at this address. `notify`: hears that it waits
+        for another campaign there. Raises PassingError where it cannot be reached, SlambedError
+        where it is not fit."""
         host = self._host
         try:
             ports = self._look()
@@ -121,7 +121,7 @@ class HostConnection:
                 asked,
                 Joined,
                 JOIN_S + wait_s + quiet_s,
-                lambda line: say(f"host {host.name}: {line}"),
+                lambda line: notify(f"host {host.name}: {line}"),
             )
         except SlambedError as error:
             self.close()

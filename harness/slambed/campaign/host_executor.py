@@ -59,7 +59,7 @@ class HostExecutor:
     played: Played
     seed: int
     rejoin: Rejoin
-    say: Callable[[str], None]
+    notify: Callable[[str], None]
     _claims: dict[str, Place] = field(default_factory=dict)
     """Run key -> where it will be, or is, executed."""
     _all_lost_since_s: float | None = None
@@ -145,7 +145,7 @@ class HostExecutor:
         line = f"host {place.host.name} is gone" + (f" ({words})" if words else "")
         if place.state != "lost":
             place.state = "lost"
-            self.say(f"{line}; the others take its runs, and it is asked again")
+            self.notify(f"{line}; the others take its runs, and it is asked again")
             threading.Thread(target=self._ask_again, args=(place,), daemon=True).start()
         return line
 
@@ -163,7 +163,7 @@ class HostExecutor:
                     place.connection.close()
                     return
                 place.state = "idle"
-                self.say(f"host {place.host.name} is back and gets its runs")
+                self.notify(f"host {place.host.name} is back and gets its runs")
             return
 
     def _must_live(self, living: list[str]) -> None:
@@ -173,7 +173,9 @@ class HostExecutor:
         now_s = time.monotonic()
         if self._all_lost_since_s is None:
             self._all_lost_since_s = now_s
-            self.say(f"no host is left; waiting up to {NONE_LEFT_S / 60:.0f} min for one to return")
+            self.notify(
+                f"no host is left; waiting up to {NONE_LEFT_S / 60:.0f} min for one to return"
+            )
         if now_s - self._all_lost_since_s > NONE_LEFT_S:
             raise environment_error(
                 f"hosts {', '.join(self.places)} are all gone; finished runs are kept, the same "

@@ -12,13 +12,13 @@ from slambed.process.line_protocol import Message
 class AskPorts(Message):
     """The first connection: what lies there, and which ports the second one may forward."""
 
-    ask: Literal["ports"] = "ports"
+    request: Literal["ports"] = "ports"
 
 
 class FreePorts(Message):
     """The answer."""
 
-    say: Literal["ports"] = "ports"
+    reply: Literal["ports"] = "ports"
     scheduler: int
     """Of the host's loopback: there the worker will find the scheduler."""
     worker: int
@@ -30,7 +30,7 @@ class FreePorts(Message):
 class JoinCampaign(Message):
     """The second connection: be a worker of this campaign until the input ends."""
 
-    ask: Literal["join"] = "join"
+    request: Literal["join"] = "join"
     name: str
     """Of the host."""
     labels: list[str]
@@ -63,7 +63,7 @@ class JoinCampaign(Message):
 class Joined(Message):
     """The answer, when the host is the campaign's."""
 
-    say: Literal["joined"] = "joined"
+    reply: Literal["joined"] = "joined"
     worker: str
     """Address that the scheduler knows the worker by."""
     software: str
@@ -84,5 +84,5 @@ class Joined(Message):
     """What a killed campaign had left there, in words."""
 
 
-Request = Annotated[AskPorts | JoinCampaign, Field(discriminator="ask")]
+Request = Annotated[AskPorts | JoinCampaign, Field(discriminator="request")]
 """All that a worker understands."""

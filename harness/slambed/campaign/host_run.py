@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from slambed.campaign.away import away_sequence, pack
+from slambed.campaign.away import pack, remote_sequence
 from slambed.campaign.foreign import software_of_foreign
 from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.manifest import add_facts
@@ -74,7 +74,7 @@ def execute_there(run: HostRun) -> tuple[Summary, bytes]:
             raw.mkdir()
             raw.chmod(0o755)
             spec = _at_home(run, Path(scratch))
-            played = {spec.dataset: (away_sequence(spec, run.sequence), run.played_s)}
+            played = {spec.dataset: (remote_sequence(spec, run.sequence), run.played_s)}
             executor = LiveExecutor(host.engine, host.open_link, played, command=run.command)
             summary = executor.execute(spec, raw, host.stop, run.attempt)
             kept: dict[str, Any] = run.spec.model_dump(mode="json")
@@ -82,7 +82,7 @@ def execute_there(run: HostRun) -> tuple[Summary, bytes]:
             return summary, pack(raw)
     except InterruptedRunError:
         # Whether somebody wanted that is for the campaign to know.
-        raise KilledError(f"host {host.facts.name}: the worker was told to end") from None
+        raise KilledError(f"host {host.facts.name}: the worker was asked to end") from None
     except SlambedError as error:
         error.args = (f"host {host.facts.name}: {error}",)
         raise
@@ -92,7 +92,7 @@ def prepare_there(spec: RunSpec, there: Path) -> None:
     """Before the first run of a sequence: it is on the host, and the same."""
     (host,) = _HERE
     try:
-        away_sequence(spec, there)
+        remote_sequence(spec, there)
     except SlambedError as error:
         raise SlambedError(f"host {host.facts.name}: {error}", error.code) from None
 

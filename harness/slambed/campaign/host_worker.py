@@ -39,7 +39,7 @@ from slambed.process.line_protocol import (
     Note,
     adapter,
     message_in,
-    tell,
+    send,
 )
 from slambed.records.manifest import RunHost
 from slambed.spec.host_speed import HostSpeed, cpu_model, load_host_speed
@@ -49,7 +49,7 @@ SCRATCH = "slambed-host-"
 LOST_S = 60.0
 """A scheduler that does not answer for so long will not any more."""
 LAST_RUN_S = 30.0
-"""A run that was told to end has this long to remove what it made."""
+"""A run that was asked to end has this long to remove what it made."""
 
 
 def harness_digest() -> str:
@@ -74,18 +74,18 @@ def main() -> None:
             if isinstance(request, AskPorts):
                 scheduler, worker = _free_ports()
                 found = FreePorts(scheduler=scheduler, worker=worker, harness=harness_digest())
-                tell(answers, found)
+                send(answers, found)
             else:
-                _work(request, requests, lambda message: tell(answers, message))
+                _work(request, requests, lambda message: send(answers, message))
                 return
     except EOFError:
         return
-    except Exception as error:  # told where a person sees it: by the campaign
+    except Exception as error:  # reported where a person sees it: by the campaign
         if isinstance(error, SlambedError):
-            tell(answers, Failure.of(error))
+            send(answers, Failure.of(error))
         else:
-            told, code = line_and_code(error)
-            tell(answers, Failure(error=told, code=code))
+            notice, code = line_and_code(error)
+            send(answers, Failure(error=notice, code=code))
 
 
 def _free_ports() -> tuple[int, int]:
@@ -111,11 +111,11 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
         tidied, load = "", "not taken, only asked"
         if asked.take:
             purpose = f"runs of a campaign that calls this host {asked.name}"
-            told = partial(_note, answer)
+            notice = partial(_note, answer)
             # The campaign that waits may end: then the input does.
             ended = partial(requests.next, 0.0)
             until_the_end.enter_context(
-                host_lock(purpose, wait_s=asked.wait_s, say=told, meanwhile=ended)
+                host_lock(purpose, wait_s=asked.wait_s, notify=notice, meanwhile=ended)
             )
             mark_children()
             tidied = str(reap())
@@ -198,7 +198,7 @@ async def _serve(
         tls_worker_key=asked.key,
         require_encryption=True,
     )
-    # What is worth a line here is told by ssh or by the answer.
+    # What is worth a line here is reported by ssh or by the answer.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     worker = distributed.Worker(
         asked.scheduler,

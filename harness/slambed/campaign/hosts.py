@@ -32,7 +32,7 @@ class JoinedHosts:
     def __init__(
         self,
         hosts: list[Host],
-        say: Callable[[str], None],
+        notify: Callable[[str], None],
         wait: bool = False,
         quiet_s: float = 0.0,
         measure: bool = False,
@@ -41,7 +41,7 @@ class JoinedHosts:
         """`wait`: for other campaigns on them; `quiet_s`: how long to wait for each to become
         quiet; `measure`: limits will follow from their speed; `take`: they will execute runs, not
         only say what they are."""
-        self._say = say
+        self._notify = notify
         self._quiet_s = quiet_s
         self._measure = measure
         self._take = take
@@ -61,7 +61,7 @@ class JoinedHosts:
                 for host in hosts:
                     facts = work[host.name].result()
                     self.places[host.name] = Place(host, connections[host.name], facts)
-                    self._say(_about(host, facts))
+                    self._notify(_about(host, facts))
             self.software = self._one_software()
         except BaseException:
             end_all(list(connections.values()))
@@ -102,7 +102,7 @@ class JoinedHosts:
 
     def executor(self, played: Played, seed: int) -> HostExecutor:
         """What executes the plan's runs on them."""
-        return HostExecutor(self.places, self._client, played, seed, self._rejoin, self._say)
+        return HostExecutor(self.places, self._client, played, seed, self._rejoin, self._notify)
 
     def __enter__(self) -> Self:
         return self
@@ -126,7 +126,7 @@ class JoinedHosts:
     def _join(self, connection: HostConnection, wait_s: float) -> Joined:
         scheduler = self._client.scheduler.address
         return connection.join(
-            scheduler, self._keys, wait_s, self._quiet_s, self._measure, self._take, self._say
+            scheduler, self._keys, wait_s, self._quiet_s, self._measure, self._take, self._notify
         )
 
     def _rejoin(self, host: Host) -> tuple[HostConnection, Joined]:

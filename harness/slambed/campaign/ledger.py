@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The history of a campaign: one JSON object per line, appended and flushed to disk.
 
-The run folders are the truth about what exists; the ledger tells how it came about.
+The run folders are the truth about what exists; the ledger reports how it came about.
 """
 
 import json

@@ -29,7 +29,7 @@ class LiveExecutor:
     """What the user called: this process may be another's worker."""
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """In the calling thread. PassingError when the daemon or a process beside the run fails."""
+        """In the calling thread. PassingError when the daemon or a sidecar of the run fails."""
         sequence, played_s = self.played[spec.dataset]
         host = load_host_speed()
         if spec.host_speed not in (None, host.speed):

@@ -22,14 +22,14 @@ def plan_of(
     software: str,
     count: int,
     provide: Provider,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     board: Board | None,
 ) -> Plan:
     """Of runs on this engine."""
     experiment, _, library, _ = files
     foreign = software_of_foreign(experiment, library, engine, software)
     return make_plan(
-        *files, engine.name, software, count, provide, foreign=foreign, say=say, board=board
+        *files, engine.name, software, count, provide, foreign=foreign, notify=notify, board=board
     )
 
 
@@ -39,14 +39,14 @@ def look_ahead(
     count: int,
     provide: Provider,
     console: Console,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> Plan:
     """The plan, without taking host or board: no image is built and nothing is cleaned. What its
     keys need, sequences and inputs, is made where it is not there."""
     engine, software = choose_engine(asked, console, build=None)
     roles = files[0].roles
     board = None if roles is None else look_at_board(roles.mobile)
-    return plan_of(files, engine, software, count, provide, say, board)
+    return plan_of(files, engine, software, count, provide, notify, board)
 
 
 def as_it_is(files: Files, asked: str, count: int) -> Plan:
@@ -59,7 +59,7 @@ def as_it_is(files: Files, asked: str, count: int) -> Plan:
 
 
 def without_making(files: Files, asked: str, count: int) -> Plan | None:
-    """The same; None where it cannot be told, which whoever takes the host hears of."""
+    """The same; None where it is unknown, which whoever takes the host hears of."""
     try:
         return as_it_is(files, asked, count)
     except SlambedError:

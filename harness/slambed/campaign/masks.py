@@ -13,34 +13,34 @@ from slambed.segment.network import load_network, network_file
 from slambed.spec import inputs
 from slambed.spec.masks import Masks, MasksAsked
 
-Say = Callable[[str], None]
-TOLD_EVERY = 500
+Notify = Callable[[str], None]
+PROGRESS_EVERY = 500
 """Pictures between two lines: about a quarter of a minute on a core."""
 
 
 def make_masks(
-    asked: Iterable[MasksAsked], sequences: dict[str, Sequence], say: Say
+    asked: Iterable[MasksAsked], sequences: dict[str, Sequence], notify: Notify
 ) -> dict[tuple[str, MasksAsked], Masks]:
     """(name, what is asked for) -> masks, of every sequence by its name in the experiment.
 
     Raises SlambedError for a network that is not known, has no file or another checksum, and for
     the truth of a sequence that has none."""
     return {
-        (name, want): _masks(want, sequence, say)
+        (name, want): _masks(want, sequence, notify)
         for want in asked
         for name, sequence in sequences.items()
     }
 
 
-def _masks(want: MasksAsked, sequence: Sequence, say: Say) -> Masks:
+def _masks(want: MasksAsked, sequence: Sequence, notify: Notify) -> Masks:
     from slambed.segment.masks import is_made, mask_cache, mask_key  # OpenCV: few runs need it
 
     prepared = PreparedSequence.open(sequence.path)
     parts = (prepared, want.network, want.quality, want.n_m)
     title = f"masks of {sequence.id} by {want.network}"
     if not is_made(mask_key(*parts)):
-        say(f"{title}: {len(prepared)} pictures")
-    path = mask_cache(*parts, partial(_tell, say, title))
+        notify(f"{title}: {len(prepared)} pictures")
+    path = mask_cache(*parts, partial(_progress, notify, title))
     return Masks(
         network=want.network,
         n_m=want.n_m,
@@ -71,6 +71,6 @@ def networks_of(
     return made
 
 
-def _tell(say: Say, title: str, done: int, pictures: int) -> None:
-    if done % TOLD_EVERY == 0 and done < pictures:
-        say(f"{title}: {done} of {pictures}")
+def _progress(notify: Notify, title: str, done: int, pictures: int) -> None:
+    if done % PROGRESS_EVERY == 0 and done < pictures:
+        notify(f"{title}: {done} of {pictures}")

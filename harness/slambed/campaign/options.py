@@ -27,7 +27,7 @@ class Options:
     on: list[str] = field(default_factory=list)
     """Names or labels of the hosts to take of them."""
     retries: int = DEFAULT_RETRIES
-    """Further attempts of a run that is not to be trusted."""
+    """Further attempts of a invalid run."""
     quiet_within_min: float = 0.0
     """How long to wait for the host to become quiet before live runs."""
     settings: list[str] = field(default_factory=list)
@@ -39,6 +39,6 @@ class Options:
     keep_going: bool = False
     """Runs that have to be given up do not end the campaign."""
     dry_run: bool = False
-    """Tell what would be executed, and execute nothing."""
+    """Show what would be executed, and execute nothing."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
     """The papers' plans of this moment, for the manifests of what is executed."""

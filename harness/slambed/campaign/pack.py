@@ -25,7 +25,7 @@ UNREADABLE = (tarfile.TarError, LZMAError, zlib.error, EOFError)
 
 
 def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int, int]:
-    """Writes the trusted runs that the plans of these experiments name; how many, and its bytes.
+    """Writes the valid runs that the plans of these experiments name; how many, and its bytes.
 
     The same runs give the same bytes: order by name, no times, no owners.
 
@@ -37,7 +37,7 @@ def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int,
         raise SlambedError(f"no results of {', '.join(missing)} in {results}; there are: {known}")
     store = RunStore(results)
     wanted: set[str] = set().union(*(named[name] for name in names))
-    keys = [key for key in sorted(wanted) if store.state(key) == "trusted"]
+    keys = [key for key in sorted(wanted) if store.state(key) == "valid"]
     try:
         with replacing(file, durable=True) as partial, tarfile.open(partial, "w:xz") as out:
             for name in sorted(names):
@@ -56,7 +56,7 @@ def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int,
 def unpack(file: Path, results: Path) -> tuple[int, int]:
     """Puts the runs of a file into a results folder; how many it has, and how many were new.
 
-    What is there and to be trusted stays as it is, and so does an experiment's plan.
+    What is there and valid stays as it is, and so does an experiment's plan.
 
     Raises SlambedError where the file is not one of `pack`, or torn; whole runs before the tear are
     kept.
@@ -142,7 +142,7 @@ def _take_run(store: RunStore, key: str, files: Files) -> bool:
     """Whether it was put there."""
     if missing := [name for name in NEEDED if PurePosixPath(name) not in files]:
         raise SlambedError(f"run {key} has no {missing[0]}; pack it again")
-    if store.state(key) == "trusted":
+    if store.state(key) == "valid":
         return False
     assert store.work is not None
     folder = store.work / key

@@ -19,7 +19,7 @@ from slambed.campaign.datasets import (
     stand_in,
 )
 from slambed.campaign.ledger import utc_now
-from slambed.campaign.masks import Say, make_masks, networks_of
+from slambed.campaign.masks import Notify, make_masks, networks_of
 from slambed.campaign.runs_beyond_plan import of_other_engines
 from slambed.errors import MissingDataError, SlambedError
 from slambed.files.yaml_source import YamlSource
@@ -98,7 +98,7 @@ def check(
 
 
 def _kept_sequences(experiment: Experiment) -> dict[str, Sequence]:
-    """Of its datasets those that an earlier experiment prepared. What cannot be told of a dataset
+    """Of its datasets those that an earlier experiment prepared. What is unknown of a dataset
     is not complained of here."""
     kept: dict[str, Sequence] = {}
     for name in experiment.datasets:
@@ -232,7 +232,7 @@ def make_plan(
     provide: Provider | None = None,
     judged: bool = True,
     foreign: Mapping[str, str] | None = None,
-    say: Say = lambda line: None,
+    notify: Notify = lambda line: None,
     netem: bool | None = None,
     board: Board | None = None,
 ) -> Plan:
@@ -240,7 +240,7 @@ def make_plan(
     expands the matrix.
 
     `judged`: with the reference that runs are compared with. Without `provide` no input is made.
-    `foreign`: tags of the systems that are programs of their own. `say`: hears of long work.
+    `foreign`: tags of the systems that are programs of their own. `notify`: hears of long work.
     `netem`: whether the hosts that execute the runs have it, where there are several; None: this
     one executes them, and its speed is part of what they mean. `board`: what executes the mobile
     nodes, where the experiment asks for one.
@@ -252,7 +252,7 @@ def make_plan(
     left_out: list[str] = []
     for index, name in enumerate(experiment.datasets):
         try:
-            sequence = prepare_sequence(name, say)
+            sequence = prepare_sequence(name, notify)
             played_s[name] = sequence.played_s(experiment.playback)
             playbacks[name] = sequence.playback(experiment.playback)
         except SlambedError as error:
@@ -285,7 +285,9 @@ def make_plan(
             references[by_id[sequence.id]] = str(provide(sequence.reference))
     by_name = {by_id[sequence.id]: sequence for sequence in sequences.values()}
     wanted = masks_asked(experiment, library)
-    masks = make_masks(wanted, by_name, say) if engine == VIRTUAL else networks_of(wanted, by_name)
+    masks = (
+        make_masks(wanted, by_name, notify) if engine == VIRTUAL else networks_of(wanted, by_name)
+    )
     linked = software_of_systems(software, {choice.system for choice in experiment.systems})
     circumstances = Circumstances(
         engine,

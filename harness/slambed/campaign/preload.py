@@ -28,7 +28,8 @@ MODULES = (
 
 
 def prepare() -> None:
-    """Fills what is cached per process. A system whose file is wrong is told by who asks for it."""
+    """Fills what is cached per process. A system whose file is wrong is reported by who asks for
+    it."""
     for name in MODULES:
         importlib.import_module(name)
     git_state()

@@ -30,7 +30,7 @@ from slambed.spec.run_spec import KEY_DIGITS, canonical_json
 from slambed.spec.software import host_software
 
 RECORD = "input.json"
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -47,20 +47,20 @@ def inputs_folder() -> Path:
     return cache_folder() / "inputs"
 
 
-def prepare_input(name: str, library: Library, say: Say) -> PreparedInput:
+def prepare_input(name: str, library: Library, notify: Notify) -> PreparedInput:
     """The file of a recipe, from the cache or made now by its run.
 
     Raises SlambedError where the run does not meet the recipe's conditions; nothing is kept then.
     """
-    plan, recipe = _plan(name, library, lambda other: prepare_input(other, library, say).file)
+    plan, recipe = _plan(name, library, lambda other: prepare_input(other, library, notify).file)
     folder = inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}"
-    if (ready := _open(folder, recipe, say)) is not None:
+    if (ready := _open(folder, recipe, notify)) is not None:
         return ready
-    with _lock(recipe.id, say):
-        if (ready := _open(folder, recipe, say)) is None:
-            say(f"making input {recipe.id}: {recipe.title}")
+    with _lock(recipe.id, notify):
+        if (ready := _open(folder, recipe, notify)) is None:
+            notify(f"making input {recipe.id}: {recipe.title}")
             _make(folder, plan, recipe)
-            ready = _open(folder, recipe, say)
+            ready = _open(folder, recipe, notify)
     assert ready is not None
     return ready
 
@@ -125,14 +125,14 @@ def _key(plan: Plan, recipe: InputRecipe) -> str:
     return hashlib.sha256(canonical_json(meaning).encode()).hexdigest()[:KEY_DIGITS]
 
 
-def _open(folder: Path, recipe: InputRecipe, say: Say = _silent) -> PreparedInput | None:
+def _open(folder: Path, recipe: InputRecipe, notify: Notify = _silent) -> PreparedInput | None:
     """What lies there, if its bytes are those that were written; a damaged one is made again."""
     record = object_or_empty(folder / RECORD)
     file = folder / YIELDED[recipe.yields]
     if not record or not file.is_file():
         return None
     if inputs.sha256_of(file) != record.get("sha256"):
-        say(f"{file} is damaged: its SHA-256 is not the recorded one; it is made again")
+        notify(f"{file} is damaged: its SHA-256 is not the recorded one; it is made again")
         return None
     return PreparedInput(file, str(record["sha256"]), record)
 
@@ -188,7 +188,7 @@ def _facts(raw: Path, summary: Summary) -> dict[str, float]:
 
 
 @contextmanager
-def _lock(name: str, say: Say) -> Iterator[None]:
+def _lock(name: str, notify: Notify) -> Iterator[None]:
     """Two processes never make the same input at once."""
     folder = inputs_folder()
     try:
@@ -197,5 +197,5 @@ def _lock(name: str, say: Say) -> Iterator[None]:
     except OSError as refused:
         raise no_cache(folder, refused) from refused
     with file:
-        lock_file(file, f"makes {name}", say)
+        lock_file(file, f"makes {name}", notify)
         yield

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells how far a campaign is: a bar with ETA on a terminal, plain lines elsewhere."""
+"""Reports how far a campaign is: a bar with ETA on a terminal, plain lines elsewhere."""
 
 import time
 from types import TracebackType
@@ -12,7 +12,7 @@ from slambed.spec.run_spec import RunSpec
 
 
 class Reporter(Protocol):
-    """What the campaign tells while it runs."""
+    """What the campaign reports while it runs."""
 
     def run_started(self, spec: RunSpec) -> None: ...
     def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
@@ -84,16 +84,16 @@ class CampaignProgress:
         took_s = time.monotonic() - self._began_s.pop(spec.run_key)
         self._spent_s += took_s
         self._done += 1
-        self._say(spec, verdict, took_s)
+        self._print(spec, verdict, took_s)
 
     def run_failed(self, spec: RunSpec, why: str, last: bool) -> None:
         """An attempt ended without a result; `last`: there is no other."""
         took_s = time.monotonic() - self._began_s.pop(spec.run_key)
         if last:
             self._total -= 1
-        self._say(spec, f"no result: {why}" if last else why, took_s)
+        self._print(spec, f"no result: {why}" if last else why, took_s)
 
-    def _say(self, spec: RunSpec, verdict: str, took_s: float) -> None:
+    def _print(self, spec: RunSpec, verdict: str, took_s: float) -> None:
         line = f"[{self._done:>{len(str(self._total))}}/{self._total}] {_name(spec)}: {verdict}"
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=self._done, total=self._total)

@@ -23,7 +23,7 @@ class Load:
 
     @property
     def quiet(self) -> bool:
-        """Whether runs made now will probably be trusted."""
+        """Whether runs made now will probably be valid."""
         calm = self.busy_percent <= MOST_BUSY_PERCENT
         return calm and self.steal_percent <= MOST_STEAL_PERCENT
 
@@ -43,13 +43,13 @@ def look(seconds: float = LOOK_S) -> Load:
     return Load(steal, max(0.0, 100.0 - share.idle - waiting - steal))
 
 
-def wait_for_quiet(limit_s: float, stop: threading.Event, say: Callable[[str], None]) -> Load:
+def wait_for_quiet(limit_s: float, stop: threading.Event, notify: Callable[[str], None]) -> Load:
     """Looks again and again until the host is quiet, or the time is over."""
     deadline = time.monotonic() + limit_s
     load = look()
     if not load.quiet and limit_s > 0:
-        say(f"{load}; waiting up to {limit_s / 60:.0f} min for it to become quiet")
+        notify(f"{load}; waiting up to {limit_s / 60:.0f} min for it to become quiet")
     while not load.quiet and time.monotonic() < deadline and not stop.is_set():
         load = look()
-    say(str(load))
+    notify(str(load))
     return load

@@ -25,7 +25,7 @@ _DIGITS = 12
 
 @dataclass(frozen=True)
 class Recording:
-    """The frames of a sequence that are played, as a folder of a layout tells them."""
+    """The frames of a sequence that are played, as a folder of a layout reports them."""
 
     sequence: PreparedSequence
     layout: str

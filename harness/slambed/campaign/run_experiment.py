@@ -23,8 +23,8 @@ from slambed.campaign.plan import (
 )
 from slambed.campaign.prepared_inputs import prepare_input
 from slambed.campaign.processes import ProcessExecutor
-from slambed.campaign.run_plan import is_idle, run_plan, say_on
-from slambed.campaign.runner import Verdict, stop_on_signal
+from slambed.campaign.run_plan import is_idle, print_to, run_plan
+from slambed.campaign.runner import CampaignOutcome, stop_on_signal
 from slambed.campaign.store import ATTEMPTS, STORE, RunStore
 from slambed.data.places import cache_folder
 from slambed.engines.host_lock import host_lock
@@ -49,7 +49,7 @@ def run_experiment(
     options: Options,
     console: Console,
     check_first: Callable[[Experiment, YamlSource], None] = lambda experiment, source: None,
-) -> Verdict:
+) -> CampaignOutcome:
     """Executes what is missing of an experiment into `results/<its id>`.
 
     Everything that can be wrong with the files is found before anything is started. `check_first`:
@@ -75,12 +75,12 @@ def run_experiment(
 
 
 def _provider(library: Library, console: Console) -> Callable[[str], Path]:
-    return lambda name: prepare_input(name, library, partial(say_on, console)).file
+    return lambda name: prepare_input(name, library, partial(print_to, console)).file
 
 
 def _on_this_host(
     files: Files, asked: str, options: Options, count: int, console: Console
-) -> Verdict:
+) -> CampaignOutcome:
     """On this host, which is ours alone meanwhile."""
     # Containers and links take half a second to load, which virtual runs do not need.
     from slambed.campaign.boards import BoardLinks, bring_sequences, take_board
@@ -101,10 +101,10 @@ def _on_this_host(
             "add --engine virtual"
         )
     decide(asked)
-    say = partial(say_on, console)
+    notify = partial(print_to, console)
     provide = _provider(library, console)
     if options.dry_run:
-        plan = look_ahead(files, asked, count, provide, console, say)
+        plan = look_ahead(files, asked, count, provide, console, notify)
         return run_plan(plan, source, options, _not_idle, console)
     make_folder(options.results, "--results")
     there = without_making(files, asked, count) if _may_be_there(experiment, options) else None
@@ -114,25 +114,25 @@ def _on_this_host(
         f"slambed run {experiment.id}",
         wait_s=math.inf if options.wait else 0.0,
         where=options.results / experiment.id,
-        say=say,
+        notify=notify,
     ):
         mark_children()
         if found := str(reap()):
-            say(f"removed what a killed campaign left: {found}")
+            notify(f"removed what a killed campaign left: {found}")
         engine, software = choose_engine(asked, console)
         open_link: LinkOpener = HelperLinks(engine) if engine.unprivileged else open_for_run
         board: BoardEngine | None = None
         with ExitStack() as cleanup:
             if experiment.roles is not None:
-                board = take_board(engine, experiment.roles.mobile, say)
+                board = take_board(engine, experiment.roles.mobile, notify)
                 cleanup.callback(board.close)
                 open_link = BoardLinks(board)
             known = None if board is None else board.board
-            plan = plan_of(files, engine, software, count, provide, say, known)
+            plan = plan_of(files, engine, software, count, provide, notify, known)
 
             def executor_of(played: Played) -> Executor:
                 with stop_on_signal() as stop:
-                    wait_for_quiet(60.0 * options.quiet_within_min, stop, say)
+                    wait_for_quiet(60.0 * options.quiet_within_min, stop, notify)
                 if board is not None:
                     bring_sequences(board, played)
                 return LiveExecutor(board or engine, open_link, played)
@@ -160,12 +160,12 @@ def _hosts(options: Options) -> list[Host]:
 
 def _on_hosts(
     files: Files, hosts: list[Host], options: Options, count: int, console: Console
-) -> Verdict:
+) -> CampaignOutcome:
     """On the hosts of a file, each of which is ours alone meanwhile."""
     from slambed.campaign.hosts import JoinedHosts
 
     experiment, source, library, _ = files
-    say = partial(say_on, console)
+    notify = partial(print_to, console)
 
     def plan_of(joined: JoinedHosts) -> Plan:
         return make_plan(
@@ -175,21 +175,21 @@ def _on_hosts(
             count,
             _provider(library, console),
             foreign=joined.foreign(experiment),
-            say=say,
+            notify=notify,
             netem=joined.netem,
         )
 
     if not options.dry_run:
         make_folder(options.results, "--results")
     if options.dry_run or _may_be_there(experiment, options):
-        told = say if options.dry_run else lambda line: None
-        with JoinedHosts(hosts, told, take=False) as joined:
+        about_hosts = notify if options.dry_run else lambda line: None
+        with JoinedHosts(hosts, about_hosts, take=False) as joined:
             plan = plan_of(joined)
         if options.dry_run or is_idle(plan, options):
             return run_plan(plan, source, options, _not_idle, console, len(hosts))
     boards = has_boards(experiment, source, library)
     quiet_s = 60.0 * options.quiet_within_min
-    with JoinedHosts(hosts, say, options.wait, quiet_s, boards) as joined:
+    with JoinedHosts(hosts, notify, options.wait, quiet_s, boards) as joined:
         plan = plan_of(joined)
 
         def executor_of(played: Played) -> Executor:
@@ -205,7 +205,7 @@ def _may_be_there(experiment: Experiment, options: Options) -> bool:
     )
 
 
-def _virtually(files: Files, options: Options, count: int, console: Console) -> Verdict:
+def _virtually(files: Files, options: Options, count: int, console: Console) -> CampaignOutcome:
     """No privilege, no lock on the host: only the result folder is ours alone."""
     program = find_program(SIMULATION)
     features = cache_folder() / "features"
@@ -237,4 +237,4 @@ def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Pl
 def _virtual_plan(files: Files, count: int, console: Console) -> Plan:
     provide = _provider(files[2], console)
     software = host_software(program=SIMULATION)
-    return make_plan(*files, VIRTUAL, software, count, provide, say=partial(say_on, console))
+    return make_plan(*files, VIRTUAL, software, count, provide, notify=partial(print_to, console))

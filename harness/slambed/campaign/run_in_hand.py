@@ -12,7 +12,7 @@ from slambed.campaign.growing_file import GrowingFile
 from slambed.metrics.events import Event
 
 MEAN_S = 1.0
-"""CPU use is told as the mean over so much run time: single samples show quota periods."""
+"""CPU use is reported as the mean over so much run time: single samples show quota periods."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class NodeUse:
 
 @dataclass(frozen=True)
 class Playing:
-    """How far a run is; None, and counts of 0: its files do not tell (yet)."""
+    """How far a run is; None, and counts of 0: its files do not show it (yet)."""
 
     run_key: str
     name: str

@@ -7,7 +7,7 @@ from slambed.spec.run_spec import RunSpec
 
 
 class Places(Protocol):
-    """Asked before a run is taken, told when it has ended; from several threads."""
+    """Asked before a run is taken, notified when it has ended; from several threads."""
 
     def claim(self, spec: RunSpec) -> bool:
         """Whether the run may begin now: then its place is kept free for it until `release`."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Executes what is missing of a plan, whatever executes it, or tells what would be executed."""
+"""Executes what is missing of a plan, whatever executes it, or reports what would be executed."""
 
 import math
 import os
@@ -20,8 +20,8 @@ from slambed.campaign.order import interleaved
 from slambed.campaign.plan import Plan, experiment_json, notes
 from slambed.campaign.preview import chosen, preview
 from slambed.campaign.progress import CampaignProgress, duration
-from slambed.campaign.runner import Runner, Verdict
-from slambed.campaign.runs_beyond_plan import further_repetitions
+from slambed.campaign.runner import CampaignOutcome, Runner
+from slambed.campaign.runs_beyond_plan import valid_repetitions
 from slambed.engines.host_lock import host_lock
 from slambed.files.json_file import object_or_empty
 from slambed.files.outputs import make_folder
@@ -44,28 +44,28 @@ def run_plan(
     executor_of: Callable[[Played], Executor],
     console: Console,
     hosts: int = 1,
-) -> Verdict:
+) -> CampaignOutcome:
     """Executes what is missing of a plan, live on so many hosts."""
     experiment = plan.experiment
     for line in plan.left_out:
-        say_on(console, f"left out: {line}")
+        print_to(console, f"left out: {line}")
     for line in notes(experiment, Library()):
-        say_on(console, line)
+        print_to(console, line)
     folder = ResultFolder(options.results / experiment.id)
     about = chosen(plan.specs, options.only)
     if options.dry_run:
         for line in being_run(options.results, experiment.id):
-            say_on(console, line)
+            print_to(console, line)
         jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else hosts)
         forced = _forced(plan.specs, options)
         for line in preview(
             about, folder.store, _kept(options), expected_run_s(plan), jobs, forced
         ):
-            say_on(console, line)
-        return Verdict()
+            print_to(console, line)
+        return CampaignOutcome()
     make_folder(folder.path, "--results")
     will_be_callers(options.results)
-    say = partial(say_on, console)
+    notify = partial(print_to, console)
     played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
     with host_lock(
         f"slambed run {experiment.id}",
@@ -73,7 +73,7 @@ def run_plan(
         math.inf if options.wait else 0.0,
         f"another campaign writes to {folder.path}",
         where=folder.path,
-        say=say,
+        notify=notify,
     ):
         # Before anything is written: an address with a typo must leave no trace.
         executor = NoRuns() if is_idle(plan, options) else executor_of(played)
@@ -96,7 +96,7 @@ def _fill(
     folder: ResultFolder,
     executor: Executor,
     console: Console,
-) -> Verdict:
+) -> CampaignOutcome:
     experiment, engine = plan.experiment, plan.circumstances.engine
     ledger = Ledger(folder.path / "ledger.jsonl")
     ordered = interleaved(plan.specs, experiment.seed)
@@ -104,7 +104,7 @@ def _fill(
     forced = _forced(ordered, options)
     todo = _todo(ordered, folder, options)
     before = object_or_empty(folder.path / "experiment.json")
-    shown = [*ordered, *further_repetitions(folder.store, ordered)]
+    shown = [*ordered, *valid_repetitions(folder.store, ordered)]
     content = experiment_json(plan, source, shown, before)
     folder.write_json("experiment.json", content)
     folder.show(run["run_key"] for run in content["runs"])
@@ -115,7 +115,7 @@ def _fill(
         if (truth := sequence.path / "groundtruth.txt").is_file():
             keep_groundtruth(folder.path, sequence.id, truth)
     run_s = expected_run_s(plan)
-    say_on(
+    print_to(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
         + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
@@ -158,7 +158,7 @@ def _forced(specs: list[RunSpec], options: Options) -> frozenset[str]:
 
 def _kept(options: Options) -> tuple[str, ...]:
     """States of runs that are not executed again."""
-    return ("trusted",) if options.retries else ("trusted", "untrusted")
+    return ("valid",) if options.retries else ("valid", "invalid")
 
 
 def _is_virtual(plan: Plan) -> bool:
@@ -172,6 +172,6 @@ def expected_run_s(plan: Plan) -> float:
     return longest_s * VIRTUAL_SHARE if _is_virtual(plan) else longest_s + OVERHEAD_S
 
 
-def say_on(console: Console, line: str) -> None:
+def print_to(console: Console, line: str) -> None:
     """A line as it is."""
     console.print(line, highlight=False, markup=False, soft_wrap=True)

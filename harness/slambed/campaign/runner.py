@@ -30,19 +30,19 @@ PAUSES_S = (1.0, 10.0, 60.0)
 MOST_DEATHS = 20
 """Attempts whose process was killed. That costs a short run little, and says little about it."""
 DEFAULT_RETRIES = 2
-"""Further attempts of a run that is not to be trusted."""
+"""Further attempts of a invalid run."""
 MOST_GIVEN_UP = 5
 """After so many given up in a row the environment is broken for good."""
 
 
 @dataclass
-class Verdict:
+class CampaignOutcome:
     """What a campaign came to."""
 
     done: int = 0
-    trusted: int = 0
+    valid: int = 0
     not_completed: int = 0
-    """Of the trusted ones: the system broke off."""
+    """Of the valid ones: the system broke off."""
     interrupted: bool = False
     given_up: dict[str, str] = field(default_factory=dict)
     """Run key -> why there is no result."""
@@ -58,9 +58,9 @@ class Runner:
     ledger: Ledger
     executor: Executor
     retries: int = DEFAULT_RETRIES
-    """Further attempts of a run that is not to be trusted, in this campaign."""
+    """Further attempts of a invalid run, in this campaign."""
     forced: frozenset[str] = frozenset()
-    """Keys of runs that are executed although they are there; a trusted result takes their place,
+    """Keys of runs that are executed although they are there; a valid result takes their place,
     and they stay as earlier attempts."""
     keep_going: bool = False
     """Runs given up do not end the campaign, however many they are."""
@@ -68,12 +68,12 @@ class Runner:
     """Paper -> digests of its registered plan as this campaign began, for the manifests."""
     pauses_s: tuple[float, ...] = PAUSES_S
     places: Places = field(default_factory=AnyPlace)
-    _verdict: Verdict = field(default_factory=Verdict)
+    _verdict: CampaignOutcome = field(default_factory=CampaignOutcome)
     _given_up_in_a_row: int = 0
     _books: threading.Lock = field(default_factory=threading.Lock)
     """Ledger, reporter and verdict belong to one thread at a time."""
 
-    def run(self, todo: list[RunSpec], reporter: Reporter) -> Verdict:
+    def run(self, todo: list[RunSpec], reporter: Reporter) -> CampaignOutcome:
         """Executes all of `todo` in this order. Ctrl-C ends the current runs and returns.
 
         A run that the environment fails is tried again later and in the end given up, and the
@@ -83,7 +83,7 @@ class Runner:
         backlog = Backlog(todo)
         for item in backlog:
             # An attempt of an earlier campaign: this one begins with the next.
-            item.retries = int(self.folder.state(item.spec.run_key) == "untrusted")
+            item.retries = int(self.folder.state(item.spec.run_key) == "invalid")
         with stop_on_signal() as stop:
             try:
                 if self.executor.jobs == 1:
@@ -129,21 +129,21 @@ class Runner:
         spec = item.spec
         with self._books:
             reporter.run_started(spec)
-            self._tell("run_started", spec, repetition=spec.repetition)
+            self._log("run_started", spec, repetition=spec.repetition)
         try:
             raw = self.folder.new_raw(spec.run_key)
             attempt = self.folder.store.attempts_of(spec.run_key) + 1
             summary = self.executor.execute(spec, raw, stop, attempt)
             add_plans(raw, self.plans)
-            replace = spec.run_key in self.forced and summary.trusted
+            replace = spec.run_key in self.forced and summary.valid
             self.folder.commit(spec.run_key, raw, replace)
         except InterruptedRunError:
             with self._books:
-                self._tell("run_interrupted", spec, repetition=spec.repetition)
+                self._log("run_interrupted", spec, repetition=spec.repetition)
             raise
         except Exception as error:
             if self.folder.is_full():
-                # Whatever failed, failed for this; not even the ledger could be told.
+                # Whatever failed, failed for this; not even the ledger could be reported.
                 raise no_space(self.folder.path) from error
             if (refused := refused_write(error)) is not None:
                 # The next run would meet the same disk.
@@ -151,24 +151,24 @@ class Runner:
             with self._books:
                 return self._failed(item, error, reporter)
         with self._books:
-            self._tell(
+            self._log(
                 "run_finished",
                 spec,
                 repetition=spec.repetition,
                 outcome=summary.get("outcome"),
                 outcome_reason=summary.get("outcome_reason"),
-                trusted=summary.get("trusted"),
-                distrust=summary.get("distrust"),
+                valid=summary.get("valid"),
+                invalid_reason=summary.get("invalid_reason"),
             )
             self._given_up_in_a_row = 0
-            if not summary.trusted and item.retries < self.retries:
+            if not summary.valid and item.retries < self.retries:
                 item.retries += 1
                 line = f"{verdict_of(summary)}; it is executed again"
                 reporter.run_failed(spec, line, last=False)
                 return 0.0
             self._verdict.done += 1
-            self._verdict.trusted += summary.trusted
-            self._verdict.not_completed += summary.trusted and not summary.completed
+            self._verdict.valid += summary.valid
+            self._verdict.not_completed += summary.valid and not summary.completed
             host = self.places.host_of(spec)
             reporter.run_ended(spec, verdict_of(summary) + (f"; host {host}" if host else ""))
         return None
@@ -177,7 +177,7 @@ class Runner:
         """What to do about an attempt without a result."""
         item.failures += 1
         line = str(error) if isinstance(error, SlambedError) else f"{type(error).__name__}: {error}"
-        self._tell("run_failed", item.spec, error=line)
+        self._log("run_failed", item.spec, error=line)
         if isinstance(error, KilledError) and item.failures < MOST_DEATHS:
             reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
             return 0.0
@@ -192,7 +192,7 @@ class Runner:
         reporter.run_failed(item.spec, line, last=True)
         return None
 
-    def _tell(self, event: str, spec: RunSpec, **fields: Any) -> None:
+    def _log(self, event: str, spec: RunSpec, **fields: Any) -> None:
         if (host := self.places.host_of(spec)) is not None:
             fields["host"] = host
         self.ledger.append(event, run_key=spec.run_key, cell=spec.cell, **fields)
@@ -205,8 +205,8 @@ def verdict_of(summary: Summary) -> str:
         phrase += f": {summary['outcome_reason']}"
     if summary.get("frames_total"):
         phrase += f", {summary.get('frames_tracked')}/{summary['frames_total']} frames tracked"
-    if not summary.trusted:
-        phrase += f"; not to be trusted: {summary.get('distrust')}"
+    if not summary.valid:
+        phrase += f"; invalid: {summary.get('invalid_reason')}"
     return phrase
 
 

@@ -7,7 +7,7 @@ from slambed.campaign.store import RunStore
 from slambed.spec.run_spec import RunSpec
 
 
-def further_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec]:
+def valid_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec]:
     """What an earlier campaign executed of the same cells beyond the repetitions planned now. Their
     keys follow from the plan: nothing is searched for."""
     last: dict[str, RunSpec] = {}
@@ -22,7 +22,7 @@ def further_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec
             further = spec.model_copy(
                 update={"repetition": number, "seed": spec.seed - spec.repetition + number}
             )
-            if store.state(further.run_key) != "trusted":
+            if store.state(further.run_key) != "valid":
                 break
             found.append(further)
     return found

@@ -21,8 +21,8 @@ class CellStatus:
     """Runs of one cell."""
 
     cell: str
-    trusted: int = 0
-    untrusted: list[str] = field(default_factory=list)
+    valid: int = 0
+    invalid: list[str] = field(default_factory=list)
     """Why, one line per run."""
     missing: int = 0
 
@@ -34,12 +34,12 @@ class Status:
     cells: list[CellStatus]
     notes: list[str]
     known: bool = True
-    """False where there is nothing to count, or nobody can tell yet: the notes say which."""
+    """False where there is nothing to count, or nobody knows yet: the notes say which."""
 
     @property
     def complete(self) -> bool:
-        """True when every run is there and to be trusted."""
-        return self.known and all(not cell.missing and not cell.untrusted for cell in self.cells)
+        """True when every run is there and valid."""
+        return self.known and all(not cell.missing and not cell.invalid for cell in self.cells)
 
 
 def was_run(results: Path, name: str) -> bool:
@@ -72,11 +72,11 @@ def status_now(results: Path, name: str, given: str) -> Status:
     try:
         plan = plan_as_it_is(experiment, source, library)
     except SlambedError as error:
-        told = f"{begun}: which of {count} are there is not known ({error})"
+        message = f"{begun}: which of {count} are there is not known ({error})"
         more = f"'slambed run {given} --dry-run' makes what is missing and says"
-        return Status([], [f"{told}; {more}"], known=False)
+        return Status([], [f"{message}; {more}"], known=False)
     cells = cells_of(plan.specs, folder)
-    there = sum(cell.trusted + len(cell.untrusted) for cell in cells)
+    there = sum(cell.valid + len(cell.invalid) for cell in cells)
     notes = [f"{begun}: {there} of {len(plan.specs)} runs; {start}"]
     notes += [f"left out: {line}" for line in plan.left_out]
     if there and not before:
@@ -90,11 +90,11 @@ def cells_of(specs: list[RunSpec], folder: ResultFolder) -> list[CellStatus]:
     for spec in specs:
         cell = cells.setdefault(spec.cell, CellStatus(spec.cell))
         match folder.state(spec.run_key):
-            case "trusted":
-                cell.trusted += 1
-            case "untrusted":
+            case "valid":
+                cell.valid += 1
+            case "invalid":
                 summary = folder.summary(spec.run_key) or Summary()
-                cell.untrusted.append(f"{spec.run_key}: {summary.get('distrust')}")
+                cell.invalid.append(f"{spec.run_key}: {summary.get('invalid_reason')}")
             case _:
                 cell.missing += 1
     return list(cells.values())

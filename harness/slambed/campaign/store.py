@@ -19,7 +19,7 @@ from slambed.metrics.run_data import REFERENCE_FILE
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 
-State = Literal["trusted", "untrusted", "missing"]
+State = Literal["valid", "invalid", "missing"]
 
 STORE = "runs"
 """No experiment may be called so."""
@@ -35,7 +35,7 @@ FULL_FILES = 64
 
 
 class RunStore:
-    """Runs by key, the attempts that were not to be trusted, and this campaign's work folder."""
+    """Runs by key, the invalid attempts, and this campaign's work folder."""
 
     def __init__(self, results: Path) -> None:
         self.results = results
@@ -80,7 +80,7 @@ class RunStore:
         # Its manifest may be of any version: to be missing is to be executed again.
         if summary is None or read_object(self.runs / run_key / "manifest.json") is None:
             return "missing"
-        return "trusted" if summary.trusted else "untrusted"
+        return "valid" if summary.valid else "invalid"
 
     def summary(self, run_key: str) -> Summary | None:
         """Of a run; None when it is not there or not whole."""
@@ -122,7 +122,7 @@ class RunStore:
     def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
         """Gives a finished raw folder its final form and its place, by one rename.
 
-        An earlier attempt that is not to be trusted is kept; a trusted one, which a campaign beside
+        An earlier invalid attempt is kept; a valid one, which a campaign beside
         this one has made meanwhile, stays, or becomes an earlier attempt where it is replaced.
         """
         assert self.work is not None
@@ -150,7 +150,7 @@ class RunStore:
         for path in [*tidy.rglob("*"), tidy]:
             _flush(path)
         with _locked(self.results / WORK / LOCK):
-            if replace or self.state(run_key) != "trusted":
+            if replace or self.state(run_key) != "valid":
                 self._set_aside(run_key)
                 tidy.rename(self.runs / run_key)
                 _flush(self.runs)

@@ -17,9 +17,10 @@ LEAST_RUNS = 2
 def bisect(
     experiment: Annotated[str, typer.Argument(help="Name in experiments/, or path of a file.")],
     good: Annotated[str, typer.Option(help="Commit, tag, or results folder of one commit.")],
-    bad: Annotated[str, typer.Option(help="The same, where the gate fell.")] = "HEAD",
+    bad: Annotated[str, typer.Option(help="The same, where the regression gate closed.")] = "HEAD",
     metric: Annotated[
-        list[str] | None, typer.Option(help="Only this; else all that the gate looks at.")
+        list[str] | None,
+        typer.Option(help="Only this; else all that the regression gate looks at."),
     ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Only this cell; * is any text.")] = None,
     runs: Annotated[
@@ -31,7 +32,8 @@ def bisect(
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm at a commit.")] = 0.05,
     results: Annotated[Path, typer.Option(help="Folder of all results.")] = Path("results"),
 ) -> None:
-    """Find the first commit that the gate would not pass, by virtual runs of equal seeds.
+    """Find the first commit that the regression gate would not pass, by virtual runs of equal
+    seeds.
 
     Commits are checked out beside the results, built where their sources differ, and measured by
     their own harness; what was measured is kept. Ends with 1 where skipped commits leave it open.
@@ -64,26 +66,26 @@ def bisect(
     place = results.resolve() / "bisect" / found.id
     make_folder(place, "--results")
 
-    def say(line: str) -> None:
+    def notify(line: str) -> None:
         console().print(line, highlight=False, markup=False, soft_wrap=True)
 
     workshop = Workshop(
         repository, place, source.path.resolve(), count, settings or [], only or [],
-        build_folder() / "bin", say,
+        build_folder() / "bin", notify,
     )  # fmt: skip
-    say(f"{found.id}: {len(candidates)} commits after {first.short} up to {last.short}")
+    notify(f"{found.id}: {len(candidates)} commits after {first.short} up to {last.short}")
     with workshop.opened():
-        answer = first_bad(first, candidates, workshop, metric or [], alpha, say)
+        answer = first_bad(first, candidates, workshop, metric or [], alpha, notify)
     if not answer.first:
-        say("no change for the worse between the two: nothing to look for")
+        notify("no change for the worse between the two: nothing to look for")
         return
     for line in answer.why:
-        say(f"worse: {line}")
+        notify(f"worse: {line}")
     if len(answer.first) > 1:
         for commit in answer.first:
-            say(f"first bad commit, or one of these: {commit}")
+            notify(f"first bad commit, or one of these: {commit}")
         raise SlambedError(
             f"skipped commits leave open which of {len(answer.first)} it is",
             ExitCode.NOT_ALL_GOOD,
         )
-    say(f"first bad commit: {answer.first[0]}")
+    notify(f"first bad commit: {answer.first[0]}")

@@ -95,7 +95,7 @@ def size(as_json: JsonOption = False) -> None:
     found = list(items(cache))
     if as_json:
         kinds = {kind: [item for item in found if item.kind == kind] for kind in MADE_AGAIN}
-        told = {
+        by_kind = {
             kind: {
                 "items": len(of_kind),
                 "bytes": sum(item.bytes for item in of_kind),
@@ -103,13 +103,15 @@ def size(as_json: JsonOption = False) -> None:
             }
             for kind, of_kind in kinds.items()
         }
-        print_json({"cache": str(cache), "kinds": told})
+        print_json({"cache": str(cache), "kinds": by_kind})
         return
     for kind, what in MADE_AGAIN.items():
         if of_kind := [item for item in found if item.kind == kind]:
             days = max(item.unused_days() for item in of_kind)
-            typer.echo(f"{kind} ({what}): {_told(of_kind)}, unused for up to {days:.0f} days")
-    typer.echo(f"{cache}: {_told(found)}; free what is not used: slambed cache prune")
+            typer.echo(
+                f"{kind} ({what}): {_size_and_age(of_kind)}, unused for up to {days:.0f} days"
+            )
+    typer.echo(f"{cache}: {_size_and_age(found)}; free what is not used: slambed cache prune")
 
 
 @app.command()
@@ -134,12 +136,14 @@ def prune(
     for item in old:
         if yes:
             remove(item)
-        told = f"{item.bytes / GIGABYTE:.2f} GB, unused for {item.unused_days():.0f} days"
-        typer.echo(f"{item.kind}/{item.path.name}: {told}")
+        message = f"{item.bytes / GIGABYTE:.2f} GB, unused for {item.unused_days():.0f} days"
+        typer.echo(f"{item.kind}/{item.path.name}: {message}")
     typer.echo(
-        f"removed {_told(old)}" if yes else f"would remove {_told(old)}; give --yes to do it"
+        f"removed {_size_and_age(old)}"
+        if yes
+        else f"would remove {_size_and_age(old)}; give --yes to do it"
     )
 
 
-def _told(several: list[Item]) -> str:
+def _size_and_age(several: list[Item]) -> str:
     return f"{len(several)} items, {sum(item.bytes for item in several) / GIGABYTE:.2f} GB"

@@ -197,5 +197,6 @@ def add_stand_ins(app: typer.Typer, line: Asked, commands: Iterable[str]) -> boo
 
 
 def _nothing() -> None:
-    # Stands for a command of which only the name is asked; a docstring would be told as its help.
+    # Stands for a command of which only the name is asked; a docstring would be reported as its
+    # help.
     pass

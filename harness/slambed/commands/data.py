@@ -29,7 +29,8 @@ Id = Annotated[
 
 
 def state(catalog: Catalog, dataset: Dataset) -> str:
-    """prepared, found, generated or missing; a choice tells which it takes, and instead of what."""
+    """prepared, found, generated or missing; a choice reports which it takes, and instead of
+    what."""
     from slambed.data.cache import SequenceCache
 
     if dataset.first_of:
@@ -106,10 +107,12 @@ def _offer_download(name: str) -> None:
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return
-    told = played_instead(catalog.resolve(name).id, wanted.id)
+    message = played_instead(catalog.resolve(name).id, wanted.id)
     if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
-        typer.echo(f"note: {told}. {wanted.id}: {how_to_get(wanted)}", err=True)
-    elif typer.confirm(f"{told}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"):
+        typer.echo(f"note: {message}. {wanted.id}: {how_to_get(wanted)}", err=True)
+    elif typer.confirm(
+        f"{message}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"
+    ):
         # Whoever answered has read that no checksum is known.
         download(wanted.id, force=True)
 

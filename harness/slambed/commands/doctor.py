@@ -78,7 +78,7 @@ def _python() -> Finding:
 def _cores() -> Finding:
     count = len(os.sched_getaffinity(0))
     if count < MIN_CORES:
-        cost = "both nodes, link and sampler share one core: timings are not to be trusted"
+        cost = "both nodes, link and sampler share one core: timings are not valid"
         return Finding("cores", "missing", f"{count}", cost)
     return Finding("cores", "good", f"{count}")
 

@@ -57,14 +57,15 @@ def explain(
 
     Who computed what when, messages under way, states, RTT and track losses; live and virtual runs
     alike. --around loss also says why track was lost and shows the pictures on both sides of it,
-    where the sequence is prepared here. --slowest tells of the longest frames whether they had more
-    to compute, were throttled by their limits, stalled by the host, or queued; it draws nothing.
+    where the sequence is prepared here. --slowest shows for the longest frames whether they had
+    more to compute, were throttled by their limits, stalled by the host, or queued; it draws
+    nothing.
     """
     from slambed.commands.find_run import find_run
     from slambed.explain.loss_pictures import draw_loss, losses_in
     from slambed.explain.picture import draw
     from slambed.explain.run_log import read_run
-    from slambed.explain.slowest import slowest, tell
+    from slambed.explain.slowest import report_lines, slowest
     from slambed.explain.story import story
     from slambed.metrics.losses import sentence
 
@@ -73,7 +74,7 @@ def explain(
         if path or rerun or any(given is not None for given in (output, begin, end, around)):
             raise SlambedError("--slowest draws nothing; give it alone")
         log = read_run(folder)
-        for line in tell(log, slowest(log, count)):
+        for line in report_lines(log, slowest(log, count)):
             typer.echo(line)
         return
     if path or rerun:
@@ -92,7 +93,7 @@ def explain(
     if (begin is not None and begin < 0.0) or (end is not None and end > log.end_s):
         typer.echo(f"note: the run is from 0 to {log.end_s:.1f} s, there is nothing beyond")
     if around == "loss":
-        for loss in losses_in(log)[:1]:  # none where events tell losses but no frames
+        for loss in losses_in(log)[:1]:  # none where events report losses but no frames
             typer.echo(f"why it was lost at {loss.t_s:.2f} s ({loss.cause}): {sentence(loss)}")
             typer.echo(draw_loss(log, loss, target.with_stem(f"{target.stem}_loss")))
     draw(log, window, target)

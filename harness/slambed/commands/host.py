@@ -66,9 +66,9 @@ def setup(
         raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
     place = build_folder()
     make_folder(place, "$SLAMBED_CACHE")
-    told = {"SLAMBED_BUILD": str(place), "SLAMBED_SOURCES": source_hash()}
+    variables = {"SLAMBED_BUILD": str(place), "SLAMBED_SOURCES": source_hash()}
     command = ["bash", str(repository_root() / "tools" / "build.sh"), engine]
-    if subprocess.run(command, check=False, env=os.environ | told).returncode != 0:
+    if subprocess.run(command, check=False, env=os.environ | variables).returncode != 0:
         raise environment_error("the programs could not be built; see the lines above")
     typer.echo(f"programs: {place / 'bin'}")
 

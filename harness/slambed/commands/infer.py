@@ -30,7 +30,7 @@ def infer(
     """Fit what a paper leaves open on some of its numbers, and predict others.
 
     Virtual runs at points spread over what the plan leaves open; those whose likelihood of the
-    printed counts is near to the best are kept and predict the numbers held out. The page tells
+    printed counts is near to the best are kept and predict the numbers held out. The page reports
     fit, profiles, predictions in or out, attribution and what failed. What is there is not
     executed again: the same call goes on after an interrupt.
     """
@@ -59,8 +59,10 @@ def infer(
         typer.echo(line)
     typer.echo(path)
     if outcome.fit.unpaid or outcome.predicting < outcome.kept:
-        told = f"{outcome.predicting} of {outcome.kept} kept points predict"
-        raise SlambedError(f"{told}: the budget is spent, raise budget_runs", ExitCode.NOT_ALL_GOOD)
+        message = f"{outcome.predicting} of {outcome.kept} kept points predict"
+        raise SlambedError(
+            f"{message}: the budget is spent, raise budget_runs", ExitCode.NOT_ALL_GOOD
+        )
     if outcome.failures:
-        told = f"{len(outcome.failures)} runs have no result: {outcome.failures[0]}"
-        raise SlambedError(f"{told}; the same command tries again", ExitCode.NOT_ALL_GOOD)
+        message = f"{len(outcome.failures)} runs have no result: {outcome.failures[0]}"
+        raise SlambedError(f"{message}; the same command tries again", ExitCode.NOT_ALL_GOOD)

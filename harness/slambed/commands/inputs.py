@@ -24,7 +24,7 @@ def list_inputs(as_json: JsonOption = False) -> None:
 
     library = Library()
     if as_json:
-        print_json([_told(library, name) for name in library.inputs()])
+        print_json([_entry(library, name) for name in library.inputs()])
         return
     table = Table("input", "yields", "of", "made", "title", box=None)
     for name in library.inputs():
@@ -56,7 +56,7 @@ def show(name: Name, as_json: JsonOption = False) -> None:
     library = Library()
     library.input(name)
     if as_json:
-        print_json(_told(library, name))
+        print_json(_entry(library, name))
         return
     made = find_prepared(name)
     if not made:
@@ -65,7 +65,7 @@ def show(name: Name, as_json: JsonOption = False) -> None:
     typer.echo(json.dumps(_record(made[0]), indent=1))
 
 
-def _told(library: "Library", name: str) -> dict[str, Any]:
+def _entry(library: "Library", name: str) -> dict[str, Any]:
     """A recipe with its newest file, null where none was made."""
     from slambed.campaign.prepared_inputs import find_prepared
 

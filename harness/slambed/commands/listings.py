@@ -230,17 +230,17 @@ def _compared(experiment: Experiment) -> list[str]:
         lines.append(f"system: {named}{label}{f' ({own})' if own else ''}")
     lines.append(f"datasets: {', '.join(experiment.datasets)}; {_set(experiment.playback)}")
     if experiment.link is not None:
-        told = experiment.link.model_dump(mode="json")["profiles"]
-        lines.append(f"link profiles: {', '.join(map(_profile, told))}")
+        reported = experiment.link.model_dump(mode="json")["profiles"]
+        lines.append(f"link profiles: {', '.join(map(_profile, reported))}")
     lines.append(f"devices: {_set(experiment.devices)}")
     lines.append(f"runs per cell: {_set(experiment.runs)}; seed {experiment.seed}")
     return lines
 
 
-def _profile(told: object) -> str:
-    if not isinstance(told, dict):
-        return f"{told:g} ms" if isinstance(told, int | float) else str(told)
-    return str(told.get("name") or told.get("profile") or "written in place")
+def _profile(reported: object) -> str:
+    if not isinstance(reported, dict):
+        return f"{reported:g} ms" if isinstance(reported, int | float) else str(reported)
+    return str(reported.get("name") or reported.get("profile") or "written in place")
 
 
 def _set(model: BaseModel) -> str:

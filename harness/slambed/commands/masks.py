@@ -84,7 +84,8 @@ def score(
     quality: Quality = QUALITY,
     n_m: NMax = N_M,
 ) -> None:
-    """Compare masks with the truth of a generated sequence; without one, tell the marked share."""
+    """Compare masks with the truth of a generated sequence; without one, report the marked
+    share."""
     import numpy as np
 
     from slambed.segment.mask_cache import MaskCache
@@ -94,8 +95,8 @@ def score(
     sequence, masks, _ = _masks(dataset, network, quality, n_m)
     if not sequence.info.source.get("labels_sha256"):
         shares = [float(masks.frame(i).moving().mean()) for i in range(len(masks))]
-        told = {"marked_share_mean": float(np.mean(shares)), "marked_share_max": max(shares)}
-        typer.echo(json.dumps(told))
+        reported = {"marked_share_mean": float(np.mean(shares)), "marked_share_max": max(shares)}
+        typer.echo(json.dumps(reported))
         return
     truth = MaskCache.open(mask_cache(sequence, TRUTH, quality, n_m))
     scores = Scores()

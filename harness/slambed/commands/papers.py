@@ -92,7 +92,7 @@ def lint(
         raise SlambedError(f"{len(problems)} problems in papers/, see above", ExitCode.NOT_ALL_GOOD)
     for paper in papers:
         claims = [cell for cell in cells_of(paper).values() if cell.claim is not None]
-        judged = sum(cell.standing.judged for cell in (*table_cells(paper).values(), *claims))
+        judged = sum(cell.comparability.judged for cell in (*table_cells(paper).values(), *claims))
         typer.echo(
             f"{paper.id}: {len(table_cells(paper))} cells and {len(claims)} claims are mapped or "
             f"say why not ({judged} to be judged), {len(paper.contrasts)} orderings"
@@ -148,7 +148,7 @@ def list_(as_json: JsonOption = False) -> None:
 
 @app.command()
 def rates() -> None:
-    """Tell how often the rules of verdicts err, as in docs/metrics.md."""
+    """Show how often the rules of verdicts err, as in docs/metrics.md."""
     from slambed.papers.verdicts.rates import rates_markdown
 
     typer.echo(rates_markdown())
@@ -162,7 +162,7 @@ def power(
     ] = Path("results"),
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Virtual runs side by side.")] = 2,
 ) -> None:
-    """Tell before a campaign what it can decide about a paper, and what it costs."""
+    """Show before a campaign what it can decide about a paper, and what it costs."""
     from slambed.papers.paper_runs import sizes_of
     from slambed.papers.power import costs, number_powers, ordering_powers
     from slambed.papers.published.paper_plan import read_plan

@@ -78,7 +78,7 @@ def _report(
 ) -> None:
     """One experiment's, into `place`; `quiet`: only where its page is."""
     from slambed.papers.experiment_tables import comparisons_for
-    from slambed.report.experiment import Told, terminal_summary, write_report
+    from slambed.report.experiment import ReportSummary, terminal_summary, write_report
     from slambed.report.load import load
     from slambed.report.plots import TIME_FOR_FIGURES_S
 
@@ -89,7 +89,7 @@ def _report(
             for line in recompute(folder).lines():
                 typer.echo(line)
     found = load(folder)
-    told = Told.of(found, comparisons_for(found))
+    summary = ReportSummary.of(found, comparisons_for(found))
     limit_s = None if every else TIME_FOR_FIGURES_S
     if place != folder:
         make_folder(place, "--output")
@@ -97,11 +97,11 @@ def _report(
         line = f"{place} is not ours to write to; give a folder of your own: --output FOLDER"
         raise SlambedError(line, ExitCode.ENVIRONMENT)
     will_be_callers(place)
-    paths = write_report(folder, figures=figures, limit_s=limit_s, told=told, place=place)
+    paths = write_report(folder, figures=figures, limit_s=limit_s, summary=summary, place=place)
     if quiet:
         typer.echo(f"{paths.html}")
     else:
-        terminal_summary(folder, console(), told, place)
+        terminal_summary(folder, console(), summary, place)
 
 
 def diff_command(
@@ -200,7 +200,7 @@ def gate(
     history: Annotated[Path | None, typer.Option(help="Append tonight's runs here.")] = None,
     first_night: Annotated[
         bool,
-        typer.Option("--first-night", help="No baseline yet: only look for runs to be trusted."),
+        typer.Option("--first-night", help="No baseline yet: only look for valid runs."),
     ] = False,
     publish: Annotated[
         Path | None, typer.Option(help="Write the history as a page over commits there.")
@@ -249,7 +249,9 @@ def gate(
             soft_wrap=True,
         )
     if reasons:
-        raise SlambedError(f"gate closed: {reasons} reasons above", ExitCode.NOT_ALL_GOOD)
+        raise SlambedError(
+            f"regression gate closed: {reasons} reasons above", ExitCode.NOT_ALL_GOOD
+        )
 
 
 def evaluate(

@@ -24,7 +24,7 @@ def show_losses(folder: Path, experiment: str, output: Path | None, as_json: boo
     if not runs:
         raise SlambedError(f"no run of {experiment} counts; 'slambed status {experiment}' says why")
     if as_json:
-        print_json({"experiment": folder.name, "runs": [_told(run) for run in runs]})
+        print_json({"experiment": folder.name, "runs": [_entry(run) for run in runs]})
     else:
         for table in (by_cause(runs), all_by_cause(runs)):
             console().print(table.rich())
@@ -36,6 +36,6 @@ def show_losses(folder: Path, experiment: str, output: Path | None, as_json: boo
         typer.echo(f"every loss: {output}", err=as_json)
 
 
-def _told(run: LostRun) -> dict[str, Any]:
+def _entry(run: LostRun) -> dict[str, Any]:
     losses = [{**asdict(loss), "why": sentence(loss)} for loss in run.losses]
     return {**asdict(run), "losses": losses}

@@ -16,7 +16,7 @@ FIGURES = (
 """Kinds of figures beside those of a metric."""
 
 
-def check_asked(experiment: Experiment, source: YamlSource) -> None:
+def check_figure_names(experiment: Experiment, source: YamlSource) -> None:
     """Raises SlambedError for a metric, a plot or a published number that nobody knows."""
     report = experiment.report
     own = own_of(choice.system for choice in experiment.systems).values()

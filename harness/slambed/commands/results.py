@@ -43,15 +43,15 @@ def prune(
 
     _must_be_there(results)
     store, keys = RunStore(results), unnamed(results)
-    told = size_of(store, keys)
+    total = size_of(store, keys)
     if not yes:
-        typer.echo(f"would remove {told}; give --yes to do it")
+        typer.echo(f"would remove {total}; give --yes to do it")
         return
     for key in keys:
         store.remove(key)
     for name, named in plans(results):
         ResultFolder(results / name).show(named)
-    typer.echo(f"removed {told}")
+    typer.echo(f"removed {total}")
 
 
 @app.command("pack")
@@ -63,7 +63,7 @@ def pack_command(
     ] = False,
     results: ResultsOption = RESULTS,
 ) -> None:
-    """Write the trusted runs of experiments into one small file: numbers and circumstances."""
+    """Write the valid runs of experiments into one small file: numbers and circumstances."""
     from slambed.campaign.pack import pack
 
     runs, size = pack(results, names, output, whole)

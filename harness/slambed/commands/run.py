@@ -51,9 +51,7 @@ def run(
         list[str] | None,
         typer.Option("--on", help="With --hosts: only this host, or those with this label."),
     ] = None,
-    retries: Annotated[
-        int, typer.Option(min=0, help="Further attempts of a run that is not to be trusted.")
-    ] = 2,
+    retries: Annotated[int, typer.Option(min=0, help="Further attempts of a invalid run.")] = 2,
     wait_for_quiet: Annotated[
         float,
         typer.Option(min=0, help="Minutes to wait for a quiet host before live runs."),
@@ -81,12 +79,12 @@ def run(
 ) -> None:
     """Run what is missing of an experiment, then show and write its report.
 
-    Runs that are there and to be trusted are kept: call it again after an interrupt and it goes on.
+    Runs that are there and valid are kept: call it again after an interrupt and it goes on.
     """
     from slambed.campaign import plan
     from slambed.campaign.check_engine import engine_here
     from slambed.campaign.options import Options
-    from slambed.commands.report_request import check_asked
+    from slambed.commands.report_request import check_figure_names
     from slambed.commands.run_and_report import raise_unless_good, run_and_report
     from slambed.spec.hosts import read_hosts
     from slambed.spec.library import Library
@@ -100,7 +98,7 @@ def run(
             raise SlambedError("--check looks at the files alone; --dry-run looks at cells, too")
         found, source = library.experiment(experiment, settings)
         plan.repetitions(found, runs)
-        check_asked(found, source)
+        check_figure_names(found, source)
         others = read_hosts(hosts, on or [], engine) if hosts else []
         asked = others[0].engine if others else engine or found.engine
         plan.check(found, source, library, asked)
@@ -108,7 +106,7 @@ def run(
         for line in plan.notes(found, library):
             typer.echo(f"note: {line}")
         if others:
-            typer.echo(f"engine: {asked}, which only the hosts can tell when they are asked")
+            typer.echo(f"engine: {asked}, which only the hosts know when they are asked")
             return
         for line in engine_here(asked, found, library):
             typer.echo(line)

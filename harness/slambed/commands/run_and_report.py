@@ -8,40 +8,42 @@ from rich.console import Console
 
 from slambed.campaign.options import Options
 from slambed.campaign.run_experiment import run_experiment
-from slambed.campaign.runner import Verdict
-from slambed.commands.report_request import check_asked
+from slambed.campaign.runner import CampaignOutcome
+from slambed.commands.report_request import check_figure_names
 from slambed.errors import ExitCode, SlambedError
 from slambed.papers.experiment_tables import comparisons_for
 from slambed.papers.published.paper_plan import plans_of_today
 from slambed.report.current import is_current
-from slambed.report.experiment import Told, terminal_summary, write_report
+from slambed.report.experiment import ReportSummary, terminal_summary, write_report
 from slambed.report.load import load
 from slambed.report.recompute import recompute_refused
 from slambed.report.style import ON_PAGES
 
 
-def run_and_report(name: str, options: Options, console: Console, figures: bool = True) -> Verdict:
+def run_and_report(
+    name: str, options: Options, console: Console, figures: bool = True
+) -> CampaignOutcome:
     """Executes what is missing of an experiment, then shows and writes its report."""
     options = replace(options, plans=plans_of_today())
-    verdict = run_experiment(name, options, console, check_asked)
+    verdict = run_experiment(name, options, console, check_figure_names)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
         show_report(verdict.folder, console, verdict.done > 0, figures)
     return verdict
 
 
-def raise_unless_good(verdicts: list[Verdict], what: str) -> None:
+def raise_unless_good(verdicts: list[CampaignOutcome], what: str) -> None:
     """Raises SlambedError (exit code 1) where a campaign did not end as one would wish."""
     given_up = [line for verdict in verdicts for line in verdict.given_up.values()]
     done = sum(verdict.done for verdict in verdicts)
-    untrusted = done - sum(verdict.trusted for verdict in verdicts)
+    invalid = done - sum(verdict.valid for verdict in verdicts)
     broken_off = sum(verdict.not_completed for verdict in verdicts)
     line = None
     if given_up:
         line = f"{len(given_up)} runs have no result: {given_up[0]}; the same command tries again"
-    elif untrusted:
-        line = f"{untrusted} of {done} runs are not to be trusted; 'slambed status {what}' says why"
+    elif invalid:
+        line = f"{invalid} of {done} runs are invalid; 'slambed status {what}' says why"
     elif broken_off:
-        line = f"{broken_off} of {done} runs did not complete: a result, which the report tells"
+        line = f"{broken_off} of {done} runs did not complete: a result, which the report shows"
     if line is not None:
         raise SlambedError(line, ExitCode.NOT_ALL_GOOD)
 
@@ -53,14 +55,14 @@ def show_report(folder: Path, console: Console, anew: bool = True, figures: bool
     if results.refused and (again := recompute_refused(folder)) is not None:
         anew = True
         for line in again.lines():
-            _say(console, line)
+            _print(console, line)
         results = load(folder)
-    told = Told.of(results, comparisons_for(results))
+    summary = ReportSummary.of(results, comparisons_for(results))
     if anew or not is_current(folder):
-        write_report(folder, figures=figures, told=told, formats=ON_PAGES)
-    terminal_summary(folder, console, told)
-    _say(console, f"every run: {folder / 'summary.csv'}")
+        write_report(folder, figures=figures, summary=summary, formats=ON_PAGES)
+    terminal_summary(folder, console, summary)
+    _print(console, f"every run: {folder / 'summary.csv'}")
 
 
-def _say(console: Console, line: str) -> None:
+def _print(console: Console, line: str) -> None:
     console.print(line, highlight=False, markup=False, soft_wrap=True)

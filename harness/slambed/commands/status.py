@@ -70,14 +70,14 @@ def _show(found: "Status") -> None:
     if found.cells:
         screen.print(_table(found))
     for line in [
-        *(f"not to be trusted: {line}" for cell in found.cells for line in cell.untrusted),
+        *(f"invalid: {line}" for cell in found.cells for line in cell.invalid),
         *(f"note: {line}" if found.cells else line for line in found.notes),
     ]:
         screen.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _table(found: "Status") -> Table:
-    table = Table("cell", "trusted", "untrusted", "missing", box=None)
+    table = Table("cell", "valid", "invalid", "missing", box=None)
     for cell in found.cells:
-        table.add_row(cell.cell, str(cell.trusted), str(len(cell.untrusted)), str(cell.missing))
+        table.add_row(cell.cell, str(cell.valid), str(len(cell.invalid)), str(cell.missing))
     return table

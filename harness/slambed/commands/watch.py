@@ -96,21 +96,21 @@ def _follow(watches: list[CampaignWatch], screen: Console) -> None:
                     live.update(view(alive), refresh=True)
                     time.sleep(EVERY_S)
         else:
-            _tell_changes(watches)
+            _print_changes(watches)
     except KeyboardInterrupt:
         return
     for watched in _look(watches):
         typer.echo(end_line(watched.state))
 
 
-def _tell_changes(watches: list[CampaignWatch]) -> None:
+def _print_changes(watches: list[CampaignWatch]) -> None:
     """A line per change of a queue, for logs."""
     from slambed.commands.watch_view import queue_line
 
-    told: dict[str, tuple[int, int]] = {}
+    reported: dict[str, tuple[int, int]] = {}
     while alive := _alive(watches):
         for state in (watched.state for watched in alive):
-            if told.get(state.experiment) != (counts := (state.done, state.failed)):
-                told[state.experiment] = counts
+            if reported.get(state.experiment) != (counts := (state.done, state.failed)):
+                reported[state.experiment] = counts
                 typer.echo(f"{state.experiment}: {queue_line(state)}")
         time.sleep(EVERY_S)

@@ -42,8 +42,8 @@ def _campaign(watched: Watched) -> list[RenderableType]:
 def queue_line(state: CampaignState) -> str:
     """How far the queue is, in a line."""
     parts = [f"{state.done} of {state.asked} runs done"]
-    if state.untrusted:
-        parts.append(f"{state.untrusted} of them not to be trusted")
+    if state.invalid:
+        parts.append(f"{state.invalid} of them invalid")
     if state.failed:
         parts.append(f"{state.failed} failed")
     if state.in_hand:

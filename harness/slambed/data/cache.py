@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from slambed.data.places import no_cache
-from slambed.data.preparation import Job, Progress, Say
+from slambed.data.preparation import Job, Notify, Progress
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
 from slambed.errors import SlambedError, environment_error
@@ -31,18 +31,18 @@ class SequenceCache:
         dataset: Dataset,
         job: Job,
         progress: Progress | None,
-        say: Say = lambda line: None,
+        notify: Notify = lambda line: None,
     ) -> PreparedSequence:
-        """The sequence of this job, from the cache or made now; `say` hears of waiting."""
+        """The sequence of this job, from the cache or made now; `notify` hears of waiting."""
         path = self.folder / f"{dataset.id}-{job.key()[:_KEY_DIGITS]}"
         if (ready := _open_or_none(path)) is not None:
             return ready
-        with self._lock(dataset.id, say):
+        with self._lock(dataset.id, notify):
             if (ready := _open_or_none(path)) is not None:
                 return ready
             self._sweep(dataset.id)
             self._check_space(job)
-            job.write(path, progress, say)
+            job.write(path, progress, notify)
             return PreparedSequence.open(path)
 
     def find(self, dataset: Dataset) -> Path | None:
@@ -75,14 +75,14 @@ class SequenceCache:
             raise no_cache(self.folder, refused) from refused
 
     @contextmanager
-    def _lock(self, name: str, say: Say) -> Iterator[None]:
+    def _lock(self, name: str, notify: Notify) -> Iterator[None]:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             file = (self.folder / f".{name}.lock").open("w")
         except OSError as refused:
             raise no_cache(self.folder, refused) from refused
         with file:
-            lock_file(file, f"prepares {name}", say)
+            lock_file(file, f"prepares {name}", notify)
             yield
 
     def _sweep(self, name: str) -> None:

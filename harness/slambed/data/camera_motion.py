@@ -22,7 +22,7 @@ LONGEST_GAP_S = 0.25
 
 @dataclass(frozen=True)
 class CameraMotion:
-    """True poses T_wc of frames, interpolated; [N,4,4], NaN where ground truth tells nothing."""
+    """True poses T_wc of frames, interpolated; [N,4,4], NaN where ground truth reports nothing."""
 
     poses: Floats
 

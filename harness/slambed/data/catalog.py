@@ -9,7 +9,7 @@ from pathlib import Path
 
 from slambed.data import places
 from slambed.data.cache import SequenceCache
-from slambed.data.preparation import Progress, Say, SourceJob, SynthJob
+from slambed.data.preparation import Notify, Progress, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
@@ -199,17 +199,17 @@ class Catalog:
         name: str,
         cache_dir: Path | None = None,
         progress: Progress | None = None,
-        say: Say = lambda line: None,
+        notify: Notify = lambda line: None,
     ) -> PreparedSequence:
         """The prepared sequence of a dataset; made now when the cache does not have it.
 
-        Two processes never prepare the same dataset at once, and `say` hears of waiting; an
+        Two processes never prepare the same dataset at once, and `notify` hears of waiting; an
         interrupt leaves nothing behind.
         """
         dataset = self.whole(self.resolve(name, cache_dir))
         cache = SequenceCache(places.prepared_folder(cache_dir))
         if dataset.synthetic is not None:
-            return cache.get(dataset, SynthJob(dataset, self._path_file(dataset)), progress, say)
+            return cache.get(dataset, SynthJob(dataset, self._path_file(dataset)), progress, notify)
         source = self.locate(dataset)
         if source is None:
             if (kept := cache.find(dataset)) is not None:
@@ -218,7 +218,7 @@ class Catalog:
         if (source / SEQUENCE_FILE).is_file():
             return PreparedSequence.open(source)
         reader = open_source(dataset, *self._located(dataset))
-        return cache.get(dataset, SourceJob(dataset, reader), progress, say)
+        return cache.get(dataset, SourceJob(dataset, reader), progress, notify)
 
     def prepared(self, name: str, cache_dir: Path | None = None) -> PreparedSequence | None:
         """What `prepare` would open without making anything; None where it would make it first."""
@@ -279,9 +279,9 @@ def prepare(
     dataset_id: str,
     cache_dir: Path | None = None,
     progress: Progress | None = None,
-    say: Say = lambda line: None,
+    notify: Notify = lambda line: None,
 ) -> PreparedSequence:
     """Prepares a dataset of the checkout's catalog; a prepared folder's path is opened as is."""
     if (Path(dataset_id) / SEQUENCE_FILE).is_file():
         return PreparedSequence.open(dataset_id)
-    return Catalog.load().prepare(dataset_id, cache_dir, progress, say)
+    return Catalog.load().prepare(dataset_id, cache_dir, progress, notify)

@@ -40,5 +40,5 @@ class Part:
         return self.sequence.info.fps / (float(np.median(steps)) if len(steps) else 1.0)
 
     def truth(self) -> Trajectory | None:
-        """The true path, where there is one that shall be told."""
+        """The true path, where there is one that shall be reported."""
         return self.sequence.groundtruth() if self.with_truth else None

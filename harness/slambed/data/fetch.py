@@ -75,11 +75,11 @@ def fetch(wanted: Wanted, folder: Path, progress: Progress | None = None) -> tup
                 continue
             return part, digest
         kept = part.stat().st_size if part.is_file() else 0
-        told = "; ".join(str(item) for item in failures)
+        message = "; ".join(str(item) for item in failures)
         if all(isinstance(item, WrongChecksumError) for item in failures):
-            raise SlambedError(f"{told}; nothing was kept")
+            raise SlambedError(f"{message}; nothing was kept")
         goes_on = f"; {kept} bytes are kept, the same command goes on" if kept else ""
-        raise environment_error(f"{told}; check the network{goes_on}")
+        raise environment_error(f"{message}; check the network{goes_on}")
 
 
 def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> str:

@@ -12,7 +12,7 @@ from slambed.errors import SlambedError
 
 
 def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str, list[str]]:
-    """Lines for a dataset file, and what should be told about them."""
+    """Lines for a dataset file, and what should be reported about them."""
     kind, cameras = read_cameras(file)
     if number >= len(cameras):
         raise SlambedError(

@@ -48,8 +48,8 @@ def search_path() -> list[Path]:
 
 def dataset_folders() -> list[Path]:
     """Folders of dataset files of one's own: $SLAMBED_DATASETS (colon list)."""
-    told = os.environ.get(DATASETS_VARIABLE, "").split(os.pathsep)
-    return [Path(part).expanduser().resolve() for part in told if part]
+    folders = os.environ.get(DATASETS_VARIABLE, "").split(os.pathsep)
+    return [Path(part).expanduser().resolve() for part in folders if part]
 
 
 def is_open(folder: Path) -> bool:

@@ -29,7 +29,7 @@ from slambed.native import find_program
 #: Called with frames done and frames in all.
 Progress = Callable[[int, int], None]
 #: Called with a line for whoever waits.
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 #: Raised when the same source must be prepared anew because this code changed.
 PREPARATION_VERSION = 3
@@ -49,8 +49,8 @@ class Job(Protocol):
     def size_bytes(self) -> int:
         """About how much will be written."""
 
-    def write(self, path: Path, progress: Progress | None, say: Say) -> None:
-        """Makes the folder, whole or not at all; `say` hears what was left out or recognized."""
+    def write(self, path: Path, progress: Progress | None, notify: Notify) -> None:
+        """Makes the folder, whole or not at all; `notify` hears what was left out or recognized."""
 
 
 class SourceJob:
@@ -73,7 +73,7 @@ class SourceJob:
     def size_bytes(self) -> int:
         return len(self._reader) * stride_bytes(self._dataset.sensor, *self._reader.size())
 
-    def write(self, path: Path, progress: Progress | None, say: Say) -> None:
+    def write(self, path: Path, progress: Progress | None, notify: Notify) -> None:
         dataset, reader = self._dataset, self._reader
         width, height = reader.size()
         times_ns = reader.times_ns()
@@ -81,7 +81,7 @@ class SourceJob:
         truth = self._trajectory(times_ns)
         later_s = _seconds_to_zero(reader, times_ns)
         for note in reader.notes:
-            say(f"note: {note}")
+            notify(f"note: {note}")
         straighten = _straightener(dataset.camera)
         with PreparedWriter(
             path,
@@ -197,7 +197,9 @@ class SynthJob:
                 command.append(str(value))
         return command
 
-    def write(self, path: Path, progress: Progress | None, say: Say = lambda line: None) -> None:
+    def write(
+        self, path: Path, progress: Progress | None, notify: Notify = lambda line: None
+    ) -> None:
         process = subprocess.Popen(
             self.command(path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )

@@ -58,17 +58,17 @@ def depth_of(message: Any, name: str, unit_m: float) -> NDArray[np.uint16]:
 def _compressed_depth(message: Any, name: str) -> NDArray[Any]:
     """Of compressed_depth_image_transport: `16UC1; compressedDepth` is the depth itself, `32FC1;
     compressedDepth` the quantized inverse of it."""
-    told, data = str(message.format), message.data.tobytes()
-    encoding = told.partition(";")[0].strip()
-    if "rvl" in told.lower():
+    reported, data = str(message.format), message.data.tobytes()
+    encoding = reported.partition(";")[0].strip()
+    if "rvl" in reported.lower():
         raise SlambedError(
-            f"{name}: '{told}': RVL compression is not supported; republish it as png or raw "
+            f"{name}: '{reported}': RVL compression is not supported; republish it as png or raw "
             "(ros2 run image_transport republish compressedDepth raw)"
         )
     if encoding not in ("16UC1", "mono16", "32FC1"):
         raise SlambedError(
-            f"{name}: '{told}' does not say what the depth was, expected '16UC1; compressedDepth' "
-            "or '32FC1; compressedDepth'; republish it raw"
+            f"{name}: '{reported}' does not say what the depth was, expected "
+            "'16UC1; compressedDepth' or '32FC1; compressedDepth'; republish it raw"
         )
     if len(data) < _DEPTH_HEADER.size:
         raise SlambedError(f"{name}: {len(data)} bytes are no compressed depth; record it again")
@@ -77,7 +77,7 @@ def _compressed_depth(message: Any, name: str) -> NDArray[Any]:
         return image
     _, a, b = _DEPTH_HEADER.unpack_from(data)
     if image.dtype != np.uint16 or image.ndim != 2 or not (a > 0 and np.isfinite(b)):
-        raise SlambedError(f"{name}: '{told}' is not quantized as expected; republish it raw")
+        raise SlambedError(f"{name}: '{reported}' is not quantized as expected; republish it raw")
     known = (image > 0) & (image > b)
     inverse = np.where(known, image.astype(np.float64) - b, 1.0)
     return np.where(known, a / inverse, np.nan)

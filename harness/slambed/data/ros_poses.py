@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth of ROS messages: whatever tells where the camera was, and when."""
+"""Ground truth of ROS messages: whatever reports where the camera was, and when."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from slambed.errors import SlambedError
 
 NS_PER = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 UNIT_NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-#: Recordings are of 1990 to 2100: a count since 1970 in this range of seconds tells its unit.
+#: Recordings are of 1990 to 2100: a count since 1970 in this range of seconds reports its unit.
 _EPOCH_S = (631_152_000, 4_102_444_800)
 #: As often or as seldom as this, compared with the nominal rate, frames do not come: another unit.
 _RATE_FACTOR = 100

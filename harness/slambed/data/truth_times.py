@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether ground truth belongs to the frames of a recording: told before anything is run."""
+"""Whether ground truth belongs to the frames of a recording: reported before anything is run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slambed.errors import SlambedError
 
 #: As many pairs are needed to align two paths.
 _FEWEST_PAIRS = 3
-#: Of less of the frames with a pose it is told.
+#: Of less of the frames with a pose it is reported.
 _USUAL_SHARE = 0.5
 
 Floats = NDArray[np.float64]
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 def fitting_truth(
     times_ns: Sequence[int], truth: Trajectory, where: str
 ) -> tuple[Trajectory, list[str]]:
-    """The truth in seconds, and what should be told about it.
+    """The truth in seconds, and what should be reported about it.
 
     Raises SlambedError where no frame has a pose near it.
     """

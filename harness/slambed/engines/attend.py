@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process beside the nodes of a run: caps their threads, samples them, keeps the metronome.
+"""The sidecar of the nodes of a run: caps their threads, samples them, keeps the metronome.
 
 Run as `python -m slambed.engines.attend`. It answers the messages of `attend_messages`, a line
 each, and ends with its input.
@@ -18,21 +18,21 @@ from slambed.engines.attend_messages import (
     FIRST,
     REQUESTS,
     TICKING,
-    Attend,
-    AttendedNode,
-    Attending,
     Follow,
     Following,
+    MonitoredNode,
+    OpenSidecar,
+    SidecarOpened,
     Start,
     Started,
     Stopped,
 )
 from slambed.engines.thread_caps import ThreadCaps
 from slambed.errors import ExitCode, SlambedError
-from slambed.process.line_protocol import Failure, LineReader, message_in, tell
+from slambed.process.line_protocol import Failure, LineReader, message_in, send
 from slambed.sampling.cgroup import CgroupReader, GroupProcesses, paths_of
 from slambed.sampling.cpu_group import leave_cpu_group
-from slambed.sampling.record import Beside, ThreadCap
+from slambed.sampling.record import SidecarUse, ThreadCap
 from slambed.sampling.sampler import NodeWatch, Sampler
 from slambed.sampling.tasks import Pressure, RunQueueDelay
 from slambed.sampling.tcp_info import TcpWatch
@@ -75,10 +75,10 @@ class Metronome:
         return used.ru_utime + used.ru_stime
 
 
-class Attendant:
-    """Everything that is done beside the nodes while they run."""
+class SidecarServer:
+    """The sidecar: everything that is done for the nodes while they run."""
 
-    def __init__(self, asked: Attend, out: TextIO) -> None:
+    def __init__(self, asked: OpenSidecar, out: TextIO) -> None:
         if asked.cpus:
             os.sched_setaffinity(0, asked.cpus)
         self._caps: dict[str, ThreadCaps] = {}
@@ -90,7 +90,7 @@ class Attendant:
         self._t0_ns: int | None = None
         self._started: tuple[float, float] | None = None
 
-    def _watch(self, name: str, node: AttendedNode) -> NodeWatch:
+    def _watch(self, name: str, node: MonitoredNode) -> NodeWatch:
         paths = paths_of(node.pid)
         group = GroupProcesses(paths) if self._whole_groups else None
         watch = NodeWatch(
@@ -106,7 +106,7 @@ class Attendant:
 
     def serve(self, requests: LineReader, answers: TextIO) -> None:
         """Until the input ends or says stop."""
-        tell(answers, Attending(real_time_metronome=self._metronome.real_time))
+        send(answers, SidecarOpened(real_time_metronome=self._metronome.real_time))
         next_sample_s = time.monotonic()
         with contextlib.suppress(EOFError):
             while True:
@@ -126,12 +126,12 @@ class Attendant:
                 if isinstance(request, Start):
                     self._start(request.t0_ns)
                     next_sample_s = time.monotonic()
-                    tell(answers, Started())
+                    send(answers, Started())
                 elif isinstance(request, Follow):
                     self._follow(request.node, request.pid)
-                    tell(answers, Following())
+                    send(answers, Following())
                 else:
-                    tell(answers, self._finish())
+                    send(answers, self._finish())
                     return
 
     def _scan(self) -> None:
@@ -161,7 +161,7 @@ class Attendant:
             wall_s = time.monotonic() - self._started[0]
             percent = 100 * (time.process_time() - self._started[1]) / wall_s
         used_s = self._metronome.stop()
-        own = Beside(
+        own = SidecarUse(
             samples=self._sampler.samples,
             sampler_cpu_percent=percent,
             cpus=sorted(os.sched_getaffinity(0)),
@@ -209,18 +209,18 @@ def main() -> None:
         with Path(asked.samples).open("w", encoding="utf-8", buffering=1 << 16) as out:
             if asked.helper:
                 leave_cpu_group()
-            attendant = Attendant(asked, out)
+            sidecar = SidecarServer(asked, out)
             try:
-                attendant.serve(requests, sys.stdout)
+                sidecar.serve(requests, sys.stdout)
             finally:
-                attendant.close()
+                sidecar.close()
     except EOFError:
         return
     except SlambedError as error:
-        tell(sys.stdout, Failure.of(error))
+        send(sys.stdout, Failure.of(error))
     except OSError as error:
-        line = f"cannot attend to the nodes: {error.strerror}, {error.filename or 'sampler'}"
-        tell(sys.stdout, Failure(error=line, code=int(ExitCode.ENVIRONMENT)))
+        line = f"cannot monitor the nodes: {error.strerror}, {error.filename or 'sampler'}"
+        send(sys.stdout, Failure(error=line, code=int(ExitCode.ENVIRONMENT)))
         sys.exit(ExitCode.ENVIRONMENT)
 
 

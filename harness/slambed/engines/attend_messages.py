@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What harness and process beside the nodes (`slambed.engines.attend`) say to each other."""
+"""What harness and sidecar of the nodes (`slambed.engines.attend`) say to each other."""
 
 from typing import Annotated, Literal
 
@@ -7,11 +7,11 @@ from pydantic import Field, TypeAdapter
 
 from slambed.process.line_protocol import Message
 from slambed.sampling.cgroup import Usage
-from slambed.sampling.record import Beside, ThreadCap
+from slambed.sampling.record import SidecarUse, ThreadCap
 
 
-class AttendedNode(Message):
-    """A node as the process beside it has to know it."""
+class MonitoredNode(Message):
+    """A node as the sidecar has to know it."""
 
     pid: int
     """Of its first process, on the host."""
@@ -23,11 +23,12 @@ class AttendedNode(Message):
     """File of its network namespace, where its connections are watched."""
 
 
-class Attend(Message):
-    """The first request: what to attend to. Caps threads and keeps the metronome from then on."""
+class OpenSidecar(Message):
+    """The first request: which nodes to monitor. Caps threads and keeps the metronome from then
+    on."""
 
-    ask: Literal["attend"] = "attend"
-    nodes: dict[str, AttendedNode]
+    request: Literal["open"] = "open"
+    nodes: dict[str, MonitoredNode]
     """By role."""
     samples: str
     """File that samples are written to."""
@@ -43,10 +44,10 @@ class Attend(Message):
     """Whether a node may be several processes, all of its control group."""
 
 
-class Attending(Message):
+class SidecarOpened(Message):
     """The answer: from now on threads are capped."""
 
-    say: Literal["attending"] = "attending"
+    reply: Literal["opened"] = "opened"
     real_time_metronome: bool | None
     """Whether the metronome got real-time priority; null without one."""
 
@@ -54,7 +55,7 @@ class Attending(Message):
 class Start(Message):
     """Run time 0, on CLOCK_MONOTONIC: samples from now on."""
 
-    ask: Literal["start"] = "start"
+    request: Literal["start"] = "start"
     t0_ns: int
     """On CLOCK_MONOTONIC."""
 
@@ -62,13 +63,13 @@ class Start(Message):
 class Started(Message):
     """The answer."""
 
-    say: Literal["started"] = "started"
+    reply: Literal["started"] = "started"
 
 
 class Follow(Message):
     """A node's program was started again."""
 
-    ask: Literal["follow"] = "follow"
+    request: Literal["follow"] = "follow"
     node: str
     """Its role."""
     pid: int
@@ -78,29 +79,29 @@ class Follow(Message):
 class Following(Message):
     """The answer."""
 
-    say: Literal["following"] = "following"
+    reply: Literal["following"] = "following"
 
 
 class Stop(Message):
     """One last sample; then the process ends."""
 
-    ask: Literal["stop"] = "stop"
+    request: Literal["stop"] = "stop"
 
 
 class Stopped(Message):
     """The answer: what was seen."""
 
-    say: Literal["stopped"] = "stopped"
+    reply: Literal["stopped"] = "stopped"
     usage: dict[str, Usage]
     """Last counters of each node."""
     threads: dict[str, list[ThreadCap]]
     """Of nodes with caps: what each thread was granted, in the order in which they began."""
-    own: Beside
+    own: SidecarUse
     """What sampling and metronome took themselves."""
 
 
-Request = Annotated[Start | Follow | Stop, Field(discriminator="ask")]
-FIRST: TypeAdapter[Attend] = TypeAdapter(Attend)
+Request = Annotated[Start | Follow | Stop, Field(discriminator="request")]
+FIRST: TypeAdapter[OpenSidecar] = TypeAdapter(OpenSidecar)
 REQUESTS: TypeAdapter[Start | Follow | Stop] = TypeAdapter(Request)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The harness's hold on the process beside the nodes (`slambed.engines.attend`)."""
+"""The harness's hold on the sidecar of the nodes (`slambed.engines.attend`)."""
 
 import os
 import time
@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Protocol
 
 from slambed.engines.attend_messages import (
-    Attend,
-    AttendedNode,
-    Attending,
     Follow,
     Following,
+    MonitoredNode,
+    OpenSidecar,
+    SidecarOpened,
     Start,
     Started,
     Stop,
@@ -31,15 +31,15 @@ FINE_TICK_S = 1.5e-3
 
 
 class Host(Protocol):
-    """Of an engine: what starts processes beside nodes."""
+    """Of an engine: what starts sidecars."""
 
     unprivileged: bool
 
-    def beside(self, module: str, writable: list[Path]) -> list[str]: ...
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]: ...
 
 
-class AttendantClient:
-    """The harness's hold on the process beside a run (`engines.attend`): thread caps and metronome
+class SidecarClient:
+    """The harness's hold on the sidecar of a run (`engines.attend`): thread caps and metronome
     from its making on, samples from `start` to `stop`."""
 
     def __init__(
@@ -58,9 +58,9 @@ class AttendantClient:
         samples.touch()
         samples.chmod(0o666)
         ticked = metronome_cpus(limits, cpus)
-        asked = Attend(
+        asked = OpenSidecar(
             nodes={
-                role: AttendedNode(
+                role: MonitoredNode(
                     pid=node.pid,
                     thread_cores=limits[role].thread_cores,
                     period_ms=limits[role].period_ms,
@@ -76,11 +76,11 @@ class AttendantClient:
             helper=engine.unprivileged,
             whole_groups=whole_groups,
         )
-        command = engine.beside(MODULE, [samples])
+        command = engine.sidecar_command(MODULE, [samples])
         self._process = LineProcess(command, "sampler", run_dir / "sampler_errors.txt")
         self._seen: Stopped | None = None
         try:
-            self._process.ask(asked, Attending, START_TIMEOUT_S)
+            self._process.ask(asked, SidecarOpened, START_TIMEOUT_S)
         except BaseException:
             self._process.close()
             raise

@@ -58,18 +58,18 @@ def config_name(plan: NodePlan) -> str:
 
 
 class Node(Protocol):
-    """A node that an engine started; it waits at the gate until `release`."""
+    """A node that an engine started; it waits at the start barrier until `release`."""
 
     role: Role
     pid: int
     """On its machine."""
     namespace: Path
-    """Its network namespace, as the processes beside the run find it; of a node on another machine
+    """Its network namespace, as the sidecars of the run find it; of a node on another machine
     the one that leads there."""
     granted: Granted
 
     def release(self) -> None:
-        """Opens the gate: the program starts."""
+        """Opens the start barrier: the program starts."""
 
     def exit_code(self) -> int | None:
         """None while it runs; negative for a signal."""
@@ -90,8 +90,8 @@ class Node(Protocol):
         """Removes every trace but the output files; calling it twice is harmless."""
 
 
-class Attendance(Protocol):
-    """What is beside the nodes while they run: caps of threads and metronome from its making on,
+class Sidecar(Protocol):
+    """The sidecar of the nodes while they run: caps of threads and metronome from its making on,
     samples from `start` to `stop`."""
 
     def start(self, t0_ns: int) -> None:
@@ -107,7 +107,7 @@ class Attendance(Protocol):
         """Ends without a report; harmless after `stop`."""
 
 
-class BesideEdge(Protocol):
+class SegmenterSidecar(Protocol):
     """A segmenter process of a run."""
 
     def await_ready(self, stopped: Callable[[], bool]) -> None:
@@ -121,8 +121,8 @@ class BesideEdge(Protocol):
         """Whether it answers; does not wait for it."""
 
     def close(self) -> float | None:
-        """Ends it; the CPU seconds that it took, None where it could not tell any more. Calling it
-        twice is harmless."""
+        """Ends it; the CPU seconds that it took, None where it could not report any more. Calling
+        it twice is harmless."""
 
 
 class Engine(Protocol):
@@ -134,7 +134,7 @@ class Engine(Protocol):
     edge_address: str
     """Where the edge listens, and the mobile node looks for it."""
     start_ahead_s: float
-    """How long before run time 0 the nodes are told of it."""
+    """How long before run time 0 the nodes are given it."""
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
         """Where a node finds the sequence."""
@@ -145,18 +145,18 @@ class Engine(Protocol):
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
         """The CPUs of each node, on whatever machine it is."""
 
-    def attend(
+    def start_sidecar(
         self,
         nodes: dict[Role, Node],
         limits: dict[Role, Limits],
         cpus: dict[Role, list[int]],
         run_dir: Path,
         whole_groups: bool,
-    ) -> Attendance:
-        """What is beside these nodes, which are at their gates. `whole_groups`: a node may be
+    ) -> Sidecar:
+        """The sidecar of these nodes, which are at the start barrier. `whole_groups`: a node may be
         several processes, all of its control group."""
 
-    def tell_start(self, run_dir: Path, t0_ns: int) -> None:
+    def send_start(self, run_dir: Path, t0_ns: int) -> None:
         """Writes `start.json` for the nodes: run time 0 on CLOCK_MONOTONIC of this host."""
 
     def board_facts(self) -> BoardFacts | None:
@@ -169,19 +169,20 @@ class Engine(Protocol):
         """Role -> id of the image that a program of its own gets; empty without containers."""
 
     def start(self, plan: NodePlan) -> Node:
-        """Brings the node to the gate: namespaces and limits in place, program not started."""
+        """Brings the node to the start barrier: namespaces and limits in place, program not
+        started."""
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
         """The program of a killed node that `dies`, in the same namespace, with the same limits,
-        past its gate."""
+        past the start barrier."""
 
-    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
-        """A segmenter beside the edge node of this plan, which is at its gate, with nothing but a
-        socket to the world."""
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
+        """A segmenter beside the edge node of this plan, which is at the start barrier, with
+        nothing but a socket to the world."""
 
-    def beside(self, module: str, writable: list[Path]) -> list[str]:
-        """The command that runs a module of slambed beside the nodes that are started, with what
-        it needs of privileges; it may write to these files and folders."""
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+        """The command that runs a module of slambed as a sidecar of the nodes that are started,
+        with what it needs of privileges; it may write to these files and folders."""
 
 
 def netns(pid: int) -> Path:
@@ -276,5 +277,5 @@ def last_line(path: Path) -> str:
         lines = path.read_text(errors="replace").strip().splitlines()
     except OSError:
         lines = []
-    told = [line for line in lines if line.startswith("error:")]
-    return (told or lines or ["it said nothing"])[-1]
+    error_lines = [line for line in lines if line.startswith("error:")]
+    return (error_lines or lines or ["it printed nothing"])[-1]

@@ -21,7 +21,7 @@ REMOVE_PAUSE_S = 0.02
 
 
 class CgroupMaker:
-    """Control groups below the given mounts (those of this host unless told otherwise)."""
+    """Control groups below the given mounts (those of this host unless given otherwise)."""
 
     def __init__(
         self, v1: dict[str, Path] | None = None, v2: Path | None = None, found: bool = True

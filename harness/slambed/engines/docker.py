@@ -13,10 +13,10 @@ from docker.errors import APIError, DockerException, NotFound
 from slambed.engines.base import (
     LABEL,
     NODE_UID,
-    BesideEdge,
     Node,
     NodePlan,
     ProcessWatch,
+    SegmenterSidecar,
     config_name,
     netns,
 )
@@ -28,7 +28,7 @@ from slambed.engines.docker_limits import limits_of, parent_group
 from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import container_options, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
-from slambed.engines.here import HereEngine
+from slambed.engines.here import ThisHostEngine
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupReader, paths_of
@@ -36,15 +36,15 @@ from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
 OUTPUT, SEQUENCE = "/out", "/sequence"
-GATE = "/out/go"
+START_BARRIER = "/out/go"
 # The shell waits for the link to be up, then becomes the program.
-WAIT_AT_GATE = f'until [ -e {GATE} ]; do sleep 0.02; done; exec "$0" "$@"'
+WAIT_AT_BARRIER = f'until [ -e {START_BARRIER} ]; do sleep 0.02; done; exec "$0" "$@"'
 PIDS_LIMIT = 256
 KILL_TIMEOUT_S = 10
 
 
 class DockerNode:
-    """A running container whose shell waits at the gate, then is the node."""
+    """A running container whose shell waits at the start barrier, then is the node."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class DockerNode:
         self._removed = False
 
     def release(self) -> None:
-        """Opens the gate (of both containers: they share the output folder)."""
+        """Opens the start barrier (of both containers: they share the output folder)."""
         (self._run_dir / "go").touch()
 
     def exit_code(self) -> int | None:
@@ -132,7 +132,7 @@ class DockerNode:
             (self._run_dir / self.role / "log.txt").write_bytes(self.container.logs())
 
 
-class DockerEngine(HereEngine):
+class DockerEngine(ThisHostEngine):
     """Runs nodes in containers of a daemon on this host. Who is not root needs to be in the group
     docker; helper containers then make the link and the limits of threads."""
 
@@ -197,7 +197,7 @@ class DockerEngine(HereEngine):
         return found
 
     def start(self, plan: NodePlan) -> Node:
-        """A container at the gate."""
+        """A container at the start barrier."""
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
         foreign_user = plan.runtime is not None and bool(plan.runtime.of(plan.role).user)
@@ -223,14 +223,14 @@ class DockerEngine(HereEngine):
             raise
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
-        """The same container: the gate is open, its network was kept."""
+        """The same container: the start barrier is open, its network was kept."""
         assert isinstance(dead, DockerNode)
         with daemon_failures(f"start the {plan.role} node again"):
             node = self._node(plan, dead.container, dead.keeper)
         dead.give_up()
         return node
 
-    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
         """A container beside the edge's."""
         with daemon_failures("start the segmenter"):
             return start_segmenter(self._client, self._image, plan, edge.pid, network)
@@ -239,7 +239,7 @@ class DockerEngine(HereEngine):
         try:
             return self._waiting(plan, container, keeper)
         except OSError:
-            # At its gate it is a shell that waits: only somebody else ends that.
+            # At the start barrier it is a shell that waits: only somebody else ends that.
             raise KilledError(f"the container of the {plan.role} node was killed") from None
 
     def _waiting(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
@@ -253,7 +253,7 @@ class DockerEngine(HereEngine):
         self._nodes[plan.role] = node
         return node
 
-    def beside(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
         """A child of this process where it is root, else a helper container."""
         if not self.unprivileged:
             return direct_command(module)
@@ -308,7 +308,7 @@ class DockerEngine(HereEngine):
         assert self._image is not None
         return {
             "image": self._image.id,
-            "entrypoint": ["/bin/sh", "-c", WAIT_AT_GATE, self._program],
+            "entrypoint": ["/bin/sh", "-c", WAIT_AT_BARRIER, self._program],
             "command": ["--role", plan.role, "--config", f"{OUTPUT}/{config_name(plan)}"],
             "user": f"{NODE_UID}:{NODE_UID}",
             "volumes": _volumes(plan),
@@ -318,7 +318,7 @@ class DockerEngine(HereEngine):
         assert plan.runtime is not None
         name = plan.runtime.image_of(plan.role)
         config = f"{OUTPUT}/{config_name(plan)}"
-        program = container_options(plan, self._ids.get(name, name), config, GATE)
+        program = container_options(plan, self._ids.get(name, name), config, START_BARRIER)
         return program | {"volumes": _volumes(plan) | player_volumes(plan)}
 
 

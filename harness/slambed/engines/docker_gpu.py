@@ -30,7 +30,7 @@ def gpu_options(gpu: Gpu | None) -> dict[str, Any]:
 
 def must_give_gpu(client: docker.DockerClient, image: str, gpu: Gpu, system: str) -> None:
     """Tries it with a container of `image` that ends at once: what a daemon says of itself does not
-    tell whether it gives GPUs. Raises SlambedError where it does not."""
+    report whether it gives GPUs. Raises SlambedError where it does not."""
     with daemon_failures("make a container with a GPU"):
         container = client.containers.create(
             image,

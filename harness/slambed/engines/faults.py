@@ -14,7 +14,7 @@ from typing import Protocol
 
 import psutil
 
-from slambed.engines.base import Attendance, Engine, Node, NodePlan
+from slambed.engines.base import Engine, Node, NodePlan, Sidecar
 from slambed.errors import PassingError
 from slambed.spec.faults import FAULT_FILE, Fault
 from slambed.spec.system import Role
@@ -40,7 +40,7 @@ class RunEdge:
     engine: Engine
     plan: NodePlan | None
     nodes: dict[Role, Node]
-    attendant: Attendance
+    sidecar: Sidecar
     cleanup: ExitStack
 
     def kill(self) -> None:
@@ -48,7 +48,7 @@ class RunEdge:
         self.nodes["edge"].kill()
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT, and waits until it has happened: what is told did happen."""
+        """SIGSTOP or SIGCONT, and waits until it has happened: what is reported did happen."""
         node = self.nodes["edge"]
         node.freeze(frozen)
         deadline = time.monotonic() + SIGNAL_TIMEOUT_S
@@ -64,7 +64,7 @@ class RunEdge:
         node = self.engine.start_again(self.plan, self.nodes["edge"])
         self.cleanup.callback(node.remove)
         self.nodes["edge"] = node
-        self.attendant.follow("edge", node)
+        self.sidecar.follow("edge", node)
 
 
 def is_stopped(pid: int) -> bool:

@@ -52,8 +52,8 @@ def _recorded(plan: NodePlan, config: str, frames: str) -> dict[str, str]:
 def environment(
     plan: NodePlan, clients: str, path: str | None, config: str = "", frames: str = ""
 ) -> dict[str, str]:
-    """What the program finds in its environment besides what slambed-play tells it, whatever the
-    shell of who started the campaign holds. `path`: none where the image has its own."""
+    """What the program finds in its environment besides what slambed-play passes to it, whatever
+    the shell of who started the campaign holds. `path`: none where the image has its own."""
     assert plan.runtime is not None
     own = plan.runtime.of(plan.role).env
     usual = {"LANG": "C.UTF-8", "HOME": "/tmp", "PYTHONDONTWRITEBYTECODE": "1"}
@@ -61,8 +61,8 @@ def environment(
         usual["PATH"] = path
     python = [clients, *filter(None, [own.get("PYTHONPATH")])]
     recorded = _recorded(plan, config, frames)
-    told = {f"SLAMBED_{name.upper()}": place for name, place in recorded.items()}
-    return usual | own | told | {"PYTHONPATH": ":".join(python)}
+    places = {f"SLAMBED_{name.upper()}": place for name, place in recorded.items()}
+    return usual | own | places | {"PYTHONPATH": ":".join(python)}
 
 
 def host_path() -> str:
@@ -70,9 +70,9 @@ def host_path() -> str:
     return f"{Path(sys.executable).parent}:{PATH}"
 
 
-def container_options(plan: NodePlan, image: str, config: str, gate: str) -> dict[str, Any]:
-    """How a container of somebody else's image starts. The player waits at the gate by itself: an
-    image may have no shell."""
+def container_options(plan: NodePlan, image: str, config: str, barrier: str) -> dict[str, Any]:
+    """How a container of somebody else's image starts. The player waits at the start barrier by
+    itself: an image may have no shell."""
     assert plan.runtime is not None
     part = plan.runtime.of(plan.role)
     clients = f"{PLAYER_IN_CONTAINER}/client"
@@ -80,7 +80,7 @@ def container_options(plan: NodePlan, image: str, config: str, gate: str) -> dic
     return {
         "image": image,
         "entrypoint": [f"{PLAYER_IN_CONTAINER}/{PLAYER}"],
-        "command": ["--start-barrier", gate, *arguments],
+        "command": ["--start-barrier", barrier, *arguments],
         "user": part.user or f"{NODE_UID}:{NODE_UID}",
         "environment": environment(plan, clients, None, config, FRAMES_IN_CONTAINER),
         **gpu_options(part.gpu),

@@ -6,8 +6,8 @@ import os
 from abc import ABC, abstractmethod
 from pathlib import Path
 
-from slambed.engines.attendant import AttendantClient
-from slambed.engines.base import Attendance, Node, allot_cpus
+from slambed.engines.attendant import SidecarClient
+from slambed.engines.base import Node, Sidecar, allot_cpus
 from slambed.engines.result import NETWORK_EDGE_ADDRESS, START_AHEAD_S
 from slambed.files.atomic import replacing
 from slambed.records.board import BoardFacts
@@ -22,7 +22,7 @@ def write_start(run_dir: Path, t0_ns: int) -> None:
         start.chmod(0o644)
 
 
-class HereEngine(ABC):
+class ThisHostEngine(ABC):
     """An engine whose nodes are all on this host."""
 
     unprivileged = False
@@ -30,7 +30,7 @@ class HereEngine(ABC):
     start_ahead_s = START_AHEAD_S
 
     @abstractmethod
-    def beside(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
         """As in `Engine`."""
 
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
@@ -38,18 +38,18 @@ class HereEngine(ABC):
         host = sorted(os.sched_getaffinity(0))
         return allot_cpus(limits["mobile"], limits.get("edge"), host)
 
-    def attend(
+    def start_sidecar(
         self,
         nodes: dict[Role, Node],
         limits: dict[Role, Limits],
         cpus: dict[Role, list[int]],
         run_dir: Path,
         whole_groups: bool,
-    ) -> Attendance:
+    ) -> Sidecar:
         """A process beside them."""
-        return AttendantClient(self, nodes, limits, cpus, run_dir, whole_groups)
+        return SidecarClient(self, nodes, limits, cpus, run_dir, whole_groups)
 
-    def tell_start(self, run_dir: Path, t0_ns: int) -> None:
+    def send_start(self, run_dir: Path, t0_ns: int) -> None:
         """For all of them at once."""
         write_start(run_dir, t0_ns)
 

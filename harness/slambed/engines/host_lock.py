@@ -28,18 +28,18 @@ def host_lock(
     *,
     where: Path | None = None,
     advice: str = STOP_OR_WAIT,
-    say: Callable[[str], None] = lambda line: None,
+    notify: Callable[[str], None] = lambda line: None,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> Iterator[None]:
     """Holds the lock; an error says who holds it. The kernel frees it however the holder dies.
 
-    `where`: what others are told of our place. `say`: hears that we wait, and for whom, and that we
+    `where`: what others see of our place. `notify`: hears that we wait, and for whom, and that we
     go on. `meanwhile`: called again and again while we wait; what it raises ends that.
     """
     path = path or default_lock_path()
     fd = open_lock(path)
     try:
-        _take(fd, path, wait_s, conflict, advice, say, meanwhile)
+        _take(fd, path, wait_s, conflict, advice, notify, meanwhile)
         note = {"pid": os.getpid(), "purpose": purpose, "since_utc": _now().isoformat()}
         if where is not None:
             note["where"] = str(where.absolute())
@@ -56,32 +56,32 @@ def _take(
     wait_s: float,
     conflict: str,
     advice: str,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     meanwhile: Callable[[], object],
 ) -> None:
     began_s = time.monotonic()
-    told = False
+    notified = False
     while not taken(fd):
         if time.monotonic() - began_s >= wait_s:
             raise environment_error(f"{conflict}: {_holder(path)}; {advice}")
-        if not told:
-            say(f"waiting: {conflict}: {_holder(path)}")
-            told = True
+        if not notified:
+            notify(f"waiting: {conflict}: {_holder(path)}")
+            notified = True
         meanwhile()
         time.sleep(WAIT_STEP_S)
-    if told:
+    if notified:
         waited = timedelta(seconds=round(time.monotonic() - began_s))
-        say(f"going on at {_now():%H:%M:%S} UTC, after {waited} of waiting")
+        notify(f"going on at {_now():%H:%M:%S} UTC, after {waited} of waiting")
 
 
 def _holder(path: Path) -> str:
     content = read_object(path) or {}
     if not {"purpose", "pid"} <= content.keys():
         return "unknown"
-    told = f"{content['purpose']} (process {content['pid']})"
+    message = f"{content['purpose']} (process {content['pid']})"
     with suppress(KeyError, TypeError, ValueError):  # of an earlier version
-        told += f", since {datetime.fromisoformat(content['since_utc']):%Y-%m-%d %H:%M:%S} UTC"
-    return told + (f", in {content['where']}" if "where" in content else "")
+        message += f", since {datetime.fromisoformat(content['since_utc']):%Y-%m-%d %H:%M:%S} UTC"
+    return message + (f", in {content['where']}" if "where" in content else "")
 
 
 def _now() -> datetime:

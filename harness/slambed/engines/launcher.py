@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process that becomes a node of the local engine: limits and namespace first, then a gate.
+"""The process that becomes a node of the local engine: limits and namespace first, then a start
+barrier.
 
 Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] UID TASKS_FILE... -- PROGRAM ...`.
 NETWORK_FD is a namespace to enter; without it the node gets a new one. Imports nothing of slambed,

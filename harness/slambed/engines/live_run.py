@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One live run: two nodes to the gate, the link between them, start, watch, stop."""
+"""One live run: two nodes to the start barrier, the link between them, start, watch, stop."""
 
 import json
 import os
@@ -14,16 +14,16 @@ from typing import Protocol, cast
 from slambed.engines import segmenter
 from slambed.engines.base import (
     EDGE_CONFIG,
-    Attendance,
     Engine,
     Node,
     NodePlan,
+    Sidecar,
     differences,
     last_line,
     thread_problems,
 )
 from slambed.engines.faults import FaultDriver, RunEdge
-from slambed.engines.node_ends import at_gate, from_outside, how_it_died, node_report
+from slambed.engines.node_ends import at_start_barrier, from_outside, how_it_died, node_report
 from slambed.engines.paced import paced_devices
 from slambed.engines.result import (
     InterruptedRunError,
@@ -127,18 +127,18 @@ class LiveRun:
         with ExitStack() as cleanup:
             limits = self._start_nodes(cleanup)
             self._start_segmenter(cleanup)
-            with at_gate(self._nodes):
-                attendant = self._engine.attend(
+            with at_start_barrier(self._nodes):
+                sidecar = self._engine.start_sidecar(
                     self._nodes, self._limits, self._cpus, self._run_dir,
                     whole_groups=self._spec.runtime is not None,
                 )  # fmt: skip
-            cleanup.callback(attendant.close)
-            edge = RunEdge(self._engine, self._plans.get("edge"), self._nodes, attendant, cleanup)
+            cleanup.callback(sidecar.close)
+            edge = RunEdge(self._engine, self._plans.get("edge"), self._nodes, sidecar, cleanup)
             faults = FaultDriver(self._spec.faults, edge, self._run_dir)
             if self._spec.link is not None:
                 log_dir = self._run_dir / "link"
                 log_dir.mkdir()
-                with at_gate(self._nodes):
+                with at_start_barrier(self._nodes):
                     self._link = self._open_link(
                         self._spec,
                         self._nodes["mobile"].namespace,
@@ -150,30 +150,30 @@ class LiveRun:
             for node in self._nodes.values():
                 node.release()
             if (ended := self._await_ready()) is not None:
-                return RunResult(*ended, distrust=self._problems, limits=limits)
-            faults.start(t0_ns := self._start_clock(attendant))
+                return RunResult(*ended, invalid_reasons=self._problems, limits=limits)
+            faults.start(t0_ns := self._start_clock(sidecar))
             outcome, reason = self._watch(faults)
             faults.write()
             self._problems += faults.problems
-            attended = attendant.stop()
+            observed = sidecar.stop()
             link = self._close_link()
-            beside = attended.own
+            sidecar_use = observed.own
             if self._segmenter is not None:
                 took = {"segmenter_cpu_s": self._segmenter.close()}
-                beside = beside.model_copy(
+                sidecar_use = sidecar_use.model_copy(
                     update=took | {"segmenter_restarts": self._segmenter.restarts}
                 )
-            for role, threads in attended.threads.items():
+            for role, threads in observed.threads.items():
                 limits[role] = limits[role].model_copy(update={"threads": threads})
                 self._problems += thread_problems(role, threads, self._limits[cast(Role, role)])
-            if link is not None and link.distrust:
-                self._problems.append(f"link: {link.distrust}")
+            if link is not None and link.invalid_reason:
+                self._problems.append(f"link: {link.invalid_reason}")
         if self._stop.is_set():
             raise InterruptedRunError
         return RunResult(
             outcome=outcome,
             reason=reason,
-            distrust=self._problems,
+            invalid_reasons=self._problems,
             limits=limits,
             throttling={
                 node: Throttling(
@@ -181,10 +181,10 @@ class LiveRun:
                     throttled_periods=usage.throttled_periods,
                     periods=usage.periods,
                 )
-                for node, usage in attended.usage.items()
+                for node, usage in observed.usage.items()
             },
             link=link,
-            beside=beside,
+            sidecar=sidecar_use,
             board=self._engine.board_facts(),
             mobile_until_s=(self._mobile_seen_ns - t0_ns) / 1e9,
         )
@@ -218,7 +218,8 @@ class LiveRun:
         return limits
 
     def _start_segmenter(self, cleanup: ExitStack) -> None:
-        """Answers before the first node passes its gate; ends before the edge's groups do."""
+        """Answers before the first node passes the start barrier; ends before the edge's groups
+        do."""
         masks = self._spec.masks
         if masks is None:
             return
@@ -257,8 +258,8 @@ class LiveRun:
     def _refused(self, role: Role, code: int) -> tuple[Outcome, str]:
         if (how := from_outside(self._nodes[role], code, self._run_dir)) is not None:
             raise KilledError(f"the {role} node {how} before it was ready")
-        told = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
-        line = f"the {role} node ended before it was ready (exit code {code}): {told}"
+        last_words = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
+        line = f"the {role} node ended before it was ready (exit code {code}): {last_words}"
         if code in (ExitCode.ENVIRONMENT, ExitCode.PEER):
             raise PassingError(line, ExitCode(code))
         return ("refused" if code == ExitCode.BAD_INPUT else "died"), line
@@ -274,13 +275,13 @@ class LiveRun:
             engine.edge_address,
         )
 
-    def _start_clock(self, attendant: Attendance) -> int:
+    def _start_clock(self, sidecar: Sidecar) -> int:
         """Run time 0 on CLOCK_MONOTONIC."""
         t0_ns = time.monotonic_ns() + int(self._engine.start_ahead_s * 1e9)
         if self._link is not None:
             self._link.start(t0_ns)
-        attendant.start(t0_ns)
-        self._engine.tell_start(self._run_dir, t0_ns)
+        sidecar.start(t0_ns)
+        self._engine.send_start(self._run_dir, t0_ns)
         return t0_ns
 
     def _watch(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
@@ -343,7 +344,7 @@ class LiveRun:
         return None
 
     def _died(self, role: Role, code: int) -> tuple[Outcome, str]:
-        """Its outcome; nobody trusts a run in which somebody else did it."""
+        """Its outcome; a run in which somebody else did it is invalid."""
         node = self._nodes[role]
         if (how := from_outside(node, code, self._run_dir)) is not None:
             self._problems.append(f"the {role} node {how}")

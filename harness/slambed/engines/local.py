@@ -12,10 +12,10 @@ from pathlib import Path
 from slambed.engines import launcher
 from slambed.engines.base import (
     NODE_UID,
-    BesideEdge,
     Node,
     NodePlan,
     ProcessWatch,
+    SegmenterSidecar,
     config_name,
     last_line,
     netns,
@@ -29,7 +29,7 @@ from slambed.engines.foreign import (
     player_arguments,
 )
 from slambed.engines.helper import direct_command
-from slambed.engines.here import HereEngine
+from slambed.engines.here import ThisHostEngine
 from slambed.engines.segmenter import ENVIRONMENT, LOG, SOCKET, SegmenterProcess, make_folder
 from slambed.engines.segmenter import command as segmenter_command
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
@@ -40,12 +40,12 @@ from slambed.sampling.cgroup import CgroupPaths, CgroupReader
 from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
-GATE_TIMEOUT_S = 20.0
+BARRIER_TIMEOUT_S = 20.0
 KILL_TIMEOUT_S = 10.0
 
 
 class LocalNode:
-    """A child process that waits at the gate, then is the node."""
+    """A child process that waits at the start barrier, then is the node."""
 
     def __init__(self, role: Role, process: subprocess.Popen[bytes], paths: CgroupPaths) -> None:
         self.role = role
@@ -73,13 +73,13 @@ class LocalNode:
         self.namespace, self._namespace_fd = dead.namespace, dead.hand_over_namespace()
 
     def release(self) -> None:
-        """Opens the gate."""
+        """Opens the start barrier."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(b"g")
             self._process.stdin.close()
         except BrokenPipeError:
-            pass  # It died at the gate; exit_code() tells.
+            pass  # It died at the start barrier; exit_code() reports.
 
     def exit_code(self) -> int | None:
         """None while it runs."""
@@ -124,7 +124,7 @@ class LocalNode:
             remove(folder)
 
 
-class LocalEngine(HereEngine):
+class LocalEngine(ThisHostEngine):
     """Runs nodes without a daemon. Needs root."""
 
     name = "local"
@@ -154,12 +154,12 @@ class LocalEngine(HereEngine):
         """None: programs of this host."""
         return {}
 
-    def beside(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
         """A child of this process, which is root."""
         return direct_command(module)
 
     def start(self, plan: NodePlan) -> Node:
-        """A process at the gate, in its own network namespace and groups."""
+        """A process at the start barrier, in its own network namespace and groups."""
         node = self._launch(plan, None)
         if plan.dies:
             node.keep_namespace()
@@ -172,7 +172,7 @@ class LocalEngine(HereEngine):
         node.release()
         return node
 
-    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
         """In the edge's groups, as the edge's user, in a network namespace of its own with nothing
         but a loopback; it dies with this process."""
         assert isinstance(edge, LocalNode)
@@ -200,7 +200,7 @@ class LocalEngine(HereEngine):
             os.close(nobody)
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):
-            process.stdin.write(b"g")  # nobody waits at this gate
+            process.stdin.write(b"g")  # nobody waits at this barrier
             process.stdin.flush()
         return SegmenterProcess(process, log_file)
 
@@ -257,7 +257,7 @@ class LocalEngine(HereEngine):
             ready_write = -1
             node = LocalNode(plan.role, process, paths)
             log_file = role_dir / "log.txt"
-            if (problem := _problem_at_gate(ready_read, node, log_file)) is not None:
+            if (problem := _problem_at_barrier(ready_read, node, log_file)) is not None:
                 node.remove()
                 raise problem
             if dead is not None and not plan.host_network:
@@ -269,12 +269,12 @@ class LocalEngine(HereEngine):
                     os.close(fd)
 
 
-def _problem_at_gate(ready: int, node: LocalNode, log: Path) -> SlambedError | None:
-    """Why a node is not at its gate. That it was slow or killed may pass; that the kernel refused
-    it something will not."""
-    line = f"the {node.role} node did not reach its gate"
-    if not select.select([ready], [], [], GATE_TIMEOUT_S)[0]:
-        return PassingError(f"{line} within {GATE_TIMEOUT_S:.0f} s")
+def _problem_at_barrier(ready: int, node: LocalNode, log: Path) -> SlambedError | None:
+    """Why a node is not at the start barrier. That it was slow or killed may pass; that the kernel
+    refused it something will not."""
+    line = f"the {node.role} node did not reach the start barrier"
+    if not select.select([ready], [], [], BARRIER_TIMEOUT_S)[0]:
+        return PassingError(f"{line} within {BARRIER_TIMEOUT_S:.0f} s")
     if os.read(ready, 1) == b"r":
         return None
     code = node.wait()

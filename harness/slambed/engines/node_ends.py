@@ -26,7 +26,7 @@ def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
     if ended_from_outside(code) and not node.out_of_memory():
         return f"was killed from outside ({ending(code)})"
     if code == 0 and node_report(node, run_dir).stopped:
-        return "was told to stop from outside"
+        return "was asked to stop from outside"
     return None
 
 
@@ -39,14 +39,14 @@ def how_it_died(node: Node, code: int, run_dir: Path) -> str:
 
 
 @contextmanager
-def at_gate(nodes: Mapping[Role, Node]) -> Iterator[None]:
-    """What fails because a node has gone passes: before its gate opens it executes nothing of the
-    system, so somebody else ended it."""
+def at_start_barrier(nodes: Mapping[Role, Node]) -> Iterator[None]:
+    """What fails because a node has gone passes: before the start barrier opens it executes nothing
+    of the system, so somebody else ended it."""
     try:
         yield
     except (SlambedError, OSError) as error:
         for role, node in nodes.items():
             if (code := node.exit_code()) is not None:
-                line = f"the {role} node was killed at its gate ({ending(code)}): {error}"
+                line = f"the {role} node was killed at its start barrier ({ending(code)}): {error}"
                 raise KilledError(line) from error
         raise

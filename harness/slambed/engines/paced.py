@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of a live run are told of the devices whose pace they keep."""
+"""What the nodes of a live run are given about the devices whose pace they keep."""
 
 from collections.abc import Mapping
 

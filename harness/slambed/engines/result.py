@@ -9,7 +9,7 @@ from slambed.link.profile import parse_profile
 from slambed.link.record import LinkFacts
 from slambed.records.board import BoardFacts
 from slambed.records.run_config import Network, ProfileRtt, RunConfig
-from slambed.sampling.record import Beside, NodeLimits, Throttling
+from slambed.sampling.record import NodeLimits, SidecarUse, Throttling
 from slambed.spec import inputs
 from slambed.spec.run_spec import LinkSpec, RunSpec
 
@@ -40,13 +40,13 @@ class RunResult:
     outcome: Outcome
     reason: str | None
     """Why it did not complete."""
-    distrust: list[str] = field(default_factory=list)
+    invalid_reasons: list[str] = field(default_factory=list)
     """Why the circumstances were not as asked."""
     limits: dict[str, NodeLimits] = field(default_factory=dict)
     """By role, as `throttling`."""
     throttling: dict[str, Throttling] = field(default_factory=dict)
     link: LinkFacts | None = None
-    beside: Beside | None = None
+    sidecar: SidecarUse | None = None
     """What sampler and metronome took themselves."""
     board: BoardFacts | None = None
     """What executed the mobile node, where that was another machine."""
@@ -56,7 +56,7 @@ class RunResult:
 
 def time_limit_s(spec: RunSpec, played_s: float, ahead_s: float = START_AHEAD_S) -> float:
     """How long a live run may take that plays for `played_s` at recorded speed, and whose nodes are
-    told so long before it begins."""
+    reported so long before it begins."""
     reads = spec.runtime is not None and spec.runtime.reads is not None
     factor = OWN_PACE_FACTOR if reads or spec.playback.mode == "every_frame" else 1.0
     return ahead_s + played_s * factor + DRAIN_S

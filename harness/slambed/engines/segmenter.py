@@ -34,7 +34,7 @@ ENVIRONMENT = {
 
 
 def config(output: str) -> Segmenter:
-    """What the edge node is told; `output`: the run's folder as it sees that."""
+    """What the edge node is given; `output`: the run's folder as it sees that."""
     return Segmenter(socket=f"{output}/{FOLDER}/{SOCKET}", time_limit_s=TIME_LIMIT_S)
 
 
@@ -47,7 +47,7 @@ def make_folder(run_dir: Path) -> Path:
 
 
 class SegmenterProcess:
-    """A BesideEdge."""
+    """A SegmenterSidecar."""
 
     def __init__(
         self, process: subprocess.Popen[bytes], log: Path, clear: Callable[[], None] = lambda: None
@@ -56,13 +56,13 @@ class SegmenterProcess:
         self._process = process
         self._log = log
         self._clear = clear
-        self._said = b""
+        self._output = b""
 
     def await_ready(self, stopped: Callable[[], bool]) -> None:
         """Of itself it says no more than `ready`."""
         deadline = time.monotonic() + READY_TIMEOUT_S
         while not stopped():
-            if b"ready\n" in self._said:
+            if b"ready\n" in self._output:
                 return
             if not self._read(0.05):
                 raise self._refused()
@@ -76,9 +76,9 @@ class SegmenterProcess:
 
     def is_ready(self) -> bool:
         """As it says."""
-        if b"ready\n" not in self._said:
+        if b"ready\n" not in self._output:
             self._read(0.0)
-        return b"ready\n" in self._said
+        return b"ready\n" in self._output
 
     def _read(self, patience_s: float) -> bool:
         """False at the end of what it says."""
@@ -86,7 +86,7 @@ class SegmenterProcess:
         if not select.select([self._process.stdout], [], [], patience_s)[0]:
             return True
         piece = os.read(self._process.stdout.fileno(), 4096)
-        self._said += piece
+        self._output += piece
         return bool(piece)
 
     def _refused(self) -> SlambedError:
@@ -94,9 +94,11 @@ class SegmenterProcess:
         line = "the segmenter ended before it was ready"
         if ended_from_outside(code):
             return KilledError(f"{line}: it was killed ({ending(code)})")
-        told = last_line(self._log).removeprefix("error: ")
+        last_words = last_line(self._log).removeprefix("error: ")
         known = code in (ExitCode.BAD_INPUT, ExitCode.ENVIRONMENT)
-        return SlambedError(f"{line}: {told}", ExitCode(code) if known else ExitCode.ENVIRONMENT)
+        return SlambedError(
+            f"{line}: {last_words}", ExitCode(code) if known else ExitCode.ENVIRONMENT
+        )
 
     def close(self) -> float | None:
         """With SIGTERM, then SIGKILL."""
@@ -117,8 +119,10 @@ class SegmenterProcess:
             if pipe is not None:
                 pipe.close()
         self._clear()
-        told = [line for line in self._said.decode().splitlines() if line.startswith("cpu_s ")]
-        return float(told[-1].split()[1]) if told else None
+        cpu_lines = [
+            line for line in self._output.decode().splitlines() if line.startswith("cpu_s ")
+        ]
+        return float(cpu_lines[-1].split()[1]) if cpu_lines else None
 
 
 def command(socket: str, network: str, *options: str) -> list[str]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from slambed.engines.base import BesideEdge
+from slambed.engines.base import SegmenterSidecar
 from slambed.errors import SlambedError
 
 RESTART_PERIOD_S = 3.0
@@ -22,12 +22,12 @@ class Note(Protocol):
 class SegmenterKeeper:
     """Holds the segmenter that there is; the edge calls again for every picture by itself."""
 
-    def __init__(self, start: Callable[[], BesideEdge]) -> None:
+    def __init__(self, start: Callable[[], SegmenterSidecar]) -> None:
         """`start`: beside the edge; raises SlambedError where there is no way."""
         self._start = start
         self._started_s = time.monotonic()
-        self._process: BesideEdge | None = start()
-        self._told_ready = True
+        self._process: SegmenterSidecar | None = start()
+        self._reported_ready = True
         self._cpu_s: float | None = 0.0
         self.restarts = 0
         """How often one that had died was started again."""
@@ -42,20 +42,20 @@ class SegmenterKeeper:
         if self._process is not None and (how := self._process.ended()) is not None:
             note("segmenter_ended", how=how)
             self._close()
-        if self._process is not None and not self._told_ready and self._process.is_ready():
+        if self._process is not None and not self._reported_ready and self._process.is_ready():
             note("segmenter_restarted", restarts=self.restarts)
-            self._told_ready = True
+            self._reported_ready = True
         late_enough = time.monotonic() - self._started_s >= RESTART_PERIOD_S
         if self._process is None and edge_lives and late_enough:
             self._started_s = time.monotonic()
             self.restarts += 1
             try:
-                self._process, self._told_ready = self._start(), False
+                self._process, self._reported_ready = self._start(), False
             except (SlambedError, OSError) as error:
                 note("segmenter_not_started", reason=str(error))
 
     def close(self) -> float | None:
-        """CPU seconds of all of them; None where one did not live to tell."""
+        """CPU seconds of all of them; None where one did not live to report it."""
         if self._process is not None:
             self._close()
         return self._cpu_s

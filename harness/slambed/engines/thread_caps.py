@@ -75,7 +75,8 @@ class ThreadCaps:
             self._forget(self.threads[tid])
 
     def read_names(self) -> None:
-        """Threads name themselves soon after their start, and the program replaces the gate."""
+        """Threads name themselves soon after their start, and the program replaces the start
+        barrier."""
         for thread in self.threads.values():
             thread.name = thread_name(thread.pid, thread.tid) or thread.name
 

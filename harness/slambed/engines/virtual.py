@@ -142,8 +142,8 @@ class VirtualRun:
                 "is there enough memory?"
             )
         if code == ExitCode.ENVIRONMENT:
-            told = last_line(self.run_dir / "log.txt").removeprefix("error: ")
-            raise SlambedError(f"{SIMULATION}: {told}", ExitCode(code))
+            last_words = last_line(self.run_dir / "log.txt").removeprefix("error: ")
+            raise SlambedError(f"{SIMULATION}: {last_words}", ExitCode(code))
         return RunResult(
             outcome=_outcome(code),
             reason=None if code == 0 else self._reason(code),
@@ -210,7 +210,7 @@ _LIBC = ctypes.CDLL(None)
 
 def as_child() -> None:
     """For the simulation: the kernel ends it with the thread that started it, and a limit on the
-    size of files is an error that it tells."""
+    size of files is an error that it reports."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     go_behind()

@@ -18,23 +18,23 @@ from slambed.explain.run_log import RunLog
 from slambed.files.json_file import read_object
 from slambed.metrics.collect import stored_log
 from slambed.metrics.events import read_events
-from slambed.metrics.losses import EVENTS, Loss, losses_of
+from slambed.metrics.losses import EVENTS, TrackLoss, losses_of
 from slambed.report.style import save_picture
 
 RIGHT, WRONG, UNKNOWN = "#009E73", "#D55E00", "#E69F00"
 SIZE_IN = (13.0, 5.6)
 
 
-def losses_in(run: RunLog) -> list[Loss]:
+def losses_in(run: RunLog) -> list[TrackLoss]:
     """The losses of a run, result or raw folder."""
     parquet = run.folder / "events.parquet"
     return losses_of(stored_log(parquet, EVENTS) if parquet.is_file() else read_events(run.folder))
 
 
-def draw_loss(run: RunLog, loss: Loss, path: Path) -> str:
+def draw_loss(run: RunLog, loss: TrackLoss, path: Path) -> str:
     """Writes the picture beside the time line's; returns a line that says where, or why not."""
     if loss.frame is None or loss.last_frame is None:
-        return "no pictures: the events do not tell the frames"
+        return "no pictures: the events do not name the frames"
     checksum = (read_object(run.folder / "manifest.json") or {}).get("sequence_checksum")
     sequence = SequenceCache(places.prepared_folder()).of_checksum(str(checksum))
     if sequence is None:
@@ -43,7 +43,7 @@ def draw_loss(run: RunLog, loss: Loss, path: Path) -> str:
     return f"pictures on both sides of the loss: {path}"
 
 
-def figure_of_loss(sequence: PreparedSequence, loss: Loss) -> Figure:
+def figure_of_loss(sequence: PreparedSequence, loss: TrackLoss) -> Figure:
     """The last frame with a pose, the lost one, and what matches between them by descriptors."""
     assert loss.frame is not None and loss.last_frame is not None
     figure, axes = plt.subplots(figsize=SIZE_IN)

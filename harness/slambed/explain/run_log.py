@@ -22,13 +22,13 @@ NS_PER_S = 1e9
 
 
 @dataclass(frozen=True)
-class Standing:
-    """What the summary says about how the run ended and whether to trust it."""
+class RunStatus:
+    """What the summary says about how the run ended and whether it is valid."""
 
     outcome: str = "completed"
     outcome_reason: str | None = None
-    trusted: bool = True
-    distrust: str | None = None
+    valid: bool = True
+    invalid_reason: str | None = None
     attempts: int = 1
     steal_percent: float | None = None
     """Of the host's CPU time over playback."""
@@ -43,7 +43,7 @@ class RunLog:
     title: str
     events: pd.DataFrame
     link: pd.DataFrame | None
-    standing: Standing = Standing()
+    status: RunStatus = RunStatus()
     samples: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def of(self, *types: str, node: str | None = None) -> pd.DataFrame:
@@ -79,7 +79,7 @@ class RunLog:
 
     def longest_stall(self) -> tuple[float, float] | None:
         """When the host held the mobile node up for longest [s], and for how long [ms]."""
-        if self.standing.virtual:
+        if self.status.virtual:
             return None
         rows = self.of("stage").to_dict("records")
         events = [{str(k): v for k, v in row.items() if v == v and v is not None} for row in rows]
@@ -97,18 +97,18 @@ def read_run(folder: Path) -> RunLog:
     events = pd.DataFrame(events.assign(t_s=events["t_ns"] / NS_PER_S))
     link, _ = read_link(folder)
     samples, _ = read_samples(folder)
-    return RunLog(folder, _title(folder), events, link, _standing(folder), samples)
+    return RunLog(folder, _title(folder), events, link, _status(folder), samples)
 
 
-def _standing(folder: Path) -> Standing:
+def _status(folder: Path) -> RunStatus:
     """Of a result; a raw folder has no summary yet."""
     summary = two_axes(Summary.read(folder / "summary.json") or Summary())
-    known = Standing()
-    return Standing(
+    known = RunStatus()
+    return RunStatus(
         outcome=str(summary.get("outcome") or known.outcome),
         outcome_reason=summary.text("outcome_reason"),
-        trusted=summary.get("trusted") is not False,
-        distrust=summary.text("distrust"),
+        valid=summary.get("valid") is not False,
+        invalid_reason=summary.text("invalid_reason"),
         attempts=int(summary.number("attempts") or known.attempts),
         steal_percent=summary.number("host_steal_percent"),
         virtual=summary.get("engine") == VIRTUAL,

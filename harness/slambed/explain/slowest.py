@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The frames that took longest, and where their time went: computing, throttled, stalled, queued.
 
-Stages tell wall and CPU time of the thread that tracks. What is above CPU time was taken from it:
+Stages report wall and CPU time of the thread that tracks. What is above CPU time was taken from it:
 by its limits (throttled), by whatever else ran on the host (stalled), or it waited for something
 else. Which of these is read off the node's counters in the samples, which are of all its threads
 and 100 ms apart, so a part is never more than they grew round the frame.
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 TRACKING = ("extract", "track")
 """Stages that the tracking thread alone does."""
 TINY_MS = 1.0
-"""Shorter parts are not told."""
+"""Shorter parts are not reported."""
 MOST_STAGES = 4
 WORDS = {
     "computing": "more to compute",
@@ -53,7 +53,7 @@ class SlowFrame:
     """Above CPU time, and neither of these; what no stage timed is in it."""
     stages: dict[str, float] = field(default_factory=dict)
     """Wall time by stage."""
-    beside: dict[str, float] = field(default_factory=dict)
+    concurrent: dict[str, float] = field(default_factory=dict)
     """What other workers of the node computed meanwhile, by stage."""
     cause: str = "computing"
     """What made it longer than the usual frame; a key of WORDS."""
@@ -65,10 +65,11 @@ class SlowFrame:
 
 
 def slowest(run: RunLog, count: int) -> list[SlowFrame]:
-    """The longest first. Raises SlambedError where the system does not tell how long they took."""
+    """The longest first. Raises SlambedError where the system does not report how long they
+    took."""
     frames = run.of("frame_tracked", node="mobile")
     if frames.empty or "track_ms" not in frames or frames["track_ms"].isna().all():
-        raise SlambedError("this system does not tell how long its frames took")
+        raise SlambedError("this system does not report how long its frames took")
     frames = frames.dropna(subset=["track_ms"])
     queued = frames["wait_ms"].fillna(0.0) if "wait_ms" in frames else frames["track_ms"] * 0.0
     frames = frames.assign(queued_ms=queued, total_ms=queued + frames["track_ms"])
@@ -99,12 +100,14 @@ def _explained(
     inside = stages[stages["t_s"].between(begin_s, end_s + 1e-6)]
     workers = set(stages.loc[stages["name"].isin(TRACKING), "worker"])
     own = inside[inside["worker"].isin(workers)]
-    told = own.dropna(subset=["cpu_ms"])
-    cpu_ms = float(told["cpu_ms"].sum()) if len(told) else None
-    above_ms = 0.0 if cpu_ms is None else max(0.0, float((told["wall_ms"] - told["cpu_ms"]).sum()))
+    with_cpu = own.dropna(subset=["cpu_ms"])
+    cpu_ms = float(with_cpu["cpu_ms"].sum()) if len(with_cpu) else None
+    above_ms = (
+        0.0 if cpu_ms is None else max(0.0, float((with_cpu["wall_ms"] - with_cpu["cpu_ms"]).sum()))
+    )
     untimed_ms = max(0.0, wall_ms - float(own["wall_ms"].sum()))
     throttled_ms, stalled_ms = _taken(run, begin_s, end_s, above_ms + untimed_ms)
-    if run.standing.virtual:
+    if run.status.virtual:
         throttled_ms, stalled_ms = 0.0, above_ms  # a model has no limits; workers share its cores
     queued_ms = float(row["queued_ms"])
     waiting_ms = max(0.0, above_ms + untimed_ms - throttled_ms - stalled_ms)
@@ -112,7 +115,7 @@ def _explained(
         "computing": max(0.0, (cpu_ms or 0.0) - usual_cpu_ms),
         "queued": queued_ms,
         "throttled": throttled_ms,
-        "shared" if run.standing.virtual else "stalled": stalled_ms,
+        "shared" if run.status.virtual else "stalled": stalled_ms,
         "waiting": waiting_ms,
     }
     return SlowFrame(
@@ -125,7 +128,7 @@ def _explained(
         stalled_ms=stalled_ms,
         waiting_ms=waiting_ms,
         stages=_sums(own),
-        beside=_sums(_overlapping(stages, begin_s, end_s, workers)),
+        concurrent=_sums(_overlapping(stages, begin_s, end_s, workers)),
         cause=max(parts, key=lambda name: parts[name]),
     )
 
@@ -173,19 +176,19 @@ def _taken(run: RunLog, begin_s: float, end_s: float, missing_ms: float) -> tupl
     return throttled * min(1.0, share), stalled * min(1.0, share)
 
 
-def tell(run: RunLog, frames: list[SlowFrame]) -> list[str]:
+def report_lines(run: RunLog, frames: list[SlowFrame]) -> list[str]:
     """A line per frame, and one about all of them."""
     tracked = run.of("frame_tracked", node="mobile")
     usual = float(tracked["track_ms"].median())
     causes = pd.Series([frame.cause for frame in frames]).value_counts()
     most = ", ".join(f"{count} {WORDS[str(cause)]}" for cause, count in causes.items())
     lines = [f"the slowest {len(frames)} of {len(tracked)} frames (median {usual:.1f} ms): {most}"]
-    return lines + [line_of(frame, run.standing.virtual) for frame in frames]
+    return lines + [line_of(frame, run.status.virtual) for frame in frames]
 
 
 def line_of(frame: SlowFrame, virtual: bool = False) -> str:
     """One frame in a line."""
-    cpu = "CPU time not told" if frame.cpu_ms is None else f"{frame.cpu_ms:.1f} ms of it CPU"
+    cpu = "CPU time unknown" if frame.cpu_ms is None else f"{frame.cpu_ms:.1f} ms of it CPU"
     parts = [
         f"frame {frame.frame} at {frame.offered_s:.2f} s: {frame.total_ms:.1f} ms",
         f"tracking {frame.wall_ms:.1f} ms, {cpu}" + _in_words(" (", frame.stages, ")"),
@@ -197,8 +200,8 @@ def line_of(frame: SlowFrame, virtual: bool = False) -> str:
     ):  # fmt: skip
         if ms >= TINY_MS:
             parts.append(f"{what} {ms:.1f} ms")
-    if frame.beside:
-        parts.append("beside it" + _in_words(" ", frame.beside))
+    if frame.concurrent:
+        parts.append("beside it" + _in_words(" ", frame.concurrent))
     return "; ".join(parts) + f" -> {WORDS[frame.cause]}"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from slambed.explain.run_log import RunLog
-from slambed.explain.updates import tell_rests, tell_staged
+from slambed.explain.updates import rest_lines, staged_update_lines
 from slambed.metrics.trust import NOTABLE_STEAL_PERCENT
 
 MOST_LOSSES = 5
@@ -21,8 +21,8 @@ WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 def story(run: RunLog) -> list[str]:
     """One line per fact."""
     return [
-        _frames(run), *_standing(run), *_faults(run), *_busy(run), *_updates(run),
-        *tell_staged(run, MOST_CHANGES), *_requests(run), *tell_rests(run, MOST_LOSSES),
+        _frames(run), *_status(run), *_faults(run), *_busy(run), *_updates(run),
+        *staged_update_lines(run, MOST_CHANGES), *_requests(run), *rest_lines(run, MOST_LOSSES),
         *_stalls(run),
         *_states(run), *_losses(run),
     ]  # fmt: skip
@@ -38,17 +38,17 @@ def _frames(run: RunLog) -> str:
     )
 
 
-def _standing(run: RunLog) -> list[str]:
-    """How the system ended, whether to trust the run, and what the host did to it."""
-    standing, lines = run.standing, []
-    if standing.outcome != "completed":
-        why = f": {standing.outcome_reason}" if standing.outcome_reason else ""
-        lines.append(f"the system {standing.outcome.replace('_', ' ')}{why}")
-    if not standing.trusted:
-        lines.append(f"not to be trusted: {standing.distrust or 'no reason was kept'}")
-    if standing.attempts > 1:
-        lines.append(f"attempt {standing.attempts}, the earlier ones were not to be trusted")
-    if (steal := standing.steal_percent) is not None and steal >= NOTABLE_STEAL_PERCENT:
+def _status(run: RunLog) -> list[str]:
+    """How the system ended, whether the run is valid, and what the host did to it."""
+    status, lines = run.status, []
+    if status.outcome != "completed":
+        why = f": {status.outcome_reason}" if status.outcome_reason else ""
+        lines.append(f"the system {status.outcome.replace('_', ' ')}{why}")
+    if not status.valid:
+        lines.append(f"invalid: {status.invalid_reason or 'no reason was kept'}")
+    if status.attempts > 1:
+        lines.append(f"attempt {status.attempts}, the earlier ones were invalid")
+    if (steal := status.steal_percent) is not None and steal >= NOTABLE_STEAL_PERCENT:
         lines.append(f"steal: neighbors took {steal:.1f} % of this host's CPU time")
     if (stall := run.longest_stall()) is not None and stall[1] >= NOTABLE_STALL_MS:
         lines.append(
@@ -109,9 +109,9 @@ def _updates(run: RunLog) -> list[str]:
 def _stalls(run: RunLog) -> list[str]:
     """Channels with bytes under way of which none was acknowledged: the first ones, how many."""
     events = run.of("link")
-    told = events[events["event"] == "stalled"] if len(events) else events
+    stall_events = events[events["event"] == "stalled"] if len(events) else events
     lines = []
-    for stall in told.head(MOST_LOSSES).to_dict("records"):
+    for stall in stall_events.head(MOST_LOSSES).to_dict("records"):
         ends = events[
             (events["event"] == "flowing")
             & (events["node"] == stall["node"])
@@ -123,8 +123,8 @@ def _stalls(run: RunLog) -> list[str]:
             f"{stall['channel']} stalled at the {stall['node']} node: {stall['detail']} at "
             f"{stall['t_s']:.2f} s, {until}"
         )
-    if len(told) > MOST_LOSSES:
-        lines.append(f"and {_count(len(told) - MOST_LOSSES, 'more stall')} of the link")
+    if len(stall_events) > MOST_LOSSES:
+        lines.append(f"and {_count(len(stall_events) - MOST_LOSSES, 'more stall')} of the link")
     return lines
 
 

@@ -80,7 +80,7 @@ def rests(run: RunLog) -> list[Rest]:
     return found if begin_s is None else [*found, Rest(begin_s, None)]
 
 
-def tell_staged(run: RunLog, most: int) -> list[str]:
+def staged_update_lines(run: RunLog, most: int) -> list[str]:
     """All updates in a line, and a line for each of the first ones."""
     staged = staged_updates(run)
     if not staged:
@@ -110,21 +110,21 @@ def _line(update: StagedUpdate, pauses: list[Rest], end_s: float) -> str:
     after = _ms(1e3 * (until_s - since_s))
     was_ready = "" if update.ready_ms is None else f"ready after {_ms(update.ready_ms)}, "
     if update.declined is not None:
-        told = f"{was_ready}declined {after} later: {update.declined}"
+        message = f"{was_ready}declined {after} later: {update.declined}"
     elif update.ready_ms is None:
-        told = "never ready"
+        message = "never ready"
     elif update.ended_s is None:
-        told = f"{was_ready}never swapped"
+        message = f"{was_ready}never swapped"
     else:
-        told = f"{was_ready}swapped {after} later ({_ms(update.pause_ms or 0.0)} pause)"
+        message = f"{was_ready}swapped {after} later ({_ms(update.pause_ms or 0.0)} pause)"
     rested = update.ready_s is not None and any(
         pause.begin_s < until_s and (pause.end_s is None or pause.end_s > since_s)
         for pause in pauses
     )
-    return f"{begun}: {told}" + ("; updates rested meanwhile" if rested else "")
+    return f"{begun}: {message}" + ("; updates rested meanwhile" if rested else "")
 
 
-def tell_rests(run: RunLog, most: int) -> list[str]:
+def rest_lines(run: RunLog, most: int) -> list[str]:
     """A line for each of the first ones."""
     found, lines = rests(run), []
     for rest in found[:most]:

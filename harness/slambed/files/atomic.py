@@ -31,18 +31,18 @@ def replacing(path: Path, *, rivals: bool = False, durable: bool = False) -> Ite
         partial.rename(path)
     except BaseException as error:
         if isinstance(error, OSError) and error.filename is None:
-            error.filename = str(path)  # whoever tells of it shall know where
+            error.filename = str(path)  # whoever reports it shall know where
         with suppress(OSError):
             partial.unlink(missing_ok=True)
         raise
 
 
-def lock_file(file: IO[str], what: str, say: Callable[[str], None]) -> None:
+def lock_file(file: IO[str], what: str, notify: Callable[[str], None]) -> None:
     """Locks an open file for as long as it is open. Whoever has to wait says for what, and that it
     goes on."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        say(f"waiting: another process {what}")
+        notify(f"waiting: another process {what}")
         fcntl.flock(file, fcntl.LOCK_EX)
-        say("going on")
+        notify("going on")

@@ -72,15 +72,15 @@ def object_or_empty(
 ) -> dict[str, Any]:
     """The object, or an empty one; what cannot be read (or is `needed` and missing) becomes a line
     in `problems`."""
-    told = problems if problems is not None else []
+    complaints = problems if problems is not None else []
     try:
         content = json.loads(path.read_bytes())
     except FileNotFoundError:
         if needed:
-            told.append(f"{path.name}: missing")
+            complaints.append(f"{path.name}: missing")
         return {}
     except (OSError, ValueError) as error:
-        told.append(f"{path.name}: unreadable ({error})")
+        complaints.append(f"{path.name}: unreadable ({error})")
         return {}
     return content if isinstance(content, dict) else {}
 

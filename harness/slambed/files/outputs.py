@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files and folders that a user named: what cannot be written is told in one line."""
+"""Files and folders that a user named: what cannot be written is reported in one line."""
 
 import errno
 import os

@@ -136,7 +136,8 @@ def _model(model: type[Model], path: Path, text: str) -> Model:
 
 
 def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
-    """Of several mistakes an unknown key is told first: it explains a "missing" one next to it."""
+    """Of several mistakes an unknown key is reported first: it explains a "missing" one next to
+    it."""
     # Union branches add their own name to the location; they are not in the file.
     # What is missing is in no file; nor is a key that the command line has put there (--set).
     open_ends = ("missing", "extra_forbidden")

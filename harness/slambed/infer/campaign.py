@@ -16,7 +16,7 @@ from rich.console import Console
 
 from slambed.campaign.options import Options
 from slambed.campaign.run_experiment import run_experiment
-from slambed.campaign.runner import Verdict
+from slambed.campaign.runner import CampaignOutcome
 from slambed.errors import SlambedError
 from slambed.files.outputs import make_folder
 from slambed.files.yaml_source import load_yaml
@@ -51,7 +51,7 @@ class Campaign:
     """Every (cell, repetition) of all stages so far."""
     runs: list[pd.DataFrame] = field(default_factory=list)
     """What was read, for who asks under which plan it was made."""
-    verdicts: list[Verdict] = field(default_factory=list)
+    verdicts: list[CampaignOutcome] = field(default_factory=list)
     stages: int = 0
     stand_ins: set[str] = field(default_factory=set)
     """What was played and is not the paper's sequence."""
@@ -84,8 +84,8 @@ class Campaign:
         for point, own in found.items():
             for cell, measured in own.items():
                 if not measured.there:
-                    told = f"nothing is measured for {cell} at {point.words()}"
-                    raise SlambedError(f"{told}: {measured.found.reason}")
+                    message = f"nothing is measured for {cell} at {point.words()}"
+                    raise SlambedError(f"{message}: {measured.found.reason}")
         return {point: {c: m.share for c, m in own.items()} for point, own in found.items()}
 
     def seconds_per_run(self) -> float:
@@ -109,15 +109,15 @@ class Campaign:
             if verdict.interrupted:
                 raise StoppedError
             results = load(self.options.results / path.stem)
-            trusted = results.trusted.assign(experiment_folder=results.name)
-            trusted = trusted[pd.to_numeric(trusted["repetition"]) < runs]
-            self.runs.append(trusted)
-            pool = Pool(trusted, {results.name: results})
+            valid = results.valid_runs.assign(experiment_folder=results.name)
+            valid = valid[pd.to_numeric(valid["repetition"]) < runs]
+            self.runs.append(valid)
+            pool = Pool(valid, {results.name: results})
             for made in own:
-                at = trusted["label"].eq(made.label)
+                at = valid["label"].eq(made.label)
                 if made.profile is not None:
-                    at &= trusted["cell"].astype(str).str.endswith(f"/{made.profile}")
-                found[made] = (pool, trusted[at])
+                    at &= valid["cell"].astype(str).str.endswith(f"/{made.profile}")
+                found[made] = (pool, valid[at])
         return found
 
     def _written(

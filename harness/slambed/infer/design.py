@@ -13,7 +13,7 @@ from slambed.infer.inference_plan import Form, OpenItem
 from slambed.spec.system import Scalar
 
 DIGITS = 3
-"""Of the values of a range: enough to tell points apart, few enough to read."""
+"""Of the values of a range: enough to distinguish points, few enough to read."""
 MORE = 2
 """Each round has so many times the runs of the one before."""
 MOST_DRAWS = 64

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One inference from its plan to what its page tells."""
+"""One inference from its plan to what its page reports."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,9 +17,9 @@ from slambed.infer.inference_plan import QUICK, Form, Inference, find_plan, read
 from slambed.infer.mixture import Counts, predict_mean, predict_share, weights_of
 from slambed.infer.registered import Registration, register, registered_lines
 from slambed.infer.rows import Rows
-from slambed.infer.search import Evaluated, Fit, search
+from slambed.infer.search import Evaluated, FitResult, search
 from slambed.infer.slots import Places, find_places
-from slambed.infer.success import Beside, Met, judge
+from slambed.infer.success import ComparedCell, CriterionResult, judge
 from slambed.papers.measured import Measured
 from slambed.papers.registered import PlanLine
 from slambed.papers.verdicts.model import Share
@@ -40,19 +40,19 @@ class Back:
 
 @dataclass
 class Outcome:
-    """Everything that the page tells."""
+    """Everything that the page reports."""
 
     plan: Inference
     quick: bool
     registration: Registration
     places: Places
-    fit: Fit
-    fitted: list[Beside]
-    held_out: list[Beside]
+    fit: FitResult
+    fitted: list[ComparedCell]
+    held_out: list[ComparedCell]
     back: list[Back]
     printed: Evaluated
     """The point where everything is as printed."""
-    success: list[Met]
+    success: list[CriterionResult]
     kept: int
     """Points that are kept; `predicting` of them were run for the predictions."""
     predicting: int
@@ -195,7 +195,9 @@ def infer(session: Session) -> Outcome:
     if affordable:
         measured = campaign.measure("predict", affordable, plan.held_out, form.predict_runs)
     fitted = [
-        Beside(c, s, predict_share([e.counts[c] for e in kept], fit.weights, s), kept[0].counts[c])
+        ComparedCell(
+            c, s, predict_share([e.counts[c] for e in kept], fit.weights, s), kept[0].counts[c]
+        )
         for c, s in printed.items()
     ]
     held_out = [_predicted(session, c, kept[: len(affordable)], measured) for c in plan.held_out]
@@ -231,20 +233,20 @@ def _reached(points: Sequence[Point], spare: int, cost: Callable[[Sequence[Point
 def _predicted(
     session: Session, cell: str, kept: list[Evaluated],
     measured: Mapping[Point, Mapping[str, Measured]],
-) -> Beside:  # fmt: skip
+) -> ComparedCell:  # fmt: skip
     printed = session.places.places[cell].printed
     own = [measured[e.point][cell] for e in kept]
     if not own or not all(m.there for m in own):
-        return Beside(cell, printed, None, None)
+        return ComparedCell(cell, printed, None, None)
     weights = weights_of([e.log_likelihood for e in kept])
     if isinstance(printed, Share):
         prediction = predict_share([m.share for m in own], weights, printed)
-        return Beside(cell, printed, prediction, own[0].ours)
+        return ComparedCell(cell, printed, prediction, own[0].ours)
     prediction_of_mean = predict_mean([m.mean for m in own], weights, printed)
-    return Beside(cell, printed, prediction_of_mean, own[0].ours)
+    return ComparedCell(cell, printed, prediction_of_mean, own[0].ours)
 
 
-def _back(session: Session, fit: Fit) -> tuple[list[Back], Evaluated]:
+def _back(session: Session, fit: FitResult) -> tuple[list[Back], Evaluated]:
     """What each item buys: the best point with it as printed, and all of them as printed."""
     plan, form = session.plan, session.form
     best = fit.best.point
@@ -256,7 +258,7 @@ def _back(session: Session, fit: Fit) -> tuple[list[Back], Evaluated]:
     }
     wanted = list(dict.fromkeys([everything, *points.values()]))
     counts = session.campaign.counts("back", wanted, plan.fit, form.final_runs)
-    own = Fit(fit.printed, fit.within_log)
+    own = FitResult(fit.printed, fit.within_log)
     own.put(counts, form.final_runs)
     found = [
         Back(n, shown(best.named[n]), shown(plan.open[n].printed), own.points[p])

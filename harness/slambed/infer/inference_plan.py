@@ -213,8 +213,8 @@ def find_plan(name: str) -> tuple[Inference, YamlSource]:
     source = load_yaml(path)
     plan = parse(Inference, source)
     if plan.id != path.stem:
-        told = f"id '{plan.id}' is not the file's name"
-        raise source.complaint(told, ("id",), f"write id: {path.stem}")
+        message = f"id '{plan.id}' is not the file's name"
+        raise source.complaint(message, ("id",), f"write id: {path.stem}")
     return plan, source
 
 

@@ -14,7 +14,7 @@ from slambed.infer.design import shown
 from slambed.infer.inference import Back, Outcome, described
 from slambed.infer.mixture import best_possible
 from slambed.infer.search import Evaluated
-from slambed.infer.success import Beside
+from slambed.infer.success import ComparedCell
 from slambed.infer.svg_figures import Lane, lanes_svg, profile_svg
 from slambed.papers.judged import printed as printed_text
 from slambed.papers.paper_page import environment
@@ -42,12 +42,14 @@ class Row:
 def headline(outcome: Outcome) -> list[str]:
     """What came out, in a few lines."""
     met = sum(item.met for item in outcome.success)
-    said = "not reproduced"
+    conclusion = "not reproduced"
     if met == len(outcome.success):
-        said = "reproduced by the plan's own words"
+        conclusion = "reproduced by the plan's own words"
         if outcome.stand_ins:
-            said = "but on a stand-in of the paper's sequence, so nothing is called reproduced"
-    found = [f"{met} of {len(outcome.success)} criteria of the plan are met: {said}"]
+            conclusion = (
+                "but on a stand-in of the paper's sequence, so nothing is called reproduced"
+            )
+    found = [f"{met} of {len(outcome.success)} criteria of the plan are met: {conclusion}"]
     found += [
         f"  {'met' if m.met else 'NOT MET'}: {m.criterion.says} ({m.why})" for m in outcome.success
     ]
@@ -125,11 +127,13 @@ def _failures(outcome: Outcome) -> list[str]:
             elif row.mark != "in":
                 found.append(f"{name}, {row.label}: not run.")
     if outcome.predicting < outcome.kept:
-        told = f"{outcome.predicting} of {outcome.kept} kept points predict: the budget is spent."
-        found.append(told)
+        message = (
+            f"{outcome.predicting} of {outcome.kept} kept points predict: the budget is spent."
+        )
+        found.append(message)
     if outcome.fit.unpaid:
-        told = f"{outcome.fit.unpaid} times a point that may have been kept got no more runs"
-        found.append(f"{told}: the budget is spent.")
+        message = f"{outcome.fit.unpaid} times a point that may have been kept got no more runs"
+        found.append(f"{message}: the budget is spent.")
     return [*found, *(f"A run without a result: {line}" for line in outcome.failures)]
 
 
@@ -142,17 +146,17 @@ def _label(outcome: Outcome, cell: str) -> str:
     return f"{found.row}, {found.column}" if found.column else found.row
 
 
-def _lanes(outcome: Outcome, cells: list[Beside]) -> list[Lane]:
+def _lanes(outcome: Outcome, cells: list[ComparedCell]) -> list[Lane]:
     return [Lane(_label(outcome, b.cell), b) for b in cells]
 
 
-def _rows(outcome: Outcome, cells: list[Beside]) -> list[Row]:
+def _rows(outcome: Outcome, cells: list[ComparedCell]) -> list[Row]:
     return [_row(outcome, b) for b in cells]
 
 
-def _row(outcome: Outcome, beside: Beside) -> Row:
-    cell = outcome.places.places[beside.cell].cell
-    found, printed = beside.prediction, beside.printed
+def _row(outcome: Outcome, compared: ComparedCell) -> Row:
+    cell = outcome.places.places[compared.cell].cell
+    found, printed = compared.prediction, compared.printed
     predicted, mark = "-", "not run"
     paper = printed_text(cell)
     if isinstance(printed, Share):
@@ -163,12 +167,12 @@ def _row(outcome: Outcome, beside: Beside) -> Row:
         spread = f"{found.low:.{digits}f} to {found.high:.{digits}f}"
         predicted = f"{found.expected:.{max(1, digits)}f} ({spread})"
     ours = "-"
-    if isinstance(beside.ours, Share):
-        ours = f"{beside.ours.bad} of {beside.ours.runs}"
-    elif beside.ours is not None:
-        mean = Mean.of(beside.ours)
+    if isinstance(compared.ours, Share):
+        ours = f"{compared.ours.bad} of {compared.ours.runs}"
+    elif compared.ours is not None:
+        mean = Mean.of(compared.ours)
         ours = f"{mean.value:.4g} (n {mean.count})"
-    return Row(beside.cell, _label(outcome, beside.cell), paper, predicted, ours, mark)
+    return Row(compared.cell, _label(outcome, compared.cell), paper, predicted, ours, mark)
 
 
 def _point(evaluated: Evaluated, best: Evaluated, weight: float | None) -> dict[str, Any]:
@@ -198,7 +202,7 @@ def _count(evaluated: Evaluated, cell: str) -> str:
 def _numbers(outcome: Outcome) -> str:
     """Every number of the page, for whoever draws it anew."""
 
-    def beside(item: Beside) -> dict[str, Any]:
+    def compared_cell(item: ComparedCell) -> dict[str, Any]:
         found, printed = item.prediction, item.printed
         share = isinstance(printed, Share)
         return {
@@ -231,8 +235,8 @@ def _numbers(outcome: Outcome) -> str:
         "stand_ins": outcome.stand_ins,
         "runs": outcome.spent,
         "points": [{**point(e), "kept": e.point in kept} for e in outcome.fit.ranked],
-        "fitted": [beside(b) for b in outcome.fitted],
-        "held_out": [beside(b) for b in outcome.held_out],
+        "fitted": [compared_cell(b) for b in outcome.fitted],
+        "held_out": [compared_cell(b) for b in outcome.held_out],
         "attribution": [
             {"item": b.item, "best": b.best, "printed": b.printed, **point(b.evaluated)}
             for b in outcome.back

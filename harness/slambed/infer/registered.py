@@ -46,12 +46,12 @@ class Registration:
 
 def register(plan: Inference, source: YamlSource, paper_file: Path, places: Places) -> Registration:
     """The plan as it is now."""
-    said = {
+    content = {
         "plan": plan.model_dump(mode="json", exclude_defaults=True),
         "paper": frozen_digest(places.paper),
         "experiments": {name: base.source.data for name, base in places.bases.items()},
     }
-    digest = hashlib.sha256(canonical_json(said).encode()).hexdigest()[:DIGITS]
+    digest = hashlib.sha256(canonical_json(content).encode()).hexdigest()[:DIGITS]
     files = [source.path, paper_file]
     files += [base.source.path for base in places.bases.values()]
     commit, why = commit_of(files)
@@ -94,22 +94,22 @@ def registered_lines(registration: Registration, runs: pd.DataFrame) -> list[Pla
     own = plans.pop(digest, 0)
     found = []
     if registration.commit is None:
-        told = f"Plan {digest} is not registered: {registration.why}."
-        found.append(PlanLine(told, bad=True))
+        message = f"Plan {digest} is not registered: {registration.why}."
+        found.append(PlanLine(message, bad=True))
     if plans:
         others = ", ".join(sorted(plans))
-        told = f"{sum(plans.values())} of {total} runs were made under another plan: {others}."
-        found.append(PlanLine(told, bad=True))
+        message = f"{sum(plans.values())} of {total} runs were made under another plan: {others}."
+        found.append(PlanLine(message, bad=True))
     if unknown:
-        told = f"{unknown} of {total} runs do not say that they were made under this plan."
-        found.append(PlanLine(told, bad=True))
+        message = f"{unknown} of {total} runs do not say that they were made under this plan."
+        found.append(PlanLine(message, bad=True))
     if own:
         column = f"plan.{name}"
         commits = written_in(runs[runs[column].eq(digest)], f"plan_commit.{name}")
         if loose := commits.pop("", 0):
-            told = f"{loose} of {own} runs were made before the plan was committed as it is."
-            found.append(PlanLine(told, bad=True))
+            message = f"{loose} of {own} runs were made before the plan was committed as it is."
+            found.append(PlanLine(message, bad=True))
         for commit, count in sorted(commits.items()):
-            told = f"Plan {digest} was committed unchanged ({commit[:SHORT_COMMIT]}) before"
-            found.append(PlanLine(f"{told} {count} of {total} runs were made."))
+            message = f"Plan {digest} was committed unchanged ({commit[:SHORT_COMMIT]}) before"
+            found.append(PlanLine(f"{message} {count} of {total} runs were made."))
     return found

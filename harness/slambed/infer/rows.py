@@ -56,9 +56,9 @@ class Rows:
         self._check_changes()
         for pattern in self.plan.instead:
             if not any(fnmatchcase(s, pattern) for s in self._systems):
-                told = f"{pattern} is no system of the fitted or held-out cells"
+                message = f"{pattern} is no system of the fitted or held-out cells"
                 raise self.source.complaint(
-                    told, ("instead", pattern), suggestion(pattern, sorted(self._systems))
+                    message, ("instead", pattern), suggestion(pattern, sorted(self._systems))
                 )
 
     def unfitted(self) -> list[str]:
@@ -153,8 +153,8 @@ class Rows:
                 known.add(slot.dataset)
             elif slot.profile is not None:
                 known.add(slot.profile)
-        told = f"unknown {kind} '{key.name}': none of the fitted or held-out cells has it"
-        return told, place, suggestion(key.name, sorted(known)) if known else ""
+        message = f"unknown {kind} '{key.name}': none of the fitted or held-out cells has it"
+        return message, place, suggestion(key.name, sorted(known)) if known else ""
 
     def _check_changes(self) -> None:
         """Variants and parameters of `instead` and cases must be those of the systems."""
@@ -192,8 +192,8 @@ class Rows:
                 else:
                     self._device(slot, key, value)
             except (ValueError, SlambedError) as error:
-                told = str(error).splitlines()[0]
-                raise self.source.complaint(f"{item.set}: {told}", ("open", name)) from None
+                message = str(error).splitlines()[0]
+                raise self.source.complaint(f"{item.set}: {message}", ("open", name)) from None
 
     def _device(self, slot: Slot, key: Key, value: Scalar) -> None:
         choice = self.places.bases[slot.experiment].plan.experiment
@@ -256,7 +256,7 @@ def changed_device(asked: Any, key: Key, value: Scalar) -> Any:
         device["jitter"] = {**device.get("jitter", {}), stage: value}
     else:
         device[key.part] = value
-    told = [f"{k}{v}" for k, v in device.items() if k in OF_A_DEVICE]
-    told += [f"{k}-{v}" for k, v in device.get("jitter", {}).items()]
-    device["name"] = re.sub(r"[^A-Za-z0-9_.-]", "-", "_".join([str(device["device"]), *told]))
+    parts = [f"{k}{v}" for k, v in device.items() if k in OF_A_DEVICE]
+    parts += [f"{k}-{v}" for k, v in device.get("jitter", {}).items()]
+    device["name"] = re.sub(r"[^A-Za-z0-9_.-]", "-", "_".join([str(device["device"]), *parts]))
     return device

@@ -33,7 +33,7 @@ class Evaluated:
 
 
 @dataclass
-class Fit:
+class FitResult:
     """All points that were looked at, each with the most runs it got."""
 
     printed: dict[str, Share]
@@ -61,7 +61,7 @@ class Fit:
 
     @property
     def kept(self) -> list[Evaluated]:
-        """Those so near to the best that the fit cannot tell them apart."""
+        """Those so near to the best that the fit cannot distinguish them."""
         least = self.best.log_likelihood - self.within_log
         return [e for e in self.ranked if e.log_likelihood >= least]
 
@@ -78,13 +78,13 @@ def search(
     within_log: float,
     evaluate: Evaluate,
     allowed: Callable[[Sequence[Point], int], int] = lambda points, runs: len(points),
-) -> Fit:
+) -> FitResult:
     """Gives all points the runs of each round, but those that have become unlikely to be kept with
     the runs of the last one; then whoever is kept gets those too, until every kept point has them.
 
     `allowed`: how many of these points, the likeliest first, may have so many runs.
     """
-    fit = Fit(printed, within_log)
+    fit = FitResult(printed, within_log)
     alive, final = list(points), rounds[-1]
     for runs in rounds:
         chosen = alive[: allowed(alive, runs)]
@@ -102,7 +102,7 @@ def search(
     return fit
 
 
-def _likely(fit: Fit, points: Sequence[Point], final: int) -> list[Point]:
+def _likely(fit: FitResult, points: Sequence[Point], final: int) -> list[Point]:
     """Those that may still be kept, the likeliest first."""
     generator = np.random.default_rng(DRAWS_SEED)
     own = [fit.points[point] for point in points]

@@ -110,16 +110,16 @@ def _printed(
     paper: Paper, source: YamlSource, cells: dict[str, PublishedCell], kind: str, name: str
 ) -> Share | Mean:
     if name not in cells:
-        told = f"{name} is no number of papers/{paper.id}/paper.yaml"
-        raise source.complaint(told, (kind,), suggestion(name, list(cells)))
+        message = f"{name} is no number of papers/{paper.id}/paper.yaml"
+        raise source.complaint(message, (kind,), suggestion(name, list(cells)))
     cell = cells[name]
     metric = paper.metrics.get(cell.metric)
-    if metric is None or not cell.standing.judged:
+    if metric is None or not cell.comparability.judged:
         raise source.complaint(f"{name} is nothing that our runs measure", (kind,))
-    erratum = cell.standing.erratum
+    erratum = cell.comparability.erratum
     if erratum is not None and isinstance(erratum.judge_as, str):
-        told = f"{name} is printed wrongly, {erratum.judge_as} stands for it"
-        raise source.complaint(told, (kind,), "name that")
+        message = f"{name} is printed wrongly, {erratum.judge_as} stands for it"
+        raise source.complaint(message, (kind,), "name that")
     if erratum is not None and erratum.judge_as is not None:
         cell = replace(cell, value=float(erratum.judge_as))
     value = published_of(cell, metric.statistic == "share")
@@ -130,8 +130,8 @@ def _printed(
             f"{name} is no count of runs: only counts are fitted", (kind,), "hold it out"
         )
     if isinstance(value, Mean) and value.count is None:
-        told = f"the paper prints no number of runs at {name}, so nothing predicts it"
-        raise source.complaint(told, (kind,))
+        message = f"the paper prints no number of runs at {name}, so nothing predicts it"
+        raise source.complaint(message, (kind,))
     return value
 
 
@@ -150,8 +150,8 @@ def _frame(base: Base) -> pd.DataFrame:
     labels = [label_of(c, s) for c, s in zip(choices, base.systems, strict=True)]
     for label in labels:
         if labels.count(label) > 1:
-            told = f"two rows of {base.name} are called '{label}'"
-            raise base.source.complaint(told, ("systems",), "give them labels")
+            message = f"two rows of {base.name} are called '{label}'"
+            raise base.source.complaint(message, ("systems",), "give them labels")
     names = {found: name for name, (found, _) in base.plan.circumstances.datasets.items()}
     rows = [_row(spec, labels.index(spec.label), names[spec.dataset]) for spec in base.plan.specs]
     return pd.DataFrame(rows)

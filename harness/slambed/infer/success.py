@@ -17,7 +17,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Beside:
+class ComparedCell:
     """A published number with what is predicted of it, and our runs at the best point."""
 
     cell: str
@@ -35,7 +35,7 @@ class Beside:
 
 
 @dataclass(frozen=True)
-class Met:
+class CriterionResult:
     """One criterion with what came out."""
 
     criterion: Criterion
@@ -43,7 +43,9 @@ class Met:
     why: str
 
 
-def judge(criterion: Criterion, fitted: list[Beside], held_out: list[Beside]) -> Met:
+def judge(
+    criterion: Criterion, fitted: list[ComparedCell], held_out: list[ComparedCell]
+) -> CriterionResult:
     """Whether a criterion is met. What could not be computed is not met."""
     match criterion.kind:
         case "fitted_inside":
@@ -58,36 +60,36 @@ def judge(criterion: Criterion, fitted: list[Beside], held_out: list[Beside]) ->
     return _rises(criterion, by_name)
 
 
-def _inside(criterion: Criterion, cells: list[Beside]) -> Met:
+def _inside(criterion: Criterion, cells: list[ComparedCell]) -> CriterionResult:
     count = sum(c.prediction is not None and c.prediction.inside for c in cells)
     least = criterion.at_least or 0.0
     missing = sum(c.prediction is None for c in cells)
     why = f"{count} of {len(cells)} inside, {least:.0%} asked for"
     why += f"; {missing} not predicted count as outside" if missing else ""
-    return Met(criterion, count >= least * len(cells), why)
+    return CriterionResult(criterion, count >= least * len(cells), why)
 
 
-def _mean_error(criterion: Criterion, cells: list[Beside]) -> Met:
+def _mean_error(criterion: Criterion, cells: list[ComparedCell]) -> CriterionResult:
     errors = [e for c in cells if (e := c.error_points) is not None]
     wanted = sum(isinstance(c.printed, Share) for c in cells)
     if len(errors) < wanted or not errors:
-        return Met(criterion, False, f"{len(errors)} of {wanted} shares are predicted")
+        return CriterionResult(criterion, False, f"{len(errors)} of {wanted} shares are predicted")
     error, most = float(np.mean(errors)), criterion.at_most or 0.0
     why = f"{error:.1f} points over {len(errors)} shares, {most:g} at most"
-    return Met(criterion, error <= most, why)
+    return CriterionResult(criterion, error <= most, why)
 
 
-def _rank(criterion: Criterion, cells: Mapping[str, Beside]) -> Met:
+def _rank(criterion: Criterion, cells: Mapping[str, ComparedCell]) -> CriterionResult:
     chain = [cells[name] for name in criterion.cells]
     if any(c.prediction is None for c in chain):
-        return Met(criterion, False, "one of its cells is not predicted")
+        return CriterionResult(criterion, False, "one of its cells is not predicted")
     ours = [c.prediction.expected for c in chain if c.prediction is not None]
     paper = [_value(c.printed) for c in chain]
     if len(set(ours)) < 2 or len(set(paper)) < 2:
-        return Met(criterion, False, "nothing varies")
+        return CriterionResult(criterion, False, "nothing varies")
     rho, least = float(stats.spearmanr(ours, paper).statistic), criterion.at_least or 0.0
     # Five cells with two of them exchanged are 0.9, or a rounding below it.
-    return Met(
+    return CriterionResult(
         criterion, rho >= least - ROUNDING, f"rank correlation {rho:.2f}, {least:g} asked for"
     )
 
@@ -96,12 +98,12 @@ def _value(printed: Share | Mean) -> float:
     return printed.value
 
 
-def _rises(criterion: Criterion, cells: Mapping[str, Beside]) -> Met:
+def _rises(criterion: Criterion, cells: Mapping[str, ComparedCell]) -> CriterionResult:
     chain = [cells[name] for name in criterion.cells]
     ours = [c.ours for c in chain if c.ours is not None]
     if len(ours) < len(chain):
-        return Met(criterion, False, "one of its cells was not run")
+        return CriterionResult(criterion, False, "one of its cells was not run")
     steps = [rising(pair) for pair in pairwise(ours)]
     worst = int(np.argmax(steps))
     why = f"p {max(steps):.2g} ({chain[worst].cell} to {chain[worst + 1].cell})"
-    return Met(criterion, max(steps) < LEVEL, why)
+    return CriterionResult(criterion, max(steps) < LEVEL, why)

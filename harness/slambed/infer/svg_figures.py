@@ -7,8 +7,8 @@ from math import isfinite
 
 from slambed.infer.design import shown
 from slambed.infer.inference_plan import OpenItem
-from slambed.infer.search import Evaluated, Fit
-from slambed.infer.success import Beside
+from slambed.infer.search import Evaluated, FitResult
+from slambed.infer.success import ComparedCell
 from slambed.papers.strip import escaped
 from slambed.papers.verdicts.model import Share
 
@@ -26,13 +26,13 @@ class Lane:
     """One published share."""
 
     label: str
-    beside: Beside
+    compared: ComparedCell
 
 
 def lanes_svg(lanes: Sequence[Lane], what: str) -> str:
     """Predicted shares with their 95 % intervals, and the printed ones, on one axis of percent.
     Empty where there is no share."""
-    drawn = [lane for lane in lanes if isinstance(lane.beside.printed, Share)]
+    drawn = [lane for lane in lanes if isinstance(lane.compared.printed, Share)]
     if not drawn:
         return ""
     height = LANE * len(drawn) + 24
@@ -54,28 +54,28 @@ def _x(percent: float) -> float:
 
 
 def _lane(lane: Lane, y: float) -> str:
-    printed = lane.beside.printed
+    printed = lane.compared.printed
     assert isinstance(printed, Share)
     name = lane.label if len(lane.label) <= LETTERS else lane.label[: LETTERS - 1] + "…"
     parts = [f'<text class="lane" x="{LABEL - 8:.0f}" y="{y + 3.5:.1f}">{escaped(name)}</text>']
-    found = lane.beside.prediction
-    told = f"{lane.label}: paper {printed.bad} of {printed.runs}"
+    found = lane.compared.prediction
+    message = f"{lane.label}: paper {printed.bad} of {printed.runs}"
     color = OUTSIDE
     if found is not None:
         color = INSIDE if found.inside else OUTSIDE
         low, high = (_x(100 * v / printed.runs) for v in (found.low, found.high))
         middle = _x(100 * found.expected / printed.runs)
-        told += f", predicted {found.low:.0f} to {found.high:.0f}"
+        message += f", predicted {found.low:.0f} to {found.high:.0f}"
         parts.append(
             f'<rect class="reach" x="{low - 1.5:.1f}" y="{y - 4:.1f}" width="{high - low + 3:.1f}" '
             f'height="8" rx="2"/><line class="middle" x1="{middle:.1f}" x2="{middle:.1f}" '
             f'y1="{y - 4:.1f}" y2="{y + 4:.1f}"/>'
         )
     mark = f'<circle cx="{_x(100 * printed.value):.1f}" cy="{y:.1f}" r="3.6" fill="{color}"/>'
-    return f"<g><title>{escaped(told)}</title>{''.join(parts)}{mark}</g>"
+    return f"<g><title>{escaped(message)}</title>{''.join(parts)}{mark}</g>"
 
 
-def profile_svg(name: str, item: OpenItem, fit: Fit) -> str:
+def profile_svg(name: str, item: OpenItem, fit: FitResult) -> str:
     """Every point by its value of one item: how far below the best it is. Filled: kept; small: it
     was dropped after few runs."""
     places = _places(name, item, fit)
@@ -124,12 +124,12 @@ def profile_svg(name: str, item: OpenItem, fit: Fit) -> str:
     )
 
 
-def _depth(evaluated: Evaluated, fit: Fit) -> float:
+def _depth(evaluated: Evaluated, fit: FitResult) -> float:
     found = fit.best.log_likelihood - evaluated.log_likelihood
     return found if isfinite(found) else DEEPEST
 
 
-def _places(name: str, item: OpenItem, fit: Fit) -> dict[object, float]:
+def _places(name: str, item: OpenItem, fit: FitResult) -> dict[object, float]:
     """Value -> pixels from the left."""
     left, right = LEFT + 12, PROFILE_WIDTH - 20
     if item.range is None:

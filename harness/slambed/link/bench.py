@@ -18,7 +18,7 @@ from slambed.link.scratch import two_namespaces
 from slambed.link.session import EDGE_ADDRESS, MOBILE_ADDRESS
 from slambed.link.traffic import (
     Flood,
-    TcpFollower,
+    TcpRttProbe,
     one_way,
     tcp_throughput_mbps,
     udp_flood,
@@ -71,7 +71,7 @@ def measure_link(
         )
         t0_ns = time.monotonic_ns() + HEAD_START_NS
         link.start(t0_ns)
-        follower = TcpFollower(mobile, edge, EDGE_ADDRESS) if with_tcp else None
+        follower = TcpRttProbe(mobile, edge, EDGE_ADDRESS) if with_tcp else None
         with follower or ExitStack():
             time.sleep(seconds + HEAD_START_NS / 1e9)
         record = link.stop()

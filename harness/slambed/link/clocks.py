@@ -60,7 +60,7 @@ class Clocks(Record):
     t0_ns: int
     """Run time 0, CLOCK_MONOTONIC of this machine."""
     before: ClockComparison
-    """The board was told run time 0 by it."""
+    """The board was given run time 0 by it."""
     after: ClockComparison | None = None
     """Null: the run did not get so far."""
 

@@ -14,7 +14,7 @@ from slambed.spec.run_spec import RunSpec
 class OpenLink(Message):
     """The first request: join two namespaces by the link that a run asks for."""
 
-    ask: Literal["open"] = "open"
+    request: Literal["open"] = "open"
     spec: RunSpec
     """The whole run."""
     mobile: str
@@ -30,13 +30,13 @@ class OpenLink(Message):
 class Opened(Message):
     """The answer: the profile's value at time 0 is in force."""
 
-    say: Literal["opened"] = "opened"
+    reply: Literal["opened"] = "opened"
 
 
 class StartLink(Message):
     """Run time 0, on CLOCK_MONOTONIC."""
 
-    ask: Literal["start"] = "start"
+    request: Literal["start"] = "start"
     t0_ns: int
     """On CLOCK_MONOTONIC."""
 
@@ -44,19 +44,19 @@ class StartLink(Message):
 class LinkStarted(Message):
     """The answer."""
 
-    say: Literal["started"] = "started"
+    reply: Literal["started"] = "started"
 
 
 class AskAlive(Message):
     """Whether the link is still there."""
 
-    ask: Literal["alive"] = "alive"
+    request: Literal["alive"] = "alive"
 
 
 class Alive(Message):
     """The answer."""
 
-    say: Literal["alive"] = "alive"
+    reply: Literal["alive"] = "alive"
     alive: bool
     """False once it went away by itself."""
 
@@ -64,15 +64,15 @@ class Alive(Message):
 class StopLink(Message):
     """Take the link down; then the process ends."""
 
-    ask: Literal["stop"] = "stop"
+    request: Literal["stop"] = "stop"
 
 
 class LinkStopped(Message):
     """The answer."""
 
-    say: Literal["stopped"] = "stopped"
+    reply: Literal["stopped"] = "stopped"
     link: LinkFacts
     """For the manifest."""
 
 
-Request = Annotated[OpenLink | StartLink | AskAlive | StopLink, Field(discriminator="ask")]
+Request = Annotated[OpenLink | StartLink | AskAlive | StopLink, Field(discriminator="request")]

@@ -90,7 +90,7 @@ class GilbertElliott(BaseModel):
         return self.to_bad / turns if turns > 0 else 0.0
 
 
-class Loss(BaseModel):
+class PacketLoss(BaseModel):
     """Packets dropped at random, seeded. All values are shares, 0..1."""
 
     model_config = STRICT
@@ -100,7 +100,7 @@ class Loss(BaseModel):
     gilbert_elliott: GilbertElliott | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> "Loss":
+    def _one(self) -> "PacketLoss":
         if (self.random is None) == (self.gilbert_elliott is None):
             raise ValueError("give one of random, gilbert_elliott")
         return self
@@ -119,7 +119,7 @@ class Loss(BaseModel):
         return bad * chain.loss_bad + (1 - bad) * chain.loss_good
 
 
-class Rate(BaseModel):
+class Bandwidth(BaseModel):
     """The bottleneck: a constant rate or a Mahimahi trace, with a queue in bytes."""
 
     model_config = STRICT
@@ -131,7 +131,7 @@ class Rate(BaseModel):
     """Not given: what the mean rate carries in 200 ms, at least 64 KiB."""
 
     @model_validator(mode="after")
-    def _one(self) -> "Rate":
+    def _one(self) -> "Bandwidth":
         if (self.mbps is None) == (self.trace is None):
             raise ValueError("give one of mbps, trace")
         return self
@@ -171,5 +171,5 @@ class Side(BaseModel):
     model_config = STRICT
 
     jitter: Jitter | None = None
-    loss: Loss | None = None
-    rate: Rate | None = None
+    loss: PacketLoss | None = None
+    rate: Bandwidth | None = None

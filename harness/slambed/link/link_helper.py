@@ -21,7 +21,7 @@ from slambed.link.helper_messages import (
     StopLink,
 )
 from slambed.link.run_link import RunLink, open_for_run
-from slambed.process.line_protocol import Failure, LineReader, adapter, message_in, tell
+from slambed.process.line_protocol import Failure, LineReader, adapter, message_in, send
 from slambed.sampling.cpu_group import leave_cpu_group
 
 
@@ -35,22 +35,22 @@ def main() -> None:
             request = message_in(line, adapter(Request), "harness")
             if isinstance(request, OpenLink):
                 link = _open(request)
-                tell(sys.stdout, Opened())
+                send(sys.stdout, Opened())
             elif link is not None and isinstance(request, StartLink):
                 link.start(request.t0_ns)
-                tell(sys.stdout, LinkStarted())
+                send(sys.stdout, LinkStarted())
             elif link is not None and isinstance(request, AskAlive):
-                tell(sys.stdout, Alive(alive=link.alive()))
+                send(sys.stdout, Alive(alive=link.alive()))
             elif link is not None and isinstance(request, StopLink):
-                tell(sys.stdout, LinkStopped(link=link.stop()))
+                send(sys.stdout, LinkStopped(link=link.stop()))
                 return
     except EOFError:
         return
     except SlambedError as error:
-        tell(sys.stdout, Failure.of(error))
-    except Exception as error:  # Told where a person sees it: by the campaign.
-        told = f"a bug of slambed: {type(error).__name__}: {error}"
-        tell(sys.stdout, Failure(error=told, code=int(ExitCode.INTERNAL)))
+        send(sys.stdout, Failure.of(error))
+    except Exception as error:  # Reported where a person sees it: by the campaign.
+        message = f"a bug of slambed: {type(error).__name__}: {error}"
+        send(sys.stdout, Failure(error=message, code=int(ExitCode.INTERNAL)))
     finally:
         if link is not None:
             link.close()

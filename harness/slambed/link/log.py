@@ -45,7 +45,7 @@ class LinkRecord:
             drops=self.drops,
             died=self.died,
             proof=self.proof,
-            distrust=None if self.proof.valid else self.proof.reason,
+            invalid_reason=None if self.proof.valid else self.proof.reason,
             details=self.details,
         )
 

@@ -24,7 +24,7 @@ from slambed.link.netlink import (
     without_segmentation_offload,
 )
 from slambed.link.profile import CHECK_FOREVER_S, Profile
-from slambed.link.proof import Waits
+from slambed.link.proof import QueueingDelays
 from slambed.link.record import LinkDetails
 from slambed.link.schedule import queue_bytes
 from slambed.link.session import (
@@ -143,7 +143,9 @@ class PlainShaper:
     def stop(self, t0_ns: int) -> Outcome:
         """Removes the pair."""
         self.abort()
-        return Outcome({}, {"up": 0, "down": 0}, lambda e: Waits.none(len(e)), None, LinkDetails())
+        return Outcome(
+            {}, {"up": 0, "down": 0}, lambda e: QueueingDelays.none(len(e)), None, LinkDetails()
+        )
 
     def abort(self) -> None:
         """Removes the pair."""
@@ -255,7 +257,7 @@ class NetemShaper:
         if len(steps):
             longest_ms = round(float(steps.max()), 2)
             details = details.model_copy(update={"longest_step_ms": longest_ms})
-        return Outcome(series, drops, lambda e: Waits.none(len(e)), None, details)
+        return Outcome(series, drops, lambda e: QueueingDelays.none(len(e)), None, details)
 
     def abort(self) -> None:
         """Removes the pair."""

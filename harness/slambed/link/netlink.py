@@ -35,7 +35,7 @@ ANSWER_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class NetemSettings:
-    """What netem is told."""
+    """What netem is given."""
 
     delay_ms: float
     limit_packets: int

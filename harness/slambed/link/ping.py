@@ -63,7 +63,7 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
 
 def _windows(lines: list[str]) -> list[Echo]:
     """Replies have no numbers: what stands between the first and the last of them is a request
-    without a reply, in whatever language it is told."""
+    without a reply, in whatever language it is reported."""
     written = [line.rstrip() for line in lines if line.strip()]
     found = [(i, match) for i, line in enumerate(written) if (match := _WINDOWS.search(line))]
     return [Echo(float(i), _ms(match[1], match[2])) for i, match in found]

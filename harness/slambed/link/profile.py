@@ -16,7 +16,7 @@ import numpy as np
 from slambed.errors import SlambedError
 from slambed.files.yaml_source import in_words, load_yaml
 from slambed.link.curves import Curve, Times
-from slambed.link.impairments import Gap, Jitter, Loss, Rate, Side
+from slambed.link.impairments import Bandwidth, Gap, Jitter, PacketLoss, Side
 from slambed.link.profile_reader import ProfileReader, substitute
 from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
 from slambed.native import repository_root
@@ -232,8 +232,8 @@ def _curves(data: Mapping[str, Any], reader: ProfileReader) -> tuple[Curve, Curv
 
 def _side(data: Mapping[str, Any], side: str, reader: ProfileReader) -> Side:
     """Impairments of one direction: those for both, overridden by its own (null = none)."""
-    kinds: dict[str, type[Jitter] | type[Loss] | type[Rate]]
-    kinds = {"jitter": Jitter, "loss": Loss, "rate": Rate}
+    kinds: dict[str, type[Jitter] | type[PacketLoss] | type[Bandwidth]]
+    kinds = {"jitter": Jitter, "loss": PacketLoss, "rate": Bandwidth}
     own = reader.only(data.get(side) or {}, list(kinds), side)
     found: dict[str, Any] = {}
     for kind, model in kinds.items():

@@ -71,19 +71,19 @@ class LinkProof:
 
 
 @dataclass(frozen=True)
-class Waits:
+class QueueingDelays:
     """What each echo waited for the rate or for jitter, one way each [ms]; zeros where unknown."""
 
     up_ms: Values
     down_ms: Values
 
     @staticmethod
-    def none(count: int) -> "Waits":
+    def none(count: int) -> "QueueingDelays":
         """No queue anywhere."""
-        return Waits(np.zeros(count), np.zeros(count))
+        return QueueingDelays(np.zeros(count), np.zeros(count))
 
 
-def expected_rtt_ms(profile: Profile, sent_s: Values, waits: Waits) -> Values:
+def expected_rtt_ms(profile: Profile, sent_s: Values, waits: QueueingDelays) -> Values:
     """RTT of an echo sent at `sent_s` run time: each way at the time it really begins."""
     leaves_up_s = sent_s + waits.up_ms / 1e3
     up_ms = profile.up_ms(leaves_up_s)
@@ -133,13 +133,15 @@ class Comparison:
 
 
 def compare(
-    profile: Profile, echoes: Echoes, t0_ns: int, end_ns: int, base_ms: float, waits: Waits
+    profile: Profile, echoes: Echoes, t0_ns: int, end_ns: int, base_ms: float, waits: QueueingDelays
 ) -> Comparison:
     """Every echo sent from t0 on that could come back before the end."""
     sent_s = (echoes.sent_ns - t0_ns) / 1e9
     during = (sent_s >= 0) & (sent_s <= last_chance_s(echoes, t0_ns, end_ns))
     sent_s, measured = sent_s[during], echoes.rtt_ms[during]
-    asked = expected_rtt_ms(profile, sent_s, Waits(waits.up_ms[during], waits.down_ms[during]))
+    asked = expected_rtt_ms(
+        profile, sent_s, QueueingDelays(waits.up_ms[during], waits.down_ms[during])
+    )
     usable = np.isfinite(measured) & ~touches_gap(profile, sent_s, measured)
     return Comparison(sent_s, measured, asked, usable, (measured - asked - base_ms)[usable])
 
@@ -158,12 +160,12 @@ def judge(
     base_ms: float,
     rate_hz: float,
     tolerance: LinkTolerance,
-    waits: Waits | None = None,
+    waits: QueueingDelays | None = None,
     late_ms: Values | None = None,
     died: str | None = None,
 ) -> LinkProof:
     """The verdict over the echoes sent from t0 to the end."""
-    waits = waits or Waits.none(len(echoes))
+    waits = waits or QueueingDelays.none(len(echoes))
     seen = compare(profile, echoes, t0_ns, end_ns, base_ms, waits)
     chance_s = last_chance_s(echoes, t0_ns, end_ns)
     due = max(1.0, (chance_s - dropping_s(profile, chance_s)) * rate_hz)

@@ -85,7 +85,7 @@ class LinkFacts(Record):
     """The manifest's `link`."""
 
     backend: str | None = None
-    """Null where nobody could tell any more."""
+    """Null where nobody knew any more."""
     base_rtt_ms: float | None = None
     """RTT of the path before anything was added to it."""
     drops: dict[str, int] | None = None
@@ -94,12 +94,12 @@ class LinkFacts(Record):
     """Why the link went away before it was stopped; null when it did not."""
     proof: LinkProof | None = None
     """Asked against measured RTT; null in a virtual run."""
-    distrust: str | None = None
+    invalid_reason: str | None = None
     """Why this is not the link that was asked for."""
     details: LinkDetails = LinkDetails()
     """Of the backend, in its own terms."""
     invalid_reason: str | None = None
-    """Of runs made before `distrust`; no longer written."""
+    """Of runs made before `invalid_reason`; no longer written."""
 
     @staticmethod
     def virtual() -> "LinkFacts":
@@ -122,6 +122,6 @@ class LinkFacts(Record):
             drops=None,
             died=why,
             proof=None,
-            distrust=f"the link went away: {why}",
+            invalid_reason=f"the link went away: {why}",
             details=LinkDetails(),
         )

@@ -18,7 +18,7 @@ from slambed.link.direction import RelayConfig, RelayEnd
 from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
-from slambed.link.proof import Waits
+from slambed.link.proof import QueueingDelays
 from slambed.link.record import LinkDetails, RelaySummary
 from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
 from slambed.link.session import (
@@ -67,7 +67,7 @@ class RelayStarted(Message):
     started: Literal[True]
     """Always true."""
     t0_ns: int
-    """As it was told."""
+    """As it was given."""
 
 
 A = TypeVar("A", bound=Message)
@@ -134,12 +134,12 @@ class RelayShaper:
 
     def apply(self) -> None:
         """From adding nothing to the profile's value at time 0."""
-        self._say("apply")
+        self._command("apply")
         self._answer(RelayApplied, "applied")
 
     def start(self, t0_ns: int) -> None:
         """Run time 0 is `t0_ns` on CLOCK_MONOTONIC."""
-        self._say(f"start {t0_ns}")
+        self._command(f"start {t0_ns}")
         self._answer(RelayStarted, "started")
 
     def died(self) -> str | None:
@@ -160,7 +160,7 @@ class RelayShaper:
         return Outcome(
             series=_series(during, t0_ns),
             drops={side: _dropped(during, number) for number, side in enumerate(SIDES)},
-            waits_of=lambda echoes: waits_of(packets, echoes),
+            queueing_delays_of=lambda echoes: queueing_delays_of(packets, echoes),
             late_ms=lateness_ms(during),
             details=LinkDetails(
                 real_time=self._ready.real_time,
@@ -188,7 +188,7 @@ class RelayShaper:
                 with contextlib.suppress(OSError):
                     stream.close()
 
-    def _say(self, command: str) -> None:
+    def _command(self, command: str) -> None:
         stream = self._process.stdin
         assert stream is not None
         try:
@@ -257,7 +257,7 @@ def _carried(packets: pd.DataFrame, direction: int) -> int:
     return int(arrived.loc[arrived["protocol"] != ICMP, "bytes"].sum())
 
 
-def waits_of(packets: pd.DataFrame, echoes: Echoes) -> Waits:
+def queueing_delays_of(packets: pd.DataFrame, echoes: Echoes) -> QueueingDelays:
     """What each echo waited besides the profile's delay: for the rate, for jitter, for a gap."""
     pings = packets[(packets["protocol"] == ICMP) & (packets["fate"] == 0)]
     ways = []
@@ -274,4 +274,4 @@ def waits_of(packets: pd.DataFrame, echoes: Echoes) -> Waits:
             if near:
                 found[index] = wait_ms[min(near, key=lambda p: abs(times[p] - sent))]
         ways.append(found)
-    return Waits(up_ms=ways[0], down_ms=ways[1])
+    return QueueingDelays(up_ms=ways[0], down_ms=ways[1])

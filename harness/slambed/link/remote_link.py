@@ -66,9 +66,9 @@ class RemoteLink:
 class HelperStarter(Protocol):
     """What a link needs of an engine."""
 
-    def beside(self, module: str, writable: list[Path]) -> list[str]:
-        """The command that runs a module of slambed beside the nodes that are started, with what
-        it may write to."""
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+        """The command that runs a module of slambed as a sidecar of the nodes that are started,
+        with what it may write to."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class HelperLinks:
         # The helper is root without a root's right to write anywhere.
         log_dir.chmod(0o777)
         log_dir = log_dir.resolve()
-        command = self.engine.beside(MODULE, [log_dir])
+        command = self.engine.sidecar_command(MODULE, [log_dir])
         process = LineProcess(command, "link", log_dir / "helper_errors.txt")
         asked = OpenLink(
             spec=spec,

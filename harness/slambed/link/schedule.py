@@ -4,7 +4,7 @@
 import numpy as np
 
 from slambed.link.direction import DirectionConfig, RateConfig
-from slambed.link.impairments import Rate, Side
+from slambed.link.impairments import Bandwidth, Side
 from slambed.link.profile import Profile
 from slambed.link.traces import mean_rate_mbps
 
@@ -29,7 +29,7 @@ def delay_table_ms(profile: Profile, horizon_s: float) -> tuple[list[float], lis
     return tables[0], tables[1]
 
 
-def queue_bytes(rate: Rate, profile: Profile) -> int:
+def queue_bytes(rate: Bandwidth, profile: Profile) -> int:
     """Bytes that may wait before the rate."""
     if rate.queue_bytes is not None:
         return rate.queue_bytes
@@ -56,7 +56,7 @@ def direction_config(
     return DirectionConfig.model_validate({"delay_us": table_us, **asked})
 
 
-def _rate_config(rate: Rate, profile: Profile) -> RateConfig:
+def _rate_config(rate: Bandwidth, profile: Profile) -> RateConfig:
     waiting = queue_bytes(rate, profile)
     if rate.trace is not None:
         return RateConfig(queue_bytes=waiting, opportunities_ms=profile.rate_traces[rate.trace])

@@ -16,7 +16,7 @@ from slambed.link.log import ASKED_STEP_S, LinkRecord, series_frame
 from slambed.link.namespaces import check_privilege, different, tune_tcp
 from slambed.link.probe import Echoes, Probe, measure_base_ms
 from slambed.link.profile import Profile
-from slambed.link.proof import LinkTolerance, Waits, compare, judge
+from slambed.link.proof import LinkTolerance, QueueingDelays, compare, judge
 from slambed.link.record import LinkDetails
 from slambed.link.route import acknowledge_at_once
 from slambed.process.namespaces import namespace_path
@@ -56,7 +56,7 @@ class Outcome:
     series: Series
     """applied_*, drops_*, queue_bytes_* over run time."""
     drops: dict[str, int]
-    waits_of: Callable[[Echoes], Waits]
+    queueing_delays_of: Callable[[Echoes], QueueingDelays]
     """What the echoes waited in queues, where the backend knows it."""
     late_ms: NDArray[np.float64] | None
     details: LinkDetails
@@ -129,8 +129,8 @@ class LinkSession:
                 )
             self._shaper.apply()
         except BaseException as error:
-            told = isinstance(error, PassingError) or not isinstance(error, Exception)
-            died = None if told else _dies(self._shaper)
+            is_explained = isinstance(error, PassingError) or not isinstance(error, Exception)
+            died = None if is_explained else _dies(self._shaper)
             self.close()
             if died is not None:
                 # Whatever failed, failed for this.
@@ -166,7 +166,7 @@ class LinkSession:
             outcome = self._shaper.stop(t0_ns)
         finally:
             self.close()
-        waits = outcome.waits_of(echoes)
+        waits = outcome.queueing_delays_of(echoes)
         proof = judge(
             self.profile,
             echoes,

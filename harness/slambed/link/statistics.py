@@ -133,7 +133,7 @@ def normal_jitter(correlation: float) -> Judge:
 
 
 def pareto_jitter(extra_ms: Values) -> list[Figure]:
-    """Lomax: mean and median (the deviation of a heavy tail converges too slowly to tell)."""
+    """Lomax: mean and median (the deviation of a heavy tail converges too slowly to report)."""
     values = extra_ms[np.isfinite(extra_ms)]
     a, root = PARETO_TAIL, math.sqrt(len(values))
     scale = PARETO_MEAN_MS * (a - 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Traffic for measuring a link: one-way UDP, a TCP connection that tells its RTT, a TCP flood."""
+"""Traffic for measuring a link: one-way UDP, a TCP connection that reports its RTT, a TCP flood."""
 
 import contextlib
 import select
@@ -122,7 +122,7 @@ def _take_one_way(
             return
 
 
-class TcpFollower:
+class TcpRttProbe:
     """A TCP connection with a small echo every 100 ms; remembers the kernel's tcpi_rtt."""
 
     def __init__(self, mobile: Path, edge: Path, edge_address: str, rate_hz: float = 10.0) -> None:
@@ -214,7 +214,7 @@ def tcp_throughput_mbps(
 
 
 def udp_flood(source: Path, target: Path, address: str, count: int, size: int = 200) -> Flood:
-    """Sends `count` numbered packets in bursts; tells how many came out of order."""
+    """Sends `count` numbered packets in bursts; reports how many came out of order."""
     sender = inside(source, lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     receiver = inside(target, lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     receiver.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 64 << 20)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Brings what a mobile node on a board wrote to the clock of its edge.
 
-The board was told run time 0 by a comparison of both clocks, so its run clock began right; while
+The board was given run time 0 by a comparison of both clocks, so its run clock began right; while
 the run lasted it gained or lost, and by how much the comparison afterwards says.
 """
 
@@ -12,7 +12,8 @@ from slambed.metrics.events import Event, EventLog
 
 NS_PER_MS = 1e6
 MOBILE_SENT = ("queued_ns", "sent_ns")
-"""Of a message that went up, told by the edge; what came down was `received_ns` by the board."""
+"""Of a message that went up, reported by the edge; what came down was `received_ns` by the
+board."""
 UP_MS = ("t_me_ms", "t_up_ms", "up_ms", "transport_ms", "upload_ms")
 """From a moment of the board to one of the edge: too short by what the board's clock gained."""
 DOWN_MS = ("t_em_ms", "t_down_ms", "down_ms", "download_ms")

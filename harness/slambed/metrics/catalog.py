@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one list of what is known about a run. A new number is one entry: summary.json, summary.csv,
-tables, figures, tests, the gate and the tables of docs/formats.md and docs/metrics.md follow."""
+tables, figures, tests, the regression gate and the tables of docs/formats.md and docs/metrics.md
+follow."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -63,7 +64,7 @@ def _tracking(of: Callable[[Tracking], Value]) -> Callable[[RunData], Value]:
 
 
 def _mapped(field: str) -> Callable[[RunData], Value]:
-    """The global map is the edge's where there is one: its last keyframe_mapped tells."""
+    """The global map is the edge's where there is one: its last keyframe_mapped reports."""
 
     def value(run: RunData) -> Value:
         mapped = run.log.of("keyframe_mapped", node="edge") or run.log.of("keyframe_mapped")
@@ -111,7 +112,7 @@ def _work(part: str) -> Metric:
 
 def _update_work(part: str) -> Metric:
     return Metric(f"update_{part}_share", f"of the work of map updates, part `{part}`; null "
-                  "where they are not told by parts",
+                  "where they are not reported by parts",
                   lambda run: share_of_update(run.log, part) if run.has_edge else None,
                   shown="%", scale=100)  # fmt: skip
 
@@ -152,11 +153,11 @@ METRICS: tuple[Metric, ...] = (
     Flag("not_completed", "whether the outcome is another than `completed`",
          lambda run: run.outcome != "completed", "runs that did not complete", better="lower",
          use=SHOWN),
-    Metric("trusted", "whether host, link and limits were as asked; only such runs count",
+    Metric("valid", "whether host, link and limits were as asked; only such runs count",
            type="flag"),
-    Text("distrust", "why not"),
-    Count("attempts", "how often the run was executed, this one included; the others were not to "
-          "be trusted", lambda run: run.manifest.attempt),
+    Text("invalid_reason", "why not"),
+    Count("attempts", "how often the run was executed, this one included; the others were "
+          "invalid", lambda run: run.manifest.attempt),
     Text("faults", 'what went wrong on purpose, in s of run time: "kill 10.0-12.4, cut 20.0-25.0"; '
          "null when nothing",
          lambda run: faults_in_words(run.log.of("fault_began", "fault_ended"))),
@@ -265,13 +266,13 @@ METRICS: tuple[Metric, ...] = (
     Cost("extract_ms_median", "feature extraction on the mobile node, wall", extract_ms,
          "feature extraction, median", "ms", relevant_step=0.5),
     Metric("cull_recall", "of the features on people, share that the run left out, with masks of "
-           "all ages as they came; null where it does not tell features (`record_culling`) or the "
+           "all ages as they came; null without recorded features (`record_culling`) or where the "
            "sequence is not here with its labels", lambda run: run.culling.recall,
            "recall of culling", shown="%", scale=100, better="higher", relevant_step=0.01),
     Metric("cull_precision", "of the features that it left out, share on people or within "
            "`mask_border_px` of them", lambda run: run.culling.precision, "precision of culling",
            shown="%", scale=100, better="higher", relevant_step=0.01),
-    *(_stage(*told) for told in STAGES_ON_MOBILE),
+    *(_stage(*reported) for reported in STAGES_ON_MOBILE),
     Cost("local_mapping_ms_mean", "per keyframe, all mapping stages, wall",
          lambda run: mapping_ms_per_keyframe(run.log, "wall_ms"), "mapping per keyframe, wall",
          "ms", digits=0, relevant_share=0.15, relevant_step=2.0, use=SHOWN | DRAWN | GATED),
@@ -306,7 +307,7 @@ METRICS: tuple[Metric, ...] = (
          relevant_step=0.5),
     Cost("edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
          "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
-    Cost("bytes_up", "payload and headers of our messages; of a system that tells none, what "
+    Cost("bytes_up", "payload and headers of our messages; of a system that reports none, what "
          "the relay carried, IP headers included", lambda run: run.bytes_moved["up"],
          "sent to the edge", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
          use=SHOWN | GATED),
@@ -337,7 +338,7 @@ METRICS: tuple[Metric, ...] = (
          lambda run: gap_keyframes_mean(run.rounds), "local map gap per update", "keyframes",
          digits=2, relevant_step=0.2),
     Cost("update_pause_ms_mean", "how long tracking stood still for a map update (`pause_ms`); "
-         "null where the program does not tell",
+         "null where the program does not report",
          lambda run: mean_of(run.log.of("update_applied"), "pause_ms") if run.has_edge else None,
          "tracking held up per map update", "ms", relevant_step=1.0),
     Cost("update_pause_regular_ms_mean", "the same of regular updates alone", _pause(False),
@@ -345,7 +346,7 @@ METRICS: tuple[Metric, ...] = (
     Cost("update_pause_reloc_ms_mean", "the same of maps sent for relocalization alone",
          _pause(True), "tracking held up per map for relocalization", "ms", relevant_step=1.0),
     Count("frames_lost_to_updates", "frames dropped while a map update held tracking up; null "
-          "where the program does not tell",
+          "where the program does not report",
           lambda run: frames_lost_to_updates(run.log) if run.has_edge and run.measured else None,
           better="lower",
           relevant_step=2.0),

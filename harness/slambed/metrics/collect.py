@@ -46,9 +46,9 @@ def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
             table = table.filter(pc.is_in(table["type"], pa.array(types_then(types))))
     except (OSError, KeyError, pa.ArrowException) as error:
         return EventLog([], [f"{path.name}: unreadable ({str(error).splitlines()[0]})"])
-    told = [name for name in table.column_names if table[name].null_count < len(table)]
+    filled = [name for name in table.column_names if table[name].null_count < len(table)]
     events: list[Event] = []
-    for row in table.select(told).to_pylist():
+    for row in table.select(filled).to_pylist():
         event = {key: value for key, value in row.items() if value is not None}
         if (extra := event.pop(EXTRA_COLUMN, None)) is not None:
             event |= json.loads(extra)

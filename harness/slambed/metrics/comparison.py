@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is condition B different from A: rank and exact tests, effect size, and what n runs can tell."""
+"""Is condition B different from A: rank and exact tests, effect size, and what n runs can show."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -120,8 +120,10 @@ def _fisher_table(runs: int) -> Floats:
     return table
 
 
-def smallest_share_told(share: float, runs: int, power: float = USUAL_POWER) -> float | None:
-    """The nearest larger share (steps of 1 %) that `runs` runs would tell from `share`."""
+def smallest_distinguishable_share(
+    share: float, runs: int, power: float = USUAL_POWER
+) -> float | None:
+    """The nearest larger share (steps of 1 %) that `runs` runs would distinguish from `share`."""
     for percent in range(int(share * 100) + 1, 101):
         if power_of_shares(share, percent / 100, runs) >= power:
             return percent / 100
@@ -129,16 +131,16 @@ def smallest_share_told(share: float, runs: int, power: float = USUAL_POWER) -> 
 
 
 def power_hint(runs: int, share: float = 0.03) -> str:
-    """One sentence for reports: what this number of runs can tell."""
+    """One sentence for reports: what this number of runs can show."""
     if runs < 2:
-        return "One run per cell tells nothing about differences."
-    told = smallest_share_told(share, runs)
-    if told is None:
+        return "One run per cell shows nothing about differences."
+    least = smallest_distinguishable_share(share, runs)
+    if least is None:
         return (
-            f"{runs} runs per cell cannot tell {share:.0%} from any larger share of track losses."
+            f"{runs} runs per cell show no difference of {share:.0%} to any larger share of losses."
         )
     return (
-        f"{runs} runs per cell tell a share of {share:.0%} from one of {told:.0%} or more "
+        f"{runs} runs per cell distinguish {share:.0%} of losses from {least:.0%} or more "
         f"(80 % power, 5 % level)."
     )
 

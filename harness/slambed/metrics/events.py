@@ -24,7 +24,7 @@ class EventLog:
 
     events: list[Event] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
-    """What could not be read, one line each: told in the report, never fatal."""
+    """What could not be read, one line each: reported in the report, never fatal."""
 
     def __post_init__(self) -> None:
         self._by_type: dict[str, list[Event]] = defaultdict(list)

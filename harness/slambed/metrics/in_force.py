@@ -19,7 +19,7 @@ def error_in_force_m_mean(
     """Mean distance of the newest pose known at each frame's time to the truth of that time.
 
     Frames before the first pose of the path count nowhere, those while lost do: the pose before the
-    loss is what there is. None where no event tells when poses were known.
+    loss is what there is. None where no event reports when poses were known.
     """
     placed = _placed(log)[-len(live) :]
     seq_s = _sequence_times_s(log)
@@ -42,7 +42,8 @@ def error_in_force_m_mean(
 
 
 def _reports(log: EventLog) -> list[Event]:
-    """What tells when the mobile had a pose: answers where frames have them, else its tracking."""
+    """What reports when the mobile had a pose: answers where frames have them, else its
+    tracking."""
     return log.of("frame_answered", node="mobile") or log.of("frame_tracked", node="mobile")
 
 
@@ -52,8 +53,8 @@ def _placed(log: EventLog) -> list[Event]:
 
 def _sequence_times_s(log: EventLog) -> dict[int, float]:
     """By frame, of all that playback offered; answers name the frame alone."""
-    told = log.of("frame_tracked", "frame_dropped", "frame_sent")
-    whole = (event for event in told if "frame" in event and "seq_s" in event)
+    frame_events = log.of("frame_tracked", "frame_dropped", "frame_sent")
+    whole = (event for event in frame_events if "frame" in event and "seq_s" in event)
     return {event["frame"]: float(event["seq_s"]) for event in whole}
 
 

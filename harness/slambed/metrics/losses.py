@@ -32,8 +32,8 @@ class Cause(StrEnum):
 
 
 @dataclass(frozen=True)
-class Loss:
-    """The frame that lost track; None: the events do not tell."""
+class TrackLoss:
+    """The frame that lost track; None: the events do not report."""
 
     seq_s: float
     t_s: float
@@ -59,18 +59,18 @@ class Loss:
     """Features of the frame by those of the usual frame."""
 
 
-def losses_of(log: EventLog) -> list[Loss]:
+def losses_of(log: EventLog) -> list[TrackLoss]:
     """All losses of a run in order; a camera that was never found loses nothing."""
     frames = log.of("frame_tracked")
     dropped = [int(event["t_ns"]) for event in log.of("frame_dropped")]
-    losses: list[Loss] = []
+    losses: list[TrackLoss] = []
     for place, frame in enumerate(frames):
         if place and frames[place - 1].get("state") == "ok" and frame.get("state") != "ok":
             losses.append(_loss(log, frames, place, dropped))
     return losses
 
 
-def _loss(log: EventLog, frames: list[Event], place: int, dropped: list[int]) -> Loss:
+def _loss(log: EventLog, frames: list[Event], place: int, dropped: list[int]) -> TrackLoss:
     frame = frames[place]
     t_ns = int(frame["t_ns"])
     update = _last(log.of("update_applied"), t_ns)
@@ -84,7 +84,7 @@ def _loss(log: EventLog, frames: list[Event], place: int, dropped: list[int]) ->
     gap = None if update is None else update.get("gap_keyframes")
     features = sorted(int(f["features"]) for f in frames if f.get("features") is not None)
     usual = features[len(features) // 2] if features else 0
-    return Loss(
+    return TrackLoss(
         seq_s=float(frame.get("seq_s", t_ns / 1e9)),
         t_s=t_ns / 1e9,
         frame=frame.get("frame"),
@@ -119,19 +119,19 @@ def _last(events: list[Event], until_ns: int) -> Event | None:
 
 
 def _missing(frames: list[Event], place: int, dropped: list[int]) -> int:
-    """Frames between this one and the one tracked before it; older runs tell only the drops."""
-    if (told := frames[place].get("missing_frames")) is not None:
-        return int(told)
+    """Frames between this one and the one tracked before it; older runs report only the drops."""
+    if (reported := frames[place].get("missing_frames")) is not None:
+        return int(reported)
     begin, end = int(frames[place - 1]["t_ns"]), int(frames[place]["t_ns"])
     return sum(begin < t_ns <= end for t_ns in dropped)
 
 
-def sentence(loss: Loss) -> str:
+def sentence(loss: TrackLoss) -> str:
     """Why, in one sentence."""
     return f"{_reason(loss)}; {_search(loss)}" if _search(loss) else _reason(loss)
 
 
-def _reason(loss: Loss) -> str:
+def _reason(loss: TrackLoss) -> str:
     update = _update(loss)
     if loss.cause is Cause.JUST_FOUND:
         return (
@@ -149,7 +149,7 @@ def _reason(loss: Loss) -> str:
     return "the view changed by more than the map shows" + (f" ({update})" if update else "")
 
 
-def _update(loss: Loss) -> str:
+def _update(loss: TrackLoss) -> str:
     if loss.update_s is None or loss.update_s > BEHIND_UPDATE_S:
         return ""
     held = (
@@ -158,7 +158,7 @@ def _update(loss: Loss) -> str:
     return f"a map update came {loss.update_s:.2f} s before{held}"
 
 
-def _search(loss: Loss) -> str:
+def _search(loss: TrackLoss) -> str:
     """How far the search for its pose came."""
     ways = []
     if loss.motion_matches is not None:

@@ -31,7 +31,7 @@ class Use(Flag):
     TESTED = auto()
     """Between the systems of an experiment that names no metrics."""
     GATED = auto()
-    """By the nightly gate."""
+    """By the nightly regression gate."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,8 @@ class Metric:
     better: Better = "neither"
     kind: Kind = "median"
     relevant_share: float = 0.10
-    """A gate ignores a change of the median that is smaller than this share of the baseline ..."""
+    """The regression gate ignores a change of the median that is smaller than this share of the
+    baseline ..."""
     relevant_step: float = 0.0
     """... or smaller than this (in the stored unit)."""
     type: ValueType = "number"

@@ -24,7 +24,8 @@ def pause_ms_mean(log: EventLog, relocalization: bool) -> float | None:
 
 
 def frames_lost_to_updates(log: EventLog) -> int | None:
-    """Frames dropped while a map update held tracking up; None where the program does not tell."""
+    """Frames dropped while a map update held tracking up; None where the program does not
+    report."""
     held = [e for e in log.of("update_applied") if isinstance(e.get("pause_ms"), int | float)]
     if not held and log.of("update_applied"):
         return None

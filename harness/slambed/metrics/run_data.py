@@ -147,7 +147,7 @@ class RunData:
 
     @cached_property
     def frames_offered(self) -> int | None:
-        """By the plan of playback, which knows frames that the node never told of."""
+        """By the plan of playback, which knows frames that the node never reported of."""
         planned, playback = self.manifest.frames_offered, self.spec.playback
         stops = playback is not None and playback.stop_at_first_loss
         if planned is None or (stops and self.tracking.track_losses):
@@ -216,32 +216,32 @@ class RunData:
 
     @cached_property
     def bytes_moved(self) -> dict[str, int | None]:
-        """Bytes `up` and `down`; None without an edge. Of a system that tells no messages: what the
-        link carried, headers included."""
+        """Bytes `up` and `down`; None without an edge. Of a system that reports no messages: what
+        the link carried, headers included."""
         if not self.has_edge:
             return {"up": None, "down": None}
-        told = bytes_moved(self.log)
+        moved = bytes_moved(self.log)
         link = self.manifest.link
         carried = None if link is None else link.details.carried_bytes
-        if told["up"] is None and carried is not None:
+        if moved["up"] is None and carried is not None:
             return {way: carried[way] for way in ("up", "down")}
-        return told
+        return moved
 
     @cached_property
     def rounds(self) -> list[UpdateRound]:
-        """Accepted map updates that tell their parts."""
+        """Accepted map updates that report their parts."""
         return update_rounds(self.log) if self.has_edge else []
 
     @cached_property
     def proof(self) -> RttProof:
         """Measured against asked RTT: the link's own comparison, else that of the logged series."""
         link = self.manifest.link or LinkFacts()
-        told = _told_proof(link.proof)
+        measured = _proof_in_manifest(link.proof)
         if link.backend == NETWORK and self.link is not None:
             return measured_only(self.link, self.end_s)
-        if told is None and self.link is not None:
-            told = rtt_proof(self.link, link.base_rtt_ms or 0.0, self.end_s)
-        return told or NO_PROOF
+        if measured is None and self.link is not None:
+            measured = rtt_proof(self.link, link.base_rtt_ms or 0.0, self.end_s)
+        return measured or NO_PROOF
 
     @cached_property
     def asked_rtt_ms_mean(self) -> float | None:
@@ -317,14 +317,14 @@ class RunData:
 
     @cached_property
     def culling(self) -> Culling:
-        """Of a run that tells its features, on a sequence that is here with its labels."""
-        told = self.log.of("frame_features")
+        """Of a run that reports its features, on a sequence that is here with its labels."""
+        features = self.log.of("frame_features")
         border_px = (self.spec.params or {}).get("mask_border_px", 0)
         labeled = (folder for folder in self._folders if (folder / LABELS_FILE).is_file())
-        if not told or (sequence := next(labeled, None)) is None:
+        if not features or (sequence := next(labeled, None)) is None:
             return Culling()
         try:
-            return culling_of(told, sequence, int(str(border_px)))
+            return culling_of(features, sequence, int(str(border_px)))
         except (SlambedError, KeyError, ValueError) as error:
             self.problems.append(f"frame_features: {error}")
             return Culling()
@@ -343,10 +343,10 @@ class RunData:
         """What the played sequence brought: rgbd, stereo or mono."""
         headers = [folder / SEQUENCE_FILE for folder in self._folders]
         found = next((header for header in headers if header.is_file()), None)
-        told = object_or_empty(found).get("sensor") if found else None
-        if told is None and self._stored.get("ate_alignment") == "sim3":
+        named = object_or_empty(found).get("sensor") if found else None
+        if named is None and self._stored.get("ate_alignment") == "sim3":
             return "mono"  # the sequence is gone; its summary remembers
-        return told if isinstance(told, str) else None
+        return named if isinstance(named, str) else None
 
     @cached_property
     def _stored(self) -> Summary:
@@ -356,7 +356,7 @@ class RunData:
     @property
     def _folders(self) -> list[Path]:
         """Where the played sequence may be."""
-        # A container's run.json names a place inside it: then the truth's folder tells.
+        # A container's run.json names a place inside it: then the truth's folder reports.
         folders = [self._sequence, self.groundtruth.parent if self.groundtruth else None]
         return [folder for folder in folders if folder is not None]
 
@@ -364,9 +364,9 @@ class RunData:
     def _sequence(self) -> Path | None:
         """The prepared sequence that was played."""
         for path in (self.folder / "run.json", self.folder / "nodes" / "run.json"):
-            told = object_or_empty(path).get("sequence")
-            if isinstance(told, str):
-                return Path(told)
+            named = object_or_empty(path).get("sequence")
+            if isinstance(named, str):
+                return Path(named)
         return None
 
     def _trajectory(self, name: str) -> Trajectory:
@@ -381,7 +381,7 @@ class RunData:
         return EMPTY
 
 
-def _told_proof(proof: LinkProof | None) -> RttProof | None:
+def _proof_in_manifest(proof: LinkProof | None) -> RttProof | None:
     """The link's own comparison: it knows the profile exactly, with its gaps and queues."""
     if proof is None:
         return None

@@ -8,7 +8,7 @@ from slambed.metrics.catalog import metrics_of
 from slambed.metrics.declared import described_by
 from slambed.metrics.run_data import RunData
 from slambed.metrics.summary import Summary
-from slambed.metrics.trust import reasons_for_distrust
+from slambed.metrics.trust import invalid_reasons_of
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS
 from slambed.records.kept_spec import KeptSpec
 
@@ -44,7 +44,7 @@ def summary_of(run: RunData) -> Summary:
     )
     if (summary.number("update_parts_error_ms_max") or 0.0) > CLOSURE_LIMIT_MS:
         run.problems.append("update_applied: the parts of T_Total do not add up to it")
-    distrust = reasons_for_distrust(run.spec, run.manifest, summary)
-    summary["trusted"] = not distrust
-    summary["distrust"] = "; ".join(distrust) or None
+    invalid_reason = invalid_reasons_of(run.spec, run.manifest, summary)
+    summary["valid"] = not invalid_reason
+    summary["invalid_reason"] = "; ".join(invalid_reason) or None
     return summary

@@ -107,7 +107,7 @@ class Delay:
 
 
 def delays(log: EventLog) -> dict[str, Delay]:
-    """The parts of T_Total that this run's events tell; a part without events is absent.
+    """The parts of T_Total that this run's events report; a part without events is absent.
 
     Where accepted updates carry their own parts (`update_round`), those are taken: they add up.
     T_Computed is T_Total without T_Wait. Else what comes near: T_Track tracking step; T_M->E and
@@ -153,7 +153,8 @@ def _spread_of(
 
 
 def total_ms(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """T_Total of every applied update: as it tells, or from the capture of its newest keyframe."""
+    """T_Total of every applied update: as it reports, or from the capture of its newest
+    keyframe."""
     if rounds := update_rounds(log):
         return np.array([r.total_ms for r in rounds])
     captured = _capture_times_ns(log)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals: how far a share or a median can be trusted. Means are judged beside published ones
+"""Intervals: how far a share or a median can be relied on. Means are judged beside published ones
 only, on the logarithm (`report/verdicts/means.py`)."""
 
 from collections.abc import Sequence

@@ -20,9 +20,9 @@ class Summary(dict[str, Value]):
         return None if content is None else cls(keys_today(content, METRICS))
 
     @property
-    def trusted(self) -> bool:
+    def valid(self) -> bool:
         """Whether the run counts."""
-        return self.get("trusted") is True
+        return self.get("valid") is True
 
     @property
     def outcome(self) -> str:

@@ -54,7 +54,8 @@ _FITTING: dict[pa.DataType, frozenset[type]] = {
 def table_of(
     rows: Sequence[Event], columns: Columns, problems: list[str], extra: bool = False
 ) -> pa.Table:
-    """Columns of the schema in its order; a value of the wrong type becomes null and is told."""
+    """Columns of the schema in its order; a value of the wrong type becomes null and is
+    reported."""
     values: dict[str, list[object]] = {}
     unknown: list[str | None] = [None] * len(rows)
     for index, row in enumerate(rows):

@@ -11,13 +11,13 @@ from slambed.spec.board import NETWORK
 NOTABLE_STEAL_PERCENT = 1.0
 """Of the host's CPU time; below it, other reasons for a stall are likelier."""
 RELAYS_RTT_ERROR_MS_P99 = 20.0
-"""A hundred times what the relay has beside two compilers. netem does not tell how long a packet
+"""A hundred times what the relay has beside two compilers. netem does not report how long a packet
 waited in its queue, so there a tail may be what the profile asked for."""
 
 
-def reasons_for_distrust(spec: KeptSpec, manifest: Manifest, summary: Summary) -> list[str]:
-    """Why host, link or limits were not as asked, a line each; none for a run to be trusted."""
-    reasons = list(manifest.distrust or [])
+def invalid_reasons_of(spec: KeptSpec, manifest: Manifest, summary: Summary) -> list[str]:
+    """Why host, link or limits were not as asked, a line each; none for a valid run."""
+    reasons = list(manifest.invalid_reasons or [])
     tolerances = spec.tolerances
     stall, bearable = summary.number("host_stall_ms_max"), tolerances.host_stall_ms_max
     by_steal = _steal(summary)
@@ -56,7 +56,7 @@ def reasons_for_distrust(spec: KeptSpec, manifest: Manifest, summary: Summary) -
         elif error > allowed:
             errors.append(f"RTT error {name} {error:.2f} ms is above {allowed:g} ms{by_steal}")
     if errors:
-        # The link has told the first of them too, when it was taken down.
+        # The link has reported the first of them too, when it was taken down.
         reasons = [x for x in reasons if not (x.startswith("link: ") and "RTT error" in x)]
     return reasons + errors
 

@@ -46,7 +46,7 @@ class UpdateRound:
 
 
 def update_rounds(log: EventLog) -> list[UpdateRound]:
-    """Every accepted regular update whose event tells all parts.
+    """Every accepted regular update whose event reports all parts.
 
     Maps for relocalization begin with a request, not with a keyframe, and are left out.
     """

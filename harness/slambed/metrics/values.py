@@ -33,7 +33,7 @@ def update_delay_ms(run: RunData) -> Value:
 
 
 def link_stalls(run: RunData) -> Value:
-    """How often a channel stalled; null where none tells of itself, as of foreign programs."""
+    """How often a channel stalled; null where none reports itself, as of foreign programs."""
     links = run.log.of("link")
     return sum(link["event"] == "stalled" for link in links) if links else None
 

@@ -30,7 +30,8 @@ def share_of_work(log: EventLog, part: str) -> float | None:
 
 
 def share_of_update(log: EventLog, part: str) -> float | None:
-    """Time of this part of `UPDATE` over that of all; None where updates are not told by parts."""
+    """Time of this part of `UPDATE` over that of all; None where updates are not reported by
+    parts."""
     return _share(log, UPDATE, part) if log.stages("mobile", "insert_keyframes") else None
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from slambed.papers.fits import Fit, fits_used, read_fits
+from slambed.papers.fits import DeviceFit, fits_used, read_fits
 from slambed.papers.judged import MARKS, Judge, Judged, Mark, is_number
 from slambed.papers.lookup import MISSING_WORDS, Pool
 from slambed.papers.orderings import JudgedOrdering, judge_orderings
@@ -25,7 +25,7 @@ class Column:
     engine: str
     rows: dict[str, Judged]
     orderings: list[JudgedOrdering]
-    fits: list[Fit]
+    fits: list[DeviceFit]
     runs: pd.DataFrame
 
     @property
@@ -63,7 +63,7 @@ class PaperVerdicts:
         return next((c for c in self.columns if c.engine == engine), None)
 
 
-def compare_paper(paper: Paper, pool: Pool, fits: list[Fit] | None = None) -> PaperVerdicts:
+def compare_paper(paper: Paper, pool: Pool, fits: list[DeviceFit] | None = None) -> PaperVerdicts:
     """Every printed number and every declared ordering of a paper; one column per kind of engine
     that has runs, one without any where there is none."""
     cells = cells_of(paper)
@@ -78,15 +78,15 @@ def compare_paper(paper: Paper, pool: Pool, fits: list[Fit] | None = None) -> Pa
         judge = Judge(paper, own, cells, fitted)
         rows = {i: judge.judge(c) for i, c in numbers.items()}
         orderings = judge_orderings(judge)
-        columns.append(Column(engine, _told_once(rows), orderings, used, own.runs))
+        columns.append(Column(engine, _without_duplicates(rows), orderings, used, own.runs))
     return PaperVerdicts(paper, numbers, columns)
 
 
-def _told_once(rows: dict[str, Judged]) -> dict[str, Judged]:
+def _without_duplicates(rows: dict[str, Judged]) -> dict[str, Judged]:
     """A number that stands in two places is judged at one; the other shows that verdict."""
     found = {}
     for name, row in rows.items():
-        target = row.cell.standing.duplicate_of
+        target = row.cell.comparability.duplicate_of
         if row.provenance == "duplicate" and target in rows:
             first = rows[str(target)]
             row = Judged(row.cell, "duplicate", first.verdict, first.measured, row.why)
@@ -106,10 +106,10 @@ def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) ->
         row = column.rows[name]
         cell = row.cell
         outcome = row.verdict.outcome.replace("_", " ")
-        told = MISSING_WORDS[row.missing] if row.missing else outcome
+        reported = MISSING_WORDS[row.missing] if row.missing else outcome
         table.rows.append(
             [cell.id, cell.row, cell.column, cell.metric, row.stated, row.ours,
-             told if row.mark in "RDINE" else MARKS[row.mark], row.provenance.replace("_", " "),
+             reported if row.mark in "RDINE" else MARKS[row.mark], row.provenance.replace("_", " "),
              row.why]
         )  # fmt: skip
     return table

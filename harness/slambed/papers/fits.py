@@ -12,7 +12,7 @@ from slambed.native import repository_root
 
 
 @dataclass(frozen=True)
-class Fit:
+class DeviceFit:
     """One file of catalog/devices/fits: ids (patterns) of published numbers, and devices fitted."""
 
     name: str
@@ -24,7 +24,7 @@ class Fit:
         return any(fnmatchcase(cell, pattern) for pattern in self.patterns)
 
 
-def read_fits(folder: Path | None = None) -> list[Fit]:
+def read_fits(folder: Path | None = None) -> list[DeviceFit]:
     """All fits that name published numbers (`fits:`). Raises SlambedError on a torn file."""
     found = []
     for path in sorted(
@@ -36,11 +36,11 @@ def read_fits(folder: Path | None = None) -> list[Fit]:
         # A device that is `given` was not fitted: its runs alone hold no fitted number.
         fitted = (d for d in content.get("devices", {}).values() if not d.get("given"))
         devices = frozenset(str(d["device"]) for d in fitted)
-        found.append(Fit(path.stem, tuple(map(str, content["fits"])), devices))
+        found.append(DeviceFit(path.stem, tuple(map(str, content["fits"])), devices))
     return found
 
 
-def fits_used(fits: list[Fit], runs: pd.DataFrame) -> list[Fit]:
+def fits_used(fits: list[DeviceFit], runs: pd.DataFrame) -> list[DeviceFit]:
     """Those whose devices made any of these runs."""
     columns = [c for c in ("device_mobile", "device_edge") if c in runs]
     names = {str(name) for c in columns for name in runs[c].dropna().unique()}

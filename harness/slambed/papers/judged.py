@@ -117,22 +117,24 @@ class Judge:
 
     def judge(self, cell: PublishedCell) -> Judged:
         """Provenance, then value."""
-        standing = cell.standing
-        if standing.duplicate_of is not None:
-            return self._aside(cell, "duplicate", f"the same number as {standing.duplicate_of}")
-        if standing.parameter is not None:
-            return self._aside(cell, "parameter", standing.parameter)
+        comparability = cell.comparability
+        if comparability.duplicate_of is not None:
+            return self._aside(
+                cell, "duplicate", f"the same number as {comparability.duplicate_of}"
+            )
+        if comparability.parameter is not None:
+            return self._aside(cell, "parameter", comparability.parameter)
         if cell.claim is not None and cell.claim.kind in ("setup", "parameter", "background"):
             return self._aside(cell, "parameter", f"{cell.claim.kind}, not a result")
-        if standing.same_data is not None:
-            return self._aside(cell, "same_data", f"{OWN_DATA}: {standing.same_data}")
-        if standing.unmappable is not None:
-            return self._missing(cell, "no_metric", standing.unmappable)
-        if (erratum := standing.erratum) is not None:
+        if comparability.same_data is not None:
+            return self._aside(cell, "same_data", f"{OWN_DATA}: {comparability.same_data}")
+        if comparability.unmappable is not None:
+            return self._missing(cell, "no_metric", comparability.unmappable)
+        if (erratum := comparability.erratum) is not None:
             if erratum.skip or isinstance(erratum.judge_as, str):
                 return self._aside(cell, "erratum", erratum.why)
             return self._judged(replace(cell, value=float(erratum.judge_as or 0.0)), erratum.why)
-        return self._judged(cell, standing.read_as or "")
+        return self._judged(cell, comparability.read_as or "")
 
     def measured(self, cell: PublishedCell) -> Measured:
         """Our values at a cell's own coordinates."""
@@ -174,12 +176,12 @@ class Judge:
             verdict = replace(verdict, outcome="inconclusive", why=f"{why}; {verdict.why}")
         far = far_off(cell, measured, verdict)
         read_as = metric.read_as if metric is not None and far else None
-        told = {
+        cause = {
             "fitted": "; ".join(w for w in (SET_TO_MATCH, far, read_as) if w),
             "stand_in": f"measured on {found.dataset}: direction only",
         }.get(provenance, verdict.why)
         beside = "" if claim is not None and claim.quantity is not None else self._beside(cell)
-        why = "; ".join(w for w in (told, note, metric.note if metric else "", beside) if w)
+        why = "; ".join(w for w in (cause, note, metric.note if metric else "", beside) if w)
         position = None
         if provenance == "measured" and (claim is None or claim.quantity is None):
             position = self._position(cell, measured)

@@ -74,7 +74,9 @@ def reproduces(results: Results) -> set[str]:
 
 def pool_of(experiments: list[Results]) -> Pool:
     """Runs of all experiments that count; a run that several of them share counts once."""
-    parts = [r.trusted.assign(experiment_folder=r.name) for r in experiments if len(r.trusted)]
+    parts = [
+        r.valid_runs.assign(experiment_folder=r.name) for r in experiments if len(r.valid_runs)
+    ]
     if not parts:
         columns = ["engine", "system", "variant", "dataset", "profile", "run_key"]
         return Pool(pd.DataFrame(columns=columns), {})
@@ -107,12 +109,12 @@ def find_runs(
         return Found(None, "no_system", f"{label}: {not_built}")
     own = matching(runs, paper.systems[system].match)
     if not len(own):
-        return Found(None, "too_few_runs", f"{label}: no trusted run yet")
+        return Found(None, "too_few_runs", f"{label}: no valid run yet")
     left = dict(conditions)
     name = left.pop("dataset", None)
     if name not in paper.datasets:
-        told = "the paper names no dataset here" if name is None else f"no data for '{name}'"
-        return Found(None, "no_data", told)
+        message = "the paper names no dataset here" if name is None else f"no data for '{name}'"
+        return Found(None, "no_data", message)
     where = paper.datasets[name]
     first = None
     for dataset, chosen, stand_in in _sequences(where, own):
@@ -124,11 +126,11 @@ def find_runs(
             chosen = narrowed
         else:
             if open_columns := left_open(chosen, where.each_sequence_once):
-                told = f"runs differ in {open_columns}, which the paper's numbers leave open"
-                return Found(None, "no_metric", told)
+                message = f"runs differ in {open_columns}, which the paper's numbers leave open"
+                return Found(None, "no_metric", message)
             return Found(chosen, dataset=dataset, stand_in=stand_in)
     note = f" ({where.note})" if where.note else ""
-    return first or Found(None, "no_data", f"{where.label}: no trusted run yet{note}")
+    return first or Found(None, "no_data", f"{where.label}: no valid run yet{note}")
 
 
 def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame, bool]]:
@@ -149,12 +151,14 @@ def left_open(runs: pd.DataFrame, several_sequences: bool = False) -> str:
     columns = [c for c in columns if c != "dataset" or not several_sequences]
     if "link_backend" in runs and runs["link_backend"].isna().all():
         columns = [c for c in columns if c not in ("profile", "device_edge")]
-    told = []
+    varying = []
     for column in columns:
         values = sorted(set(runs[column].dropna().astype(str)))
         if len(values) > 1:
-            told.append(f"{column} ({', '.join(values[:3])}{', ...' if len(values) > 3 else ''})")
-    return " and ".join(told)
+            varying.append(
+                f"{column} ({', '.join(values[:3])}{', ...' if len(values) > 3 else ''})"
+            )
+    return " and ".join(varying)
 
 
 def matching(runs: pd.DataFrame, match: Match) -> pd.DataFrame:

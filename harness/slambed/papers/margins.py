@@ -71,8 +71,8 @@ def margin_of_cell(
     paper: Paper, cells: dict[str, PublishedCell], cell: PublishedCell, firm: list[Contrast]
 ) -> CellMargin:
     """The written margin, and at most half of the smallest contrast that the paper shows with this
-    cell: what may differ by more would not be told from its neighbor. A share that then wants
-    more than 300 runs is judged by its orderings only."""
+    cell: what may differ by more would not be distinguished from its neighbor. A share that then
+    wants more than 300 runs is judged by its orderings only."""
     assert cell.value is not None or cell.claim is not None
     value = cell.value or 0.0
     metric = paper.metrics.get(cell.metric)

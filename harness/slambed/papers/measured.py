@@ -100,8 +100,8 @@ def values_of(
     if not known.any():
         if played := _without_events(pool, runs, metric):
             return Measured(replace(found, runs=None, missing="no_events", reason=played), NOTHING)
-        told = f"{metric.key} was not measured in {len(runs)} runs"
-        return Measured(Found(None, "no_metric", told), NOTHING)
+        message = f"{metric.key} was not measured in {len(runs)} runs"
+        return Measured(Found(None, "no_metric", message), NOTHING)
     runs, values = runs[known], values[known]
     scale = 1.0 if metric.statistic == "share" else metric.scale
     if paper.datasets[conditions["dataset"]].each_sequence_once:

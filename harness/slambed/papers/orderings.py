@@ -34,7 +34,7 @@ OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_numbe
 KINDS: dict[OrderKind, str] = {
     "holds": "holds", "reversed": "reversed", "not_seen": "not seen",
     "too_few_runs": "too few runs", "inconclusive": "inconclusive",
-    "paper_cannot_tell": "paper cannot tell", "no_events": "run, events not kept",
+    "not_shown_by_paper": "not shown by the paper", "no_events": "run, events not kept",
     "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
 }  # fmt: skip
 """What is said of an ordering, in the words of the page, the terminal and the tables."""
@@ -74,7 +74,7 @@ class JudgedOrdering:
     missing: Missing | None = None
     """Why something of ours is not there; None where everything is."""
     ignored: frozenset[str] = frozenset()
-    """Conditions that tell nothing apart, such as the paper's number of runs."""
+    """Conditions that distinguish nothing, such as the paper's number of runs."""
 
     @property
     def stand_ins(self) -> list[str]:
@@ -141,9 +141,9 @@ class JudgedOrdering:
             return KINDS["not_run" if self.missing is None else self.kind]
         decides = self.ordering.decides
         chain = self.chains[decides or 0]
-        told, unit = self._ends(chain, ours)
-        if not unit and told == IN_WORDS:
-            return told
+        reported, unit = self._ends(chain, ours)
+        if not unit and reported == IN_WORDS:
+            return reported
         which = "first" if decides is None else "weakest"
         if decides is not None and self.ordering.outcome == "reversed":
             which = "clearest"
@@ -151,7 +151,7 @@ class JudgedOrdering:
         place = f", {where}" if (where := self._where(chain)) else ""
         many = len(self.chains) > 1
         more = f" ({which} of {len(self.chains)} {what}{place})" if many else ""
-        return f"{told} {unit}{more}"
+        return f"{reported} {unit}{more}"
 
     def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
         """Both ends of a chain, and their unit."""
@@ -166,24 +166,24 @@ class JudgedOrdering:
             return IN_WORDS, ""
         between = " → " if len(chain) > 2 else f" {_relation(*numbers)} "
         names = _names(ends[0][0], ends[1][0], self.systems, self.ignored)
-        told = between.join(
+        message = between.join(
             f"{name}: {text}" if name else text for name, text in zip(names, texts, strict=True)
         )
         counts = ours and any(m.there and m.is_share for _, m in ends)
-        return told, "runs" if counts else ends[0][0].unit  # 11/100 is no percentage
+        return message, "runs" if counts else ends[0][0].unit  # 11/100 is no percentage
 
     def _where(self, chain: Chain) -> str:
         """The sequence, and what else both ends have in common and other pairs have not."""
         common = [_common(c) for c in self.chains]
         own = _common(chain)
-        told = [str(own["dataset"])] if "dataset" in own else []
-        told += [
+        reported = [str(own["dataset"])] if "dataset" in own else []
+        reported += [
             str(value) if name == "metric" else f"{name} {value}"
             for name, value in own.items()
             if name not in self.ignored | {"dataset"}
             and any(other.get(name) != value for other in common)
         ]
-        return ", ".join(told)
+        return ", ".join(reported)
 
 
 IN_WORDS = "in words"
@@ -196,7 +196,7 @@ def _common(chain: Chain) -> dict[str, object]:
 
 
 NO_NUMBER = "not printed"
-"""Of an end of a chain that the paper draws or tells in words."""
+"""Of an end of a chain that the paper draws or reports in words."""
 
 
 def _names(
@@ -337,7 +337,7 @@ class OrderingCase:
     def _ordering(self, p_paper: float | None) -> Ordering:
         if self.contrast.basis == "data" and p_paper is None:
             why = "the paper prints no numbers that could be tested"
-            return Ordering("paper_cannot_tell", why)
+            return Ordering("not_shown_by_paper", why)
         if missing := self._missing():
             if p_paper is not None and p_paper > LEVEL:
                 return judge_contrast(self.steps(), p_paper, self._assumed())

@@ -19,8 +19,8 @@ DEFINITIONS: dict[OrderKind, str] = {
     f"a chance of at least {100 * SEEN_POWER:.0f} % if the paper's numbers were true of them",
     "too_few_runs": "our runs do not show it, and may well have missed it; beside it stands how "
     "many would decide",
-    "inconclusive": "our runs do not show it, and nothing printed tells how many would",
-    "paper_cannot_tell": "the paper's own numbers do not show it beyond doubt",
+    "inconclusive": "our runs do not show it, and nothing printed says how many would",
+    "not_shown_by_paper": "the paper's own numbers do not show it beyond doubt",
     "no_events": "our runs are kept without the events that the number is computed from",
 }
 NAMED = 2
@@ -60,7 +60,7 @@ class ClaimLine:
         return [pair for pair in self.others if pair.outcome != "holds"]
 
     @property
-    def beside(self) -> str:
+    def other_pairs(self) -> str:
         """What the disclosure with the other pairs is called."""
         many, failing = len(self.others), len(self.failing)
         what = "the other pair" if many == 1 else f"the other {many} pairs"
@@ -73,13 +73,13 @@ class ClaimLine:
     @property
     def line(self) -> str:
         """For the terminal."""
-        told = f"[{self.badge}] {self.says}: paper {self.paper}, ours {self.ours}"
+        message = f"[{self.badge}] {self.says}: paper {self.paper}, ours {self.ours}"
         parts = [f"; {words}" for words in (self.pairs, self.chance) if words]
         if failing := self.failing:
             more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
             named = ", ".join(f"{pair.where} {pair.ours}".strip() for pair in failing[:NAMED])
             parts.append(f"; nor do {named}{more}")
-        return told + "".join(parts)
+        return message + "".join(parts)
 
 
 def claim_lines(column: Column) -> list[ClaimLine]:
@@ -88,7 +88,7 @@ def claim_lines(column: Column) -> list[ClaimLine]:
     return [_claim(column.engine, o) for o in main]
 
 
-def claims_beside(columns: list[Column]) -> list[list[ClaimLine]]:
+def claims_per_engine(columns: list[Column]) -> list[list[ClaimLine]]:
     """Every main claim with what each kind of engine says of it."""
     return [list(lines) for lines in zip(*map(claim_lines, columns), strict=True)]
 

@@ -20,7 +20,7 @@ from slambed.papers.compare import (
 )
 from slambed.papers.judged import MARKS, Judged
 from slambed.papers.lookup import Pool, pool_of
-from slambed.papers.paper_claims import claim_lines, claims_beside, definitions, text_lines
+from slambed.papers.paper_claims import claim_lines, claims_per_engine, definitions, text_lines
 from slambed.papers.paper_view import (
     MARK_WORDS,
     bar,
@@ -135,7 +135,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
     return _look() | {
         "paper": verdicts.paper, "columns": columns,
         "command": f"slambed papers compare {verdicts.paper.id}",
-        "claims": claims_beside(verdicts.columns), "definitions": definitions(verdicts.columns),
+        "claims": claims_per_engine(verdicts.columns), "definitions": definitions(verdicts.columns),
         "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
         "groups": [
             {"name": name, "label": label,
@@ -173,13 +173,13 @@ def _ours(column: Column, row: Judged, folders: dict[str, Path], target: Path) -
         parts = {"ratio": f"{verdict.margin:.0%}", "points": f"{100 * verdict.margin:.3g} points"}
         margin = parts.get(verdict.scale, f"{verdict.margin:.3g}")
     keys = row.measured.keys
-    told = row.why
-    if row.provenance in ("fitted", "stand_in") and verdict.why and verdict.why not in told:
-        told = f"{told}; {verdict.why}"
+    reason = row.why
+    if row.provenance in ("fitted", "stand_in") and verdict.why and verdict.why not in reason:
+        reason = f"{reason}; {verdict.why}"
     if verdict.runs_needed:
-        told = f"{told}; {verdict.runs_needed} runs would decide"
+        reason = f"{reason}; {verdict.runs_needed} runs would decide"
     return {
-        "engine": column.engine, "mark": row.mark, "value": row.ours, "why": told,
+        "engine": column.engine, "mark": row.mark, "value": row.ours, "why": reason,
         "formula": verdict.formula, "margin": margin, "assumed": verdict.assumed,
         "runs": [
             (key[:8], _relative(folders[experiment] / "runs" / key, target))

@@ -196,12 +196,12 @@ def headline(verdicts: PaperVerdicts, column: Column) -> list[str]:
             f"Nothing was run yet. {len(claims)} main claims and {waiting} numbers wait; {twice} "
             f"of the {len(rows)} printed numbers are settings or repeated."
         ]
-    told = [
+    reported = [
         f"{len(own)} {words[len(own) > 1]}{_weak([line.weak for line in own])}"
         for outcome, words in CLAIM_WORDS.items()
         if (own := [line for line in claims if line.words == outcome])
     ]
-    found = [f"Of {len(claims)} main claims {', '.join(told)}."] if claims else []
+    found = [f"Of {len(claims)} main claims {', '.join(reported)}."] if claims else []
     return [*found, _numbers(rows)]
 
 
@@ -213,7 +213,7 @@ CLAIM_WORDS: dict[str, tuple[str, str]] = {
     PARTLY["not_seen"]: ("is not seen in full", "are not seen in full"),
     KINDS["too_few_runs"]: ("has too few runs", "have too few runs"),
     KINDS["inconclusive"]: ("is inconclusive", "are inconclusive"),
-    KINDS["paper_cannot_tell"]: (
+    KINDS["not_shown_by_paper"]: (
         "is not shown by the paper itself",
         "are not shown by the paper itself",
     ),
@@ -235,11 +235,11 @@ def _numbers(rows: list[Judged]) -> str:
     compared = sum(judged.values())
     aside = Counter(word for row in rows if (word := _not_compared(row)))
     why = ", ".join(f"{aside[word]} {word}" for word in NOT_COMPARED if aside[word])
-    told = f"{compared} of {len(rows)} printed numbers could be compared"
+    message = f"{compared} of {len(rows)} printed numbers could be compared"
     if not compared:
-        return f"{told}: {why}."
+        return f"{message}: {why}."
     outcomes = ", ".join(f"{count} {word}" for word, count in judged.items())
-    return f"{told}: {outcomes}." + (f" The others could not: {why}." if why else "")
+    return f"{message}: {outcomes}." + (f" The others could not: {why}." if why else "")
 
 
 NOT_COMPARED = (
@@ -263,8 +263,8 @@ def _weak(reasons: list[str]) -> str:
     counts = Counter(reason for reason in reasons if reason)
     if list(counts.values()) == [len(reasons)]:
         return f" ({next(iter(counts))})"
-    told = ", ".join(f"{count} {reason}" for reason, count in counts.items())
-    return f" ({told})" if told else ""
+    message = ", ".join(f"{count} {reason}" for reason, count in counts.items())
+    return f" ({message})" if message else ""
 
 
 RUNS_WORDS = {"virtual": "runs simulated in virtual time"}
@@ -304,9 +304,9 @@ def _runs_of(row: Judged) -> int:
 
 
 def _seeds(results: Results) -> str:
-    if "seed" not in results.trusted:
+    if "seed" not in results.valid_runs:
         return ""
-    seeds = sorted({int(seed) for seed in results.trusted["seed"].dropna()})
+    seeds = sorted({int(seed) for seed in results.valid_runs["seed"].dropna()})
     return f"{seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else ", ".join(map(str, seeds))
 
 

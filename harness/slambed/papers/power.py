@@ -84,7 +84,7 @@ def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
 
 
 def _judged(cell: PublishedCell) -> bool:
-    return is_number(cell) and cell.standing.judged
+    return is_number(cell) and cell.comparability.judged
 
 
 def _chance(judge: Judge, cell: PublishedCell, runs: int) -> float:

@@ -135,9 +135,9 @@ def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
     limit = float(np.log1p(-stated))
     below = (op in ("gt", "ge")) if reduction else (op in ("lt", "le"))
     low, high = left.interval(0.9)
-    told = f"ours {pair.reduction:+.1%} less [{1 - np.exp(high):.1%}, {1 - np.exp(low):.1%}]"
+    message = f"ours {pair.reduction:+.1%} less [{1 - np.exp(high):.1%}, {1 - np.exp(low):.1%}]"
     found = Verdict(
-        "inconclusive", f"{told}, stated {stated:.1%}", "one-sided 95 % limits of ln(of / base)",
+        "inconclusive", f"{message}, stated {stated:.1%}", "one-sided 95 % limits of ln(of / base)",
         "ratio", left.value - limit, low - limit, high - limit,
     )  # fmt: skip
     if (high <= limit) if below else (low >= limit):
@@ -163,8 +163,8 @@ def _increase(pair: Pair, stated: float, digit: float, op: str) -> Verdict:
     verdict = judge_effect(
         effect, margin, "difference", "increase of ours - stated, delta method, in points"
     )
-    told = f"ours {times - 1:+.1%}, stated {stated:+.3g} %"
-    return replace(verdict, why=f"{told}; {verdict.why}")
+    message = f"ours {times - 1:+.1%}, stated {stated:+.3g} %"
+    return replace(verdict, why=f"{message}; {verdict.why}")
 
 
 def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
@@ -186,7 +186,8 @@ def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
 def _each(
     paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell, quantity: Each
 ) -> tuple[Verdict, Measured]:
-    """Reproduced where each of them is, differs where one does; the one that decides is told."""
+    """Reproduced where each of them is, differs where one does; the one that decides is
+    reported."""
     found = [(operand, _measured(paper, pool, cells, operand)) for operand in quantity.of]
     for _, side in found:
         if not side.there:

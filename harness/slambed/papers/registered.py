@@ -37,8 +37,10 @@ def plan_lines(
     written = f"{plan.written_utc.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     found = [PlanLine(f"Plan {plan.digest} of {written}, mapping and margins {plan.frozen}.")]
     if (today := frozen_digest(paper)) != plan.frozen:
-        told = f"The paper's contrasts, margins or mapping were changed after the plan: {today} now"
-        found.append(PlanLine(f"{told}, {plan.frozen} planned.", bad=True))
+        message = (
+            f"The paper's contrasts, margins or mapping were changed after the plan: {today} now"
+        )
+        found.append(PlanLine(f"{message}, {plan.frozen} planned.", bad=True))
     if not column.engine:
         return found
     if column.engine != plan.engine:
@@ -82,8 +84,8 @@ def _own(column: Column, used: list[Results]) -> pd.DataFrame:
     return column.runs[column.runs["experiment_folder"].isin({r.name for r in used})]
 
 
-def _counted(told: Mapping[str, int], runs: pd.DataFrame) -> str:
-    count = sum(told.values())
+def _counted(reported: Mapping[str, int], runs: pd.DataFrame) -> str:
+    count = sum(reported.values())
     return f"{count} of {len(runs)} runs {'was' if count == 1 else 'were'}"
 
 
@@ -104,15 +106,15 @@ def cells_behind(column: Column) -> set[str]:
 def _made(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
     """When and under which plan the runs were executed, by what they keep of it: a plan that was
     rewritten after a look at results, with its old date, has another digest. Runs with one story
-    are told in one sentence, with its cause."""
+    are reported in one sentence, with its cause."""
     times = [_time(value) for value in runs["started_utc"]] if "started_utc" in runs else []
     early = [time is not None and plan.made_before(time) for time in times] or [False] * len(runs)
     plans, mappings = (_written(runs, f"{k}.{plan.paper}") for k in ("plan", "plan_frozen"))
     stories = Counter(zip(early, plans, mappings, strict=True))
     found = [
-        PlanLine(f"{count} of {len(runs)} runs {told}.", bad=True)
+        PlanLine(f"{count} of {len(runs)} runs {reported}.", bad=True)
         for (before, digest, frozen), count in stories.items()
-        if (told := _story(plan, before, digest, frozen, count))
+        if (reported := _story(plan, before, digest, frozen, count))
     ]
     if unknown := sum(time is None for time in times):
         text = f"{unknown} of {len(times)} runs do not say when they were made."
@@ -127,16 +129,16 @@ def _story(plan: PaperPlan, before: bool, digest: str, frozen: str, count: int) 
         parts.append(f"under another plan ({digest})")
     if frozen and frozen != plan.frozen:
         parts.append(f"with another mapping than the plan's ({frozen})")
-    told = f"{'was' if count == 1 else 'were'} made {' and '.join(parts)}" if parts else ""
+    message = f"{'was' if count == 1 else 'were'} made {' and '.join(parts)}" if parts else ""
     if not digest:
         do = "does" if count == 1 else "do"
-        unsaid = f"{do} not say under which plan {'it was' if count == 1 else 'they were'} made"
-        told = f"{told}, and {unsaid}" if told else unsaid
+        unknown = f"{do} not say under which plan {'it was' if count == 1 else 'they were'} made"
+        message = f"{message}, and {unknown}" if message else unknown
     if before and digest and digest != plan.digest:
-        told += ": the plan was written anew after them"
+        message += ": the plan was written anew after them"
         if plan.replaces is not None and plan.replaces.plan == digest:
-            told += f". {plan.replaces.why.rstrip('.')}"
-    return told
+            message += f". {plan.replaces.why.rstrip('.')}"
+    return message
 
 
 def written_in(runs: pd.DataFrame, key: str) -> "Counter[str]":

@@ -94,9 +94,9 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
     for number, row in enumerate(lane.rows):
         verdict = row.verdict
         y = middle - half + 2 * half * (number + 0.5) / len(lane.rows)
-        told = f"{row.cell.id}: paper {row.stated}, ours {row.ours}; {verdict.why}"
+        message = f"{row.cell.id}: paper {row.stated}, ours {row.ours}; {verdict.why}"
         parts.append(
-            f'<a href="#{prefix}{row.cell.id}"><title>{escaped(told)}</title>'
+            f'<a href="#{prefix}{row.cell.id}"><title>{escaped(message)}</title>'
             f'<line class="whisker" x1="{lane.place(verdict.low):.1f}" '
             f'x2="{lane.place(verdict.high):.1f}" y1="{y:.1f}" y2="{y:.1f}" '
             f'stroke="{COLORS[row.mark]}"/>'

@@ -6,7 +6,7 @@ import signal
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """No program sends these to itself: a kernel out of memory, a daemon going down, a user do."""
 BY_SHELLS = 128
-"""Shells and Docker tell the end by signal n as exit code 128 + n."""
+"""Shells and Docker report the end by signal n as exit code 128 + n."""
 
 
 def signal_of(code: int) -> int | None:

@@ -28,7 +28,8 @@ A = TypeVar("A", bound="Message")
 
 
 class Message(BaseModel):
-    """What a line says; a kind that is one of several has a field of its own, `ask` or `say`."""
+    """What a line says; a kind that is one of several has a field of its own, `request` or
+    `reply`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -36,7 +37,7 @@ class Message(BaseModel):
 class Failure(Message):
     """The answer of a process that could not do what it was asked."""
 
-    say: Literal["failure"] = "failure"
+    reply: Literal["failure"] = "failure"
     error: str
     """One line: what, where, what to do."""
     code: int
@@ -59,7 +60,7 @@ class Failure(Message):
 class Note(Message):
     """What a process says for a person while its answer takes its time."""
 
-    say: Literal["note"] = "note"
+    reply: Literal["note"] = "note"
     line: str
 
 
@@ -82,13 +83,13 @@ def message_in(line: bytes, known: TypeAdapter[M], speaker: str) -> M:
         what = error.errors()[0]["msg"]
         shown = line.strip().decode(errors="replace")[:200]
         raise SlambedError(
-            f"the {speaker} said {shown!r}, which nobody here understands ({what}); "
+            f"the {speaker} said {shown!r}, which is no known message ({what}); "
             "are both of one version?",
             ExitCode.INTERNAL,
         ) from None
 
 
-def tell(stream: IO[str], message: Message) -> None:
+def send(stream: IO[str], message: Message) -> None:
     """Says it at once."""
     stream.write(line_of(message).decode())
     stream.flush()
@@ -185,5 +186,5 @@ class LineProcess:
 
     def _ended(self, what: str) -> PassingError:
         lines = self._errors.read_text(errors="replace").strip().splitlines()
-        told = f": {lines[-1].removeprefix('error: ')}" if lines else ""
-        return PassingError(f"the {self._name} {what}{told}")
+        message = f": {lines[-1].removeprefix('error: ')}" if lines else ""
+        return PassingError(f"the {self._name} {what}{message}")

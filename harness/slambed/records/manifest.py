@@ -9,7 +9,7 @@ from slambed.files.json_file import Record
 from slambed.link.record import LinkFacts
 from slambed.records.board import BoardFacts
 from slambed.records.kept_spec import KeptSpec
-from slambed.sampling.record import Beside, NodeLimits, Throttling
+from slambed.sampling.record import NodeLimits, SidecarUse, Throttling
 from slambed.spec.run_spec import RunSpec
 
 FILE = "manifest.json"
@@ -81,7 +81,7 @@ class Manifest(Record):
     """Null without a link."""
     board: BoardFacts | None = None
     """Only of a run whose mobile node was on another machine."""
-    beside: Beside | None = None
+    sidecar: SidecarUse | None = None
     """Null in a virtual run."""
     commit: str | None = None
     """Of the checkout; null outside of git."""
@@ -125,7 +125,7 @@ class Manifest(Record):
     plans: dict[str, PlanDigests] | None = None
     """Paper (`inference/<id>` of an inference) -> its plan as the campaign began; empty without."""
     invalid_reason: str | None = None
-    """Of runs made before `distrust` was told apart from `outcome`; no longer written."""
+    """Of runs made before `distrust` was distinguished from `outcome`; no longer written."""
 
     @property
     def kept(self) -> KeptSpec:
@@ -134,18 +134,18 @@ class Manifest(Record):
 
     @model_validator(mode="after")
     def _in_words_of_today(self) -> "Manifest":
-        """A manifest from before outcome and trust were two things calls a run invalid: now it says
-        how the system ended, or why not to trust it."""
+        """A manifest from before outcome and validity were two things calls a run invalid: now it
+        says how the system ended, or why it is invalid."""
         if self.distrust is not None or self.outcome is None or "distrust" in self.model_fields_set:
             return self
         outcome = OLD_OUTCOMES.get(self.outcome, "completed")
-        told = [self.invalid_reason, self.link.invalid_reason if self.link else None]
-        reasons = list(dict.fromkeys(line for line in told if line))
+        reported = [self.invalid_reason, self.link.invalid_reason if self.link else None]
+        reasons = list(dict.fromkeys(line for line in reported if line))
         failed = outcome != "completed"
         return self.model_copy(
             update={
                 "outcome": outcome,
                 "outcome_reason": reasons[0] if failed and reasons else None,
-                "distrust": [] if failed else reasons,
+                "invalid_reasons": [] if failed else reasons,
             }
         )

@@ -90,5 +90,5 @@ class RunConfig(Record):
     """How long a node waits for its peer."""
 
     def without(self, parameters: list[str]) -> "RunConfig":
-        """The same for a node that is told of none of these files."""
+        """The same for a node that is given none of these files."""
         return self.model_copy(update={"params": self.params | dict.fromkeys(parameters, "")})

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed bisect`: between a good and a bad commit, the first one that the gate would not pass."""
+"""`slambed bisect`: between a good and a bad commit, the first one that the regression gate would
+not pass."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from slambed.report.load import Results
 from slambed.suggestion import suggestion
 
 State = Literal["good", "bad", "skipped"]
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -59,19 +60,19 @@ class Bisected:
 
 
 @dataclass
-class Judge:
-    """The gate's rule, for commits in the place of nights: runs of equal seed are pairs, a change
-    counts where it is significant and relevant."""
+class RegressionRule:
+    """The regression gate's rule, for commits in the place of nights: runs of equal seed are pairs,
+    a change counts where it is significant and relevant."""
 
     good: Results
     metrics: list[str]
-    """Only these; none: all that the gate looks at."""
+    """Only these; none: all that the regression gate looks at."""
     alpha: float = ALPHA
 
     def __post_init__(self) -> None:
-        if not len(self.good.trusted):
+        if not len(self.good.valid_runs):
             raise SlambedError(
-                "the good commit has no run to be trusted, so nothing can be worse than it: "
+                "the good commit has no valid run, so nothing can be worse than it: "
                 f"{self.good.problems[0] if self.good.problems else 'name another one'}"
             )
         own = self.good.own_metrics
@@ -81,8 +82,8 @@ class Judge:
                 advice = suggestion(key, known)
                 raise SlambedError(f"no metric '{key}' that can get worse; {advice}")
         asked = self.metrics or keys_for(Use.GATED, own)
-        if not any(_measured(self.good.trusted, key) for key in asked):
-            names = ", ".join(self.metrics) or "nothing that the gate looks at"
+        if not any(_measured(self.good.valid_runs, key) for key in asked):
+            names = ", ".join(self.metrics) or "nothing that the regression gate looks at"
             raise SlambedError(f"{names} was not measured at the good commit; name another metric")
 
     def worse(self, commit: Results) -> list[str]:
@@ -96,23 +97,23 @@ def bisect(
     measures: Measures,
     metrics: list[str],
     alpha: float = ALPHA,
-    say: Say = lambda line: None,
+    notify: Notify = lambda line: None,
 ) -> Bisected:
     """Finds the first bad one of `candidates`: the commits after `good` in their order, the last of
     which is the bad end.
 
     Raises SlambedError where one of the ends cannot be measured."""
     found = Bisected()
-    rule = Judge(_end(good, measures, "good"), metrics, alpha)
-    say(f"good {good}: {len(rule.good.trusted)} runs")
+    rule = RegressionRule(_end(good, measures, "good"), metrics, alpha)
+    notify(f"good {good}: {len(rule.good.valid_runs)} runs")
     if not candidates:
         return found
     found.why = rule.worse(_end(candidates[-1], measures, "bad"))
     found.tried = 1 + (candidates[-1].sha != good.sha)
     if not found.why:
-        say(f"good {candidates[-1]}: no change for the worse shown")
+        notify(f"good {candidates[-1]}: no change for the worse shown")
         return found
-    _tell(say, "bad ", candidates[-1], found.why)
+    _report(notify, "bad ", candidates[-1], found.why)
     states: dict[int, State] = {-1: "good", len(candidates) - 1: "bad"}
     while (place := _next(states, len(candidates))) is not None:
         commit = candidates[place]
@@ -122,10 +123,10 @@ def bisect(
         except SkippedError as error:
             states[place] = "skipped"
             found.skipped[commit.sha] = str(error)
-            say(f"skip {commit}: {error}")
+            notify(f"skip {commit}: {error}")
             continue
         states[place] = "bad" if why else "good"
-        _tell(say, "bad " if why else "good", commit, why)
+        _report(notify, "bad " if why else "good", commit, why)
     last_good, first_bad = _ends(states)
     found.first = list(candidates[last_good + 1 : first_bad + 1])
     return found
@@ -154,9 +155,9 @@ def _end(commit: Commit, measures: Measures, name: str) -> Results:
         ) from None
 
 
-def _tell(say: Say, state: str, commit: Commit, why: list[str]) -> None:
+def _report(notify: Notify, state: str, commit: Commit, why: list[str]) -> None:
     more = f" and {len(why) - 1} more" if len(why) > 1 else ""
-    say(f"{state} {commit}" + (f": {why[0]}{more}" if why else ""))
+    notify(f"{state} {commit}" + (f": {why[0]}{more}" if why else ""))
 
 
 def _measured(runs: pd.DataFrame, key: str) -> bool:

@@ -16,7 +16,7 @@ from slambed.data.places import search_path
 from slambed.engines.host_lock import STOP, host_lock
 from slambed.errors import ExitCode, SlambedError, environment_error
 from slambed.files.json_file import object_or_empty
-from slambed.regression.bisect import Commit, Say, SkippedError
+from slambed.regression.bisect import Commit, Notify, SkippedError
 from slambed.report.load import Results, load
 from slambed.report.recompute import recompute_refused
 from slambed.spec.software import STAMP
@@ -96,7 +96,7 @@ class Workshop:
     only: Sequence[str] = ()
     programs: Path | None = None
     """Built ones, with their stamp: of commits with the same sources nothing is built."""
-    say: Say = field(default=lambda line: None)
+    notify: Notify = field(default=lambda line: None)
 
     @contextmanager
     def opened(self) -> Iterator["Workshop"]:
@@ -146,17 +146,17 @@ class Workshop:
     def _build(self, commit: Commit) -> None:
         """By the commit's own tools/build.sh, which does nothing where programs of its sources
         are there already."""
-        told = self._call([sys.executable, "-P", "-m", "slambed.spec.software"], cwd=self.tree)
-        digest = told.stdout.strip()
-        if told.returncode or not digest.isalnum():
-            raise SkippedError(f"its sources cannot be told: {_last(told.stderr)}")
+        completed = self._call([sys.executable, "-P", "-m", "slambed.spec.software"], cwd=self.tree)
+        digest = completed.stdout.strip()
+        if completed.returncode or not digest.isalnum():
+            raise SkippedError(f"its sources are unknown: {_last(completed.stderr)}")
         into, kept = self.tree / "build" / "bin", self.place / PROGRAMS / digest
         there = filter(None, (kept, self.programs))
         known = [folder for folder in there if _stamp(folder) == digest]
         if known and _stamp(into) != digest:
             _copy(known[0], into)
         if _stamp(into) != digest:
-            self.say(f"building {commit.short}, sources {digest}")
+            self.notify(f"building {commit.short}, sources {digest}")
         log = self.place / LOGS / f"{commit.short}.txt"
         log.parent.mkdir(exist_ok=True)
         done = self._call([str(self.tree / "tools" / "build.sh"), "virtual"], cwd=self.tree)
@@ -235,5 +235,5 @@ def _copy(source: Path, target: Path) -> None:
 def _last(text: str) -> str:
     """The line that says why; an `error:` line is preferred."""
     lines = text.strip().splitlines()
-    told = [line.removeprefix("error: ") for line in lines if line.startswith("error:")]
-    return (told or lines or ["it said nothing"])[-1]
+    error_lines = [line.removeprefix("error: ") for line in lines if line.startswith("error:")]
+    return (error_lines or lines or ["it printed nothing"])[-1]

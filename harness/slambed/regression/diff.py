@@ -72,7 +72,7 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
     if not found:
         raise SlambedError(
             f"nothing to compare: {_words(sides.a)} and {_words(sides.b)} share no cell with two "
-            "runs to be trusted on either side; 'slambed status' says what is there"
+            "valid runs on either side; 'slambed status' says what is there"
         )
     adjusted = holm([item.p_value for item in found])
     return [
@@ -123,7 +123,7 @@ def write_diff(table: Table, sides: Sides, path: Path) -> None:
             path.write_text(above + table.markdown())
             return
         headings = [*table.headings[:2], "A", "B", *table.headings[4:], "A is", "B is"]
-        rows = [[*row, *sides.told] for row in table.rows]
+        rows = [[*row, *sides.descriptions] for row in table.rows]
         path.write_text(Table(table.name, table.caption, headings, rows, table.words).csv())
 
 

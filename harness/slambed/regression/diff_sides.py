@@ -28,7 +28,7 @@ from slambed.spec.selection import (
 
 Key = tuple[str, ...]
 MOST_NAMES = 3
-"""So many systems (links, devices) of a side are told by name."""
+"""So many systems (links, devices) of a side are reported by name."""
 LONGEST_NAME = 24
 """Letters of what heads a column."""
 SHORT_COMMIT = 7
@@ -36,7 +36,7 @@ COLUMNS = {
     "system": "label", "device": "device_mobile", "edge": "device_edge", "dataset": "dataset",
     "link": "profile", "engine": "engine",
 }  # fmt: skip
-"""What a side is told by -> the column that has it."""
+"""What a side is reported by -> the column that has it."""
 WHERE = ("dataset", "link")
 """Where the systems of a cell are: what else cells are matched by."""
 ABSENT = {"link": NO_LINK, "edge": NO_EDGE}
@@ -108,7 +108,7 @@ class Sides:
 
     @cached_property
     def differing(self) -> list[str]:
-        """Names of the facts in which the two differ, in the order in which they are told."""
+        """Names of the facts in which the two differ, in the order in which they are reported."""
         return [name for name, value in self.a.facts.items() if value != self.b.facts[name]]
 
     @property
@@ -119,17 +119,17 @@ class Sides:
         first = self.differing[0]
         if first == "folder":
             return _folders(self.a.results.folder, self.b.results.folder)
-        told = _chosen(self.a.asked, self.b.asked), _chosen(self.b.asked, self.a.asked)
+        reported = _chosen(self.a.asked, self.b.asked), _chosen(self.b.asked, self.a.asked)
         a, b = (
             _words_of(first, side.facts[first])
             if len(side.facts[first]) == 1 or not asked
             else asked
-            for side, asked in zip((self.a, self.b), told, strict=True)
+            for side, asked in zip((self.a, self.b), reported, strict=True)
         )
         return _cut(a), _cut(b)
 
     @property
-    def told(self) -> tuple[str, str]:
+    def descriptions(self) -> tuple[str, str]:
         """In words: how each was selected, what differs, then what both have."""
         same = self._in_words(self.a, self.shared)
         a, b = ("; ".join(filter(None, (own, same))) for own in self._apart())
@@ -144,8 +144,8 @@ class Sides:
     def lines(self) -> list[str]:
         """`A: ...`, `B: ...` and what both have."""
         a, b = self._apart()
-        told = {"A": a, "B": b, "Both": self._in_words(self.a, self.shared)}
-        return [f"{who}: {words}" for who, words in told.items() if words]
+        reported = {"A": a, "B": b, "Both": self._in_words(self.a, self.shared)}
+        return [f"{who}: {words}" for who, words in reported.items() if words]
 
     def _apart(self) -> tuple[str, str]:
         a, b = (
@@ -167,15 +167,13 @@ class Sides:
     def matched(self) -> list[tuple[str, pd.DataFrame, pd.DataFrame]]:
         """(cell, its runs in A, in B): cells of equal label, dataset and link, in what the two
         sides were not chosen to differ. Raises SlambedError where that would pool cells."""
-        trusted = [self.a.results.trusted, self.b.results.trusted]
+        valid = [self.a.results.valid_runs, self.b.results.valid_runs]
         chosen = self.a.keys & self.b.keys
-        labels = _labels(*trusted)
-        drop = {
-            c for c in WHERE if chosen & {c, CELL} and _apart(*(t[COLUMNS[c]] for t in trusted))
-        }
+        labels = _labels(*valid)
+        drop = {c for c in WHERE if chosen & {c, CELL} and _apart(*(t[COLUMNS[c]] for t in valid))}
         pools = [
             self._pooled(letter, runs, own, drop)
-            for letter, runs, own in zip("AB", trusted, labels, strict=True)
+            for letter, runs, own in zip("AB", valid, labels, strict=True)
         ]
         return [
             (own.called(other), own.runs, other.runs)
@@ -305,7 +303,7 @@ def _varied(runs: pd.DataFrame) -> str:
 
 
 def _folders(a: Path, b: Path) -> tuple[str, str]:
-    """What tells two folders apart: their paths without what both begin and end with."""
+    """What distinguishes two folders: their paths without what both begin and end with."""
     left, right = list(a.parts), list(b.parts)
     while len(left) > 1 and len(right) > 1 and left[-1] == right[-1]:
         left, right = left[:-1], right[:-1]
@@ -323,7 +321,7 @@ def _words_of(name: str, values: list[str]) -> str:
 
 
 def _cut(name: str) -> str:
-    """Its ends, where it is long: what tells two apart is often one of them."""
+    """Its ends, where it is long: what distinguishes two is often one of them."""
     if len(name) <= LONGEST_NAME:
         return name
     half = (LONGEST_NAME - 3) // 2
@@ -337,8 +335,8 @@ def sides_table(sides: Sides) -> Table:
     rows += [[name, *(", ".join(s.facts[name]) or "-" for s in both)] for name in sides.a.facts]
     rows.append(
         [
-            "runs to be trusted",
-            *(f"{len(s.results.trusted)} of {len(s.results.runs)}" for s in both),
+            "valid runs",
+            *(f"{len(s.results.valid_runs)} of {len(s.results.runs)}" for s in both),
         ]
     )
     rows.append(["first run", *(_first(s.results) for s in both)])

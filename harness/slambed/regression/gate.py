@@ -44,7 +44,7 @@ class Finding:
 
 
 @dataclass
-class GateResult:
+class RegressionResult:
     """`failures` has a line per reason to fail; `notes` what could not be judged."""
 
     findings: list[Finding] = field(default_factory=list)
@@ -89,18 +89,16 @@ def judge(
     tonight: pd.DataFrame,
     alpha: float = ALPHA,
     metrics: Sequence[str] = (),
-) -> GateResult:
+) -> RegressionResult:
     """Compares runs (rows with the summary keys) cell by cell: the gated metrics, or these."""
-    result = GateResult()
-    if not len(tonight) or not tonight["trusted"].eq(True).any():
-        result.failures.append("nothing was measured tonight: there is no run to be trusted")
+    result = RegressionResult()
+    if not len(tonight) or not tonight["valid"].eq(True).any():
+        result.failures.append("nothing was measured tonight: there is no valid run")
     elif len(baseline):
         baseline, line = comparable(baseline, tonight)
         result.notes += [line] if line else []
-    if not len(baseline) or not baseline["trusted"].eq(True).any():
-        result.failures.append(
-            "the baseline has no run to be trusted: there is nothing to compare with"
-        )
+    if not len(baseline) or not baseline["valid"].eq(True).any():
+        result.failures.append("the baseline has no valid run: there is nothing to compare with")
     if result.failures:
         return result
     own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
@@ -108,15 +106,15 @@ def judge(
     tests: list[Test] = []
     for cell, before in baseline.groupby("cell", sort=False):
         after = tonight[tonight["cell"] == cell]
-        good, good_before = after[after["trusted"].eq(True)], before[before["trusted"].eq(True)]
+        good, good_before = after[after["valid"].eq(True)], before[before["valid"].eq(True)]
         if not len(good_before):
             continue
         if not len(good):
             result.failures.append(
-                f"{cell}: nothing measured tonight ({len(after)} runs, none to be trusted)"
+                f"{cell}: nothing measured tonight ({len(after)} runs, none valid)"
             )
             continue
-        _judge_trust(str(cell), before, after, alpha, result)
+        _judge_validity(str(cell), before, after, alpha, result)
         for key in gated:
             item = metric(key, own)
             a, b, paired = values_of_nights(good_before, good, item)
@@ -131,19 +129,19 @@ def judge(
     return result
 
 
-def _new_cells(baseline: pd.DataFrame, tonight: pd.DataFrame, result: GateResult) -> None:
+def _new_cells(baseline: pd.DataFrame, tonight: pd.DataFrame, result: RegressionResult) -> None:
     """A cell without a baseline is judged by whether it measured anything, and named."""
-    judged = set(baseline.loc[baseline["trusted"].eq(True), "cell"])
+    judged = set(baseline.loc[baseline["valid"].eq(True), "cell"])
     for cell, rows in tonight.groupby("cell", sort=False):
         if cell in judged:
             continue
-        good = int(rows["trusted"].eq(True).sum())
-        count = f"{len(rows)} runs, {good} to be trusted"
+        good = int(rows["valid"].eq(True).sum())
+        count = f"{len(rows)} runs, {good} valid"
         line = f"{cell}: new tonight, nothing to compare with ({count})"
         (result.notes if good else result.failures).append(line)
 
 
-def _decide(tests: list[Test], alpha: float, result: GateResult) -> None:
+def _decide(tests: list[Test], alpha: float, result: RegressionResult) -> None:
     if not tests:
         result.failures.append("no gated metric was measured in both")
         return
@@ -175,16 +173,16 @@ def _decide(tests: list[Test], alpha: float, result: GateResult) -> None:
         )
 
 
-def _judge_trust(
-    cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: GateResult
+def _judge_validity(
+    cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: RegressionResult
 ) -> None:
-    """Runs not to be trusted are left out of all other tests, so they are tested themselves."""
-    bad_before = len(before) - int(before["trusted"].eq(True).sum())
-    bad_after = len(after) - int(after["trusted"].eq(True).sum())
+    """Invalid runs are left out of all other tests, so they are tested themselves."""
+    bad_before = len(before) - int(before["valid"].eq(True).sum())
+    bad_after = len(after) - int(after["valid"].eq(True).sum())
     p_value = fisher(bad_before, len(before), bad_after, len(after), "greater")
     if p_value <= alpha / 10 and bad_after / len(after) - bad_before / len(before) > 0.1:
         result.failures.append(
-            f"{cell}: {bad_after} of {len(after)} runs not to be trusted, before {bad_before} of "
+            f"{cell}: {bad_after} of {len(after)} runs invalid, before {bad_before} of "
             f"{len(before)} (p {p_value:.2g})"
         )
 
@@ -196,7 +194,7 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
     """
     if folder.is_file():
         table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
-        if "trusted" not in table:  # nights of older versions
+        if "valid" not in table:  # nights of older versions
             rows = ({str(k): v for k, v in r.items()} for r in table.to_dict("records"))
             table = pd.DataFrame([two_axes(Summary(row)) for row in rows])
         if experiment is not None and "experiment" in table:
@@ -215,7 +213,7 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
         return pd.read_csv(folder / "summary.csv"), []
     if not folder.is_dir():
         raise SlambedError(f"no results, {folder} is not there, give a results folder or a history")
-    return pd.DataFrame(columns=["cell", "trusted", *keys_for(Use.GATED)]), [
+    return pd.DataFrame(columns=["cell", "valid", *keys_for(Use.GATED)]), [
         f"{folder}: no runs in it"
     ]
 

@@ -156,12 +156,12 @@ def _axis(trend: Trend, low: float, high: float, y: Callable[[float], float]) ->
 
 def _mark(trend: Trend, point: Point, x: float, y: float, step: Step | None, link: str) -> str:
     item, value = trend.metric, point.value
-    said = (
+    words = (
         f"{point.night}, {point.commit[:SHORT_COMMIT] or 'commit unknown'}: "
         f"{item.show(value.value)} ({item.show(value.low)} to {item.show(value.high)})"
         + f" {item.shown_unit}".rstrip()
         + f", {value.count} runs"
-        + ("" if point.passed else "; the gate was closed")
+        + ("" if point.passed else "; the regression gate was closed")
         + ("" if step is None else f"; {'worse' if step.worse else 'better'} than before")
     )
     if step is None:
@@ -171,7 +171,7 @@ def _mark(trend: Trend, point: Point, x: float, y: float, step: Step | None, lin
     else:
         ends = f"{x:.1f},{y - 6:.1f} {x + 6:.1f},{y:.1f} {x:.1f},{y + 6:.1f} {x - 6:.1f},{y:.1f}"
         shape = f'<polygon class="better" points="{ends}"/>'
-    inside = f"<title>{escape(said)}</title>{shape}"
+    inside = f"<title>{escape(words)}</title>{shape}"
     if link and point.commit:
         return f'<a href="{escape(link + point.commit)}">{inside}</a>'
     return f"<g>{inside}</g>"

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a history of nights says: every gated metric of every cell over commits, and its changes.
 
-A night is judged as the gate judges it, against the nights since the last change; so a step is
+A night is judged as the regression gate judges it, against the nights since the last change; so a
+step is
 marked once, at the commit that was measured first with it (as asv does), and not every night after.
 """
 
@@ -19,7 +20,8 @@ from slambed.regression.gate import BASELINE_NIGHTS, judge
 from slambed.report.cells import estimate, text
 
 STEP_ALPHA = 0.005
-"""Chance of a false mark in a night, and as much for the better: among many nights the gate's own
+"""Chance of a false mark in a night, and as much for the better: among many nights the regression
+gate's own
 (a twentieth) would mark some that are none."""
 MOST_NIGHTS = 120
 """Older ones are left out of the page; the history keeps them."""
@@ -33,7 +35,7 @@ class Point:
     commit: str
     value: Interval
     passed: bool
-    """Whether the gate opened that night."""
+    """Whether the regression gate opened that night."""
 
 
 @dataclass(frozen=True)
@@ -76,15 +78,17 @@ class ExperimentTrends:
 
 
 def read_history(path: Path) -> pd.DataFrame:
-    """Raises SlambedError where there is none, or where it is no history of the gate."""
+    """Raises SlambedError where there is none, or where it is no history of the regression gate."""
     if not path.is_file():
         raise SlambedError(f"no history {path}; 'slambed gate NAME --history {path}' begins one")
     try:
         table = pd.read_parquet(path)
     except (OSError, ValueError) as broken:
         raise SlambedError(f"{path} is no history: {broken}") from None
-    if missing := {"night_utc", "experiment", "cell", "trusted"} - set(table):
-        raise SlambedError(f"{path} is no history of the gate, it has no column {min(missing)}")
+    if missing := {"night_utc", "experiment", "cell", "valid"} - set(table):
+        raise SlambedError(
+            f"{path} is no history of the regression gate, it has no column {min(missing)}"
+        )
     return table
 
 
@@ -93,7 +97,7 @@ def trends_of(history: pd.DataFrame) -> list[ExperimentTrends]:
     return [
         _experiment(str(name), rows)
         for name, rows in history.groupby("experiment", sort=True)
-        if rows["trusted"].eq(True).any()
+        if rows["valid"].eq(True).any()
     ]
 
 
@@ -104,7 +108,7 @@ def _experiment(name: str, rows: pd.DataFrame) -> ExperimentTrends:
     found: dict[str, dict[str, Trend]] = {}
     for night in nights:
         tonight = rows[rows["night_utc"].eq(night)]
-        for cell, some in tonight[tonight["trusted"].eq(True)].groupby("cell", sort=False):
+        for cell, some in tonight[tonight["valid"].eq(True)].groupby("cell", sort=False):
             for item in items:
                 if (value := estimate(some, item)) is not None:
                     trend = found.setdefault(str(cell), {}).setdefault(item.key, Trend(item))
@@ -132,7 +136,7 @@ def _steps(name: str, rows: pd.DataFrame, nights: list[str]) -> Iterator[Step]:
     for index, night in enumerate(nights[1:], start=1):
         tonight = rows[rows["night_utc"].eq(night)]
         by_begin: dict[int, list[tuple[str, str]]] = {}
-        for cell in tonight.loc[tonight["trusted"].eq(True), "cell"].unique():
+        for cell in tonight.loc[tonight["valid"].eq(True), "cell"].unique():
             own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
             for key in keys_for(Use.GATED, own):
                 place = (str(cell), key)
@@ -148,7 +152,8 @@ def _steps(name: str, rows: pd.DataFrame, nights: list[str]) -> Iterator[Step]:
 def _changes(
     name: str, before: pd.DataFrame, tonight: pd.DataFrame, places: list[tuple[str, str]]
 ) -> Iterator[Step]:
-    """What the gate would call worse tonight, and worse before, which is better tonight."""
+    """What the regression gate would call worse tonight, and worse before, which is better
+    tonight."""
     keys = sorted({key for _, key in places})
     for worse in (True, False):
         sides = (before, tonight) if worse else (tonight, before)

@@ -41,11 +41,11 @@ def board_lines(results: Results) -> list[str]:
             pd.to_numeric(part[key], errors="coerce")
             for key in ("rtt_measured_ms_mean", "clock_error_ms")
         )
-        told = f"; RTT {rtt.median():.2f} ms" if rtt.notna().any() else ""
+        message = f"; RTT {rtt.median():.2f} ms" if rtt.notna().any() else ""
         known = f", its clock known to {error.max():.3f} ms" if error.notna().any() else ""
         lines.append(
             f"Board {board} ({what}) executed the mobile node of {len(part)} runs itself, without "
-            f"limits; the network to it is real, and nothing was added to it{told}{known}."
+            f"limits; the network to it is real, and nothing was added to it{message}{known}."
         )
     return lines
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a busy host did to runs that are trusted all the same, a line per cell."""
+"""What a busy host did to runs that are valid all the same, a line per cell."""
 
 from collections.abc import Callable
 
@@ -51,11 +51,11 @@ def _most(found: pd.DataFrame, samples: Samples) -> str:
     end_s = None if pd.isna(worst["wall_s"]) else float(worst["wall_s"])
     nodes = {n: resources_of(rows, n, end_s) for n in NODES} if rows is not None else {}
     # The summary's share decides: the samples may be gone or be older than it.
-    told = [f"mobile node {_much(worst['cpu_wait_share'], nodes.get('mobile'))}"]
+    parts = [f"mobile node {_much(worst['cpu_wait_share'], nodes.get('mobile'))}"]
     edge = nodes.get("edge")
     if edge is not None and edge.cpu_wait_share is not None:
-        told.append(f"edge node {_much(edge.cpu_wait_share, edge)}")
-    return f"in {worst['run_key']}: {', '.join(told)}"
+        parts.append(f"edge node {_much(edge.cpu_wait_share, edge)}")
+    return f"in {worst['run_key']}: {', '.join(parts)}"
 
 
 def _much(share: float, node: Resources | None) -> str:

@@ -14,7 +14,7 @@ from slambed.metrics.statistics import Interval, finite, interval, wilson
 from slambed.report.load import Results
 
 MOST_FAULTS = 3
-"""So many different words about the faults of a cell are told, the most frequent first."""
+"""So many different words about the faults of a cell are reported, the most frequent first."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Cell:
     dataset: str
     profile: str
     runs: int
-    trusted: int
+    valid: int
     """Runs that count."""
     faults: str
     """What went wrong on purpose in its runs, nothing when nothing did."""
@@ -43,7 +43,7 @@ def metrics_to_show(results: Results) -> list[Metric]:
     Words are no metrics: cells have what is said about them.
     """
     keys = dict.fromkeys([*metrics_asked(results), *keys_for(Use.SHOWN)])
-    runs, numbers = results.trusted, results.numbers()
+    runs, numbers = results.valid_runs, results.numbers()
     if not runs["not_completed"].eq(True).any():
         keys.pop("not_completed", None)
     return [results.metric(k) for k in keys if k in numbers and len(finite(runs[k].to_numpy()))]
@@ -65,7 +65,7 @@ def cells_of(results: Results, metrics: list[Metric]) -> list[Cell]:
 
 
 def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric], mixed: bool) -> Cell:
-    good = rows[rows["trusted"].eq(True)]
+    good = rows[rows["valid"].eq(True)]
     first = rows.iloc[0]
     values: dict[str, Interval] = {}
     notes: list[str] = []
@@ -73,8 +73,8 @@ def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric], mixed: bool) -> 
         if (found := estimate(good, item)) is not None:
             values[item.key] = found
         notes += _groups_note(good, item)
-    reasons = rows.loc[~rows["trusted"].eq(True), "distrust"].astype(str).value_counts()
-    notes += [f"{count} not to be trusted: {reason}" for reason, count in reasons.items()]
+    reasons = rows.loc[~rows["valid"].eq(True), "invalid_reason"].astype(str).value_counts()
+    notes += [f"{count} invalid: {reason}" for reason, count in reasons.items()]
     notes += _outcome_notes(good)
     notes += _coverage_note(good)
     notes += _scale_note(good)
@@ -84,7 +84,7 @@ def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric], mixed: bool) -> 
         dataset=text(first["dataset"]),
         profile=text(first["profile"]) or "no link",
         runs=len(rows),
-        trusted=len(good),
+        valid=len(good),
         faults=_faults(rows),
         values=values,
         notes=notes,
@@ -103,8 +103,8 @@ def _outcome_notes(rows: pd.DataFrame) -> list[str]:
     notes: list[str] = []
     for outcome, runs in rows[rows["not_completed"].eq(True)].groupby("outcome", sort=False):
         reasons = runs["outcome_reason"].dropna().astype(str).value_counts()
-        told = f": {reasons.index[0]}" if len(reasons) else ""
-        notes.append(f"{len(runs)} of {len(rows)} runs {str(outcome).replace('_', ' ')}{told}")
+        message = f": {reasons.index[0]}" if len(reasons) else ""
+        notes.append(f"{len(runs)} of {len(rows)} runs {str(outcome).replace('_', ' ')}{message}")
     return notes
 
 

@@ -95,7 +95,7 @@ class ComputeTime:
 def compute_times(results: Results) -> list[ComputeTime]:
     """One entry per mobile device, kind of engine and pace, from a run of each system on it."""
     found: list[ComputeTime] = []
-    runs = results.trusted
+    runs = results.valid_runs
     kinds = [
         runs["device_mobile"],
         runs["engine"].eq(VIRTUAL),

@@ -35,7 +35,7 @@ class Condition:
 
 def conditions_of(results: Results, all_runs: bool = False) -> list[Condition]:
     """Every condition in the order of the cells."""
-    runs = results.runs if all_runs else results.trusted
+    runs = results.runs if all_runs else results.valid_runs
     return [
         Condition(text(dataset), text(profile), rows)
         for (dataset, profile), rows in runs.groupby(

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Contrast:
+class MetricContrast:
     """Of a metric, between runs A and runs B."""
 
     a: float
@@ -36,7 +36,7 @@ class Contrast:
         return self.change.count
 
 
-def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Contrast | None:
+def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> MetricContrast | None:
     """Paired where seeds pair the runs; None where it was not measured twice on both sides."""
     if item.key not in a or item.key not in b:
         return None
@@ -60,10 +60,10 @@ def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Contrast | None:
         p_value, change = test.p_value, shift(x, y)
     p_value = 1.0 if np.isnan(p_value) else p_value
     middle = float(np.median(x)), float(np.median(y))
-    return Contrast(*middle, change, effect, p_value, pairs is not None)
+    return MetricContrast(*middle, change, effect, p_value, pairs is not None)
 
 
-def _of_shares(x: Floats, y: Floats, paired: bool) -> Contrast:
+def _of_shares(x: Floats, y: Floats, paired: bool) -> MetricContrast:
     if paired:
         p_value, change = mcnemar(x > 0, y > 0), paired_share_change(x, y)
     else:
@@ -71,7 +71,7 @@ def _of_shares(x: Floats, y: Floats, paired: bool) -> Contrast:
         change = share_change(x, y)
     share_a, share_b = float(x.mean()), float(y.mean())
     effect = f"{100 * (share_b - share_a):+.0f} points"
-    return Contrast(share_a, share_b, change, effect, p_value, paired)
+    return MetricContrast(share_a, share_b, change, effect, p_value, paired)
 
 
 def paired_by_seed(a: pd.DataFrame, b: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:

@@ -9,7 +9,7 @@ STAMP = "made_of.sha256"
 
 
 def made_of(experiment_dir: Path) -> str:
-    """One number for the runs that a report tells of, with what was computed from them."""
+    """One number for the runs that a report reports, with what was computed from them."""
     digest = hashlib.sha256()
     for summary in sorted((experiment_dir / "runs").glob("*/summary.json")):
         digest.update(f"{summary.parent.name} ".encode() + summary.read_bytes())

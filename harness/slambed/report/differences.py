@@ -10,7 +10,7 @@ from slambed.metrics.catalog import keys_for
 from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p, runs_to_show
 from slambed.metrics.metric import Metric, Use
 from slambed.report.cells import metrics_asked, text
-from slambed.report.contrast import Contrast, contrast
+from slambed.report.contrast import MetricContrast, contrast
 from slambed.report.load import Results
 from slambed.report.tables import Table, around
 
@@ -29,7 +29,7 @@ class Difference:
     metric: Metric
     baseline: str
     other: str
-    found: Contrast
+    found: MetricContrast
     p_value: float
     """Adjusted for all comparisons of the table (Holm)."""
     possible: bool = True
@@ -51,7 +51,7 @@ def differences(
 ) -> list[Difference]:
     """Every system against the first one (or `baseline`) with the same dataset and link; between
     LINKS every link against the first one, of the same system and dataset."""
-    runs = results.trusted
+    runs = results.valid_runs
     if not len(runs):
         return []
     numbers = results.numbers()

@@ -48,8 +48,8 @@ class ReportPaths:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What page and terminal both tell of the runs; to compute it takes seconds for thousands."""
+class ReportSummary:
+    """What page and terminal both report the runs; to compute it takes seconds for thousands."""
 
     results: Results
     cells: list[Cell]
@@ -65,7 +65,7 @@ class Told:
         return [line for line in found if line is not None]
 
     @classmethod
-    def of(cls, results: Results, comparisons: Iterable[Table] = ()) -> "Told":
+    def of(cls, results: Results, comparisons: Iterable[Table] = ()) -> "ReportSummary":
         """Of the runs that were read. `comparisons`: tables of them beside published numbers."""
         metrics = metrics_to_show(results)
         cells = cells_of(results, metrics)
@@ -82,35 +82,35 @@ def write_report(
     command: str | None = None,
     figures: bool = True,
     limit_s: float | None = TIME_FOR_FIGURES_S,
-    told: Told | None = None,
+    summary: ReportSummary | None = None,
     formats: tuple[str, ...] = FORMATS,
     place: Path | None = None,
 ) -> ReportPaths:
     """Writes summary.csv, report.md and report/ (index.html, figures, tables) from the runs alone.
 
-    Torn, missing or foreign files are told in the report. Raises SlambedError only when the folder
-    is not there. `told`: what is in the folder, where the caller has read it; `formats`: of the
-    figures; `place`: where all of it goes instead of the folder of the runs.
+    Torn, missing or foreign files are reported in the report. Raises SlambedError only when the
+    folder is not there. `summary`: what is in the folder, where the caller has read it; `formats`:
+    of the figures; `place`: where all of it goes instead of the folder of the runs.
     """
     place = place or experiment_dir
     runs = current.begin(experiment_dir, place)
-    told = told or Told.of(load(experiment_dir))
-    results, cells = told.results, told.cells
+    summary = summary or ReportSummary.of(load(experiment_dir))
+    results, cells = summary.results, summary.cells
     folder = place / "report"
     folder.mkdir(exist_ok=True)
     summary_csv = write_summary_csv(results, place)
     made_by = command or f"slambed report {results.name}"
     drawn = Drawn([], 0)
-    if figures and len(results.trusted):
+    if figures and len(results.valid_runs):
         drawn = draw_all(results, cells, folder, made_by, limit_s, formats)
     content = PageContent(
-        warnings=told.warnings,
-        setup=setup_lines(results, told.times),
+        warnings=summary.warnings,
+        setup=setup_lines(results, summary.times),
         settings=settings_table(results),
         cells=cells,
-        tables=told.tables,
+        tables=summary.tables,
         differences=difference_tables(results),
-        comparisons=told.comparisons,
+        comparisons=summary.comparisons,
         link=link_table(results),
         limits=limits_table(results),
         figures=drawn.figures,
@@ -190,38 +190,38 @@ def _markdown(results: Results, content: PageContent) -> str:
 
 def headline(results: Results, cells: list[Cell]) -> str:
     """The most important line."""
-    total, trusted = len(results.runs), len(results.trusted)
+    total, valid = len(results.runs), len(results.valid_runs)
     if total == 0:
         return "Nothing was measured."
     of = f" of {results.expected}" if results.expected and results.expected > total else ""
-    fewest = min((cell.trusted for cell in cells), default=0)
+    fewest = min((cell.valid for cell in cells), default=0)
     return (
-        f"{total}{of} runs in {len(cells)} cells, {trusted} to be trusted{_failed(results)}. "
+        f"{total}{of} runs in {len(cells)} cells, {valid} valid{_failed(results)}. "
         f"{power_hint(fewest)}"
     )
 
 
 def _failed(results: Results) -> str:
     """How many of them did not complete, nothing when all did."""
-    count = int(results.trusted["not_completed"].eq(True).sum())
+    count = int(results.valid_runs["not_completed"].eq(True).sum())
     return f", {count} of them did not complete" if count else ""
 
 
 def terminal_summary(
     experiment_dir: Path,
     console: Console | None = None,
-    told: Told | None = None,
+    summary: ReportSummary | None = None,
     place: Path | None = None,
 ) -> RenderableType:
     """The tables for a terminal; printed when a console is given. `place`: of the report, where
     that is not beside the runs."""
-    told = told or Told.of(load(experiment_dir))
-    results, cells = told.results, told.cells
+    summary = summary or ReportSummary.of(load(experiment_dir))
+    results, cells = summary.results, summary.cells
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
-    for table in told.tables + told.comparisons:
+    for table in summary.tables + summary.comparisons:
         parts += [Text(""), table.rich()]
     notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
-    parts += [Text(f"! {line}", style=LOUD) for line in told.warnings]
+    parts += [Text(f"! {line}", style=LOUD) for line in summary.warnings]
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
     if len(notes) > MOST_TERMINAL_LINES:
         parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))

@@ -75,7 +75,7 @@ class Made:
         return cls(figures, content["empty"], content["problems"])
 
 
-class DrawnBefore:
+class FigureCache:
     """The figures of the folder's last report."""
 
     def __init__(self, folder: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a figure shows, in numbers and by place, for the script that tells values under a pointer.
+"""What a figure shows, in numbers and by place, for the script that reports values under a pointer.
 
 The picture stays what it is, on paper and without a script; this lies over it.
 """

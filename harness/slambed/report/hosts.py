@@ -22,7 +22,7 @@ def host_table(results: Results, metrics: list[Metric]) -> Table | None:
     for cell in results.cells():
         own = runs[runs["cell"].eq(cell)]
         for host, part in own.groupby(own["host"].fillna(NO_HOST), sort=True):
-            good = part[part["trusted"].eq(True)]
+            good = part[part["valid"].eq(True)]
             values = [with_interval(item, estimate(good, item)) for item in shown]
             rows.append([str(cell), str(host), f"{len(good)}/{len(part)}", *values])
     return Table(

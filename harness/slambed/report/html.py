@@ -56,7 +56,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         run["timeline"] = timeline_svg(results, run["key"])
     sections = [
         ("summary", "Summary"), ("tables", "Tables"), ("papers", "Beside published figures"),
-        ("differences", "Differences"), ("figures", "Figures"), ("trust", "Link and limits"),
+        ("differences", "Differences"), ("figures", "Figures"), ("validity", "Link and limits"),
         ("runs", "Runs"), ("manifest", "Manifest"),
     ]  # fmt: skip
     if not content.comparisons:
@@ -104,16 +104,16 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
 
 
 def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
-    total, trusted = len(results.runs), len(results.trusted)
-    lost = int(results.trusted["lost"].eq(True).sum())
-    failed = int(results.trusted["not_completed"].eq(True).sum())
+    total, valid = len(results.runs), len(results.valid_runs)
+    lost = int(results.valid_runs["lost"].eq(True).sum())
+    failed = int(results.valid_runs["not_completed"].eq(True).sum())
     expected = results.expected
     all_there = expected is None or total >= expected
     runs = f"{total}" if all_there else f"{total} of {expected}"
     proofs = pd.to_numeric(results.runs["rtt_error_ms_median"]).dropna()
     tiles = [
         (runs, "runs", "" if all_there and total else "bad"),
-        (f"{trusted}", "runs to be trusted", "good" if trusted == total and total else "bad"),
+        (f"{valid}", "valid runs", "good" if valid == total and total else "bad"),
         (f"{len(cells)}", "cells", ""),
         (f"{lost}", "of them with a track loss", ""),
         (f"{failed}", "of them did not complete", "bad" if failed else ""),
@@ -131,12 +131,12 @@ def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
 def _hint(cells: list[Cell]) -> str:
     if not cells:
         return "Nothing was measured."
-    return power_hint(min(cell.trusted for cell in cells))
+    return power_hint(min(cell.valid for cell in cells))
 
 
 def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
     """All runs; of a large campaign the failed and lossy ones, then the first of every cell."""
-    flagged = ~runs["trusted"].eq(True) | runs["not_completed"].eq(True) | runs["lost"].eq(True)
+    flagged = ~runs["valid"].eq(True) | runs["not_completed"].eq(True) | runs["lost"].eq(True)
     first = ~runs.duplicated("cell")
     marked = runs.assign(wanted=flagged | first)
     if len(runs) > MOST_RUNS:
@@ -146,17 +146,17 @@ def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _run(results: Results, row: dict[str, Any]) -> dict[str, Any]:
-    trusted, completed = row["trusted"] is True, row["outcome"] == "completed"
+    valid, completed = row["valid"] is True, row["outcome"] == "completed"
     outcome = str(row["outcome"]).replace("_", " ")
     if not completed:
         outcome += f": {row['outcome_reason']}"
-    if not trusted:
-        outcome += f"; not to be trusted: {row['distrust']}"
+    if not valid:
+        outcome += f"; invalid: {row['invalid_reason']}"
     return {
         "key": row["run_key"],
         "name": run_name(row["cell"], row["repetition"]),
         "outcome": outcome,
-        "mood": "" if trusted and completed else "bad",
+        "mood": "" if valid and completed else "bad",
         "coverage": f"{metric('coverage').show(number(row['coverage']))} %",
         "losses": _count(row["track_losses"]),
         "ate": metric("ate_rmse_m").show(number(row["ate_rmse_m"])),

@@ -37,7 +37,7 @@ OLD_KEYS = ("valid", "invalid_reason")
 MANIFEST_FACTS = (
     "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores", "command",
 )  # fmt: skip
-"""What should be equal in all runs of an experiment; the report tells when it is not."""
+"""What should be equal in all runs of an experiment; the report shows when it is not."""
 
 
 Row = dict[str, object]
@@ -68,10 +68,10 @@ class Results:
 
     def __repr__(self) -> str:
         systems = self.runs["label"].nunique() if "label" in self.runs else 0
-        trusted = len(self.trusted) if "trusted" in self.runs else 0
+        valid = len(self.valid_runs) if "valid" in self.runs else 0
         return (
             f"Results({str(self.folder)!r}, experiment={self.name!r}, systems={systems}, "
-            f"runs={len(self.runs)}, trusted={trusted})"
+            f"runs={len(self.runs)}, valid={valid})"
         )
 
     @property
@@ -80,9 +80,9 @@ class Results:
         return self.folder.name
 
     @property
-    def trusted(self) -> pd.DataFrame:
+    def valid_runs(self) -> pd.DataFrame:
         """The runs that count."""
-        return self.runs[self.runs["trusted"].eq(True)]
+        return self.runs[self.runs["valid"].eq(True)]
 
     @cached_property
     def own_metrics(self) -> dict[str, Metric]:
@@ -204,13 +204,13 @@ def load(folder: Path) -> Results:
     )
     _refuse_mixtures(results)
     _report_missing(results, planned)
-    runs = results.trusted
+    runs = results.valid_runs
 
     def samples(run_key: str) -> pd.DataFrame | None:
         return results.table(run_key, "samples")
 
-    for told in (*held_up(runs), *waited(runs, samples), *stalled_links(runs)):
-        results.complain(told)
+    for reported in (*held_up(runs), *waited(runs, samples), *stalled_links(runs)):
+        results.complain(reported)
     return results
 
 
@@ -225,8 +225,8 @@ def _refuse_mixtures(results: Results) -> None:
         results.complain(f"{count} of {len(runs)} runs are left out: {reason}; {remedy}")
     if refused:
         out = runs["run_key"].isin(results.refused)
-        runs.loc[out, "trusted"] = False
-        runs.loc[out, "distrust"] = runs.loc[out, "run_key"].map(refused)
+        runs.loc[out, "valid"] = False
+        runs.loc[out, "invalid_reason"] = runs.loc[out, "run_key"].map(refused)
     elif (version := old_version(runs)) is not None:
         results.complain(f"all numbers are of metrics version {version}; {remedy}")
 
@@ -240,7 +240,7 @@ def _read_runs(
     kinds: Counter[str] = Counter()
     wanted = {str(run.get("run_key")): run for run in planned}
 
-    def tell(kind: str, line: str) -> None:
+    def note_problem(kind: str, line: str) -> None:
         kinds[kind] += 1
         if kinds[kind] <= MOST_PROBLEMS_PER_KIND:
             problems.append(line)
@@ -249,26 +249,30 @@ def _read_runs(
     names = sorted(runs_dir.iterdir()) if runs_dir.is_dir() else []
     for path in names:
         if not path.is_dir():
-            tell("foreign", f"runs/{path.name}: not a run folder, ignored")
+            note_problem("foreign", f"runs/{path.name}: not a run folder, ignored")
             continue
         summary = Summary.read(path / "summary.json")
         if not summary or not isinstance(summary.get("cell"), str):
             there = (path / "summary.json").exists()
             what = "summary.json is torn or foreign" if there else "no summary.json"
-            tell("torn", f"runs/{path.name}: {what}, run ignored")
+            note_problem("torn", f"runs/{path.name}: {what}, run ignored")
             continue
         manifest = Manifest.read(path / "manifest.json") or Manifest()
         if not manifest.model_fields_set:
-            tell("manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown")
+            note_problem(
+                "manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown"
+            )
         spec = manifest.kept
         found_by = described_by(summary.text("system"), spec.system_folder)
         known = metrics_of(found_by)
         unknown = sorted(set(summary) - {item.key for item in known} - set(OLD_KEYS))
         if unknown:
-            tell("keys", f"runs/{path.name}: unknown keys in summary.json: {', '.join(unknown)}")
+            note_problem(
+                "keys", f"runs/{path.name}: unknown keys in summary.json: {', '.join(unknown)}"
+            )
         row, wrong = _typed(two_axes(summary), known)
         if wrong:
-            tell("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
+            note_problem("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
         row["run_key"] = path.name
         # Another experiment may have had it executed, under other names.
         called = wanted.get(path.name, {})
@@ -286,11 +290,13 @@ def _read_runs(
         for name, value in (spec.params or {}).items():
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:
-            tell("old", f"runs/{path.name}: not part of the experiment as last run, shown too")
+            note_problem(
+                "old", f"runs/{path.name}: not part of the experiment as last run, shown too"
+            )
         for warning in manifest.warnings or []:
-            tell("warnings", f"runs/{path.name}: {warning}")
-        told = {name: getattr(manifest, name) for name in MANIFEST_FACTS}
-        facts[path.name] = {name: _fact(x) for name, x in told.items() if x is not None}
+            note_problem("warnings", f"runs/{path.name}: {warning}")
+        known_facts = {name: getattr(manifest, name) for name in MANIFEST_FACTS}
+        facts[path.name] = {name: _fact(x) for name, x in known_facts.items() if x is not None}
         limits += _limits_of(row, manifest)
         rows.append(row)
     for kind, count in kinds.items():
@@ -411,8 +417,8 @@ def _stand_ins(experiment: dict[str, Any]) -> str:
     """What the title must not hide: that another sequence is played than the one asked for."""
     found = experiment.get("stand_ins")
     pairs = found.items() if isinstance(found, dict) else ()
-    told = "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)
-    return f" [{told}]" if told else ""
+    message = "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)
+    return f" [{message}]" if message else ""
 
 
 def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from statistics import median
 
-from slambed.metrics.losses import BEHIND_UPDATE_S, EVENTS, Cause, Loss, losses_of, sentence
+from slambed.metrics.losses import BEHIND_UPDATE_S, EVENTS, Cause, TrackLoss, losses_of, sentence
 from slambed.metrics.statistics import wilson
 from slambed.report.load import Results
 from slambed.report.tables import Table
@@ -21,13 +21,13 @@ class LostRun:
     cell: str
     run_key: str
     repetition: int
-    losses: list[Loss]
+    losses: list[TrackLoss]
 
 
 def lost_runs(results: Results) -> list[LostRun]:
-    """Every trusted run, also those that lost nothing, in the order of the summary."""
+    """Every valid run, also those that lost nothing, in the order of the summary."""
     runs = []
-    for row in results.trusted.to_dict("records"):
+    for row in results.valid_runs.to_dict("records"):
         log = results.events(str(row["run_key"]), EVENTS)
         if log is not None:
             found = losses_of(log)
@@ -36,23 +36,23 @@ def lost_runs(results: Results) -> list[LostRun]:
     return runs
 
 
-def _behind_update(loss: Loss) -> bool:
+def _behind_update(loss: TrackLoss) -> bool:
     return loss.update_s is not None and loss.update_s <= BEHIND_UPDATE_S
 
 
-def _takes_recovery_away(loss: Loss) -> bool:
+def _takes_recovery_away(loss: TrackLoss) -> bool:
     """The update came after the camera was found, and soon."""
     if loss.update_s is None or loss.found_s is None or not _behind_update(loss):
         return False
     return loss.update_s < loss.found_s <= AFTER_RECOVERY_S
 
 
-def _causes_of(losses: list[Loss]) -> list[Cause]:
+def _causes_of(losses: list[TrackLoss]) -> list[Cause]:
     """A table has no column for a cause that is nowhere in it."""
     return [cause for cause in Cause if any(loss.cause is cause for loss in losses)]
 
 
-def _counts(losses: list[Loss], causes: list[Cause]) -> list[str]:
+def _counts(losses: list[TrackLoss], causes: list[Cause]) -> list[str]:
     """How many followed from each; empty where none did."""
     return [str(sum(loss.cause is cause for loss in losses) or "") for cause in causes]
 

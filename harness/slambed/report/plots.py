@@ -14,7 +14,7 @@ from slambed.metrics.metric import Use
 from slambed.report.cells import Cell, metrics_asked
 from slambed.report.conditions import conditions_of
 from slambed.report.differences import differences
-from slambed.report.figure_cache import DrawnBefore, files_of, made_of
+from slambed.report.figure_cache import FigureCache, files_of, made_of
 from slambed.report.figures.boxes import draw_metric
 from slambed.report.figures.changes import draw_changes
 from slambed.report.figures.link import draw_rtt
@@ -58,7 +58,7 @@ def draw_all(
     """Draws into `folder` what is not there of the same data already; a figure that cannot be drawn
     is a problem of the results, not fatal."""
     writer = FigureWriter(folder, command, [], formats=formats)
-    before = DrawnBefore(folder)
+    before = FigureCache(folder)
     begin = time.monotonic()
     limited = limit_s is not None and len(cells) > CELLS_WITHOUT_LIMIT
     left_out = 0
@@ -107,7 +107,7 @@ def jobs_of(results: Results, cells: list[Cell], writer: FigureWriter) -> list[J
 def _jobs(
     results: Results, cells: list[Cell], asked: list[str], writer: FigureWriter
 ) -> Iterator[Job]:
-    """Most telling first: what comes last is what a large campaign goes without."""
+    """Most reporting first: what comes last is what a large campaign goes without."""
     draw: Callable[[], object]
     for found in swept(results):
         looks = [item.look for item in metrics_over(results, found)]
@@ -134,7 +134,7 @@ def _jobs(
     for _, variant, played, column, runs in sweeps(results):
         draw = partial(draw_sweep, results, variant, played, column, runs, writer)
         yield Job("sweep", draw, made_of(runs, "sweep", variant, played, column))
-    for (label, dataset), runs in results.trusted.groupby(["label", "dataset"], sort=False):
+    for (label, dataset), runs in results.valid_runs.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
             draw = partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer)
             yield Job("losses_by_profile", draw, made_of(runs, "losses_by_profile"))
@@ -163,5 +163,5 @@ def _changes(results: Results, writer: FigureWriter) -> Iterator[Job]:
 
 def _columns(results: Results, *keys: str) -> pd.DataFrame:
     """What figures over all cells show of the runs."""
-    names = ("run_key", "cell", "label", "dataset", "profile", "trusted", *keys)
+    names = ("run_key", "cell", "label", "dataset", "profile", "valid", *keys)
     return results.runs[[name for name in names if name in results.runs]]

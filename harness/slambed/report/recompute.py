@@ -24,7 +24,7 @@ MOST_KEYS = 8
 
 
 @dataclass
-class Again:
+class Recomputed:
     """What came of computing the numbers once more."""
 
     runs: int = 0
@@ -39,10 +39,12 @@ class Again:
     def lines(self) -> list[str]:
         """For people."""
         lines = [f"the ground truth of {name} has changed" for name in self.truths]
-        told = ", ".join(f"{key} ({count})" for key, count in self.changed.most_common(MOST_KEYS))
+        message = ", ".join(
+            f"{key} ({count})" for key, count in self.changed.most_common(MOST_KEYS)
+        )
         more = len(self.changed) - MOST_KEYS
         lines.append(
-            f"numbers of {self.runs} runs computed again; changed: {told or 'none'}"
+            f"numbers of {self.runs} runs computed again; changed: {message or 'none'}"
             + (f" and {more} more" if more > 0 else "")
         )
         lines += [
@@ -52,11 +54,13 @@ class Again:
         return [*lines, *self.problems]
 
 
-def recompute(folder: Path, truth_of: TruthOf | None = None, only_refused: bool = False) -> Again:
+def recompute(
+    folder: Path, truth_of: TruthOf | None = None, only_refused: bool = False
+) -> Recomputed:
     """Makes every summary of a results folder anew (or those that the report would refuse), after
     putting the true paths kept there right. A run whose files are gone keeps its numbers and is
-    told."""
-    done = Again()
+    reported."""
+    done = Recomputed()
     results = load(folder)
     given = _given_by_path(results)
     if truth_of is None:
@@ -84,7 +88,7 @@ def recompute(folder: Path, truth_of: TruthOf | None = None, only_refused: bool 
     return done
 
 
-def recompute_refused(folder: Path) -> Again | None:
+def recompute_refused(folder: Path) -> Recomputed | None:
     """Computes again what the report would otherwise leave out; None when that is nothing."""
     refused: list[str] = load(folder).refused
     return recompute(folder, lambda *_: None, only_refused=True) if refused else None

@@ -13,12 +13,12 @@ RUNS_READ = 20
 
 
 def update_round_tables(results: Results) -> list[Table]:
-    """One table with a row per cell whose events tell the parts; none where no cell does."""
+    """One table with a row per cell whose events report the parts; none where no cell does."""
     rows: list[list[str]] = []
-    datasets = list(dict.fromkeys(map(text, results.trusted["dataset"])))
+    datasets = list(dict.fromkeys(map(text, results.valid_runs["dataset"])))
     one = len(datasets) == 1
     mixed = results.runs["host"].nunique(dropna=False) > 1
-    for _, runs in results.trusted.groupby("cell", sort=False):
+    for _, runs in results.valid_runs.groupby("cell", sort=False):
         rounds: list[UpdateRound] = []
         for key in runs["run_key"].head(RUNS_READ):
             log = results.events(str(key), ("update_applied",))

@@ -22,9 +22,9 @@ def settings_table(results: Results) -> Table:
             label: sorted({_word(v) for v in rows[column].dropna()})
             for label, rows in runs.groupby("label", sort=False)
         }
-        told = [" / ".join(values.get(label, [])) or "-" for label in labels]
-        if len({word for word in told if word != "-"}) > 1:
-            table.rows.append([str(column).removeprefix(PREFIX), *told])
+        cells = [" / ".join(values.get(label, [])) or "-" for label in labels]
+        if len({word for word in cells if word != "-"}) > 1:
+            table.rows.append([str(column).removeprefix(PREFIX), *cells])
     table.rows.sort()
     return table
 

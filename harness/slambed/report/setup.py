@@ -37,8 +37,8 @@ def setup_lines(results: Results, times: list[ComputeTime]) -> list[str]:
     for node in ("mobile", "edge"):
         names = [str(name) for name in results.runs[f"device_{node}"].dropna().unique()]
         if names:
-            told = (name + (f" ({changes[name]})" if name in changes else "") for name in names)
-            parts.append(f"{node} {', '.join(told)}")
+            words = (name + (f" ({changes[name]})" if name in changes else "") for name in names)
+            parts.append(f"{node} {', '.join(words)}")
     lines += [f"Devices: {'; '.join(parts)}."] if parts else []
     lines += board_lines(results)
     return lines + [time.line() for time in times]

@@ -26,11 +26,11 @@ def refused_runs(runs: pd.DataFrame, truths: dict[str, Path]) -> dict[str, str]:
     if not len(runs):
         return {}
     refused: dict[str, str] = {}
-    told = runs["metrics_version"].fillna("1").astype(str)
+    versions = runs["metrics_version"].fillna("1").astype(str)
     today = described(runs).map(version_for)
-    if told.ne(today).any() and not _one_version(told, runs["system"]):
-        old = told != today
-        for key, version, now in zip(runs["run_key"][old], told[old], today[old], strict=True):
+    if versions.ne(today).any() and not _one_version(versions, runs["system"]):
+        old = versions != today
+        for key, version, now in zip(runs["run_key"][old], versions[old], today[old], strict=True):
             base = version.partition("+")[0]
             shown = base if base != now.partition("+")[0] else version
             refused[str(key)] = f"its numbers are of metrics version {shown}"
@@ -48,14 +48,14 @@ def old_version(runs: pd.DataFrame) -> str | None:
     """The version of all runs, where it is not today's."""
     if not len(runs):
         return None
-    told = runs["metrics_version"].fillna("1").astype(str)
-    return str(told.iloc[0]) if told.ne(described(runs).map(version_for)).any() else None
+    versions = runs["metrics_version"].fillna("1").astype(str)
+    return str(versions.iloc[0]) if versions.ne(described(runs).map(version_for)).any() else None
 
 
-def _one_version(told: pd.Series, systems: pd.Series) -> bool:
+def _one_version(versions: pd.Series, systems: pd.Series) -> bool:
     """The same version of the list in all runs, and of a system's own metrics in all of its."""
-    base = told.str.partition("+")[0]
-    return base.nunique() == 1 and bool((told.groupby(systems).nunique() <= 1).all())
+    base = versions.str.partition("+")[0]
+    return base.nunique() == 1 and bool((versions.groupby(systems).nunique() <= 1).all())
 
 
 def _digest(path: Path) -> str:

@@ -23,7 +23,7 @@ from matplotlib.text import Text
 from slambed.files.outputs import writing
 from slambed.report.figure_points import points_of
 
-# Okabe and Ito's palette (2008), told apart by all common kinds of color vision. Yellow is left
+# Okabe and Ito's palette (2008), distinguished by all common kinds of color vision. Yellow is left
 # out: it is too pale on white. Markers and dashes repeat the distinction for gray prints.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")

@@ -71,7 +71,7 @@ class Table:
         table = RichTable(title=self.caption, title_justify="left", box=None, pad_edge=False)
         for index, heading in enumerate(self.headings):
             justify: Literal["left", "right"] = "left" if index < self.words else "right"
-            # Names of cells are long words: a part that is cut off may be what tells two apart.
+            # Names of cells are long words: a part that is cut off may be what distinguishes two.
             table.add_column(Text(heading), justify=justify, overflow="fold")
         for row in self.rows:
             table.add_row(*map(Text, row))
@@ -79,7 +79,7 @@ class Table:
 
 
 def check_format(path: Path) -> None:
-    """Told before anything is computed."""
+    """Checked before anything is computed."""
     if path.suffix not in (".csv", ".md"):
         raise SlambedError(f"unknown table format {path}; known: .csv, .md")
 
@@ -126,7 +126,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
         tables.append(
             Table(
                 f"cells_{start // per_table + 1}",
-                "Medians (shares) of the runs to be trusted with 95 % intervals"
+                "Medians (shares) of the valid runs with 95 % intervals"
                 + ("; in parentheses the range of fewer than 6 runs" if few else "")
                 + (f"; {datasets[0]}" if one else ""),
                 ["system", *([] if one else ["dataset"]), "link"]
@@ -139,7 +139,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
                         cell.profile,
                         *([cell.faults or "-"] if failing else []),
                         *([cell.hosts or "-"] if mixed else []),
-                        f"{cell.trusted}/{cell.runs}",
+                        f"{cell.valid}/{cell.runs}",
                         *(with_interval(m, cell.values.get(m.key)) for m in part),
                     ]
                     for cell in cells
@@ -188,8 +188,8 @@ def limits_table(results: Results) -> Table:
         limits = results.limits.assign(host=results.limits["host"].fillna("-"))
         for names, part in limits.groupby(keys, dropna=False):
             throttled = part["throttled_s"].dropna().tolist()
-            told = [*map(str, names), str(len(part)), _range([float(v) for v in throttled])]
-            rows.append(told)
+            row = [*map(str, names), str(len(part)), _range([float(v) for v in throttled])]
+            rows.append(row)
     headings = [*keys, "runs", "throttled [s]"]
     return Table("limits", "Limits asked and granted", headings, rows, words=len(keys))
 

@@ -71,7 +71,7 @@ QUANTITIES = (
 def truth_table(live: Results, virtual: Results) -> Table:
     """A row per cell and quantity; both results (or the one) must hold runs of the same cells."""
     for results, wanted in ((live, False), (virtual, True)):
-        if not results.trusted["engine"].eq(VIRTUAL).eq(wanted).any():
+        if not results.valid_runs["engine"].eq(VIRTUAL).eq(wanted).any():
             kind = "virtual" if wanted else "live"
             raise SlambedError(f"{results.folder} holds no {kind} run; make some first")
     ours, theirs = _cells(virtual, True), _cells(live, False)
@@ -115,7 +115,7 @@ def _compute_times(live: Results, virtual: Results) -> str:
 
 
 def _cells(results: Results, virtual: bool) -> dict[tuple[str, ...], pd.DataFrame]:
-    runs = results.trusted
+    runs = results.valid_runs
     runs = runs[runs["engine"].eq(VIRTUAL).eq(virtual)]
     if runs["pace"].nunique() > 1:
         raise SlambedError(

@@ -143,10 +143,10 @@ class GroupProcesses:
         """In order of their numbers; none when the group is gone."""
         try:
             # Opened anew: v1 shows an open file the members of a second ago.
-            told = Path(self._file).read_text()
+            content = Path(self._file).read_text()
         except OSError:
             return []
-        return sorted(int(pid) for pid in told.split() if pid != "0")
+        return sorted(int(pid) for pid in content.split() if pid != "0")
 
 
 class CgroupReader:

@@ -121,7 +121,7 @@ class Throttling(Record):
     """Of the node's quota that went by."""
 
 
-class Beside(Record):
+class SidecarUse(Record):
     """What sampler and metronome took themselves."""
 
     samples: int
@@ -136,7 +136,7 @@ class Beside(Record):
     """Whether it got real-time priority; null without one."""
     segmenter_cpu_s: float | None = None
     """CPU time of the segmenter, which is in the edge's group; null without one, and where one did
-    not live to tell."""
+    not live to report it."""
     segmenter_restarts: int | None = None
     """How often a segmenter that had died was started again; null without one."""
     kernel_tick_ms: float | None = None

@@ -67,7 +67,7 @@ class NodeWatch:
 
 def host_steal_s() -> float | None:
     """CPU time, over all processors of this host since it began, that its hypervisor gave to
-    others; None where the kernel does not tell."""
+    others; None where the kernel does not report."""
     steal: float | None = getattr(psutil.cpu_times(), "steal", None)
     return steal
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the kernel tells about the threads of a process: names, and time spent waiting for a CPU."""
+"""What the kernel reports the threads of a process: names, and time spent waiting for a CPU."""
 
 import os
 from pathlib import Path

@@ -26,15 +26,15 @@ def field_rows(
     whole: tuple[type, ...] = (),
     skipped: tuple[str, ...] = (),
     prefix: str = "",
-    told: dict[type, str] | None = None,
+    described: dict[type, str] | None = None,
 ) -> Iterator[list[str]]:
     """Key, type, unit and meaning of every field, those of records inside of it below it.
 
     Records in `whole` are not unfolded, one that comes twice only the first time; fields in
-    `skipped` are not told. Raises ValueError for a field without a meaning.
+    `skipped` are not reported. Raises ValueError for a field without a meaning.
     """
     meanings = docstrings(record)
-    told = {} if told is None else told
+    described = {} if described is None else described
     for name, kind in _fields(record):
         if name in skipped:
             continue
@@ -43,12 +43,12 @@ def field_rows(
         inner, steps = _inner(kind)
         if inner in whole or not _is_record(inner):
             inner = None
-        if inner is not None and inner in told:
-            meaning += f"; as `{told[inner]}`"
+        if inner is not None and inner in described:
+            meaning += f"; as `{described[inner]}`"
         yield [f"`{prefix}{name}`", _type(kind), _unit(name, kind), meaning]
-        if inner is not None and inner not in told:
-            told[inner] = f"{prefix}{name}"
-            yield from field_rows(inner, whole, (), f"{prefix}{name}{steps}.", told)
+        if inner is not None and inner not in described:
+            described[inner] = f"{prefix}{name}"
+            yield from field_rows(inner, whole, (), f"{prefix}{name}{steps}.", described)
 
 
 def _fields(record: type) -> Iterator[tuple[str, Any]]:
@@ -66,7 +66,7 @@ def docstrings(record: type) -> dict[str, str]:
     """Field -> the string below it."""
     (found,) = ast.parse(textwrap.dedent(inspect.getsource(record))).body
     assert isinstance(found, ast.ClassDef)
-    told: dict[str, str] = {}
+    described: dict[str, str] = {}
     for field, below in zip(found.body, found.body[1:], strict=False):
         if (
             isinstance(field, ast.AnnAssign)
@@ -74,8 +74,8 @@ def docstrings(record: type) -> dict[str, str]:
             and isinstance(below, ast.Expr)
             and isinstance(below.value, ast.Constant)
         ):
-            told[field.target.id] = in_a_row(str(below.value.value))
-    return told
+            described[field.target.id] = in_a_row(str(below.value.value))
+    return described
 
 
 def in_a_row(sentence: str) -> str:

@@ -5,7 +5,7 @@ number anywhere."""
 from typing import Any
 
 from slambed.link import curves
-from slambed.link.impairments import Gap, Jitter, Loss, Rate
+from slambed.link.impairments import Bandwidth, Gap, Jitter, PacketLoss
 from slambed.link.traces import TraceFile
 from slambed.schema.described import Schema, definitions_of
 
@@ -56,7 +56,7 @@ def profile_definitions() -> dict[str, Schema]:
     """`Profile`, `ProfileChoice` (as experiments name one) and what they are made of."""
     models = [*curves.PLAIN.values(), *curves.LISTS.values(), *curves.WRAPPERS.values()]
     definitions: dict[str, Schema] = with_parameters(
-        definitions_of([*models, TraceFile, Jitter, Loss, Rate, Gap])
+        definitions_of([*models, TraceFile, Jitter, PacketLoss, Bandwidth, Gap])
     )
     definitions["Curve"] = _curve(definitions)
     sides = {kind: _or_null(_ref(kind.capitalize())) for kind in ("jitter", "loss", "rate")}

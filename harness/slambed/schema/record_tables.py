@@ -3,10 +3,10 @@
 
 from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined
 from slambed.engines.attend_messages import (
-    Attend,
-    Attending,
     Follow,
     Following,
+    OpenSidecar,
+    SidecarOpened,
     Start,
     Started,
     Stop,
@@ -15,7 +15,7 @@ from slambed.engines.attend_messages import (
 )
 from slambed.engines.board.messages import (
     AskClock,
-    ClockTold,
+    ClockReading,
     Echo,
     Echoing,
     Lock,
@@ -48,7 +48,7 @@ from slambed.records.manifest import Manifest
 from slambed.records.run_config import RunConfig
 from slambed.records.sim_config import SimConfig
 from slambed.sampling.cgroup import Usage
-from slambed.sampling.record import Beside, Sample
+from slambed.sampling.record import Sample, SidecarUse
 from slambed.schema.field_table import field_rows, in_a_row
 from slambed.spec.device import CostModel
 from slambed.spec.run_spec import RunSpec
@@ -65,8 +65,8 @@ RECORDS: dict[str, tuple[type, tuple[type, ...]]] = {
 """Table -> the record that it is made from, and what it does not unfold."""
 LINES = (
     (
-        "harness and the process beside the nodes",
-        (Attend, Attending, Start, Started, Follow, Following, Stop, Stopped),
+        "harness and the sidecar of the nodes",
+        (OpenSidecar, SidecarOpened, Start, Started, Follow, Following, Stop, Stopped),
     ),
     (
         "harness and the keeper of a link",
@@ -79,7 +79,7 @@ LINES = (
     (
         "harness and the agent on a board",
         (
-            *(Look, Seen, Lock, Locked, Echo, Echoing, AskClock, ClockTold, WatchNode, Watching),
+            *(Look, Seen, Lock, Locked, Echo, Echoing, AskClock, ClockReading, WatchNode, Watching),
             *(StartSampling, Sampling, StopSampling, Sampled),
         ),
     ),
@@ -93,22 +93,24 @@ LINES = (
 def record_table(name: str) -> tuple[list[str], Rows]:
     """Headings and rows of one table."""
     if name == "lines":
-        return ["who", "`ask` or `say`", "fields", "meaning"], _messages()
+        return ["who", "`request` or `reply`", "fields", "meaning"], _messages()
     record, whole = RECORDS[name]
     return HEADINGS, list(field_rows(record, whole))
 
 
 def _messages() -> Rows:
-    unfolded = (RunSpec, Usage, *(record for record, _ in RECORDS.values()), LinkFacts, Beside)
+    unfolded = (RunSpec, Usage, *(record for record, _ in RECORDS.values()), LinkFacts, SidecarUse)
     rows = []
     for who, messages in LINES:
         for message in messages:
-            tag = message.model_fields.get("ask") or message.model_fields.get("say")
-            said = "" if tag is None else f"`{tag.default}`"
-            rows.append([who, said, "", in_a_row(message.__doc__ or "")])
+            tag = message.model_fields.get("request") or message.model_fields.get("reply")
+            tag_name = "" if tag is None else f"`{tag.default}`"
+            rows.append([who, tag_name, "", in_a_row(message.__doc__ or "")])
             rows += [
                 ["", "", f"{key} ({kind})", meaning]
-                for key, kind, _, meaning in field_rows(message, unfolded, skipped=("ask", "say"))
+                for key, kind, _, meaning in field_rows(
+                    message, unfolded, skipped=("request", "reply")
+                )
             ]
             who = ""
     return rows

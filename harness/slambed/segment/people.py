@@ -53,7 +53,7 @@ def persons(mask: Maps, maps: Maps, width: int, height: int, n_m: float) -> Segm
     """Everybody in a picture of this size. mask: (2 rows, 2 columns); maps: (22, rows, columns)."""
     shown = cv2.resize(mask, (width, height), interpolation=cv2.INTER_LINEAR)
     here = shown > MASK_LEVEL
-    middles = suppress(find_middles(maps), n_m)
+    middles = suppress(find_centers(maps), n_m)
     owners = assign(maps, middles)
     owner_at = cv2.resize(owners, (width, height), interpolation=cv2.INTER_NEAREST)
     found = []
@@ -71,7 +71,7 @@ def persons(mask: Maps, maps: Maps, width: int, height: int, n_m: float) -> Segm
     return Segmented(width, height, tuple(sorted(found, key=lambda i: -i.score)))
 
 
-def find_middles(maps: Maps) -> list[Middle]:
+def find_centers(maps: Maps) -> list[Middle]:
     """Peaks of the first map, best first."""
     heat = maps[0]
     peak = (heat >= cv2.dilate(heat, np.ones((3, 3), np.uint8))) & (heat > MIDDLE_LEVEL)
@@ -119,7 +119,7 @@ def assign(maps: Maps, middles: list[Middle]) -> NDArray[np.int16]:
 
 
 def find_keypoints(maps: Maps, owned: Mask, width: int, height: int) -> Keypoints:
-    """The best place of every joint near a person's cells; hidden and absent ones are not told
+    """The best place of every joint near a person's cells; hidden and absent ones are not reported
     apart: visibility 0."""
     near = cv2.dilate(owned.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     points = np.zeros((KEYPOINTS, 3), np.float32)

@@ -4,10 +4,11 @@
     python -m slambed.segment.server SOCKET NETWORK [--with-input]
 
 A question is u32 bytes that follow, f32 n_m, JPEG; an answer u32 bytes that follow and a frame of a
-mask cache. A picture that cannot be segmented is answered with 0 bytes, and told on stderr. One
+mask cache. A picture that cannot be segmented is answered with 0 bytes, and reported on stderr. One
 question at a time: a network fills a core.
 
-It ends with SIGTERM and, when asked to, with its standard input; it then tells the CPU seconds that
+It ends with SIGTERM and, when asked to, with its standard input; it then reports the CPU seconds
+that
 it took."""
 
 from __future__ import annotations

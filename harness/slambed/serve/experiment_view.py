@@ -22,35 +22,37 @@ MOST_RUNS = 300
 FILTERS = {"system": "label", "dataset": "dataset", "link": "profile"}
 """What a page calls a filter -> column of the runs."""
 NO_LINK = "no link"
-TRUST = {"yes": True, "no": False}
+VALIDITY = {"yes": True, "no": False}
 
 
 @dataclass(frozen=True)
-class Chosen:
+class RunFilter:
     """What the filters of a page's address ask for; nothing asked for is all."""
 
     values: Mapping[str, str] = field(default_factory=dict)
-    trusted: bool | None = None
+    valid: bool | None = None
 
     @classmethod
-    def of_query(cls, query: Mapping[str, list[str]], options: Mapping[str, list[str]]) -> "Chosen":
+    def of_query(
+        cls, query: Mapping[str, list[str]], options: Mapping[str, list[str]]
+    ) -> "RunFilter":
         """The last value of each filter, as far as it is one that the filter has."""
         given = {name: found[-1] for name, found in query.items() if found}
         values = {name: given[name] for name in FILTERS if given.get(name) in options[name]}
-        return cls(values, TRUST.get(given.get("trusted", "")))
+        return cls(values, VALIDITY.get(given.get("valid", "")))
 
     def of_runs(self, runs: pd.DataFrame) -> pd.DataFrame:
         """The rows of the runs that are asked for."""
         keep = pd.Series(True, index=runs.index)
         for name, wanted in self.values.items():
             keep &= runs[FILTERS[name]].map(lambda v: text(v) or NO_LINK) == wanted
-        if self.trusted is not None:
-            keep &= runs["trusted"].eq(True) == self.trusted
+        if self.valid is not None:
+            keep &= runs["valid"].eq(True) == self.valid
         return runs[keep]
 
 
 @dataclass(frozen=True)
-class Loaded:
+class LoadedExperiment:
     """An experiment's runs with the estimates of its cells: what takes time for large ones."""
 
     results: Results
@@ -58,7 +60,7 @@ class Loaded:
     cells: list[Cell]
 
     @classmethod
-    def of(cls, folder: Path) -> "Loaded":
+    def of(cls, folder: Path) -> "LoadedExperiment":
         """As it is now. What is broken in it is a line in its problems."""
         results = load(folder)
         for time in compute_times(results):
@@ -75,13 +77,13 @@ class Loaded:
             for name, column in FILTERS.items()
         }
 
-    def tables(self, chosen: Chosen) -> list[Table]:
+    def tables(self, chosen: RunFilter) -> list[Table]:
         """The estimates of the cells that have a run asked for. Numbers are always of all of a
-        cell's trusted runs: a filter hides cells, and changes none."""
+        cell's valid runs: a filter hides cells, and changes none."""
         names = set(chosen.of_runs(self.results.runs)["cell"])
         return cell_tables([cell for cell in self.cells if cell.name in names], self.metrics)
 
-    def runs(self, chosen: Chosen) -> tuple[list[dict[str, Any]], int]:
+    def runs(self, chosen: RunFilter) -> tuple[list[dict[str, Any]], int]:
         """The runs asked for, and how many more there are than a page shows."""
         found = chosen.of_runs(self.results.runs)
         rows = found.head(MOST_RUNS).to_dict("records")
@@ -101,24 +103,24 @@ def figures_of(folder: Path) -> list[dict[str, str]]:
         if (folder / "report" / f"{name}.svg").is_file():
             points = f"{name}.points.json"
             there = (folder / "report" / points).is_file()
-            told = {key: str(item.get(key) or "") for key in ("title", "caption", "data")}
-            found.append({"name": name, "points": points if there else "", **told})
+            texts = {key: str(item.get(key) or "") for key in ("title", "caption", "data")}
+            found.append({"name": name, "points": points if there else "", **texts})
     return found
 
 
 def _run(row: dict[str, Any]) -> dict[str, Any]:
-    trusted, completed = row["trusted"] is True, row["outcome"] == "completed"
+    valid, completed = row["valid"] is True, row["outcome"] == "completed"
     outcome = text(row["outcome"]).replace("_", " ")
     if not completed and text(row["outcome_reason"]):
         outcome += f": {row['outcome_reason']}"
-    if not trusted:
-        outcome += f"; not to be trusted: {text(row['distrust']) or 'no reason was kept'}"
+    if not valid:
+        outcome += f"; invalid: {text(row['invalid_reason']) or 'no reason was kept'}"
     losses = number(row["track_losses"])
     return {
         "key": row["run_key"],
         "name": run_name(row["cell"], row["repetition"]),
         "outcome": outcome,
-        "mood": "" if trusted and completed else "bad",
+        "mood": "" if valid and completed else "bad",
         "coverage": metric("coverage").show(number(row["coverage"])),
         "losses": "-" if losses is None else f"{losses:.0f}",
         "ate": metric("ate_rmse_m").show(number(row["ate_rmse_m"])),

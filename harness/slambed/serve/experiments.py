@@ -14,14 +14,14 @@ from slambed.serve.guard import PART
 
 
 @dataclass(frozen=True)
-class Listed:
+class ExperimentEntry:
     """One experiment in the list."""
 
     name: str
     title: str
     planned: int | None
     there: int
-    trusted: int
+    valid: int
     changed_s: float
     """Unix time of the last change."""
     campaign: CampaignState | None
@@ -44,18 +44,18 @@ def is_experiment(folder: Path) -> bool:
     return (folder / "experiment.json").is_file() or (folder / "runs").is_dir()
 
 
-def listed(results: Path, name: str) -> Listed:
+def listed(results: Path, name: str) -> ExperimentEntry:
     """What the list says of an experiment; it reads a small file per run."""
     folder = results / name
     planned = (read_object(folder / "experiment.json") or {}).get("runs")
     summaries = [Summary.read(path) for path in folder.glob("runs/*/summary.json")]
     there = [summary for summary in summaries if summary]
-    return Listed(
+    return ExperimentEntry(
         name=name,
         title=title_of(folder),
         planned=len(planned) if isinstance(planned, list) else None,
         there=len(there),
-        trusted=sum(summary.trusted for summary in there),
+        valid=sum(summary.valid for summary in there),
         changed_s=max(
             (p.stat().st_mtime for p in (folder, *folder.glob("ledger.jsonl"))), default=0
         ),

@@ -25,7 +25,7 @@ class _Entry(Generic[T]):
 
 
 @dataclass
-class Kept(Generic[T]):
+class PageCache(Generic[T]):
     """The newest few values, each with the stamp of the files that it was made of."""
 
     most: int

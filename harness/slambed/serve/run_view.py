@@ -20,11 +20,11 @@ from slambed.metrics.network import curve
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 from slambed.report.alignment import alignment_of, played
-from slambed.serve.thinned import most_telling, numbers
+from slambed.serve.thinned import decimated, numbers
 from slambed.spec.experiment import Playback
 
 Floats = NDArray[np.float64]
-Say = Callable[[dict[str, Any]], str]
+Notify = Callable[[dict[str, Any]], str]
 
 MOST_FRAMES = 20_000
 MOST_POSES = 4_000
@@ -33,7 +33,7 @@ GAP_S = 0.5
 SMOOTH_S = 0.5
 """Over which CPU use is averaged: samples of 100 ms show quota periods, not work."""
 
-MARKS: dict[str, tuple[str, Say]] = {
+MARKS: dict[str, tuple[str, Notify]] = {
     "track_lost": ("loss", lambda e: "track lost"),
     "relocalized": ("found", lambda e: "found again"),
     "initialized": ("found", lambda e: "map begun"),
@@ -121,7 +121,7 @@ def frames_of(
 
 
 def _planned_frames(run: RunFiles, sequence: PreparedSequence | None) -> dict[str, list[Any]]:
-    """Of a system that tells of no frame: what playback offers by its plan."""
+    """Of a system that reports no frame: what playback offers by its plan."""
     found = np.zeros(0, np.intp)
     times_s = np.zeros(0)
     if sequence is not None:
@@ -138,9 +138,9 @@ def _planned_frames(run: RunFiles, sequence: PreparedSequence | None) -> dict[st
 
 def _playback(run: RunFiles) -> Playback:
     """How frames were offered, as run.json has it; all of them where that is gone."""
-    told = object_or_empty(run.folder / "nodes" / "run.json").get("playback")
+    content = object_or_empty(run.folder / "nodes" / "run.json").get("playback")
     try:
-        return Playback.model_validate(told)
+        return Playback.model_validate(content)
     except ValueError:
         return Playback()
 
@@ -170,12 +170,12 @@ def _marks(log: RunLog) -> list[dict[str, Any]]:
     rows = log.of(*MARKS).to_dict("records")
     marks = []
     for row in rows:
-        kind, say = MARKS[str(row["type"])]
+        kind, notify = MARKS[str(row["type"])]
         marks.append(
             {
                 "t_s": float(row["t_s"]),
                 "kind": kind,
-                "says": say({str(k): v for k, v in row.items()}),
+                "says": notify({str(k): v for k, v in row.items()}),
             }
         )
     stalls = log.of("link")
@@ -192,7 +192,7 @@ def _series(log: RunLog) -> list[dict[str, Any]]:
 
     def add(lane: str, name: str, unit: str, t_s: Floats, values: Floats) -> None:
         inside = (t_s >= 0) & (t_s <= log.end_s) & np.isfinite(values)
-        t_s, values = most_telling(t_s[inside], values[inside])
+        t_s, values = decimated(t_s[inside], values[inside])
         if len(t_s):
             points = {"t_s": numbers(t_s.tolist()), "value": numbers(values.tolist())}
             found.append({"lane": lane, "name": name, "unit": unit, **points})
@@ -200,10 +200,14 @@ def _series(log: RunLog) -> list[dict[str, Any]]:
     if log.link is not None:
         add("RTT", "asked", "ms", *curve(log.link, "asked_rtt_ms"))
         add("RTT", "measured by the probe", "ms", *curve(log.link, "probe_rtt_ms"))
-    told = log.of("rtt_sample", node="mobile")
-    if len(told):
-        chosen = told[told["source"] == "tcp_info"] if "source" in told else told
-        chosen = chosen if len(chosen) else told
+    rtt_samples = log.of("rtt_sample", node="mobile")
+    if len(rtt_samples):
+        chosen = (
+            rtt_samples[rtt_samples["source"] == "tcp_info"]
+            if "source" in rtt_samples
+            else rtt_samples
+        )
+        chosen = chosen if len(chosen) else rtt_samples
         add("RTT", "as the mobile node knows it", "ms", *_columns(chosen, "rtt_ms"))
     frames = log.of("frame_tracked")
     if "track_ms" in frames:

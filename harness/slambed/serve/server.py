@@ -119,4 +119,4 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(answer.body)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Requests are not told: the terminal says where the pages are."""
+        """Requests are not reported: the terminal says where the pages are."""

@@ -18,10 +18,10 @@ from slambed.explain.story import story
 from slambed.report.page import STYLE, page_script, script_of
 from slambed.report.timeline import timeline_svg
 from slambed.serve.answer import Answer, as_json, content, error_page, moved, page
-from slambed.serve.experiment_view import Chosen, Loaded, figures_of
-from slambed.serve.experiments import Listed, is_experiment, listed, names_of, status_of
+from slambed.serve.experiment_view import LoadedExperiment, RunFilter, figures_of
+from slambed.serve.experiments import ExperimentEntry, is_experiment, listed, names_of, status_of
 from slambed.serve.guard import TYPES, file_in, report_policy
-from slambed.serve.kept import Kept, stamp_of
+from slambed.serve.kept import PageCache, stamp_of
 from slambed.serve.pictures import NOT_HERE, Pictures
 from slambed.serve.run_view import RunFiles, run_json
 from slambed.spec.run_spec import run_name
@@ -45,9 +45,9 @@ class Site:
 
     def __init__(self, results: Path) -> None:
         self.results = results
-        self._loaded: Kept[Loaded] = Kept(MOST_EXPERIMENTS)
-        self._listed: Kept[Listed] = Kept(1000)
-        self._runs: Kept[dict[str, Any]] = Kept(MOST_RUNS)
+        self._loaded: PageCache[LoadedExperiment] = PageCache(MOST_EXPERIMENTS)
+        self._listed: PageCache[ExperimentEntry] = PageCache(1000)
+        self._runs: PageCache[dict[str, Any]] = PageCache(MOST_RUNS)
         self._pictures = Pictures()
         self._static = {
             "style.css": (STYLE + _own("serve.css"), "text/css; charset=utf-8"),
@@ -148,8 +148,8 @@ class Site:
             campaign=self._status,
         )
 
-    def _listed_now(self, name: str) -> Listed:
-        make: Callable[[], Listed] = lambda: listed(self.results, name)  # noqa: E731
+    def _listed_now(self, name: str) -> ExperimentEntry:
+        make: Callable[[], ExperimentEntry] = lambda: listed(self.results, name)  # noqa: E731
         return self._listed.get(name, self._stamp(name), make)[1]
 
     def _list_version(self) -> str:
@@ -161,7 +161,7 @@ class Site:
         campaign = self._listed_now(name).campaign
         return campaign is not None and campaign.alive and is_alive(campaign.pid, campaign.began_s)
 
-    def _status(self, item: Listed) -> str:
+    def _status(self, item: ExperimentEntry) -> str:
         campaign = item.campaign
         if campaign is not None and campaign.alive:  # the time left goes on without its files
             campaign = state_of(self.results / item.name, time.time())
@@ -178,9 +178,9 @@ class Site:
 
     # One experiment.
 
-    def _load(self, name: str) -> tuple[Any, Loaded]:
+    def _load(self, name: str) -> tuple[Any, LoadedExperiment]:
         folder = self.results / name
-        return self._loaded.get(name, self._stamp(name), lambda: Loaded.of(folder))
+        return self._loaded.get(name, self._stamp(name), lambda: LoadedExperiment.of(folder))
 
     def _experiment_version(self, name: str) -> str:
         stamp, _ = self._load(name)
@@ -189,7 +189,7 @@ class Site:
     def _experiment(self, name: str, query: Query) -> Answer:
         _, loaded = self._load(name)
         options = loaded.options()
-        chosen = Chosen.of_query(query, options)
+        chosen = RunFilter.of_query(query, options)
         runs, more = loaded.runs(chosen)
         folder = self.results / name
         return page(
@@ -200,7 +200,7 @@ class Site:
             campaign=self._status(self._listed_now(name)),
             expected=loaded.results.expected,
             there=len(loaded.results.runs),
-            trusted=len(loaded.results.trusted),
+            valid=len(loaded.results.valid_runs),
             problems=loaded.results.problems,
             options=options,
             chosen=chosen,
@@ -220,7 +220,7 @@ class Site:
         sequence = self._pictures.sequence(found.manifest.sequence_checksum)
         truth = self._truth(name, found)
         key = (name, run.name, sequence is not None)
-        with _told_if_broken():
+        with _not_found_if_broken():
             return self._runs.get(key, stamp, lambda: run_json(found, truth, sequence))[1]
 
     def _truth(self, name: str, run: RunFiles) -> Path | None:
@@ -234,7 +234,7 @@ class Site:
         found = RunFiles.of(run)
         broken, lines, svg = None, [], None
         try:
-            with _told_if_broken():
+            with _not_found_if_broken():
                 lines = story(read_run(run))
                 svg = timeline_svg(self._load(name)[1].results, run.name)
         except SlambedError as error:
@@ -267,7 +267,7 @@ class Site:
 
 
 @contextmanager
-def _told_if_broken() -> Iterator[None]:
+def _not_found_if_broken() -> Iterator[None]:
     """Around whatever reads a run's files, which may be torn or somebody else's."""
     try:
         yield

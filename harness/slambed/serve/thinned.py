@@ -14,7 +14,7 @@ DIGITS = 6
 """Significant ones: more cannot be seen."""
 
 
-def most_telling(t_s: Floats, values: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:
+def decimated(t_s: Floats, values: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:
     """A curve of at most so many points that keeps the smallest and the largest of each stretch:
     a peak is what somebody looks for."""
     if len(t_s) <= most:

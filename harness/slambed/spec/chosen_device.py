@@ -51,10 +51,10 @@ def chosen_device(
     if engine != VIRTUAL and experiment.pace == HOST_PACE:
         return device
     if device.model is None:
-        told = f"device {device.name} has no cost model"
+        message = f"device {device.name} has no cost model"
         if engine != VIRTUAL:
-            told += ", so that no live run can keep its pace (pace: device)"
-        raise source.complaint(told, place, "fit one: slambed calibrate --stages")
+            message += ", so that no live run can keep its pace (pace: device)"
+        raise source.complaint(message, place, "fit one: slambed calibrate --stages")
     try:
         costs = costs_with(system.stages, device.model.stages, role)
     except ValueError as error:

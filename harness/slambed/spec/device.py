@@ -148,7 +148,7 @@ class Device(BaseModel):
         """The limits on a host whose cores have this speed (1 = the reference host's).
 
         Each thread gets a core of the board, all threads together its cores, and neither more
-        than there is: `shortfall` tells what is missing.
+        than there is: `shortfall` reports what is missing.
         """
         if self.board is None:
             return self.limits

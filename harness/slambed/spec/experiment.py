@@ -117,14 +117,14 @@ class Runs(BaseModel):
 
 
 class Tolerances(BaseModel):
-    """A run outside these is not to be trusted."""
+    """A run outside these is invalid."""
 
     model_config = STRICT
 
     rtt_error_ms_median: float = Field(default=1.0, gt=0)
     """Median of |measured RTT - asked RTT| over the run."""
     rtt_error_ms_p99: float | None = Field(default=None, gt=0)
-    """Its 99th percentile; without a value 20 ms over the relay (metrics/trust.py)."""
+    """Its 99th percentile; without a value 20 ms over the relay (metrics/validity.py)."""
     host_stall_ms_max: float | None = Field(default=None, gt=0)
     """Longest time for which something else on the host held the mobile node up."""
     cpu_wait_share_max: float | None = Field(default=None, gt=0, le=1)

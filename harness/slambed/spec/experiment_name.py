@@ -9,7 +9,7 @@ YAML = (".yaml", ".yml")
 
 
 def must_be_an_experiment(given: str, known: list[str]) -> None:
-    """A name or a YAML file; what is neither, but is there, is told for what it is."""
+    """A name or a YAML file; what is neither, but is there, is reported for what it is."""
     path = Path(given)
     if given in known or path.suffix in YAML:
         return

@@ -77,10 +77,10 @@ def read_hosts(path: Path, on: list[str] | None = None, engine: str | None = Non
                     "leave --engine out, or choose hosts with --on"
                 )
     elif len(engines) > 1:
-        told = ", ".join(f"{name} has {engine}" for engine, name in engines.items())
+        message = ", ".join(f"{name} has {engine}" for engine, name in engines.items())
         raise SlambedError(
-            f"hosts of {path} have different engines, which makes different runs: {told}; choose "
-            "hosts of one with --on"
+            f"hosts of {path} have different engines, which makes different runs: {message}; "
+            "choose hosts of one with --on"
         )
     return chosen
 

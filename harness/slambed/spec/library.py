@@ -138,8 +138,8 @@ class Library:
 
 def _others() -> list[Path]:
     """Folders of systems outside of the checkout."""
-    told = os.environ.get(SYSTEMS_VARIABLE, "").split(os.pathsep)
-    return [Path(part).resolve() for part in told if part]
+    folders = os.environ.get(SYSTEMS_VARIABLE, "").split(os.pathsep)
+    return [Path(part).resolve() for part in folders if part]
 
 
 def _anchor_systems(source: YamlSource) -> None:

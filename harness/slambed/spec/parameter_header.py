@@ -11,7 +11,7 @@ MADE = {"int": "integer", "float": "real", "bool": "boolean", "str": "choice", "
 
 
 def parameter_header(system: System) -> str:
-    """Types, ranges and choices of all parameters that nodes are told of. No defaults: run.json
+    """Types, ranges and choices of all parameters that nodes are given. No defaults: run.json
     carries every value."""
     specs = "".join(
         f"      ParameterSpec::{_spec(name, parameter)},\n"

@@ -51,7 +51,7 @@ class RunSpec(BaseModel):
     further_masks: list[Masks] = Field(default_factory=list)
     """The same with other thresholds, of a system that changes its threshold."""
     edge_inputs: list[str] = Field(default_factory=list)
-    """Those that only the edge is told of; in no key."""
+    """Those that only the edge is given; in no key."""
     runtime: Runtime | None = None
     """How a system that is a program of its own is started; `software` stands for it in the key."""
     system_folder: str = ""

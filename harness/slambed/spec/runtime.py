@@ -81,9 +81,9 @@ class Runtime(BaseModel):
     def _has_one_way_to_its_frames(self) -> "Runtime":
         # By their values: a runtime that was written down whole has all fields and is read back.
         fields = type(self).model_fields
-        told = {n for n in OF_A_FOLDER - {"reads"} if getattr(self, n) != fields[n].default}
-        if self.reads is None and told:
-            raise ValueError(f"{min(told)} belongs to a system that reads a folder; write reads")
+        extra = {n for n in OF_A_FOLDER - {"reads"} if getattr(self, n) != fields[n].default}
+        if self.reads is None and extra:
+            raise ValueError(f"{min(extra)} belongs to a system that reads a folder; write reads")
         if self.reads is None and not self.mobile.client:
             raise ValueError(
                 "the mobile role takes its frames by a client (client: true), or reads a folder "

@@ -60,11 +60,11 @@ class Selection:
                 break
         else:
             return SlambedError(f"{option} {self.text} is no cell: no run has all of that")
-        told = ", ".join(known) or "none"
+        reported = ", ".join(known) or "none"
         if key != CELL:
-            return SlambedError(f"{option} {self.text} is no cell; {key}: {told}")
+            return SlambedError(f"{option} {self.text} is no cell; {key}: {reported}")
         hint = f"; or KEY=VALUE of {', '.join(KEYS)}, {PARAMS}NAME" if "=" in self.text else ""
-        return SlambedError(f"{option} {self.text} is no cell; cells: {told}{hint}")
+        return SlambedError(f"{option} {self.text} is no cell; cells: {reported}{hint}")
 
 
 def meant(runs: list[Facts], texts: Iterable[str], option: str) -> list[bool]:

@@ -100,7 +100,7 @@ def _checked(source: YamlSource, grid: Any, at: Location, *further: str) -> dict
 def _points(source: YamlSource, index: int, entry: Any, grid: dict[str, list[Any]]) -> list[Any]:
     """An entry of `systems` at every point of its own grid, or of the experiment's."""
     if not isinstance(entry, dict):
-        return [entry]  # told by who checks the systems
+        return [entry]  # reported by who checks the systems
     if GRID in entry:
         grid = _checked(source, entry[GRID], ("systems", index, GRID))
         entry = {key: value for key, value in entry.items() if key != GRID}
@@ -128,8 +128,10 @@ def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, 
     if isinstance(label, str) and (slots := SLOT.findall(label)):
         for slot in slots:
             if slot not in values:
-                told = f"the grid varies no '{slot}' for the label"
-                raise source.complaint(told, ("systems", index, "label"), suggestion(slot, values))
+                message = f"the grid varies no '{slot}' for the label"
+                raise source.complaint(
+                    message, ("systems", index, "label"), suggestion(slot, values)
+                )
         return {**made, "label": SLOT.sub(lambda found: values[found[1]], label)}
     base = label or entry.get("system")
     if not label and entry.get("variant"):

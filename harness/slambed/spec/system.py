@@ -28,9 +28,9 @@ class Parameter(BaseModel):
     type: Literal["int", "float", "bool", "str", "path", "network"]
     """`path`: of an input file, empty for none; its content is what matters to a run. `dataset`
     stands for the prior map that the dataset's file names. `network`: of catalog/networks/, empty
-    for none; the harness has it segment the pictures (docs/masks.md), and no node is told of it."""
+    for none; the harness has it segment the pictures (docs/masks.md), and no node is given it."""
     role: Role | None = None
-    """Of a path: the only node that is told of the file; both if not given."""
+    """Of a path: the only node that is given the file; both if not given."""
     default: Scalar
     min: int | float | None = None
     max: int | float | None = None
@@ -170,7 +170,7 @@ class System(BaseModel):
 
     @property
     def edge_files(self) -> list[str]:
-        """Those of them that only the edge is told of."""
+        """Those of them that only the edge is given."""
         return [name for name in self.file_params if self.params[name].role == "edge"]
 
     @property
@@ -179,7 +179,7 @@ class System(BaseModel):
         return next((name for name, p in self.params.items() if p.type == "network"), None)
 
     def for_nodes(self, params: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """What of these parameters nodes are told."""
+        """What of these parameters nodes are given."""
         return {name: v for name, v in params.items() if name != self.network_param}
 
     @property

@@ -41,7 +41,7 @@ class Quiet:
         self.verdicts.append(why)
 
 
-def test_a_second_campaign_is_told_who_runs(tmp_path: Path) -> None:
+def test_a_second_campaign_is_reported_who_runs(tmp_path: Path) -> None:
     lock = tmp_path / "lock"
     with host_lock("slambed run one", lock):
         holder = rf"slambed run one \(process {os.getpid()}\)"
@@ -77,7 +77,7 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
     good, bad = run_spec(), run_spec(params={"mobile_act": "die"})
     with nodes_of_tests():
         verdict = campaign.run([good, bad], reporter)
-    assert (verdict.done, verdict.trusted, verdict.not_completed, verdict.interrupted) == (
+    assert (verdict.done, verdict.valid, verdict.not_completed, verdict.interrupted) == (
         2,
         2,
         1,
@@ -104,7 +104,7 @@ def test_a_node_that_refuses_its_input_is_a_result(tmp_path: Path) -> None:
     refused = run_spec(params={"mobile_act": "refuse"})
     with nodes_of_tests():
         verdict = campaign.run([refused, run_spec()], Quiet())
-    assert (verdict.done, verdict.trusted, verdict.not_completed) == (2, 2, 1)
+    assert (verdict.done, verdict.valid, verdict.not_completed) == (2, 2, 1)
     summary = campaign.folder.summary(refused.run_key) or {}
     assert (summary["outcome"], summary["coverage"], summary["lost"]) == ("refused", 0.0, None)
     assert "bad parameter" in summary["outcome_reason"]
@@ -156,7 +156,7 @@ mark_children()
 with t.host_lock("tests of interrupts", wait_s=120):
     print("reaped", reap(), flush=True)
     campaign = t.runner(Path({folder!r}))
-    todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "trusted"]
+    todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "valid"]
     print("todo", len(todo), flush=True)
     verdict = campaign.run(todo, t.Quiet())
     print("interrupted" if verdict.interrupted else "complete", flush=True)
@@ -186,19 +186,19 @@ def test_an_interrupted_campaign_goes_on_where_it_was(tmp_path: Path, how: signa
     first = start_campaign(tmp_path)
     wait_for_runs(tmp_path, 1)
     first.send_signal(how)
-    told, _ = first.communicate(timeout=20)
-    assert ("interrupted" in told) == (how == signal.SIGINT)
+    reported, _ = first.communicate(timeout=20)
+    assert ("interrupted" in reported) == (how == signal.SIGINT)
     folder = ResultFolder(tmp_path / "tiny")
     done = {key: (folder.runs / key).stat().st_ino for key in folder.run_keys()}
     assert 1 <= len(done) < 4
     second = start_campaign(tmp_path)
-    told, _ = second.communicate(timeout=360)
-    assert f"todo {4 - len(done)}" in told and "complete" in told
+    reported, _ = second.communicate(timeout=360)
+    assert f"todo {4 - len(done)}" in reported and "complete" in reported
     assert sorted(folder.run_keys()) == sorted(s.run_key for s in specs())
     # What was there was not touched.
     assert all((folder.runs / key).stat().st_ino == inode for key, inode in done.items())
     if how == signal.SIGKILL:
-        assert "control groups" in told
+        assert "control groups" in reported
     entries = Ledger(folder.path / "ledger.jsonl").read()
     assert sum(entry["event"] == "run_finished" for entry in entries) == 4
     assert not processes_of(tmp_path)

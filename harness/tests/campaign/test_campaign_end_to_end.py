@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from command_line import refused, slambed
-from harness_parts import TOLERANCES, is_trusted, needs_root
+from harness_parts import TOLERANCES, is_valid_run, needs_root
 from virtual_parts import make_sequence
 
 from slambed.engines.docker_image import connect, find_image
@@ -88,7 +88,7 @@ def run_it(folder: Path, sequence: Path, engine: str, *options: str) -> list[dic
     for run in sorted((results / "runs").iterdir()):
         names = {p.relative_to(run).as_posix() for p in run.rglob("*") if p.is_file()}
         summaries.append(json.loads((run / "summary.json").read_text()))
-        if not is_trusted(summaries[-1]):
+        if not is_valid_run(summaries[-1]):
             continue
         assert {
             "manifest.json",
@@ -99,7 +99,7 @@ def run_it(folder: Path, sequence: Path, engine: str, *options: str) -> list[dic
             "nodes/run.json",
             "nodes/mobile/node.json",
         } <= names
-    assert (code == ExitCode.OK) == all(summary["trusted"] for summary in summaries), out + err
+    assert (code == ExitCode.OK) == all(summary["valid"] for summary in summaries), out + err
     # Called again, there is nothing to do.
     _, out, _ = slambed(*arguments, "--retries", "0")
     assert "2 there already" in out
@@ -112,7 +112,7 @@ def explain_them(results: Path, folder: Path) -> None:
         picture = folder / f"{run.name}.png"
         code, out, err = slambed("explain", str(run), "-o", str(picture))
         assert code == ExitCode.OK, err
-        if not is_trusted(json.loads((run / "summary.json").read_text())):
+        if not is_valid_run(json.loads((run / "summary.json").read_text())):
             continue
         frames = (pd.read_parquet(run / "events.parquet")["type"] == "frame_tracked").sum()
         assert frames > 0 and out.startswith("40 frames in ")
@@ -124,7 +124,7 @@ def check_figures(summaries: list[dict[str, Any]]) -> None:
     offloaded, alone = summaries
     for summary in summaries:
         assert set(SUMMARY_KEYS) <= set(summary)
-        if not is_trusted(summary):
+        if not is_valid_run(summary):
             continue
         assert summary["outcome"] == "completed", summary["outcome_reason"]
         assert summary["frames_total"] == 40
@@ -132,7 +132,7 @@ def check_figures(summaries: list[dict[str, Any]]) -> None:
         assert summary["mobile_cpu_percent_mean"] > 0
         assert summary["mobile_mem_mb_peak"] > 1
     assert alone["edge_cpu_percent_mean"] is None and alone["bytes_up"] is None
-    if not offloaded["trusted"]:
+    if not offloaded["valid"]:
         return
     assert offloaded["edge_cpu_percent_mean"] > 0
     assert offloaded["bytes_up"] > 0
@@ -185,8 +185,10 @@ def test_live_then_virtual_then_live_executes_nothing_twice(
     twin.write_text(only.replace("label: alone", "label: single"))
     code, out, err = slambed("run", str(twin), "--results", str(results), "--engine", "virtual")
     assert code == ExitCode.OK and "2 runs, 2 there already" in out, err
-    told = pd.read_csv(results / "twin" / "summary.csv")
-    assert set(told["experiment"]) == {"twin"} and told["cell"].str.startswith("single").any()
+    reported = pd.read_csv(results / "twin" / "summary.csv")
+    assert (
+        set(reported["experiment"]) == {"twin"} and reported["cell"].str.startswith("single").any()
+    )
 
 
 def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
@@ -205,21 +207,21 @@ def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
         command = ("run", str(path), "--engine", "local", "--results", str(results), "--wait")
         code, out, err = slambed(*command, "--no-figures", "--retries", str(retries))
         assert code == ExitCode.NOT_ALL_GOOD or retries == 0, out + err
-        told = [json.loads(line) for line in ledger.read_text().splitlines()[before:]]
-        return [entry for entry in told if entry["event"] == "run_finished"], out + err
+        reported = [json.loads(line) for line in ledger.read_text().splitlines()[before:]]
+        return [entry for entry in reported if entry["event"] == "run_finished"], out + err
 
-    finished, said = run(2)
-    assert len(finished) == 3 and "1 of 1 runs are not to be trusted" in said
+    finished, output = run(2)
+    assert len(finished) == 3 and "1 of 1 runs are invalid" in output
     for entry in finished:
-        assert entry["trusted"] is False and "RTT error" in entry["distrust"]
+        assert entry["valid"] is False and "RTT error" in entry["invalid_reason"]
     (key,) = {entry["run_key"] for entry in finished}
     assert numbers_of_attempts(results, key) == [1, 2, 3]
     assert json.loads((results / "runs" / key / "summary.json").read_text())["attempts"] == 3
     (shown,) = pd.read_csv(results / "short" / "summary.csv")["attempts"]
     assert shown == 3
     # Who asks for no retries takes what is there; a later campaign begins with the next attempt.
-    finished, said = run(0)
-    assert finished == [] and "1 runs, 1 there already" in said
+    finished, output = run(0)
+    assert finished == [] and "1 runs, 1 there already" in output
     finished, _ = run(1)
     assert len(finished) == 1 and numbers_of_attempts(results, key) == [1, 2, 3, 4]
 

@@ -45,7 +45,7 @@ def state(*entries: dict[str, Any], now: float = 100.0, alive: bool = True) -> C
     return found
 
 
-def test_an_empty_ledger_tells_of_no_campaign() -> None:
+def test_an_empty_ledger_reports_no_campaign() -> None:
     assert state_of_ledger("x", [], 0.0) is None
     assert state_of_ledger("x", [line(1, "run_started", "a")], 0.0) is None
 
@@ -53,12 +53,12 @@ def test_an_empty_ledger_tells_of_no_campaign() -> None:
 def test_runs_are_waiting_in_hand_and_done() -> None:
     found = state(
         started(),
-        line(1, "run_started", "a"), line(11, "run_finished", "a", trusted=True),
-        line(11, "run_started", "b"), line(31, "run_finished", "b", trusted=False),
+        line(1, "run_started", "a"), line(11, "run_finished", "a", valid=True),
+        line(11, "run_started", "b"), line(31, "run_finished", "b", valid=False),
         line(31, "run_started", "c"), now=36,
     )  # fmt: skip
     assert (found.asked, found.there_before) == (4, 2)
-    assert (found.trusted, found.untrusted, found.failed, found.done) == (1, 1, 0, 2)
+    assert (found.valid, found.invalid, found.failed, found.done) == (1, 1, 0, 2)
     assert [(run.run_key, run.name) for run in found.in_hand] == [("c", "cell-c #1")]
     assert found.waiting == 1
     # 15 s each in the mean: 10 s of c and all of d.
@@ -70,7 +70,7 @@ def test_time_left_is_shared_by_runs_side_by_side() -> None:
     found = state(
         started(),
         line(0, "run_started", "a"), line(0, "run_started", "b"),
-        line(10, "run_finished", "a", trusted=True), line(10, "run_finished", "b", trusted=True),
+        line(10, "run_finished", "a", valid=True), line(10, "run_finished", "b", valid=True),
         now=10,
     )  # fmt: skip
     assert found.left_s == pytest.approx(10)
@@ -86,7 +86,7 @@ def test_a_run_that_is_tried_again_is_in_hand_again() -> None:
 
 def test_only_the_last_campaign_counts_and_only_its_runs() -> None:
     found = state(
-        started(0), line(1, "run_started", "a"), line(2, "run_finished", "a", trusted=True),
+        started(0), line(1, "run_started", "a"), line(2, "run_finished", "a", valid=True),
         line(3, "campaign_ended", interrupted=False),
         started(10, ["b"]), line(11, "run_started", "zzz"), line(12, "run_started", "b"),
     )  # fmt: skip
@@ -136,7 +136,7 @@ def test_a_real_ledger_is_read(tmp_path: Path) -> None:
     assert [run.name for run in found.in_hand] == ["x #3"]
 
 
-def test_a_dry_run_is_told_who_runs_the_experiment(tmp_path: Path) -> None:
+def test_a_dry_run_is_reported_who_runs_the_experiment(tmp_path: Path) -> None:
     assert being_run(tmp_path, "x") == []
     (tmp_path / "x").mkdir()
     ledger = Ledger(tmp_path / "x" / "ledger.jsonl")

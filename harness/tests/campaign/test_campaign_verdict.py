@@ -3,33 +3,35 @@
 
 import pytest
 
-from slambed.campaign.runner import Verdict
+from slambed.campaign.runner import CampaignOutcome
 from slambed.commands.run_and_report import raise_unless_good
 from slambed.errors import ExitCode, SlambedError
 
-GOOD = Verdict(done=3, trusted=3)
+GOOD = CampaignOutcome(done=3, valid=3)
 
 
 def test_campaigns_that_ended_well_are_no_error() -> None:
-    raise_unless_good([GOOD, Verdict()], "quickstart")
+    raise_unless_good([GOOD, CampaignOutcome()], "quickstart")
 
 
 @pytest.mark.parametrize(
     ("verdict", "line"),
     [
         (
-            Verdict(done=2, trusted=2, given_up={"a1": "the disk is full"}),
+            CampaignOutcome(done=2, valid=2, given_up={"a1": "the disk is full"}),
             "1 runs have no result: the disk is full",
         ),
-        (Verdict(done=4, trusted=3), "1 of 7 runs are not to be trusted; 'slambed status x' says"),
-        (Verdict(done=4, trusted=4, not_completed=2), "2 of 7 runs did not complete"),
+        (CampaignOutcome(done=4, valid=3), "1 of 7 runs are invalid; 'slambed status x' says"),
+        (CampaignOutcome(done=4, valid=4, not_completed=2), "2 of 7 runs did not complete"),
         (
-            Verdict(done=4, trusted=2, not_completed=1, given_up={"a1": "no room"}),
+            CampaignOutcome(done=4, valid=2, not_completed=1, given_up={"a1": "no room"}),
             "1 runs have no result: no room",
         ),
     ],
 )
-def test_one_that_did_not_is_told_after_all_have_run(verdict: Verdict, line: str) -> None:
+def test_one_that_did_not_is_reported_after_all_have_run(
+    verdict: CampaignOutcome, line: str
+) -> None:
     """Of a paper's experiments too: one bad one among good ones ends the command with 1."""
     with pytest.raises(SlambedError, match=line) as ended:
         raise_unless_good([GOOD, verdict], "x")

@@ -43,7 +43,7 @@ def test_without_permission_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
     assert code == ExitCode.ENVIRONMENT and "no permission for a live run: not root" in err
 
 
-def test_programs_that_are_not_built_are_told(
+def test_programs_that_are_not_built_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("slambed.native.build_folder", lambda: tmp_path)
@@ -54,7 +54,7 @@ def test_programs_that_are_not_built_are_told(
 
 @needs_root
 @needs_programs
-def test_a_program_of_ones_own_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_program_of_ones_own_that_is_not_there_is_reported(tmp_path: Path) -> None:
     write_system(tmp_path / "mine", MINE + "  files: [weights.bin]\n")
     path = tmp_path / "one.yaml"
     path.write_text(

@@ -59,13 +59,15 @@ def test_a_metric_is_optional_and_the_line_says_what_it_means(system: Path) -> N
     system.write_text(yaml.safe_dump(content))
     code, out, _ = slambed("check-system", str(system), COLUMNS="400")
     assert code == 0, out
-    told = {line.split()[2]: line for line in out.splitlines() if line.startswith("ok  metric ")}
-    assert "(mean gray value of a frame): event 'seen' comes, 20 times" in told["mean_gray"]
+    reported = {
+        line.split()[2]: line for line in out.splitlines() if line.startswith("ok  metric ")
+    }
+    assert "(mean gray value of a frame): event 'seen' comes, 20 times" in reported["mean_gray"]
     for name, event, none in (("found", "found", "0"), ("mapped", "map_made", "empty")):
-        assert f"an event '{event}' did not come in these 20 frames" in told[name]
-        assert ": optional, and there is none here" in told[name]
-        assert told[name].endswith(f"in a run without one the metric is {none}")
-    assert "event 'seen' comes, but none has a number 'gray'" in told["wrong"]
+        assert f"an event '{event}' did not come in these 20 frames" in reported[name]
+        assert ": optional, and there is none here" in reported[name]
+        assert reported[name].endswith(f"in a run without one the metric is {none}")
+    assert "event 'seen' comes, but none has a number 'gray'" in reported["wrong"]
 
 
 DEFECTS = {
@@ -83,13 +85,13 @@ DEFECTS = {
 
 @pytest.mark.parametrize("defect", DEFECTS)
 def test_a_planted_defect_is_red(system: Path, defect: str) -> None:
-    good, bad, told = DEFECTS[defect]
+    good, bad, expected = DEFECTS[defect]
     program = system.parent / "run.py"
     assert good in program.read_text()
     program.write_text(program.read_text().replace(good, bad))
     system.write_text(system.read_text() + "  ready_s: 8\n")
     red = red_lines(system)
-    assert red and told in red[0]
+    assert red and expected in red[0]
 
 
 def copied_examples(tmp_path: Path) -> Path:
@@ -120,14 +122,14 @@ def test_a_planted_defect_of_a_system_that_reads_a_folder_is_red(
     tmp_path: Path, defect: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("slambed.campaign.check_system.END_PATIENCE_S", 8.0)
-    good, bad, told = READERS_DEFECTS[defect]
+    good, bad, expected = READERS_DEFECTS[defect]
     folder = copied_examples(tmp_path)
     program = folder / "read_folder.py"
     assert good in program.read_text()
     program.write_text(program.read_text().replace(good, bad))
     red = red_lines(folder / "folder_odometry.yaml")
     # One that does not hear SIGTERM is killed 2 s later, as the contract says.
-    assert red == [] if told is None else red and told in red[0], red
+    assert red == [] if expected is None else red and expected in red[0], red
 
 
 ALONG_A_LINE = {

@@ -83,7 +83,7 @@ def test_systems_that_read_no_folder_keep_their_software(tmp_path: Path) -> None
     assert read != foreign_digest(runtime(trajectory_format="kitti"), tmp_path, {})
 
 
-def test_the_command_is_told_where_the_folder_is_and_where_poses_go(tmp_path: Path) -> None:
+def test_the_command_is_given_where_the_folder_is_and_where_poses_go(tmp_path: Path) -> None:
     frames = tmp_path / "frames"
     plan = NodePlan(
         "mobile", "key", tmp_path, tmp_path, Limits(), [0], False, runtime(), tmp_path, frames
@@ -93,15 +93,15 @@ def test_the_command_is_told_where_the_folder_is_and_where_poses_go(tmp_path: Pa
         *("--no-client", "--trajectory", "poses.txt"),
         *("--", "vo", "/frames", "/out/mobile/poses.txt", "/system"),
     ]
-    told_in = environment(plan, "/clients", "/bin", "/out/run.json", "/frames")
-    assert told_in["SLAMBED_FRAMES"] == "/frames"
-    assert told_in["SLAMBED_TRAJECTORY"] == "/out/mobile/poses.txt"
+    variables = environment(plan, "/clients", "/bin", "/out/run.json", "/frames")
+    assert variables["SLAMBED_FRAMES"] == "/frames"
+    assert variables["SLAMBED_TRAJECTORY"] == "/out/mobile/poses.txt"
     options = container_options(plan, "image", "/out/run.json", "/out/go")
     assert "/frames" in options["command"]
     assert options["environment"]["SLAMBED_FRAMES"] == "/frames"
 
 
-def test_a_folder_is_written_once_a_window_and_tells_no_truth(tmp_path: Path) -> None:
+def test_a_folder_is_written_once_a_window_and_reports_no_truth(tmp_path: Path) -> None:
     sequence = write_prepared(tmp_path / "prepared")
     assert sequence.groundtruth() is not None
     whole = Recording.of(sequence, Playback(), "tum", tmp_path / "cache")

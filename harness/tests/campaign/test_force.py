@@ -22,7 +22,7 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass
 class Scripted:
-    """Does to each run what its list says next: an error, or whether it is to be trusted."""
+    """Does to each run what its list says next: an error, or whether it is valid."""
 
     script: dict[int, list[SlambedError | bool]] = field(default_factory=dict)
     jobs: int = 1
@@ -34,7 +34,7 @@ class Scripted:
         if isinstance(step, SlambedError):
             raise step
         self.executed += 1
-        summary = Summary(trusted=step, outcome="completed", number=self.executed)
+        summary = Summary(valid=step, outcome="completed", number=self.executed)
         for name in ("manifest.json", "summary.json"):
             (raw / name).write_text(json.dumps(summary))
         return summary
@@ -52,7 +52,7 @@ def number(runner: Runner, spec: RunSpec) -> object:
     return (runner.folder.summary(spec.run_key) or {}).get("number")
 
 
-def test_a_forced_run_takes_the_place_of_a_trusted_one_which_is_kept(tmp_path: Path) -> None:
+def test_a_forced_run_takes_the_place_of_a_valid_one_which_is_kept(tmp_path: Path) -> None:
     spec, executor = run_spec(), Scripted()
     campaign(tmp_path, executor).run([spec], Quiet())
     again = campaign(tmp_path, executor, forced=frozenset({spec.run_key}))
@@ -63,7 +63,7 @@ def test_a_forced_run_takes_the_place_of_a_trusted_one_which_is_kept(tmp_path: P
     assert json.loads(kept.read_text())["number"] == 1
 
 
-def test_a_forced_run_that_is_not_to_be_trusted_takes_no_place(tmp_path: Path) -> None:
+def test_a_forced_run_that_is_invalid_takes_no_place(tmp_path: Path) -> None:
     spec, executor = run_spec(), Scripted({1: [True, False, False]})
     campaign(tmp_path, executor).run([spec], Quiet())
     forced = frozenset({spec.run_key})
@@ -72,7 +72,7 @@ def test_a_forced_run_that_is_not_to_be_trusted_takes_no_place(tmp_path: Path) -
     assert executor.executed == 3 and number(again, spec) == 1
 
 
-def test_without_force_a_trusted_run_stays(tmp_path: Path) -> None:
+def test_without_force_a_valid_run_stays(tmp_path: Path) -> None:
     spec, executor = run_spec(), Scripted()
     campaign(tmp_path, executor).run([spec], Quiet())
     again = campaign(tmp_path, executor)
@@ -99,7 +99,7 @@ def test_the_preview_counts_forced_runs_as_missing(tmp_path: Path) -> None:
     spec, executor = run_spec(), Scripted()
     runner = campaign(tmp_path, executor)
     runner.run([spec], Quiet())
-    store, kept = runner.folder.store, ("trusted",)
+    store, kept = runner.folder.store, ("valid",)
     assert preview([spec], store, kept, 1.0, 1)[0] == "solo: 1 of 1 runs there"
     forced = frozenset({spec.run_key})
     assert preview([spec], store, kept, 1.0, 1, forced)[0] == "solo: 0 of 1 runs there"

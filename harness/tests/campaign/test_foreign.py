@@ -117,11 +117,11 @@ def test_engine_virtual_is_refused_in_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("engine", "told"),
+    ("engine", "expected"),
     [("local", "a GPU, which engine local"), ("virtual", "a program of its own")],
 )
 def test_a_gpu_is_refused_in_one_line_where_no_container_gets_it(
-    tmp_path: Path, engine: str, told: str
+    tmp_path: Path, engine: str, expected: str
 ) -> None:
     write_system(tmp_path / "mine", MINE.replace("mobile: {", "mobile: {gpu: all, "))
     experiment = tmp_path / "one.yaml"
@@ -129,11 +129,13 @@ def test_a_gpu_is_refused_in_one_line_where_no_container_gets_it(
         "id: one\ntitle: one\nsystems: [{system: ./mine/system.yaml}]\ndatasets: [synthetic_room]\n"
     )
     code, _, err = slambed("run", str(experiment), "--check", "--engine", engine)
-    assert code == 2 and err.count("\n") == 1 and told in err
+    assert code == 2 and err.count("\n") == 1 and expected in err
 
 
 @pytest.mark.parametrize("wrong", ["true", "0", "-1", "some", "[]", "[0]", "['']", "1.5"])
-def test_what_is_no_gpu_is_told_with_its_line(library: Library, tmp_path: Path, wrong: str) -> None:
+def test_what_is_no_gpu_is_reported_with_its_line(
+    library: Library, tmp_path: Path, wrong: str
+) -> None:
     path = write_system(tmp_path / "mine", MINE.replace("mobile: {", f"mobile: {{gpu: {wrong}, "))
     with pytest.raises(SlambedError, match=r"runtime\.mobile\.gpu.* line 7"):
         library.system(str(path))
@@ -207,7 +209,7 @@ def test_the_players_command_has_the_systems_folder_and_a_clean_environment(
     assert "SLAMBED_TEST_PLACE" not in found
 
 
-def test_bytes_of_a_system_that_tells_no_messages_are_the_links(tmp_path: Path) -> None:
+def test_bytes_of_a_system_that_reports_no_messages_are_the_links(tmp_path: Path) -> None:
     (tmp_path / "edge").mkdir()
     facts = Manifest(link=LinkFacts(details=LinkDetails(carried_bytes={"up": 700, "down": 50})))
     spec = KeptSpec.of({"roles": ["mobile", "edge"], "device_edge": {"name": "x"}})

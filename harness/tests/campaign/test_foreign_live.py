@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from command_line import slambed
-from harness_parts import TOLERANCES, is_trusted, needs_root
+from harness_parts import TOLERANCES, is_valid_run, needs_root
 from test_campaign_end_to_end import image_is_built, programs_are_built
 from virtual_parts import make_sequence
 
@@ -71,7 +71,7 @@ def run_them(
 
 def judge(found: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> None:
     for summary, manifest in found.values():
-        if not is_trusted(summary):
+        if not is_valid_run(summary):
             continue
         assert summary["outcome"] == "completed", summary["outcome_reason"]
         assert summary["frames_total"] == 20 and summary["frames_tracked"] >= 1
@@ -81,12 +81,12 @@ def judge(found: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> None:
         names = {thread["name"] for thread in manifest["limits"]["mobile"]["threads"]}
         assert {"slambed-play", "python3"} <= names
     remote, _ = found["remote_odometry"]
-    if remote["trusted"]:
+    if remote["valid"]:
         assert remote["bytes_up"] > 20 * remote["bytes_down"] > 0
         assert remote["rtt_error_ms_median"] < 50
     assert found["visual_odometry"][0]["bytes_up"] is None
     reader, manifest = found["folder_odometry"]
-    if reader["trusted"]:
+    if reader["valid"]:
         # It saw the frames that were played, and nobody saw when.
         assert reader["frames_total"] == reader["frames_tracked"] == 20
         assert reader["coverage"] == 1.0 and reader["track_losses"] == 0
@@ -108,7 +108,7 @@ def test_an_edge_of_others_that_is_killed_costs_frames_and_not_the_run(
 ) -> None:
     killed = "faults: [{at_s: 2, edge: kill}]"
     summary, _ = run_them(tmp_path, sequence, "local", killed)["remote_odometry"]
-    if is_trusted(summary):
+    if is_valid_run(summary):
         assert summary["outcome"] == "completed", summary["outcome_reason"]
         assert 1 <= summary["frames_tracked"] <= 12 and summary["track_losses"] == 1
 

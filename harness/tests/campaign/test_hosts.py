@@ -94,10 +94,10 @@ def test_an_engine_is_part_of_what_a_run_means(tmp_path: Path) -> None:
         ("hosts:\n  - {name: a, address: here, ssh: [-v]}\n", "'ssh' is for hosts that ssh"),
     ],
 )
-def test_a_wrong_file_is_told_in_a_line(tmp_path: Path, text: str, line: str) -> None:
-    with pytest.raises(SlambedError, match=line) as told:
+def test_a_wrong_file_is_reported_in_a_line(tmp_path: Path, text: str, line: str) -> None:
+    with pytest.raises(SlambedError, match=line) as raised:
         read_hosts(write(tmp_path, text))
-    assert told.value.code == ExitCode.BAD_INPUT and "\n" not in str(told.value)
+    assert raised.value.code == ExitCode.BAD_INPUT and "\n" not in str(raised.value)
 
 
 def test_what_does_not_go_with_hosts_is_refused(tmp_path: Path) -> None:
@@ -174,8 +174,8 @@ class Hosts(HostExecutor):
             name: Place(Host(name=name, address=name), line, FACTS)  # type: ignore[arg-type]
             for name, line in self.lines.items()
         }
-        self.told: list[str] = []
-        super().__init__(places, None, {}, 7, self.back, self.told.append)
+        self.reported: list[str] = []
+        super().__init__(places, None, {}, 7, self.back, self.reported.append)
         self.made: list[tuple[str, str, int]] = []
         self.cut = cut
         self.at_once: Counter[str] = Counter()
@@ -197,7 +197,7 @@ class Hosts(HostExecutor):
                 self.made.pop()
                 self.lines[name].close()
                 raise KilledError(self._lose(place))
-        summary = Summary(run_key=spec.run_key, cell=spec.cell, trusted=True, outcome="completed")
+        summary = Summary(run_key=spec.run_key, cell=spec.cell, valid=True, outcome="completed")
         (raw / "summary.json").write_text(json.dumps(summary))
         (raw / "manifest.json").write_text("{}")
         return summary
@@ -247,7 +247,7 @@ def test_a_host_that_dies_costs_its_run_an_attempt_and_the_others_take_its_runs(
     assert len({key for _, key, _ in hosts.made}) == 20
     failed = [e for e in runner.ledger.read() if e["event"] == "run_failed"]
     assert len(failed) == 1 and failed[0]["host"] == "b"
-    assert hosts.told == [
+    assert hosts.reported == [
         "host b is gone (Connection closed by remote host); the others take its runs, and it is "
         "asked again"
     ]
@@ -263,9 +263,9 @@ def test_a_campaign_ends_when_no_host_comes_back(
     for line in hosts.lines.values():
         line.close()
     folder, runner = campaign(tmp_path, hosts)
-    with pytest.raises(SlambedError, match="hosts a, b are all gone") as told:
+    with pytest.raises(SlambedError, match="hosts a, b are all gone") as raised:
         runner.run(two_cells(2), Quiet())
-    assert told.value.code == ExitCode.ENVIRONMENT
+    assert raised.value.code == ExitCode.ENVIRONMENT
     hosts._over.set()
     folder.close()
 

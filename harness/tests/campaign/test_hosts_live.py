@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from command_line import slambed_process
-from harness_parts import is_trusted, needs_root, nodes_of_tests
+from harness_parts import is_valid_run, needs_root, nodes_of_tests
 from stand_in_host import StandInHost
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
@@ -99,7 +99,7 @@ def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
         facts = Manifest.read(folder.store.runs / key / "manifest.json")
         assert facts is not None and facts.host is not None
         assert (facts.host.name, facts.host.labels) == ("a", ["loopback"])
-        if not is_trusted(folder.store.summary(key), attempts=1):
+        if not is_valid_run(folder.store.summary(key), attempts=1):
             continue
         assert facts.outcome == "completed", facts.outcome_reason
         assert (folder.runs / key / "trajectory.txt").is_file()
@@ -130,10 +130,10 @@ def test_a_host_that_another_campaign_has_is_refused_in_a_line(
         assert other.stdout is not None and other.stdout.readline() == b"1\n"
         code, _, err = slambed_process(*command, SLAMBED_CACHE=str(tmp_path / "cache"))
         # Who only asks what would be executed takes no host.
-        dry, out, told = slambed_process(
+        dry, out, reported = slambed_process(
             *command, "--dry-run", SLAMBED_CACHE=str(tmp_path / "cache")
         )
-        assert dry == ExitCode.OK and f"{RUNS} runs to execute" in out, told
+        assert dry == ExitCode.OK and f"{RUNS} runs to execute" in out, reported
         with subprocess.Popen(
             [
                 sys.executable,
@@ -165,7 +165,7 @@ def test_a_host_that_another_campaign_has_is_refused_in_a_line(
     assert not (tmp_path / "results" / "walk").exists()
 
 
-def test_a_machine_that_is_not_there_is_told(tmp_path: Path, hosts: list[StandInHost]) -> None:
+def test_a_machine_that_is_not_there_is_reported(tmp_path: Path, hosts: list[StandInHost]) -> None:
     command = arguments(tmp_path, hosts)
     file = tmp_path / "hosts.yaml"
     for host, word in ((hosts[1], "refused"), (hosts[0], "no slambed in /nowhere")):

@@ -10,7 +10,7 @@ import psutil
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec, stand_in
 from virtual_parts import Quiet
-from waiting import beside
+from waiting import in_background
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
@@ -59,7 +59,7 @@ def events_of(campaign: Runner, spec: RunSpec) -> list[str]:
 
 def run_with_killer(campaign: Runner, todo: list[RunSpec], may: Callable[[], bool]) -> None:
     over = threading.Event()
-    with beside(lambda: kill_samplers(over, may), over):
+    with in_background(lambda: kill_samplers(over, may), over):
         campaign.run(todo, Quiet())
 
 

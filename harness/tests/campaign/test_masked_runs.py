@@ -145,8 +145,11 @@ def test_what_is_wrong_with_a_network_is_one_line(
     text = (Path(__file__).parents[3] / "catalog" / "networks" / "slambed_people.yaml").read_text()
     text = text.replace("id: slambed_people", "id: other")
     described.write_text(text.replace("file: slambed_people", "file: nothing_here"))
-    for network, told in (("slambed_peple", "did you mean"), (str(described), "cannot be read")):
-        with pytest.raises(SlambedError, match=told) as error:
+    for network, expected in (
+        ("slambed_peple", "did you mean"),
+        (str(described), "cannot be read"),
+    ):
+        with pytest.raises(SlambedError, match=expected) as error:
             plan_of(write(tmp_path, crossing, network, "other"))
         assert "\n" not in str(error.value)
     monkeypatch.setattr("slambed.segment.network.networks_folder", lambda: tmp_path)

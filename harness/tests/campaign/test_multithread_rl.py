@@ -67,13 +67,13 @@ def test_updates_beside_tracking_hold_it_up_less(results: Path) -> None:
     assert both["update_pause_ms_mean"] < off["update_pause_ms_mean"] / 2
 
 
-def test_the_story_tells_of_requests_and_rests(results: Path) -> None:
+def test_the_story_reports_requests_and_rests(results: Path) -> None:
     lines = story(read_run(results / "runs" / row(results, "both")["run_key"]))
     assert any("sent to the edge" in line for line in lines)
     assert any(line.startswith("updates rested from") for line in lines)
 
 
-def test_the_metrics_tell_who_found_a_lost_camera(results: Path) -> None:
+def test_the_metrics_report_who_found_a_lost_camera(results: Path) -> None:
     both = row(results, "both")
     assert both["track_losses"] >= 1
     assert both["requests"] >= 1

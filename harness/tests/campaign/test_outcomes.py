@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a system that crashes now and then: it is told, everywhere and in full."""
+"""What becomes of a system that crashes now and then: it is reported, everywhere and in full."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ CRASHES = 12
 """Seeds that are 0, 3 or 6 modulo 10: three runs in ten."""
 
 
-def test_a_system_that_crashes_in_three_runs_of_ten_is_told_everywhere(tmp_path: Path) -> None:
+def test_a_system_that_crashes_in_three_runs_of_ten_is_reported_everywhere(tmp_path: Path) -> None:
     (tmp_path / "sequence").mkdir()
     folder = ResultFolder(tmp_path / "results" / "tiny")
     folder.create()
@@ -26,9 +26,9 @@ def test_a_system_that_crashes_in_three_runs_of_ten_is_told_everywhere(tmp_path:
     executor = ProcessExecutor(played, stand_in_sim(tmp_path), None, 2)
     todo = [virtual_spec(seed=n, repetition=n, params={"sim_act": "some"}) for n in range(RUNS)]
     verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor).run(todo, Quiet())
-    assert (verdict.done, verdict.trusted, verdict.not_completed) == (RUNS, RUNS, CRASHES)
+    assert (verdict.done, verdict.valid, verdict.not_completed) == (RUNS, RUNS, CRASHES)
     # None of them is executed again, neither now nor by a later campaign.
-    assert {folder.state(spec.run_key) for spec in todo} == {"trusted"}
+    assert {folder.state(spec.run_key) for spec in todo} == {"valid"}
     assert {folder.store.attempts_of(spec.run_key) for spec in todo} == {1}
     runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in todo]
     folder.write_json("experiment.json", {"experiment": {"id": "tiny"}, "runs": runs})
@@ -41,7 +41,7 @@ def test_a_system_that_crashes_in_three_runs_of_ten_is_told_everywhere(tmp_path:
     assert died["coverage"].eq(0).all() and died["not_completed"].all()
     assert died["outcome_reason"].str.contains("signal 11").all()
     page = paths.markdown.read_text()
-    assert f"{RUNS} to be trusted, {CRASHES} of them did not complete" in page
+    assert f"{RUNS} valid, {CRASHES} of them did not complete" in page
     assert f"{CRASHES} of {RUNS} runs died: slambed-sim: signal 11" in page
     cells = pd.read_csv(folder.path / "report" / "tables" / "cells_1.csv")
     (share,) = (name for name in cells.columns if name.startswith("runs that did not complete"))

@@ -15,15 +15,15 @@ from slambed.errors import ExitCode
 from slambed.spec.run_spec import RunSpec
 
 
-def experiment(results: Path, name: str, runs: list[RunSpec], untrusted: int = 0) -> ResultFolder:
-    """An experiment that was run; the last `untrusted` of its runs are not to be trusted."""
+def experiment(results: Path, name: str, runs: list[RunSpec], invalid: int = 0) -> ResultFolder:
+    """An experiment that was run; the last `invalid` of its runs are invalid."""
     folder = ResultFolder(results / name)
     folder.create()
     for number, spec in enumerate(runs):
         raw = folder.new_raw(spec.run_key)
         (raw / "manifest.json").write_text(json.dumps({"spec": spec.model_dump(mode="json")}))
-        trusted = number < len(runs) - untrusted
-        (raw / "summary.json").write_text(json.dumps({"trusted": trusted, "ate_rmse_m": number}))
+        valid = number < len(runs) - invalid
+        (raw / "summary.json").write_text(json.dumps({"valid": valid, "ate_rmse_m": number}))
         (raw / "events.parquet").write_bytes(b"events")
         folder.commit(spec.run_key, raw)
     listed = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in runs]
@@ -37,9 +37,9 @@ def experiment(results: Path, name: str, runs: list[RunSpec], untrusted: int = 0
 
 @pytest.fixture
 def packed(tmp_path: Path) -> Path:
-    """Four runs of `tiny`, the last not to be trusted, and another experiment beside them."""
+    """Four runs of `tiny`, the last invalid, and another experiment beside them."""
     runs = specs(cells=2, runs=3)
-    experiment(tmp_path / "here", "tiny", runs[:4], untrusted=1)
+    experiment(tmp_path / "here", "tiny", runs[:4], invalid=1)
     experiment(tmp_path / "here", "other", runs[4:])
     file = tmp_path / "tiny.tar.xz"
     code, out, err = slambed("results", "pack", "tiny", "-o", str(file), *of(tmp_path / "here"))
@@ -63,10 +63,10 @@ def test_another_machine_goes_on_from_what_was_packed(packed: Path, tmp_path: Pa
     assert f"3 runs, 3 of them new in {there}" in unpack(packed, there)
     runs = specs(cells=2, runs=3)[:4]
     folder = ResultFolder(there / "tiny")
-    assert [folder.state(run.run_key) for run in runs] == ["trusted"] * 3 + ["missing"]
+    assert [folder.state(run.run_key) for run in runs] == ["valid"] * 3 + ["missing"]
     assert folder.run_keys() == sorted(run.run_key for run in runs[:3])
     found = status_of(there, "tiny", None, {"test"})
-    assert sum(cell.trusted for cell in found.cells) == 3
+    assert sum(cell.valid for cell in found.cells) == 3
     assert sum(cell.missing for cell in found.cells) == 1
     assert (there / "tiny" / "groundtruth" / "hall.txt").is_file()
     assert not (there / "other").exists()
@@ -91,7 +91,7 @@ def test_whole_runs_have_their_events(packed: Path, tmp_path: Path) -> None:
         assert (run / "events.parquet").read_bytes() == b"events"
 
 
-def test_what_is_there_and_trusted_stays(packed: Path, tmp_path: Path) -> None:
+def test_what_is_there_and_valid_stays(packed: Path, tmp_path: Path) -> None:
     here = tmp_path / "here"
     plan = (here / "tiny" / "experiment.json").read_bytes()
     runs = {path.name: path.stat().st_ino for path in (here / "runs").iterdir()}
@@ -109,7 +109,7 @@ def test_a_torn_file_leaves_no_half_run(packed: Path, tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "results", "unpack", str(torn), *of(there))
     assert "torn.tar.xz is torn" in line
     for run in (there / "runs").iterdir():
-        assert json.loads((run / "summary.json").read_bytes())["trusted"]
+        assert json.loads((run / "summary.json").read_bytes())["valid"]
     assert [path.name for path in (there / ".work").iterdir()] == [".lock"]
 
 
@@ -139,7 +139,7 @@ def test_a_foreign_archive_is_refused_and_writes_nothing(
     assert [path.name for path in there.rglob("*") if path.is_file()] == [".lock"]
 
 
-def test_what_cannot_be_packed_or_unpacked_is_told(packed: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_packed_or_unpacked_is_reported(packed: Path, tmp_path: Path) -> None:
     here = tmp_path / "here"
     line = refused(2, "results", "pack", "tyni", "-o", str(packed), *of(here))
     assert "no results of tyni" in line and "other, tiny" in line

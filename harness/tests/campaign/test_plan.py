@@ -83,7 +83,7 @@ def test_a_dataset_has_playback_for_what_an_experiment_leaves_open(
     with pytest.raises(SlambedError, match="does not go with the experiment's"):
         own.playback(Playback(end_s=0.05))
     # What a run means has what its dataset said.
-    monkeypatch.setattr(planning, "prepare_sequence", lambda name, say: own)
+    monkeypatch.setattr(planning, "prepare_sequence", lambda name, notify: own)
     assert {s.playback.fps for s in plan_with(["here"], tmp_path).specs} == {5.0}
 
 

@@ -48,7 +48,7 @@ def test_python_and_cpp_offer_the_same_frames(
     folder.create()
     executor = ProcessExecutor(played_of(plan), find_program("slambed-sim"), None, 1)
     ledger = Ledger(folder.path / "ledger.jsonl")
-    assert Runner(folder, ledger, executor).run([spec], Quiet()).trusted == 1
+    assert Runner(folder, ledger, executor).run([spec], Quiet()).valid == 1
 
     events = pd.read_parquet(folder.runs / spec.run_key / "events.parquet")
     tracked = events[events["type"] == "frame_tracked"]

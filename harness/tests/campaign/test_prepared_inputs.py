@@ -35,7 +35,7 @@ yields: live_path
 """
 
 
-class Told(list[str]):
+class Lines(list[str]):
     def __call__(self, line: str) -> None:
         self.append(line)
 
@@ -65,27 +65,27 @@ def write(library: Library, text: str, **values: object) -> None:
 @needs_programs
 def test_an_input_is_made_once_and_verified(library: Library, sequence: Path) -> None:
     write(library, MAP, sequence=sequence, more="")
-    told = Told()
-    made = prepare_input("walk_map", library, told)
-    assert told == ["making input walk_map: Map of a walk"]
+    reported = Lines()
+    made = prepare_input("walk_map", library, reported)
+    assert reported == ["making input walk_map: Map of a walk"]
     assert made.file.read_bytes()[:4] == b"SLMP"
     assert made.sha256 == inputs.sha256_of(made.file)
     assert made.record["found"]["coverage"] == 1.0
     before = made.file.read_bytes()
-    assert prepare_input("walk_map", library, told) == made
-    assert len(told) == 1  # not made again
+    assert prepare_input("walk_map", library, reported) == made
+    assert len(reported) == 1  # not made again
     (newest,) = find_prepared("walk_map")
     assert newest.record == made.record
     # A file that was changed is not used: the run gives the same bytes again.
     made.file.write_bytes(before[:-1] + b"x")
-    again = prepare_input("walk_map", library, told)
-    assert "is damaged" in told[1]
+    again = prepare_input("walk_map", library, reported)
+    assert "is damaged" in reported[1]
     assert again.file.read_bytes() == before
     # What is written of it names no place of this machine.
     assert str(library.root) not in json.dumps(made.record)
 
     write(library, PATH, sequence=sequence, map=made.file)
-    path = prepare_input("walk_path", library, told)
+    path = prepare_input("walk_path", library, reported)
     assert path.record["inputs"] == {"prior_map": made.sha256}
     assert len(path.file.read_text().splitlines()) > 30
 
@@ -96,7 +96,7 @@ def test_nothing_is_kept_of_a_run_that_breaks_a_condition(
 ) -> None:
     write(library, MAP, sequence=sequence, more=", loops_closed: 3")
     with pytest.raises(SlambedError, match="loops_closed is 0, not at least 3; nothing was kept"):
-        prepare_input("walk_map", library, Told())
+        prepare_input("walk_map", library, Lines())
     assert not find_prepared("walk_map")
     left = [path.name for path in (tmp_path / "cache" / "inputs").iterdir()]
     assert left == [".walk_map.lock"]

@@ -71,7 +71,7 @@ def test_a_run_goes_on_in_the_map_of_another(
     whole = (tmp_path / "room.slm").read_bytes()
     (tmp_path / "room.slm").write_bytes(whole[:-100])
     path = tmp_path / "second.yaml"
-    # A system that refuses its input has a result, as one that dies: told with its reason.
+    # A system that refuses its input has a result, as one that dies: reported with its reason.
     again = ("run", str(path), "--no-figures", "--results", str(tmp_path / "results"))
     code, out, err = slambed(*again)
     assert code == ExitCode.NOT_ALL_GOOD, out + err

@@ -23,7 +23,7 @@ import psutil
 import pytest
 from harness_parts import needs_root, stand_in_sim, virtual_spec
 from virtual_parts import Quiet
-from waiting import LIMIT_S, beside, until
+from waiting import LIMIT_S, in_background, until
 
 from slambed.campaign import processes, server_folder
 from slambed.campaign.executors import Executor
@@ -99,7 +99,7 @@ def test_many_jobs_with_slow_commits_complete(tmp_path: Path) -> None:
     campaign = runner(tmp_path, 16)
     todo = runs(48)
     verdict = campaign.run(todo, Quiet())
-    assert (verdict.done, verdict.trusted, verdict.given_up) == (48, 48, {})
+    assert (verdict.done, verdict.valid, verdict.given_up) == (48, 48, {})
     assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
     assert {entry["event"] for entry in campaign.ledger.read()} == {"run_started", "run_finished"}
     assert simulations(tmp_path) == []
@@ -112,12 +112,14 @@ def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path
     campaign.plans = old
     campaign.run([first], Quiet())
     campaign.plans = new
-    assert campaign.folder.state(first.run_key) == "trusted"  # so a campaign executes the other
+    assert campaign.folder.state(first.run_key) == "valid"  # so a campaign executes the other
     campaign.run([second], Quiet())
     for spec, plans in ((first, old), (second, new)):
         manifest = campaign.folder.manifest(spec.run_key)
         assert manifest is not None
-        assert {name: told.as_json() for name, told in (manifest.plans or {}).items()} == plans
+        assert {
+            name: expected.as_json() for name, expected in (manifest.plans or {}).items()
+        } == plans
         assert manifest.started_utc
 
 
@@ -167,10 +169,10 @@ def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
             twice.touch()
 
     todo = runs(9, params={"sim_until": str(twice)})
-    with beside(kill):
+    with in_background(kill):
         verdict = campaign.run(todo, Quiet())
     assert len(set(killed)) == 2 and os.getpid() not in killed
-    assert (verdict.done, verdict.trusted, verdict.given_up) == (9, 9, {})
+    assert (verdict.done, verdict.valid, verdict.given_up) == (9, 9, {})
     assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
     finished = [e["run_key"] for e in campaign.ledger.read() if e["event"] == "run_finished"]
     assert sorted(finished) == campaign.folder.run_keys()
@@ -179,7 +181,7 @@ def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
 
 @dataclass
 class Killer:
-    """Kills a process of a run now and then until it is told to end, and fewer than what one run
+    """Kills a process of a run now and then until it is asked to end, and fewer than what one run
     may bear: on a busy host the last run of a campaign is the only one left to be killed."""
 
     tmp_path: Path
@@ -206,10 +208,10 @@ def test_killed_processes_cost_no_run(tmp_path: Path) -> None:
     campaign = runner(tmp_path, 8)
     killer = Killer(tmp_path, every_s=0.5, enough=tmp_path / "killed_thrice")
     todo = runs(24, params={"sim_until": str(killer.enough), "sim_sleep_s": 0.3})
-    with beside(killer.run, killer.over):
+    with in_background(killer.run, killer.over):
         verdict = campaign.run(todo, Quiet())
     assert killer.killed >= 3
-    assert (verdict.done, verdict.trusted, verdict.given_up) == (24, 24, {})
+    assert (verdict.done, verdict.valid, verdict.given_up) == (24, 24, {})
     assert campaign.folder.run_keys() == sorted(spec.run_key for spec in todo)
     failed = [e for e in campaign.ledger.read() if e["event"] == "run_failed"]
     assert len(failed) <= killer.killed and all("was killed" in e["error"] for e in failed)
@@ -229,7 +231,7 @@ def test_virtual_runs_go_behind_what_is_live(tmp_path: Path) -> None:
                     shared = group.read_text().split()[-1] if group.exists() else str(NICE)
                     seen.append((process.nice(), process.parent().nice(), shared))
 
-    with beside(look, over):
+    with in_background(look, over):
         runner(tmp_path, 2).run(runs(2, params={"sim_sleep_s": 0.5}), Quiet())
     least = max(NICE, os.getpriority(os.PRIO_PROCESS, 0))
     assert seen and all(min(process, parent) >= least for process, parent, _ in seen)
@@ -330,8 +332,8 @@ class Failing:
             self.left[spec.seed] -= 1
             raise self.error
         for name in ("manifest.json", "summary.json"):
-            (raw / name).write_text('{"trusted": true}')
-        return Summary(trusted=True, outcome="completed")
+            (raw / name).write_text('{"valid": true}')
+        return Summary(valid=True, outcome="completed")
 
     def close(self) -> None: ...
 
@@ -385,8 +387,8 @@ def test_a_process_takes_the_next_run_and_goes_with_the_campaign(tmp_path: Path)
                 with contextlib.suppress(psutil.Error):
                     seen.add(simulation.ppid())
 
-    with beside(look, over):
-        assert campaign.run(runs(4, params={"sim_sleep_s": 0.1}), Quiet()).trusted == 4
+    with in_background(look, over):
+        assert campaign.run(runs(4, params={"sim_sleep_s": 0.1}), Quiet()).valid == 4
     (worker,) = seen - {os.getpid()}
     assert psutil.pid_exists(worker)
     campaign.executor.close()
@@ -397,7 +399,7 @@ def test_a_process_takes_the_next_run_and_goes_with_the_campaign(tmp_path: Path)
 def test_one_that_is_killed_between_two_runs_costs_nothing(tmp_path: Path) -> None:
     campaign = runner(tmp_path, 1)
     first, second = runs(2)
-    assert campaign.run([first], Quiet()).trusted == 1
+    assert campaign.run([first], Quiet()).valid == 1
     # Not any process below this one: a worker of another test may be about to end.
     (worker,) = processes_of(campaign.executor)
     worker.kill()
@@ -417,7 +419,7 @@ def test_a_process_ends_after_so_many_runs(tmp_path: Path, monkeypatch: pytest.M
         begin(worker)
 
     monkeypatch.setattr(Worker, "__init__", note)
-    assert runner(tmp_path, 1).run(runs(5), Quiet()).trusted == 5
+    assert runner(tmp_path, 1).run(runs(5), Quiet()).valid == 5
     assert len(begun) == 3
 
 
@@ -431,5 +433,5 @@ def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None
     assert "prepare_raw" in "".join(error.value.__notes__)
     (tmp_path / "raw").mkdir()
     before = processes_of(executor)
-    assert executor.execute(spec, tmp_path / "raw", never).trusted
+    assert executor.execute(spec, tmp_path / "raw", never).valid
     assert len(before) == 1 and processes_of(executor) == before

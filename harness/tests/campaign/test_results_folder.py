@@ -13,16 +13,16 @@ from harness_parts import (
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.runs_beyond_plan import further_repetitions
+from slambed.campaign.runs_beyond_plan import valid_repetitions
 from slambed.campaign.status import status_of
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec.run_spec import RunSpec
 
 
-def finished(folder: ResultFolder, spec: RunSpec, trusted: bool = True) -> None:
+def finished(folder: ResultFolder, spec: RunSpec, valid: bool = True) -> None:
     raw = folder.new_raw(spec.run_key)
     (raw / "manifest.json").write_text(json.dumps({"spec": spec.model_dump(mode="json")}))
-    (raw / "summary.json").write_text(json.dumps({"trusted": trusted, "distrust": "why"}))
+    (raw / "summary.json").write_text(json.dumps({"valid": valid, "invalid_reason": "why"}))
     folder.commit(spec.run_key, raw)
 
 
@@ -45,14 +45,14 @@ def test_a_run_folder_is_whole_or_missing(tmp_path: Path) -> None:
     assert folder.state(key) == "missing"
     raw = folder.new_raw(key)
     (raw / "manifest.json").write_text("{}")
-    (raw / "summary.json").write_text('{"trusted": true}')
+    (raw / "summary.json").write_text('{"valid": true}')
     (raw / "mobile").mkdir()
     (raw / "mobile" / "trajectory.txt").write_text("0 0 0 0 0 0 0 1\n")
     (raw / "mobile" / "log.txt").write_text("hello\n")
     (raw / "events.parquet").write_bytes(b"x")
     assert folder.state(key) == "missing"
     folder.commit(key, raw)
-    assert folder.state(key) == "trusted"
+    assert folder.state(key) == "valid"
     place = folder.runs / key
     found = sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
     assert found == [
@@ -64,25 +64,25 @@ def test_a_run_folder_is_whole_or_missing(tmp_path: Path) -> None:
     ]
     folder.close()
     assert list((tmp_path / ".work").iterdir()) == [tmp_path / ".work" / ".lock"]
-    (place / "summary.json").write_text('{"trusted": tr')
+    (place / "summary.json").write_text('{"valid": tr')
     assert folder.state(key) == "missing"
 
 
-def test_a_new_attempt_replaces_an_untrusted_one_which_is_kept(tmp_path: Path) -> None:
+def test_a_new_attempt_replaces_an_invalid_one_which_is_kept(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     spec = run_spec()
     for number in (1, 2):
-        finished(folder, spec, trusted=False)
-        assert folder.state(spec.run_key) == "untrusted"
+        finished(folder, spec, valid=False)
+        assert folder.state(spec.run_key) == "invalid"
         assert folder.store.attempts_of(spec.run_key) == number
-    finished(folder, spec, trusted=True)
-    assert folder.state(spec.run_key) == "trusted"
+    finished(folder, spec, valid=True)
+    assert folder.state(spec.run_key) == "valid"
     assert folder.store.attempts_of(spec.run_key) == 3
     kept = tmp_path / "attempts" / spec.run_key
     assert sorted(path.name for path in kept.iterdir()) == ["1", "2"]
     inode = (folder.store.runs / spec.run_key).stat().st_ino
-    finished(folder, spec, trusted=False)  # a campaign beside that one was slower
+    finished(folder, spec, valid=False)  # a campaign beside that one was slower
     assert (folder.store.runs / spec.run_key).stat().st_ino == inode
     assert folder.run_keys() == [spec.run_key]
 
@@ -109,7 +109,7 @@ def test_further_repetitions_of_the_same_cell_are_found_by_their_keys(tmp_path: 
         finished(folder, spec)
     finished(folder, run_spec(cell="c1", params={"x": 1}, repetition=3, seed=3))
     planned = [spec for spec in made if spec.repetition < 2]
-    assert further_repetitions(folder.store, planned) == made[2:4]
+    assert valid_repetitions(folder.store, planned) == made[2:4]
 
 
 def test_runs_of_the_older_layout_get_their_place_in_the_store(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_runs_of_the_older_layout_get_their_place_in_the_store(tmp_path: Path) -
         run = tmp_path / "tiny" / place / key
         run.mkdir(parents=True)
         for name in ("manifest.json", "summary.json"):
-            (run / name).write_text('{"trusted": true}')
+            (run / name).write_text('{"valid": true}')
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     assert folder.store.keys() == ["a" * 16, "b" * 16]
@@ -139,19 +139,19 @@ def test_a_campaign_leaves_the_work_of_a_living_one_and_removes_that_of_a_dead_o
         folder.close()
 
 
-def test_status_tells_missing_and_untrusted_runs(tmp_path: Path) -> None:
+def test_status_reports_missing_and_invalid_runs(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     wanted = specs(cells=1, runs=3)
     finished(folder, wanted[0])
-    finished(folder, wanted[1], trusted=False)
+    finished(folder, wanted[1], valid=False)
     (folder.runs / "foreign").mkdir()
     runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in wanted]
     folder.write_json("experiment.json", {"runs": runs, "software": "test", "file": {}})
     found = status_of(tmp_path, "tiny", None, {"test"})
     cell = found.cells[0]
-    assert (cell.trusted, len(cell.untrusted), cell.missing) == (1, 1, 1)
-    assert "why" in cell.untrusted[0]
+    assert (cell.valid, len(cell.invalid), cell.missing) == (1, 1, 1)
+    assert "why" in cell.invalid[0]
     assert not found.complete
     assert any("foreign: not a run of this experiment" in line for line in found.notes)
     newer = status_of(tmp_path, "tiny", None, {"newer"})

@@ -62,7 +62,7 @@ def play(plan: Plan, path: Path, program: Path) -> dict[str, str]:
     folder.create()
     executor = ProcessExecutor(played_of(plan), program, path / "features", 1)
     verdict = Runner(folder, Ledger(path / "ledger.jsonl"), executor).run(plan.specs, Quiet())
-    assert (verdict.done, verdict.trusted) == (len(plan.specs), len(plan.specs))
+    assert (verdict.done, verdict.valid) == (len(plan.specs), len(plan.specs))
     return fingerprints(folder)
 
 

@@ -17,7 +17,7 @@ import psutil
 import pytest
 import yaml
 from command_line import slambed
-from harness_parts import TOLERANCES, is_trusted, segmenters
+from harness_parts import TOLERANCES, is_valid_run, segmenters
 from test_campaign_end_to_end import image_is_built, programs_are_built
 from test_faults_end_to_end import Run
 from virtual_parts import make_sequence
@@ -71,11 +71,11 @@ def play(
     assert code in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), out + err
     found = [Run(run) for run in (results / "segmented" / "runs").iterdir()]
     assert len(found) == len(variants), out + err
-    trusted = [run for run in found if is_trusted(run.summary)]
-    for run in trusted:
+    valid = [run for run in found if is_valid_run(run.summary)]
+    for run in valid:
         assert run.summary["outcome"] == "completed", run.summary
     assert segmenters(results) == []
-    return {str(run.summary["variant"]): run for run in trusted}
+    return {str(run.summary["variant"]): run for run in valid}
 
 
 def stages(run: Run, name: str) -> pd.DataFrame:
@@ -92,9 +92,11 @@ def test_every_picture_that_came_is_segmented_and_none_besides(engine: str, tmp_
         held = run.of("mask_held")
         assert segmented == len(held) > 5, variant
         assert run.of("segment_failed").empty, variant
-        told = [json.loads(extra) for extra in held["extra"]]  # the table has no columns for them
+        reported = [
+            json.loads(extra) for extra in held["extra"]
+        ]  # the table has no columns for them
         # The end of a run does not wait for what is held back last.
-        assert all(t["took_ms"] + t["held_ms"] >= FLOOR_MS - 1 for t in told[:-1]), variant
+        assert all(t["took_ms"] + t["held_ms"] >= FLOOR_MS - 1 for t in reported[:-1]), variant
         if variant == "maskslam_offloaded":
             assert segmented == len(run.of("frame_sent")) == len(run.of("frame_answered"))
         else:
@@ -201,7 +203,7 @@ def test_a_segmenter_that_dies_is_started_again(
         # A picture may have been on its way to the dead one.
         assert (failed["t_ns"] > back_ns).sum() <= 1, variant
         assert run.summary["segmenter_restarts"] == 1, variant
-        beside = json.loads((run.folder / "manifest.json").read_text())["beside"]
+        beside = json.loads((run.folder / "manifest.json").read_text())["sidecar"]
         assert beside["segmenter_restarts"] == 1, variant
         assert beside["segmenter_cpu_s"] is None, variant
 

@@ -40,7 +40,7 @@ def make(
     folder.create()
     pool = ProcessExecutor(played_of(plan), find_program("slambed-sim"), features, jobs)
     verdict = Runner(folder, Ledger(path / "ledger.jsonl"), pool).run(order, Quiet())
-    assert (verdict.done, verdict.trusted) == (len(order), len(order))
+    assert (verdict.done, verdict.valid) == (len(order), len(order))
     return folder
 
 

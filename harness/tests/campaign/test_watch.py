@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed watch` tells of a campaign that runs, and that it leaves it alone."""
+"""What `slambed watch` reports a campaign that runs, and that it leaves it alone."""
 
 import json
 import os
@@ -31,7 +31,7 @@ def results(tmp_path: Path) -> Path:
     ledger = Ledger(experiment / "ledger.jsonl")
     ledger.append("campaign_started", runs=5, todo=["k1", "k2", "k3"])
     ledger.append("run_started", run_key="k1", cell="sys/room/ramp", repetition=0)
-    ledger.append("run_finished", run_key="k1", cell="sys/room/ramp", trusted=True)
+    ledger.append("run_finished", run_key="k1", cell="sys/room/ramp", valid=True)
     ledger.append("run_started", run_key="k2", cell="sys/room/ramp", repetition=1)
     raw = RawRun(lost_at_s=((6.0, 7.5),))
     write_raw(folder / ".work" / f"{os.getpid()}-abcd" / "k2", raw)
@@ -73,7 +73,7 @@ def test_what_comes_is_added_to_what_was_there(results: Path) -> None:
     assert follower.look(0.0) == whole
 
 
-def test_the_newest_rtt_and_node_state_are_told(tmp_path: Path) -> None:
+def test_the_newest_rtt_and_node_state_are_reported(tmp_path: Path) -> None:
     (tmp_path / "mobile").mkdir()
     events = [
         {"t_ns": 1, "type": "state_changed", "from": "start", "to": "OS"},
@@ -105,7 +105,7 @@ def test_a_narrow_terminal_shows_the_same(results: Path) -> None:
 def test_json_has_the_same_numbers(results: Path) -> None:
     _, out, _ = slambed("watch", "--once", "--json", "--results", str(results))
     (campaign,) = json.loads(out)["campaigns"]
-    assert campaign["state"]["trusted"] == 1 and campaign["state"]["pid"] == os.getpid()
+    assert campaign["state"]["valid"] == 1 and campaign["state"]["pid"] == os.getpid()
     (run,) = campaign["playing"]
     assert run["run_key"] == "k2" and run["track_losses"] == 1
     assert set(run["nodes"]) == {"mobile", "edge"}
@@ -120,7 +120,7 @@ def test_nothing_is_written_and_no_lock_is_needed(results: Path) -> None:
     assert there() == before
 
 
-def test_a_run_without_files_yet_is_told_as_begun(results: Path) -> None:
+def test_a_run_without_files_yet_is_reported_as_begun(results: Path) -> None:
     for path in raw_of(results).rglob("*.jsonl"):
         path.unlink()
     _, out, _ = slambed("watch", "--once", "--results", str(results))

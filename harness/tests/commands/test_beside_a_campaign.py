@@ -71,7 +71,7 @@ def put_runs(tmp_path: Path) -> None:
         folder = store.runs / spec.run_key
         folder.mkdir(parents=True)
         (folder / "manifest.json").write_text("{}")
-        (folder / "summary.json").write_text(json.dumps({"trusted": True, "outcome": "completed"}))
+        (folder / "summary.json").write_text(json.dumps({"valid": True, "outcome": "completed"}))
 
 
 @needs_root
@@ -91,7 +91,7 @@ def test_where_all_runs_are_there_the_report_needs_no_host(
     tmp_path: Path, lock: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked, shown = command(tmp_path), []
-    monkeypatch.setattr(reporting, "show_report", lambda *told: shown.append(told))
+    monkeypatch.setattr(reporting, "show_report", lambda *expected: shown.append(expected))
     # Nor does anybody look whether the host is quiet.
     monkeypatch.setattr("slambed.campaign.quiet.look", lambda: pytest.fail("looked at the host"))
     put_runs(tmp_path)
@@ -156,6 +156,6 @@ def test_commands_that_do_not_wait_do_not_name_the_option(lock: Path) -> None:
 def test_a_lock_of_an_earlier_version_is_understood(tmp_path: Path, lock: Path) -> None:
     with another_campaign(lock):
         lock.write_text(json.dumps({"pid": 7, "purpose": "slambed run old"}))
-        told = r": slambed run old \(process 7\); stop it"
-        with pytest.raises(SlambedError, match=told), host_lock("mine", lock):
+        message = r": slambed run old \(process 7\); stop it"
+        with pytest.raises(SlambedError, match=message), host_lock("mine", lock):
             pass

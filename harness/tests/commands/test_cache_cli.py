@@ -59,7 +59,7 @@ def test_an_empty_cache_takes_nothing(tmp_path: Path, monkeypatch: pytest.Monkey
     assert not (tmp_path / "none").exists()
 
 
-def test_prune_frees_what_nobody_used_and_only_if_told_so(cache: Path) -> None:
+def test_prune_frees_what_nobody_used_and_only_if_asked_to(cache: Path) -> None:
     before = left(cache)
     code, out, _ = slambed("cache", "prune")
     assert code == ExitCode.OK and "would remove 2 items" in out and left(cache) == before

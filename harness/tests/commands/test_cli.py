@@ -43,7 +43,7 @@ def test_an_unknown_experiment_names_its_neighbor() -> None:
     assert "did you mean 'quickstart'" in refused(ExitCode.BAD_INPUT, "run", "quikstart")
 
 
-def test_what_is_no_experiment_is_told_for_what_it_is(tmp_path: Path) -> None:
+def test_what_is_no_experiment_is_reported_for_what_it_is(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "run", str(tmp_path))
     assert f"{tmp_path} is a folder" in line
     line = refused(ExitCode.BAD_INPUT, "run", "mine.YML")
@@ -145,8 +145,8 @@ def test_status_and_report_of_nothing_say_how_to_begin(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "report", "quickstart", *nothing)
     assert "slambed run quickstart" in line
     code, out, err = slambed("status", "quickstart", *nothing)
-    told = "not run yet: 0 of 9 runs; start with 'slambed run quickstart'"
-    assert (code, out.strip(), err) == (ExitCode.OK, told, "")
+    message = "not run yet: 0 of 9 runs; start with 'slambed run quickstart'"
+    assert (code, out.strip(), err) == (ExitCode.OK, message, "")
     _, out, _ = slambed("status", "sensors", *nothing)
     assert "0 of at most 8 runs" in out
     line = refused(ExitCode.BAD_INPUT, "status", "quikstart", *nothing)
@@ -178,7 +178,7 @@ sys.exit(main.run_command(["doctor"]))
     assert "a bug of slambed" in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
-def test_doctor_tells_about_every_topic() -> None:
+def test_doctor_reports_about_every_topic() -> None:
     code, out, _ = slambed("doctor", COLUMNS="200")
     assert code in (ExitCode.OK, ExitCode.ENVIRONMENT)
     for topic in ("docker", "netem", "tun", "cgroups", "cores", "data", "privilege", "programs"):

@@ -97,7 +97,7 @@ def test_a_cache_that_is_closed_to_us_is_one_line(checkout: Path, command: tuple
     assert "set SLAMBED_CACHE" in line
 
 
-def test_the_closed_folders_are_told(checkout: Path) -> None:
+def test_the_closed_folders_are_reported(checkout: Path) -> None:
     code, out, _ = as_nobody(checkout, "data", "where")
     assert code == ExitCode.OK and "slambed/data  (permission denied)" in out
     code, out, _ = as_nobody(checkout, "doctor", COLUMNS="300")

@@ -97,7 +97,7 @@ def test_status_counts_the_runs_of_each_cell(tmp_path: Path) -> None:
     assert slambed("run", str(path), "--no-figures", *place)[0] == 0
     found = document("status", "walk", *place)
     assert found["complete"] is True and len(found["cells"]) == 2
-    assert all(c["trusted"] == 1 and not c["missing"] for c in found["cells"])
+    assert all(c["valid"] == 1 and not c["missing"] for c in found["cells"])
     gone = next((tmp_path / "results/runs").iterdir())
     shutil.rmtree(gone)
     found = document("status", "walk", *place, code=1)

@@ -47,7 +47,7 @@ def test_changed_numbers_are_not_described_as_the_files(tmp_path: Path) -> None:
         assert second.startswith("the file, of its own numbers: Up") and own in second
 
 
-def test_every_impairment_is_told(tmp_path: Path) -> None:
+def test_every_impairment_is_reported(tmp_path: Path) -> None:
     trace = tmp_path / "up.trace"
     trace.write_text("\n".join(str(ms) for ms in range(1, 2001, 3)))
     path = tmp_path / "mine.yaml"
@@ -84,7 +84,7 @@ def test_a_time_that_cannot_be_shown_is_refused(tmp_path: Path, until: str) -> N
     assert not picture.exists()
 
 
-def test_a_picture_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_picture_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     arguments = ["show", "ramp", "--output", str(tmp_path / "nowhere" / "x.png")]
     with pytest.raises(SlambedError, match="No such file or directory; choose another --output"):
         RUNNER.invoke(app, arguments, catch_exceptions=False)
@@ -131,7 +131,7 @@ def test_a_picture_that_nobody_asked_for_is_not_put_where_one_works(
     assert not list(here.iterdir())
 
 
-def test_a_figure_is_told_by_the_name_that_it_gets(tmp_path: Path) -> None:
+def test_a_figure_is_reported_by_the_name_that_it_gets(tmp_path: Path) -> None:
     arguments = ["show", "ramp", "--output", str(tmp_path / "x")]
     result = RUNNER.invoke(app, arguments, catch_exceptions=False)
     assert f"plot: {tmp_path / 'x.png'}" in result.stdout.replace("\n", "")

@@ -149,26 +149,26 @@ def test_a_limit_on_the_size_of_files_does_not_kill_the_simulation(tmp_path: Pat
         as_child()
 
     with (tmp_path / "log").open("wb") as log:
-        told = subprocess.run(
+        completed = subprocess.run(
             ["head", "-c", "5000", "/dev/zero"],
             stdout=log,
             stderr=subprocess.PIPE,
             check=False,
             preexec_fn=start,
         )
-    assert told.returncode == 1 and b"File too large" in told.stderr
+    assert completed.returncode == 1 and b"File too large" in completed.stderr
 
 
 @pytest.mark.parametrize("number", REMEDIES)
 def test_what_a_disk_refuses_names_the_file_and_a_remedy(tmp_path: Path, number: int) -> None:
     path = tmp_path / "table.csv"
     refused = OSError(number, os.strerror(number), str(path))
-    told = refused_write(refused)
-    assert told is not None and told.code == ExitCode.ENVIRONMENT
-    assert str(told).startswith(f"{path}: {os.strerror(number)}; {REMEDIES[number]}")
+    reported = refused_write(refused)
+    assert reported is not None and reported.code == ExitCode.ENVIRONMENT
+    assert str(reported).startswith(f"{path}: {os.strerror(number)}; {REMEDIES[number]}")
     behind = ValueError("half a file")
     behind.__context__ = refused
-    assert str(refused_write(behind)) == str(told)
+    assert str(refused_write(behind)) == str(reported)
 
 
 def test_a_file_that_was_open_is_named_too(tmp_path: Path) -> None:
@@ -183,17 +183,17 @@ def test_a_file_that_was_open_is_named_too(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_like_dev_null(tmp_path: Path, closed: str) -> None:
-    told = tmp_path / "told.csv"
+    reported = tmp_path / "stdout.csv"
     truth = tmp_path / "truth.txt"
     truth.write_text("".join(f"{t} {t} {t % 2} 0 0 0 0 1\n" for t in range(9)))
-    script = f'"$@" {closed} && exec "$@" >{told}'
+    script = f'"$@" {closed} && exec "$@" >{reported}'
     command = ["bash", "-c", script, "bash", *SLAMBED, "evaluate", str(truth), str(truth)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == ExitCode.OK, done.stderr
-    assert told.read_text().startswith("ATE RMSE 0.000000 m")
+    assert reported.read_text().startswith("ATE RMSE 0.000000 m")
     assert truth.read_text().count("\n") == 9
 
 
-def test_an_error_is_no_bug_where_nobody_can_be_told_of_it() -> None:
+def test_an_error_is_no_bug_where_nobody_can_receive_it() -> None:
     done = subprocess.run(["bash", "-c", '"$@" 2>&-', "bash", *SLAMBED, "rnu"], check=False)
     assert done.returncode == ExitCode.BAD_INPUT

@@ -50,17 +50,17 @@ def test_a_parameter_has_default_range_unit_and_source() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "told"),
+    ("kind", "name", "expected"),
     [
         ("systems", "orbslam", "did you mean 'orbslam2'"),
         ("devices", "raspberry_pi", "raspberry_pi_4"),
         ("experiments", "quikstart", "did you mean 'quickstart'"),
     ],
 )
-def test_an_unknown_one_is_one_line(kind: str, name: str, told: str) -> None:
+def test_an_unknown_one_is_one_line(kind: str, name: str, expected: str) -> None:
     code, _, err = slambed(kind, "show", name)
     assert code == ExitCode.BAD_INPUT
-    assert told in err and len(err.splitlines()) == 1
+    assert expected in err and len(err.splitlines()) == 1
 
 
 def test_a_file_that_cannot_be_read_is_a_row(

@@ -40,7 +40,7 @@ def status_finds(named: str, expected: int = 1) -> tuple[tuple[int, int], list[s
     assert code == expected, err
     found = json.loads(out)
     assert found["complete"] is (expected == 0)
-    there = sum(cell["trusted"] + len(cell["untrusted"]) for cell in found["cells"])
+    there = sum(cell["valid"] + len(cell["invalid"]) for cell in found["cells"])
     return (there, sum(cell["missing"] for cell in found["cells"])), found["notes"]
 
 

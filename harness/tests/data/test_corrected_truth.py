@@ -82,8 +82,8 @@ def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
         new = read(run, "summary.json")
         assert new["groundtruth"] != summary["groundtruth"]
         assert new["ate_rmse_m"] > 2 * summary["ate_rmse_m"]
-        told = read(run, "manifest.json")["results_sha256"]
-        assert told != manifest["results_sha256"] and told == digest(run)
+        reported = read(run, "manifest.json")["results_sha256"]
+        assert reported != manifest["results_sha256"] and reported == digest(run)
         # What does not hang on the truth is what it was.
         assert new["frames_tracked"] == summary["frames_tracked"]
     for path, status in measured.items():
@@ -121,7 +121,7 @@ def test_of_a_dataset_that_was_given_by_path(tmp_path: Path) -> None:
     after = read(run, "summary.json")
     assert after["ate_rmse_m"] > 2 * before["ate_rmse_m"]
 
-    # Gone, or called from another folder: told, because the kept path may be an old one.
+    # Gone, or called from another folder: reported, because the kept path may be an old one.
     folder.rename(tmp_path / "moved")
     out = command("report", "corrected", "--again", "--no-figures")
     assert "note: ./my_room is not there; ground truth is what was kept beside the runs" in out

@@ -39,9 +39,11 @@ def image(ns: int, plane: np.ndarray[Any, Any], encoding: str, **changes: Any) -
     return message("sensor_msgs/msg/Image", **(values | changes))
 
 
-def compressed(ns: int, told: str, data: bytes) -> Any:
+def compressed(ns: int, expected: str, data: bytes) -> Any:
     packed = np.frombuffer(data, np.uint8)
-    return message("sensor_msgs/msg/CompressedImage", header=header(ns), format=told, data=packed)
+    return message(
+        "sensor_msgs/msg/CompressedImage", header=header(ns), format=expected, data=packed
+    )
 
 
 def pose(x: float, w: float = 1.0) -> Any:
@@ -85,8 +87,8 @@ def png(plane: np.ndarray[Any, Any]) -> bytes:
     return bytes(cv2.imencode(".png", plane)[1].tobytes())
 
 
-def with_depth(tmp_path: Path, told: str, head: bytes, plane: np.ndarray[Any, Any]) -> Any:
-    messages = [compressed(START_NS + i * 10**8, told, head + png(plane)) for i in range(3)]
+def with_depth(tmp_path: Path, expected: str, head: bytes, plane: np.ndarray[Any, Any]) -> Any:
+    messages = [compressed(START_NS + i * 10**8, expected, head + png(plane)) for i in range(3)]
     return reader(write(tmp_path / "b.bag", {"/gray": pictures(), "/second": messages}), "rgbd")
 
 
@@ -109,15 +111,17 @@ def test_raw_depth_behind_its_header(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "complaint"),
+    ("expected", "complaint"),
     [
         ("16UC1; compressedDepth rvl", "RVL compression is not supported"),
         ("compressedDepth", "does not say what the depth was"),
     ],
 )
-def test_depth_that_cannot_be_decoded_is_named(tmp_path: Path, told: str, complaint: str) -> None:
+def test_depth_that_cannot_be_decoded_is_named(
+    tmp_path: Path, expected: str, complaint: str
+) -> None:
     with pytest.raises(SlambedError, match=complaint) as error:
-        list(with_depth(tmp_path, told, bytes(12), depth(0)))
+        list(with_depth(tmp_path, expected, bytes(12), depth(0)))
     assert "b.bag /second" in one_line(error)
 
 
@@ -161,7 +165,7 @@ def test_header_stamps_that_are_zero(tmp_path: Path) -> None:
         len(reader(bag))
 
 
-def test_header_stamps_that_repeat_are_told(tmp_path: Path) -> None:
+def test_header_stamps_that_repeat_are_reported(tmp_path: Path) -> None:
     messages = [*pictures(), pictures()[2]]
     found = reader(write(tmp_path / "b.bag", {"/gray": messages}))
     assert len(found) == 3 and "1 images have the stamp of another one" in found.notes[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from data_samples import one_line, tum_recipe, write_prepared, write_tum
-from waiting import beside
+from waiting import in_background
 
 from slambed.data import places
 from slambed.data.catalog import Catalog, in_reading_order, prepare
@@ -54,7 +54,7 @@ def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("extra", "told"),
+    ("extra", "expected"),
     [
         ({"dpeth_unit_m": "1"}, "did you mean 'depth_unit_m'?"),
         ({"camera": "{ widht: 3 }"}, "did you mean 'width'?"),
@@ -70,12 +70,12 @@ def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
         ({"on": "3"}, "key True is not text (quote it)"),
     ],
 )
-def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], told: str) -> None:
+def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], expected: str) -> None:
     file = tum_recipe(tmp_path, **extra)
     with pytest.raises(SlambedError) as error:
         load_recipe(file)
     assert str(file) in one_line(error)
-    assert told in one_line(error)
+    assert expected in one_line(error)
 
 
 def test_unknown_key_has_its_line(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_two_at_once_prepare_only_once(home: Path) -> None:
         both_in.wait()
         mine.prepare("tiny_tum", home / "cache", lambda d, _: starts.append(d) if d == 1 else None)
 
-    with beside(work):
+    with in_background(work):
         work()
     assert starts == [1]
     assert len(entries(home)) == 1
@@ -211,7 +211,7 @@ def test_an_absolute_path_is_where_it_says(home: Path) -> None:
 
 
 @pytest.mark.parametrize("pattern", ["''", "/", "a**b"])
-def test_what_is_no_pattern_is_told_with_its_line(tmp_path: Path, pattern: str) -> None:
+def test_what_is_no_pattern_is_reported_with_its_line(tmp_path: Path, pattern: str) -> None:
     file = tum_recipe(tmp_path, paths=f"[{pattern}]")
     with pytest.raises(SlambedError) as error:
         load_recipe(file)

@@ -26,10 +26,10 @@ def walk(tmp_path: Path) -> Path:
 
 
 def prepare(home: Path, name: str = "tiny_tum") -> tuple[PreparedSequence, str]:
-    """The sequence, and what was told."""
-    told: list[str] = []
+    """The sequence, and what was reported."""
+    reported: list[str] = []
     catalog = Catalog.load(home / "datasets", [home / "data"])
-    return catalog.prepare(name, home / "cache", say=told.append), "\n".join(told)
+    return catalog.prepare(name, home / "cache", notify=reported.append), "\n".join(reported)
 
 
 def refused(home: Path) -> str:
@@ -56,27 +56,27 @@ def retime(walk: Path, times: list[str], poses: list[str] | None = None) -> None
 @pytest.mark.parametrize(
     ("factor", "name"), [(10**3, "milliseconds"), (10**6, "microseconds"), (10**9, "nanoseconds")]
 )
-def test_units_of_time_are_recognized_and_told(
+def test_units_of_time_are_recognized_and_reported(
     walk: Path, tmp_path: Path, factor: int, name: str
 ) -> None:
     retime(walk, [str((EPOCH_S * 10 + i) * factor // 10) for i in range(4)])
-    sequence, told = prepare(tmp_path)
+    sequence, reported = prepare(tmp_path)
     assert sequence.duration_s == pytest.approx(0.3) and sequence.groundtruth() is not None
-    assert f"rgb.txt: times are read as {name}" in told
-    assert f"times of the ground truth are read as {name}" in told
+    assert f"rgb.txt: times are read as {name}" in reported
+    assert f"times of the ground truth are read as {name}" in reported
 
 
 def test_a_unit_that_is_not_certain_is_asked_for(walk: Path, tmp_path: Path) -> None:
     retime(walk, ["0", "100", "200", "300"])
     assert "100 apart, which in seconds does not go with fps 10; say" in refused(tmp_path)
     tum_recipe(tmp_path / "datasets", reader_options="{time_unit: ms}")
-    sequence, told = prepare(tmp_path)
-    assert sequence.duration_s == pytest.approx(0.3) and "rgb.txt" not in told
+    sequence, reported = prepare(tmp_path)
+    assert sequence.duration_s == pytest.approx(0.3) and "rgb.txt" not in reported
     tum_recipe(tmp_path / "datasets", reader_options="{time_unit: min}")
     assert "time_unit must be s, ms, us or ns, not 'min'" in refused(tmp_path)
 
 
-def test_a_clock_that_jumps_is_told_with_line_and_frame(walk: Path, tmp_path: Path) -> None:
+def test_a_clock_that_jumps_is_reported_with_line_and_frame(walk: Path, tmp_path: Path) -> None:
     retime(walk, ["12.0", "12.1", f"{EPOCH_S}.2", f"{EPOCH_S}.3"])
     line = refused(tmp_path)
     assert "rgb.txt:3: times jump by 41.4 years from frame 1 (12.100000 s) to frame 2" in line
@@ -97,25 +97,27 @@ def test_zeros_and_single_frames_are_refused(walk: Path, tmp_path: Path) -> None
     assert "rgb.txt:1: the dataset has one frame" in refused(tmp_path)
 
 
-def test_lines_out_of_order_are_played_in_order_and_told(walk: Path, tmp_path: Path) -> None:
+def test_lines_out_of_order_are_played_in_order_and_reported(walk: Path, tmp_path: Path) -> None:
     before = prepare(tmp_path)[0].checksum
     lines = (walk / "rgb.txt").read_text().splitlines()
     (walk / "rgb.txt").write_text("\n".join([lines[0], lines[2], lines[1], *lines[3:]]) + "\n")
-    sequence, told = prepare(tmp_path)
+    sequence, reported = prepare(tmp_path)
     assert sequence.checksum == before
-    assert "rgb.txt:3: time goes back by 0.1" in told
+    assert "rgb.txt:3: time goes back by 0.1" in reported
 
 
-def test_times_before_zero_are_moved_and_told(walk: Path, tmp_path: Path) -> None:
+def test_times_before_zero_are_moved_and_reported(walk: Path, tmp_path: Path) -> None:
     retime(walk, ["-0.25", "-0.15", "-0.05", "0.05"])
-    sequence, told = prepare(tmp_path)
+    sequence, reported = prepare(tmp_path)
     truth = sequence.groundtruth()
     assert sequence.info.time_origin_s == 0.75 and truth is not None
     assert truth.stamps_s.tolist() == pytest.approx([0.75, 0.85, 0.95, 1.05])
-    assert "rgb.txt:1: times begin at -0.250000 s; 1 s are added" in told
+    assert "rgb.txt:1: times begin at -0.250000 s; 1 s are added" in reported
 
 
-def test_ground_truth_of_another_clock_is_told_with_both_ranges(walk: Path, tmp_path: Path) -> None:
+def test_ground_truth_of_another_clock_is_reported_with_both_ranges(
+    walk: Path, tmp_path: Path
+) -> None:
     retime(walk, ["10.0", "10.1", "10.2"], ["500.0", "500.1", "500.2"])
     line = refused(tmp_path)
     assert "does not overlap" in line
@@ -147,9 +149,9 @@ def test_lists_in_any_encoding_with_headers_and_commas(
         rows = [row.replace(" ", ", ") + "," for row in rows]
         text = "\r\n".join(["timestamp, what", *rows, "# größer"]) + "\r\n"
         (walk / name).write_bytes(MARKS.get(encoding, b"") + text.encode(encoding))
-    sequence, told = prepare(tmp_path)
+    sequence, reported = prepare(tmp_path)
     assert sequence.checksum == before.checksum
-    assert told.endswith(
+    assert reported.endswith(
         "1 of 6 pictures have none of the second sensor near them and are left out"
     )
     assert (sequence.path / "groundtruth.txt").read_text() == (
@@ -269,7 +271,7 @@ def test_a_fisheye_lens_is_taken_out_and_others_are_refused_by_name(
         Catalog.load(tmp_path / "datasets", [tmp_path / "data"]).get("tiny_tum")
 
 
-def test_a_pattern_with_several_hits_is_told(walk: Path, tmp_path: Path) -> None:
+def test_a_pattern_with_several_hits_is_reported(walk: Path, tmp_path: Path) -> None:
     write_tum(tmp_path / "data/tiny_tum_2")
     tum_recipe(tmp_path / "datasets", paths="['tiny_tum*']")
     assert "'paths' matches 1 more" in prepare(tmp_path)[1]

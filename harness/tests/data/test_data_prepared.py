@@ -60,19 +60,19 @@ def test_checksum_names_the_content_not_the_source(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "offset", "told"),
+    ("file", "offset", "expected"),
     [
         ("frames.bin", 12288 + 5, "frame 1 does not fit its CRC"),
         ("index.bin", 24, "does not fit its checksum"),
         ("sequence.json", 30, "sequence.json"),
     ],
 )
-def test_a_flipped_bit_is_named(tmp_path: Path, file: str, offset: int, told: str) -> None:
+def test_a_flipped_bit_is_named(tmp_path: Path, file: str, offset: int, expected: str) -> None:
     write_prepared(tmp_path / "s")
     flip(tmp_path / "s" / file, offset)
     with pytest.raises(SlambedError) as error:
         PreparedSequence.open(tmp_path / "s").verify(full=True)
-    assert told in one_line(error)
+    assert expected in one_line(error)
 
 
 def test_a_changed_camera_does_not_pass(tmp_path: Path) -> None:
@@ -113,17 +113,17 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("frame", "told"),
+    ("frame", "expected"),
     [
         (Frame(5, gray(1), depth(1)), "not later"),
         (Frame(9, gray(1, 32, 32), depth(1)), "32x32, not 64x48"),
     ],
 )
-def test_a_bad_frame_is_refused(tmp_path: Path, frame: Frame, told: str) -> None:
+def test_a_bad_frame_is_refused(tmp_path: Path, frame: Frame, expected: str) -> None:
     with pytest.raises(SlambedError) as error, writer(tmp_path / "s") as open_writer:
         open_writer.add(Frame(5, gray(0), depth(0)))
         open_writer.add(frame)
-    assert told in one_line(error)
+    assert expected in one_line(error)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -133,7 +133,7 @@ def test_seven_scenes(tmp_path: Path) -> None:
         reader.trajectory()
 
 
-def test_a_pose_that_was_lost_is_left_out_and_told(tmp_path: Path) -> None:
+def test_a_pose_that_was_lost_is_left_out_and_reported(tmp_path: Path) -> None:
     """As ScanNet writes it."""
     write_seven_scenes(tmp_path / "s")
     np.savetxt(tmp_path / "s/frame-000001.pose.txt", np.full((4, 4), -np.inf))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is played where a recording is missing: it comes with the checkout, and is told."""
+"""What is played where a recording is missing: it comes with the checkout, and is reported."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def test_every_experiment_has_something_to_play(name: str, tmp_path: Path) -> No
     else:
         assert here == datasets
     plan.check(experiment, source, library, experiment.engine)
-    told = "\n".join(plan.notes(experiment, Library()))
+    listed = "\n".join(plan.notes(experiment, Library()))
     for dataset in experiment.datasets:
         if wanted := catalog.stands_in_for(dataset, tmp_path):
-            assert f"is played instead of {wanted.id}: numbers of the two cannot be" in told
+            assert f"is played instead of {wanted.id}: numbers of the two cannot be" in listed
 
 
 def test_a_camera_path_comes_with_the_checkout(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_a_path_that_is_not_here_is_missing_and_not_generated(tmp_path: Path) ->
     catalog.must_be_here("along", tmp_path)
 
 
-def test_check_tells_what_stands_in() -> None:
+def test_check_reports_what_stands_in() -> None:
     code, out, err = slambed("run", "peer_redkitchen", "--check", "--engine", "virtual")
     assert code == ExitCode.OK, err
     good, note, *_ = out.splitlines()
@@ -94,7 +94,7 @@ def test_check_tells_what_stands_in() -> None:
     )
 
 
-def test_check_tells_a_dataset_that_is_missing(tmp_path: Path) -> None:
+def test_check_reports_a_dataset_that_is_missing(tmp_path: Path) -> None:
     file = tmp_path / "tiny.yaml"
     file.write_text(
         "id: tiny\ntitle: Tiny\nsystems: [{system: orbslam2}]\ndatasets: [kitti_07_left]\n"
@@ -103,7 +103,7 @@ def test_check_tells_a_dataset_that_is_missing(tmp_path: Path) -> None:
     assert "'kitti_07_left' not found" in line and "tiny.yaml line 4" in line
 
 
-def test_list_and_prepare_tell_what_a_choice_takes(tmp_path: Path) -> None:
+def test_list_and_prepare_report_what_a_choice_takes(tmp_path: Path) -> None:
     _, out, _ = slambed("data", "list", COLUMNS="200")
     row = next(line for line in out.splitlines() if "paper_office" in line)
     assert f"takes synthetic_fr3_path, {FR3} is missing" in row

@@ -97,24 +97,24 @@ def test_a_source_may_lie_beside_the_file(tmp_path: Path) -> None:
 
 def test_an_id_of_ours_is_refused_in_one_line(tmp_path: Path) -> None:
     file = write_dataset(tmp_path / "lab" / "synthetic_room.yaml", "synthetic_room")
-    told = "'synthetic_room' is already taken by"
+    message = "'synthetic_room' is already taken by"
     line = refused(ExitCode.BAD_INPUT, "data", "show", str(file))
     assert (
-        f"{file}: {told}" in line
+        f"{file}: {message}" in line
         and "catalog/datasets/synthetic_room.yaml; give it another id" in line
     )
     path = tmp_path / "one.yaml"
     path.write_text(EXPERIMENT.format(dataset="./lab/synthetic_room.yaml"))
     line = refused(ExitCode.BAD_INPUT, "run", str(path), "--check")
-    assert told in line and "one.yaml line 4" in line
+    assert message in line and "one.yaml line 4" in line
     # Whoever has put it on the search path means his own, and would get ours.
     own = {"SLAMBED_DATASETS": str(tmp_path / "lab")}
     path.write_text(EXPERIMENT.format(dataset="synthetic_room"))
-    assert told in refused(ExitCode.BAD_INPUT, "run", str(path), "--check", **own)
+    assert message in refused(ExitCode.BAD_INPUT, "run", str(path), "--check", **own)
     path.write_text(EXPERIMENT.format(dataset="synthetic_office"))
     assert slambed("run", str(path), "--check", **own)[0] == ExitCode.OK
     code, _, err = slambed("data", "list", **own)
-    assert code == ExitCode.BAD_INPUT and told in err and err.count("\n") == 1
+    assert code == ExitCode.BAD_INPUT and message in err and err.count("\n") == 1
 
 
 def test_a_file_that_is_not_there_or_has_another_name_is_one_line(tmp_path: Path) -> None:

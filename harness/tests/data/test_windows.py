@@ -79,7 +79,7 @@ def test_drives_and_their_windows_fit_together() -> None:
         assert found.whole(first).sensor == first.sensor == "stereo"
 
 
-def test_the_mobile_node_is_told_of_no_file_that_is_for_the_edge() -> None:
+def test_the_mobile_node_is_given_no_file_that_is_for_the_edge() -> None:
     spec = run_spec(
         params={"prior_map": "/somewhere/a.slm", "vocabulary": "/somewhere/b.slv"},
         inputs={"prior_map": "0" * 64, "vocabulary": "1" * 64},

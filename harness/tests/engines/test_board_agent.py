@@ -40,9 +40,9 @@ def agent(*requests: object, pause_s: float = 0.0) -> list[dict[str, object]]:
     return answers
 
 
-def test_it_needs_nothing_but_python_and_tells_what_the_machine_is() -> None:
+def test_it_needs_nothing_but_python_and_reports_what_the_machine_is() -> None:
     before = time.monotonic_ns()
-    seen, clock = agent({"ask": "look"}, {"ask": "clock"})
+    seen, clock = agent({"request": "look"}, {"request": "clock"})
     found = Seen.model_validate(seen)
     assert found.architecture == os.uname().machine and found.kernel == os.uname().release
     assert found.cpus == sorted(os.sched_getaffinity(0)) and found.model
@@ -50,38 +50,40 @@ def test_it_needs_nothing_but_python_and_tells_what_the_machine_is() -> None:
     assert int(str(clock["answered_ns"])) < time.monotonic_ns()
 
 
-def test_it_samples_a_process_until_it_is_told_to_stop() -> None:
-    asked = ({"ask": "watch", "pid": os.getpid(), "ports": [47000]}, {"ask": "start"})
-    watching, _, told = agent(*asked, {"ask": "stop"}, pause_s=0.5)
+def test_it_samples_a_process_until_it_is_asked_to_stop() -> None:
+    asked = ({"request": "watch", "pid": os.getpid(), "ports": [47000]}, {"request": "start"})
+    watching, _, reported = agent(*asked, {"request": "stop"}, pause_s=0.5)
     assert Watching.model_validate(watching).granted.period_ms > 0
-    samples = Sampled.model_validate(told).samples
+    samples = Sampled.model_validate(reported).samples
     assert 3 <= len(samples) <= 11
     assert all(b.at_ns > a.at_ns and b.cpu_s >= a.cpu_s for a, b in pairwise(samples))
     assert all(sample.memory_mb >= 0 and sample.tcp_rtt_ms is None for sample in samples)
 
 
 def test_what_it_cannot_do_is_an_answer_and_not_its_end() -> None:
-    gone, seen = agent({"ask": "watch", "pid": 2**22 + 1, "ports": []}, {"ask": "look"})
-    assert gone["say"] == "failure" and "is gone" in str(gone["error"])
-    assert seen["say"] == "seen"
+    gone, seen = agent({"request": "watch", "pid": 2**22 + 1, "ports": []}, {"request": "look"})
+    assert gone["reply"] == "failure" and "is gone" in str(gone["error"])
+    assert seen["reply"] == "seen"
 
 
-def test_a_python_that_is_too_old_is_told() -> None:
+def test_a_python_that_is_too_old_is_reported() -> None:
     source = agent_source().replace(str(LEAST_PYTHON), "(4, 0)", 1)
     done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("error: Python 3.10 is needed there")
 
 
 @pytest.mark.parametrize(
-    ("role", "told"),
+    ("role", "expected"),
     [
         (RoleHost(host="127.0.0.1", name="pi4", ssh=["-p", "1", "-F", "none"]), "refused"),
         (RoleHost(host="nowhere.invalid", name="pi4", ssh=["-F", "none"]), "resolve"),
     ],
 )
-def test_a_board_that_is_not_there_is_one_line(role: RoleHost, told: str, tmp_path: Path) -> None:
+def test_a_board_that_is_not_there_is_one_line(
+    role: RoleHost, expected: str, tmp_path: Path
+) -> None:
     with pytest.raises(SlambedError) as raised:
         BoardConnection(role)
     line = str(raised.value)
-    assert line.startswith("board pi4 does not answer: ") and told in line and "\n" not in line
+    assert line.startswith("board pi4 does not answer: ") and expected in line and "\n" not in line
     assert raised.value.code == ExitCode.ENVIRONMENT

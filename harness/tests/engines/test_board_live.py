@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 import yaml
 from command_line import slambed_process
-from harness_parts import is_trusted, needs_root
+from harness_parts import is_valid_run, needs_root
 from stand_in_board import CLOCK_AHEAD_S, StandInBoard
 from test_campaign_end_to_end import image_is_built
 from virtual_parts import make_sequence, needs_programs, write_experiment
@@ -110,13 +110,13 @@ def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
         assert (facts.board.address, facts.board.edge_address) == (board.address, board.here)
         summary = json.loads((run / "summary.json").read_text())
         assert summary["device_mobile"] == "pi4"
-        if not is_trusted(summary, attempts=1):
+        if not is_valid_run(summary, attempts=1):
             continue
         assert facts.outcome == "completed", summary["outcome_reason"]
         clocks = facts.board.clocks
         assert clocks is not None and clocks.after is not None
-        for told in (clocks.before, clocks.after):
-            assert abs(told.offset_ns - TRUE_OFFSET_NS) <= told.error_ns < 5_000_000
+        for expected in (clocks.before, clocks.after):
+            assert abs(expected.offset_ns - TRUE_OFFSET_NS) <= expected.error_ns < 5_000_000
         assert summary["frames_tracked"] > 10
         assert summary["mobile_cpu_percent_mean"] > 0 and summary["mobile_mem_mb_peak"] > 1
         samples = pd.read_parquet(run / "samples.parquet").query("node == 'mobile'")
@@ -171,14 +171,14 @@ def test_what_a_killed_campaign_left_on_a_board_is_removed(
     process.communicate()
     assert left_on(board) != ""
     assert len(list((cache / "boards").glob("*.json"))) == 1
-    told: list[str] = []
+    reported: list[str] = []
     with host_lock("tests of boards", wait_s=PATIENCE_S):
         deadline = time.monotonic() + PATIENCE_S
         # Its ssh may need a moment to see that nobody is there.
         while left_on(board):
-            assert time.monotonic() < deadline, told
-            clean_boards(told.append)
-    assert "board pi4: removed 1 containers, 1 volumes" in told
+            assert time.monotonic() < deadline, reported
+            clean_boards(reported.append)
+    assert "board pi4: removed 1 containers, 1 volumes" in reported
     assert not list((cache / "boards").glob("*"))
 
 
@@ -253,14 +253,14 @@ def test_a_board_whose_rtt_nobody_can_measure_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("machine", "docker", "told"),
+    ("machine", "docker", "expected"),
     [
         ("i686", True, "board odd is i686, for which there is no node image"),
         ("", False, "board odd has no Docker that answers: "),
     ],
 )
 def test_a_board_that_is_not_fit_is_one_line(
-    tmp_path: Path, cache: Path, machine: str, docker: bool, told: str
+    tmp_path: Path, cache: Path, machine: str, docker: bool, expected: str
 ) -> None:
     odd = StandInBoard(tmp_path / "odd", "odd", machine, docker)
     try:
@@ -268,7 +268,7 @@ def test_a_board_that_is_not_fit_is_one_line(
         code, _, err = slambed_process(*command(tmp_path, odd, "local"))
     finally:
         odd.close()
-    assert code == ExitCode.ENVIRONMENT and told in err, err
+    assert code == ExitCode.ENVIRONMENT and expected in err, err
     assert len([line for line in err.splitlines() if line.startswith("error: ")]) == 1
     assert not (tmp_path / "results" / "walk" / "runs").exists()
 

@@ -14,7 +14,7 @@ import docker
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
 from virtual_parts import Quiet
-from waiting import beside
+from waiting import in_background
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
@@ -51,7 +51,7 @@ def away() -> Iterator[docker.DockerClient]:
 @contextmanager
 def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
     """The port; a test that fails must not leave a thread that never ends."""
-    with HTTPServer(("127.0.0.1", 0), handler) as server, beside(server.serve_forever):
+    with HTTPServer(("127.0.0.1", 0), handler) as server, in_background(server.serve_forever):
         try:
             yield server.server_port
         finally:
@@ -79,24 +79,24 @@ def answers(code: int) -> Iterator[docker.DockerClient]:
 
 
 @contextmanager
-def with_a_leftover(told: int | None) -> Iterator[int]:
+def with_a_leftover(expected: int | None) -> Iterator[int]:
     """Has one container, and answers whoever wants to remove it so; None: goes away instead of
-    telling what it has."""
+    reporting what it has."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             answer: object = {"ApiVersion": "1.41", "Id": "1", "Name": "/slambed-left"}
             if "/containers/json" in self.path:
-                if told is None:
+                if expected is None:
                     return
                 answer = [{"Id": "1"}]
-            self._say(200, answer)
+            self._answer_with(200, answer)
 
         def do_DELETE(self) -> None:
-            assert told is not None
-            self._say(told, {"message": f"said {told}"})
+            assert expected is not None
+            self._answer_with(expected, {"message": f"said {expected}"})
 
-        def _say(self, code: int, answer: object) -> None:
+        def _answer_with(self, code: int, answer: object) -> None:
             self.send_response(code)
             self.send_header("Content-Type", "application/json")
             self.end_headers()
@@ -108,12 +108,12 @@ def with_a_leftover(told: int | None) -> Iterator[int]:
         yield port
 
 
-@pytest.mark.parametrize("told", [None, 404, 409], ids=["goes-away", "gone", "being-removed"])
+@pytest.mark.parametrize("expected", [None, 404, 409], ids=["goes-away", "gone", "being-removed"])
 def test_what_goes_by_itself_is_no_obstacle_to_a_campaign(
-    told: int | None, monkeypatch: pytest.MonkeyPatch
+    expected: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A helper container whose harness was killed is on its way out when the next one begins."""
-    with with_a_leftover(told) as port, nodes_of_tests():
+    with with_a_leftover(expected) as port, nodes_of_tests():
         monkeypatch.setenv("DOCKER_HOST", f"tcp://127.0.0.1:{port}")
         assert reap().containers == []
 
@@ -152,7 +152,7 @@ def executor(folder: Path, asked: docker.DockerClient) -> LiveExecutor:
     ],
     ids=["away", "silent", "ill", "name-taken", "refuses"],
 )
-def test_what_a_daemon_does_is_told_and_judged(
+def test_what_a_daemon_does_is_reported_and_judged(
     tmp_path: Path, daemon: ExitStack, passes: bool, line: str
 ) -> None:
     (tmp_path / "raw").mkdir()

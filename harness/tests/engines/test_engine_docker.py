@@ -20,7 +20,7 @@ from docker.errors import APIError, DockerException
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec
 from link_parts import needs_relay
 from virtual_parts import Quiet
-from waiting import beside, until
+from waiting import in_background, until
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
@@ -163,30 +163,30 @@ def test_containers_go_before_others_as_the_nodes_of_engine_local_do(bench: Benc
         node.remove()
 
 
-def test_a_gpu_is_asked_for_and_a_daemon_without_one_is_told_before_anything_plays(
+def test_a_gpu_is_asked_for_and_a_daemon_without_one_is_reported_before_anything_plays(
     bench: Bench, image: Any
 ) -> None:
     """The request as the daemon keeps it; no machine with a GPU is needed for either."""
     assert CLIENT is not None
     kept = CLIENT.containers.create(image.id, entrypoint=["/bin/true"], **gpu_options("all"))
-    told = None
+    reported = None
     try:
         (request,) = kept.attrs["HostConfig"]["DeviceRequests"]
         assert (request["Count"], request["Capabilities"]) == (-1, [["gpu"]])
         try:
             kept.start()
         except APIError as refused:
-            told = str(refused.explanation)
+            reported = str(refused.explanation)
     finally:
         kept.remove(force=True)
     runtime = Runtime(image=TAG, mobile=RoleRuntime(command=["x"], gpu=1))
-    if told is None:
+    if reported is None:
         assert bench.engine.image_ids(runtime, "mine")
     else:
         with pytest.raises(SlambedError, match="system mine asks for a GPU") as error:
             bench.engine.image_ids(runtime, "mine")
         assert error.value.code == ExitCode.ENVIRONMENT
-        assert not isinstance(error.value, PassingError) and told in str(error.value)
+        assert not isinstance(error.value, PassingError) and reported in str(error.value)
     left = CLIENT.containers.list(all=True, filters={"label": f"{LABEL}=gpu"})
     assert left == []
 
@@ -197,13 +197,13 @@ def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:
 
 @pytest.mark.parametrize(("role", "variant"), [("mobile", "long"), ("edge", "stay")])
 @pytest.mark.parametrize(
-    ("number", "told"),
-    [("SIGKILL", "was killed from outside"), ("SIGTERM", "was told to stop")],
+    ("number", "expected"),
+    [("SIGKILL", "was killed from outside"), ("SIGTERM", "was asked to stop")],
 )
 def test_a_container_ended_from_outside_is_no_result(
-    bench: Bench, role: str, variant: str, number: str, told: str
+    bench: Bench, role: str, variant: str, number: str, expected: str
 ) -> None:
-    """Docker tells it as exit code 137, as it does of a node at its memory limit."""
+    """Docker reports it as exit code 137, as it does of a node at its memory limit."""
 
     def end() -> None:
         until((bench.raw / "start.json").exists, "start.json")
@@ -211,10 +211,10 @@ def test_a_container_ended_from_outside_is_no_result(
         (container,) = CLIENT.containers.list(filters={"label": f"slambed.role={role}"})
         container.kill(number)
 
-    with beside(end):
+    with in_background(end):
         result = bench.run(docker_spec(variant=variant, playback=Playback(end_s=1.0)))
-    assert result.outcome == "died" and told in str(result.reason)
-    assert [f"the {role} node {told}" in line for line in result.distrust] == [True]
+    assert result.outcome == "died" and expected in str(result.reason)
+    assert [f"the {role} node {expected}" in line for line in result.invalid_reasons] == [True]
 
 
 def test_a_container_that_refuses_is_an_outcome_with_its_own_words(bench: Bench) -> None:
@@ -254,7 +254,7 @@ def test_containers_of_a_dead_harness_are_removed(bench: Bench) -> None:
 
 
 def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) -> RunResult:
-    """As a member of the group docker: the engine is told that it is not root."""
+    """As a member of the group docker: the engine is given that it is not root."""
     bench.engine.unprivileged = True
     profile = read_profile({"name": "flat", "rtt_ms": 30}, "here")
     link = LinkSpec(backend="relay", profile="flat", content=profile.content)
@@ -270,7 +270,7 @@ def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) ->
         until((bench.raw / "start.json").exists, "start.json")
         during()
 
-    with beside(wait_and_act):
+    with in_background(wait_and_act):
         return live.execute()
 
 
@@ -307,9 +307,9 @@ def test_a_helper_that_is_killed_is_a_link_that_died(bench: Bench) -> None:
         found.kill("SIGKILL")
 
     result = unprivileged_run(bench, kill)
-    # What the nodes make of a link that is gone is their result; nobody trusts it.
+    # What the nodes make of a link that is gone is their result; the run is invalid.
     assert result.outcome == "completed"
-    assert "the link ended in the middle of the run" in result.distrust
+    assert "the link ended in the middle of the run" in result.invalid_reasons
     assert result.link is not None and "the link ended" in str(result.link.died)
 
 
@@ -370,7 +370,7 @@ def test_a_daemon_that_is_away_for_a_while_costs_a_run_an_attempt(
         finally:
             between.cut.clear()
 
-    with nodes_of_tests(), beside(cut_once):
+    with nodes_of_tests(), in_background(cut_once):
         verdict = Runner(folder, ledger, executor, retries=0, pauses_s=(0.5, 1)).run(todo, Quiet())
         assert CLIENT is not None
         assert CLIENT.containers.list(all=True, filters={"label": "slambed"}) == []

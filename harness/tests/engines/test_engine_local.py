@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec, stand_in
-from waiting import beside, until
+from waiting import in_background, until
 
 from slambed.engines.base import NodePlan, allot_cpus, differences, netns, parse_cpus
 from slambed.engines.cgroups import CgroupMaker
@@ -72,7 +72,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_a_run_with_two_nodes_completes(bench: Bench) -> None:
     result = bench.run(run_spec(edge=True))
-    assert (result.outcome, result.reason, result.distrust) == ("completed", None, [])
+    assert (result.outcome, result.reason, result.invalid_reasons) == ("completed", None, [])
     assert (len(bench.link.started_s), bench.link.stopped) == (1, 1)
     raw = bench.folder / "raw"
     for role in ("mobile", "edge"):
@@ -92,7 +92,7 @@ CAPPED = {"cores": 1, "quota_cores": 0.8, "thread_cores": 0.3, "period_ms": 10.0
 
 
 def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
-    """Read back from the kernel while the node runs, and told in the manifest."""
+    """Read back from the kernel while the node runs, and reported in the manifest."""
     seen: list[tuple[list[int], list[int], str, str]] = []
     cpu = mounted()[0].get("cpu")
     if cpu is None:
@@ -118,9 +118,9 @@ def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
 
     over = threading.Event()
     spec = run_spec(params={"mobile_act": "threads"}, device_mobile=device(**CAPPED))
-    with beside(look, over):
+    with in_background(look, over):
         result = bench.run(spec)
-    assert result.outcome == "completed" and result.distrust == []
+    assert result.outcome == "completed" and result.invalid_reasons == []
     assert len(seen) == 3
     for tid, members, quota, period in seen:
         assert members == tid
@@ -128,7 +128,7 @@ def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
     threads = result.limits["mobile"].threads
     assert [thread.cores for thread in threads] == [0.3] * 3
     assert result.limits["mobile"].granted.quota_cores == 0.8
-    assert result.beside is not None and result.beside.samples >= 4
+    assert result.sidecar is not None and result.sidecar.samples >= 4
 
 
 def test_a_board_becomes_limits_on_this_host(bench: Bench) -> None:
@@ -141,7 +141,7 @@ def test_a_board_becomes_limits_on_this_host(bench: Bench) -> None:
     bench.host = HostSpeed(2.0, 0.01, "2026-01-01T00:00:00Z")
     result = bench.run(run_spec(device_mobile=pi))
     mobile = result.limits["mobile"]
-    assert result.distrust == []
+    assert result.invalid_reasons == []
     assert (mobile.asked.quota_cores, mobile.asked.thread_cores) == (0.4, 0.1)
     assert mobile.granted.quota_cores == 0.4
     assert mobile.host_speed.speed == 2.0 and mobile.shortfall is None
@@ -155,7 +155,7 @@ def test_a_system_without_an_edge_has_no_network(bench: Bench) -> None:
     assert bench.link.started_s == []
 
 
-def test_the_quota_holds_and_throttling_is_told(bench: Bench) -> None:
+def test_the_quota_holds_and_throttling_is_reported(bench: Bench) -> None:
     spec = run_spec(params={"mobile_act": "burn"}, device_mobile=device(cores=1, quota_cores=0.2))
     result = bench.run(spec)
     assert result.throttling["mobile"].throttled_periods > 0
@@ -173,7 +173,7 @@ def test_a_node_is_nobody_in_particular_and_may_only_read(bench: Bench) -> None:
     assert (bench.folder / "raw" / "run.json").stat().st_uid == 0
 
 
-def test_a_node_at_the_gate_has_its_own_network(bench: Bench) -> None:
+def test_a_node_at_the_start_barrier_has_its_own_network(bench: Bench) -> None:
     raw = bench.folder / "raw"
     (raw / "mobile").mkdir(parents=True)
     plan = NodePlan("mobile", "gate", raw, bench.folder, Limits(), sorted(os.sched_getaffinity(0)))
@@ -219,7 +219,7 @@ def test_a_link_that_dies_is_an_outcome(bench: Bench) -> None:
     bench.link = IdleLink(dies_after_s=0.3)
     result = bench.run(run_spec(edge=True))
     assert result.outcome == "completed"
-    assert result.distrust == ["the link ended in the middle of the run"]
+    assert result.invalid_reasons == ["the link ended in the middle of the run"]
 
 
 def test_a_run_that_does_not_end_is_a_timeout(
@@ -249,7 +249,7 @@ def test_a_stop_request_ends_a_run_quickly(bench: Bench) -> None:
         bench.stop.set()
 
     began = time.monotonic()
-    with beside(stop_once_it_runs), pytest.raises(InterruptedRunError):
+    with in_background(stop_once_it_runs), pytest.raises(InterruptedRunError):
         bench.run(
             run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 60}))
         )
@@ -257,7 +257,7 @@ def test_a_stop_request_ends_a_run_quickly(bench: Bench) -> None:
     assert bench.read("mobile/node.json")["stopped"] is True
 
 
-def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
+def test_an_edge_asked_to_stop_from_outside_has_died(bench: Bench) -> None:
     spec = run_spec(edge=True, playback=run_spec().playback.model_copy(update={"end_s": 1.5}))
 
     def stop_edge() -> None:
@@ -265,11 +265,11 @@ def test_an_edge_told_to_stop_from_outside_has_died(bench: Bench) -> None:
         assert bench.live is not None
         os.kill(bench.live._nodes["edge"].pid, signal.SIGTERM)
 
-    with beside(stop_edge):
+    with in_background(stop_edge):
         result = bench.run(spec)
     assert result.outcome == "died"
     # As when the daemon goes down: nobody takes that for the system's own end.
-    assert result.distrust == ["the edge node was told to stop from outside"]
+    assert result.invalid_reasons == ["the edge node was asked to stop from outside"]
 
 
 PF_EXITING = 0x4
@@ -318,7 +318,7 @@ def faults_of(bench: Bench) -> list[tuple[str, str]]:
 
 def test_an_edge_killed_on_purpose_does_not_spoil_the_run(bench: Bench) -> None:
     result, _ = run_with(bench, Fault(at_s=0.4, edge="kill"))
-    assert (result.outcome, result.reason, result.distrust) == ("completed", None, [])
+    assert (result.outcome, result.reason, result.invalid_reasons) == ("completed", None, [])
     assert faults_of(bench) == [("fault_began", "kill")]
     assert not (bench.folder / "raw/edge/node.json").exists()
 
@@ -327,7 +327,7 @@ def test_a_killed_edge_starts_again_where_it_was(bench: Bench) -> None:
     cap = device("big", **CAPPED)
     kill, again = Fault(at_s=0.4, edge="kill"), Fault(at_s=0.8, edge="restart")
     result, probe = run_with(bench, kill, again, device_edge=cap)
-    assert (result.outcome, result.reason, result.distrust) == ("completed", None, [])
+    assert (result.outcome, result.reason, result.invalid_reasons) == ("completed", None, [])
     assert faults_of(bench) == [("fault_began", "kill"), ("fault_ended", "kill")]
     first, second = probe.seen[0], probe.seen[-1]
     assert first[0] != second[0]
@@ -342,7 +342,7 @@ def test_a_killed_edge_starts_again_where_it_was(bench: Bench) -> None:
 
 def test_a_frozen_edge_stands_still_and_goes_on(bench: Bench) -> None:
     result, probe = run_with(bench, Fault(at_s=0.4, edge="freeze", for_s=0.5))
-    assert (result.outcome, result.reason, result.distrust) == ("completed", None, [])
+    assert (result.outcome, result.reason, result.invalid_reasons) == ("completed", None, [])
     assert [state for _, state, _, _ in probe.seen] == ["", "T", ""], probe.seen
     assert len({pid for pid, _, _, _ in probe.seen}) == 1
     assert faults_of(bench) == [("fault_began", "freeze"), ("fault_ended", "freeze")]
@@ -350,7 +350,7 @@ def test_a_frozen_edge_stands_still_and_goes_on(bench: Bench) -> None:
 
 def test_an_edge_frozen_at_the_end_may_still_end(bench: Bench) -> None:
     result, _ = run_with(bench, Fault(at_s=1.5, edge="freeze", for_s=60))
-    assert (result.outcome, result.reason, result.distrust) == ("completed", None, [])
+    assert (result.outcome, result.reason, result.invalid_reasons) == ("completed", None, [])
     assert bench.read("edge/node.json")["stopped"] is False
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`faults:` of an experiment: what is read, when it happens, what is told of it."""
+"""`faults:` of an experiment: what is read, when it happens, what is given it."""
 
 import os
 import re
@@ -235,8 +235,8 @@ def test_a_fault_that_came_late_is_not_the_one_that_was_asked_for(tmp_path: Path
         driver.act()
         driver.finish()  # the run is over before the freeze is: that is no fault of the host
         assert len(driver.problems) == len(complaints)
-        for told_line, expected in zip(driver.problems, complaints, strict=True):
-            assert told_line.endswith(expected)
+        for problem, expected in zip(driver.problems, complaints, strict=True):
+            assert problem.endswith(expected)
 
 
 @dataclass
@@ -250,7 +250,7 @@ class Stubborn:
     def exit_code(self) -> None: ...
 
 
-def test_a_freeze_that_did_not_happen_is_not_told(
+def test_a_freeze_that_did_not_happen_is_not_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("slambed.engines.faults.SIGNAL_TIMEOUT_S", 0.05)
@@ -292,7 +292,7 @@ def test_the_summary_names_what_happened(tmp_path: Path) -> None:
     assert faults_in_words([]) is None
 
 
-def test_the_simulation_is_told_when_the_edge_stands_still() -> None:
+def test_the_simulation_is_given_when_the_edge_stands_still() -> None:
     host = Library().device("host")
     link = LinkSpec(backend="virtual", profile="none", content={"name": "none", "rtt_ms": 0})
     changes: dict[str, Any] = {"device_mobile": host, "device_edge": host, "link": link}

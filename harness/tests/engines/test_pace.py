@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live runs at the pace of their devices: what is asked, what nodes are told, what is measured."""
+"""Live runs at the pace of their devices: what is asked, what nodes are given, what is measured."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from harness_parts import (
     EXPERIMENT,
     TOLERANCES,
     device,
-    is_trusted,
+    is_valid_run,
     needs_root,
     run_spec,
     write_library,
@@ -110,7 +110,7 @@ def test_a_core_of_the_device_is_what_a_thread_may_use() -> None:
         assert small.share_on(small.limits) == share
 
 
-def test_nodes_are_told_of_their_own_devices_alone(tmp_path: Path) -> None:
+def test_nodes_are_given_their_own_devices_alone(tmp_path: Path) -> None:
     solo, pair = specs(tmp_path, PACED)
     assert pair.device_edge is not None
     small, big = pair.device_mobile, pair.device_edge
@@ -118,8 +118,8 @@ def test_nodes_are_told_of_their_own_devices_alone(tmp_path: Path) -> None:
     both = paced_devices({"mobile": small, "edge": big}, limits).as_json()
     alone = paced_devices({"mobile": solo.device_mobile}, limits).as_json()
     assert set(both) == {"mobile", "edge"} and set(alone) == {"mobile"}
-    told: Any = both["mobile"]
-    assert told["share"] == 0.5 and told["device"]["stages"]["track"]["a_us"] == 100
+    reported: Any = both["mobile"]
+    assert reported["share"] == 0.5 and reported["device"]["stages"]["track"]["a_us"] == 100
 
 
 def test_a_background_load_is_in_the_key_where_there_is_one() -> None:
@@ -153,16 +153,16 @@ def results(root: Path, **more: object) -> Path:
     return write_results(root, [(spec, run)])
 
 
-def told_setup(folder: Path) -> list[str]:
+def setup_of(folder: Path) -> list[str]:
     found = load(folder)
     return setup_lines(found, compute_times(found))
 
 
 def test_a_report_says_whose_compute_times_they_are(tmp_path: Path) -> None:
-    told = " ".join(told_setup(results(tmp_path / "a", pace="device")))
-    assert "Pace of the device, 1 runs" in told and "kept in real time" in told
-    assert "two machines" not in told
-    assert "Pace of the device" not in " ".join(told_setup(results(tmp_path / "b")))
+    message = " ".join(setup_of(results(tmp_path / "a", pace="device")))
+    assert "Pace of the device, 1 runs" in message and "kept in real time" in message
+    assert "two machines" not in message
+    assert "Pace of the device" not in " ".join(setup_of(results(tmp_path / "b")))
 
 
 def test_truth_compares_the_cpu_of_devices_at_their_pace(tmp_path: Path) -> None:
@@ -218,13 +218,13 @@ def test_a_live_run_has_the_compute_times_of_its_device(tmp_path: Path) -> None:
     (run,) = (tmp_path / "paced" / "runs").iterdir()
     summary = json.loads((run / "summary.json").read_text())
     manifest = json.loads((run / "manifest.json").read_text())
-    told = json.loads((run / "nodes" / "run.json").read_text())["pace"]
+    reported = json.loads((run / "nodes" / "run.json").read_text())["pace"]
     assert summary["pace"] == manifest["spec"]["pace"] == "device"
-    if not is_trusted(summary):
+    if not is_valid_run(summary):
         return
     assert summary["outcome"] == "completed", summary["outcome_reason"]
-    assert told["mobile"]["share"] == manifest["limits"]["mobile"]["asked"]["thread_cores"]
-    assert told["edge"]["share"] == 1.0
+    assert reported["mobile"]["share"] == manifest["limits"]["mobile"]["asked"]["thread_cores"]
+    assert reported["edge"]["share"] == 1.0
     # No stage is faster than the device, none has less of a CPU.
     events = pd.read_parquet(run / "events.parquet")
     stages = events[events["type"] == "stage"]
@@ -233,7 +233,7 @@ def test_a_live_run_has_the_compute_times_of_its_device(tmp_path: Path) -> None:
     during = stages["t_ns"].to_numpy() < 0.9 * summary_end_ns(events)
     charged, wall = extra["charged_ms"].to_numpy(), stages["wall_ms"].to_numpy()
     assert (wall[during] >= charged[during] - 0.002).all()
-    share = stages["node"].map({"mobile": told["mobile"]["share"], "edge": 1.0}).to_numpy()
+    share = stages["node"].map({"mobile": reported["mobile"]["share"], "edge": 1.0}).to_numpy()
     assert (stages["cpu_ms"].to_numpy()[during] >= (share * charged)[during] - 0.002).all()
     extract = stages["name"].eq("extract").to_numpy()
     assert 15 < charged[extract].mean() < 25  # what the papers' board takes, whatever this host is

@@ -26,7 +26,7 @@ from harness_parts import (
 )
 from waiting import until
 
-from slambed.engines.base import NODE_UID, BesideEdge, Node, NodePlan
+from slambed.engines.base import NODE_UID, Node, NodePlan, SegmenterSidecar
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.engines.result import RunResult
@@ -44,17 +44,17 @@ NETWORKS = Path(__file__).parents[3] / "catalog" / "networks"
 pytestmark = needs_root
 
 
-class Beside:
-    """An edge at its gate, and whatever segmenter a test asks for."""
+class EdgeBench:
+    """An edge at the start barrier, and whatever segmenter a test asks for."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.engine = LocalEngine(stand_in(folder))
         self.plan = NodePlan("edge", "segtest", folder, folder, Limits(), [0])
         self.edge: Node = self.engine.start(self.plan)
-        self.started: list[BesideEdge] = []
+        self.started: list[SegmenterSidecar] = []
 
-    def start(self, network: str = OURS) -> BesideEdge:
+    def start(self, network: str = OURS) -> SegmenterSidecar:
         process = self.engine.start_segmenter(self.plan, self.edge, network)
         self.started.append(process)
         process.await_ready(lambda: False)
@@ -67,42 +67,44 @@ class Beside:
 
 
 @pytest.fixture
-def beside(tmp_path: Path) -> Iterator[Beside]:
+def edge_bench(tmp_path: Path) -> Iterator[EdgeBench]:
     with nodes_of_tests():
-        made = Beside(tmp_path)
+        made = EdgeBench(tmp_path)
         yield made
         made.close()
 
 
-def test_it_lives_in_the_edges_group_without_rights_or_network(beside: Beside) -> None:
-    beside.start()
-    (process,) = segmenters(beside.folder)
+def test_it_lives_in_the_edges_group_without_rights_or_network(edge_bench: EdgeBench) -> None:
+    edge_bench.start()
+    (process,) = segmenters(edge_bench.folder)
     status = Path(f"/proc/{process.pid}/status").read_text()
-    node = Path(f"/proc/{beside.edge.pid}/status").read_text()
+    node = Path(f"/proc/{edge_bench.edge.pid}/status").read_text()
     for key in ("Uid:", "Gid:", "Groups:", "CapEff:", "CapBnd:", "NoNewPrivs:"):
         (own,) = (line for line in status.splitlines() if line.startswith(key))
         assert own in node.splitlines(), key
     assert process.uids().real == NODE_UID
     assert process.num_threads() == 1
-    of = {pid: Path(f"/proc/{pid}/cgroup").read_text() for pid in (process.pid, beside.edge.pid)}
-    assert of[process.pid] == of[beside.edge.pid] != Path("/proc/self/cgroup").read_text()
+    of = {
+        pid: Path(f"/proc/{pid}/cgroup").read_text() for pid in (process.pid, edge_bench.edge.pid)
+    }
+    assert of[process.pid] == of[edge_bench.edge.pid] != Path("/proc/self/cgroup").read_text()
     networks = {
-        Path(f"/proc/{p}/ns/net").readlink() for p in (process.pid, beside.edge.pid, "self")
+        Path(f"/proc/{p}/ns/net").readlink() for p in (process.pid, edge_bench.edge.pid, "self")
     }
     assert len(networks) == 3
     devices = Path(f"/proc/{process.pid}/net/dev").read_text().splitlines()[2:]
     assert [line.split(":")[0].strip() for line in devices] == ["lo"]
-    folder = (beside.folder / FOLDER).stat()
+    folder = (edge_bench.folder / FOLDER).stat()
     assert (folder.st_uid, folder.st_mode & 0o777) == (NODE_UID, 0o711)
 
 
-def test_its_masks_are_those_of_the_cache_and_its_end_tells_its_cpu_time(
-    beside: Beside, monkeypatch: pytest.MonkeyPatch
+def test_its_masks_are_those_of_the_cache_and_its_end_reports_its_cpu_time(
+    edge_bench: EdgeBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process = beside.start()
+    process = edge_bench.start()
     y, x = np.mgrid[:240, :320]
     known = Segmenter(load_network(OURS))
-    monkeypatch.chdir(beside.folder / FOLDER)  # a socket's path has room for 107 characters
+    monkeypatch.chdir(edge_bench.folder / FOLDER)  # a socket's path has room for 107 characters
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
         caller.connect(SOCKET)
         for n_m, slope in ((0.8, 3), (0.6, 4)):
@@ -114,28 +116,28 @@ def test_its_masks_are_those_of_the_cache_and_its_end_tells_its_cpu_time(
                 assert answers.read(size) == encode_frame(known.segment(jpeg, n_m))
     cpu_s = process.close()
     assert cpu_s is not None and cpu_s > 0.05
-    assert segmenters(beside.folder) == []
+    assert segmenters(edge_bench.folder) == []
 
 
-def test_a_network_that_cannot_be_loaded_is_one_line(beside: Beside) -> None:
+def test_a_network_that_cannot_be_loaded_is_one_line(edge_bench: EdgeBench) -> None:
     with pytest.raises(SlambedError, match="network 'nobody' is not known") as error:
-        beside.start("nobody")
+        edge_bench.start("nobody")
     assert error.value.code == ExitCode.BAD_INPUT and "\n" not in str(error.value)
-    described = beside.folder / "other.yaml"
+    described = edge_bench.folder / "other.yaml"
     text = (NETWORKS / f"{OURS}.yaml").read_text().replace(f"id: {OURS}", "id: other")
     digest = load_network(OURS).sha256
     described.write_text(text.replace(digest, "f" * 64))
     with pytest.raises(SlambedError, match="sha256 is"):
-        beside.start(str(described))
+        edge_bench.start(str(described))
     # One line each: what a segmenter that died has said stays when another is started.
-    assert (beside.folder / FOLDER / LOG).read_text().count("\n") == 2
+    assert (edge_bench.folder / FOLDER / LOG).read_text().count("\n") == 2
 
 
 def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
     code = (
         "import sys, time; from pathlib import Path;"
-        "from test_segmenter_beside_edge import Beside;"
-        "beside = Beside(Path(sys.argv[1])); beside.start(); print('up', flush=True);"
+        "from test_segmenter_beside_edge import EdgeBench;"
+        "beside = EdgeBench(Path(sys.argv[1])); edge_bench.start(); print('up', flush=True);"
         "time.sleep(60)"
     )
     with nodes_of_tests():
@@ -146,7 +148,7 @@ def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
             assert len(segmenters(tmp_path)) == 1
             run.send_signal(signal.SIGKILL)
         until(lambda: segmenters(tmp_path) == [], "the end of the segmenter")
-        Beside(tmp_path).close()  # and the control group with it
+        EdgeBench(tmp_path).close()  # and the control group with it
 
 
 def run_live(folder: Path, **changes: Any) -> RunResult:
@@ -161,18 +163,18 @@ def run_live(folder: Path, **changes: Any) -> RunResult:
         ).execute()
 
 
-def test_a_run_that_segments_has_one_and_the_edge_alone_is_told(tmp_path: Path) -> None:
+def test_a_run_that_segments_has_one_and_the_edge_alone_is_reported(tmp_path: Path) -> None:
     result = run_live(tmp_path, masks=Masks(network=OURS, n_m=0.8, sha256="0"))
-    assert (result.outcome, result.distrust) == ("completed", [])
-    assert result.beside is not None and (result.beside.segmenter_cpu_s or 0) > 0.05
+    assert (result.outcome, result.invalid_reasons) == ("completed", [])
+    assert result.sidecar is not None and (result.sidecar.segmenter_cpu_s or 0) > 0.05
     raw = tmp_path / "raw"
-    told = json.loads((raw / "run_edge.json").read_text())["segmenter"]
-    assert told == {"socket": f"{raw.resolve()}/{FOLDER}/{SOCKET}", "time_limit_s": 2.0}
+    reported = json.loads((raw / "run_edge.json").read_text())["segmenter"]
+    assert reported == {"socket": f"{raw.resolve()}/{FOLDER}/{SOCKET}", "time_limit_s": 2.0}
     assert "segmenter" not in json.loads((raw / "run.json").read_text())
     assert segmenters(tmp_path) == []
 
 
 def test_a_run_that_does_not_has_none(tmp_path: Path) -> None:
     result = run_live(tmp_path)
-    assert result.beside is not None and result.beside.segmenter_cpu_s is None
+    assert result.sidecar is not None and result.sidecar.segmenter_cpu_s is None
     assert not (tmp_path / "raw" / FOLDER).exists()

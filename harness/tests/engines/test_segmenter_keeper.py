@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A segmenter that dies in a live run is started again, now and then, and every step is told."""
+"""A segmenter that dies in a live run is started again, now and then, and every step is
+reported."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -35,13 +36,13 @@ class Invented:
 
 
 class Stage:
-    """A keeper, the time, what it started, and what it told."""
+    """A keeper, the time, what it started, and what it reported."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 100.0
         monkeypatch.setattr(segmenter_keeper.time, "monotonic", lambda: self.now_s)
         self.started: list[Invented] = []
-        self.told: list[tuple[str, dict[str, Any]]] = []
+        self.reported: list[tuple[str, dict[str, Any]]] = []
         self.refuses = False
         self.keeper = SegmenterKeeper(self._start)
         self.keeper.await_ready(lambda: False)
@@ -55,9 +56,9 @@ class Stage:
     def after(self, seconds: float, edge_lives: bool = True) -> list[str]:
         """The events that this makes."""
         self.now_s += seconds
-        before = len(self.told)
-        self.keeper.act(lambda kind, **more: self.told.append((kind, more)), edge_lives)
-        return [kind for kind, _ in self.told[before:]]
+        before = len(self.reported)
+        self.keeper.act(lambda kind, **more: self.reported.append((kind, more)), edge_lives)
+        return [kind for kind, _ in self.reported[before:]]
 
     def die(self) -> None:
         self.started[-1].how, self.started[-1].cpu_s = "signal 9", None
@@ -79,12 +80,12 @@ def test_one_that_died_is_started_again_and_counted(stage: Stage) -> None:
     stage.after(60)
     stage.die()
     assert stage.after(0.02) == ["segmenter_ended"]
-    assert stage.told[-1][1] == {"how": "signal 9"}
+    assert stage.reported[-1][1] == {"how": "signal 9"}
     assert len(stage.started) == 2
     assert stage.after(0.5) == []
     stage.started[-1].ready = True
     assert stage.after(0.02) == ["segmenter_restarted"]
-    assert stage.told[-1][1] == {"restarts": 1}
+    assert stage.reported[-1][1] == {"restarts": 1}
     assert stage.after(60) == []
     # What the first took died with it.
     assert (stage.keeper.restarts, stage.keeper.close()) == (1, None)
@@ -114,7 +115,7 @@ def test_one_that_cannot_be_started_is_tried_again(stage: Stage) -> None:
     stage.die()
     stage.refuses = True
     assert stage.after(0.02) == ["segmenter_ended", "segmenter_not_started"]
-    assert "no room" in stage.told[-1][1]["reason"]
+    assert "no room" in stage.reported[-1][1]["reason"]
     stage.refuses = False
     assert stage.after(RESTART_PERIOD_S / 2) == []
     stage.after(RESTART_PERIOD_S)

@@ -30,7 +30,7 @@ BURNING_THREAD = """
 import sys, threading
 told = threading.Event()
 def burn():
-    while not told.is_set(): pass
+    while not reported.is_set(): pass
 print("ready", flush=True)
 thread = threading.Thread(target=burn)
 thread.start()

@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 from harness_parts import stand_in_sim, virtual_spec
-from waiting import beside, until
+from waiting import in_background, until
 
 from slambed.engines.virtual import VirtualRun
 from slambed.errors import ExitCode, PassingError
@@ -53,9 +53,9 @@ def test_a_run_that_computes_for_too_long_has_timed_out(
 def test_a_run_that_stands_still_is_a_failure_that_may_pass(
     run_of: Callable[[str], VirtualRun],
 ) -> None:
-    with pytest.raises(PassingError, match=r"computed .* in 2 s: it waits, was") as told:
+    with pytest.raises(PassingError, match=r"computed .* in 2 s: it waits, was") as raised:
         run_of("hang").execute(threading.Event())
-    assert told.value.code == ExitCode.ENVIRONMENT
+    assert raised.value.code == ExitCode.ENVIRONMENT
     assert simulation() is None
 
 
@@ -74,7 +74,7 @@ def test_a_host_that_leaves_a_run_little_time_changes_no_outcome(
         spent.append(sum(found.cpu_times()[:2]))
         os.kill(found.pid, signal.SIGCONT)
 
-    with beside(starve):
+    with in_background(starve):
         result = run.execute(threading.Event())
     assert result.outcome == "timed_out"
     assert spent[0] < 2.0 and time.monotonic() - began_s > 3.0 + 2.0 - spent[0]

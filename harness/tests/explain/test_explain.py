@@ -155,7 +155,7 @@ def test_the_story_counts_what_the_events_say(offloaded: RunLog) -> None:
     assert f"mobile tracking: busy {busy:.0f} %" in text
 
 
-def test_the_story_tells_what_preceded_the_loss(offloaded: RunLog) -> None:
+def test_the_story_reports_what_preceded_the_loss(offloaded: RunLog) -> None:
     (loss_s,) = offloaded.losses_s()
     (line,) = [line for line in story(offloaded) if line.startswith("track lost at")]
     assert line.startswith(f"track lost at {loss_s:.2f} s: inliers ")

@@ -88,7 +88,7 @@ def lane(axes: Axes, name: str, kind: type) -> list[np.ndarray]:
     ]
 
 
-def test_the_story_tells_each_staged_update(run: RunLog) -> None:
+def test_the_story_reports_each_staged_update(run: RunLog) -> None:
     lines = story(run)
     first = next(n for n, line in enumerate(lines) if line.startswith("staged updates: "))
     assert lines[first : first + 6] == [
@@ -108,7 +108,7 @@ def test_an_update_that_was_declined_before_it_began_is_not_a_staged_one(run: Ru
     assert "1 map update declined: few keyframes" in story(run)
 
 
-def test_the_story_tells_rests_without_a_request(run: RunLog) -> None:
+def test_the_story_reports_rests_without_a_request(run: RunLog) -> None:
     assert rests(run) == [Rest(2.01, 3.5), Rest(8.0, None)]
     assert run.of("reloc_request").empty
     lines = story(run)

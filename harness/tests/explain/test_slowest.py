@@ -10,8 +10,8 @@ from command_line import refused, slambed
 from results_factory import STALLED_FRAME, RawRun, write_raw
 
 from slambed.errors import ExitCode, SlambedError
-from slambed.explain.run_log import RunLog, Standing, read_run
-from slambed.explain.slowest import SlowFrame, slowest, tell
+from slambed.explain.run_log import RunLog, RunStatus, read_run
+from slambed.explain.slowest import SlowFrame, report_lines, slowest
 
 FRAMES = 30
 EVERY_S = 0.1
@@ -30,8 +30,8 @@ def run_of(
     throttled_s: float = 0.0, run_delay_s: float = 0.0, virtual: bool = False,
     further: list[dict[str, Any]] | None = None,
 ) -> RunLog:  # fmt: skip
-    """Frames that take 20 ms of CPU time, one of which is told otherwise; the counters grow while
-    that one is tracked."""
+    """Frames that take 20 ms of CPU time, one of which is reported otherwise; the counters grow
+    while that one is tracked."""
     events: list[dict[str, Any]] = list(further or [])
     for frame in range(FRAMES):
         timed_ms, used_ms = (wall_ms, cpu_ms) if frame == slow else (USUAL_MS, USUAL_MS)
@@ -55,7 +55,9 @@ def run_of(
         for t in (EVERY_S * i for i in range(FRAMES + 5))
     ]  # fmt: skip
     log = pd.DataFrame(events).sort_values("t_s", kind="stable")
-    return RunLog(Path("run"), "a run", log, None, Standing(virtual=virtual), pd.DataFrame(samples))
+    return RunLog(
+        Path("run"), "a run", log, None, RunStatus(virtual=virtual), pd.DataFrame(samples)
+    )
 
 
 def the_slowest(run: RunLog) -> SlowFrame:
@@ -75,7 +77,7 @@ def the_slowest(run: RunLog) -> SlowFrame:
         ("shared", {"wall_ms": 80.0, "cpu_ms": 20.0, "virtual": True}),
     ],
 )
-def test_each_cause_is_told(cause: str, given: dict[str, Any]) -> None:
+def test_each_cause_is_reported(cause: str, given: dict[str, Any]) -> None:
     found = the_slowest(run_of(7, **given))
     assert (found.frame, found.cause) == (21, cause)
     assert found.total_ms == pytest.approx(80.0)
@@ -99,12 +101,12 @@ def test_no_part_is_more_than_is_missing() -> None:
     assert found.waiting_ms == pytest.approx(0.0)
 
 
-def test_stages_and_what_ran_beside_are_told() -> None:
+def test_stages_and_what_ran_beside_are_reported() -> None:
     # Half of the bundle lies within the frame, which takes from 0.70 to 0.78 s.
     bundle = stage(0.74, "bundle", "mapping", 80.0, 80.0)
     found = the_slowest(run_of(7, wall_ms=80.0, cpu_ms=80.0, further=[bundle]))
     assert found.stages == {"extract": pytest.approx(48.0), "track": pytest.approx(32.0)}
-    assert found.beside == {"bundle": pytest.approx(40.0)}
+    assert found.concurrent == {"bundle": pytest.approx(40.0)}
 
 
 def test_the_longest_come_first() -> None:
@@ -116,7 +118,7 @@ def test_the_longest_come_first() -> None:
 
 def test_lines_say_cause_and_numbers() -> None:
     run = run_of(7, wall_ms=80.0, cpu_ms=20.0, throttled_s=0.058, run_delay_s=0.06)
-    head, line = tell(run, slowest(run, 1))
+    head, line = report_lines(run, slowest(run, 1))
     assert head == "the slowest 1 of 30 frames (median 20.0 ms): 1 throttled by its limits"
     assert line == (
         "frame 21 at 0.70 s: 80.0 ms; tracking 80.0 ms, 20.0 ms of it CPU (extract 48.0, track "
@@ -134,14 +136,14 @@ def test_a_stalled_frame_of_a_run_is_found(tmp_path: Path) -> None:
     assert STALLED_FRAME in set(frames["frame"])
 
 
-def test_a_system_that_tells_no_times_is_refused() -> None:
+def test_a_system_that_reports_no_times_is_refused() -> None:
     run = run_of(7, wall_ms=80.0, cpu_ms=80.0)
     events = run.events.drop(columns=["track_ms"])
-    with pytest.raises(SlambedError, match="does not tell how long"):
+    with pytest.raises(SlambedError, match="does not report how long"):
         slowest(RunLog(run.folder, run.title, events, None), 3)
 
 
-def test_the_command_tells_lines_and_draws_nothing(tmp_path: Path) -> None:
+def test_the_command_reports_lines_and_draws_nothing(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun())
     code, out, err = slambed("explain", str(raw), "--slowest", "3", cwd=tmp_path)
     assert (code, err) == (ExitCode.OK, "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lines that tell a run: what a run need not be made for."""
+"""The lines that report a run: what a run need not be made for."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from slambed.explain.run_log import RunLog, Standing
+from slambed.explain.run_log import RunLog, RunStatus
 from slambed.explain.story import MOST_CHANGES, story
 
 
@@ -18,8 +18,8 @@ def log_of(*events: dict[str, Any]) -> RunLog:
 
 
 def change(t_s: float, before: str, after: str, rtt_ms: float | None) -> dict[str, Any]:
-    told = {} if rtt_ms is None else {"rtt_ms": rtt_ms}
-    return {"t_s": t_s, "type": "state_changed", "from": before, "to": after, **told}
+    reported = {} if rtt_ms is None else {"rtt_ms": rtt_ms}
+    return {"t_s": t_s, "type": "state_changed", "from": before, "to": after, **reported}
 
 
 def test_every_change_of_state_is_a_line() -> None:
@@ -54,20 +54,20 @@ def test_a_system_without_states_has_no_line_of_them() -> None:
     assert not any("state" in line for line in story(log_of()))
 
 
-def test_how_a_run_ended_and_why_not_to_trust_it_is_told() -> None:
+def test_how_a_run_ended_and_why_it_is_invalid_is_reported() -> None:
     fine = log_of()
-    assert not any("trusted" in line or "system" in line for line in story(fine))
-    ended = Standing("timed_out", "no frame for 30 s", False, "RTT error 9 ms", 3, 4.2)
-    lines = story(replace(fine, standing=ended))
+    assert not any("valid" in line or "system" in line for line in story(fine))
+    ended = RunStatus("timed_out", "no frame for 30 s", False, "RTT error 9 ms", 3, 4.2)
+    lines = story(replace(fine, status=ended))
     assert lines[1:5] == [
         "the system timed out: no frame for 30 s",
-        "not to be trusted: RTT error 9 ms",
-        "attempt 3, the earlier ones were not to be trusted",
+        "invalid: RTT error 9 ms",
+        "attempt 3, the earlier ones were invalid",
         "steal: neighbors took 4.2 % of this host's CPU time",
     ]
 
 
-def stalled_run(steal_s: float, **standing: Any) -> RunLog:
+def stalled_run(steal_s: float, **status: Any) -> RunLog:
     """Twenty extractions, of which one at 10 s was held up for 150 ms, and one loss at 10.5 s."""
     events = [
         {
@@ -80,21 +80,21 @@ def stalled_run(steal_s: float, **standing: Any) -> RunLog:
     loss = {"t_s": 10.5, "type": "track_lost", "node": "mobile", "inliers": None}
     times = np.arange(0.0, 20.0, 0.1)
     samples = pd.DataFrame({"t_s": times, "host_steal_s": steal_s * (times > 10)})
-    return replace(log_of(*events, loss), samples=samples, standing=Standing(**standing))
+    return replace(log_of(*events, loss), samples=samples, status=RunStatus(**status))
 
 
-def test_a_stall_is_told_with_the_steal_beside_it() -> None:
+def test_a_stall_is_reported_with_the_steal_beside_it() -> None:
     lines = story(stalled_run(0.5))
-    told = "the host stalled the mobile node for 150 ms at 10.00 s"
-    assert f"{told}, while neighbors had 25 % of a processor (steal)" in lines
+    message = "the host stalled the mobile node for 150 ms at 10.00 s"
+    assert f"{message}, while neighbors had 25 % of a processor (steal)" in lines
     (loss,) = [line for line in lines if line.startswith("track lost")]
     assert "neighbors had 25 % of a processor (steal)" in loss
     quiet = story(stalled_run(0.0))
-    assert told in quiet and not any("steal" in line for line in quiet)
+    assert message in quiet and not any("steal" in line for line in quiet)
     assert not any("stalled" in line for line in story(stalled_run(0.0, virtual=True)))
 
 
-def test_a_stall_of_the_link_is_told_with_its_end() -> None:
+def test_a_stall_of_the_link_is_reported_with_its_end() -> None:
     def link(t_s: float, node: str, channel: str, event: str) -> dict[str, Any]:
         detail = "nothing acknowledged for 1000 ms" if event == "stalled" else "after 4000 ms"
         of = {"node": node, "channel": channel, "detail": detail}
@@ -109,8 +109,8 @@ def test_a_stall_of_the_link_is_told_with_its_end() -> None:
             link(20.0, "edge", "map", "stalled"),
         )
     )
-    told = [line for line in lines if "stalled" in line]
-    assert told == [
+    reported = [line for line in lines if "stalled" in line]
+    assert reported == [
         "keyframe stalled at the mobile node: nothing acknowledged for 1000 ms at 12.00 s, "
         "until 15.00 s",
         "map stalled at the edge node: nothing acknowledged for 1000 ms at 20.00 s, to the end",

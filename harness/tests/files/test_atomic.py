@@ -73,17 +73,17 @@ def test_rivals_do_not_write_into_each_others_file(tmp_path: Path) -> None:
 
 
 def test_who_waits_for_a_file_that_another_makes_says_so(tmp_path: Path) -> None:
-    told: list[str] = []
+    reported: list[str] = []
     path = tmp_path / "lock"
     with path.open("w") as first:
-        lock_file(first, "makes it", told.append)
-        assert told == []
+        lock_file(first, "makes it", reported.append)
+        assert reported == []
 
-        def say(line: str) -> None:
-            told.append(line)
-            if len(told) == 1:
+        def notify(line: str) -> None:
+            reported.append(line)
+            if len(reported) == 1:
                 first.close()  # the other one has ended
 
         with path.open("w") as second:
-            lock_file(second, "makes it", say)
-    assert told == ["waiting: another process makes it", "going on"]
+            lock_file(second, "makes it", notify)
+    assert reported == ["waiting: another process makes it", "going on"]

@@ -24,8 +24,8 @@ def test_a_folder_that_is_there_and_not_ours_is_refused_at_once() -> None:
             try:
                 make_folder(folder, "--results")
             except SlambedError as refused:
-                told = f"{folder}: Permission denied; choose another --results"
-                os._exit(REFUSED if str(refused) == told else 1)
+                message = f"{folder}: Permission denied; choose another --results"
+                os._exit(REFUSED if str(refused) == message else 1)
             os._exit(TAKEN)
         assert os.waitstatus_to_exitcode(os.waitpid(make, 0)[1]) == REFUSED
         folder.chmod(0o755)

@@ -22,8 +22,8 @@ from slambed.infer.mixture import (
     predict_share,
     weights_of,
 )
-from slambed.infer.search import Fit, search
-from slambed.infer.success import Beside, judge
+from slambed.infer.search import FitResult, search
+from slambed.infer.success import ComparedCell, judge
 from slambed.papers.verdicts.model import Mean, Share
 
 ALONE = np.ones(1)
@@ -181,7 +181,7 @@ class Truth:
             self.asked[point] = runs
         return self.counts(points, runs, self.FITTED)
 
-    def fit(self, points: int = 48, first: int = 5, final: int = 50) -> Fit:
+    def fit(self, points: int = 48, first: int = 5, final: int = 50) -> FitResult:
         form = Form(
             points=points, first_runs=first, final_runs=final, predict_runs=5, budget_runs=1
         )
@@ -189,18 +189,18 @@ class Truth:
         chosen = spread(ITEMS, points, self.seed)
         return search(chosen, rounds_of(form), printed, 2.0, self.evaluate)
 
-    def predict(self, fit: Fit) -> list[Beside]:
+    def predict(self, fit: FitResult) -> list[ComparedCell]:
         kept = [e.point for e in fit.kept]
         ours = self.counts(kept, 50, self.HELD_OUT)
         return [
-            Beside(c, self.printed[c],
+            ComparedCell(c, self.printed[c],
                    predict_share([ours[p][c] for p in kept], fit.weights, self.printed[c]), None)
             for c in self.HELD_OUT
         ]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def worlds() -> list[tuple[Truth, Fit]]:
+def worlds() -> list[tuple[Truth, FitResult]]:
     found = []
     for seed in range(60):
         truth = Truth(seed)
@@ -208,7 +208,7 @@ def worlds() -> list[tuple[Truth, Fit]]:
     return found
 
 
-def test_the_truth_is_recovered(worlds: list[tuple[Truth, Fit]]) -> None:
+def test_the_truth_is_recovered(worlds: list[tuple[Truth, FitResult]]) -> None:
     ends = {"phase": 5.0, "scale": 1.0}
     for name, end in ends.items():
         errors, by_chance = [], []
@@ -219,13 +219,13 @@ def test_the_truth_is_recovered(worlds: list[tuple[Truth, Fit]]) -> None:
         assert np.median(errors) < 0.5 * np.median(by_chance), name
 
 
-def test_predictions_cover_what_they_say(worlds: list[tuple[Truth, Fit]]) -> None:
+def test_predictions_cover_what_they_say(worlds: list[tuple[Truth, FitResult]]) -> None:
     found = [b for truth, fit in worlds for b in truth.predict(fit)]
     inside = np.mean([b.prediction is not None and b.prediction.inside for b in found])
     assert len(found) == 300 and 0.93 <= inside <= 0.98
 
 
-def test_predictions_of_another_world_do_not_cover(worlds: list[tuple[Truth, Fit]]) -> None:
+def test_predictions_of_another_world_do_not_cover(worlds: list[tuple[Truth, FitResult]]) -> None:
     """What is printed elsewhere lies outside: the intervals say something."""
     found = []
     for (truth, fit), (other, _) in pairwise(worlds[:20]):
@@ -238,7 +238,7 @@ def test_predictions_of_another_world_do_not_cover(worlds: list[tuple[Truth, Fit
 
 
 def test_every_kept_point_has_all_runs_and_bad_ones_have_few(
-    worlds: list[tuple[Truth, Fit]],
+    worlds: list[tuple[Truth, FitResult]],
 ) -> None:
     for truth, fit in worlds[:20]:
         assert {e.runs for e in fit.kept} == {50}
@@ -263,15 +263,21 @@ def test_a_search_without_budget_says_so() -> None:
     assert fit.unpaid > 0 and sum(e.runs == 10 for e in fit.points.values()) == 1
 
 
-def beside(cell: str, printed: int, expected: float, low: float, high: float) -> Beside:
+def compared_cell(
+    cell: str, printed: int, expected: float, low: float, high: float
+) -> ComparedCell:
     share = Share(printed, 100)
     made = predict_share([Share(50, 100)], ALONE, share)
     position = 0.5 if low <= printed <= high else 0.0
     made = type(made)(expected, low, high, position)
-    return Beside(cell, share, made, Share(round(expected), 100))
+    return ComparedCell(cell, share, made, Share(round(expected), 100))
 
 
-CELLS = [beside("a", 10, 12, 5, 20), beside("b", 50, 60, 55, 70), beside("c", 90, 88, 80, 95)]
+CELLS = [
+    compared_cell("a", 10, 12, 5, 20),
+    compared_cell("b", 50, 60, 55, 70),
+    compared_cell("c", 90, 88, 80, 95),
+]
 
 
 @pytest.mark.parametrize(
@@ -291,14 +297,14 @@ CELLS = [beside("a", 10, 12, 5, 20), beside("b", 50, 60, 55, 70), beside("c", 90
     ],
 )
 def test_success_is_what_the_plan_says(asked: dict[str, Any], met: bool, why: str) -> None:
-    exchanged = [beside("d", 95, 97, 0, 100), beside("e", 99, 92, 0, 100)]
+    exchanged = [compared_cell("d", 95, 97, 0, 100), compared_cell("e", 99, 92, 0, 100)]
     cells = [*CELLS, *exchanged] if "d" in asked.get("cells", []) else CELLS
     found = judge(Criterion.model_validate({"says": "", **asked}), [], cells)
     assert found.met is met and why in found.why
 
 
 def test_what_was_not_run_is_no_success() -> None:
-    gone = [*CELLS, Beside("d", Share(0, 100), None, None)]
+    gone = [*CELLS, ComparedCell("d", Share(0, 100), None, None)]
     for asked in (
         {"kind": "held_out_inside", "at_least": 0.6},
         {"kind": "mean_error", "at_most": 90.0},

@@ -39,7 +39,7 @@ def spread(plan: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "output"),
     [
         (lambda p: p["open"].clear(), "nothing is open"),
         (lambda p: spread(p).update(range=[0.9, 0.1]), "range 0.9 to 0.1 is reversed"),
@@ -66,10 +66,12 @@ def spread(plan: dict[str, Any]) -> dict[str, Any]:
         (lambda p: p.update(held_in=[]), "held_in"),
     ],
 )  # fmt: skip
-def test_a_wrong_plan_is_one_line_with_its_place(tmp_path: Path, change: Change, said: str) -> None:
+def test_a_wrong_plan_is_one_line_with_its_place(
+    tmp_path: Path, change: Change, output: str
+) -> None:
     path = written(tmp_path, change)
     line = refused(ExitCode.BAD_INPUT, "infer", str(path), "--dry-run", cwd=tmp_path)
-    assert said in line and "dark.yaml line" in line
+    assert output in line and "dark.yaml line" in line
 
 
 def test_an_unknown_plan_lists_the_known_ones(tmp_path: Path) -> None:
@@ -144,7 +146,7 @@ def runs(digests: list[str | None], commits: list[str | None]) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize(
-    ("digests", "commits", "commit", "said", "bad"),
+    ("digests", "commits", "commit", "output", "bad"),
     [
         (["d", "d"], ["c" * 40, "c" * 40], "e" * 40, ["before 2 of 2 runs"], 0),
         (["d", "d"], ["c" * 40, None], "e" * 40, ["1 of 2 runs were made before the plan was"], 1),
@@ -153,15 +155,15 @@ def runs(digests: list[str | None], commits: list[str | None]) -> pd.DataFrame:
         (["d", "d"], [None, None], None, ["is not registered: why", "2 of 2 runs were made"], 2),
     ],
 )
-def test_a_page_tells_what_does_not_keep_to_its_plan(
-    digests: list[str | None], commits: list[str | None], commit: str | None, said: list[str],
+def test_a_page_reports_what_does_not_keep_to_its_plan(
+    digests: list[str | None], commits: list[str | None], commit: str | None, output: list[str],
     bad: int,
 ) -> None:  # fmt: skip
     registration = Registration("inference/x", "d", commit, "why")
     lines = registered_lines(registration, runs(digests, commits))
     assert sum(line.bad for line in lines) == bad
-    told = " ".join(line.text for line in lines)
-    assert all(part in told for part in said), told
+    message = " ".join(line.text for line in lines)
+    assert all(part in message for part in output), message
 
 
 def test_runs_of_a_time_before_there_were_plans_say_nothing() -> None:

@@ -106,9 +106,9 @@ def test_what_was_open_is_found_and_predicts(room: Room, tmp_path: Path) -> None
     assert code == 0, err
     bent = numbers(tmp_path)
     assert not bent["registered"] and bent["digest"] != found["digest"]
-    told = " ".join(bent["registration"])
-    assert f"under another plan: {found['digest']}" in told
-    assert "dark.yaml has changes that are not committed" in told
+    message = " ".join(bent["registration"])
+    assert f"under another plan: {found['digest']}" in message
+    assert "dark.yaml has changes that are not committed" in message
     page = (tmp_path / "results/inference/dark/index.html").read_text()
     assert "Not as registered" in page
 
@@ -130,7 +130,7 @@ def test_an_inference_goes_on_where_it_was_interrupted(room: Room, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "output"),
     [
         ({"fit": ["small.T1.losses.helpd"]}, "small.T1.losses.helpd is no number"),
         ({"fit": ["small.T1.time.helped"]}, "only counts are fitted"),
@@ -141,15 +141,15 @@ def test_an_inference_goes_on_where_it_was_interrupted(room: Room, tmp_path: Pat
     ],
 )  # fmt: skip
 def test_what_leads_to_no_runs_is_refused_in_one_line(
-    room: Room, tmp_path: Path, change: dict[str, Any], said: str
+    room: Room, tmp_path: Path, change: dict[str, Any], output: str
 ) -> None:
     plan = room.plan(tmp_path, **change)
-    assert said in refused(ExitCode.BAD_INPUT, "infer", str(plan), cwd=tmp_path)
+    assert output in refused(ExitCode.BAD_INPUT, "infer", str(plan), cwd=tmp_path)
     assert not (tmp_path / "results").exists()
 
 
 @pytest.mark.parametrize(
-    ("item", "said"),
+    ("item", "output"),
     [
         ({"set": "params.sync_perod_s", "range": [0.5, 5.0], "printed": 1.0}, "sync_perod_s"),
         ({"set": "params.sync_period_s", "range": [-3.0, 5.0], "printed": 1.0},
@@ -166,8 +166,8 @@ def test_what_leads_to_no_runs_is_refused_in_one_line(
     ],
 )  # fmt: skip
 def test_what_cannot_be_set_is_refused_in_one_line(
-    room: Room, tmp_path: Path, item: dict[str, Any], said: str
+    room: Room, tmp_path: Path, item: dict[str, Any], output: str
 ) -> None:
     plan = room.plan(tmp_path, open={"it": {"says": "it", **item}})
     line = refused(ExitCode.BAD_INPUT, "infer", str(plan), cwd=tmp_path)
-    assert said in line and "dark.yaml line" in line
+    assert output in line and "dark.yaml line" in line

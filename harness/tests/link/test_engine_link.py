@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from harness_parts import is_trusted, is_valid, needs_root, nodes_of_tests, run_spec, stand_in
+from harness_parts import is_valid, is_valid_run, needs_root, nodes_of_tests, run_spec, stand_in
 from virtual_parts import Quiet
 
 from slambed.campaign.folder import ResultFolder
@@ -56,7 +56,7 @@ def test_a_run_records_what_its_link_delivered(tmp_path: Path) -> None:
     with nodes_of_tests():
         result = live.execute()
     assert result.link is not None and result.link.backend == "relay"
-    if not is_valid(result.distrust):
+    if not is_valid(result.invalid_reasons):
         return
     assert result.outcome == "completed"
     log = pd.read_parquet(raw / "link" / "link.parquet")
@@ -101,13 +101,13 @@ def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_pa
     first, second = (folder.summary(spec.run_key) for spec in todo)
     manifest = folder.manifest(todo[0].run_key)
     assert first is not None and second is not None and manifest is not None
-    assert first["trusted"] is False
-    assert "the link ended in the middle of the run" in first["distrust"]
-    assert "the link ended in the middle of the run" in manifest.distrust
+    assert first["valid"] is False
+    assert "the link ended in the middle of the run" in first["invalid_reason"]
+    assert "the link ended in the middle of the run" in manifest.invalid_reasons
     assert "signal 9" in manifest.link.died
     # What the mobile node made of it is there: it played to its end.
     assert first["frames_total"] == 20
-    if is_trusted(second, attempts=1):
+    if is_valid_run(second, attempts=1):
         assert second["outcome"] == "completed" and second["frames_total"] == 20
 
 
@@ -126,7 +126,7 @@ AT_SET_UP = {"at once": "", "after it was ready": f"echo '{READY}'; sleep 0.1"}
 def test_a_relay_killed_at_set_up_costs_an_attempt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, helper: bool
 ) -> None:
-    """Also where it is a helper that keeps the link: what it tells stays what it is. A relay that
+    """Also where it is a helper that keeps the link: what it reports stays what it is. A relay that
     was ready takes its devices along."""
     relay, programs = find_program("slambed-relay"), tmp_path / "bin"
     programs.mkdir()
@@ -152,5 +152,5 @@ def test_a_relay_killed_at_set_up_costs_an_attempt(
     assert "slambed-relay ended" in failed["error"] and "signal 9" in failed["error"]
     summary = folder.summary(spec.run_key)
     assert summary is not None
-    if is_trusted(summary, attempts=1):
+    if is_valid_run(summary, attempts=1):
         assert summary["outcome"] == "completed"

@@ -22,7 +22,7 @@ from slambed.link.netem import netem_available, why_not_netem
 from slambed.link.netlink import NetemSettings
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.scratch import two_namespaces
-from slambed.link.traffic import TcpFollower, one_way
+from slambed.link.traffic import TcpRttProbe, one_way
 from slambed.process.namespaces import inside
 
 Ends = tuple[Path, Path]
@@ -80,7 +80,7 @@ def test_what_netem_cannot_do_is_known() -> None:
         assert why_not_netem(parse_profile({"rtt_ms": 5, **keys}, "test"))
 
 
-def test_netem_is_told_nanoseconds_limit_and_rate() -> None:
+def test_netem_is_given_nanoseconds_limit_and_rate() -> None:
     options = NetemSettings(delay_ms=12.5, limit_packets=77, rate_bytes_per_s=10**10).options()
     assert struct.unpack_from("=6I", options) == (0, 77, 0, 0, 0, 0)
     found = {}
@@ -184,7 +184,7 @@ class TestNetem:
     def test_tcp_sees_the_delay(self, ends: Ends, tmp_path: Path) -> None:
         with open_link("netem", *ends, parse_profile(60, "test"), 1, tmp_path) as link:
             link.start(time.monotonic_ns())
-            with TcpFollower(*ends, "10.77.0.2") as follower:
+            with TcpRttProbe(*ends, "10.77.0.2") as follower:
                 time.sleep(1.5)
         rtt_ms = np.median([rtt_ms for _, rtt_ms in follower.samples])
         assert rtt_ms == pytest.approx(60.5, abs=5)

@@ -68,7 +68,7 @@ def test_netem_takes_bursts_that_need_no_random_number(
     assert (why_not_netem(profile) is None) is netem_can
 
 
-def test_in_a_burst_the_kernel_is_told_to_lose_all() -> None:
+def test_in_a_burst_the_kernel_is_set_to_lose_all() -> None:
     options = NetemSettings(5.0, 77, 10**9, lost=True).options()
     assert struct.unpack_from("=6I", options) == (0, 77, 0xFFFFFFFF, 0, 0, 0)
 
@@ -96,20 +96,20 @@ class SimulatedTime:
 
 
 class RecordingEnd:
-    """What one device's netem was told, and when."""
+    """What one device's netem was given, and when."""
 
     def __init__(self, clock: SimulatedTime) -> None:
-        self.told: list[tuple[int, NetemSettings]] = []
+        self.reported: list[tuple[int, NetemSettings]] = []
         self._clock = clock
 
     def set(self, settings: NetemSettings, create: bool = False) -> None:
-        self.told.append((self._clock.now_ns, settings))
+        self.reported.append((self._clock.now_ns, settings))
 
     def close(self) -> None: ...
 
     def turns_s(self, t0_ns: int) -> list[float]:
         """When losses were switched on or off."""
-        steps = zip(self.told, self.told[1:], strict=False)
+        steps = zip(self.reported, self.reported[1:], strict=False)
         return [(at - t0_ns) / 1e9 for (_, old), (at, new) in steps if new.lost != old.lost]
 
 
@@ -141,7 +141,7 @@ def test_losses_are_switched_at_the_chains_times(
     shaper = NetemShaper(tmp_path, tmp_path, profile, 3, tmp_path, LinkOptions(real_time=False))
     monkeypatch.setattr(shaper, "_stopped", clock)
     shaper.apply()
-    assert not any(settings.lost for each in ends for _, settings in each.told)
+    assert not any(settings.lost for each in ends for _, settings in each.reported)
     t0_ns = clock.now_ns
     shaper._follow(t0_ns)
     outcome = shaper.stop(t0_ns)
@@ -154,6 +154,6 @@ def test_losses_are_switched_at_the_chains_times(
         assert each.turns_s(t0_ns)[: len(wanted)] == pytest.approx(wanted, abs=2e-4)
         at_s, lost = outcome.series["lost_up" if direction == 0 else "lost_down"]
         assert set(lost) == {0.0, 1.0} and at_s[-1] > 28
-    changes = len(ends[0].told)
+    changes = len(ends[0].reported)
     assert changes < 200 if rtt == 40 else changes > 100
     assert outcome.details.longest_step_ms is None or outcome.details.longest_step_ms < 11

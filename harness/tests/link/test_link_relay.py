@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 from link_parts import again_when_late, needs_relay
-from waiting import beside, until
+from waiting import in_background, until
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.backend import open_link
@@ -177,7 +177,7 @@ def test_nothing_is_left_behind(ends: Ends, tmp_path: Path) -> None:
         assert devices(ends[0]) == devices(ends[1]) == ["lo"]
 
 
-def test_a_link_that_dies_is_noticed_and_told(ends: Ends, tmp_path: Path) -> None:
+def test_a_link_that_dies_is_noticed_and_reported(ends: Ends, tmp_path: Path) -> None:
     with start(ends, tmp_path, 10) as link:
         shaper = link._shaper
         assert isinstance(shaper, RelayShaper)
@@ -286,7 +286,7 @@ def test_the_relay_itself_answers_mistakes_with_one_line(
     assert line.startswith("error: ") and message in line
 
 
-def test_a_start_file_tells_time_zero_too(ends: Ends, tmp_path: Path) -> None:
+def test_a_start_file_reports_time_zero_too(ends: Ends, tmp_path: Path) -> None:
     start_file, log = tmp_path / "start.json", tmp_path / "packets.bin"
     config = tmp_path / "relay.json"
     options = {"start_file": str(start_file), "packet_log": str(log)}
@@ -332,8 +332,8 @@ def test_a_flood_does_not_deafen_the_relay(ends: Ends, tmp_path: Path) -> None:
     with (
         open_link("relay", *ends, parse_profile(10, "test"), 1, tmp_path, probe_hz=0) as link,
         contextlib.closing(sender),
-        beside(flood, stopped),
-        beside(flood, stopped),
+        in_background(flood, stopped),
+        in_background(flood, stopped),
     ):
         link.start(time.monotonic_ns())
         time.sleep(0.5)

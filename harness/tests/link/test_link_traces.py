@@ -153,7 +153,7 @@ def test_one_lost_reply_is_no_gap_and_two_are(tmp_path: Path) -> None:
 
 def test_duplicates_and_replies_out_of_order(tmp_path: Path) -> None:
     replies = [(1, "10 ms"), (3, "30 ms"), (2, "20 ms"), (2, "99 ms (DUP!)")]
-    lines = [f"64 bytes from a: icmp_seq={n} ttl=1 time={told}" for n, told in replies]
+    lines = [f"64 bytes from a: icmp_seq={n} ttl=1 time={expected}" for n, expected in replies]
     profile = ping_trace(tmp_path, lines)
     assert [profile.rtt_ms(t) for t in (0, 1, 2)] == pytest.approx([10, 20, 30])
 

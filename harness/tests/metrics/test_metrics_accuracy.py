@@ -284,7 +284,7 @@ def test_too_few_pairs_say_what_keeps_them_apart(later_s: float, complaint: str)
         absolute_error(walk, other)
 
 
-def test_a_short_path_is_told_how_to_be_compared() -> None:
+def test_a_short_path_explains_how_to_be_compared() -> None:
     rows = [[t / 10, t, 0, 0, 0, 0, 0, 1.0] for t in range(5)]
     walk = Trajectory.of_rows(np.array(rows))
     with pytest.raises(SlambedError, match=r"which last 0.4 s; take a shorter interval .--delta-s"):

@@ -32,7 +32,7 @@ def write_labels(folder: Path, *frames: Segmented) -> None:
     (folder / LABELS_FILE).write_bytes(data)
 
 
-def told(frame: int, kept: str, culled: str) -> dict[str, Any]:
+def features_event(frame: int, kept: str, culled: str) -> dict[str, Any]:
     return {"type": "frame_features", "frame": frame, "kept": kept, "culled": culled}
 
 
@@ -48,8 +48,8 @@ def sequence(tmp_path: Path) -> Path:
 def test_all_features_of_all_frames_count_alike(sequence: Path) -> None:
     frames = [
         # On somebody: culled twice, kept once. Near: culled once, kept once. On a chair: culled.
-        told(0, kept="15 15 22 15 0 0 ", culled="10 10 19 19 22 19 32 15 "),
-        told(1, kept="15 15 ", culled="16 16 "),  # nobody is there
+        features_event(0, kept="15 15 22 15 0 0 ", culled="10 10 19 19 22 19 32 15 "),
+        features_event(1, kept="15 15 ", culled="16 16 "),  # nobody is there
     ]
     found = culling_of(frames, sequence, BORDER_PX)
     assert found.recall == pytest.approx(2 / 3)
@@ -58,8 +58,8 @@ def test_all_features_of_all_frames_count_alike(sequence: Path) -> None:
 
 
 def test_nothing_to_share_out_is_no_number(sequence: Path) -> None:
-    assert culling_of([told(1, "15 15 ", "")], sequence, BORDER_PX) == Culling()
-    outside = culling_of([told(0, "-3 12 99 12 ", "12 -1 12 30 ")], sequence, BORDER_PX)
+    assert culling_of([features_event(1, "15 15 ", "")], sequence, BORDER_PX) == Culling()
+    outside = culling_of([features_event(0, "-3 12 99 12 ", "12 -1 12 30 ")], sequence, BORDER_PX)
     assert outside == Culling(recall=None, precision=0.0)
 
 
@@ -77,7 +77,7 @@ def test_the_border_is_a_square(border_px: int) -> None:
 def test_labels_of_another_kind_are_refused(sequence: Path) -> None:
     (sequence / LABELS_FILE).write_bytes(hashlib.sha256(b"nonsense").digest() * 4)
     with pytest.raises(SlambedError, match=r"labels\.bin"):
-        culling_of([told(0, "", "")], sequence, BORDER_PX)
+        culling_of([features_event(0, "", "")], sequence, BORDER_PX)
 
 
 def test_a_summary_has_them_where_the_sequence_has_labels(sequence: Path, tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_a_summary_has_them_where_the_sequence_has_labels(sequence: Path, tmp_pa
     (raw / "run.json").write_text(json.dumps(run | {"sequence": str(sequence)}))
     assert summarize_run(raw, spec)["cull_recall"] is None
     with (raw / "mobile" / "events.jsonl").open("a") as events:
-        events.write(json.dumps(told(0, "15 15 ", "10 10 0 0 ") | {"t_ns": 1}) + "\n")
+        events.write(json.dumps(features_event(0, "15 15 ", "10 10 0 0 ") | {"t_ns": 1}) + "\n")
     found = summarize_run(raw, spec)
     assert (found["cull_recall"], found["cull_precision"]) == (0.5, 0.5)
     (sequence / LABELS_FILE).unlink()

@@ -32,7 +32,7 @@ def event(kind: str, frame: int, at_s: float, **more: Any) -> dict[str, Any]:
 
 
 def log_of(events: list[dict[str, Any]]) -> EventLog:
-    return EventLog(sorted(events, key=lambda told: told["t_ns"]))
+    return EventLog(sorted(events, key=lambda expected: expected["t_ns"]))
 
 
 def tracked(frame: int, delay_s: float, state: str = "ok") -> dict[str, Any]:
@@ -54,7 +54,7 @@ def offloaded(frame: int, delay_s: float) -> list[dict[str, Any]]:
 def test_a_pose_is_as_wrong_as_it_is_late(delay_s: float, frames_late: int) -> None:
     frames = list(range(30))
     onboard = log_of([tracked(frame, delay_s) for frame in frames])
-    edge = log_of([told for frame in frames for told in offloaded(frame, delay_s)])
+    edge = log_of([expected for frame in frames for expected in offloaded(frame, delay_s)])
     for log in (onboard, edge):
         found = error_in_force_m_mean(log, path(frames), path(frames), STILL)
         assert found == pytest.approx(frames_late)
@@ -85,13 +85,13 @@ def test_a_reset_takes_the_poses_before_it_away() -> None:
 def test_where_playback_waits_frames_have_the_time_at_which_they_came() -> None:
     events = []
     for frame in range(5):  # a second each, though recorded ten a second
-        told = tracked(frame, 0.8)
-        events.append(told | {"t_ns": round((frame + 0.8) * 1e9)})
+        reported = tracked(frame, 0.8)
+        events.append(reported | {"t_ns": round((frame + 0.8) * 1e9)})
     found = error_in_force_m_mean(log_of(events), path(list(range(5))), path(list(range(5))), STILL)
     assert found == pytest.approx(1.0)
 
 
-def test_nothing_is_made_up_where_nobody_tells() -> None:
+def test_nothing_is_made_up_where_nothing_is_reported() -> None:
     frames = path([0, 1, 2])
     assert error_in_force_m_mean(log_of([]), frames, frames, STILL) is None
     too_few = log_of([tracked(0, 0.05)])

@@ -40,7 +40,7 @@ def straight(count: int = 50, offset_m: float = 0.0, growth_m: float = 0.0) -> T
     return Trajectory(stamps, positions, np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
 
 
-def test_cpu_is_told_as_share_of_the_whole_device(tmp_path: Path) -> None:
+def test_cpu_is_reported_as_share_of_the_whole_device(tmp_path: Path) -> None:
     granted = {"limits": {"mobile": {"granted": {"quota_cores": 2.0}}}}
     found = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=granted)), EDGE_SPEC)
     assert found["mobile_cores"] == 2.0
@@ -69,23 +69,23 @@ def test_both_directions_of_the_link_count(tmp_path: Path) -> None:
     assert summarize_run(alone, spec_of("orbslam2", "default", None, 0))["link_mbit_s"] is None
 
 
-def test_the_pause_is_what_the_program_tells_and_nothing_else(tmp_path: Path) -> None:
+def test_the_pause_is_what_the_program_reports_and_nothing_else(tmp_path: Path) -> None:
     """t_mu_ms also holds what a parallel update does beside tracking."""
     raw = write_raw(tmp_path / "raw", RawRun())
     assert summarize_run(raw, EDGE_SPEC)["update_pause_ms_mean"] is None
     path = raw / "mobile" / "events.jsonl"
     pauses = iter(range(1, 1000))
 
-    def told(event: dict[str, Any]) -> dict[str, Any]:
+    def reported(event: dict[str, Any]) -> dict[str, Any]:
         return event | ({"pause_ms": next(pauses)} if event["type"] == "update_applied" else {})
 
-    lines = [json.dumps(told(json.loads(line))) for line in path.read_text().splitlines()]
+    lines = [json.dumps(reported(json.loads(line))) for line in path.read_text().splitlines()]
     path.write_text("\n".join(lines) + "\n")
     found = summarize_run(raw, EDGE_SPEC)
     assert found["update_pause_ms_mean"] == (1 + found["updates_applied"]) / 2
 
 
-def test_losses_are_told_with_their_times(tmp_path: Path) -> None:
+def test_losses_are_reported_with_their_times(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(lost_at_s=((5.0, 6.5), (9.0, 9.5))))
     found = summarize_run(raw, EDGE_SPEC)
     times = loss_times_of(found["loss_times_s"])

@@ -60,7 +60,7 @@ def test_the_tables_of_the_docs_are_those_of_the_list(page: str, names: tuple[st
 def test_summary_of_a_run(raw: Path) -> None:
     found = summarize_run(raw, EDGE_SPEC)
     assert found["outcome"] == "completed"
-    assert (found["trusted"], found["distrust"]) == (True, None)
+    assert (found["valid"], found["invalid_reason"]) == (True, None)
     assert found["frames_total"] == 120
     assert found["frames_tracked"] + found["frames_dropped"] == pytest.approx(100, abs=2)
     assert found["coverage"] == found["frames_tracked"] / 120
@@ -92,7 +92,7 @@ def test_without_an_edge_there_are_no_network_figures(tmp_path: Path) -> None:
     found = summarize_run(raw, spec_of("orbslam2", "default", None, 0))
     network = [k for k in SUMMARY_KEYS if k.startswith(("rtt_", "bytes_", "edge_", "update"))]
     assert {found[key] for key in network} == {None}
-    assert found["trusted"] is True
+    assert found["valid"] is True
     assert found["keyframes"] > 0 < found["local_mapping_ms_mean"]
 
 
@@ -144,7 +144,7 @@ def test_a_system_that_breaks_off_is_a_result_with_coverage_0(tmp_path: Path, ou
     change = {"outcome": outcome, "outcome_reason": "edge node: signal 9"}
     found = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
     assert (found["outcome"], found["outcome_reason"]) == (outcome, "edge node: signal 9")
-    assert (found["trusted"], found["not_completed"]) == (True, True)
+    assert (found["valid"], found["not_completed"]) == (True, True)
     assert found["coverage"] == 0.0 and found["failed"] is True
     assert found["frames_tracked"] > 0
 
@@ -155,7 +155,7 @@ def test_a_system_that_dies_before_the_first_echo_is_a_result(raw: Path) -> None
     facts = json.loads((raw / "manifest.json").read_text()) | {"outcome": "died"}
     (raw / "manifest.json").write_text(json.dumps(facts))
     found = summarize_run(raw, EDGE_SPEC)
-    assert (found["trusted"], found["coverage"]) == (True, 0.0)
+    assert (found["valid"], found["coverage"]) == (True, 0.0)
 
 
 def test_frames_are_those_that_playback_offers(tmp_path: Path) -> None:
@@ -258,10 +258,10 @@ def test_delays_and_stages(raw: Path) -> None:
     assert {("mobile", "extract"), ("edge", "bundle"), ("edge", "prepare_update")} <= names
 
 
-def test_delays_of_updates_that_do_not_tell_their_parts_come_near(raw: Path) -> None:
+def test_delays_of_updates_that_do_not_report_their_parts_come_near(raw: Path) -> None:
     events = read_events(raw).events
-    told = [e | ({"t_lm_ms": None} if e["type"] == "update_applied" else {}) for e in events]
-    parts = delays(EventLog(told))
+    reported = [e | ({"t_lm_ms": None} if e["type"] == "update_applied" else {}) for e in events]
+    parts = delays(EventLog(reported))
     assert "T_Wait" not in parts
     assert parts["T_LM"].mean_ms == pytest.approx(120, rel=0.25)
     whole = sum(parts[name].mean_ms for name in ("T_Track", "T_M->E", "T_LM", "T_E->M", "T_MU"))

@@ -94,18 +94,20 @@ def test_holm_keeps_order_and_bounds() -> None:
     assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
 
 
-def test_thirty_runs_tell_3_from_36_percent() -> None:
+def test_thirty_runs_distinguish_3_from_36_percent() -> None:
     assert power_of_shares(0.03, 0.36, 30) > 0.8
     assert power_of_shares(0.03, 0.36, 10) < 0.5
-    assert "30 runs per cell tell a share of 3%" in power_hint(30)
+    assert "30 runs per cell distinguish 3% of losses" in power_hint(30)
     assert "nothing" in power_hint(1)
 
 
 def test_power_agrees_with_simulation() -> None:
     rng = np.random.default_rng(7)
     a, b = rng.binomial(20, 0.1, 2000), rng.binomial(20, 0.5, 2000)
-    told = {pair: fisher(pair[0], 20, pair[1], 20) <= 0.05 for pair in set(zip(a, b, strict=True))}
-    share = np.mean([told[pair] for pair in zip(a, b, strict=True)])
+    reported = {
+        pair: fisher(pair[0], 20, pair[1], 20) <= 0.05 for pair in set(zip(a, b, strict=True))
+    }
+    share = np.mean([reported[pair] for pair in zip(a, b, strict=True)])
     assert share == pytest.approx(power_of_shares(0.1, 0.5, 20), abs=0.035)
 
 
@@ -116,7 +118,7 @@ def test_two_modes_seldom_seen_in_one_group(runs: int) -> None:
     assert seen <= 40
 
 
-def test_two_groups_are_told() -> None:
+def test_two_groups_are_reported() -> None:
     rng = np.random.default_rng(4)
     values = np.concatenate([rng.normal(1.5, 0.1, 14), rng.normal(6.0, 0.8, 6)])
     modes = two_modes(values)

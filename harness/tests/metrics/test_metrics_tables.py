@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows into columns of a fixed schema: what fits is taken, what does not is told."""
+"""Rows into columns of a fixed schema: what fits is taken, what does not is reported."""
 
 import json
 import math
@@ -18,7 +18,7 @@ from slambed.metrics.tables import (
 
 
 def stored(values: list[Any], column: str) -> tuple[list[Any], list[str]]:
-    """What a column of the events keeps of these values, and what is told."""
+    """What a column of the events keeps of these values, and what is reported."""
     problems: list[str] = []
     rows = [{"t_ns": number, column: value} for number, value in enumerate(values)]
     kept = table_of(rows, EVENT_COLUMNS, problems, extra=True).column(column).to_pylist()
@@ -48,7 +48,9 @@ def test_values_that_fit_are_kept(column: str, values: list[Any], kept: list[Any
         ("dropped", [True, 1], [True, None]),
     ],
 )
-def test_values_that_do_not_fit_are_told(column: str, values: list[Any], kept: list[Any]) -> None:
+def test_values_that_do_not_fit_are_reported(
+    column: str, values: list[Any], kept: list[Any]
+) -> None:
     found, problems = stored(values, column)
     wrong = sum(value is None for value in kept)
     assert found == kept
@@ -70,9 +72,11 @@ def test_a_frame_is_stored_as_its_rows_are() -> None:
         {"t_s": 0.2},
     ]
     frame = frame_of(json.loads(json.dumps(rows)), SAMPLE_COLUMNS)
-    told: list[str] = []
-    assert table_of_frame(frame, SAMPLE_COLUMNS, told).equals(table_of(rows, SAMPLE_COLUMNS, []))
+    reported: list[str] = []
+    assert table_of_frame(frame, SAMPLE_COLUMNS, reported).equals(
+        table_of(rows, SAMPLE_COLUMNS, [])
+    )
     strange = frame.assign(cpu_s=["1", 2.0, None])
-    table = table_of_frame(strange, SAMPLE_COLUMNS, told)
+    table = table_of_frame(strange, SAMPLE_COLUMNS, reported)
     assert table.column("cpu_s").to_pylist() == [None, 2.0, None]
-    assert told == ["column cpu_s: 1 values of the wrong type, dropped"]
+    assert reported == ["column cpu_s: 1 values of the wrong type, dropped"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs are to be trusted: host, link and limits as asked, whatever the system did."""
+"""Which runs are valid: host, link and limits as asked, whatever the system did."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ def raw(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"distrust": ["mobile: CPU quota 2 cores instead of 1"]}, "CPU quota 2"),
+        ({"invalid_reasons": ["mobile: CPU quota 2 cores instead of 1"]}, "CPU quota 2"),
         ({"link": {"base_rtt_ms": 9.0}}, "RTT error median"),
     ],
 )
@@ -29,22 +29,25 @@ def test_runs_under_other_circumstances_than_asked_say_why(
 ) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(manifest=change))
     found = summarize_run(raw, EDGE_SPEC)
-    assert found["trusted"] is False
-    assert reason in found["distrust"]
+    assert found["valid"] is False
+    assert reason in found["invalid_reason"]
 
 
-def test_an_error_of_the_rtt_is_told_once(tmp_path: Path) -> None:
+def test_an_error_of_the_rtt_is_reported_once(tmp_path: Path) -> None:
     lines = [
         "link: median RTT error 8.80 ms is above 1 ms",
         "mobile: CPU quota 2 cores instead of 1",
     ]
-    change = {"link": {"base_rtt_ms": 9.0}, "distrust": lines}
-    told = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
-    assert told["distrust"].count("RTT error median") == 1 and "link: " not in told["distrust"]
-    assert lines[1] in told["distrust"]
+    change = {"link": {"base_rtt_ms": 9.0}, "invalid_reasons": lines}
+    reported = summarize_run(write_raw(tmp_path / "raw", RawRun(manifest=change)), EDGE_SPEC)
+    assert (
+        reported["invalid_reason"].count("RTT error median") == 1
+        and "link: " not in reported["invalid_reason"]
+    )
+    assert lines[1] in reported["invalid_reason"]
 
 
-def test_steal_is_told_as_steal(tmp_path: Path) -> None:
+def test_steal_is_reported_as_steal(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(stall_ms=250))
     rows = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
     for row in rows:
@@ -52,25 +55,25 @@ def test_steal_is_told_as_steal(tmp_path: Path) -> None:
     (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     found = summarize_run(raw, EDGE_SPEC | {"tolerances": {"host_stall_ms_max": 100.0}})
     assert found["host_steal_percent"] == pytest.approx(10, abs=0.2)
-    assert "(steal: neighbors took 10.0 % of this host's CPU time)" in found["distrust"]
+    assert "(steal: neighbors took 10.0 % of this host's CPU time)" in found["invalid_reason"]
 
 
-def test_a_stall_of_the_host_is_told_and_judged_where_asked(tmp_path: Path) -> None:
+def test_a_stall_of_the_host_is_reported_and_judged_where_asked(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(stall_ms=250))
     found = summarize_run(raw, EDGE_SPEC)
     assert found["host_stall_ms_max"] == pytest.approx(250, abs=1e-6)
-    assert found["trusted"] is True
+    assert found["valid"] is True
     strict = EDGE_SPEC | {"tolerances": {"host_stall_ms_max": 100.0}}
     judged = summarize_run(raw, strict)
-    assert judged["distrust"] == "the host stalled the mobile node for 250 ms, above 100 ms"
+    assert judged["invalid_reason"] == "the host stalled the mobile node for 250 ms, above 100 ms"
     calm = summarize_run(write_raw(tmp_path / "calm", RawRun()), strict)
     assert calm["host_stall_ms_max"] == pytest.approx(0, abs=1e-6)
-    assert calm["trusted"] is True
+    assert calm["valid"] is True
     virtual = summarize_run(raw, strict | {"engine": "virtual"})
     assert virtual["host_stall_ms_max"] is None
 
 
-def test_waiting_for_a_processor_is_told_and_judged_where_asked(tmp_path: Path) -> None:
+def test_waiting_for_a_processor_is_reported_and_judged_where_asked(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun())
     rows = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
     for row in rows:
@@ -79,19 +82,17 @@ def test_waiting_for_a_processor_is_told_and_judged_where_asked(tmp_path: Path) 
     (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     found = summarize_run(raw, EDGE_SPEC)
     assert found["cpu_wait_share"] == pytest.approx(0.5, abs=1e-9)
-    assert found["trusted"] is True
+    assert found["valid"] is True
     judged = summarize_run(raw, EDGE_SPEC | {"tolerances": {"cpu_wait_share_max": 0.4}})
-    assert judged["distrust"] == (
+    assert judged["invalid_reason"] == (
         "the mobile node waited for a processor for 50% of the time in which it wanted one, "
         "above 40%"
     )
     assert summarize_run(raw, EDGE_SPEC | {"engine": "virtual"})["cpu_wait_share"] is None
 
 
-@pytest.mark.parametrize(("backend", "trusted"), [("relay", False), ("netem", True)])
-def test_the_tail_of_the_relays_error_is_judged(
-    tmp_path: Path, backend: str, trusted: bool
-) -> None:
+@pytest.mark.parametrize(("backend", "valid"), [("relay", False), ("netem", True)])
+def test_the_tail_of_the_relays_error_is_judged(tmp_path: Path, backend: str, valid: bool) -> None:
     proof = {"asked_ms_mean": 40.0, "measured_ms_mean": 40.4, "error_ms_median": 0.05,
              "error_ms_p99": 116.0, "echoes": 200, "valid": True, "reason": "", "base_ms": 0.2,
              "answered_share": 1.0, "error_ms_max": None, "bias_ms": None}  # fmt: skip
@@ -99,18 +100,18 @@ def test_the_tail_of_the_relays_error_is_judged(
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
     spec = EDGE_SPEC | {"link": EDGE_SPEC["link"] | {"backend": backend}}
     found = summarize_run(raw, spec)
-    assert found["trusted"] is trusted
-    assert (found["distrust"] == "RTT error p99 116.00 ms is above 20 ms") is not trusted
+    assert found["valid"] is valid
+    assert (found["invalid_reason"] == "RTT error p99 116.00 ms is above 20 ms") is not valid
     lenient = spec | {"tolerances": {"rtt_error_ms_p99": 200.0}}
-    assert summarize_run(raw, lenient)["trusted"] is True
+    assert summarize_run(raw, lenient)["valid"] is True
 
 
-def test_a_link_without_proof_is_not_trusted(raw: Path) -> None:
+def test_a_link_without_proof_is_invalid(raw: Path) -> None:
     for file in (raw / "link").iterdir():
         file.unlink()
     found = summarize_run(raw, EDGE_SPEC)
     assert found["rtt_error_ms_median"] is None
-    assert "not measured" in found["distrust"]
+    assert "not measured" in found["invalid_reason"]
 
 
 def test_the_links_own_proof_is_taken(tmp_path: Path) -> None:
@@ -121,6 +122,6 @@ def test_the_links_own_proof_is_taken(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"link": link}))
     found = summarize_run(raw, EDGE_SPEC)
     assert (found["rtt_error_ms_median"], found["rtt_asked_ms_mean"]) == (0.05, 40.0)
-    told = {"link": link, "distrust": ["half of the echoes were lost"]}
-    raw = write_raw(tmp_path / "raw2", RawRun(manifest=told))
-    assert summarize_run(raw, EDGE_SPEC)["distrust"] == "half of the echoes were lost"
+    reported = {"link": link, "invalid_reasons": ["half of the echoes were lost"]}
+    raw = write_raw(tmp_path / "raw2", RawRun(manifest=reported))
+    assert summarize_run(raw, EDGE_SPEC)["invalid_reason"] == "half of the echoes were lost"

@@ -57,9 +57,9 @@ def test_frames_before_the_alignment_and_after_a_reset_are_not_scored() -> None:
 
 
 def test_the_first_poses_of_a_trip_count_only_once_it_is_placed() -> None:
-    """As systems/cloudslam tells it: the state that a run begins in is not announced."""
-    told = (0.3, "state_changed", {"from": "ALIGN", "to": "TRIP"})
-    log = log_of(TRACKED, told, (0.3, "trip_aligned", {}))
+    """As systems/cloudslam reports it: the state that a run begins in is not announced."""
+    reported = (0.3, "state_changed", {"from": "ALIGN", "to": "TRIP"})
+    log = log_of(TRACKED, reported, (0.3, "trip_aligned", {}))
     assert len(scored_part(path_of(20), log)) == 19
     assert len(scored_part(path_of(20), log_of(TRACKED, (9.0, "align_failed", {})))) == 0
 

@@ -27,7 +27,7 @@ def applied(t_ns: int = 9, **changes: Any) -> dict[str, Any]:
     } | changes  # fmt: skip
 
 
-def test_parts_are_told_by_the_event_and_add_up() -> None:
+def test_parts_are_reported_by_the_event_and_add_up() -> None:
     (round_,) = update_rounds(EventLog([applied()]))
     assert round_.parts_ms["T_LM"] == 110.0
     assert round_.total_ms == 722.0
@@ -41,7 +41,7 @@ def test_relocalization_maps_and_events_without_parts_are_left_out() -> None:
     assert update_rounds(log) == []
 
 
-def test_delays_take_the_told_parts_before_what_comes_near() -> None:
+def test_delays_take_the_reported_parts_before_what_comes_near() -> None:
     log = EventLog([applied(1), applied(2, t_lm_ms=130.0, t_total_ms=742.0)])
     found = delays(log)
     assert found["T_LM"].mean_ms == 120.0
@@ -51,7 +51,7 @@ def test_delays_take_the_told_parts_before_what_comes_near() -> None:
 
 
 @pytest.mark.parametrize("error_ms", [0.0, 1.5, 3.0])
-def test_summary_tells_gap_messages_and_how_far_the_parts_are_off(
+def test_summary_reports_gap_messages_and_how_far_the_parts_are_off(
     tmp_path: Path, error_ms: float
 ) -> None:
     raw = write_raw(tmp_path / "raw", RawRun())
@@ -87,7 +87,7 @@ def test_one_update_has_no_spread(tmp_path: Path) -> None:
     assert row["T_MU"] == "30.0 ± -"
 
 
-def test_report_has_one_row_per_cell_that_tells_its_rounds(tmp_path: Path) -> None:
+def test_report_has_one_row_per_cell_that_reports_its_rounds(tmp_path: Path) -> None:
     experiment = quickstart_like(tmp_path, repetitions=2)
     (table,) = update_round_tables(load(experiment))
     assert [row[0] for row in table.rows] == ["edgeslam:static"] * 2  # not the one without edge

@@ -13,7 +13,7 @@ import pytest
 from slambed.errors import SlambedError
 from slambed.papers.compare import Column, PaperVerdicts, compare_paper, comparison_table
 from slambed.papers.experiment_tables import comparisons_for
-from slambed.papers.fits import Fit, read_fits
+from slambed.papers.fits import DeviceFit, read_fits
 from slambed.papers.fitted import far_off
 from slambed.papers.judged import Judged
 from slambed.papers.lookup import Found, Pool, pool_of
@@ -39,7 +39,7 @@ def runs_of(
             "cell": f"{system}:{variant}/{profile}", "label": f"{system}:{variant}",
             "system": system, "variant": variant, "profile": profile, "dataset": OFFICE,
             "engine": "local", "link_backend": "relay" if system != "orbslam2" else None,
-            "trusted": True, "not_completed": False, "lost": i < lost,
+            "valid": True, "not_completed": False, "lost": i < lost,
             "wall_s": 87.0, "ate_rmse_m": 0.015 + 0.0001 * i,
             "coverage": 1.0, "repetition": i, "params.codec": "binary",
         } | more
@@ -59,7 +59,7 @@ def column_of(paper: Paper, *results: Results, engine: str = "", **more: Any) ->
     return next(c for c in found if not engine or c.engine == engine)
 
 
-def told(column: Column, name: str) -> str:
+def outcome_of(column: Column, name: str) -> str:
     return column.rows[name].verdict.outcome
 
 
@@ -120,7 +120,7 @@ def test_nothing_run_is_said_so(dynnetslam: Paper) -> None:
     assert len(cells) == 110
     assert {r.mark for r in column.rows.values()} <= {"N", "P"}
     assert all(r.missing and r.why for r in column.rows.values() if r.mark == "N")
-    assert {o.ordering.outcome for o in column.orderings} <= {"inconclusive", "paper_cannot_tell"}
+    assert {o.ordering.outcome for o in column.orderings} <= {"inconclusive", "not_shown_by_paper"}
 
 
 def test_the_documented_table_2_reproduces_nothing(dynnetslam: Paper) -> None:
@@ -139,10 +139,10 @@ def test_the_documented_table_2_reproduces_nothing(dynnetslam: Paper) -> None:
 def test_equal_shares_of_many_runs_are_reproduced(dynnetslam: Paper) -> None:
     lost = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
     column = column_of(dynnetslam, table_2(lost, 100))
-    assert told(column, "dynnet.T2.enhanced.rtt0") == "reproduced"
-    assert told(column, "dynnet.T2.enhanced.rtt20") == "reproduced"
-    assert told(column, "dynnet.T2.conventional.rtt80") == "reproduced"
-    assert told(column, "dynnet.T2.enhanced.rtt60") == "reproduced"
+    assert outcome_of(column, "dynnet.T2.enhanced.rtt0") == "reproduced"
+    assert outcome_of(column, "dynnet.T2.enhanced.rtt20") == "reproduced"
+    assert outcome_of(column, "dynnet.T2.conventional.rtt80") == "reproduced"
+    assert outcome_of(column, "dynnet.T2.enhanced.rtt60") == "reproduced"
     assert column.score.cells >= 10
     orderings = {
         o.contrast.id: o.ordering.outcome
@@ -157,7 +157,7 @@ def test_a_reversed_ordering_is_a_finding(dynnetslam: Paper) -> None:
     column = column_of(dynnetslam, table_2(lost, 100))
     about = [o for o in column.orderings if o.contrast.id in ("dynnet.O03", "dynnet.O05")]
     assert {o.ordering.outcome for o in about} == {"reversed"}
-    assert told(column, "dynnet.T2.enhanced.rtt0") == "differs"
+    assert outcome_of(column, "dynnet.T2.enhanced.rtt0") == "differs"
 
 
 def test_the_pair_that_decides_is_shown_with_who_is_who(dynnetslam: Paper) -> None:
@@ -173,7 +173,7 @@ def test_the_pair_that_decides_is_shown_with_who_is_who(dynnetslam: Paper) -> No
     printed = f"{PAPER_ENHANCED[3]:g} < conventional Edge-SLAM: {PAPER_CONVENTIONAL[3]:g} %"
     assert printed in pairs.values(ours=False)
     assert " → " in found["dynnet.O04"].values(ours=True)
-    # The number of runs of a table tells no two systems apart.
+    # The number of runs of a table reports no two systems apart.
     assert not any("runs 100" in o.values(ours=False) for o in column.orderings)
 
 
@@ -187,7 +187,7 @@ def test_up_to_four_runs_decide_nothing(dynnetslam: Paper, runs: int) -> None:
 
 def test_fitted_and_stand_in_numbers_are_never_reproduced(dynnetslam: Paper) -> None:
     exact = table_2({"static": PAPER_ENHANCED}, 100)
-    assert told(column_of(dynnetslam, exact), "dynnet.T2.enhanced.rtt0") == "reproduced"
+    assert outcome_of(column_of(dynnetslam, exact), "dynnet.T2.enhanced.rtt0") == "reproduced"
     stand_in = column_of(
         dynnetslam, table_2({"static": PAPER_ENHANCED}, 100, dataset="synthetic_fr3_path")
     )
@@ -196,7 +196,7 @@ def test_fitted_and_stand_in_numbers_are_never_reproduced(dynnetslam: Paper) -> 
     assert "synthetic_fr3_path" in row.why
     assert row.position is None
     runs = table_2({"static": PAPER_ENHANCED}, 100, device_mobile="pi")
-    fit = Fit("a_fit", ("dynnet.T2.enhanced.*",), frozenset(["pi"]))
+    fit = DeviceFit("a_fit", ("dynnet.T2.enhanced.*",), frozenset(["pi"]))
     fitted = column_of(dynnetslam, runs, fits=[fit])
     row = fitted.rows["dynnet.T2.enhanced.rtt0"]
     assert (row.mark, row.provenance, row.position) == ("F", "fitted", None)
@@ -207,7 +207,7 @@ def test_fitted_and_stand_in_numbers_are_never_reproduced(dynnetslam: Paper) -> 
 
 
 @pytest.mark.parametrize(
-    ("ours", "told"),
+    ("ours", "expected"),
     [
         (0.0, "fitted, yet 48 points below the printed value"),
         (48.0, ""),
@@ -216,14 +216,14 @@ def test_fitted_and_stand_in_numbers_are_never_reproduced(dynnetslam: Paper) -> 
     ],
 )
 def test_a_fitted_share_that_is_far_from_the_printed_one_says_so(
-    dynnetslam: Paper, ours: float, told: str
+    dynnetslam: Paper, ours: float, expected: str
 ) -> None:
     lost = [*PAPER_ENHANCED[:3], round(ours), PAPER_ENHANCED[4]]
-    fit = Fit("a_fit", ("dynnet.T2.enhanced.*",), frozenset(["pi"]))
+    fit = DeviceFit("a_fit", ("dynnet.T2.enhanced.*",), frozenset(["pi"]))
     column = column_of(dynnetslam, table_2({"static": lost}, 100, device_mobile="pi"), fits=[fit])
     row = column.rows["dynnet.T2.enhanced.rtt60"]
-    assert (row.mark, row.hint) == ("F", told)
-    assert (told in row.why) and "no evidence" in row.why
+    assert (row.mark, row.hint) == ("F", expected)
+    assert (expected in row.why) and "no evidence" in row.why
     other = column_of(dynnetslam, table_2({"static": lost}, 100))
     assert other.rows["dynnet.T2.enhanced.rtt60"].hint == ""  # a verdict says it there
 
@@ -234,15 +234,15 @@ def test_a_fitted_mean_that_is_far_from_the_printed_one_says_so() -> None:
     cell = cells_of(paper)["ijnc.T3.execution_time.dT_LR"]
     found = Found(None, None, "")
 
-    def told(*values: float) -> str:
+    def hint_of(*values: float) -> str:
         ours = Measured(found, np.array(values))
         return far_off(cell, ours, judge_mean(ours.mean, Mean(55.0), 0.15))
 
-    assert told(4.6, 4.7, 4.8, 4.7, 4.85) == "fitted, yet the printed value is 11.6 times ours"
-    assert told(638.0) == "fitted, yet 11.6 times the printed value"
-    assert told(77.0, 77.1, 76.9, 77.0, 77.0) == "fitted, yet 40 % above the printed value"
-    assert told(33.0) == "fitted, yet 40 % below the printed value"
-    assert told(55.0, 55.1, 54.9, 55.0, 55.0) == ""
+    assert hint_of(4.6, 4.7, 4.8, 4.7, 4.85) == "fitted, yet the printed value is 11.6 times ours"
+    assert hint_of(638.0) == "fitted, yet 11.6 times the printed value"
+    assert hint_of(77.0, 77.1, 76.9, 77.0, 77.0) == "fitted, yet 40 % above the printed value"
+    assert hint_of(33.0) == "fitted, yet 40 % below the printed value"
+    assert hint_of(55.0, 55.1, 54.9, 55.0, 55.0) == ""
 
 
 def test_runs_that_are_kept_without_events_are_no_missing_runs(
@@ -295,10 +295,10 @@ def test_pooled_engines_are_noticed(dynnetslam: Paper, monkeypatch: pytest.Monke
 
 def test_a_cell_and_its_claim_have_one_verdict(dynnetslam: Paper) -> None:
     column = column_of(dynnetslam, table_2({"static": PAPER_ENHANCED}, 100))
-    again = [r for r in column.rows.values() if r.cell.standing.duplicate_of in column.rows]
+    again = [r for r in column.rows.values() if r.cell.comparability.duplicate_of in column.rows]
     assert len(again) >= 10
     for row in again:
-        first = column.rows[str(row.cell.standing.duplicate_of)]
+        first = column.rows[str(row.cell.comparability.duplicate_of)]
         assert row.verdict == first.verdict
         assert row.mark == "P"  # and counted once
 
@@ -330,7 +330,7 @@ def test_other_readings_are_shown_and_open_ones_leave_a_number_undecided(
     paper = dynnetslam.model_copy(update={"metrics": dynnetslam.metrics | {name: metric}})
     column = column_of(paper, table_2({"static": PAPER_ENHANCED}, 100, coverage=0.25))
     cell = "dynnet.T2.enhanced.rtt20"
-    assert told(column, cell) == ("reproduced" if excluded else "inconclusive")
+    assert outcome_of(column, cell) == ("reproduced" if excluded else "inconclusive")
     assert column.rows[cell].ours == "2 (2/100)"
     assert "coverage (with a pose): 100 (100/100)" in column.rows[cell].why
 
@@ -387,7 +387,7 @@ def test_operators(dynnetslam: Paper, op: str, value: object, outcome: str) -> N
     for number, row in enumerate(runs):
         row[key.key] = ours * (1 + 0.02 * (number % 5 - 2))
     column = column_of(stated, results_of(runs))
-    assert told(column, "dynnet.C19") == outcome
+    assert outcome_of(column, "dynnet.C19") == outcome
 
 
 def test_the_tables_of_a_paper_as_text(dynnetslam: Paper) -> None:
@@ -423,8 +423,10 @@ def test_peer_ratios() -> None:
     rows = runs_of("orbslam2", "default", None, 0, 5, experiment="peer_redkitchen")
     stand_in = peer_tables(peer, pool_of([results_of(rows)]))[0]
     (played,) = {row["dataset"] for row in rows}
-    told = f"{played} is played instead of redkitchen: numbers of the two cannot be compared. Ours"
-    assert stand_in.caption.startswith(told)
+    message = (
+        f"{played} is played instead of redkitchen: numbers of the two cannot be compared. Ours"
+    )
+    assert stand_in.caption.startswith(message)
     assert {row[-1] for row in stand_in.rows} == {"not compared", "not run"}
     assert {tuple(row[5:7]) for row in stand_in.rows} == {("-", "-")}  # no ratio, no aim
     for row in rows:

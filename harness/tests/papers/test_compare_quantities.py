@@ -4,7 +4,7 @@
 from typing import Any
 
 import pytest
-from test_compare import column_of, results_of, runs_of, told
+from test_compare import column_of, outcome_of, results_of, runs_of
 
 from slambed.papers.published import Paper, read_papers
 from slambed.report.load import Results
@@ -45,12 +45,14 @@ def requests(edge_ms: float, local_ms: float = 55.0, runs: int = 20) -> list[dic
 def test_an_increase_adds_up_the_steps_of_an_attempt_that_fails(paper: Paper) -> None:
     as_printed = column_of(paper, results(requests(11.0)))
     assert as_printed.rows["ijnc.C07"].ours.startswith("5.455")  # 58 over 55
-    assert told(as_printed, "ijnc.C07") == "reproduced"
+    assert outcome_of(as_printed, "ijnc.C07") == "reproduced"
     faster = column_of(paper, results(requests(4.0)))
     assert faster.rows["ijnc.C07"].ours.startswith("-7.273")
-    assert told(faster, "ijnc.C07") == "differs"
-    assert told(column_of(paper, results(requests(15.0))), "ijnc.C07") == "differs"
-    assert told(column_of(paper, results(requests(11.0, runs=4))), "ijnc.C07") == "inconclusive"
+    assert outcome_of(faster, "ijnc.C07") == "differs"
+    assert outcome_of(column_of(paper, results(requests(15.0))), "ijnc.C07") == "differs"
+    assert (
+        outcome_of(column_of(paper, results(requests(11.0, runs=4))), "ijnc.C07") == "inconclusive"
+    )
 
 
 TABLE_4 = {
@@ -72,7 +74,7 @@ def test_points_of_coverage_are_no_percent_of_it(paper: Paper) -> None:
         ):
             found += rows(*system, dataset, coverage_processed=share)
     column = column_of(paper, results(found))
-    assert told(column, "ijnc.C14") == "reproduced"
+    assert outcome_of(column, "ijnc.C14") == "reproduced"
     assert column.rows["ijnc.C14"].ours.startswith("30.1 ")
 
 
@@ -81,7 +83,7 @@ def test_a_reduction_is_shown_as_one(paper: Paper) -> None:
     found += rows("multithread_rl", "relocate", "fr2_pioneer_slam2", update_pause_ms_mean=910.4)
     column = column_of(paper, results(found))
     assert column.rows["ijnc.C21"].ours.startswith("43.58 ")
-    assert told(column, "ijnc.C21") == "reproduced"
+    assert outcome_of(column, "ijnc.C21") == "reproduced"
 
 
 def test_an_increase_needs_every_step(paper: Paper) -> None:
@@ -102,14 +104,14 @@ def desk(losing: str = "", leaving_out: str = "") -> Results:
 
 def test_a_number_said_of_all_is_reproduced_where_each_of_them_has_it(paper: Paper) -> None:
     found = column_of(paper, desk())
-    assert told(found, "ijnc.C28") == "reproduced"
+    assert outcome_of(found, "ijnc.C28") == "reproduced"
     assert found.rows["ijnc.C28"].ours == "0 ± 0 (n 80)"
 
 
 @pytest.mark.parametrize("losing", sorted(variant for _, variant in SYSTEMS))
 def test_one_of_them_is_enough_to_differ(paper: Paper, losing: str) -> None:
     found = column_of(paper, desk(losing))
-    assert told(found, "ijnc.C28") == "differs"
+    assert outcome_of(found, "ijnc.C28") == "differs"
     ids = {"conventional": "edgeslam_conventional"}
     assert ids.get(losing, losing) in found.rows["ijnc.C28"].verdict.why
 

@@ -12,7 +12,7 @@ from test_compare import DOCUMENTED, PAPER_CONVENTIONAL, PAPER_ENHANCED, results
 from slambed.errors import SlambedError
 from slambed.papers import compare, paper_view
 from slambed.papers.compare import compare_paper
-from slambed.papers.fits import Fit
+from slambed.papers.fits import DeviceFit
 from slambed.papers.lookup import pool_of
 from slambed.papers.paper_claims import claim_lines, in_short
 from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
@@ -83,7 +83,7 @@ def test_every_mark_leads_to_its_number(page: PaperPage) -> None:
     assert 'src="http' not in html and "<script" not in html
 
 
-def test_a_number_tells_runs_rule_and_place(page: PaperPage) -> None:
+def test_a_number_reports_runs_rule_and_place(page: PaperPage) -> None:
     html = page.html.read_text()
     entry = html[html.index('id="v-dynnet.T2.enhanced.rtt60"') :].split("</tr>")[0]
     assert "48 %" in entry
@@ -142,7 +142,7 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         [row for row in stand_in.runs.to_dict("records") if row["variant"] != "static"]
     )
     fitted = table_2(lost, 100, device_mobile="pi")
-    fit = Fit("a_fit", ("dynnet.T2.*",), frozenset(["pi"]))
+    fit = DeviceFit("a_fit", ("dynnet.T2.*",), frozenset(["pi"]))
     found = {}
     for name, results, fits in (
         ("stand-in", stand_in, []), ("half", half, []), ("fitted", fitted, [fit])
@@ -150,9 +150,9 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         column = compare_paper(page.verdicts.paper, pool_of([results]), fits).columns[0]
         line = next(c for c in claim_lines(column) if c.anchor == "dynnet.O03")
         found[name] = (line.badge, line.style)
-        told = paper_view.headline(page.verdicts, column)[0]
-        assert (" hold (" in told) == (name != "half")
-        assert " 1 hold " not in told
+        reported = paper_view.headline(page.verdicts, column)[0]
+        assert (" hold (" in reported) == (name != "half")
+        assert " 1 hold " not in reported
     assert found == {
         "stand-in": ("HOLDS ON A STAND-IN", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
@@ -167,21 +167,21 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     stand_in = table_2(lost, 100, dataset="synthetic_fr3_path")
     verdicts = compare_paper(dynnetslam, pool_of([stand_in]), [])
     column = verdicts.columns[0]
-    told = paper_view.headline(verdicts, column)[1]
+    reported = paper_view.headline(verdicts, column)[1]
     marks = column.marks(list(column.rows))
     assert not marks["R"] + marks["D"] + marks["I"]
-    assert told.startswith(
+    assert reported.startswith(
         f"0 of 163 printed numbers could be compared: {marks['S']} played on stand-ins "
         f"(substitute data), {marks['P']} settings or repeated, "
     )
-    assert sum(map(int, re.findall(r"\d+", told))) == 2 * 163
+    assert sum(map(int, re.findall(r"\d+", reported))) == 2 * 163
     lines = " ".join(twelve_lines(verdicts, [stand_in]))
     for word in ("reproduced", "differ", "inconclusive"):
-        assert word not in told and f"0 {word}" not in lines
+        assert word not in reported and f"0 {word}" not in lines
     some = compare_paper(dynnetslam, pool_of([table_2(lost, 100)]), [])
-    told = paper_view.headline(some, some.columns[0])[1]
-    assert re.match(r"1\d of 163 .* compared: \d+ reproduced, \d+ differs?, \d+ inconc", told)
-    assert "The others could not: " in told
+    reported = paper_view.headline(some, some.columns[0])[1]
+    assert re.match(r"1\d of 163 .* compared: \d+ reproduced, \d+ differs?, \d+ inconc", reported)
+    assert "The others could not: " in reported
 
 
 def test_of_several_pairs_those_that_do_not_hold_are_named(
@@ -197,7 +197,7 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     assert "31/100 > conventional" in claim.ours and "weakest of 5 pairs" in claim.ours
     assert ["30/100 = " in pair.ours for pair in claim.failing] == [True]
     assert claim.failing[0].where == "office, rtt_added_ms 60"
-    assert claim.beside == "the other 4 pairs, 1 not holding"
+    assert claim.other_pairs == "the other 4 pairs, 1 not holding"
     html = page.html.read_text()
     entry = html[html.index('<li id="dynnet.O03">') :].split("</details>")[0]
     assert entry.index("3 of 5 pairs hold") < entry.index("31/100") < entry.index("<details")
@@ -206,10 +206,10 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     assert (
         "1 is not seen in full" in paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
     )
-    told = next(
+    reported = next(
         line for line in page.lines if "dynnet" not in line and line.startswith("[NOT SEEN")
     )
-    assert "; 3 of 5 pairs hold; would have shown with a chance of 100 %; nor do " in told
+    assert "; 3 of 5 pairs hold; would have shown with a chance of 100 %; nor do " in reported
     table = (page.html.parent / "tables" / "dynnetslam_pairs_live.csv").read_text()
     assert table.count("dynnet.O03,") == 5
     orderings = (page.html.parent / "tables" / "dynnetslam_orderings_live.csv").read_text()
@@ -253,7 +253,7 @@ def test_reasons_beyond_the_largest_are_counted_and_listed(
 def test_a_fitted_number_that_is_far_off_shows_it_in_its_table(
     dynnetslam: Paper, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fit = Fit("a_fit", ("dynnet.T2.*",), frozenset(["pi"]))
+    fit = DeviceFit("a_fit", ("dynnet.T2.*",), frozenset(["pi"]))
     monkeypatch.setattr(compare, "read_fits", lambda: [fit])
     lost = {"static": [*PAPER_ENHANCED[:4], 0]}
     html = write_paper_page(
@@ -336,15 +336,15 @@ def test_no_command_is_named_where_no_experiment_makes_the_runs(
 
 def test_one_assumption_of_many_numbers_stands_there_once() -> None:
     spread = "spread in the paper as ours"
-    told = [f"{spread} (67%)", "n = 5 in the paper", f"{spread} (8%)", f"{spread} (90%)"]
-    assert in_short(told) == [f"{spread} (8 to 90 %)", "n = 5 in the paper"]
-    assert in_short(told[:2]) == [f"{spread} (67 %)", "n = 5 in the paper"]
+    reported = [f"{spread} (67%)", "n = 5 in the paper", f"{spread} (8%)", f"{spread} (90%)"]
+    assert in_short(reported) == [f"{spread} (8 to 90 %)", "n = 5 in the paper"]
+    assert in_short(reported[:2]) == [f"{spread} (67 %)", "n = 5 in the paper"]
 
 
 @pytest.mark.parametrize(
     "paper", [p for p in read_papers() if p.kind == "paper"], ids=lambda paper: paper.id
 )
-def test_a_page_tells_the_year_once(paper: Paper, tmp_path: Path) -> None:
+def test_a_page_reports_the_year_once(paper: Paper, tmp_path: Path) -> None:
     page = write_paper_page(paper, [], tmp_path)
     (lead,) = re.findall(r'<p class="lead">(.*?)\n', page.html.read_text())
     assert lead.count(str(paper.paper.year)) == 1 and lead.endswith(f"{paper.paper.year}.")

@@ -91,7 +91,7 @@ def test_runs_that_two_experiments_have_in_common_count_for_both(dynnetslam: Pap
     assert [line.text for line in lines if line.bad] == []
 
 
-def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:
+def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
     plan = plan_of(dynnetslam)
     assert bad(dynnetslam, plan, results("2026-04-30T23:59:59Z", plan=plan)) == [
         "50 of 50 runs were made before the plan was written."
@@ -111,8 +111,8 @@ def test_what_was_not_as_planned_is_told(dynnetslam: Paper) -> None:
         "not_begun: nothing played, 30 runs a cell were planned."
     ]
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
-    told = bad(dynnetslam, other, results(plan=other))
-    assert told == ["The mobile was pi in 50 of 50 runs (made_up), jetson was planned."]
+    reported = bad(dynnetslam, other, results(plan=other))
+    assert reported == ["The mobile was pi in 50 of 50 runs (made_up), jetson was planned."]
     live = plan_of(dynnetslam, engine="live")
     assert "The plan is for live runs" in bad(dynnetslam, live, results(plan=live))[0]
     unnamed = results(plan=plan)
@@ -139,7 +139,7 @@ def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> 
     bent = results(plan=plan)
     bent.runs["plan_frozen.dynnetslam"] = "0" * 16
     assert "with another mapping than the plan's" in bad(dynnetslam, plan, bent)[0]
-    # One cause is told once: this plan was written anew after the runs, and says what is other.
+    # One cause is reported once: this plan was written anew after the runs, and says what is other.
     later = plan_of(dynnetslam, written_utc=datetime(2026, 6, 1, tzinfo=UTC), runs=fewer)
     story = (
         "50 of 50 runs were made before the plan was written and under another plan "
@@ -190,8 +190,8 @@ def test_a_margin_changed_after_the_plan_is_noticed(dynnetslam: Paper) -> None:
 def test_what_is_registered_today_goes_into_manifests(dynnetslam: Paper) -> None:
     plan = read_plan("dynnetslam")
     assert plan is not None
-    told = {"plan": plan.digest, "frozen": frozen_digest(dynnetslam)}
-    assert plans_of_today()["dynnetslam"] == told
+    reported = {"plan": plan.digest, "frozen": frozen_digest(dynnetslam)}
+    assert plans_of_today()["dynnetslam"] == reported
 
 
 def test_powers_are_those_of_the_printed_numbers(dynnetslam: Paper) -> None:
@@ -227,7 +227,7 @@ def test_costs_are_measured_where_a_ledger_is(dynnetslam: Paper, tmp_path: Path)
     ]
 
 
-def test_the_command_tells_power_and_cost(tmp_path: Path) -> None:
+def test_the_command_reports_power_and_cost(tmp_path: Path) -> None:
     shown = CliRunner().invoke(app, ["power", "multithread_rl", "--results", str(tmp_path)])
     assert shown.exit_code == 0, shown.output
     assert "Chance that an ordering holds" in shown.output

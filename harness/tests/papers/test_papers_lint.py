@@ -224,12 +224,12 @@ MISTAKES: dict[str, tuple[str, Mistake, str]] = {
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_planted_mistake_is_found(checkout: Checkout, mistake: str) -> None:
-    name, plant, told = MISTAKES[mistake]
+    name, plant, expected = MISTAKES[mistake]
     content = raw(name)
     assert lint([Paper.model_validate(content)], checkout) == []
     plant(content)
     found = [str(problem) for problem in lint([Paper.model_validate(content)], checkout)]
-    assert any(told in line for line in found), found
+    assert any(expected in line for line in found), found
 
 
 def test_a_fit_to_a_cell_that_there_is_not_is_found(checkout: Checkout) -> None:

@@ -66,7 +66,7 @@ def test_cloudslam_is_compared_with_a_reference_run_and_both_directions(
         assert strategy in cells[f"cloudslam.{name}"].conditions, name
 
 
-def test_the_two_maps_of_orbslam_are_told_apart(papers: dict[str, Paper]) -> None:
+def test_the_two_maps_of_orbslam_are_distinguished(papers: dict[str, Paper]) -> None:
     systems = papers["cloudslam"].systems
     prior = {
         name: systems[name].match["params.prior_map"] for name in ("orbslam2", "orbslam2_prior")
@@ -125,11 +125,11 @@ def test_no_number_is_counted_twice(
     papers: dict[str, Paper], cells: dict[str, PublishedCell]
 ) -> None:
     """15 claims of DynNetSLAM once stood in its tables too, and settings among the results."""
-    twice = {name for name, cell in cells.items() if cell.standing.duplicate_of}
+    twice = {name for name, cell in cells.items() if cell.comparability.duplicate_of}
     assert {f"dynnet.C{n}" for n in (*range(22, 25), *range(30, 38), *range(38, 42))} <= twice
     assert {"ijnc.C01", "ijnc.C08", "ijnc.C25", "ijnc.C26"} <= twice
     assert "dynnet.T1.track_loss_ratio.conventional" in twice
-    settings = [n for n, cell in cells.items() if cell.standing.parameter and ".T" in n]
+    settings = [n for n, cell in cells.items() if cell.comparability.parameter and ".T" in n]
     assert len(settings) == 45 + 8 + 6  # edgesem T1, cloudslam T2, the words of cloudslam T1a
 
 

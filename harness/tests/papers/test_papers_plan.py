@@ -83,7 +83,7 @@ def test_a_plan_has_a_name_of_its_own(plan: PaperPlan) -> None:
     assert other.digest != plan.digest == read_plan("dynnetslam").digest  # type: ignore[union-attr]
 
 
-def test_runs_older_than_the_plan_are_told(plan: PaperPlan) -> None:
+def test_runs_older_than_the_plan_are_reported(plan: PaperPlan) -> None:
     assert plan.made_before(plan.written_utc - timedelta(seconds=1))
     assert not plan.made_before(plan.written_utc)
     assert not plan.made_before(datetime(2030, 1, 1, tzinfo=UTC))
@@ -102,7 +102,7 @@ def waiting(contrast: str) -> PlannedLater:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "expected"),
     [
         (lambda p: changed(p, frozen="0"), "write a new plan"),
         (lambda p: changed(p, fits=["pi"]), "no catalog/devices/fits/pi.yaml"),
@@ -117,10 +117,10 @@ def waiting(contrast: str) -> PlannedLater:
     ],
 )
 def test_a_planted_mistake_in_a_plan_is_found(
-    paper: Paper, plan: PaperPlan, spoil: Callable[[PaperPlan], PaperPlan], told: str
+    paper: Paper, plan: PaperPlan, spoil: Callable[[PaperPlan], PaperPlan], expected: str
 ) -> None:
     found = [str(item) for item in plan_problems(spoil(plan), paper, Checkout(Library()))]
-    assert any(told in line for line in found), found
+    assert any(expected in line for line in found), found
 
 
 def test_a_torn_plan_is_one_line(tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from pydantic import ValidationError
 
 from slambed.papers.published import (
     Claim,
+    Comparability,
     Contrast,
     Erratum,
     Margin,
     Paper,
-    Standing,
     cells_of,
     read_papers,
     table_cells,
@@ -112,11 +112,11 @@ def test_the_margin_is_narrower_at_the_ends() -> None:
 
 
 def test_what_is_said_of_a_part_wins() -> None:
-    table = Standing(parameter="a setting", read_as="as printed")
-    cell = Standing(read_as="as percent")
+    table = Comparability(parameter="a setting", read_as="as printed")
+    cell = Comparability(read_as="as percent")
     both = cell.over(table)
     assert (both.parameter, both.read_as) == ("a setting", "as percent")
     assert not both.judged
-    assert Standing(read_as="as printed").judged
-    assert not Standing(erratum=Erratum(why="printed twice", skip=True)).judged
-    assert Standing(erratum=Erratum(why="printed twice", judge_as=3)).judged
+    assert Comparability(read_as="as printed").judged
+    assert not Comparability(erratum=Erratum(why="printed twice", skip=True)).judged
+    assert Comparability(erratum=Erratum(why="printed twice", judge_as=3)).judged

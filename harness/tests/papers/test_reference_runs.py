@@ -28,7 +28,7 @@ def stored(tmp_path: Path) -> Results:
 
 
 def split(stored: Results) -> tuple[pd.DataFrame, pd.DataFrame]:
-    runs = stored.trusted.assign(experiment_folder=stored.name)
+    runs = stored.valid_runs.assign(experiment_folder=stored.name)
     alone = runs["system"].eq("orbslam2")
     return runs[~alone], runs[alone]
 
@@ -97,6 +97,6 @@ def test_a_published_error_against_a_system_is_measured_against_its_run(
     assert found.values == pytest.approx([200.0])  # in the paper's centimeters
     without = stored.runs[~stored.runs["system"].eq("orbslam2")]
     stored.runs = without
-    told = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
-    assert not told.there
-    assert told.found.reason == "ORB-SLAM2: no trusted run yet"
+    reported = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
+    assert not reported.there
+    assert reported.found.reason == "ORB-SLAM2: no valid run yet"

@@ -100,7 +100,7 @@ def test_means_equal_and_off_by_the_margin() -> None:
             assert rates.mean_same(ratio, runs, paper_runs, 0.2, 0.2) <= MOST
 
 
-def test_a_reduction_is_told_from_one_at_its_margin() -> None:
+def test_a_reduction_is_distinguished_from_one_at_its_margin() -> None:
     check_reduction()
     for true in (1 - 0.058 * 4 / 3, 1 - 0.058 * 3 / 4):
         assert rates.reduction_same(true, 0.942, 20, 0.3) <= MOST
@@ -302,7 +302,7 @@ def test_an_ordering_that_the_paper_does_not_show_is_not_judged() -> None:
              [Step((Share(0, 100), Share(9, 100)), (Share(9, 100), Share(40, 100)))]]  # fmt: skip
     shown = holm([contrasts.paper_shows(s)[0] for s in steps])
     found = [judge_contrast(s, p).outcome for s, p in zip(steps, shown, strict=True)]
-    assert found == ["paper_cannot_tell", "holds"]
+    assert found == ["not_shown_by_paper", "holds"]
 
 
 def test_what_is_not_shown_was_not_seen_or_had_too_few_runs() -> None:
@@ -368,7 +368,7 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     wide = judge_blocks(mixed, paper, None, 10 * spread, few)
     assert wide.outcome == "too_few_runs" and wide.power is not None and wide.power < 0.9
     assert wide.runs_needed is not None and wide.runs_needed > 5
-    assert judge_blocks(paper, mixed).outcome == "paper_cannot_tell"
+    assert judge_blocks(paper, mixed).outcome == "not_shown_by_paper"
 
 
 # prediction

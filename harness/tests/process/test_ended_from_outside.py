@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node that somebody else kills or stops says nothing about the system: such a run is not to be
-trusted, or costs an attempt, and the campaign goes on."""
+valid, or costs an attempt, and the campaign goes on."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from harness_parts import IdleLink, needs_root, nodes_of_tests, run_spec
 from test_engine_local import Bench
-from waiting import beside, until
+from waiting import in_background, until
 
 from slambed.engines import launcher, local
 from slambed.errors import KilledError, PassingError, environment_error
@@ -43,14 +43,14 @@ def test_what_a_code_says_of_an_end(code: int, number: int | None, outside: bool
 
 @needs_root
 @pytest.mark.parametrize(
-    ("number", "told"),
+    ("number", "expected"),
     [
         (signal.SIGKILL, "was killed from outside (signal 9)"),
-        (signal.SIGTERM, "was told to stop from outside"),
+        (signal.SIGTERM, "was asked to stop from outside"),
     ],
 )
 def test_a_mobile_ended_from_outside_is_no_result(
-    bench: Bench, number: signal.Signals, told: str
+    bench: Bench, number: signal.Signals, expected: str
 ) -> None:
     def end() -> None:
         until((bench.folder / "raw" / "mobile" / "events.jsonl").exists, "the first events")
@@ -58,14 +58,14 @@ def test_a_mobile_ended_from_outside_is_no_result(
         os.kill(bench.live._nodes["mobile"].pid, number)
 
     playback = run_spec().playback.model_copy(update={"end_s": 1.5})
-    with beside(end):
+    with in_background(end):
         result = bench.run(run_spec(playback=playback))
-    assert (result.outcome, result.reason) == ("died", f"mobile node: {told}")
-    assert result.distrust == [f"the mobile node {told}"]
+    assert (result.outcome, result.reason) == ("died", f"mobile node: {expected}")
+    assert result.invalid_reasons == [f"the mobile node {expected}"]
 
 
 @needs_root
-def test_a_node_killed_at_its_gate_costs_an_attempt(bench: Bench) -> None:
+def test_a_node_killed_at_the_start_barrier_costs_an_attempt(bench: Bench) -> None:
     def kill_the_edge(*_: Any) -> IdleLink:
         assert bench.live is not None
         node = bench.live._nodes["edge"]
@@ -74,27 +74,27 @@ def test_a_node_killed_at_its_gate_costs_an_attempt(bench: Bench) -> None:
         raise environment_error("no such namespace")
 
     bench.open_link = kill_the_edge  # type: ignore[method-assign]
-    with pytest.raises(KilledError, match="the edge node was killed at its gate"):
+    with pytest.raises(KilledError, match="the edge node was killed at its start barrier"):
         bench.run(run_spec(edge=True))
 
 
-GATES = {
+BARRIERS = {
     # What takes the launcher's place -> the error and what it says.
-    "import time; time.sleep(60)": (PassingError, "did not reach its gate within 1 s"),
+    "import time; time.sleep(60)": (PassingError, "did not reach the start barrier within 1 s"),
     "import os; os.kill(os.getpid(), 9)": (KilledError, "it was killed .signal 9"),
 }
 
 
 @needs_root
-@pytest.mark.parametrize("code", GATES)
-def test_who_does_not_reach_the_gate(
+@pytest.mark.parametrize("code", BARRIERS)
+def test_who_does_not_reach_the_start_barrier(
     bench: Bench, code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Slow or killed passes; only a kernel that refuses is final (engine local's own tests)."""
     program = bench.folder / "launcher.py"
     program.write_text(code)
     monkeypatch.setattr(launcher, "__file__", str(program))
-    monkeypatch.setattr(local, "GATE_TIMEOUT_S", 1.0)
-    kind, line = GATES[code]
+    monkeypatch.setattr(local, "BARRIER_TIMEOUT_S", 1.0)
+    kind, line = BARRIERS[code]
     with pytest.raises(kind, match=line):
         bench.run(run_spec())

@@ -19,22 +19,22 @@ from slambed.process.line_protocol import (
     adapter,
     line_of,
     message_in,
-    tell,
+    send,
 )
 
 PEER = """
 import sys
 from slambed.errors import PassingError, SlambedError
-from slambed.process.line_protocol import Failure, LineReader, tell
+from slambed.process.line_protocol import Failure, LineReader, send
 requests = LineReader(0)
 while (line := requests.next(None)) is not None:
     if b"twice" in line:
-        sys.stdout.write(line.decode().replace("ask", "say") + "\\n")
+        sys.stdout.write(line.decode().replace("request", "reply") + "\\n")
         sys.stdout.flush()
     elif b"passing" in line:
-        tell(sys.stdout, Failure.of(PassingError("the daemon restarts")))
+        send(sys.stdout, Failure.of(PassingError("the daemon restarts")))
     elif b"wrong" in line:
-        tell(sys.stdout, Failure.of(SlambedError("no such file, x")))
+        send(sys.stdout, Failure.of(SlambedError("no such file, x")))
     elif b"garbage" in line:
         print("half a li", flush=True)
     elif b"leave" in line:
@@ -47,7 +47,7 @@ class Ask(Message):
 
 
 class Said(Message):
-    say: Literal["twice"]
+    reply: Literal["twice"]
 
 
 @pytest.fixture
@@ -66,19 +66,19 @@ def test_a_message_is_one_line_and_comes_back_as_what_it_was(message: Message) -
     "line",
     [
         b"",
-        b'{"ask": "sta',
+        b'{"request": "sta',
         b"[1]",
-        b'{"ask": "dance"}',
-        b'{"ask": "start"}',
-        b'{"ask": "start", "t0_ns": "soon"}',
-        b'{"ask": "stop", "now": true}',
+        b'{"request": "dance"}',
+        b'{"request": "start"}',
+        b'{"request": "start", "t0_ns": "soon"}',
+        b'{"request": "stop", "now": true}',
         b"\xff\xfe",
     ],
 )
 def test_what_is_no_message_is_one_line_of_error(line: bytes) -> None:
-    with pytest.raises(SlambedError, match="the harness said") as told:
+    with pytest.raises(SlambedError, match="the harness said") as raised:
         message_in(line, REQUESTS, "harness")
-    assert told.value.code == ExitCode.INTERNAL and "\n" not in str(told.value)
+    assert raised.value.code == ExitCode.INTERNAL and "\n" not in str(raised.value)
 
 
 def test_lines_are_whole_however_they_are_cut() -> None:
@@ -97,10 +97,10 @@ def test_lines_are_whole_however_they_are_cut() -> None:
 
 
 def test_an_answer_is_of_the_kind_that_was_asked_for(peer: LineProcess) -> None:
-    assert peer.ask(Ask(ask="twice"), Said, 20.0) == Said(say="twice")
-    with pytest.raises(SlambedError, match="the peer said 'half a li'") as told:
+    assert peer.ask(Ask(ask="twice"), Said, 20.0) == Said(notify="twice")
+    with pytest.raises(SlambedError, match="the peer said 'half a li'") as raised:
         peer.ask(Ask(ask="garbage"), Said, 20.0)
-    assert told.value.code == ExitCode.INTERNAL
+    assert raised.value.code == ExitCode.INTERNAL
     peer.close()
     assert not peer.alive()
 
@@ -131,6 +131,6 @@ def test_saying_it_writes_at_once() -> None:
             self.flushed += 1
 
     stream = Stream()
-    tell(stream, Failure(error="x", code=3))
+    send(stream, Failure(error="x", code=3))
     assert stream.flushed == 1
     assert message_in(stream.getvalue().encode(), adapter(Failure), "x").code == 3

@@ -49,7 +49,7 @@ def test_a_manifest_is_written_in_its_order_without_what_an_engine_does_not_say(
     keys = [*made.model_copy(update={"warnings": [], "results_sha256": "x"}).as_json()]
     assert keys == [name for name in Manifest.model_fields if name in keys]
     assert not {"image", "plans", "invalid_reason"} & {*keys}
-    assert {"image_id", "beside", "frames_offered"} <= {*keys}
+    assert {"image_id", "sidecar", "frames_offered"} <= {*keys}
     tagged = manifest(
         run_spec(), EngineFacts(image="a", image_id="b"), [], result, "now", 0.5, 1, 9
     )
@@ -58,7 +58,7 @@ def test_a_manifest_is_written_in_its_order_without_what_an_engine_does_not_say(
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", "null", '{"limits": 5}', '{"distrust": "late"}', '{"attempt": "first"}'],
+    ["", "{", "[]", "null", '{"limits": 5}', '{"invalid_reasons": "late"}', '{"attempt": "first"}'],
 )
 def test_a_torn_or_foreign_manifest_is_none(tmp_path: Path, text: str) -> None:
     path = tmp_path / "manifest.json"
@@ -81,7 +81,7 @@ def test_a_manifest_of_another_version_is_read_as_far_as_it_goes(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("old", "outcome", "reason", "distrust"),
+    ("old", "outcome", "reason", "invalid_reasons"),
     [
         ({"outcome": "mobile_died", "invalid_reason": "signal 11"}, "died", "signal 11", []),
         ({"outcome": "timeout"}, "timed_out", None, []),
@@ -92,11 +92,15 @@ def test_a_manifest_of_another_version_is_read_as_far_as_it_goes(tmp_path: Path)
         ),
     ],
 )  # fmt: skip
-def test_a_manifest_from_before_trust_says_it_in_words_of_today(
-    old: dict[str, object], outcome: str, reason: str | None, distrust: list[str]
+def test_a_manifest_of_an_older_version_is_read_with_the_names_of_today(
+    old: dict[str, object], outcome: str, reason: str | None, invalid_reasons: list[str]
 ) -> None:
     found = Manifest.model_validate_json(json.dumps(old))
-    assert (found.outcome, found.outcome_reason, found.distrust) == (outcome, reason, distrust)
+    assert (found.outcome, found.outcome_reason, found.invalid_reasons) == (
+        outcome,
+        reason,
+        invalid_reasons,
+    )
 
 
 def test_what_a_link_could_not_measure_is_null_in_the_file_and_nan_here() -> None:
@@ -135,7 +139,7 @@ class Map(Record):
     """Of the map."""
 
 
-class Untold(Record):
+class Undescribed(Record):
     """Has a field without a word."""
 
     x_m: float
@@ -150,15 +154,15 @@ def test_a_table_follows_from_the_fields_of_a_record() -> None:
         ["`kind`", "`old` or `new`", "", "of the map"],
     ]
     assert [row[0] for row in field_rows(Map, (Place,), ("kind",))] == ["`places`", "`best`"]
-    with pytest.raises(ValueError, match=r"Untold\.x_m has no docstring"):
-        list(field_rows(Untold))
+    with pytest.raises(ValueError, match=r"Undescribed\.x_m has no docstring"):
+        list(field_rows(Undescribed))
 
 
-def test_a_summary_tells_only_true_for_trust(tmp_path: Path) -> None:
+def test_a_summary_is_valid_only_where_it_says_true(tmp_path: Path) -> None:
     path = tmp_path / "summary.json"
-    path.write_text('{"trusted": 1, "outcome": "completed", "coverage": 0.5, "variant": "x"}')
+    path.write_text('{"valid": 1, "outcome": "completed", "coverage": 0.5, "variant": "x"}')
     found = Summary.read(path)
-    assert found is not None and not found.trusted and found.completed
+    assert found is not None and not found.valid and found.completed
     assert (found.number("coverage"), found.number("variant"), found.text("variant")) == (
         0.5, None, "x",
     )  # fmt: skip

@@ -16,7 +16,7 @@ from virtual_parts import make_sequence, needs_programs
 
 from slambed.errors import SlambedError
 from slambed.native import find_program, repository_root
-from slambed.regression.bisect import Bisected, Commit, Judge, SkippedError, bisect
+from slambed.regression.bisect import Bisected, Commit, RegressionRule, SkippedError, bisect
 from slambed.regression.candidates import RECORD, TREE, Repository, Workshop
 from slambed.report.load import Results, load
 from slambed.spec.software import STAMP
@@ -62,7 +62,7 @@ def test_the_first_slow_one_is_found_in_few_steps(base: Results, slow_from: int)
     assert len(history.measured) == len(set(history.measured)) == found.tried <= 2 + 5
 
 
-def test_skipped_ones_beside_the_answer_are_told_with_it(base: Results) -> None:
+def test_skipped_ones_beside_the_answer_are_reported_with_it(base: Results) -> None:
     found = History(base, 12, 6, {5, 7, 8}).search()
     assert [int(c.sha) for c in found.first] == [5, 6]
     assert set(map(int, found.skipped)) >= {5}
@@ -84,12 +84,12 @@ def test_an_end_that_cannot_be_measured_is_an_error(base: Results) -> None:
 
 def test_what_cannot_get_worse_is_refused(base: Results) -> None:
     with pytest.raises(SlambedError, match=r"no metric 'track_ms_medan'.*did you mean"):
-        Judge(base, ["track_ms_medan"])
+        RegressionRule(base, ["track_ms_medan"])
     with pytest.raises(SlambedError, match="no metric 'wall_s' that can get worse"):
-        Judge(base, ["wall_s"])
-    nothing = Results(base.folder, "title", base.runs.assign(trusted=False))
-    with pytest.raises(SlambedError, match="no run to be trusted"):
-        Judge(nothing, [])
+        RegressionRule(base, ["wall_s"])
+    nothing = Results(base.folder, "title", base.runs.assign(valid=False))
+    with pytest.raises(SlambedError, match="no valid run"):
+        RegressionRule(nothing, [])
 
 
 EXPERIMENT = """\
@@ -157,12 +157,12 @@ def workshop(clone: Clone, tmp_path: Path) -> Workshop:
     programs.mkdir()
     for path in find_program("slambed-sim").parent.glob("slambed-*"):
         shutil.copy2(path, programs)
-    told = subprocess.run(
+    completed = subprocess.run(
         ["python3", "-m", "slambed.spec.software"],
         env={"PYTHONPATH": str(clone.root / "harness"), "PATH": "/usr/bin:/bin"},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    (programs / STAMP).write_text(told.stdout)
+    (programs / STAMP).write_text(completed.stdout)
     return Workshop(
         Repository(clone.root), tmp_path / "results" / "bisect" / "walk", experiment, 3,
         programs=programs,
@@ -170,10 +170,10 @@ def workshop(clone: Clone, tmp_path: Path) -> Workshop:
 
 
 def search(workshop: Workshop, good: str, bad: str, lines: list[str]) -> Bisected:
-    repository, workshop.say = workshop.repository, lines.append
+    repository, workshop.notify = workshop.repository, lines.append
     first, last = repository.commit(good), repository.commit(bad)
     with workshop.opened():
-        return bisect(first, repository.after(first, last), workshop, [METRIC], say=lines.append)
+        return bisect(first, repository.after(first, last), workshop, [METRIC], notify=lines.append)
 
 
 @needs_history
@@ -203,7 +203,7 @@ def test_a_planted_default_is_found_and_what_was_measured_is_kept(
     assert not any(line.startswith("building") for line in lines)
     for commit in (good, planted, bad):
         assert (workshop.place / commit[:12] / RECORD).is_file()
-        assert len(load(workshop.place / commit[:12]).trusted) == 3
+        assert len(load(workshop.place / commit[:12]).valid_runs) == 3
 
     # Called again, nothing is checked out; a folder of results stands for its commit.
     def refused(commit: Commit) -> None:
@@ -267,7 +267,7 @@ def test_commits_with_other_sources_are_built_by_their_own_script(
     with workshop.opened(), pytest.raises(SkippedError, match=r"does not build: no compiler \(all"):
         workshop.measure(Commit(failing, "New sources"))
     with workshop.opened():
-        assert len(workshop.measure(Commit(other, "Other sources")).trusted) == 3
+        assert len(workshop.measure(Commit(other, "Other sources")).valid_runs) == 3
 
 
 BAD_CALLS = {
@@ -281,14 +281,14 @@ BAD_CALLS = {
 @needs_history
 @pytest.mark.parametrize("case", BAD_CALLS)
 def test_bad_input_is_one_line(case: str, tmp_path: Path) -> None:
-    arguments, told = BAD_CALLS[case]
+    arguments, expected = BAD_CALLS[case]
     name = "quickstarted" if case == "unknown experiment" else "quickstart"
     code, _, err = slambed("bisect", name, *arguments, "--results", str(tmp_path / "results"))
     assert code == 2 and err.count("\n") == 1 and err.startswith("error: ")
     if case == "not on the way":
         assert "is not on the way to" in err or "give a good commit" in err
     else:
-        assert told in err, err
+        assert expected in err, err
 
 
 @needs_history

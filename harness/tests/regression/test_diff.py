@@ -39,7 +39,7 @@ def results(rng: np.random.Generator, slower: float = 1.0, engine: str = VIRTUAL
                 {
                     "system": "edgeslam", "label": "edgeslam", "dataset": "room",
                     "profile": cell, "engine": engine,
-                    "seed": seed, "trusted": True, "coverage": 1.0,
+                    "seed": seed, "valid": True, "coverage": 1.0,
                     "track_ms_median": slower * base * own.lognormal(0, 0.2)
                     * rng.lognormal(0, 0.05),
                     "ate_rmse_m": 0.02 * own.lognormal(0, 0.3) * rng.lognormal(0, 0.05),
@@ -67,7 +67,7 @@ def test_a_slow_down_of_five_percent_is_found_in_pairs() -> None:
     assert change.change.value == pytest.approx(0.05 * 20, rel=0.5)
 
 
-def test_equal_folders_differ_by_chance_as_rarely_as_told() -> None:
+def test_equal_folders_differ_by_chance_as_rarely_as_documented() -> None:
     """5 % of 60 comparisons of two folders may show something; 9 are its 99.9 % quantile."""
     rng = np.random.default_rng(2)
     wrong = sum(bool(shown(diff(results(rng), results(rng), NAMES))) for _ in range(60))
@@ -94,13 +94,13 @@ def test_failed_runs_are_infinitely_bad_and_no_crash() -> None:
     failing.runs.loc[failing.runs["seed"] < 60, "track_ms_median"] = np.inf
     found = {c.metric.key: c for c in diff(results(rng), failing, ["track_ms_median"])}
     assert found["track_ms_median"].verdict == "worse"
-    (told,) = {
+    (reported,) = {
         c["b"] for c in diff_json(list(found.values()), Sides.of(failing, failing))["changes"]
     }
-    assert told is None  # JSON has no infinity
+    assert reported is None  # JSON has no infinity
 
 
-def test_nothing_in_common_is_told() -> None:
+def test_nothing_in_common_is_reported() -> None:
     rng = np.random.default_rng(6)
     other = results(rng)
     other.runs["dataset"] = "office"
@@ -160,7 +160,7 @@ def test_the_command_compares_two_folders(tmp_path: Path) -> None:
 def assert_self_contained(page: str) -> None:
     loaded = re.findall(r'(?:src|href)="([^"#]*)', page)
     assert all(address.startswith("data:") for address in loaded), loaded
-    # Its own script alone, and the points that it tells.
+    # Its own script alone, and the points that it reports.
     opened = re.findall(r"<script[^>]*>", page)
     assert opened in ([], ['<script type="application/json" class="points">', "<script>"]), opened
 
@@ -270,14 +270,14 @@ def test_two_parts_of_one_folder_are_compared(
     assert sides.headings() == tuple(f"{x}: {name}" for x, name in zip("AB", heads, strict=True))
     assert len(results.runs) == 24  # what was read is left alone
     code, out, _ = slambed("diff", str(one_folder), "--a", a, "--b", b, *METRIC, "--json")
-    told = json.loads(out)
-    assert code == 0 and told["sides"]["a"]["selected"] == [a]
-    assert told["sides"]["a"]["commit"] == ["0123456789abcdef"]
-    assert {change["cell"] for change in told["changes"]} == cells
+    content = json.loads(out)
+    assert code == 0 and content["sides"]["a"]["selected"] == [a]
+    assert content["sides"]["a"]["commit"] == ["0123456789abcdef"]
+    assert {change["cell"] for change in content["changes"]} == cells
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         ([], "as in --a 'variant=conventional' --b 'variant=static'"),
         (["--a", "variant=static"], "say with --a and --b what of it to compare"),
@@ -290,9 +290,11 @@ def test_two_parts_of_one_folder_are_compared(
         (["--truth", "--a", "link=rtt_0", "--b", "link=rtt_40"], "--truth takes whole folders"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_compared_is_one_line(one_folder: Path, words: list[str], told: str) -> None:
+def test_what_cannot_be_compared_is_one_line(
+    one_folder: Path, words: list[str], expected: str
+) -> None:
     code, out, err = slambed("diff", str(one_folder), *words)
-    assert (code, out, err.count("\n")) == (2, "", 1) and told in err
+    assert (code, out, err.count("\n")) == (2, "", 1) and expected in err
 
 
 def test_a_narrow_terminal_cuts_no_name(one_folder: Path) -> None:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gate over simulated nights: how often it cries wolf, what it misses, what it must refuse."""
+"""The regression gate over simulated nights: how often it cries wolf, what it misses, what it must
+refuse."""
 
 from pathlib import Path
 
@@ -67,7 +68,7 @@ def some_runs(rng: np.random.Generator, runs: int = 12, **changed: object) -> pd
         for repetition in range(runs):
             row = {
                 "cell": cell, "repetition": repetition, "experiment": "x",
-                "run_key": f"{cell}{repetition}", "trusted": True, "not_completed": False,
+                "run_key": f"{cell}{repetition}", "valid": True, "not_completed": False,
                 "lost": bool(rng.random() < 0.05), "coverage": 0.99 + 0.001 * rng.random(),
             } | {key: TYPICAL[key] * rng.lognormal(0, NOISE[key]) for key in NOISE}  # fmt: skip
             if cell.startswith("alone"):
@@ -84,17 +85,17 @@ def test_a_quiet_night_passes() -> None:
     assert len(result.findings) == 2 * (len(NOISE) + 3)
 
 
-def test_more_track_losses_are_told_even_if_survivors_look_better() -> None:
+def test_more_track_losses_are_reported_even_if_survivors_look_better() -> None:
     rng = np.random.default_rng(6)
     half = {"lost": lambda i: i % 2 == 0, "coverage": lambda i: 0.3 if i % 2 == 0 else 1.0}
     tonight = some_runs(rng, 30, ate_rmse_m=0.015, **half)
     result = judge(some_runs(rng, 30), tonight)
-    told = " ".join(result.failures)
-    assert "alone/room/none: runs with a track loss" in told
-    assert "offloaded" not in told
+    message = " ".join(result.failures)
+    assert "alone/room/none: runs with a track loss" in message
+    assert "offloaded" not in message
 
 
-def test_failed_runs_are_told_whatever_the_survivors_ate() -> None:
+def test_failed_runs_are_reported_whatever_the_survivors_ate() -> None:
     rng = np.random.default_rng(7)
     tonight = some_runs(rng, 20, coverage=lambda i: 0.2 if i < 14 else 1.0, ate_rmse_m=0.015)
     failures = " ".join(judge(some_runs(rng, 20), tonight).failures)
@@ -110,12 +111,12 @@ def test_better_is_never_an_alarm() -> None:
     ("spoil", "reason"),
     [
         (lambda runs: runs.iloc[:0], "nothing was measured tonight"),
-        (lambda runs: runs.assign(trusted=False), "nothing was measured tonight"),
+        (lambda runs: runs.assign(valid=False), "nothing was measured tonight"),
         (lambda runs: runs[~runs["cell"].str.startswith("alone")], "alone/room/none: nothing"),
         (lambda runs: runs.assign(ate_rmse_m=None), "ATE RMSE was not measured"),
         (
-            lambda runs: runs.assign(trusted=[i % 2 == 0 for i in range(len(runs))]),
-            "not to be trusted",
+            lambda runs: runs.assign(valid=[i % 2 == 0 for i in range(len(runs))]),
+            "invalid",
         ),
     ],
 )
@@ -139,9 +140,9 @@ def test_gate_on_an_empty_directory_fails(tmp_path: Path) -> None:
         "gate", "x", "--baseline", str(tmp_path / "baseline"),
         "--results", str(tmp_path / "results"),
     )  # fmt: skip
-    assert code == 1 and "gate closed" in err
+    assert code == 1 and "regression gate closed" in err
     assert "nothing was measured tonight" in out
-    assert "baseline has no run to be trusted" in out
+    assert "baseline has no valid run" in out
 
 
 def test_history_keeps_nights_and_serves_as_baseline(tmp_path: Path) -> None:
@@ -204,7 +205,7 @@ def test_few_virtual_runs_are_said_to_be_blind_for_shares_only() -> None:
     assert "from 9 runs a night on" in line
 
 
-def test_one_run_a_night_is_told_how_many_would_do() -> None:
+def test_one_run_a_night_is_reported_how_many_would_do() -> None:
     """Also where the baseline has one run, too, which more tonight would not make up for."""
     one = nights.Test("cell", metric("track_ms_median"), np.ones(1), np.ones(1), paired=False)
     assert one.runs_needed(0.01) == 5  # 1 / comb(10, 5) = 1 / 252
@@ -220,25 +221,25 @@ def test_a_new_cell_is_named_and_fails_when_it_measured_nothing() -> None:
     before = before[~before["cell"].str.startswith("alone")]
     result = judge(before, tonight)
     assert result.passed
-    told = "alone/room/none: new tonight, nothing to compare with (12 runs, 12 to be trusted)"
-    assert told in result.notes
-    dead = judge(before, tonight.assign(trusted=~first))
-    assert dead.failures == [told.replace("12 to", "0 to")]
+    message = "alone/room/none: new tonight, nothing to compare with (12 runs, 12 valid)"
+    assert message in result.notes
+    dead = judge(before, tonight.assign(valid=~first))
+    assert dead.failures == [message.replace("12 valid", "0 valid")]
 
 
 def test_a_metric_that_is_new_tonight_is_named() -> None:
     rng = np.random.default_rng(13)
     result = judge(some_runs(rng).drop(columns="failed"), some_runs(rng))
     assert result.passed
-    told = "alone/room/none: runs that tracked less than 90 % is new tonight, without a baseline"
-    assert told in result.notes
+    message = "alone/room/none: runs that tracked less than 90 % is new tonight, without a baseline"
+    assert message in result.notes
 
 
 def test_another_version_of_the_metrics_is_no_baseline() -> None:
     rng = np.random.default_rng(14)
     before, tonight = (some_runs(rng).assign(metrics_version=v) for v in ("1", "2"))
     result = judge(before, tonight)
-    assert any("the baseline has no run to be trusted" in line for line in result.failures)
+    assert any("the baseline has no valid run" in line for line in result.failures)
     assert result.notes == ["24 runs of the baseline are of another metrics version, left out"]
     both = judge(pd.concat([before, tonight]), tonight)
     assert both.passed

@@ -72,7 +72,7 @@ def test_the_page_has_every_point_and_leads_to_commits(history: Path, tmp_path: 
     assert html.count(f'href="{LINK}{commit(SLOW_FROM)}"') == trends + 1
     assert "changes for the worse" in html and "<script" not in html
     assert not re.findall(r'(?:src|href)="(?!#|data:|https://example.org|points.csv)', html)
-    assert "the gate was closed" in html and "built-in" not in html and " → " in html
+    assert "the regression gate was closed" in html and "built-in" not in html and " → " in html
     points = pd.read_csv(tmp_path / "site/points.csv")
     assert len(points) == trends * NIGHTS
     assert set(points["change"].dropna()) == {"worse", "better"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Links on which nothing moved are told in a report."""
+"""Links on which nothing moved are reported in a report."""
 
 from types import SimpleNamespace
 from typing import Any, cast
@@ -16,7 +16,7 @@ from slambed.report.link_stalls import stalled_links
     ("events", "stalls"),
     [([], None), (["connected"], 0), (["connected", "stalled", "flowing", "stalled"], 2)],
 )
-def test_stalls_are_counted_where_channels_tell_of_themselves(
+def test_stalls_are_counted_where_channels_report_themselves(
     events: list[str], stalls: int | None
 ) -> None:
     links: list[dict[str, Any]] = [{"type": "link", "event": event} for event in events]

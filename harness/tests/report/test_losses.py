@@ -59,7 +59,7 @@ def test_the_standstill_may_be_one_frame_back() -> None:
     assert "the local map agreed with 15 (30 wanted)" in sentence(loss)
 
 
-def test_events_of_older_runs_tell_missing_frames_by_their_drops() -> None:
+def test_events_of_older_runs_report_missing_frames_by_their_drops() -> None:
     drops = [event(2.0 + k / 10, "frame_dropped") for k in range(4)]
     (loss,) = losses_of(log_of(*walk(2.0), *drops, frame(2.5, "lost")))
     assert (loss.cause, loss.missing_frames) == (Cause.STANDSTILL, 4)
@@ -141,11 +141,11 @@ def test_the_command_counts_losses_by_cause(
     assert code == ExitCode.OK and "'slambed report --losses' now" in err
     found = json.loads(out)
     assert found["experiment"] == folder.name
-    told = {run["cell"]: run["losses"] for run in found["runs"]}
-    assert {cell: len(losses) for cell, losses in told.items()} == {
+    reported = {run["cell"]: run["losses"] for run in found["runs"]}
+    assert {cell: len(losses) for cell, losses in reported.items()} == {
         rows[1].split(",")[0]: 2, "orbslam2/room_walk": 0,
     }  # fmt: skip
-    assert {loss["cause"] for losses in told.values() for loss in losses} == {"view change"}
+    assert {loss["cause"] for losses in reported.values() for loss in losses} == {"view change"}
     assert "--json goes with --losses" in refused(ExitCode.BAD_INPUT, "report", "x", "--json")
     line = refused(ExitCode.BAD_INPUT, "report", "none", "--losses", "--results", str(tmp_path))
     assert "no results in" in line

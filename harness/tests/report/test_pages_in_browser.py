@@ -16,7 +16,7 @@ from browser import Page
 from data_samples import write_prepared
 from results_factory import quickstart_like
 from test_reports_in_browser import ATE, near
-from waiting import beside
+from waiting import in_background
 
 from slambed.campaign.ledger import Ledger
 from slambed.data import places
@@ -49,7 +49,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(results: Path) -> Iterator[str]:
-    with open_server(Site(results), 0) as server, beside(lambda: server.serve_forever(0.02)):
+    with open_server(Site(results), 0) as server, in_background(lambda: server.serve_forever(0.02)):
         yield f"http://localhost:{server.server_port}"
         server.shutdown()
 
@@ -114,7 +114,7 @@ def test_the_slider_moves_picture_path_and_time_line_together(run: Page) -> None
     assert drawing(run) != before and cursor_px(run) > at_px
 
 
-def test_a_lost_frame_is_told_as_lost(run: Page) -> None:
+def test_a_lost_frame_is_reported_as_lost(run: Page) -> None:
     data = run.value("fetch('data.json').then((answer) => answer.json())")
     number = data["frames"]["state"].index("lost")
     go_to(run, number)

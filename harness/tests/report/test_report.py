@@ -231,22 +231,22 @@ def test_a_campaign_reads_its_runs_once_for_page_and_terminal(
     console = Console(width=220, record=True)
     show_report(experiment, console)
     assert (experiment / "report.md").is_file()
-    assert "12 runs in 4 cells, 12 to be trusted." in console.export_text()
+    assert "12 runs in 4 cells, 12 valid." in console.export_text()
 
 
 def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> None:
     console = Console(width=220, record=True)
     terminal_summary(reported, console)
     text = console.export_text()
-    assert "12 runs in 4 cells, 12 to be trusted." in text
+    assert "12 runs in 4 cells, 12 valid." in text
     assert "mobile CPU [% of a core]" in text
     assert "report/index.html" in text.replace("\n", "")
 
 
-def test_torn_missing_and_foreign_files_are_told(experiment: Path) -> None:
+def test_torn_missing_and_foreign_files_are_reported(experiment: Path) -> None:
     runs = experiment / "runs"
     keys = sorted(path.name for path in runs.iterdir())
-    (runs / keys[0] / "summary.json").write_text('{"cell": "x", "trusted"')
+    (runs / keys[0] / "summary.json").write_text('{"cell": "x", "valid"')
     (runs / keys[1] / "summary.json").unlink()
     (runs / keys[2] / "events.parquet").write_bytes(b"PAR1 torn")
     (runs / keys[3] / "samples.parquet").unlink()
@@ -262,13 +262,13 @@ def test_torn_missing_and_foreign_files_are_told(experiment: Path) -> None:
     assert results.table(keys[6], "link") is None
     assert results.trajectory(keys[4]) is None
     paths = write_report(experiment, figures=False)
-    told = "\n".join([*paths.problems, *results.problems])
+    message = "\n".join([*paths.problems, *results.problems])
     for piece in (
         f"{keys[0]}: summary.json is torn or foreign", f"{keys[1]}: no summary.json",
         "notes.txt: not a run folder", "stranger: summary.json is torn or foreign",
         f"{keys[5]}: no readable manifest.json", f"{keys[2]}/events.parquet: unreadable",
     ):  # fmt: skip
-        assert piece in told
+        assert piece in message
     page = (experiment / "report" / "index.html").read_text()
     assert "summary.json is torn or foreign" in page
     assert len(pd.read_csv(experiment / "summary.csv")) == 10
@@ -285,18 +285,18 @@ def test_values_of_wrong_type_do_not_stop_a_report(experiment: Path) -> None:
     assert any("ate_rmse_m" in line for line in paths.problems)
 
 
-def test_a_loss_in_a_stalled_run_is_told(experiment: Path) -> None:
+def test_a_loss_in_a_stalled_run_is_reported(experiment: Path) -> None:
     runs = load(experiment).runs
     lost = runs[runs["lost"].eq(True)].iloc[0]
     file = experiment / "runs" / lost["run_key"] / "summary.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"host_stall_ms_max": 250.0}))
-    told = [line for line in load(experiment).problems if "held up by the host" in line]
-    assert len(told) == 1
-    assert told[0].startswith(f"{lost['cell']}: 1 of the runs")
-    assert "for more than 100 ms, at most 250 ms at once" in told[0]
+    messages = [line for line in load(experiment).problems if "held up by the host" in line]
+    assert len(messages) == 1
+    assert messages[0].startswith(f"{lost['cell']}: 1 of the runs")
+    assert "for more than 100 ms, at most 250 ms at once" in messages[0]
 
 
-def test_nodes_that_waited_for_a_processor_are_told(experiment: Path) -> None:
+def test_nodes_that_waited_for_a_processor_are_reported(experiment: Path) -> None:
     """How much each node waited in the run that waited most, against which limit."""
     runs = load(experiment).runs
     run = runs[runs["device_edge"].notna()].iloc[0]
@@ -307,21 +307,21 @@ def test_nodes_that_waited_for_a_processor_are_told(experiment: Path) -> None:
     ways = {"mobile": 3.0, "edge": 0.5}
     waits = samples["node"].map(ways) * samples["cpu_s"] + samples["throttled_s"]
     samples.assign(run_delay_s=waits).to_parquet(path)
-    (told,) = [line for line in load(experiment).problems if "waited for a processor" in line]
+    (known,) = [line for line in load(experiment).problems if "waited for a processor" in line]
     runs_of_cell = int(runs["cell"].eq(run["cell"]).sum())
-    assert told.startswith(f"{run['cell']}: in 1 of {runs_of_cell} runs the mobile node waited")
-    assert "for more than 50 % of the time in which it wanted one" in told
+    assert known.startswith(f"{run['cell']}: in 1 of {runs_of_cell} runs the mobile node waited")
+    assert "for more than 50 % of the time in which it wanted one" in known
     found = re.search(
         rf"most in {run['run_key']}: mobile node 84 % \((\d+) ms .*\), edge node 33 % \((\d+) ms",
-        told,
+        known,
     )
     assert found is not None and int(found[1]) > int(found[2]) > 0
     path.unlink()
-    (told,) = [line for line in load(experiment).problems if "waited for a processor" in line]
-    assert "mobile node 84 %;" in told and "edge node" not in told
+    (known,) = [line for line in load(experiment).problems if "waited for a processor" in line]
+    assert "mobile node 84 %;" in known and "edge node" not in known
 
 
-def test_missing_runs_of_the_plan_are_told(experiment: Path) -> None:
+def test_missing_runs_of_the_plan_are_reported(experiment: Path) -> None:
     planned = [{"run_key": "feedface", "cell": "edgeslam:static/room_walk/none", "label": "e"}]
     content = {"experiment": {"title": "Planned", "report": {"metrics": ["keyframes"]}}}
     (experiment / "experiment.json").write_text(json.dumps(content | {"runs": planned}))
@@ -339,7 +339,7 @@ def test_a_title_says_what_is_played_instead_of_what(experiment: Path) -> None:
     )
 
 
-def test_the_summary_tells_engine_and_devices(reported: Path) -> None:
+def test_the_summary_reports_engine_and_devices(reported: Path) -> None:
     for text in (
         (reported / "report" / "index.html").read_text(),
         (reported / "report.md").read_text(),

@@ -78,15 +78,15 @@ def test_a_changed_metric_computed_again_equals_a_fresh_campaign(
 def test_versions_are_not_mixed(stored: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     changed_metric(monkeypatch)
     whole = load(stored)
-    assert len(whole.trusted) == 3
+    assert len(whole.valid_runs) == 3
     assert any(f"all numbers are of metrics version {METRICS_VERSION}" in p for p in whole.problems)
     again.recompute_run(stored / "runs" / f"{0:016x}", None)
     mixed = load(stored)
-    assert list(mixed.trusted["run_key"]) == [f"{0:016x}"]
+    assert list(mixed.valid_runs["run_key"]) == [f"{0:016x}"]
     assert any("2 of 3 runs are left out" in line and "--again" in line for line in mixed.problems)
     done = recompute_refused(stored)
     assert done is not None and done.runs == 2
-    assert len(load(stored).trusted) == 3
+    assert len(load(stored).valid_runs) == 3
     assert recompute_refused(stored) is None
 
 
@@ -125,7 +125,7 @@ def test_runs_judged_by_another_truth_are_left_out_until_then(stored: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("old", "outcome", "trusted", "why"),
+    ("old", "outcome", "valid", "why"),
     [
         ({"outcome": "mobile_died", "invalid_reason": "signal 11"}, "died", True, "signal 11"),
         ({"outcome": "timeout"}, "timed_out", True, None),
@@ -133,18 +133,18 @@ def test_runs_judged_by_another_truth_are_left_out_until_then(stored: Path) -> N
         ({"outcome": "link_died", "invalid_reason": "relay"}, "completed", False, None),
     ],
 )
-def test_a_run_of_old_keeps_its_standing(
-    stored: Path, old: dict[str, Any], outcome: str, trusted: bool, why: str | None
+def test_an_old_run_keeps_its_validity(
+    stored: Path, old: dict[str, Any], outcome: str, valid: bool, why: str | None
 ) -> None:
     """What was invalid is not made good by computing its numbers again."""
     path = stored / "runs" / f"{0:016x}" / "manifest.json"
     manifest = json.loads(path.read_text())
-    for key in ("distrust", "outcome_reason"):
+    for key in ("invalid_reasons", "outcome_reason"):
         manifest.pop(key, None)
     path.write_text(json.dumps(manifest | old))
     recompute(stored, nothing)
     found = summaries(stored)[0]
-    assert (found["outcome"], found["trusted"], found["outcome_reason"]) == (outcome, trusted, why)
+    assert (found["outcome"], found["valid"], found["outcome_reason"]) == (outcome, valid, why)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_a_run_of_old_keeps_its_standing(
         (lambda run: (run / "manifest.json").write_text("{"), "without a whole manifest"),
     ],
 )
-def test_a_run_without_its_files_keeps_its_numbers_and_is_told(
+def test_a_run_without_its_files_keeps_its_numbers_and_is_reported(
     stored: Path, spoil: Any, why: str
 ) -> None:
     run = stored / "runs" / f"{1:016x}"

@@ -169,7 +169,7 @@ def test_a_report_killed_while_it_draws_leaves_nothing_to_be_taken_for_whole(
     assert {name.partition(".")[0] for name in figures(experiment)} == set(saved)
 
 
-def test_what_was_wrong_while_a_figure_was_drawn_is_told_again(experiment: Path) -> None:
+def test_what_was_wrong_while_a_figure_was_drawn_is_reported_again(experiment: Path) -> None:
     for path in (experiment / "runs").glob("*/trajectory.txt"):
         path.write_text("no pose\n")
     problems = write_report(experiment, formats=ON_PAGES).problems

@@ -38,7 +38,7 @@ def test_without_a_loss_a_line_stands_where_an_empty_figure_was(tmp_path: Path, 
     older.parent.mkdir()
     older.write_text("of an earlier report")
     draw_losses(results, condition, writer)
-    draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.trusted, writer)
+    draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.valid_runs, writer)
     drawn = {path.name.split("_room")[0] for path in writer.folder.glob("*.svg")}
     assert drawn == ({"losses", "losses_by_profile"} if lost else set())
     assert [line.rpartition(": ")[2] for line in writer.empty] == (

@@ -34,7 +34,7 @@ def show(folder: Path) -> None:
 
 
 def test_a_report_of_fewer_runs_is_written_again(experiment: Path) -> None:
-    """The campaign that executed the last run was killed before it could tell of it."""
+    """The campaign that executed the last run was killed before it could report it."""
     late = sorted((experiment / "runs").iterdir())[-1]
     runs = len(list((experiment / "runs").iterdir()))
     aside = shutil.move(late, experiment / "late")

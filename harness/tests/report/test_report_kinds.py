@@ -95,7 +95,7 @@ def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     assert "the median run failed" in note
 
 
-def test_a_report_tells_the_faults_of_its_runs(tmp_path: Path) -> None:
+def test_a_report_reports_the_faults_of_its_runs(tmp_path: Path) -> None:
     freeze = Fault(at_s=2, edge="freeze", for_s=1.5)
     kill = Fault(at_s=3, edge="kill")
     runs = [

@@ -29,7 +29,7 @@ from slambed.report.settings import settings_table
 from slambed.report.setup import setup_lines
 from slambed.report.style import FigureWriter, figure, from_zero_if_it_shows, legend_beneath
 from slambed.report.truth import truth_table
-from slambed.serve.experiment_view import Loaded
+from slambed.serve.experiment_view import LoadedExperiment
 
 PI = {"name": "raspberry_pi_4"}
 
@@ -40,7 +40,7 @@ def on_a_pi(root: Path, track_ms: float, **more: object) -> Path:
     return write_experiment(root, [(spec, run)])
 
 
-def told_setup(folder: Path) -> list[str]:
+def setup_of(folder: Path) -> list[str]:
     results = load(folder)
     return setup_lines(results, compute_times(results))
 
@@ -50,16 +50,16 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
     (live,) = compute_times(load(fast))
     assert live.ran_ms == pytest.approx(5.0, rel=0.1)
     assert live.ratio == pytest.approx(8.1, rel=0.1)
-    (line,) = [line for line in told_setup(fast) if "Compute times" in line]
+    (line,) = [line for line in setup_of(fast) if "Compute times" in line]
     assert f"{live.ran_ms:.1f} ms per frame" in line
     assert f"its cost model charges {live.model_ms:.1f} ms" in line and "two machines" in line
-    assert "two machines" not in " ".join(told_setup(slow))
+    assert "two machines" not in " ".join(setup_of(slow))
     virtual = on_a_pi(tmp_path / "c", 40.0, engine="virtual")
-    assert "are those of its cost model" in " ".join(told_setup(virtual))
+    assert "are those of its cost model" in " ".join(setup_of(virtual))
 
 
 @pytest.mark.parametrize(
-    ("track_ms", "more", "told"),
+    ("track_ms", "more", "expected"),
     [
         (5.0, {}, "8.1 times as fast"),
         (40.0, {}, None),
@@ -70,7 +70,7 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
     ],
 )
 def test_a_live_run_far_from_its_device_is_a_loud_warning(
-    tmp_path: Path, track_ms: float, more: dict[str, object], told: str | None
+    tmp_path: Path, track_ms: float, more: dict[str, object], expected: str | None
 ) -> None:
     folder = on_a_pi(tmp_path, track_ms, **more)
     paths = write_report(folder, figures=False)
@@ -81,19 +81,21 @@ def test_a_live_run_far_from_its_device_is_a_loud_warning(
         html.unescape(page),
         markdown,
         terminal.export_text(),
-        *Loaded.of(folder).results.problems,
+        *LoadedExperiment.of(folder).results.problems,
     )
     found = [text for text in texts if "its cost model says" in text]
-    if told is None:
+    if expected is None:
         assert not found
         return
     assert len(found) == 4
     ran_ms = compute_times(load(folder))[0].ran_ms
     for text in found:
-        assert re.search(rf"on raspberry_pi_4 are {told[:2]}\S* {told[4:]} as the device", text)
+        assert re.search(
+            rf"on raspberry_pi_4 are {expected[:2]}\S* {expected[4:]} as the device", text
+        )
         assert f"took {ran_ms:.1f} ms per frame (measured), its cost model says 4" in text
-        assert ("pace: device" in text) == ("fast" in told)
-        assert ("--engine virtual" in text) == ("slow" in told)
+        assert ("pace: device" in text) == ("fast" in expected)
+        assert ("--engine virtual" in text) == ("slow" in expected)
     # Above all numbers, and in the look of a warning.
     assert page.index('<p class="warn"><b>Warning: live runs') < page.index('<div class="tiles">')
     assert markdown.index("**Warning: live runs") < markdown.index("Engine local")
@@ -107,7 +109,7 @@ def test_truth_says_how_far_apart_the_compute_times_are(tmp_path: Path) -> None:
     assert "is one machine" in truth_table(load(same), load(virtual)).caption
 
 
-def test_settings_that_differ_between_systems_are_told(tmp_path: Path) -> None:
+def test_settings_that_differ_between_systems_are_reported(tmp_path: Path) -> None:
     short = RawRun(duration_s=3.0)
     runs = [
         (spec_of(system, variant, "ramp_85", 0, params=params), short)

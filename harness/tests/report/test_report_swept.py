@@ -44,7 +44,7 @@ def results(
                         "system": "edgeslam", "variant": variant, "label": label, "dataset": "room",
                         "profile": link, "cell": f"{label}/room/{link}", "engine": "virtual",
                         "pace": None, "device_mobile": "pi", "device_edge": "desktop",
-                        "params.n_orb": n, "params.codec": "binary", "trusted": True,
+                        "params.n_orb": n, "params.codec": "binary", "valid": True,
                         "run_key": f"{variant}{n}{link}{seed}", "lost": seed == 0, "seed": seed,
                         "track_ms_median": SLOW.get(variant, 1.0) * float(n) / 100 + seed,
                         "update_delay_ms_median": 100.0 + 40 * at + seed,
@@ -163,7 +163,7 @@ def test_only_numbers_of_three_values_and_more_with_all_else_equal() -> None:
     found.runs["device_mobile"] = found.runs["params.n_orb"].map(lambda n: f"pi_{n}")
     assert not list(swept(found))  # nobody knows which of the two did it
     found = results()
-    found.runs["trusted"] = False
+    found.runs["valid"] = False
     assert not list(swept(found))
 
 
@@ -234,7 +234,7 @@ def test_points_of_a_grid_have_one_name_in_tables_figures_and_differences(tmp_pa
     assert 'id="swept_room_n_orb"' in page and "swept_room_n_orb.csv" in page
     assert "swept_room_n_orb.png" in paths.markdown.read_text()
     points = json.loads((paths.folder / "swept_room_n_orb.points.json").read_text())
-    told = {curve["name"] for axis in points["axes"] for curve in axis["curves"]}
-    assert {"edgeslam:static", "edgeslam:conventional", "a run"} <= told
+    reported = {curve["name"] for axis in points["axes"] for curve in axis["curves"]}
+    assert {"edgeslam:static", "edgeslam:conventional", "a run"} <= reported
     bars = json.loads((paths.folder / "box_track_ms_median.points.json").read_text())
     assert {name for _, name in bars["axes"][0]["y"]["names"]} == labels

@@ -145,7 +145,7 @@ def test_a_report_prints_and_reads_without_its_script_as_with_it(
     assert abs(len(with_script) - len(without)) < 0.02 * len(without)
 
 
-def test_a_difference_tells_its_values_as_a_report_does(page: Page, tmp_path: Path) -> None:
+def test_a_difference_reports_its_values_as_a_report_does(page: Page, tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     a, b = differing(rng), differing(rng, 1.05)
     for side in (a, b):

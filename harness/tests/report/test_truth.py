@@ -43,7 +43,7 @@ def test_errors_are_those_of_the_medians(folders: tuple[Path, Path]) -> None:
     }  # fmt: skip
     offloaded = {row[1]: row for row in table.rows if row[0].startswith("edgeslam")}
     cpu = offloaded["mobile CPU [% of a core]"]
-    rows = live.trusted[live.trusted["system"] == "edgeslam"]["mobile_cpu_percent_mean"]
+    rows = live.valid_runs[live.valid_runs["system"] == "edgeslam"]["mobile_cpu_percent_mean"]
     assert cpu[2].startswith(f"{rows.median():.3g} (")
     assert float(cpu[5]) == pytest.approx(50, abs=4) and cpu[6] == "no"
     drawn = offloaded["tracking [ms]"]

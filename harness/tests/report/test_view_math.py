@@ -77,8 +77,8 @@ def test_numbers_for_people(engine: quickjs.Context) -> None:
 
 def test_times_for_people(engine: quickjs.Context) -> None:
     asked = (12.345, 0, -1e-9, -0.004, -0.5, 100)
-    told = [call(engine, "seconds", t) for t in asked]
-    assert told == ["12.35", "0.00", "0.00", "0.00", "-0.50", "100.00"]
+    reported = [call(engine, "seconds", t) for t in asked]
+    assert reported == ["12.35", "0.00", "0.00", "0.00", "-0.50", "100.00"]
 
 
 def test_the_last_time_not_after_another(engine: quickjs.Context) -> None:

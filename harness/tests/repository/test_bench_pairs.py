@@ -67,11 +67,11 @@ def test_signed_ranks_have_the_chances_of_the_tables() -> None:
 
 def test_too_few_pairs_say_how_many_more() -> None:
     one = PAIRS["judge"]("a/b", [100.0] * 3, [130.0] * 3, LIMIT, 0.05)
-    assert (one.verdict, one.more_pairs) == ("cannot tell", 3)
-    assert "cannot tell: 3 more |" in PAIRS["table"]([one])[-1]
+    assert (one.verdict, one.more_pairs) == ("inconclusive", 3)
+    assert "inconclusive: 3 more |" in PAIRS["table"]([one])[-1]
 
 
-def test_the_order_alternates_and_a_lonely_benchmark_is_told() -> None:
+def test_the_order_alternates_and_a_lonely_benchmark_is_reported() -> None:
     assert PAIRS["alternating"](4) == [True, False, True, False]
     assert PAIRS["only_one_side"](["a", "b"], ["b", "c"]) == [
         "only now: c",
@@ -92,7 +92,7 @@ def test_the_newest_other_commit_is_the_yardstick(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "expected"),
     [
         (["--history", "HISTORY"], "line 2 is not a measurement"),
         (["--filter", "("], "regular expression"),
@@ -100,7 +100,7 @@ def test_the_newest_other_commit_is_the_yardstick(tmp_path: Path) -> None:
         pytest.param(["no-such-commit"], "not a commit", marks=needs_git),
     ],
 )
-def test_bad_input_is_one_line(tmp_path: Path, options: list[str], told: str) -> None:
+def test_bad_input_is_one_line(tmp_path: Path, options: list[str], expected: str) -> None:
     history = tmp_path / "history.jsonl"
     history.write_text('{"commit": "a", "benchmark": "b", "date": "c"}\n{"half\n')
     command = [sys.executable, str(TOOLS / "bench_against.py")]
@@ -110,4 +110,4 @@ def test_bad_input_is_one_line(tmp_path: Path, options: list[str], told: str) ->
     command += [str(history) if option == "HISTORY" else option for option in options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert done.stderr.startswith("error: ") and told in done.stderr
+    assert done.stderr.startswith("error: ") and expected in done.stderr

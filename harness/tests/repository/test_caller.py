@@ -62,8 +62,8 @@ def test_a_command_that_writes_nothing_gives_nothing(home: Path) -> None:
     assert owner(home / ".cache") == owner(home / ".cache" / "slambed" / "prepared") == ROOT
 
 
-def test_a_real_process_that_only_tells_its_version_touches_no_owner(tmp_path: Path) -> None:
-    """What a cache holds may be anybody's. The inodes' change times tell of any chown at all."""
+def test_a_real_process_that_only_reports_its_version_touches_no_owner(tmp_path: Path) -> None:
+    """What a cache holds may be anybody's. The inodes' change times report any chown at all."""
     for owner_of_it, name in (
         (0, "prepared"),
         (1234, "features"),

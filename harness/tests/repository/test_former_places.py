@@ -30,7 +30,7 @@ from slambed.spec.library import Library
         ("inference", lambda root: find_plan("mine"), "papers/<paper>/inference"),
     ],
 )
-def test_who_asks_for_a_file_in_a_former_place_is_told_where_to_move_it(
+def test_who_asks_for_a_file_in_a_former_place_is_reported_where_to_move_it(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     former: str,
@@ -47,5 +47,5 @@ def test_who_asks_for_a_file_in_a_former_place_is_told_where_to_move_it(
     file.write_text("")
     with pytest.raises(SlambedError) as refused:
         asks(tmp_path)
-    told = f"{file} is no longer read, move it to {tmp_path / where}"
-    assert told in str(refused.value) and "\n" not in str(refused.value)
+    message = f"{file} is no longer read, move it to {tmp_path / where}"
+    assert message in str(refused.value) and "\n" not in str(refused.value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live test that fails while the host is late is repeated and told; no other one is."""
+"""A live test that fails while the host is late is repeated and reported; no other one is."""
 
 import os
 import signal
@@ -13,7 +13,7 @@ from pathlib import Path
 import harness_parts
 import host_late
 import pytest
-from harness_parts import is_trusted
+from harness_parts import is_valid_run
 from host_late import NAP_MS, PRESSURE_S, PRESSURE_SHARE, STEAL_SHARE, Lateness, Look, Watch, Window
 
 STALL_S = 0.6
@@ -111,15 +111,19 @@ def test_a_failure_is_repeated_only_where_the_host_was_late(
     assert began(tmp_path) == {
         "campaign": 2, "taken down": 2, "first": 1, "second": 2, "itself": 2, "fault": 1,
     }, out  # fmt: skip
-    told = [line for line in out.splitlines() if line.startswith("repeated: ")]
-    assert len(told) == 3, out
+    reported = [line for line in out.splitlines() if line.startswith("repeated: ")]
+    assert len(reported) == 3, out
     result, itself = "test_planted.py::test_of_its_result", "test_planted.py::test_stalled_itself"
-    assert told[0].startswith(
+    assert reported[0].startswith(
         f"repeated: 2 live tests because the host was late ({result}, {itself}; at most largest nap"
     )
-    assert told[1].startswith(f"repeated: {result} after AssertionError: assert 'spoiled' == 'good")
-    assert told[2].startswith(f"repeated: {itself} after ValueError: it came too late, and in two")
-    for line in told:
+    assert reported[1].startswith(
+        f"repeated: {result} after AssertionError: assert 'spoiled' == 'good"
+    )
+    assert reported[2].startswith(
+        f"repeated: {itself} after ValueError: it came too late, and in two"
+    )
+    for line in reported:
         nap_ms = int(line.partition("largest nap ")[2].split()[0])
         assert 0.9 * 1e3 * STALL_S < nap_ms < 2e3 * STALL_S, line
 
@@ -164,7 +168,7 @@ def look(began_s: float, ended_s: float, **measured: float | None) -> Look:
         ({"waited_s": None}, False),
     ],
 )
-def test_each_measure_tells_of_a_late_host(measured: dict[str, float | None], late: bool) -> None:
+def test_each_measure_reports_a_late_host(measured: dict[str, float | None], late: bool) -> None:
     watch = Watch()
     watch.looks = [look(0, 1), look(1, 2, **measured), look(2, 3)]
     assert watch.lateness([Window(1.2, 1.9)]).is_late == late
@@ -181,7 +185,7 @@ def test_each_measure_tells_of_a_late_host(measured: dict[str, float | None], la
         (PRESSURE_S - 1, 1.0, False),
     ],
 )
-def test_pressure_tells_of_a_late_host_where_it_lasts(
+def test_pressure_reports_a_late_host_where_it_lasts(
     seconds: float, share: float, late: bool
 ) -> None:
     watch = Watch()
@@ -189,7 +193,7 @@ def test_pressure_tells_of_a_late_host_where_it_lasts(
     assert watch.lateness([Window(0, seconds)]).is_late == late
 
 
-def test_a_kernel_without_pressure_is_told() -> None:
+def test_a_kernel_without_pressure_is_reported() -> None:
     assert str(Lateness(120.4, 0.012)) == "largest nap 120 ms, steal 1.2%, pressure unknown"
 
 
@@ -243,11 +247,11 @@ def test_what_speaks_against_a_run_must_be_the_hosts_part(
     reason: str, in_time: bool | None, late: bool | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """None: the test that asks fails."""
-    summary = {"trusted": False, "distrust": reason, "attempts": 3}
+    summary = {"valid": False, "invalid_reason": reason, "attempts": 3}
     for was_late, judged in ((False, in_time), (True, late)):
         monkeypatch.setattr(harness_parts, "is_late", partial(bool, was_late))
         if judged is None:
             with pytest.raises(AssertionError):
-                is_trusted(summary)
+                is_valid_run(summary)
         else:
-            assert is_trusted(summary) == judged
+            assert is_valid_run(summary) == judged

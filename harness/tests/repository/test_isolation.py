@@ -55,14 +55,14 @@ def test_what_a_command_starts_is_isolated_too(theirs: Path) -> None:
         "import numpy; print(os.environ.get('PYTHONPATH'), sys.path[0] == '')"
     )
     for given, left in ((f"{theirs}:{OURS}", str(OURS)), (f"{OURS}", str(OURS))):
-        told = subprocess.run(
+        completed = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
             text=True,
             check=True,
             env=os.environ | {"PYTHONPATH": given},
         )
-        assert told.stdout.split()[0] == left
+        assert completed.stdout.split()[0] == left
 
 
 LEFT_OUT = 'source "$1"; echo "PATH=$PATH CXX=${CXX:-} CPATH=${CPATH:-}"; own_compiler'
@@ -70,29 +70,29 @@ LEFT_OUT = 'source "$1"; echo "PATH=$PATH CXX=${CXX:-} CPATH=${CPATH:-}"; own_co
 
 def built_with(**environment: str) -> list[str]:
     script = repository_root() / "tools" / "environment.sh"
-    told = subprocess.run(
+    completed = subprocess.run(
         ["bash", "-euc", LEFT_OUT, "bash", script],
         capture_output=True,
         text=True,
         check=True,
         env={"PATH": "/opt/conda/bin:/usr/bin:/bin"} | environment,
     )
-    return told.stdout.splitlines()
+    return completed.stdout.splitlines()
 
 
 def test_a_build_leaves_other_software_out_and_says_so() -> None:
     assert built_with() == ["PATH=/opt/conda/bin:/usr/bin:/bin CXX= CPATH="]
     ros = built_with(CMAKE_PREFIX_PATH="/opt/ros", CPATH="/opt/ros/include", PYTHONPATH="/opt")
-    told = "left out of the build, other software's: PYTHONPATH CPATH CMAKE_PREFIX_PATH"
-    assert ros == [told, "PATH=/opt/conda/bin:/usr/bin:/bin CXX= CPATH="]
+    message = "left out of the build, other software's: PYTHONPATH CPATH CMAKE_PREFIX_PATH"
+    assert ros == [message, "PATH=/opt/conda/bin:/usr/bin:/bin CXX= CPATH="]
     conda = built_with(
         CONDA_PREFIX="/opt/conda", CXX="/opt/conda/bin/c++", CXXFLAGS="-march=nocona"
     )
-    told = "left out of the build, other software's: CXX CXXFLAGS /opt/conda/bin"
-    assert conda == [told, "PATH=/usr/bin:/bin CXX= CPATH="]
+    message = "left out of the build, other software's: CXX CXXFLAGS /opt/conda/bin"
+    assert conda == [message, "PATH=/usr/bin:/bin CXX= CPATH="]
 
 
-def test_a_compiler_of_ones_own_is_taken_and_told() -> None:
+def test_a_compiler_of_ones_own_is_taken_and_reported() -> None:
     assert built_with(CXX="g++-13", CXXFLAGS="-g")[-1] == "CXX=g++-13 CXXFLAGS=-g "
 
 
@@ -113,9 +113,9 @@ def test_a_home_that_is_closed_gets_no_warnings_of_fonts(tmp_path: Path) -> None
     home.mkdir(mode=0o755)
     unset = ("MPLCONFIGDIR", "XDG_CACHE_HOME", "SLAMBED_CACHE")
     environment = {k: v for k, v in os.environ.items() if k not in unset} | {"HOME": str(home)}
-    told = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", FONTS], capture_output=True, text=True, check=False, env=environment
     )
-    assert (told.returncode, told.stderr) == (0, ""), told.stderr
-    place, cache = told.stdout.split()
+    assert (completed.returncode, completed.stderr) == (0, ""), completed.stderr
+    place, cache = completed.stdout.split()
     assert cache == str(home / ".cache" / "slambed") and not Path(place).exists()

@@ -64,7 +64,7 @@ def test_a_step_that_fails_is_named_and_the_others_go_on() -> None:
     ],
     ids=["pytest", "ctest", "another step"],
 )  # fmt: skip
-def test_a_lane_that_hangs_is_ended_and_tells_where(hangs: str, where: str) -> None:
+def test_a_lane_that_hangs_is_ended_and_reports_where(hangs: str, where: str) -> None:
     began_s = time.monotonic()
     done = play(f"slow() {{ step three hang; }}; hang() {{ {hangs}; }}; export -f hang", limit_s=1)
     assert time.monotonic() - began_s < 50

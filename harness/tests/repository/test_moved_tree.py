@@ -87,7 +87,7 @@ def tree(tmp_path: Path) -> Tree:
     return Tree(tmp_path)
 
 
-def told_by(tree: Tree) -> str:
+def status_from(tree: Tree) -> str:
     return f"{tree.path}/harness/slambed/start.py {tree.path}/.venv/bin/slambed status 'x y'\n"
 
 
@@ -95,17 +95,17 @@ def told_by(tree: Tree) -> str:
 def test_the_code_beside_the_environment_runs(tree: Tree, how: str) -> None:
     assert tree.make().splitlines()[-1] == "making .venv"
     assert tree.make() == ""
-    assert tree.call("status", "'x y'") == told_by(tree)
+    assert tree.call("status", "'x y'") == status_from(tree)
     first, second = tree.path, tree.path.with_name("elsewhere")
     if how == "copied":
         shutil.copytree(first, second, symlinks=True)
     else:
         first.rename(second)
     tree.path = second
-    assert tree.call("status", "'x y'") == told_by(tree)
+    assert tree.call("status", "'x y'") == status_from(tree)
     # The other programs there (pytest, mypy) name the place where they were made.
     assert tree.make().splitlines()[-1] == f"making .venv again: it was made in {first}/.venv"
-    assert tree.make() == "" and tree.call("status", "'x y'") == told_by(tree)
+    assert tree.make() == "" and tree.call("status", "'x y'") == status_from(tree)
 
 
 def test_an_environment_that_trees_share_by_a_link_stays(tree: Tree) -> None:
@@ -133,5 +133,5 @@ def test_a_build_of_another_place_is_made_again(tmp_path: Path, changed: str) ->
     command = ["bash", "-euc", MADE_HERE, "bash", repository_root(), build, tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert build.exists() == (changed == "nothing")
-    told = f"making build again: it was made in {named['build']}, of {named['sources']}\n"
-    assert done.stdout == ("" if changed == "nothing" else told)
+    message = f"making build again: it was made in {named['build']}, of {named['sources']}\n"
+    assert done.stdout == ("" if changed == "nothing" else message)

@@ -24,7 +24,7 @@ def test_runs_and_cells_are_tables(results: "slambed.Results") -> None:
     assert len(results.runs) == 8 and {"label", "ate_rmse_m", "params.n_orb"} <= set(results.runs)
     assert list(results.cells["runs"]) == [2, 2, 2, 2]
     cell = results.cells.index[0]
-    own = results.trusted[results.trusted["cell"] == cell]["ate_rmse_m"].astype(float)
+    own = results.valid_runs[results.valid_runs["cell"] == cell]["ate_rmse_m"].astype(float)
     assert results.cells.loc[cell, "ate_rmse_m"] == pytest.approx(own.median())
 
 
@@ -46,7 +46,7 @@ def test_samples_link_and_paths(results: "slambed.Results") -> None:
     assert not results.trajectory(key, "live").equals(path)
 
 
-def test_what_is_not_there_is_told(results: "slambed.Results", tmp_path: Path) -> None:
+def test_what_is_not_there_is_reported(results: "slambed.Results", tmp_path: Path) -> None:
     with pytest.raises(SlambedError, match="is not a folder"):
         slambed.Results(tmp_path / "nowhere")
     with pytest.raises(SlambedError, match="no trajectory 'best'"):
@@ -74,14 +74,14 @@ def test_an_experiment_from_python_is_checked_as_a_file_is(tmp_path: Path) -> No
 def test_results_say_what_they_are(results: "slambed.Results", tmp_path: Path) -> None:
     folder = results.folder
     labels = results.runs["label"].nunique()
-    told = f"Results('{folder}', experiment='{folder.name}', systems={labels}, runs=8, trusted=8)"
-    assert str(results) == repr(results) == told
+    message = f"Results('{folder}', experiment='{folder.name}', systems={labels}, runs=8, valid=8)"
+    assert str(results) == repr(results) == message
     # What they are made of has no tables in it either.
-    assert repr(load(folder)) == told
+    assert repr(load(folder)) == message
     empty = tmp_path / "none"
     (empty / "runs").mkdir(parents=True)
     (empty / "experiment.json").write_text("{}")
-    assert repr(load(empty)).endswith("experiment='none', systems=0, runs=0, trusted=0)")
+    assert repr(load(empty)).endswith("experiment='none', systems=0, runs=0, valid=0)")
     path = load(folder).trajectory(results.runs["run_key"].iloc[0])
     assert re.fullmatch(r"Trajectory\(poses=\d+, seconds=\d+\.\d\)", repr(path))
     sequence = write_prepared(tmp_path / "here")

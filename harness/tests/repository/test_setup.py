@@ -45,9 +45,9 @@ def install(folder: Path, busy: int, refusal: str, wait_s: int = 60) -> tuple[in
 
 
 def test_another_apt_is_waited_for(tmp_path: Path) -> None:
-    code, told, calls = install(tmp_path, 2, LOCKED)
-    assert code == 0, told
-    assert told.count("waiting for another apt to end") == 1
+    code, reported, calls = install(tmp_path, 2, LOCKED)
+    assert code == 0, reported
+    assert reported.count("waiting for another apt to end") == 1
     assert [call.split()[1] for call in calls] == ["update"] * 3 + ["install"]
     assert "iproute2" in calls[-1]
 
@@ -58,9 +58,9 @@ UNREACHED = "Failed to fetch http://deb.debian.org/debian/dists/bookworm/InRelea
 
 @pytest.mark.parametrize("refusal", [BROKEN, UNREACHED])
 def test_what_fails_is_tried_three_times(tmp_path: Path, refusal: str) -> None:
-    code, told, calls = install(tmp_path, 2, refusal)
-    assert code == 0, told
-    assert [line for line in told.splitlines() if "attempt" in line] == [
+    code, reported, calls = install(tmp_path, 2, refusal)
+    assert code == 0, reported
+    assert [line for line in reported.splitlines() if "attempt" in line] == [
         "apt-get update failed; attempt 2 of 3 in 0 s",
         "apt-get update failed; attempt 3 of 3 in 0 s",
     ]
@@ -78,8 +78,8 @@ def test_what_fails_is_tried_three_times(tmp_path: Path, refusal: str) -> None:
 def test_what_waiting_does_not_help_ends_with_code_3(
     tmp_path: Path, refusal: str, wait_s: int, part: str
 ) -> None:
-    code, told, _ = install(tmp_path, 99, refusal, wait_s)
-    assert code == 3 and part in told
+    code, reported, _ = install(tmp_path, 99, refusal, wait_s)
+    assert code == 3 and part in reported
 
 
 RETRIED = """

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from conftest import PLACE, QUIET
-from waiting import beside, until
+from waiting import in_background, until
 
 HANGING = """
 import signal, threading, time
@@ -171,7 +171,7 @@ def test_a_live_test_may_wait_for_its_turn(tmp_path: Path) -> None:
             time.sleep(2.0)
             fcntl.flock(file, fcntl.LOCK_UN)
 
-        with beside(let_go):
+        with in_background(let_go):
             code, out = session(tmp_path, place=place)
     assert code == pytest.ExitCode.OK, out
     assert results(out) == {("PASSED", "test_waits_for_its_turn"): 1}, out

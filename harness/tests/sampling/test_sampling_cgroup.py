@@ -30,7 +30,7 @@ MOUNTINFO_HYBRID = """\
 """
 
 
-def test_mounts_of_both_versions_are_told_apart(tmp_path: Path) -> None:
+def test_mounts_of_both_versions_are_distinguished(tmp_path: Path) -> None:
     mountinfo = tmp_path / "mountinfo"
     mountinfo.write_text(MOUNTINFO_HYBRID)
     v1, v2 = mounted(mountinfo)
@@ -169,7 +169,7 @@ def tcp_info(last_ack_ms: int, rtt_us: int, retransmits: int) -> bytes:
     return bytes(words)
 
 
-def test_the_connection_that_was_acknowledged_last_tells_the_rtt() -> None:
+def test_the_connection_that_was_acknowledged_last_reports_the_rtt() -> None:
     state = newest([tcp_info(900, 10_000, 1), tcp_info(20, 42_500, 2), b"short"])
     assert state == TcpState(rtt_ms=42.5, retransmits=3)
     assert newest([]) is None

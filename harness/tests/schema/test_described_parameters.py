@@ -23,7 +23,7 @@ def described() -> dict[str, dict[str, object]]:
     return content
 
 
-def test_own_messages_are_told_with_their_numbers(
+def test_own_messages_are_reported_with_their_numbers(
     described: dict[str, dict[str, object]],
 ) -> None:
     own = {name: system["messages"] for name, system in described.items() if system["messages"]}

@@ -62,8 +62,8 @@ VALIDATORS = {kind: Draft202012Validator(json.loads(schema_text(kind))) for kind
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_is_one_and_is_the_one_that_lies_in_the_checkout(kind: str) -> None:
     Draft202012Validator.check_schema(VALIDATORS[kind].schema)
-    told = f"'slambed schema --folder catalog/schemas' writes {kind}.json anew"
-    assert (ROOT / "catalog/schemas" / f"{kind}.json").read_text() == schema_text(kind), told
+    message = f"'slambed schema --folder catalog/schemas' writes {kind}.json anew"
+    assert (ROOT / "catalog/schemas" / f"{kind}.json").read_text() == schema_text(kind), message
 
 
 def test_every_yaml_file_of_the_repository_keeps_to_its_schema() -> None:

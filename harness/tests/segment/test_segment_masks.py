@@ -17,7 +17,7 @@ from slambed.errors import SlambedError
 from slambed.segment.frame_file import MASKS, encode_frames
 from slambed.segment.instances import Instance, Segmented, mask_of, runs_of
 from slambed.segment.mask_cache import MaskCache, decode_frame, encode_frame
-from slambed.segment.people import Middle, find_middles, persons, suppress
+from slambed.segment.people import Middle, find_centers, persons, suppress
 from slambed.segment.scores import Scores, keypoint_similarity
 from slambed.segment.sheet import write_mask_sheet
 
@@ -93,9 +93,9 @@ def test_a_file_for_something_else_or_torn_is_one_line(tmp_path: Path) -> None:
         MaskCache.open(file, "b")
     for torn in (b"", whole[:20], whole[:40], whole[:-1], b"SLIC" + whole[4:], whole + b"x"):
         file.write_bytes(torn)
-        with pytest.raises(SlambedError, match="damaged") as told:
+        with pytest.raises(SlambedError, match="damaged") as raised:
             MaskCache.open(file)
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(raised.value)
 
 
 def test_no_flipped_byte_of_a_frame_passes() -> None:
@@ -144,7 +144,7 @@ def maps_of(people: list[tuple[int, int, int, int, float]]) -> tuple[np.ndarray,
     return mask, maps
 
 
-def test_people_beside_each_other_are_told_apart() -> None:
+def test_people_beside_each_other_are_distinguished() -> None:
     found = persons(*maps_of([(20, 30, 12, 40, 0.9), (50, 30, 16, 40, 0.8)]), 640, 480, 0.8)
     assert [round(i.score, 2) for i in found.instances] == [0.9, 0.8]
     left, right = found.instances
@@ -159,7 +159,7 @@ def test_n_m_says_from_which_overlap_two_are_one() -> None:
     maps[1][0, 30, 33] = 0.8
     maps[1][3, 30, 33], maps[1][4, 30, 33] = np.log(20 / 16), np.log(40 / 16)
     maps[1][1, :, 32:] -= (30 - 33) / 16  # half of the votes are for the second
-    first, second = find_middles(maps[1])
+    first, second = find_centers(maps[1])
     assert first.overlap(second) == pytest.approx(17 / 23)
     assert len(persons(*maps, 640, 480, 0.8).instances) > len(
         persons(*maps, 640, 480, 0.6).instances
@@ -184,9 +184,9 @@ def test_scores_of_the_truth_itself_are_perfect() -> None:
     truth = Segmented(40, 30, (picture().instances[0],))
     scores.add(truth, truth)
     scores.add(Segmented(40, 30), Segmented(40, 30))
-    told = scores.as_dict()
-    assert (told["iou_mean"], told["recall"], told["precision"]) == (1, 1, 1)
-    assert told["marked_without_people"] == 0
+    content = scores.as_dict()
+    assert (content["iou_mean"], content["recall"], content["precision"]) == (1, 1, 1)
+    assert content["marked_without_people"] == 0
 
 
 def test_scores_of_a_shifted_mask_are_the_counted_ones() -> None:
@@ -197,9 +197,9 @@ def test_scores_of_a_shifted_mask_are_the_counted_ones() -> None:
     scores.add(
         Segmented(10, 10, (Instance(0, 1.0, found),)), Segmented(10, 10, (Instance(0, 1.0, true),))
     )
-    told = scores.as_dict()
-    assert told["iou_mean"] == pytest.approx(20 / 50)
-    assert (told["recall"], told["precision"]) == (0.5, pytest.approx(2 / 3, abs=1e-4))
+    content = scores.as_dict()
+    assert content["iou_mean"] == pytest.approx(20 / 50)
+    assert (content["recall"], content["precision"]) == (0.5, pytest.approx(2 / 3, abs=1e-4))
 
 
 def test_key_point_similarity_falls_with_distance_and_misses() -> None:

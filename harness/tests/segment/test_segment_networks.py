@@ -46,13 +46,13 @@ def test_bad_network_files_are_one_line(tmp_path: Path) -> None:
         load_network("slambed_peple")
     text = (networks_folder() / f"{OURS}.yaml").read_text()
     file = tmp_path / f"{OURS}.yaml"
-    for wrong, told in (
+    for wrong, expected in (
         (text.replace("moves: [person]", "moves: [car]"), "car"),
         (text + "color: red\n", "color"),
         (text.replace(f"file: {OURS}.onnx\n", ""), "file and wheel"),
     ):
         file.write_text(wrong)
-        with pytest.raises(SlambedError, match=told) as error:
+        with pytest.raises(SlambedError, match=expected) as error:
             load_network(str(file))
         assert "\n" not in str(error.value)
 
@@ -104,19 +104,20 @@ def test_labels_of_the_generator_are_read(people: PreparedSequence) -> None:
 
 @pytest.mark.programs
 def test_ours_gives_the_same_maps_with_more_threads(people: PreparedSequence) -> None:
-    """How well it finds people is told in its file (tools/score_people.py), not held to here."""
+    """How well it finds people is reported in its file (tools/score_people.py), not held to
+    here."""
     network = load_network(OURS)
     net = cv2.dnn.readNetFromONNX(str(network_file(network)))
     gray = cv2.resize(np.asarray(people.gray(0)), (network.input.width, network.input.height))
     blob = (gray.astype(np.float32) / 255)[None, None]
-    told = []
+    reported = []
     for threads in (1, 2):
         cv2.setNumThreads(threads)
         net.setInput(blob)
-        told.append([np.array(plane) for plane in net.forward(list(network.outputs))])
-    assert [plane.shape for plane in told[0]] == [(1, 1, 128, 160), (1, 22, 64, 80)]
-    assert all(np.array_equal(one, two) for one, two in zip(*told, strict=True))
-    assert told[0][0].std() > 0  # it says something about the picture
+        reported.append([np.array(plane) for plane in net.forward(list(network.outputs))])
+    assert [plane.shape for plane in reported[0]] == [(1, 1, 128, 160), (1, 22, 64, 80)]
+    assert all(np.array_equal(one, two) for one, two in zip(*reported, strict=True))
+    assert reported[0][0].std() > 0  # it says something about the picture
 
 
 @pytest.mark.programs

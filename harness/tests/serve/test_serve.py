@@ -17,7 +17,7 @@ import pytest
 from command_line import refused
 from data_samples import write_prepared
 from results_factory import quickstart_like
-from waiting import beside
+from waiting import in_background
 
 from slambed.campaign.ledger import Ledger
 from slambed.data.trajectory import read_tum
@@ -69,7 +69,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     experiment = quickstart_like(root)
     shutil.rmtree(root / "raw")
     summary = json.loads((experiment / "runs" / LOSSY / "summary.json").read_text())
-    summary |= {"trusted": False, "distrust": "the host was <busy>"}
+    summary |= {"valid": False, "invalid_reason": "the host was <busy>"}
     (experiment / "runs" / LOSSY / "summary.json").write_text(json.dumps(summary))
     write_report(experiment, formats=("png", "svg"))
     return root
@@ -82,7 +82,7 @@ def results(made: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def client(results: Path) -> Iterator[Client]:
-    with open_server(Site(results), 0) as server, beside(lambda: server.serve_forever(0.02)):
+    with open_server(Site(results), 0) as server, in_background(lambda: server.serve_forever(0.02)):
         yield Client(server)
         server.shutdown()
 
@@ -117,11 +117,11 @@ def test_cells_and_runs_are_what_the_experiment_has(client: Client, results: Pat
     page = client.page(EXPERIMENT)
     runs = re.findall(r'href="runs/([0-9a-f]{16})/"', page)
     assert sorted(runs) == sorted(p.name for p in (results / "invented" / "runs").iterdir())
-    told = text_of(page)
-    assert "12 runs, 11 to be trusted" in told and "An invented experiment" in told
+    reported = text_of(page)
+    assert "12 runs, 11 valid" in reported and "An invented experiment" in reported
     ate = pd.read_csv(results / "invented" / "report" / "tables" / "cells_1.csv")
     for value in ate.iloc[:, 3]:
-        assert str(value).split(" ")[0] in told
+        assert str(value).split(" ")[0] in reported
     assert "the host was &lt;busy&gt;" in page and "<busy>" not in page
 
 
@@ -129,9 +129,9 @@ def test_cells_and_runs_are_what_the_experiment_has(client: Client, results: Pat
     ("query", "expected"),
     [
         ("", 12), ("?system=orbslam2", 6), ("?link=ramp_85", 6), ("?dataset=room_walk", 12),
-        ("?trusted=no", 1), ("?trusted=yes", 11), ("?system=edgeslam:static&link=ramp_85", 3),
-        ("?system=edgeslam:static&link=ramp_85&trusted=yes", 2), ("?system=orbslam2&trusted=no", 0),
-        ("?system=", 12), ("?system=unknown", 12), ("?trusted=maybe", 12), ("?other=1", 12),
+        ("?valid=no", 1), ("?valid=yes", 11), ("?system=edgeslam:static&link=ramp_85", 3),
+        ("?system=edgeslam:static&link=ramp_85&valid=yes", 2), ("?system=orbslam2&valid=no", 0),
+        ("?system=", 12), ("?system=unknown", 12), ("?valid=maybe", 12), ("?other=1", 12),
     ],
 )  # fmt: skip
 def test_filters_leave_the_runs_asked_for(client: Client, query: str, expected: int) -> None:
@@ -147,7 +147,7 @@ def test_a_filter_hides_cells_and_changes_no_number(client: Client) -> None:
         table = client.page(EXPERIMENT + query).split("<tbody>")[1].split("</tbody>")[0]
         return [text_of(row) for row in table.split("</tr>") if "<td" in row]
 
-    everything, some = rows(""), rows("?system=edgeslam:static&trusted=yes")
+    everything, some = rows(""), rows("?system=edgeslam:static&valid=yes")
     assert len(everything) == 4 and len(some) == 2
     assert set(some) < set(everything)
 
@@ -231,7 +231,7 @@ def test_the_path_lies_on_the_true_one_as_its_number_says(client: Client, result
 
 def test_the_page_of_a_run_has_its_story_and_a_still_time_line(client: Client) -> None:
     page = client.page(f"{EXPERIMENT}runs/{LOSSY}/")
-    assert "edgeslam:static" in text_of(page) and "not to be trusted: the host was" in text_of(page)
+    assert "edgeslam:static" in text_of(page) and "invalid: the host was" in text_of(page)
     assert "track lost at" in text_of(page) and '<svg class="timeline"' in page
     assert "No pictures: the sequence is not prepared on this machine" in page
     assert run_data(client, LOSSY)["has_pictures"] is False
@@ -364,7 +364,9 @@ def test_a_killed_campaign_changes_the_version_without_a_file(
     assert client.json("/state.json")["version"] != before
 
 
-def test_a_busy_port_and_a_missing_folder_are_told_in_a_line(results: Path, tmp_path: Path) -> None:
+def test_a_busy_port_and_a_missing_folder_are_reported_in_a_line(
+    results: Path, tmp_path: Path
+) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

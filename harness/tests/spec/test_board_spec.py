@@ -67,7 +67,7 @@ def test_the_same_board_under_another_address_is_the_same_run(file: Path) -> Non
     assert RoleHost(host="root@10.0.0.9", name="pi4").called == "pi4"
 
 
-def test_a_device_that_is_not_applied_is_told(file: Path) -> None:
+def test_a_device_that_is_not_applied_is_reported(file: Path) -> None:
     experiment, _ = Library().experiment(str(file), ["devices.mobile=raspberry_pi_4"])
     (line,) = [line for line in notes(experiment, Library()) if "devices.mobile" in line]
     assert "raspberry_pi_4" in line and "pi4 is the device itself" in line
@@ -76,7 +76,7 @@ def test_a_device_that_is_not_applied_is_told(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "told"),
+    ("setting", "expected"),
     [
         ("link.profiles=[20]", "profile 'rtt_20' emulates a link, but to board pi4"),
         ("link.profiles=[none, ramp]", "profile 'ramp' emulates a link"),
@@ -89,10 +89,10 @@ def test_a_device_that_is_not_applied_is_told(file: Path) -> None:
         ("roles.mobile.name=a b", "(it is 'a b')"),
     ],
 )
-def test_what_cannot_be_on_a_board_is_one_line(file: Path, setting: str, told: str) -> None:
+def test_what_cannot_be_on_a_board_is_one_line(file: Path, setting: str, expected: str) -> None:
     code, _, err = slambed("run", str(file), "--check", "--set", setting)
     assert code == ExitCode.BAD_INPUT
-    assert told in err and "walk.yaml" in err and err.count("\n") == 1, err
+    assert expected in err and "walk.yaml" in err and err.count("\n") == 1, err
 
 
 def test_neither_simulated_nor_on_several_hosts(file: Path, tmp_path: Path) -> None:

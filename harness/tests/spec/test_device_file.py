@@ -125,9 +125,9 @@ def test_a_device_of_ours_with_its_own_model_written_again_is_the_same(
 def test_what_is_no_device_is_one_line(text: str, tmp_path: Path) -> None:
     path = tmp_path / "board.yaml"
     path.write_text(text)
-    with pytest.raises(SlambedError, match=r"board\.yaml") as told:
+    with pytest.raises(SlambedError, match=r"board\.yaml") as raised:
         write_model(path, CostModel(cores=1, stages={}), {}, "title")
-    assert "\n" not in str(told.value) and path.read_text() == text
+    assert "\n" not in str(raised.value) and path.read_text() == text
 
 
 def test_a_new_file_holds_the_model_alone(tmp_path: Path) -> None:

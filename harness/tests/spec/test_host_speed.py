@@ -48,7 +48,7 @@ def test_a_board_gives_each_thread_a_core_of_its_own() -> None:
     assert (limits.cores, limits.quota_cores, limits.thread_cores) == (2, 2.0, 0.5)
 
 
-def test_what_the_host_cannot_give_is_told() -> None:
+def test_what_the_host_cannot_give_is_reported() -> None:
     small = board(4, 0.5, cores=1)
     limits = small.limits_on(1.0, 2)
     assert (limits.cores, limits.quota_cores, limits.thread_cores) == (1, 1.0, 0.5)
@@ -165,5 +165,5 @@ def test_bad_options_get_one_line(
     arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(arguments) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("error: ") and told.count("\n") == 1 and line in told
+    reported = capsys.readouterr().err
+    assert reported.startswith("error: ") and reported.count("\n") == 1 and line in reported

@@ -53,7 +53,7 @@ def test_shared_parameters_follow_the_own_ones_and_keep_what_is_not_said_anew(
         ("default: fancy", "defualt: fancy", "unknown key 'defualt', .*line 6"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(
+def test_what_is_wrong_is_reported_with_its_line(
     tmp_path: Path, old: str, new: str, complaint: str
 ) -> None:
     with pytest.raises(SlambedError, match=complaint):

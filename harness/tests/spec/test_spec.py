@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Experiment files: what is read, and how a mistake is told."""
+"""Experiment files: what is read, and how a mistake is reported."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from harness_parts import EXPERIMENT, run_spec, write_library
 
 from slambed.campaign.plan import check
-from slambed.commands.report_request import check_asked
+from slambed.commands.report_request import check_figure_names
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.spec.library import Library
@@ -88,7 +88,7 @@ def test_a_mistake_is_one_line_with_its_place(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("period_s: 1", "period_s: {a: 1}",
          "'systems.1.params.period_s': expected true or false, a number or text, not a mapping"),
@@ -106,15 +106,15 @@ def test_a_mistake_is_one_line_with_its_place(
          "'link.profiles.1': expected text, a number or a mapping, not a list"),
     ],
 )  # fmt: skip
-def test_the_wrong_kind_of_value_is_told_with_the_right_one(
-    tmp_path: Path, old: str, new: str, told: str
+def test_the_wrong_kind_of_value_is_reported_with_the_right_one(
+    tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     text = complaint(tmp_path, old, new)
-    assert told in text and "tiny.yaml line " in text
+    assert expected in text and "tiny.yaml line " in text
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("default: 1000,", "default: {a: 1},",
          "'params.n_orb.default': expected true or false, a number or text, not a mapping"),
@@ -123,14 +123,14 @@ def test_the_wrong_kind_of_value_is_told_with_the_right_one(
     ],
 )  # fmt: skip
 def test_the_wrong_kind_of_value_in_a_system_too(
-    tmp_path: Path, old: str, new: str, told: str
+    tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     write_library(tmp_path)
     path = tmp_path / "systems" / "solo" / "system.yaml"
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(SlambedError) as caught:
         Library(tmp_path).system("solo")
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_the_wrong_kind_of_value_in_a_system_too(
         ("[small]", ["'devices.mobile': expected text or a mapping, not a list"]),
     ],
 )
-def test_a_mistake_in_a_changed_device_is_told_as_one(
+def test_a_mistake_in_a_changed_device_is_reported_as_one(
     tmp_path: Path, mobile: str, parts: list[str]
 ) -> None:
     text = complaint(tmp_path, "mobile: small", f"mobile: {mobile}")
@@ -294,7 +294,7 @@ def test_what_a_report_cannot_show_is_refused_before_anything_runs(
     write_library(tmp_path, EXPERIMENT.replace("seed: 7", f"seed: 7\n{asked}"))
     library = Library(tmp_path)
     with pytest.raises(SlambedError) as caught:
-        check_asked(*library.experiment("tiny"))
+        check_figure_names(*library.experiment("tiny"))
     for part in [*parts, "unknown ", "tiny.yaml line 16"]:
         assert part in str(caught.value)
 
@@ -305,7 +305,7 @@ LIBRARY = Library()
 @pytest.mark.parametrize("name", LIBRARY.experiments())
 def test_every_experiment_of_the_checkout_reads(name: str) -> None:
     experiment, source = LIBRARY.experiment(name)
-    check_asked(experiment, source)
+    check_figure_names(experiment, source)
     LIBRARY.device(experiment.devices.mobile)
     LIBRARY.device(experiment.devices.edge)
 

@@ -90,7 +90,7 @@ def test_a_stage_of_one_node_costs_nothing_on_the_other(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stages", "told"),
+    ("stages", "expected"),
     [
         (WEIGH.replace("track", "trak"), "costs as 'trak', for which it has no cost; did you mean"),
         (WEIGH.replace("factor", "faktor"), "unknown key 'faktor'"),
@@ -100,8 +100,8 @@ def test_a_stage_of_one_node_costs_nothing_on_the_other(tmp_path: Path) -> None:
         ("stages: {a: {cost_as: track}}\n", "'stages.a.doc' is missing"),
     ],
 )
-def test_a_mistake_is_one_line(tmp_path: Path, stages: str, told: str) -> None:
-    assert told in complaint(tmp_path, stages)
+def test_a_mistake_is_one_line(tmp_path: Path, stages: str, expected: str) -> None:
+    assert expected in complaint(tmp_path, stages)
 
 
 def test_inherited_costs_follow_a_line_and_keep_their_accelerator() -> None:
@@ -152,6 +152,6 @@ def test_the_examples_own_stage_is_charged_though_no_device_file_knows_it(tmp_pa
     assert result.outcome == "completed", result.reason
     log = read_events(raw)
     charged = [e for e in log.stages("edge", "report_backlog")]
-    told = [e for e in log.of("message", node="mobile") if e["channel"] == "backlog"]
-    assert charged and {e["message"] for e in told} == {"BACKLOG"}
+    reported = [e for e in log.of("message", node="mobile") if e["channel"] == "backlog"]
+    assert charged and {e["message"] for e in reported} == {"BACKLOG"}
     assert all(0 < e["wall_ms"] < 1 for e in charged)

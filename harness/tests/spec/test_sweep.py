@@ -83,12 +83,12 @@ def test_the_papers_grids_stand_for_what_was_written_by_hand(
         return f"{value:g}" if isinstance(value, float | int) else value  # 2 and 2.0 are one
 
     systems = Library().experiment(name)[1].data["systems"]
-    told = [
+    reported = [
         {**system, "params": {k: number(v) for k, v in system.get("params", {}).items()}}
         for system in systems
     ]
-    assert len(told) == count
-    assert hashlib.sha256(canonical_json(told).encode()).hexdigest()[:16] == digest
+    assert len(reported) == count
+    assert hashlib.sha256(canonical_json(reported).encode()).hexdigest()[:16] == digest
 
 
 def test_every_grid_of_the_checkout_is_among_these() -> None:
@@ -124,7 +124,7 @@ def test_a_system_has_its_own_grid_instead_of_the_experiments(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("entry", "told", "line"),
+    ("entry", "expected", "line"),
     [
         ({"label": "x {n_orbs}"}, "varies no 'n_orbs' for the label", "did you mean 'n_orb'"),
         (
@@ -136,13 +136,13 @@ def test_a_system_has_its_own_grid_instead_of_the_experiments(tmp_path: Path) ->
     ],
 )  # fmt: skip
 def test_a_wrong_grid_of_a_system_is_one_line(
-    tmp_path: Path, entry: dict[str, Any], told: str, line: str
+    tmp_path: Path, entry: dict[str, Any], expected: str, line: str
 ) -> None:
     system = {"system": "edgeslam", "variant": "static", "grid": {"params.n_orb": [500]}} | entry
     name = experiment_file(tmp_path, systems=[system], link={"profiles": ["none"]})
     with pytest.raises(SlambedError) as error:
         runs_of(name)
-    assert told in str(error.value) and line in str(error.value)
+    assert expected in str(error.value) and line in str(error.value)
 
 
 def test_what_is_set_goes_before_the_file(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_what_is_set_goes_before_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("grid", "told"),
+    ("grid", "expected"),
     [
         ([], "expected keys"),
         ({"n_orb": [1]}, "cannot vary 'n_orb'"),
@@ -170,14 +170,14 @@ def test_what_is_set_goes_before_the_file(tmp_path: Path) -> None:
         ({"params.n_orbs": [500]}, "n_orb"),
     ],
 )
-def test_a_wrong_grid_is_one_line(tmp_path: Path, grid: Any, told: str) -> None:
+def test_a_wrong_grid_is_one_line(tmp_path: Path, grid: Any, expected: str) -> None:
     name = experiment_file(tmp_path, systems=SYSTEMS[1:], link={"profiles": ["none"]}, grid=grid)
     with pytest.raises(SlambedError, match="line") as error:
         runs_of(name)
-    assert told in str(error.value)
+    assert expected in str(error.value)
 
 
-def test_one_cell_can_be_chosen_and_told_before(tmp_path: Path) -> None:
+def test_one_cell_can_be_chosen_and_reported_before(tmp_path: Path) -> None:
     runs = runs_of(experiment_file(tmp_path, systems=SYSTEMS, link={"profiles": ["none"]}))
     assert chosen(runs, []) == runs
     assert {spec.cell for spec in chosen(runs, ["alone/*"])} == {"alone/room/none"}
@@ -189,14 +189,14 @@ def test_one_cell_can_be_chosen_and_told_before(tmp_path: Path) -> None:
         "edgeslam:static/room/none"
     }
     assert chosen(runs, ["variant=static", "label=alone", "params.n_orb=1"][:2]) == runs
-    for wrong, told in (
+    for wrong, expected in (
         ("variant=statc", "variant: default, static"),
         ("variant=static,system=orbslam2", "no run has all of that"),
         ("varant=static", "or KEY=VALUE of system, variant"),
     ):
         with pytest.raises(SlambedError, match="is no cell") as error:
             chosen(runs, [wrong], "--force")
-        assert told in str(error.value) and str(error.value).startswith(f"--force {wrong}")
-    lines = preview(runs, RunStore(tmp_path), ("trusted",), 30.0, 2)
+        assert expected in str(error.value) and str(error.value).startswith(f"--force {wrong}")
+    lines = preview(runs, RunStore(tmp_path), ("valid",), 30.0, 2)
     assert lines[0] == "alone/room/none: 0 of 2 runs there"
     assert lines[-1].startswith("4 runs to execute, about 1")

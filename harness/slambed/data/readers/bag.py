@@ -78,7 +78,7 @@ class Reader(SequenceReader):
             second = sorted(set(times[self._second]))
             found = pairs_of_sensors(first, second, self.max_difference_s)
             pairs = [(first[i], second[j]) for i, j in found]
-            self._tell_unpaired(len(first), len(pairs))
+            self._note_unpaired(len(first), len(pairs))
         if not pairs:
             raise SlambedError(
                 f"{self.path}: no pair of images on {', '.join(times)}; check the topics"
@@ -209,8 +209,8 @@ def _goes_on(first: Path, part: Path) -> bool:
 
 def _reason(broken: Exception) -> str:
     """What a library says, in one short line, and what to do about what crashes leave behind."""
-    told: Sequence[object] = broken.args or (broken,)
-    lines = " ".join(str(part) for part in told).strip().splitlines()
+    reported: Sequence[object] = broken.args or (broken,)
+    lines = " ".join(str(part) for part in reported).strip().splitlines()
     what = lines[0][:_LONGEST_REASON] if lines else type(broken).__name__
     if "end magic" in what:
         return "the file is cut off, as a crash leaves it; repair it with 'mcap recover'"

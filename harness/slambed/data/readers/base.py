@@ -121,7 +121,7 @@ class SequenceReader(ABC):
         """How far the times of two sensors may be apart."""
         return self._positive_option("max_difference_s", MAX_DIFFERENCE_S) or MAX_DIFFERENCE_S
 
-    def _tell_unpaired(self, first: int, paired: int) -> None:
+    def _note_unpaired(self, first: int, paired: int) -> None:
         """What has no partner is not played; a benchmark's recordings have some at their ends."""
         if paired < first:
             self.notes.append(

@@ -61,7 +61,7 @@ class Reader(FolderReader):
             times = [[image.time_ns for image in images] for images in (left, right[0])]
             pairs = pairs_of_sensors(times[0], times[1], 1e-3)
             self._frames = [(left[i], right[0][j]) for i, j in pairs]
-            self._tell_unpaired(len(left), len(pairs))
+            self._note_unpaired(len(left), len(pairs))
         if not self._frames:
             raise SlambedError(f"{self._mav}: cam0 and cam1 have no time in common")
         self._sensors = [read_asl(self._sensor_file(name)) for name in self._names]

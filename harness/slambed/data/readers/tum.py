@@ -55,7 +55,7 @@ class Reader(FolderReader):
                 "check the times in rgb.txt and depth.txt"
             )
         self._frames = [(color[i], depth[0][j]) for i, j in pairs]
-        self._tell_unpaired(len(color), len(pairs))
+        self._note_unpaired(len(color), len(pairs))
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -100,7 +100,7 @@ class Reader(FolderReader):
             stamps.append((number, entry[1]))
             names.append(entry[2])
         times_ns = self._in_ns(path, stamps, "s")
-        self._tell_order(path, lines, times_ns)
+        self._note_order(path, lines, times_ns)
         images: dict[int, _Image] = {}
         for number, time_ns, name in zip(lines, times_ns, names, strict=True):
             file = _named_file(path, number, name)
@@ -116,7 +116,7 @@ class Reader(FolderReader):
             )
         return [images[time_ns] for time_ns in sorted(images)]
 
-    def _tell_order(self, path: Path, lines: list[int], times_ns: list[int]) -> None:
+    def _note_order(self, path: Path, lines: list[int], times_ns: list[int]) -> None:
         later = zip(lines[1:], times_ns, times_ns[1:], strict=False)
         back = [(line, a - b) for line, a, b in later if b < a]
         if back:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process on a board, beside its Docker: tells its clock, samples the mobile node, holds the
+"""The process on a board, beside its Docker: reports its clock, samples the mobile node, holds the
 lock of the board.
 
 It travels over ssh as source, with the modules of `SHIPPED`, and has nothing to import there but
@@ -26,7 +26,7 @@ from slambed.sampling.tcp_info import TcpWatch
 
 SAMPLE_EVERY_S = 0.1
 NS_PER_S = 1e9
-TOLD_TCP = ("tcp_congestion_control", "tcp_rmem", "tcp_wmem", "tcp_slow_start_after_idle")
+TCP_SETTINGS = ("tcp_congestion_control", "tcp_rmem", "tcp_wmem", "tcp_slow_start_after_idle")
 ECHO = struct.Struct("!QQQ")
 """Number of the exchange (all of a question), received, answered [ns]."""
 
@@ -52,13 +52,13 @@ def look() -> dict[str, Any]:
     # client address, client port, server address, server port
     words = os.environ.get("SSH_CONNECTION", "").split()
     tcp = {}
-    for name in TOLD_TCP:
+    for name in TCP_SETTINGS:
         try:
             tcp[f"net/ipv4/{name}"] = Path(f"/proc/sys/net/ipv4/{name}").read_text().strip()
         except OSError:
             continue
     return {
-        "say": "seen",
+        "reply": "seen",
         "architecture": platform.machine(),
         "model": model(),
         "cpus": cpu_online(),
@@ -160,7 +160,7 @@ class Watch:
             if kept is not None:
                 kept.close()
         percent = 100 * self._cpu_s / lasted_s
-        return {"say": "sampled", "samples": self._samples, "sampler_cpu_percent": percent}
+        return {"reply": "sampled", "samples": self._samples, "sampler_cpu_percent": percent}
 
 
 class Agent:
@@ -172,24 +172,28 @@ class Agent:
 
     def answer(self, asked: dict[str, Any]) -> dict[str, Any]:
         """What is said to a request."""
-        what = asked["ask"]
+        what = asked["request"]
         if what == "clock":
             received_ns = time.monotonic_ns()
-            return {"say": "clock", "received_ns": received_ns, "answered_ns": time.monotonic_ns()}
+            return {
+                "reply": "clock",
+                "received_ns": received_ns,
+                "answered_ns": time.monotonic_ns(),
+            }
         if what == "look":
             return look()
         if what == "echo":
-            return {"say": "echoing", "port": ClockEcho(asked["address"]).port}
+            return {"reply": "echoing", "port": ClockEcho(asked["address"]).port}
         if what == "lock":
             self._lock = open_lock(default_lock_path())
-            return {"say": "locked", "ours": taken(self._lock)}
+            return {"reply": "locked", "ours": taken(self._lock)}
         if what == "watch":
             self._watch = Watch(asked["pid"], asked["ports"])
-            return {"say": "watching", "granted": self._watch.granted()}
+            return {"reply": "watching", "granted": self._watch.granted()}
         assert self._watch is not None
         if what == "start":
             self._watch.start()
-            return {"say": "sampling"}
+            return {"reply": "sampling"}
         assert what == "stop", what
         return self._watch.stop()
 
@@ -200,10 +204,10 @@ def main() -> None:
     with os.fdopen(0, "rb", buffering=0) as requests:
         for line in requests:
             try:
-                told = agent.answer(json.loads(line))
+                reply = agent.answer(json.loads(line))
             except (SlambedError, OSError) as error:
-                told = {"say": "failure", "error": str(error), "code": 3, "passes": False}
-            sys.stdout.write(json.dumps(told) + "\n")
+                reply = {"reply": "failure", "error": str(error), "code": 3, "passes": False}
+            sys.stdout.write(json.dumps(reply) + "\n")
             sys.stdout.flush()
 
 

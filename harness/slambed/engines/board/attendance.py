@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is beside the nodes of a run on a board: the edge's as ever, the mobile node's samples from
+"""The sidecar of the nodes of a run on a board: the edge's as ever, the mobile node's samples from
 the agent there, and the clocks of both machines."""
 
 import json
 from pathlib import Path
 
 from slambed.engines.attend_messages import Stopped
-from slambed.engines.base import Attendance, Node
+from slambed.engines.base import Node, Sidecar
 from slambed.engines.board.connection import BoardConnection
 from slambed.engines.board.messages import (
     BoardSample,
@@ -25,10 +25,10 @@ SAMPLES_S = 120.0
 """A long run's are megabytes."""
 
 
-class BoardAttendance:
-    """From the gate of the nodes to their end."""
+class BoardSidecar:
+    """From the start barrier of the nodes to their end."""
 
-    def __init__(self, here: Attendance, connection: BoardConnection, run_dir: Path) -> None:
+    def __init__(self, here: Sidecar, connection: BoardConnection, run_dir: Path) -> None:
         """`here`: what is beside the edge."""
         self._here = here
         self._connection = connection

@@ -16,7 +16,7 @@ from slambed.engines.board.agent_source import agent_source
 from slambed.engines.board.dial import DialStdio
 from slambed.engines.board.messages import (
     AskClock,
-    ClockTold,
+    ClockReading,
     Echo,
     Echoing,
     Lock,
@@ -156,15 +156,15 @@ class BoardConnection:
                 clock.settimeout(left)
                 data = clock.recv(64)
                 back_ns = time.monotonic_ns()
-                if len(data) == ECHO.size and (told := ECHO.unpack(data))[0] == number:
+                if len(data) == ECHO.size and (reading := ECHO.unpack(data))[0] == number:
                     # The number is the time at which it was sent.
-                    return Exchange(number, told[1], told[2], back_ns)
+                    return Exchange(number, reading[1], reading[2], back_ns)
         return None
 
     def _by_ssh(self) -> Exchange | None:
         sent_ns = time.monotonic_ns()
-        told = self.ask(AskClock(), ClockTold)
-        return Exchange(sent_ns, told.received_ns, told.answered_ns, time.monotonic_ns())
+        reading = self.ask(AskClock(), ClockReading)
+        return Exchange(sent_ns, reading.received_ns, reading.answered_ns, time.monotonic_ns())
 
     def _look(self) -> Seen:
         assert self._process is not None

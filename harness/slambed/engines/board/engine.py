@@ -13,15 +13,15 @@ import docker
 import psutil
 
 from slambed.engines.base import (
-    Attendance,
-    BesideEdge,
     Engine,
     Node,
     NodePlan,
+    SegmenterSidecar,
+    Sidecar,
     allot_cpus,
     netns,
 )
-from slambed.engines.board.attendance import BoardAttendance
+from slambed.engines.board.attendance import BoardSidecar
 from slambed.engines.board.connection import BoardConnection
 from slambed.engines.board.leftovers import note, remove_left, strike_out
 from slambed.engines.board.node import BoardNode
@@ -52,19 +52,19 @@ class BoardEngine:
         here: Engine,
         role: RoleHost,
         client: docker.DockerClient | None,
-        say: Callable[[str], None],
+        notify: Callable[[str], None],
     ) -> None:
         """`client`: this host's Docker, whose image may be copied; None: there is none."""
         self.name = here.name
         self._here = here
         self._role = role
         self._client = client
-        self._say = say
+        self._notify = notify
         self._connection: BoardConnection | None = None
         self._image: Any = None
         self._volumes: dict[Path, str] = {}
         self._node: BoardNode | None = None
-        self._attendance: BoardAttendance | None = None
+        self._sidecar: BoardSidecar | None = None
         if here.unprivileged:
             raise environment_error(
                 f"a mobile node on board {role.called} needs root here, for the RTT probe; run the "
@@ -73,7 +73,7 @@ class BoardEngine:
         self._connection = self._joined()
         seen = self._connection.seen
         self.board = self._connection.board
-        say(
+        notify(
             f"board {role.called}: {len(seen.cpus)} CPUs ({seen.model}, {seen.architecture}), "
             f"RTT {self._rtt_ms:.2f} ms; nothing limits the mobile node there, and nothing is "
             "added to the network"
@@ -84,7 +84,9 @@ class BoardEngine:
         connection = BoardConnection(self._role)
         try:
             if found := remove_left(connection.docker, connection.name):
-                self._say(f"board {connection.name}: removed what a killed campaign left: {found}")
+                self._notify(
+                    f"board {connection.name}: removed what a killed campaign left: {found}"
+                )
             strike_out(self._role)
             must_be_known(connection)
             self._image, self._volumes = None, {}
@@ -93,7 +95,7 @@ class BoardEngine:
             if not self._rtt_ms > 0:
                 raise environment_error(
                     f"board {connection.name}: no ICMP echo comes back from "
-                    f"{connection.seen.own_address}, so nobody could tell the RTT; let it through"
+                    f"{connection.seen.own_address}, so the RTT cannot be measured; let it through"
                 )
             note(self._role)
             return connection
@@ -119,9 +121,11 @@ class BoardEngine:
         """Sees to it that image and sequence are there."""
         connection = self.connection
         if self._image is None:
-            self._image = bring_image(connection, self._client, self._say)
+            self._image = bring_image(connection, self._client, self._notify)
         if sequence not in self._volumes:
-            self._volumes[sequence] = bring_sequence(connection, self._image, sequence, self._say)
+            self._volumes[sequence] = bring_sequence(
+                connection, self._image, sequence, self._notify
+            )
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
         """On the node's machine."""
@@ -147,11 +151,11 @@ class BoardEngine:
         return found
 
     def start(self, plan: NodePlan) -> Node:
-        """A node at its gate."""
+        """A node at the start barrier."""
         if plan.role == "edge":
             # Nothing but the namespace of the host is reached from outside, and it never dies.
             return self._here.start(dataclasses.replace(plan, host_network=True, dies=False))
-        self._attendance = None
+        self._sidecar = None
         self.bring(plan.sequence)
         volume = self._volumes[plan.sequence]
         network = json.loads((plan.run_dir / "run.json").read_text())["network"] or {"ports": {}}
@@ -163,43 +167,43 @@ class BoardEngine:
         """The edge."""
         return self._here.start_again(dataclasses.replace(plan, host_network=True), dead)
 
-    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> BesideEdge:
+    def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
         """Beside the edge."""
         return self._here.start_segmenter(plan, edge, network)
 
-    def beside(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
         """On this host."""
-        return self._here.beside(module, writable)
+        return self._here.sidecar_command(module, writable)
 
-    def attend(
+    def start_sidecar(
         self,
         nodes: dict[Role, Node],
         limits: dict[Role, Limits],
         cpus: dict[Role, list[int]],
         run_dir: Path,
         whole_groups: bool,
-    ) -> Attendance:
+    ) -> Sidecar:
         """The edge's here, the mobile node's there."""
         edge: dict[Role, Node] = {role: n for role, n in nodes.items() if role == "edge"}
         own = {role: cpus[role] for role in edge}
-        here = self._here.attend(
+        here = self._here.start_sidecar(
             edge, {role: limits[role] for role in edge}, own, run_dir, whole_groups
         )
-        self._attendance = BoardAttendance(here, self.connection, run_dir)
-        return self._attendance
+        self._sidecar = BoardSidecar(here, self.connection, run_dir)
+        return self._sidecar
 
-    def tell_start(self, run_dir: Path, t0_ns: int) -> None:
+    def send_start(self, run_dir: Path, t0_ns: int) -> None:
         """To both, each by its clock. PassingError where the board heard of it too late."""
-        assert self._node is not None and self._attendance is not None
-        assert self._attendance.clocks is not None, "attendance begins first"
-        self._node.tell_start(t0_ns + self._attendance.clocks.before.offset_ns)
+        assert self._node is not None and self._sidecar is not None
+        assert self._sidecar.clocks is not None, "the sidecar begins first"
+        self._node.send_start(t0_ns + self._sidecar.clocks.before.offset_ns)
         write_start(run_dir, t0_ns)
         if (late_s := (time.monotonic_ns() - t0_ns) / 1e9) > 0:
             raise PassingError(f"board {self._role.called} heard of the start {late_s:.1f} s late")
 
     def board_facts(self) -> BoardFacts | None:
         """Of the board, and of its clock in the run."""
-        connection, attendance = self.connection, self._attendance
+        connection, sidecar = self.connection, self._sidecar
         seen = connection.seen
         return BoardFacts(
             **self.board.model_dump(),
@@ -208,8 +212,8 @@ class BoardEngine:
             kernel=seen.kernel,
             docker=str(connection.docker.version()["Version"]),
             image_id=str(self._image.id),
-            clocks=None if attendance is None else attendance.clocks,
-            sampler_cpu_percent=None if attendance is None else attendance.sampler_cpu_percent,
+            clocks=None if sidecar is None else sidecar.clocks,
+            sampler_cpu_percent=None if sidecar is None else sidecar.sampler_cpu_percent,
             tcp=seen.tcp,
         )
 

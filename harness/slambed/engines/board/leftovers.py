@@ -63,9 +63,9 @@ def noted() -> Iterator[RoleHost]:
             path.unlink(missing_ok=True)  # torn, or of another version
 
 
-def clean_boards(say: Callable[[str], None], but: RoleHost | None = None) -> None:
+def clean_boards(notify: Callable[[str], None], but: RoleHost | None = None) -> None:
     """Asks every noted board, `but` one that has just been looked at. One that does not answer is
-    told, and asked again the next time."""
+    reported, and asked again the next time."""
     for role in noted():
         if role == but:
             continue
@@ -76,9 +76,9 @@ def clean_boards(say: Callable[[str], None], but: RoleHost | None = None) -> Non
             finally:
                 connection.close()
             strike_out(role)
-            say(f"board {role.called}: removed {found or 'nothing'}")
+            notify(f"board {role.called}: removed {found or 'nothing'}")
         except SlambedError as error:
-            say(f"not cleaned: {error}")
+            notify(f"not cleaned: {error}")
 
 
 def _place(role: RoleHost) -> Path:

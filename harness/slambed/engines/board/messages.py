@@ -11,13 +11,13 @@ from slambed.process.line_protocol import Message
 class Look(Message):
     """What the machine is."""
 
-    ask: Literal["look"] = "look"
+    request: Literal["look"] = "look"
 
 
 class Seen(Message):
     """The answer."""
 
-    say: Literal["seen"] = "seen"
+    reply: Literal["seen"] = "seen"
     architecture: str
     """As its kernel names it."""
     model: str
@@ -29,7 +29,7 @@ class Seen(Message):
     python: str
     """Its version there."""
     from_address: str
-    """Of this machine, as ssh came from it; empty: sshd does not tell."""
+    """Of this machine, as ssh came from it; empty: sshd does not report."""
     own_address: str
     """Of the board, as ssh came to it."""
     tcp: dict[str, str]
@@ -39,13 +39,13 @@ class Seen(Message):
 class Lock(Message):
     """Takes the lock by which live campaigns of that machine know each other."""
 
-    ask: Literal["lock"] = "lock"
+    request: Literal["lock"] = "lock"
 
 
 class Locked(Message):
     """The answer."""
 
-    say: Literal["locked"] = "locked"
+    reply: Literal["locked"] = "locked"
     ours: bool
     """False: a campaign has it."""
 
@@ -53,7 +53,7 @@ class Locked(Message):
 class Echo(Message):
     """Datagrams shall be answered with the time."""
 
-    ask: Literal["echo"] = "echo"
+    request: Literal["echo"] = "echo"
     address: str
     """Of the board: where to listen."""
 
@@ -61,7 +61,7 @@ class Echo(Message):
 class Echoing(Message):
     """The answer."""
 
-    say: Literal["echoing"] = "echoing"
+    reply: Literal["echoing"] = "echoing"
     port: int
     """UDP."""
 
@@ -69,13 +69,13 @@ class Echoing(Message):
 class AskClock(Message):
     """What time it is."""
 
-    ask: Literal["clock"] = "clock"
+    request: Literal["clock"] = "clock"
 
 
-class ClockTold(Message):
+class ClockReading(Message):
     """The answer, by CLOCK_MONOTONIC."""
 
-    say: Literal["clock"] = "clock"
+    reply: Literal["clock"] = "clock"
     received_ns: int
     """The question."""
     answered_ns: int
@@ -85,7 +85,7 @@ class ClockTold(Message):
 class WatchNode(Message):
     """Which process is the mobile node."""
 
-    ask: Literal["watch"] = "watch"
+    request: Literal["watch"] = "watch"
     pid: int
     """On the board."""
     ports: list[int]
@@ -108,7 +108,7 @@ class GrantedThere(BaseModel):
 class Watching(Message):
     """The answer."""
 
-    say: Literal["watching"] = "watching"
+    reply: Literal["watching"] = "watching"
     granted: GrantedThere
     """What the node has of the board."""
 
@@ -116,19 +116,19 @@ class Watching(Message):
 class StartSampling(Message):
     """Samples from now on."""
 
-    ask: Literal["start"] = "start"
+    request: Literal["start"] = "start"
 
 
 class Sampling(Message):
     """The answer."""
 
-    say: Literal["sampling"] = "sampling"
+    reply: Literal["sampling"] = "sampling"
 
 
 class StopSampling(Message):
     """No more samples."""
 
-    ask: Literal["stop"] = "stop"
+    request: Literal["stop"] = "stop"
 
 
 class BoardSample(BaseModel):
@@ -161,7 +161,7 @@ class BoardSample(BaseModel):
 class Sampled(Message):
     """The answer: what was seen."""
 
-    say: Literal["sampled"] = "sampled"
+    reply: Literal["sampled"] = "sampled"
     samples: list[BoardSample]
     """In order of time."""
     sampler_cpu_percent: float

@@ -18,7 +18,7 @@ from slambed.engines.base import LABEL, NODE_UID, NodePlan, netns
 from slambed.engines.board.connection import LAST_S, BoardConnection
 from slambed.engines.board.messages import Watching, WatchNode
 from slambed.engines.board.shipping import PLACE
-from slambed.engines.docker import GATE, OUTPUT, PIDS_LIMIT, WAIT_AT_GATE
+from slambed.engines.docker import OUTPUT, PIDS_LIMIT, START_BARRIER, WAIT_AT_BARRIER
 from slambed.engines.docker_errors import DAEMON_ERRORS, docker_error
 from slambed.errors import KilledError, SlambedError
 from slambed.sampling.cgroup import Granted
@@ -32,8 +32,8 @@ CONFIG = "run.json"
 
 
 class BoardNode:
-    """A container of a board, from its gate to its end. What the node leaves there is here before
-    anybody hears of its end."""
+    """A container of a board, from the start barrier to its end. What the node leaves there is here
+    before anybody hears of its end."""
 
     role: Role = "mobile"
 
@@ -72,7 +72,7 @@ class BoardNode:
         client.volumes.create(self._output, labels=labels)
         self._container = client.containers.create(
             image_id,
-            entrypoint=["/bin/sh", "-c", WAIT_AT_GATE, "slambed-node"],
+            entrypoint=["/bin/sh", "-c", WAIT_AT_BARRIER, "slambed-node"],
             command=["--role", self.role, "--config", f"{OUTPUT}/{CONFIG}"],
             name=f"{LABEL}-{plan.run_key}-{self.role}",
             labels=labels,
@@ -95,10 +95,10 @@ class BoardNode:
             raise KilledError("the container of the mobile node ended at once; somebody killed it")
 
     def release(self) -> None:
-        """Opens the gate."""
-        self._put(GATE, "")
+        """Opens the start barrier."""
+        self._put(START_BARRIER, "")
 
-    def tell_start(self, t0_ns: int) -> None:
+    def send_start(self, t0_ns: int) -> None:
         """Run time 0, on the board's CLOCK_MONOTONIC."""
         self._put(f"{OUTPUT}/start.json", json.dumps({"t0_ns": t0_ns}))
 
@@ -106,12 +106,14 @@ class BoardNode:
         doing = "write a file"
         try:
             # The folder is root's; the container's root may do no more than that.
-            code, told = self._container.exec_run(["/bin/sh", "-c", PUT, path, content], user="0:0")
+            code, output = self._container.exec_run(
+                ["/bin/sh", "-c", PUT, path, content], user="0:0"
+            )
         except DAEMON_ERRORS as error:
             self._connection.must_live(LAST_S)
             raise docker_error(error, f"{doing} on board {self._connection.name}") from None
         if code != 0 and self.exit_code() is None:
-            words = told.decode(errors="replace").strip()
+            words = output.decode(errors="replace").strip()
             raise KilledError(f"board {self._connection.name} could not {doing}: {words}")
 
     def exit_code(self) -> int | None:

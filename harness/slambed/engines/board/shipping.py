@@ -32,7 +32,7 @@ SEQUENCE = f"{PLACE}/sequence"
 VERIFIED = f"{PLACE}/verified"
 """Written last: what is not verified is copied anew."""
 CHUNK_BYTES = 1 << 20
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 def must_be_known(connection: BoardConnection) -> str:
@@ -46,7 +46,9 @@ def must_be_known(connection: BoardConnection) -> str:
     return ARCHITECTURES[found]
 
 
-def bring_image(connection: BoardConnection, here: docker.DockerClient | None, say: Say) -> Any:
+def bring_image(
+    connection: BoardConnection, here: docker.DockerClient | None, notify: Notify
+) -> Any:
     """The node image of these sources on the board: what is there, else the one of this machine's
     Docker where both have one architecture, else built there."""
     wanted, tag = must_be_known(connection), image_tag()
@@ -57,10 +59,10 @@ def bring_image(connection: BoardConnection, here: docker.DockerClient | None, s
         ours = None if here is None else _image(here, tag)
         if ours is not None and ours.attrs["Architecture"] == wanted:
             size_mb = ours.attrs["Size"] / 2**20
-            say(f"copying image {tag} to board {connection.name} ({size_mb:.0f} MB)")
+            notify(f"copying image {tag} to board {connection.name} ({size_mb:.0f} MB)")
             connection.docker.images.load(ours.save(named=True))
         else:
-            say(f"building image {tag} on board {connection.name}, for {wanted}")
+            notify(f"building image {tag} on board {connection.name}, for {wanted}")
             _build_there(connection, tag)
         there = _image(connection.docker, tag)
     if there is None or there.attrs["Architecture"] != wanted:
@@ -89,7 +91,7 @@ def _build_there(connection: BoardConnection, tag: str) -> None:
             )
 
 
-def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, say: Say) -> str:
+def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, notify: Notify) -> str:
     """The volume on the board that holds a prepared sequence, copied where it is missing, and
     verified file by file there."""
     checksum = str((read_object(sequence / "sequence.json") or {}).get("checksum", ""))
@@ -107,18 +109,18 @@ def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, say:
             pass
         files = sorted(path for path in sequence.rglob("*") if path.is_file())
         size_mb = sum(path.stat().st_size for path in files) / 2**20
-        say(f"copying {sequence.name} to board {connection.name} ({size_mb:.0f} MB)")
+        notify(f"copying {sequence.name} to board {connection.name} ({size_mb:.0f} MB)")
         client.volumes.create(name, labels={SEQUENCE_LABEL: checksum})
         container = _helper(client, image, name, "rw")
         try:
             container.put_archive(PLACE, _archive(sequence, files))
             container.start()
-            told = _sums(container.logs(stream=True, follow=True))
+            sums = _sums(container.logs(stream=True, follow=True))
         finally:
             container.remove(force=True)
         for path in files:
             inside = path.relative_to(sequence).as_posix()
-            if told.get(f"./{inside}") != _sha256(path):
+            if sums.get(f"./{inside}") != _sha256(path):
                 raise environment_error(
                     f"{sequence.name}: {inside} came to board {connection.name} as another file; "
                     "is its disk full or broken?"
@@ -128,7 +130,7 @@ def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, say:
 
 
 def _helper(client: docker.DockerClient, image: Any, volume: str, mode: str) -> Any:
-    """A container that tells the sums of all files of the volume's sequence."""
+    """A container that reports the sums of all files of the volume's sequence."""
     program = f"cd {SEQUENCE} && find . -type f -exec sha256sum {{}} +"
     return client.containers.create(
         image.id,

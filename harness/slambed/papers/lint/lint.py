@@ -71,8 +71,8 @@ class _Look:
 
     def tables(self) -> Iterator[Problem]:
         for cell in table_cells(self.paper).values():
-            yield from self._standing(cell)
-            if not cell.standing.judged:
+            yield from self._comparability(cell)
+            if not cell.comparability.judged:
                 continue
             if cell.value is None:
                 yield Problem(cell.id, "words, and no reason why they are not judged: unmappable?")
@@ -88,14 +88,14 @@ class _Look:
             if not figure.stated and not figure.series and not figure.unmappable:
                 yield Problem(figure.id, "nothing of it is stated or compared: unmappable: why?")
             for cell in self.cells.values():
-                if cell.source == figure.id and cell.standing.judged:
+                if cell.source == figure.id and cell.comparability.judged:
                     yield from self._mapped(cell)
 
     def claims(self) -> Iterator[Problem]:
         judged = {claim for contrast in self.paper.contrasts for claim in contrast.claims}
         for claim in self.paper.claims:
             cell = self.cells[claim.id]
-            yield from self._standing(cell)
+            yield from self._comparability(cell)
             if claim.configured is not None:
                 yield from self._configured(claim, claim.configured)
             elif not claim.judged:
@@ -122,7 +122,7 @@ class _Look:
                 cell = self.cells.get(name)
                 if cell is None:
                     yield Problem(contrast.id, f"cells: no cell, claim or point {name}")
-                elif cell.standing.parameter:
+                elif cell.comparability.parameter:
                     yield Problem(contrast.id, f"cells: {name} is a setting, not a result")
             for name in contrast.claims:
                 if name not in claims:
@@ -136,17 +136,17 @@ class _Look:
         if cell.metric in self.paper.metrics and cell.metric not in self.paper.margins:
             yield Problem(cell.id, f"margins: none for '{cell.metric}', write one before the runs")
 
-    def _standing(self, cell: PublishedCell) -> Iterator[Problem]:
-        target = cell.standing.duplicate_of
+    def _comparability(self, cell: PublishedCell) -> Iterator[Problem]:
+        target = cell.comparability.duplicate_of
         if target is not None:
             other = self.cells.get(target)
             if other is None:
                 yield Problem(cell.id, f"duplicate_of: no cell or claim {target}")
-            elif other.standing.duplicate_of is not None:
+            elif other.comparability.duplicate_of is not None:
                 yield Problem(cell.id, f"duplicate_of: {target} is a duplicate itself")
             elif cell.value != other.value:
                 yield Problem(cell.id, f"duplicate_of: {target} is {other.value}, not {cell.value}")
-        erratum = cell.standing.erratum
+        erratum = cell.comparability.erratum
         if erratum and isinstance(erratum.judge_as, str) and erratum.judge_as not in self.cells:
             yield Problem(cell.id, f"erratum: no cell or claim {erratum.judge_as}")
 

@@ -47,7 +47,7 @@ def open_problems(paper: Paper, checkout: Checkout) -> Iterator[Problem]:
     for cell in cells_of(paper).values():
         claim = cell.claim
         needs_runs = claim is None or (claim.kind == "result" and claim.quantity is None)
-        if cell.source in by_source and cell.standing.judged and needs_runs:
+        if cell.source in by_source and cell.comparability.judged and needs_runs:
             yield from _of_cell(paper, cell, by_source[cell.source])
 
 
@@ -63,8 +63,8 @@ def _of_cell(paper: Paper, cell: PublishedCell, planned: list[PlannedCell]) -> I
             continue
         values = sorted({str(item.columns.get(name)) for item in found})
         if len(values) > 1:
-            told = ", ".join(values[:SHOWN])
-            yield Problem(cell.id, f"its runs differ in {name} ({told}), which it leaves open")
+            message = ", ".join(values[:SHOWN])
+            yield Problem(cell.id, f"its runs differ in {name} ({message}), which it leaves open")
 
 
 def planned_cells(experiment: Experiment, checkout: Checkout) -> Iterator[PlannedCell]:

@@ -16,9 +16,9 @@ def plan_problems(plan: PaperPlan, paper: Paper, checkout: Checkout) -> Iterator
     where = f"papers/{paper.id}/plan.yaml"
     today = frozen_digest(paper)
     if plan.frozen != today:
-        told = f"frozen: papers/{paper.id}/paper.yaml is {today} now, not {plan.frozen}: "
-        told += "what it compares was changed, so write a new plan with a new written_utc"
-        yield Problem(where, told)
+        message = f"frozen: papers/{paper.id}/paper.yaml is {today} now, not {plan.frozen}: "
+        message += "what it compares was changed, so write a new plan with a new written_utc"
+        yield Problem(where, message)
     for name in plan.fits:
         if name not in checkout.fits:
             yield Problem(where, f"fits: no catalog/devices/fits/{name}.yaml")

@@ -7,7 +7,7 @@ from typing import Any
 from slambed.papers.published.claims import Claim
 from slambed.papers.published.paper import Paper
 from slambed.papers.published.published_tables import PublishedTable, Row, Value
-from slambed.papers.published.standing import Standing
+from slambed.papers.published.standing import Comparability
 
 PER_COLUMN = "per_column"
 """A row's metric or unit that its columns name."""
@@ -35,7 +35,7 @@ class PublishedCell:
     """Everything else: the dataset and what was varied, in the paper's words."""
     runs: int | None = None
     """How many runs of the paper it is about, where that is printed."""
-    standing: Standing = field(default_factory=Standing)
+    comparability: Comparability = field(default_factory=Comparability)
     claim: Claim | None = None
 
     @property
@@ -71,7 +71,7 @@ def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Valu
     metric = str(coordinates.pop("metric", row.metrics.get(column, row.metric)))
     system = coordinates.pop("system", None)
     number, spread = _number(value)
-    alone = table.cells.get(f"{name}.{column}", Standing())
+    alone = table.cells.get(f"{name}.{column}", Comparability())
     runs = row.runs.get(column, table.conditions.get("runs"))
     if row.spread_of != "runs":
         runs = None
@@ -81,7 +81,7 @@ def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Valu
         unit=(heading.unit if row.unit == PER_COLUMN else row.unit) or "",
         value=number, spread=spread, resolution=resolution_of(value), system=system,
         conditions=coordinates, runs=runs if isinstance(runs, int) else None,
-        standing=alone.over(row).over(table),
+        comparability=alone.over(row).over(table),
     )  # fmt: skip
 
 
@@ -98,7 +98,9 @@ def _of_figures(paper: Paper) -> list[PublishedCell]:
                         value=None if value is None else float(value),
                         resolution=resolution_of(value), system=series.system,
                         conditions={**series.conditions, series.along: at},
-                        standing=Standing(unmappable=series.unmappable or figure.unmappable),
+                        comparability=Comparability(
+                            unmappable=series.unmappable or figure.unmappable
+                        ),
                     )
                 )  # fmt: skip
     return found
@@ -112,7 +114,7 @@ def _of_claim(claim: Claim) -> PublishedCell:
         metric=claim.metric, unit=claim.unit or "", value=number,
         resolution=resolution_of(claim.value), system=claim.system,
         conditions=dict(claim.conditions), runs=runs if isinstance(runs, int) else None,
-        standing=claim, claim=claim,
+        comparability=claim, claim=claim,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from slambed.papers.published.base import Number, Strict
 from slambed.papers.published.quantities import Quantity
-from slambed.papers.published.standing import Standing
+from slambed.papers.published.standing import Comparability
 
 Operator = Literal["eq", "about", "lt", "le", "gt", "ge", "up_to", "set", "range"]
 """eq: the printed number. about: `about`, `nearly`. lt, gt, le, ge: `less than`, `more than`, `at
@@ -42,7 +42,7 @@ class Configured(Strict):
         return self
 
 
-class Claim(Standing):
+class Claim(Comparability):
     """A sentence of the paper that states a number or an ordering."""
 
     id: str

@@ -2,7 +2,7 @@
 """papers/<id>/plan.yaml: what a campaign will decide, written before it is run.
 
 The plan freezes what could be bent to fit a result (contrasts, margins, mapping) by their digest,
-and its own digest goes into the report. Runs from before it are told.
+and its own digest goes into the report. Runs from before it are reported.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ WORDS = {"label", "note", "read_as", "not_built"}
 """Texts of the mapping that may be bettered without another plan. That a system is built now is no
 other mapping: `match` has said before how its runs are found."""
 DIGITS = 16
-"""Hex digits of a digest: enough to tell plans apart, few enough to print."""
+"""Hex digits of a digest: enough to distinguish plans, few enough to print."""
 
 
 class PlannedData(BaseModel):
@@ -118,7 +118,7 @@ class PaperPlan(BaseModel):
     @property
     def digest(self) -> str:
         """Names this plan in reports."""
-        return _digest(_said(self, set(PaperPlan.model_fields) - {"replaces"}))
+        return _digest(_content_of(self, set(PaperPlan.model_fields) - {"replaces"}))
 
     def made_before(self, started_utc: datetime) -> bool:
         """Whether a run is older than the plan, and so was perhaps known when it was written."""
@@ -128,14 +128,14 @@ class PaperPlan(BaseModel):
 def frozen_digest(paper: Paper) -> str:
     """Digest of all that a verdict depends on but the runs: what is compared with what, which
     orderings, within which margins. Words about them are left out."""
-    parts = _said(paper, {"systems", "datasets", "conditions", "metrics", "margins"})
+    parts = _content_of(paper, {"systems", "datasets", "conditions", "metrics", "margins"})
     shape = {"id", "kind", "cells", "direction", "basis"}
-    parts["contrasts"] = [_said(item, shape) for item in paper.contrasts]
+    parts["contrasts"] = [_content_of(item, shape) for item in paper.contrasts]
     parts["cells"] = {
         name: [cell.value, cell.spread, cell.metric, cell.system, cell.conditions, cell.runs,
-               _said(cell.standing, {"duplicate_of", "erratum"}),
-               _said(cell.claim, {"op", "quantity", "value"}) if cell.claim else None]
-        for name, cell in cells_of(paper).items() if cell.standing.judged
+               _content_of(cell.comparability, {"duplicate_of", "erratum"}),
+               _content_of(cell.claim, {"op", "quantity", "value"}) if cell.claim else None]
+        for name, cell in cells_of(paper).items() if cell.comparability.judged
     }  # fmt: skip
     return _digest(_without_words(parts))
 
@@ -154,7 +154,7 @@ def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
 def plans_of_today() -> dict[str, dict[str, str]]:
     """Paper -> digests of its plan, and of what the paper's file says now (`frozen_digest`): what a
     run of this moment is made under. A paper whose files cannot be read is left out, for a run
-    needs none; the lint tells what is wrong with it."""
+    needs none; the lint reports what is wrong with it."""
     found: dict[str, dict[str, str]] = {}
     for name, path in paper_files().items():
         with suppress(SlambedError):
@@ -163,7 +163,7 @@ def plans_of_today() -> dict[str, dict[str, str]]:
     return found
 
 
-def _said(model: BaseModel, include: set[str]) -> dict[str, Any]:
+def _content_of(model: BaseModel, include: set[str]) -> dict[str, Any]:
     """What a file says; a key that models get later, and no file has, changes no digest."""
     return model.model_dump(mode="json", include=include, exclude_defaults=True)
 

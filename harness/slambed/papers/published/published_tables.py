@@ -6,7 +6,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from slambed.papers.published.base import Number, Strict
-from slambed.papers.published.standing import Standing
+from slambed.papers.published.standing import Comparability
 
 Value = Number | bool | str | list[Number]
 
@@ -19,7 +19,7 @@ class Column(Strict):
     dims: dict[str, Any]
 
 
-class Row(Standing):
+class Row(Comparability):
     """A row; a value is a number, or [number, printed spread]."""
 
     label: str
@@ -35,7 +35,7 @@ class Row(Standing):
     """What the printed spread is over. The number of rounds is printed nowhere."""
 
 
-class PublishedTable(Standing):
+class PublishedTable(Comparability):
     """One table of a paper; full coordinates of a value = conditions + column dims + row dims."""
 
     id: str
@@ -47,7 +47,7 @@ class PublishedTable(Standing):
     conditions: dict[str, Any]
     columns: dict[str, Column]
     rows: dict[str, Row]
-    cells: dict[str, Standing] = Field(default_factory=dict)
+    cells: dict[str, Comparability] = Field(default_factory=dict)
     """`<row>.<column>` -> what is said of that cell alone."""
     notes: list[str] = Field(default_factory=list)
 

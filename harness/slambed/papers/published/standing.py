@@ -24,7 +24,7 @@ class Erratum(Strict):
         return self
 
 
-class Standing(Strict):
+class Comparability(Strict):
     """Said of a table, a row, one cell or a claim; what is said of the smaller part wins."""
 
     unmappable: str | None = None
@@ -39,10 +39,12 @@ class Standing(Strict):
     read_as: str | None = None
     """How we read it where the paper leaves it open, in a sentence."""
 
-    def over(self, outer: "Standing") -> "Standing":
+    def over(self, outer: "Comparability") -> "Comparability":
         """This one, and where it says nothing, what `outer` says."""
-        said: dict[str, Any] = {name: getattr(self, name) for name in Standing.model_fields}
-        return Standing(**{k: v if v is not None else getattr(outer, k) for k, v in said.items()})
+        output: dict[str, Any] = {name: getattr(self, name) for name in Comparability.model_fields}
+        return Comparability(
+            **{k: v if v is not None else getattr(outer, k) for k, v in output.items()}
+        )
 
     @property
     def judged(self) -> bool:

@@ -115,9 +115,9 @@ def paper_rising(step: Step) -> tuple[float, tuple[str, ...]]:
         measured = Mean.of(own) if isinstance(own, np.ndarray) else Mean(1.0)
         if measured.cv is None:
             measured = Mean(1.0, spread, None)
-        whole, told = completed(cell, measured)
+        whole, assumptions = completed(cell, measured)
         means.append(whole)
-        assumed |= dict.fromkeys(told)
+        assumed |= dict.fromkeys(assumptions)
     return means_rising(means), tuple(assumed)
 
 
@@ -134,8 +134,8 @@ def paper_shows(steps: Sequence[Step]) -> tuple[float, tuple[str, ...]]:
     """p by the paper's own numbers, as weak as the weakest step, and what was assumed for it. The
     caller adjusts it over the contrasts declared on the same table (Holm)."""
     found = [paper_rising(step) for step in steps]
-    told = tuple(dict.fromkeys(a for _, assumed in found for a in assumed))
-    return max(p for p, _ in found), told
+    assumptions = tuple(dict.fromkeys(a for _, assumed in found for a in assumed))
+    return max(p for p, _ in found), assumptions
 
 
 def judge_contrast(
@@ -154,15 +154,15 @@ def judge_contrast(
         )  # fmt: skip
     if p_paper > LEVEL:
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
-        return replace(base, outcome="paper_cannot_tell", why=why)
+        return replace(base, outcome="not_shown_by_paper", why=why)
     if fewest == 0:
         return replace(base, why="no run of ours in one of its cells")
     if fewest < FEWEST_RUNS:
         why = f"{fewest} runs in one of its cells, {FEWEST_RUNS} are the least"
         return replace(base, outcome="too_few_runs", why=why, runs_needed=runs_to_show(steps))
-    told = f"p {base.p_holds:.2g}" + (f" (largest of {len(steps)})" if len(steps) > 1 else "")
+    message = f"p {base.p_holds:.2g}" + (f" (largest of {len(steps)})" if len(steps) > 1 else "")
     if base.p_holds <= LEVEL:
-        return replace(base, outcome="holds", why=told)
+        return replace(base, outcome="holds", why=message)
     if base.p_reversed <= LEVEL:
         shown = int(np.argmin(backward))
         base = replace(base, decides=shown)
@@ -170,19 +170,19 @@ def judge_contrast(
         why = f"the opposite is shown{f' at {where}' if where else ''}, p {base.p_reversed:.2g}"
         return replace(base, outcome="reversed", why=f"{why} (Holm)" if len(steps) > 1 else why)
     if not all(step.paper for step in steps):
-        return replace(base, why=f"{told}; {NO_SIZE}")
+        return replace(base, why=f"{message}; {NO_SIZE}")
     power = power_of(steps, [[_count(c) for c in step.ours] for step in steps])
-    return _not_shown(base, told, power, lambda: runs_to_show(steps, above=fewest))
+    return _not_shown(base, message, power, lambda: runs_to_show(steps, above=fewest))
 
 
-NO_SIZE = "the paper prints no numbers to tell how many runs would show it"
+NO_SIZE = "the paper prints no numbers from which to compute how many runs would show it"
 
 
 def _not_shown(
-    base: Ordering, told: str, power: float, needed: Callable[[], int | None]
+    base: Ordering, reported: str, power: float, needed: Callable[[], int | None]
 ) -> Ordering:
     """Neither it nor its opposite: with this chance it would have shown, were the paper right."""
-    why = f"{told}; a difference as printed would have shown in {power:.0%} of campaigns"
+    why = f"{reported}; a difference as printed would have shown in {power:.0%} of campaigns"
     base = replace(base, why=why, power=power)
     if power >= SEEN_POWER:
         return replace(base, outcome="not_seen")
@@ -212,7 +212,7 @@ def judge_blocks(
     p_paper = page(paper) if adjusted_p is None else adjusted_p
     if p_paper > LEVEL:
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
-        return Ordering("paper_cannot_tell", why, formula, p_paper=p_paper)
+        return Ordering("not_shown_by_paper", why, formula, p_paper=p_paper)
     if not np.isfinite(ours).all():
         return Ordering("inconclusive", "a cell without runs of ours", formula, p_paper=p_paper)
     p_holds, p_reversed = page(ours), page(ours[:, ::-1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Means (times, errors, CPU): the same within a margin, different, or not to be told.
+"""Means (times, errors, CPU): the same within a margin, different, or undecided.
 
 A mean that is a ratio scale is judged on the logarithm of ours / paper; one that has an end
 (coverage, 0 to 100 %) on the difference in its own unit.
@@ -115,17 +115,17 @@ def judge_effect(
     bound = margin_bound(margin, kind)
     low, high = found.interval(1 - LEVEL)
     same, differs = decide(found.value, found.se, found.df, bound)
-    told = _told(found.value, low, high, kind)
+    reported = _in_words(found.value, low, high, kind)
     limit = f"{margin:.0%}" if kind == "ratio" else f"{margin:.3g}"
     verdict = Verdict(
-        "inconclusive", f"{told}, neither within {limit} nor without {_none(kind)}",
+        "inconclusive", f"{reported}, neither within {limit} nor without {_none(kind)}",
         formula, kind, found.value, low, high, margin, None, assumed,
     )  # fmt: skip
     if same:
-        why = f"{told}, 90 % within {limit}"
+        why = f"{reported}, 90 % within {limit}"
         return replace(verdict, outcome="reproduced", why=why)
     if differs:
-        why = f"{told}, 95 % without {_none(kind)}"
+        why = f"{reported}, 95 % without {_none(kind)}"
         return replace(verdict, outcome="differs", why=why)
     return verdict
 
@@ -177,7 +177,7 @@ def _none(kind: Kind) -> str:
     return "one" if kind == "ratio" else "zero"
 
 
-def _told(value: float, low: float, high: float, kind: Kind) -> str:
+def _in_words(value: float, low: float, high: float, kind: Kind) -> str:
     if kind == "ratio":
         a, b, c = np.exp([value, low, high])
         return f"ours / paper {a:.2f} [{b:.2f}, {c:.2f}]"

@@ -12,11 +12,11 @@ Floats = NDArray[np.float64]
 Outcome = Literal["reproduced", "differs", "inconclusive", "not_run"]
 """What is said of a published number."""
 OrderOutcome = Literal[
-    "holds", "reversed", "not_seen", "too_few_runs", "inconclusive", "paper_cannot_tell"
+    "holds", "reversed", "not_seen", "too_few_runs", "inconclusive", "not_shown_by_paper"
 ]
 """What is said of a published ordering. One that ours do not show is `not_seen` where it would have
 shown (`SEEN_POWER`), `too_few_runs` where it might not have, and `inconclusive` where the paper
-prints nothing to tell that by."""
+prints nothing to report that by."""
 Scale = Literal["points", "ratio", "difference"]
 """Effects: difference of shares, log ratio of means, difference of means in their unit."""
 

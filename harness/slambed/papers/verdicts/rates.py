@@ -25,7 +25,7 @@ PAPER_SHARES = (0.0, 0.03, 0.36, 0.73, 1.0)
 RUNS = (10, 30, 100, 300)
 CONVENTIONAL = (0.78, 0.79, 0.82, 0.92, 1.0)
 ENHANCED = (0.0, 0.02, 0.10, 0.48, 0.73)
-"""DynNetSLAM, Table 2: the rates at which powers of orderings are told."""
+"""DynNetSLAM, Table 2: the rates at which powers of orderings are reported."""
 
 
 @dataclass(frozen=True)

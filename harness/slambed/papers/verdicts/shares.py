@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shares (runs with a track loss): the same within a margin, different, or not to be told."""
+"""Shares (runs with a track loss): the same within a margin, different, or undecided."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -57,17 +57,17 @@ def judge_share(ours: Share, paper: Share, margin: float | None = None) -> Verdi
     same, differs = decide(ours.bad, ours.runs, paper.bad, paper.runs, bound)
     low, high = newcombe(ours.bad, ours.runs, paper.bad, paper.runs, 1 - LEVEL)
     effect = ours.value - paper.value
-    told = f"{100 * effect:+.0f} points [{100 * float(low):+.0f}, {100 * float(high):+.0f}]"
+    message = f"{100 * effect:+.0f} points [{100 * float(low):+.0f}, {100 * float(high):+.0f}]"
     found = Verdict(
         "inconclusive",
-        f"{told}, neither within {100 * bound:.3g} nor without zero",
+        f"{message}, neither within {100 * bound:.3g} nor without zero",
         FORMULA, "points", effect, float(low), float(high), bound,
     )  # fmt: skip
     if same:
-        why = f"{told}, 90 % within {100 * bound:.3g}"
+        why = f"{message}, 90 % within {100 * bound:.3g}"
         return replace(found, outcome="reproduced", why=why)
     if differs:
-        why = f"{told}, 95 % without zero"
+        why = f"{message}, 95 % without zero"
         return replace(found, outcome="differs", why=why)
     return replace(found, runs_needed=runs_to_decide(ours, paper, bound))
 

@@ -83,8 +83,8 @@ def judge_reduction(
     )
     verdict = judge_effect(effect, margin, "ratio", "ln of what is left, ours - stated")
     low, high = (1 - np.exp(v) for v in reversed(left.interval(1 - LEVEL)))
-    told = f"ours {ours.reduction:+.1%} less [{low:.1%}, {high:.1%}], stated {stated:.1%}"
-    return replace(verdict, why=f"{told}; {verdict.why}")
+    message = f"ours {ours.reduction:+.1%} less [{low:.1%}, {high:.1%}], stated {stated:.1%}"
+    return replace(verdict, why=f"{message}; {verdict.why}")
 
 
 def reduction_shown(ours: Pair) -> bool:
@@ -195,17 +195,17 @@ def judge_bound(ours: Mean | Share, op: Literal["lt", "le", "gt", "ge"], limit: 
     if count < FEWEST_RUNS:
         return too_few(count, scale, None)
     low, high = _limits(ours)
-    told = (
+    message = (
         f"ours {ours.value:.4g} [{low:.4g}, {high:.4g}], stated {'<' if below else '>'} {limit:g}"
     )
     found = Verdict(
-        "inconclusive", f"{told}: the limit is between", "one-sided 95 % limits", scale,
+        "inconclusive", f"{message}: the limit is between", "one-sided 95 % limits", scale,
         ours.value - limit, low - limit, high - limit,
     )  # fmt: skip
     if (high <= limit) if below else (low >= limit):
-        return replace(found, outcome="reproduced", why=told)
+        return replace(found, outcome="reproduced", why=message)
     if (low > limit) if below else (high < limit):
-        return replace(found, outcome="differs", why=told)
+        return replace(found, outcome="differs", why=message)
     return found
 
 
@@ -251,10 +251,10 @@ def judge_window(inside: int, losses: int, time_share: float) -> Verdict:
     share = inside / losses
     low, high = (float(v) for v in wilson_limits(inside, losses, stats.norm.ppf(1 - LEVEL / 2)))
     p_value = stats.binomtest(inside, losses, time_share, "greater").pvalue
-    told = f"{inside} of {losses} losses in the window [{low:.0%}, {high:.0%}]"
-    told += f", {time_share:.0%} of the time, p {p_value:.2g}"
+    message = f"{inside} of {losses} losses in the window [{low:.0%}, {high:.0%}]"
+    message += f", {time_share:.0%} of the time, p {p_value:.2g}"
     found = Verdict(
-        "inconclusive", told, "Wilson; binomial test against the window's share of the time",
+        "inconclusive", message, "Wilson; binomial test against the window's share of the time",
         "points", share - MOSTLY, low - MOSTLY, high - MOSTLY,
     )  # fmt: skip
     if p_value <= LEVEL and low > MOSTLY:

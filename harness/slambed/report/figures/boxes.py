@@ -24,7 +24,7 @@ MOST_POINTS = 60
 
 
 def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: FigureWriter) -> None:
-    """Cells from top to bottom; color and marker tell the system."""
+    """Cells from top to bottom; color and marker show the system."""
     if metric.kind == "share":
         _draw_shares(results, cells, metric, writer)
         return
@@ -32,7 +32,7 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
     if not shown:
         return
     labels = list(dict.fromkeys(cell.label for cell in cells))
-    groups = {name: rows for name, rows in results.trusted.groupby("cell", sort=False)}
+    groups = {name: rows for name, rows in results.valid_runs.groupby("cell", sort=False)}
     rng = np.random.default_rng(1)
     rows: list[pd.DataFrame] = []
     drawn: list[Floats] = []
@@ -136,7 +136,7 @@ def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: Fi
             made,
             file_name("share", metric.key),
             metric.title + where,
-            "Share of the runs to be trusted with its 95 % Wilson interval.",
+            "Share of the valid runs with its 95 % Wilson interval.",
             pd.DataFrame(rows),
         )
 

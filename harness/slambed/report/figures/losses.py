@@ -47,8 +47,7 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
             made,
             name,
             title,
-            "Runs that have lost track at least once by this time, of the runs to be trusted."
-            + beneath,
+            "Runs that have lost track at least once by this time, of the valid runs." + beneath,
             pd.concat(rows, ignore_index=True),
         )
 
@@ -79,7 +78,7 @@ def draw_losses_by_profile(
             made,
             name,
             title,
-            "Runs that have lost track at least once by this time, of the runs to be trusted.",
+            "Runs that have lost track at least once by this time, of the valid runs.",
             pd.concat(rows, ignore_index=True),
         )
 

@@ -20,7 +20,7 @@ LEFT, RIGHT = "reference_rmse_m", "link_mbit_s"
 def sweeps(results: Results) -> Iterator[tuple[str, str, str, str, pd.DataFrame]]:
     """(system, variant, dataset, parameter, runs) wherever one number alone is varied."""
     keys = ["system", "variant", "dataset", "profile"]
-    for (system, variant, dataset, _), runs in results.trusted.groupby(keys, sort=False):
+    for (system, variant, dataset, _), runs in results.valid_runs.groupby(keys, sort=False):
         columns = [c for c in runs if str(c).startswith("params.") and runs[c].nunique() > 1]
         if len(columns) != 1:
             continue

@@ -105,7 +105,7 @@ class Panel:
 def swept(results: Results) -> Iterator[Swept]:
     """Per axis of at least three numbers and per dataset, what is equal but for it. Not where a
     strategy's parameter has the figure of its own (figures/sweep.py)."""
-    runs = results.trusted
+    runs = results.valid_runs
     parameters = [
         str(name)
         for name in runs
@@ -256,7 +256,7 @@ def _named(lines: list[Line]) -> list[Line]:
 
 
 def _legend(line: Line, lines: list[Line]) -> str:
-    """What tells a line from the others."""
+    """What distinguishes a line from the others."""
     parts = [
         part
         for part, all_of_them in (
@@ -322,7 +322,7 @@ def _draw(
         ]
         legend_beneath(made, axes[0], handles)
         caption = (
-            "Lines: medians of the runs to be trusted, with quartiles as bands and the runs as "
+            "Lines: medians of the valid runs, with quartiles as bands and the runs as "
             "light points; shares with 95 % Wilson intervals."
             + ("" if from_zero else " Not all axes begin at 0.")
             + more
@@ -355,9 +355,9 @@ def _panel(
             place.fill_between(x, low, high, color=color(index), alpha=0.13, linewidth=0)
             place.plot(x, y, label=legend[index], **look)
             _points(place, line, panel.item, index, across, logarithmic)
-        told = {"line": legend[index], "panel": panel.title, "metric": panel.item.key}
+        labels = {"line": legend[index], "panel": panel.title, "metric": panel.item.key}
         named = curve.rename(columns={"value": axis.name})
-        yield named.assign(**told)
+        yield named.assign(**labels)
 
 
 def _curve(line: Line, item: Metric) -> pd.DataFrame:

@@ -53,7 +53,7 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
         handles: list[Line2D] = []
         for label in dict.fromkeys(cell.label for cell in shown):
             index = labels.index(label)
-            # Where colors begin anew, hollow points tell the systems apart.
+            # Where colors begin anew, hollow points distinguish the systems.
             face = color(index) if index < len(COLORS) else "white"
             own = sorted((c for c in shown if c.label == label), key=lambda c: c.values[x].value)
             xs = [cell.values[x].scaled(across.scale) for cell in own]
@@ -93,7 +93,7 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
             file_name("tradeoff", dataset, x, y),
             title,
             "One point per cell with 95 % intervals; lines join the cells of a system"
-            + (", shapes tell the link profile." if len(profiles) > 1 else "."),
+            + (", shapes distinguish the link profiles." if len(profiles) > 1 else "."),
             pd.DataFrame(rows),
         )
     return True

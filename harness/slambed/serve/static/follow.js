@@ -4,7 +4,7 @@
 
 (() => {
   const every_ms = 2000;
-  const told = () => document.querySelector("main").dataset;
+  const state = () => document.querySelector("main").dataset;
   const says = document.getElementById("follows");
 
   async function renew(address) {
@@ -21,10 +21,10 @@
 
   async function look() {
     try {
-      if (!document.hidden && told().version) {
-        const answer = await fetch(told().state, { cache: "no-store" });
+      if (!document.hidden && state().version) {
+        const answer = await fetch(state().state, { cache: "no-store" });
         const { version } = await answer.json();
-        if (version !== told().version) await renew(location.href);
+        if (version !== state().version) await renew(location.href);
         if (says) says.textContent = "";
       }
     } catch {

@@ -38,7 +38,7 @@
 
   const valueOf = (curve, t_s) => curve.value[viewMath.lastBefore(curve.t_s, t_s)];
 
-  // What is known once the frame is done: that it was lost is told then.
+  // What is known once the frame is done: that it was lost is reported then.
   function tell(t_s) {
     const done_s = Math.max(t_s, frames.done_s[frame] ?? t_s);
     const state = frames.state[frame].replace("_", " ");
