@@ -47,6 +47,22 @@ PARAMETERS = {
 RECIPES = {"licence": "license"}
 """Keys of datasets and networks."""
 
+SUMMARY = {"trusted": "valid", "distrust": "invalid_reason"}
+"""Keys of summary.json, and columns of summary.csv and of histories."""
+
+MANIFEST = {"distrust": "invalid_reasons", "beside": "sidecar"}
+"""Keys of manifest.json."""
+
+LINK = {"distrust": "invalid_reason"}
+"""Keys of the manifest's `link`."""
+
+LEDGER = {"trusted": "valid", "distrust": "invalid_reason"}
+"""Keys of a line of ledger.jsonl."""
+
+OUTCOMES = {"mobile_died": "died", "edge_died": "died", "timeout": "timed_out"}
+"""Outcomes from when a run had one word for how it ended. What is not listed was the harness's or
+the link's doing, so the system itself had completed."""
+
 OF_VALUES = {"type": EVENTS, "state": STATES, "name": STAGES}
 """Fields of events with names in them."""
 
@@ -82,3 +98,51 @@ def in_keys(names: Mapping[str, str]) -> BeforeValidator:
 
 def _is_map(found: object) -> bool:
     return isinstance(found, Mapping)
+
+
+def summary_of_today(content: Mapping[str, Value]) -> dict[str, Any]:
+    """A summary with today's keys.
+
+    The oldest ones knew only `valid` and `invalid_reason`, and called a run invalid whose system
+    died. Today that is a valid run with another outcome.
+    """
+    summary: dict[str, Any] = keys_today(content, SUMMARY)
+    oldest = "valid" in content and "not_completed" not in content and "outcome" in content
+    if not oldest or "trusted" in content:
+        return summary
+    outcome = OUTCOMES.get(str(summary["outcome"]), "completed")
+    failed = outcome != "completed"
+    reason = summary.get("invalid_reason")
+    valid = summary["valid"] is True or failed
+    return summary | {
+        "outcome": outcome,
+        "outcome_reason": reason if failed else None,
+        "not_completed": failed,
+        "valid": valid,
+        "invalid_reason": None if valid else reason,
+        "coverage": 0.0 if failed else summary.get("coverage"),
+    }
+
+
+def manifest_of_today(content: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest with today's keys.
+
+    The oldest ones had one `invalid_reason`, for how the system ended and for why the circumstances
+    were not as asked alike.
+    """
+    manifest = keys_today(content, MANIFEST)
+    link = manifest.get("link")
+    if isinstance(link, Mapping):
+        manifest["link"] = link = keys_today(link, LINK)
+    reason = manifest.pop("invalid_reason", None)
+    if "invalid_reasons" in manifest or manifest.get("outcome") is None:
+        return manifest
+    outcome = OUTCOMES.get(str(manifest["outcome"]), "completed")
+    failed = outcome != "completed"
+    of_link = link.get("invalid_reason") if isinstance(link, Mapping) else None
+    reasons = list(dict.fromkeys(line for line in (reason, of_link) if line))
+    return manifest | {
+        "outcome": outcome,
+        "outcome_reason": reasons[0] if failed and reasons else None,
+        "invalid_reasons": [] if failed else reasons,
+    }

@@ -16,6 +16,7 @@ import psutil
 
 from slambed.campaign.ledger import Ledger
 from slambed.files.json_file import read_object
+from slambed.older_names import LEDGER, keys_today
 from slambed.spec.run_spec import run_name
 
 CLOCKS_APART_S = 2.0
@@ -104,7 +105,7 @@ def state_of_ledger(
     latest, durations_s, most_at_once = _follow(last[1:], asked)
     kinds = {key: entry["event"] for key, entry in latest.items()}
     finished = [e for e in latest.values() if e["event"] == "run_finished"]
-    valid = sum(entry.get("valid") is True for entry in finished)
+    valid = sum(keys_today(entry, LEDGER).get("valid") is True for entry in finished)
     living = alive(pid, began_s)
     ended = next((e for e in last if e.get("event") == ENDED), None)
     running = living and ended is None

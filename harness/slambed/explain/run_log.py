@@ -11,7 +11,6 @@ from slambed.errors import SlambedError
 from slambed.metrics.collect import events_today, read_link, read_samples
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.faults import Span, spans
-from slambed.metrics.older import two_axes
 from slambed.metrics.stages import longest_stall
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
@@ -102,7 +101,7 @@ def read_run(folder: Path) -> RunLog:
 
 def _status(folder: Path) -> RunStatus:
     """Of a result; a raw folder has no summary yet."""
-    summary = two_axes(Summary.read(folder / "summary.json") or Summary())
+    summary = Summary.read(folder / "summary.json") or Summary()
     known = RunStatus()
     return RunStatus(
         outcome=str(summary.get("outcome") or known.outcome),

@@ -98,8 +98,6 @@ class LinkFacts(Record):
     """Why this is not the link that was asked for."""
     details: LinkDetails = LinkDetails()
     """Of the backend, in its own terms."""
-    invalid_reason: str | None = None
-    """Of runs made before `invalid_reason`; no longer written."""
 
     @staticmethod
     def virtual() -> "LinkFacts":

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Self
 
 from slambed.files.json_file import read_object
-from slambed.older_names import METRICS, keys_today
+from slambed.older_names import METRICS, keys_today, summary_of_today
 
 Value = float | int | bool | str | None
 
@@ -15,9 +15,9 @@ class Summary(dict[str, Value]):
 
     @classmethod
     def read(cls, path: Path) -> Self | None:
-        """From a file; None when it is not there or not whole."""
+        """From a file of any version; None when it is not there or not whole."""
         content = read_object(path)
-        return None if content is None else cls(keys_today(content, METRICS))
+        return None if content is None else cls(summary_of_today(keys_today(content, METRICS)))
 
     @property
     def valid(self) -> bool:

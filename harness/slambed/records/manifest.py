@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """manifest.json: under which circumstances a run was made, and how it ended."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from slambed.files.json_file import Record
 from slambed.link.record import LinkFacts
+from slambed.older_names import manifest_of_today
 from slambed.records.board import BoardFacts
 from slambed.records.kept_spec import KeptSpec
 from slambed.sampling.record import NodeLimits, SidecarUse, Throttling
 from slambed.spec.run_spec import RunSpec
 
 FILE = "manifest.json"
-OLD_OUTCOMES = {"mobile_died": "died", "edge_died": "died", "timeout": "timed_out"}
-"""What was the system's doing; any other word was the harness's or the link's."""
 
 
 class PlanDigests(Record):
@@ -71,7 +71,7 @@ class Manifest(Record):
     `refused` (its input)."""
     outcome_reason: str | None = None
     """Why it did not complete."""
-    distrust: list[str] | None = None
+    invalid_reasons: list[str] | None = None
     """Why the circumstances were not as asked."""
     limits: dict[str, NodeLimits] | None = None
     """Of each node of a live run."""
@@ -124,28 +124,13 @@ class Manifest(Record):
     """Over what was measured: summary, tables, trajectories; equal for equal virtual runs."""
     plans: dict[str, PlanDigests] | None = None
     """Paper (`inference/<id>` of an inference) -> its plan as the campaign began; empty without."""
-    invalid_reason: str | None = None
-    """Of runs made before `distrust` was distinguished from `outcome`; no longer written."""
 
     @property
     def kept(self) -> KeptSpec:
         """The spec, as far as it is read afterwards."""
         return self.spec if isinstance(self.spec, KeptSpec) else KeptSpec.of(self.spec or {})
 
-    @model_validator(mode="after")
-    def _in_words_of_today(self) -> "Manifest":
-        """A manifest from before outcome and validity were two things calls a run invalid: now it
-        says how the system ended, or why it is invalid."""
-        if self.distrust is not None or self.outcome is None or "distrust" in self.model_fields_set:
-            return self
-        outcome = OLD_OUTCOMES.get(self.outcome, "completed")
-        reported = [self.invalid_reason, self.link.invalid_reason if self.link else None]
-        reasons = list(dict.fromkeys(line for line in reported if line))
-        failed = outcome != "completed"
-        return self.model_copy(
-            update={
-                "outcome": outcome,
-                "outcome_reason": reasons[0] if failed and reasons else None,
-                "invalid_reasons": [] if failed else reasons,
-            }
-        )
+    @model_validator(mode="before")
+    @classmethod
+    def _with_names_of_today(cls, content: Any) -> Any:
+        return manifest_of_today(content) if isinstance(content, Mapping) else content

@@ -15,8 +15,7 @@ from slambed.files.atomic import replacing
 from slambed.metrics.catalog import keys_for, metric, own_of
 from slambed.metrics.comparison import fisher, holm
 from slambed.metrics.metric import Metric, Use
-from slambed.metrics.older import two_axes
-from slambed.metrics.summary import Summary
+from slambed.older_names import SUMMARY, summary_of_today
 from slambed.regression.nights import Test, comparable, values_of_nights
 from slambed.report.load import load
 from slambed.report.tables import Table
@@ -194,9 +193,7 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
     """
     if folder.is_file():
         table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
-        if "valid" not in table:  # nights of older versions
-            rows = ({str(k): v for k, v in r.items()} for r in table.to_dict("records"))
-            table = pd.DataFrame([two_axes(Summary(row)) for row in rows])
+        table = table_of_today(table)
         if experiment is not None and "experiment" in table:
             table = table[table["experiment"] == experiment]
         if "passed" in table:
@@ -210,12 +207,20 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
         results = load(folder)
         return results.runs, results.problems
     if (folder / "summary.csv").is_file():
-        return pd.read_csv(folder / "summary.csv"), []
+        return table_of_today(pd.read_csv(folder / "summary.csv")), []
     if not folder.is_dir():
         raise SlambedError(f"no results, {folder} is not there, give a results folder or a history")
     return pd.DataFrame(columns=["cell", "valid", *keys_for(Use.GATED)]), [
         f"{folder}: no runs in it"
     ]
+
+
+def table_of_today(table: pd.DataFrame) -> pd.DataFrame:
+    """Summaries as rows, with today's names for their columns."""
+    if "not_completed" in table or not len(table):
+        return table.rename(columns=SUMMARY)
+    rows = ({str(key): x for key, x in row.items()} for row in table.to_dict("records"))
+    return pd.DataFrame([summary_of_today(row) for row in rows])
 
 
 def append_history(
@@ -225,7 +230,7 @@ def append_history(
     replaced. Nights that did not pass are kept too, but are no baseline. Returns its rows."""
     new = runs.assign(night_utc=night_utc, passed=passed, commit=commit)
     if history.exists():
-        old = pd.read_parquet(history)
+        old = table_of_today(pd.read_parquet(history))
         same = (old["night_utc"] == night_utc) & old["experiment"].isin(new["experiment"].unique())
         old = old[~same]
         new = pd.concat([old.astype(object), new.astype(object)], ignore_index=True)

@@ -16,7 +16,7 @@ from slambed.errors import SlambedError
 from slambed.metrics.catalog import keys_for, metric, own_of
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
-from slambed.regression.gate import BASELINE_NIGHTS, judge
+from slambed.regression.gate import BASELINE_NIGHTS, judge, table_of_today
 from slambed.report.cells import estimate, text
 
 STEP_ALPHA = 0.005
@@ -82,7 +82,7 @@ def read_history(path: Path) -> pd.DataFrame:
     if not path.is_file():
         raise SlambedError(f"no history {path}; 'slambed gate NAME --history {path}' begins one")
     try:
-        table = pd.read_parquet(path)
+        table = table_of_today(pd.read_parquet(path))
     except (OSError, ValueError) as broken:
         raise SlambedError(f"{path} is no history: {broken}") from None
     if missing := {"night_utc", "experiment", "cell", "valid"} - set(table):

@@ -21,7 +21,6 @@ from slambed.metrics.collect import events_today, stored_log
 from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Metric
-from slambed.metrics.older import two_axes
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 from slambed.report.board_facts import COLUMNS as BOARD
@@ -33,7 +32,6 @@ from slambed.spec.experiment import DEVICE_PACE
 
 MOST_PROBLEMS_PER_KIND = 10
 """The time between two frames of the papers' playback: a longer stall drops one."""
-OLD_KEYS = ("valid", "invalid_reason")
 MANIFEST_FACTS = (
     "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores", "command",
 )  # fmt: skip
@@ -265,12 +263,12 @@ def _read_runs(
         spec = manifest.kept
         found_by = described_by(summary.text("system"), spec.system_folder)
         known = metrics_of(found_by)
-        unknown = sorted(set(summary) - {item.key for item in known} - set(OLD_KEYS))
+        unknown = sorted(set(summary) - {item.key for item in known})
         if unknown:
             note_problem(
                 "keys", f"runs/{path.name}: unknown keys in summary.json: {', '.join(unknown)}"
             )
-        row, wrong = _typed(two_axes(summary), known)
+        row, wrong = _typed(summary, known)
         if wrong:
             note_problem("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
         row["run_key"] = path.name
