@@ -91,7 +91,7 @@ class GilbertElliott(BaseModel):
 
 
 class PacketLoss(BaseModel):
-    """Packets dropped at random, seeded. All values are shares, 0..1."""
+    """Packet loss: packets dropped at random, seeded. All values are shares, 0..1."""
 
     model_config = STRICT
 
@@ -120,7 +120,7 @@ class PacketLoss(BaseModel):
 
 
 class Bandwidth(BaseModel):
-    """The bottleneck: a constant rate or a Mahimahi trace, with a queue in bytes."""
+    """Bandwidth of the bottleneck: a constant rate or a Mahimahi trace, with a queue in bytes."""
 
     model_config = STRICT
 
@@ -138,7 +138,7 @@ class Bandwidth(BaseModel):
 
 
 class Gap(BaseModel):
-    """A hand-over: nothing arrives for a while."""
+    """An outage, as in a hand-over: nothing arrives for a while."""
 
     model_config = STRICT
 

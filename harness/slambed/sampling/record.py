@@ -36,7 +36,7 @@ class Sample:
     """Mobile node: tcpi_rtt of the connection that was acknowledged last; null while there is
     none."""
     tcp_retransmits: int | None
-    """Mobile node: of all connections; null while there is none."""
+    """Mobile node: TCP retransmissions of all connections; null while there is none."""
 
 
 class ThreadCap(Record):
