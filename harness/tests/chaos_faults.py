@@ -47,7 +47,7 @@ def _is_in(process: psutil.Process, group: str) -> bool:
 
 
 MARKS = {
-    "slambed.engines.attend": "sampler",
+    "slambed.engines.sidecar": "sampler",
     "slambed.link.link_helper": "helper container",
     "slambed-relay": "relay",
     "slambed-pace": "metronome",

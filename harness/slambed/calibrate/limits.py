@@ -14,7 +14,6 @@ import docker
 from rich.table import Table
 
 from slambed.calibrate.host import PROGRAM, host_cpus, run_pace
-from slambed.engines.attendant import SidecarClient
 from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_problems
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import find_image, image_tag
@@ -22,6 +21,7 @@ from slambed.engines.helper import is_root
 from slambed.engines.host_lock import STOP, host_lock
 from slambed.engines.local import LocalEngine
 from slambed.engines.reaper import mark_children, reap
+from slambed.engines.sidecar_client import SidecarClient
 from slambed.errors import ExitCode, SlambedError, environment_error
 from slambed.native import find_program
 from slambed.spec.device import Device, Limits

@@ -15,9 +15,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from slambed.campaign.away import pack, remote_sequence, unpack
-from slambed.campaign.away_result import LostWorkerError, result_of
 from slambed.campaign.executors import Played
+from slambed.campaign.remote_result import LostWorkerError, result_of
+from slambed.campaign.remote_sequence import pack, remote_sequence, unpack
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.data.places import cache_folder
 from slambed.errors import KilledError, SlambedError, environment_error

@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from slambed.campaign.assignment import preference
-from slambed.campaign.away import unpack
-from slambed.campaign.away_result import LostWorkerError, result_of
 from slambed.campaign.executors import Played
 from slambed.campaign.host_connection import HostConnection
 from slambed.campaign.host_messages import Joined
 from slambed.campaign.host_run import HostRun, execute_there, prepare_there
+from slambed.campaign.remote_result import LostWorkerError, result_of
+from slambed.campaign.remote_sequence import unpack
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.metrics.summary import Summary

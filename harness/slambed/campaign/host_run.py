@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from slambed.campaign.away import pack, remote_sequence
 from slambed.campaign.foreign import software_of_foreign
 from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.manifest import add_facts
+from slambed.campaign.remote_sequence import pack, remote_sequence
 from slambed.engines.base import Engine
 from slambed.engines.live_run import LinkOpener
 from slambed.engines.result import InterruptedRunError

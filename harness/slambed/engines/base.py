@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from slambed.engines.attend_messages import Stopped
+from slambed.engines.sidecar_messages import Stopped
 from slambed.records.board import BoardFacts
 from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import Granted

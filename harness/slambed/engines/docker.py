@@ -28,7 +28,7 @@ from slambed.engines.docker_limits import limits_of, parent_group
 from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import container_options, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
-from slambed.engines.here import ThisHostEngine
+from slambed.engines.this_host import ThisHostEngine
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.records.manifest import EngineFacts
 from slambed.sampling.cgroup import CgroupReader, paths_of

@@ -18,7 +18,7 @@ NAMESPACES = Path("/run/slambed")
 """Where a helper finds the network namespace of each node."""
 CAPABILITIES = {
     # setns; metronome with real-time priority.
-    "slambed.engines.attend": ["SYS_ADMIN", "SYS_NICE"],
+    "slambed.engines.sidecar": ["SYS_ADMIN", "SYS_NICE"],
     # setns; devices, addresses, queueing; ICMP; real-time priority and memory that stays.
     "slambed.link.link_helper": ["SYS_ADMIN", "NET_ADMIN", "NET_RAW", "SYS_NICE", "IPC_LOCK"],
 }

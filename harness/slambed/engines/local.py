@@ -29,9 +29,9 @@ from slambed.engines.foreign import (
     player_arguments,
 )
 from slambed.engines.helper import direct_command
-from slambed.engines.here import ThisHostEngine
 from slambed.engines.segmenter import ENVIRONMENT, LOG, SOCKET, SegmenterProcess, make_folder
 from slambed.engines.segmenter import command as segmenter_command
+from slambed.engines.this_host import ThisHostEngine
 from slambed.errors import KilledError, PassingError, SlambedError, environment_error
 from slambed.native import find_program
 from slambed.process.endings import ended_from_outside, ending

@@ -8,7 +8,7 @@ import pandas as pd
 
 from slambed.explain.run_log import RunLog
 from slambed.explain.updates import rest_lines, staged_update_lines
-from slambed.metrics.trust import NOTABLE_STEAL_PERCENT
+from slambed.metrics.validity import NOTABLE_STEAL_PERCENT
 
 MOST_LOSSES = 5
 MOST_CHANGES = 12

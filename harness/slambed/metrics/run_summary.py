@@ -8,8 +8,8 @@ from slambed.metrics.catalog import metrics_of
 from slambed.metrics.declared import described_by
 from slambed.metrics.run_data import RunData
 from slambed.metrics.summary import Summary
-from slambed.metrics.trust import invalid_reasons_of
 from slambed.metrics.update_round import CLOSURE_LIMIT_MS
+from slambed.metrics.validity import invalid_reasons_of
 from slambed.records.kept_spec import KeptSpec
 
 

@@ -27,7 +27,7 @@ from slambed.report.board_facts import COLUMNS as BOARD
 from slambed.report.board_facts import board_facts
 from slambed.report.busy_host import held_up, waited
 from slambed.report.link_stalls import stalled_links
-from slambed.report.standing import REMEDY, described, old_version, refused_runs
+from slambed.report.metrics_versions import REMEDY, described, old_version, refused_runs
 from slambed.spec.experiment import DEVICE_PACE
 
 MOST_PROBLEMS_PER_KIND = 10

@@ -2,17 +2,6 @@
 """The tables of docs/ that follow from records: files about a run, lines between processes."""
 
 from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined
-from slambed.engines.attend_messages import (
-    Follow,
-    Following,
-    OpenSidecar,
-    SidecarOpened,
-    Start,
-    Started,
-    Stop,
-    Stopped,
-    Ticking,
-)
 from slambed.engines.board.messages import (
     AskClock,
     ClockReading,
@@ -28,6 +17,17 @@ from slambed.engines.board.messages import (
     StopSampling,
     Watching,
     WatchNode,
+)
+from slambed.engines.sidecar_messages import (
+    Follow,
+    Following,
+    OpenSidecar,
+    SidecarOpened,
+    Start,
+    Started,
+    Stop,
+    Stopped,
+    Ticking,
 )
 from slambed.link.direction import DirectionConfig, RelayConfig
 from slambed.link.helper_messages import (

@@ -20,10 +20,10 @@ from distributed import Client
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 from waiting import until
 
-from slambed.campaign.away import pack, unpack
-from slambed.campaign.away_result import LostWorkerError, result_of
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.remote_result import LostWorkerError, result_of
+from slambed.campaign.remote_sequence import pack, unpack
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import ExitCode
 from slambed.native import find_program

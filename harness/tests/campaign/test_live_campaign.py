@@ -16,8 +16,8 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.runner import Runner
-from slambed.engines.attendant import MODULE
 from slambed.engines.local import LocalEngine
+from slambed.engines.sidecar_client import MODULE
 from slambed.spec.run_spec import RunSpec
 
 pytestmark = needs_root

@@ -9,7 +9,7 @@ from typing import Literal
 
 import pytest
 
-from slambed.engines.attend_messages import REQUESTS, Follow, Start, Stop
+from slambed.engines.sidecar_messages import REQUESTS, Follow, Start, Stop
 from slambed.errors import ExitCode, PassingError, SlambedError
 from slambed.process.line_protocol import (
     Failure,

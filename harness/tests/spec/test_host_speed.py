@@ -10,8 +10,8 @@ from harness_parts import needs_root
 from slambed.calibrate.host import HostMeasurement, measure_host
 from slambed.calibrate.limits import expected_cores, measure_limits, quiet_host
 from slambed.commands.main import run_command
-from slambed.engines.attendant import free_cpus, metronome_cpus
 from slambed.engines.local import LocalEngine
+from slambed.engines.sidecar_client import free_cpus, metronome_cpus
 from slambed.errors import SlambedError
 from slambed.native import find_program
 from slambed.spec.device import Board, Device, Limits
@@ -117,9 +117,9 @@ def test_the_sampler_stays_away_from_the_nodes() -> None:
 def test_the_metronome_ticks_where_a_quota_is(monkeypatch: pytest.MonkeyPatch) -> None:
     limits = {"mobile": Limits(quota_cores=0.5), "edge": Limits(cores=1)}
     cpus = {"mobile": [0], "edge": [1]}
-    monkeypatch.setattr("slambed.engines.attendant.kernel_tick_s", lambda: 0.004)
+    monkeypatch.setattr("slambed.engines.sidecar_client.kernel_tick_s", lambda: 0.004)
     assert metronome_cpus(limits, cpus) == [0]  # type: ignore[arg-type]
-    monkeypatch.setattr("slambed.engines.attendant.kernel_tick_s", lambda: 0.001)
+    monkeypatch.setattr("slambed.engines.sidecar_client.kernel_tick_s", lambda: 0.001)
     assert metronome_cpus(limits, cpus) == []  # type: ignore[arg-type]
 
 

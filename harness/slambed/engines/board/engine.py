@@ -21,13 +21,13 @@ from slambed.engines.base import (
     allot_cpus,
     netns,
 )
-from slambed.engines.board.attendance import BoardSidecar
 from slambed.engines.board.connection import BoardConnection
 from slambed.engines.board.leftovers import note, remove_left, strike_out
 from slambed.engines.board.node import BoardNode
 from slambed.engines.board.shipping import SEQUENCE, bring_image, bring_sequence, must_be_known
+from slambed.engines.board.sidecar import BoardSidecar
 from slambed.engines.docker import OUTPUT
-from slambed.engines.here import write_start
+from slambed.engines.this_host import write_start
 from slambed.errors import PassingError, SlambedError, environment_error
 from slambed.link.probe import measure_base_ms
 from slambed.records.board import BoardFacts

@@ -4,6 +4,7 @@
 from slambed.papers.published.base import Match, Provenance
 from slambed.papers.published.cells import PublishedCell, cells_of, table_cells
 from slambed.papers.published.claims import BOUNDS, Claim, Operator
+from slambed.papers.published.comparability import Comparability, Erratum
 from slambed.papers.published.contrasts import Contrast
 from slambed.papers.published.mapping import Margin, PaperDataset, PaperMetric, PaperSystem
 from slambed.papers.published.paper import Paper, Source
@@ -30,7 +31,6 @@ from slambed.papers.published.quantities import (
     WindowShare,
 )
 from slambed.papers.published.reading import paper_files, papers_folder, read_paper, read_papers
-from slambed.papers.published.standing import Comparability, Erratum
 
 __all__ = [
     "BOUNDS",

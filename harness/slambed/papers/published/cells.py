@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from slambed.papers.published.claims import Claim
+from slambed.papers.published.comparability import Comparability
 from slambed.papers.published.paper import Paper
 from slambed.papers.published.published_tables import PublishedTable, Row, Value
-from slambed.papers.published.standing import Comparability
 
 PER_COLUMN = "per_column"
 """A row's metric or unit that its columns name."""

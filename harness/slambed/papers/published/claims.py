@@ -6,8 +6,8 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from slambed.papers.published.base import Number, Strict
+from slambed.papers.published.comparability import Comparability
 from slambed.papers.published.quantities import Quantity
-from slambed.papers.published.standing import Comparability
 
 Operator = Literal["eq", "about", "lt", "le", "gt", "ge", "up_to", "set", "range"]
 """eq: the printed number. about: `about`, `nearly`. lt, gt, le, ge: `less than`, `more than`, `at

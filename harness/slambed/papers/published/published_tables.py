@@ -6,7 +6,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from slambed.papers.published.base import Number, Strict
-from slambed.papers.published.standing import Comparability
+from slambed.papers.published.comparability import Comparability
 
 Value = Number | bool | str | list[Number]
 

@@ -6,9 +6,9 @@ import os
 from abc import ABC, abstractmethod
 from pathlib import Path
 
-from slambed.engines.attendant import SidecarClient
 from slambed.engines.base import Node, Sidecar, allot_cpus
 from slambed.engines.result import NETWORK_EDGE_ADDRESS, START_AHEAD_S
+from slambed.engines.sidecar_client import SidecarClient
 from slambed.files.atomic import replacing
 from slambed.records.board import BoardFacts
 from slambed.spec.device import Limits

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sidecar of the nodes of a run: caps their threads, samples them, keeps the metronome.
 
-Run as `python -m slambed.engines.attend`. It answers the messages of `attend_messages`, a line
+Run as `python -m slambed.engines.sidecar`. It answers the messages of `sidecar_messages`, a line
 each, and ends with its input.
 """
 
@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import TextIO
 
-from slambed.engines.attend_messages import (
+from slambed.engines.sidecar_messages import (
     FIRST,
     REQUESTS,
     TICKING,

@@ -136,7 +136,7 @@ def test_a_network_that_cannot_be_loaded_is_one_line(edge_bench: EdgeBench) -> N
 def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
     code = (
         "import sys, time; from pathlib import Path;"
-        "from test_segmenter_beside_edge import EdgeBench;"
+        "from test_segmenter_sidecar import EdgeBench;"
         "beside = EdgeBench(Path(sys.argv[1])); edge_bench.start(); print('up', flush=True);"
         "time.sleep(60)"
     )

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The harness's hold on the sidecar of the nodes (`slambed.engines.attend`)."""
+"""The harness's hold on the sidecar of the nodes (`slambed.engines.sidecar`)."""
 
 import os
 import time
 from pathlib import Path
 from typing import Protocol
 
-from slambed.engines.attend_messages import (
+from slambed.engines.base import Node
+from slambed.engines.sidecar_messages import (
     Follow,
     Following,
     MonitoredNode,
@@ -17,13 +18,12 @@ from slambed.engines.attend_messages import (
     Stop,
     Stopped,
 )
-from slambed.engines.base import Node
 from slambed.native import find_program
 from slambed.process.line_protocol import LineProcess
 from slambed.spec.device import Limits
 from slambed.spec.system import Role
 
-MODULE = "slambed.engines.attend"
+MODULE = "slambed.engines.sidecar"
 START_TIMEOUT_S = 20.0
 ANSWER_TIMEOUT_S = 10.0
 FINE_TICK_S = 1.5e-3
@@ -39,7 +39,7 @@ class Host(Protocol):
 
 
 class SidecarClient:
-    """The harness's hold on the sidecar of a run (`engines.attend`): thread caps and metronome
+    """The harness's hold on the sidecar of a run (`engines.sidecar`): thread caps and metronome
     from its making on, samples from `start` to `stop`."""
 
     def __init__(

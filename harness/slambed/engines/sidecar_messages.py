@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What harness and sidecar of the nodes (`slambed.engines.attend`) say to each other."""
+"""What harness and sidecar of the nodes (`slambed.engines.sidecar`) say to each other."""
 
 from typing import Annotated, Literal
 

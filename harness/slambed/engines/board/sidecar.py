@@ -5,7 +5,6 @@ the agent there, and the clocks of both machines."""
 import json
 from pathlib import Path
 
-from slambed.engines.attend_messages import Stopped
 from slambed.engines.base import Node, Sidecar
 from slambed.engines.board.connection import BoardConnection
 from slambed.engines.board.messages import (
@@ -15,6 +14,7 @@ from slambed.engines.board.messages import (
     StartSampling,
     StopSampling,
 )
+from slambed.engines.sidecar_messages import Stopped
 from slambed.link.clocks import Clocks
 from slambed.sampling.cgroup import Usage
 from slambed.sampling.record import Sample

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from slambed.regression.gate import read_runs
 
 from slambed import older_names
 from slambed.campaign.campaign_state import state_of_ledger
@@ -17,9 +16,10 @@ from slambed.metrics.summary import Summary
 from slambed.native import repository_root
 from slambed.older_names import keys_today, manifest_of_today, summary_of_today
 from slambed.records.manifest import Manifest
+from slambed.regression.gate import read_runs
 
 ROOT = repository_root()
-ARCHIVES = sorted([*ROOT.glob("results/kept/*.tar.xz"), *ROOT.glob("papers/**/*.tar.xz")])
+ARCHIVES = sorted(ROOT.glob("papers/*/runs.tar.xz"))
 RUNS_READ = 20
 OLD_SIDECAR = json.loads(Path(__file__).with_name("kept_manifest.json").read_text())["sidecar"]
 
