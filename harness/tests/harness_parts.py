@@ -63,7 +63,7 @@ def is_valid_run(summary: Mapping[str, Any], attempts: int = 3) -> bool:
     what is promised then is that each was made, and that the last one reports the host's part."""
     if summary["valid"]:
         return True
-    assert not is_valid(str(summary["invalid_reasons"] or "").split("; "))
+    assert not is_valid(str(summary["invalid_reason"] or "").split("; "))
     assert summary["attempts"] == attempts
     return False
 
@@ -218,4 +218,4 @@ class IdleLink:
 
     def stop(self) -> LinkFacts:
         self.stopped += 1
-        return LinkFacts(backend="idle", invalid_reasons=None)
+        return LinkFacts(backend="idle", invalid_reason=None)

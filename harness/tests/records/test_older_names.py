@@ -38,7 +38,7 @@ TODAY = [
 
 @pytest.mark.parametrize("paper", KEPT)
 def test_a_kept_campaign_is_read_in_the_words_of_today(paper: str, tmp_path: Path) -> None:
-    with tarfile.open(repository_root() / f"results/kept/{paper}.tar.xz") as archive:
+    with tarfile.open(repository_root() / f"papers/{paper}/runs.tar.xz") as archive:
         for member in archive:
             if member.name.endswith(("/summary.json", "/manifest.json")):
                 archive.extract(member, tmp_path, filter="data")
