@@ -59,7 +59,8 @@ def profile_definitions() -> dict[str, Schema]:
         definitions_of([*models, TraceFile, Jitter, PacketLoss, Bandwidth, Gap])
     )
     definitions["Curve"] = _curve(definitions)
-    sides = {kind: _or_null(_ref(kind.capitalize())) for kind in ("jitter", "loss", "rate")}
+    of_a_side = {"jitter": Jitter, "loss": PacketLoss, "rate": Bandwidth}
+    sides = {kind: _or_null(_ref(model.__name__)) for kind, model in of_a_side.items()}
     side = _or_null({"type": "object", "properties": sides, "additionalProperties": False})
     ways = {
         "type": "object", "properties": {"up": CURVE, "down": CURVE},

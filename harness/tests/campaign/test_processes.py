@@ -430,7 +430,7 @@ def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None
     never = threading.Event()
     with pytest.raises(FileNotFoundError) as error:
         executor.execute(spec, tmp_path / "no_folder", never)
-    assert "prepare_raw" in "".join(error.value.__notes__)
+    assert "in _write_files" in "".join(error.value.__notes__)
     (tmp_path / "raw").mkdir()
     before = processes_of(executor)
     assert executor.execute(spec, tmp_path / "raw", never).valid

@@ -42,11 +42,11 @@ while (line := requests.next(None)) is not None:
 """
 
 
-class Ask(Message):
-    ask: str
+class Asked(Message):
+    request: str
 
 
-class Said(Message):
+class Reply(Message):
     reply: Literal["twice"]
 
 
@@ -97,9 +97,9 @@ def test_lines_are_whole_however_they_are_cut() -> None:
 
 
 def test_an_answer_is_of_the_kind_that_was_asked_for(peer: LineProcess) -> None:
-    assert peer.ask(Ask(ask="twice"), Said, 20.0) == Said(notify="twice")
+    assert peer.ask(Asked(request="twice"), Reply, 20.0) == Reply(reply="twice")
     with pytest.raises(SlambedError, match="the peer said 'half a li'") as raised:
-        peer.ask(Ask(ask="garbage"), Said, 20.0)
+        peer.ask(Asked(request="garbage"), Reply, 20.0)
     assert raised.value.code == ExitCode.INTERNAL
     peer.close()
     assert not peer.alive()
@@ -107,19 +107,19 @@ def test_an_answer_is_of_the_kind_that_was_asked_for(peer: LineProcess) -> None:
 
 def test_a_failure_stays_what_it_was_on_the_other_side(peer: LineProcess) -> None:
     with pytest.raises(PassingError, match=r"^the daemon restarts$") as passing:
-        peer.ask(Ask(ask="passing"), Said, 20.0)
+        peer.ask(Asked(request="passing"), Reply, 20.0)
     assert passing.value.code == ExitCode.ENVIRONMENT
     with pytest.raises(SlambedError, match=r"^no such file, x$") as wrong:
-        peer.ask(Ask(ask="wrong"), Said, 20.0)
+        peer.ask(Asked(request="wrong"), Reply, 20.0)
     assert wrong.value.code == ExitCode.BAD_INPUT and type(wrong.value) is SlambedError
     peer.close()
 
 
 def test_a_peer_that_is_silent_or_gone_is_worth_another_try(peer: LineProcess) -> None:
     with pytest.raises(PassingError, match="the peer did not answer within 0 s"):
-        peer.ask(Ask(ask="nothing"), Said, 0.01)
+        peer.ask(Asked(request="nothing"), Reply, 0.01)
     with pytest.raises(PassingError, match="the peer ended: no more memory, peer"):
-        peer.ask(Ask(ask="leave"), Said, 20.0)
+        peer.ask(Asked(request="leave"), Reply, 20.0)
     peer.close()
 
 
