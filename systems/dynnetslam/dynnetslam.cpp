@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynnetslam/dynnetslam.hpp"
 
+#include "dynnetslam/mobile_policy.hpp"
 #include "dynnetslam/parameters.hpp"
-#include "dynnetslam/policies.hpp"
 #include "offload/nodes/settings.hpp"
 
 namespace slambed {

@@ -9,13 +9,13 @@
 
 namespace slambed::dynnetslam {
 
-std::string_view to_string(State state) {
+std::string_view to_string(OffloadingState state) {
   switch (state) {
-    case State::kOffloading:
+    case OffloadingState::kOffloading:
       return "OS";
-    case State::kSafeZone:
+    case OffloadingState::kSafeZone:
       return "SZ";
-    case State::kMobile:
+    case OffloadingState::kMobile:
       return "MES";
   }
   return "?";
@@ -52,33 +52,36 @@ Thresholds thresholds(const StrategyOptions& o) {
           .leave_safe_zone_below = std::max(0.0, safe - half)};
 }
 
-State next_state(State state, std::optional<double> rtt_ms, const Thresholds& limits) {
+OffloadingState next_state(OffloadingState state, std::optional<double> rtt_ms,
+                           const Thresholds& limits) {
   // An unknown RTT compares as infinite: every "above" test fires, no "below" test does.
   const double rtt = rtt_ms.value_or(INFINITY);
-  const State towards_mobile = limits.safe_zone ? State::kSafeZone : State::kMobile;
-  const State towards_edge = limits.safe_zone ? State::kSafeZone : State::kOffloading;
+  const OffloadingState towards_mobile =
+      limits.safe_zone ? OffloadingState::kSafeZone : OffloadingState::kMobile;
+  const OffloadingState towards_edge =
+      limits.safe_zone ? OffloadingState::kSafeZone : OffloadingState::kOffloading;
   switch (state) {
-    case State::kOffloading:
+    case OffloadingState::kOffloading:
       return rtt > limits.leave_offloading_above ? towards_mobile : state;
-    case State::kSafeZone:
-      if (rtt > limits.leave_safe_zone_above) return State::kMobile;
-      return rtt < limits.leave_safe_zone_below ? State::kOffloading : state;
-    case State::kMobile:
+    case OffloadingState::kSafeZone:
+      if (rtt > limits.leave_safe_zone_above) return OffloadingState::kMobile;
+      return rtt < limits.leave_safe_zone_below ? OffloadingState::kOffloading : state;
+    case OffloadingState::kMobile:
       return rtt < limits.leave_mobile_below ? towards_edge : state;
   }
   return state;
 }
 
-State initial_state(std::optional<double> rtt_ms, const Thresholds& limits) {
+OffloadingState initial_state(std::optional<double> rtt_ms, const Thresholds& limits) {
   const double rtt = rtt_ms.value_or(INFINITY);
   const double lowest = limits.safe_zone
                             ? std::min(limits.leave_safe_zone_below, limits.leave_mobile_below)
                             : limits.leave_mobile_below;
   const double highest =
       limits.safe_zone ? limits.leave_safe_zone_above : limits.leave_offloading_above;
-  if (rtt < lowest) return State::kOffloading;
-  if (rtt > highest) return State::kMobile;
-  return limits.safe_zone ? State::kSafeZone : State::kOffloading;
+  if (rtt < lowest) return OffloadingState::kOffloading;
+  if (rtt > highest) return OffloadingState::kMobile;
+  return limits.safe_zone ? OffloadingState::kSafeZone : OffloadingState::kOffloading;
 }
 
 }  // namespace slambed::dynnetslam

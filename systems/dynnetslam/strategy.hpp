@@ -7,14 +7,14 @@
 namespace slambed::dynnetslam {
 
 /// Where mapping runs (Sossalla et al. 2022, Sec. IV). Tracking always runs on the mobile node.
-enum class State {
+enum class OffloadingState {
   kOffloading,  ///< OS: mapping on the edge only
   kSafeZone,    ///< SZ: mapping on both sides
   kMobile,      ///< MES: mapping on the mobile node only
 };
 
 /// "OS", "SZ" or "MES".
-std::string_view to_string(State state);
+std::string_view to_string(OffloadingState state);
 
 /// The limits between the states, milliseconds of RTT. A strategy is nothing but such a table: a
 /// state is left only when the RTT is strictly beyond the limit, equality keeps the state.
@@ -42,10 +42,11 @@ Thresholds thresholds(const StrategyOptions& options);
 
 /// One evaluation of the strategy: at most one transition. No RTT (none measured for too long)
 /// means that the edge cannot be relied on: one step towards kMobile.
-State next_state(State state, std::optional<double> rtt_ms, const Thresholds& limits);
+OffloadingState next_state(OffloadingState state, std::optional<double> rtt_ms,
+                           const Thresholds& limits);
 
-/// State at the first RTT: kOffloading below the lowest limit, kMobile above the highest,
+/// The state at the first RTT: kOffloading below the lowest limit, kMobile above the highest,
 /// in between kSafeZone where there is one, else kOffloading. Without any RTT: kMobile.
-State initial_state(std::optional<double> rtt_ms, const Thresholds& limits);
+OffloadingState initial_state(std::optional<double> rtt_ms, const Thresholds& limits);
 
 }  // namespace slambed::dynnetslam

@@ -47,8 +47,8 @@ void SwitchedMapping::before_frame(Worker& worker) {
 }
 
 void SwitchedMapping::after_frame(Worker& worker, const TrackedFrame& frame) {
-  offload_.note(frame);
-  if (place_ != MappingPlace::kMobile) offload_.ask(worker, frame);
+  offload_.note_relocalization(frame);
+  if (place_ != MappingPlace::kMobile) offload_.relocalize_after_frame(worker, frame);
 }
 
 /// What the edge sent before is worthless from now on.

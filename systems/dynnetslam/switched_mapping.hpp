@@ -11,7 +11,8 @@
 
 namespace slambed {
 
-/// Where mapping runs; tracking always runs on the mobile node. STATE has it as a number.
+/// Where mapping runs, from the strategy's state by place_of (mobile_policy.cpp); tracking always
+/// runs on the mobile node. STATE has it as a number.
 enum class MappingPlace : std::uint8_t { kEdge, kBoth, kMobile };
 
 /// Edge-SLAM's mobile node with a mapper of its own: mapping moves between the nodes while the run

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "edgeslam/edgeslam.hpp"
 
-#include "edgeslam/edge_slam.hpp"
 #include "edgeslam/parameters.hpp"
+#include "edgeslam/policies.hpp"
 #include "offload/nodes/settings.hpp"
 
 namespace slambed {

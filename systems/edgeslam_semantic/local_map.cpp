@@ -21,7 +21,7 @@ double median(std::vector<double> values) {
 class Composer {
  public:
   Composer(const MapView& before, const LocalMapParts& parts) : before_(before), parts_(parts) {
-    for (const auto& [id, sighted] : parts_.window.keyframes) note_renamed(id, sighted);
+    for (const auto& [id, observed] : parts_.window.keyframes) note_renamed(id, observed);
   }
 
   MapDelta compose() {
@@ -33,17 +33,17 @@ class Composer {
       for (const MapPointId point : newer.back()->points)
         if (stays(point)) kept.insert(point);
     }
-    for (const auto& [id, sighted] : parts_.window.keyframes) add(id, sighted, kept);
+    for (const auto& [id, observed] : parts_.window.keyframes) add(id, observed, kept);
     for (const KeyFrame* keyframe : newer) add(*keyframe);
     return std::move(delta_);
   }
 
  private:
   /// Own points that the window sees otherwise.
-  void note_renamed(KeyFrameId id, const MapWindow::Sighted& sighted) {
+  void note_renamed(KeyFrameId id, const MapWindow::ObservedKeyFrame& observed) {
     const KeyFrame* known = before_.keyframe(id);
     if (!known) return;
-    for (const auto& [feature, point] : sighted.points) {
+    for (const auto& [feature, point] : observed.points) {
       if (feature >= known->points.size()) continue;
       const MapPointId was = known->points[feature];
       if (was && was != point && !parts_.window.points.contains(was)) renamed_[was] = point;
@@ -60,12 +60,13 @@ class Composer {
     return parts_.gone.contains(point) ? MapPointId{} : point;
   }
 
-  void add(KeyFrameId id, const MapWindow::Sighted& sighted, const std::set<MapPointId>& kept) {
+  void add(KeyFrameId id, const MapWindow::ObservedKeyFrame& observed,
+           const std::set<MapPointId>& kept) {
     const auto own = parts_.own.find(id);
     if (own == parts_.own.end()) return;
     const OwnKeyFrame& mine = own->second;
     std::vector<MapPointId> points(static_cast<std::size_t>(mine.features->size()));
-    for (const auto& [feature, point] : sighted.points)
+    for (const auto& [feature, point] : observed.points)
       if (feature < points.size() && !parts_.gone.contains(point)) points[feature] = point;
     if (const KeyFrame* known = before_.keyframe(id)) {
       for (std::size_t i = 0; i < points.size() && i < known->points.size(); ++i)
@@ -75,7 +76,7 @@ class Composer {
          .frame_index = mine.frame_index,
          .timestamp_s = mine.timestamp_s,
          .features = mine.features,
-         .T_cw = sighted.T_cw,
+         .T_cw = observed.T_cw,
          .points = std::move(points),
          .parent = {}});
   }

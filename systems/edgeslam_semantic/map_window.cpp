@@ -16,8 +16,8 @@ Eigen::Vector3d as_sent(const Eigen::Vector3d& p_w) {
 
 bool same_pose(const SE3& a, const SE3& b) { return a.R == b.R && a.t == b.t; }
 
-void add_observations(KeyFrameId id, const MapWindow::Sighted* before,
-                      const MapWindow::Sighted& now, MapDelta& changes) {
+void add_observations(KeyFrameId id, const MapWindow::ObservedKeyFrame* before,
+                      const MapWindow::ObservedKeyFrame& now, MapDelta& changes) {
   if (before) {
     for (const auto& [feature, point] : before->points)
       if (!now.points.contains(feature)) changes.detach.push_back({id, feature, point});
@@ -36,12 +36,12 @@ MapWindow window_of(const MapView& view, std::span<const KeyFrameId> keyframes) 
   for (const KeyFrameId id : keyframes) {
     const KeyFrame* keyframe = view.keyframe(id);
     if (!keyframe) continue;
-    MapWindow::Sighted& sighted = window.keyframes[id];
-    sighted.T_cw = keyframe->T_cw;
+    MapWindow::ObservedKeyFrame& observed = window.keyframes[id];
+    observed.T_cw = keyframe->T_cw;
     for (std::size_t i = 0; i < keyframe->points.size(); ++i) {
       const MapPointId point = keyframe->points[i];
       if (!point) continue;
-      sighted.points[static_cast<std::uint16_t>(i)] = point;
+      observed.points[static_cast<std::uint16_t>(i)] = point;
       window.points.emplace(point, as_sent(view.point(point)->p_w));
     }
   }
@@ -56,14 +56,15 @@ MapSlice difference(const MapWindow& before, const MapWindow& now, const MapView
     if (known == before.points.end() || known->second != p_w)
       slice.changes.positions.push_back({id, p_w, 0});
   }
-  for (const auto& [id, sighted] : now.keyframes) {
+  for (const auto& [id, observed] : now.keyframes) {
     const auto found = before.keyframes.find(id);
-    const MapWindow::Sighted* known = found == before.keyframes.end() ? nullptr : &found->second;
-    if (!known || !same_pose(known->T_cw, sighted.T_cw))
-      slice.changes.poses.push_back({id, sighted.T_cw, 0});
-    add_observations(id, known, sighted, slice.changes);
+    const MapWindow::ObservedKeyFrame* known =
+        found == before.keyframes.end() ? nullptr : &found->second;
+    if (!known || !same_pose(known->T_cw, observed.T_cw))
+      slice.changes.poses.push_back({id, observed.T_cw, 0});
+    add_observations(id, known, observed, slice.changes);
   }
-  for (const auto& [id, sighted] : before.keyframes) {
+  for (const auto& [id, observed] : before.keyframes) {
     if (now.keyframes.contains(id)) continue;
     (view.keyframe(id) ? slice.left_keyframes : slice.changes.culled_keyframes).push_back(id);
   }
@@ -100,8 +101,8 @@ void apply(MapWindow& window, const MapSlice& slice) {
     for (const MapPointId id : *gone) window.points.erase(id);
   for (const PointFusion& fusion : changes.fusions) window.points.erase(fusion.gone);
   // difference() detaches them too; whoever wrote the message may not have.
-  for (auto& [id, sighted] : window.keyframes)
-    std::erase_if(sighted.points,
+  for (auto& [id, observed] : window.keyframes)
+    std::erase_if(observed.points,
                   [&](const auto& seen) { return !window.points.contains(seen.second); });
 }
 

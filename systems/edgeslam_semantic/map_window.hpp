@@ -12,15 +12,15 @@ namespace slambed::edgeslam_semantic {
 /// The part of the global map that the mobile keeps: the newest uploaded keyframes and all points
 /// they see. Features are not in it: both nodes have them.
 struct MapWindow {
-  struct Sighted {
+  struct ObservedKeyFrame {
     SE3 T_cw;
     std::map<std::uint16_t, MapPointId> points;  ///< by feature
 
-    bool operator==(const Sighted& other) const {
+    bool operator==(const ObservedKeyFrame& other) const {
       return T_cw.R == other.T_cw.R && T_cw.t == other.T_cw.t && points == other.points;
     }
   };
-  std::map<KeyFrameId, Sighted> keyframes;
+  std::map<KeyFrameId, ObservedKeyFrame> keyframes;
   std::map<MapPointId, Eigen::Vector3d> points;
 };
 

@@ -158,7 +158,7 @@ bool MobileMap::apply(Worker& worker, const OptResult& result) {
     units.n1 = static_cast<double>(local.keyframes.size());
     put(local);
     if (parts.S_new_old.scale != 1) node_.tracker().rescale(parts.S_new_old.scale);
-    for (const auto& [id, sighted] : window_.keyframes) node_.poses().placed(id, sighted.T_cw);
+    for (const auto& [id, observed] : window_.keyframes) node_.poses().placed(id, observed.T_cw);
     forget_left(result.keyframe);
     report(result, parts.S_new_old.scale, moved);
     return 0;

@@ -38,8 +38,8 @@ class BackpressureMobile final : public MobilePolicy {
   }
 
   void after_frame(Worker& worker, const TrackedFrame& frame) override {
-    offload_.note(frame);
-    offload_.ask(worker, frame);  // while tracking is lost
+    offload_.note_relocalization(frame);
+    offload_.relocalize_after_frame(worker, frame);  // while tracking is lost
     if (frame.outcome.state != TrackingState::kOk) return;
     const KeyFrameNeed need = node_.tracker().keyframe_need();
     if (need == KeyFrameNeed::kNone) return;

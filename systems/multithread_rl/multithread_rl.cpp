@@ -2,7 +2,7 @@
 #include "multithread_rl/multithread_rl.hpp"
 
 #include "base/error.hpp"
-#include "edgeslam/edge_slam.hpp"
+#include "edgeslam/policies.hpp"
 #include "multithread_rl/parameters.hpp"
 #include "multithread_rl/pose_requests.hpp"
 #include "multithread_rl/recovering_updates.hpp"
@@ -54,8 +54,8 @@ OffloadMobileParts mobile_parts(const Parameters& parameters) {
   if (relocalizes_on_edge(parameters))
     parts.relocalization = [](MobileNode& node, OffloadChannels& channels, MapDownlink& downlink,
                               const MessageCodec& codec) {
-      return std::make_unique<PoseRequests>(node, channels.frame, channels.control,
-                                            channels.keyframe, downlink, codec);
+      return std::make_unique<MobileRelocalizationByPose>(node, channels.frame, channels.control,
+                                                          channels.keyframe, downlink, codec);
     };
   return parts;
 }
@@ -68,7 +68,7 @@ OffloadEdgeParts edge_parts(const Parameters& parameters) {
                                 static_cast<std::uint64_t>(parameters.integer("reloc_fail_bytes"))](
                                EdgeNode& node, OffloadChannels& channels, EdgeMapping& mapping,
                                const MessageCodec& codec) {
-      return std::make_unique<RelocalizationByPose>(
+      return std::make_unique<EdgeRelocalizationByPose>(
           node, channels.frame, channels.map, mapping.mapper(), mapping.updates(),
           PoseRelocalizationOptions{.codec = codec, .fail_bytes = fail_bytes});
     };

@@ -24,8 +24,9 @@ std::string_view name_of(wire::RelocFailure reason) {
 
 }  // namespace
 
-PoseRequests::PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
-                           MapDownlink& downlink, MessageCodec codec)
+MobileRelocalizationByPose::MobileRelocalizationByPose(MobileNode& node, Channel& frames,
+                                                       Channel& control, Channel& keyframes,
+                                                       MapDownlink& downlink, MessageCodec codec)
     : node_(node),
       frames_(frames),
       control_(control),
@@ -35,11 +36,11 @@ PoseRequests::PoseRequests(MobileNode& node, Channel& frames, Channel& control, 
       requests_(node.runtime(), 1),
       answers_(node.runtime()) {}
 
-void PoseRequests::start() {
+void MobileRelocalizationByPose::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { work(worker); });
 }
 
-void PoseRequests::work(Worker& worker) {
+void MobileRelocalizationByPose::work(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = frames_.signal().ticket();
     if (const auto request = requests_.try_take()) {
@@ -52,7 +53,7 @@ void PoseRequests::work(Worker& worker) {
   }
 }
 
-void PoseRequests::serialize(Worker& worker, const Request& request) {
+void MobileRelocalizationByPose::serialize(Worker& worker, const Request& request) {
   Bytes payload = codec_.serialize(worker, request.message);
   node_.log().write(JsonLine("reloc_request")
                         .add("number", request.message.number)
@@ -63,7 +64,7 @@ void PoseRequests::serialize(Worker& worker, const Request& request) {
   sent_ = worker.now();
 }
 
-void PoseRequests::parse(Worker& worker, Message message) {
+void MobileRelocalizationByPose::parse(Worker& worker, Message message) {
   const bool ok = is(message, wire::RelocOk::kType);
   if (!ok && !is(message, wire::RelocFail::kType)) return;
   Answer answer;
@@ -88,7 +89,7 @@ void PoseRequests::parse(Worker& worker, Message message) {
   if (good) answers_.put(std::move(answer));
 }
 
-void PoseRequests::before_frame(Worker& worker) {
+void MobileRelocalizationByPose::before_frame(Worker& worker) {
   while (const auto answer = answers_.try_take()) on_answer(worker, *answer);
   if (!outstanding_) return;
   const PeerState edge = node_.network().peer();
@@ -96,13 +97,13 @@ void PoseRequests::before_frame(Worker& worker) {
   if (worker.now() - outstanding_->asked >= kPatience) give_up("no answer");
 }
 
-void PoseRequests::give_up(std::string_view reason) {
+void MobileRelocalizationByPose::give_up(std::string_view reason) {
   node_.log().write(
       JsonLine("reloc_given_up").add("number", outstanding_->message.number).add("reason", reason));
   outstanding_.reset();
 }
 
-void PoseRequests::on_answer(Worker& worker, const Answer& answer) {
+void MobileRelocalizationByPose::on_answer(Worker& worker, const Answer& answer) {
   const wire::RelocOk* found = answer.found.get();
   const std::string_view foreign = unwanted(answer, found ? found->number : answer.failed.number);
   const std::string_view dropped = !foreign.empty() ? foreign
@@ -112,12 +113,13 @@ void PoseRequests::on_answer(Worker& worker, const Answer& answer) {
   if (foreign.empty()) outstanding_.reset();
 }
 
-std::string_view PoseRequests::unwanted(const Answer& answer, std::uint64_t number) const {
+std::string_view MobileRelocalizationByPose::unwanted(const Answer& answer,
+                                                      std::uint64_t number) const {
   if (answer.raw.session != node_.network().peer().session) return "its edge is gone";
   return outstanding_ && outstanding_->message.number == number ? "" : "not asked for";
 }
 
-std::string_view PoseRequests::use(const Answer& answer, const wire::RelocOk& found) {
+std::string_view MobileRelocalizationByPose::use(const Answer& answer, const wire::RelocOk& found) {
   if (node_.tracker().state() != TrackingState::kLost) return "not lost any more";
   if (outstanding_->loss != losses_) return "of an earlier loss";
   const wire::FrameMessage& frame = outstanding_->message.frame;
@@ -132,12 +134,13 @@ std::string_view PoseRequests::use(const Answer& answer, const wire::RelocOk& fo
     resumed.points[feature] = point;
   }
   downlink_.join(found.keyframe, found.update, answer.raw.session, found.jumped);
-  found_ = node_.tracker().resume(resumed);
+  found_ = node_.tracker().continue_from(resumed);
   return found_ ? "" : "its keyframe is not there";
 }
 
-void PoseRequests::record(Worker& worker, const Answer& answer, const wire::RelocTimes& times,
-                          bool ours, std::string_view dropped) {
+void MobileRelocalizationByPose::record(Worker& worker, const Answer& answer,
+                                        const wire::RelocTimes& times, bool ours,
+                                        std::string_view dropped) {
   JsonLine event("reloc_reply");
   event.add("found", answer.found != nullptr)
       .add("used", dropped.empty())
@@ -168,8 +171,8 @@ void PoseRequests::record(Worker& worker, const Answer& answer, const wire::Relo
   node_.log().write(event);
 }
 
-void PoseRequests::before_tracking(Worker& worker, const OfferedFrame& frame,
-                                   const std::shared_ptr<const FeatureSet>& features) {
+void MobileRelocalizationByPose::before_tracking(
+    Worker& worker, const OfferedFrame& frame, const std::shared_ptr<const FeatureSet>& features) {
   if (!lost_ || found_ || outstanding_ || node_.tracker().state() != TrackingState::kLost) return;
   const PeerState edge = node_.network().peer();
   if (!edge.connected) return;
@@ -185,7 +188,7 @@ void PoseRequests::before_tracking(Worker& worker, const OfferedFrame& frame,
   frames_.signal().notify();
 }
 
-void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
+void MobileRelocalizationByPose::after_frame(Worker& worker, const TrackedFrame& frame) {
   const bool lost = frame.outcome.state == TrackingState::kLost;
   found_ = false;
   if (lost == lost_) return;
@@ -205,7 +208,7 @@ void PoseRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
                         .add("seq_s", frame.offered.played.seq_s()));
 }
 
-void PoseRequests::finish() {
+void MobileRelocalizationByPose::finish() {
   if (!lost_) return;
   keyframes_.hold(false);
   send(control_, wire::ResumeMessage{losses_, {}});

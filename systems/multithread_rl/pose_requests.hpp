@@ -17,10 +17,10 @@ namespace slambed {
 /// The mobile's side of relocalization on the edge: a lost frame goes up before the local attempt
 /// at it, at most one at a time; what comes back takes effect between two frames. From loss to
 /// recovery the edge sends no updates, and none is applied.
-class PoseRequests final : public MobileRelocalization {
+class MobileRelocalizationByPose final : public MobileRelocalization {
  public:
-  PoseRequests(MobileNode& node, Channel& frames, Channel& control, Channel& keyframes,
-               MapDownlink& downlink, MessageCodec codec);
+  MobileRelocalizationByPose(MobileNode& node, Channel& frames, Channel& control,
+                             Channel& keyframes, MapDownlink& downlink, MessageCodec codec);
 
   void start() override;
   void before_frame(Worker& worker) override;

@@ -18,7 +18,7 @@ void RecoveringUpdates::recovered(RunTime when, KeyFrameId reference) {
   backup_.recovered(reference);
 }
 
-std::optional<std::string_view> RecoveringUpdates::further_reason(
+std::optional<std::string_view> RecoveringUpdates::additional_decline_reason(
     const UpdateArrival& arrival) const {
   if (!recovery_ || arrival.raw.queued >= recovery_->when) return std::nullopt;
   const auto kept = keyframes_of(arrival.update.map);

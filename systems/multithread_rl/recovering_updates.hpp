@@ -29,7 +29,8 @@ class RecoveringUpdates final : public SerialUpdates {
     KeyFrameId reference;
   };
   /// It was sent before the camera was found again, and shows another place.
-  std::optional<std::string_view> further_reason(const UpdateArrival& arrival) const override;
+  std::optional<std::string_view> additional_decline_reason(
+      const UpdateArrival& arrival) const override;
   /// Carries over what the update does not hold of the place where the camera was found.
   Carried carry_over(Worker& worker, const UpdateArrival& arrival) override;
   void applied(const UpdateArrival& arrival) override;

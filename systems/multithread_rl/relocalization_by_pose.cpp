@@ -26,9 +26,9 @@ KeyFrameId reference_of(const MapView& view, std::span<const MapPointId> points)
 
 }  // namespace
 
-RelocalizationByPose::RelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps,
-                                           EdgeMapper& mapper, UpdateSender& updates,
-                                           PoseRelocalizationOptions options)
+EdgeRelocalizationByPose::EdgeRelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps,
+                                                   EdgeMapper& mapper, UpdateSender& updates,
+                                                   PoseRelocalizationOptions options)
     : node_(node),
       channel_(frames),
       maps_(maps),
@@ -49,17 +49,17 @@ RelocalizationByPose::RelocalizationByPose(EdgeNode& node, Channel& frames, Chan
                                  });
 }
 
-void RelocalizationByPose::start() {
+void EdgeRelocalizationByPose::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
 }
 
-void RelocalizationByPose::serve(Worker& worker) {
+void EdgeRelocalizationByPose::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (is(*message, wire::RelocRequest::kType)) answer(worker, *message);
   }
 }
 
-void RelocalizationByPose::answer(Worker& worker, const Message& raw) {
+void EdgeRelocalizationByPose::answer(Worker& worker, const Message& raw) {
   wire::RelocFail failed;
   failed.times = {.queued = raw.queued, .received = raw.received};
   failed.padding = options_.codec.text() ? options_.fail_bytes : 0;
@@ -98,7 +98,7 @@ void RelocalizationByPose::answer(Worker& worker, const Message& raw) {
   send(channel_, wire::RelocOk::kType, std::move(payload));
 }
 
-bool RelocalizationByPose::locate(Worker& worker, Frame& frame) {
+bool EdgeRelocalizationByPose::locate(Worker& worker, Frame& frame) {
   return worker.stage("relocalize", [&](StageUnits& units) {
     const bool found = relocalizer_.locate(*mapper_.map(), {}, search_, frame);
     units.n1 = frame.features->size();
@@ -108,9 +108,8 @@ bool RelocalizationByPose::locate(Worker& worker, Frame& frame) {
 }
 
 /// In the map as it is now: some of the points may be others, or gone, since the frame was found.
-std::optional<wire::RelocOk> RelocalizationByPose::answer_for(const wire::RelocRequest& request,
-                                                              const Frame& frame,
-                                                              std::uint64_t corrections_before) {
+std::optional<wire::RelocOk> EdgeRelocalizationByPose::answer_for(
+    const wire::RelocRequest& request, const Frame& frame, std::uint64_t corrections_before) {
   wire::RelocOk answer;
   answer.number = request.number;
   answer.T_cw = frame.T_cw;

@@ -21,10 +21,10 @@ struct PoseRelocalizationOptions {
 /// The edge's side of relocalization on the edge: looks for lost frames in the global map and says
 /// where they were taken, with the keyframe to go on from. The mobile has at most one request under
 /// way.
-class RelocalizationByPose final : public EdgeRelocalization {
+class EdgeRelocalizationByPose final : public EdgeRelocalization {
  public:
-  RelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
-                       UpdateSender& updates, PoseRelocalizationOptions options);
+  EdgeRelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
+                           UpdateSender& updates, PoseRelocalizationOptions options);
   void start() override;
   /// SUSPEND and RESUME.
   void listen(const Message& message) override { inbox_.dispatch(message); }

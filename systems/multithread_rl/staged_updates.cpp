@@ -40,7 +40,7 @@ void StagedUpdates::prepare(Worker& worker, Message message) {
   staging_.begin();
   auto arrival = receiver_.read(worker, std::move(message));
   if (!arrival) return staging_.cancel();
-  if (const auto reason = check_.decline_reason(worker, *arrival)) {
+  if (const auto reason = check_.update_decline_reason(worker, *arrival)) {
     staging_.cancel();
     check_.record_declined(*arrival, *reason);
     declined_.put(std::move(*arrival));
@@ -104,8 +104,8 @@ void StagedUpdates::before_frame(Worker& worker) {
   // It was welcome when it began. The camera may have found itself again since then, a new edge or
   // epoch may have come.
   const bool anew = arrival->relocalization() || std::exchange(waited_, false);
-  const auto reason =
-      anew ? check_.decline_reason(worker, *arrival) : check_.obsolete_reason(worker, *arrival);
+  const auto reason = anew ? check_.update_decline_reason(worker, *arrival)
+                           : check_.obsolete_reason(worker, *arrival);
   if (!reason) return exchange_maps(worker, std::move(*arrival));
   check_.record_declined(*arrival, *reason);
   check_.keep_poses(worker, *arrival);

@@ -63,28 +63,28 @@ void Pipe::accept(std::span<const std::uint8_t> packet) {
   const std::uint16_t tag = echo_sequence(packet);
   const auto lane = tag != 0 ? link::Lane::kProbe : link::Lane::kData;
   std::deque<Held>& held = held_[static_cast<std::size_t>(lane)];
-  Admission admission = model_.admit(now_ns, size, lane);
-  if (admission.fate == Fate::kDelivered && held_bytes_ + size > kHeldBytesLimit) {
-    admission.fate = Fate::kOverflow;
+  PacketOutcome outcome = model_.admit(now_ns, size, lane);
+  if (outcome.fate == Fate::kDelivered && held_bytes_ + size > kHeldBytesLimit) {
+    outcome.fate = Fate::kOverflow;
   }
   PacketRecord record{};
   record.in_ns = now_ns;
-  record.profile_ns = admission.profile_ns;
+  record.profile_ns = outcome.profile_ns;
   record.queue_bytes =
-      static_cast<std::uint32_t>(std::min<std::int64_t>(admission.queue_bytes, UINT32_MAX));
+      static_cast<std::uint32_t>(std::min<std::int64_t>(outcome.queue_bytes, UINT32_MAX));
   record.bytes = size;
   record.tag = tag;
   record.direction = direction_;
-  record.fate = static_cast<std::uint8_t>(admission.fate);
+  record.fate = static_cast<std::uint8_t>(outcome.fate);
   record.protocol = packet[9];
   ++counters_.packets;
   counters_.bytes += size;
   ++counters_.fates[record.fate];
-  if (admission.fate != Fate::kDelivered) {
+  if (outcome.fate != Fate::kDelivered) {
     log_.append(record);
     return;
   }
-  record.due_ns = admission.due_ns;
+  record.due_ns = outcome.due_ns;
   if (held.empty() && record.due_ns <= now_ns) {
     hand_over(record, packet);
     return;

@@ -15,10 +15,10 @@
 
 namespace slambed::relay {
 
-using link::Admission;
 using link::DirectionModel;
 using link::DirectionOptions;
 using link::Fate;
+using link::PacketOutcome;
 
 /// What one direction did, for the summary.
 struct PipeCounters {

@@ -34,8 +34,8 @@ void DirectionModel::place_trace(std::int64_t now_ns) {
   bottleneck_->set_origin(origin_ns);
 }
 
-Admission DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane) {
-  Admission result;
+PacketOutcome DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane) {
+  PacketOutcome result;
   LaneState& own = lanes_[static_cast<std::size_t>(lane)];
   if (!applied_) {
     result.due_ns = own.last_due_ns = std::max(own.last_due_ns, now_ns);

@@ -32,7 +32,7 @@ struct DirectionOptions {
   bool gap_drops = false;  ///< false: what would arrive in a gap waits for its end
 };
 
-struct Admission {
+struct PacketOutcome {
   Fate fate = Fate::kDelivered;
   std::int64_t due_ns = 0;       ///< when to hand it over, CLOCK_MONOTONIC
   std::int64_t profile_ns = 0;   ///< the profile's part of the delay
@@ -59,7 +59,7 @@ class DirectionModel {
 
   /// A probe waits behind the queue like any packet, and neither fills it nor draws for others.
   /// @param now_ns CLOCK_MONOTONIC, not decreasing
-  Admission admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane = Lane::kData);
+  PacketOutcome admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane = Lane::kData);
 
  private:
   void place_trace(std::int64_t now_ns);

@@ -24,7 +24,7 @@ class DelaySchedule {
   Interpolation interpolation_;
 };
 
-/// A hand-over gap: nothing is delivered in [start, end) of run time.
+/// An outage: nothing is delivered in [start, end) of run time.
 struct Gap {
   std::int64_t start_ns;
   std::int64_t end_ns;

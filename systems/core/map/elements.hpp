@@ -38,7 +38,8 @@ struct MapPoint {
   KeyFrameId reference;  ///< its octave defines the distance range
   KeyFrameId first_keyframe;
   std::vector<Observation> observations;  ///< ordered by keyframe id
-  int weight = 0;                         ///< stereo/RGB-D observations count 2, monocular ones 1
+  /// Stereo/RGB-D observations count 2, monocular ones 1 (ORB-SLAM2's nObs).
+  int weight = 0;
   /// Observation counts: frames in which it should have been seen, and in which it was found
   /// (ORB-SLAM2's mnVisible and mnFound).
   std::uint32_t visible = 1, found = 1;

@@ -14,24 +14,25 @@ class Completion {
  public:
   using Test = std::function<bool()>;
 
-  /// signal: notified after each change of done() or hopeless().
-  Completion(Signal& signal, Test done, Test hopeless)
-      : signal_(&signal), done_(std::move(done)), hopeless_(std::move(hopeless)) {}
+  /// signal: notified after each change of done() or cannot_complete().
+  Completion(Signal& signal, Test done, Test cannot_complete)
+      : signal_(&signal), done_(std::move(done)), cannot_complete_(std::move(cannot_complete)) {}
 
   bool done() const { return done_(); }
-  /// True once it is done; false when that is hopeless, at the deadline or when the run stops.
+  /// True once it is done; false when it cannot complete (mapping is parked), at the deadline or
+  /// when the run stops.
   bool wait(Worker& worker, RunTime deadline = kNever) const {
     for (;;) {
       const auto ticket = signal_->ticket();  // before the look: no notify in between is missed
       if (done_()) return true;
-      if (hopeless_() || worker.stopping() || worker.now() >= deadline) return false;
+      if (cannot_complete_() || worker.stopping() || worker.now() >= deadline) return false;
       worker.wait(*signal_, ticket, deadline);
     }
   }
 
  private:
   Signal* signal_;
-  Test done_, hopeless_;
+  Test done_, cannot_complete_;
 };
 
 }  // namespace slambed

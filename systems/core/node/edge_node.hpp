@@ -72,7 +72,7 @@ class EdgeNode {
   /// After the runtime has joined.
   void leave(const std::filesystem::path& folder) { policy_->leave(folder); }
 
-  // The verbs of a policy.
+  // What a policy may call.
   Runtime& runtime() { return parts_.runtime; }
   Network& network() { return parts_.network; }
   EventLog& log() { return parts_.log; }

@@ -81,7 +81,7 @@ void EventLog::message(const MessageRecord& record) {
   write(line);
 }
 
-void EventLog::link(const LinkRecord& record) {
+void EventLog::link(const ConnectionEvent& record) {
   write(JsonLine("link")
             .add("channel", record.channel)
             .add("event", record.event)

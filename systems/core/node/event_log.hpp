@@ -42,7 +42,7 @@ class EventLog final : public Observer {
   void warning(std::string_view text) { write(JsonLine("warning").add("text", text)); }
   void stage(const StageRecord& record) override;
   void message(const MessageRecord& record) override;
-  void link(const LinkRecord& record) override;
+  void link(const ConnectionEvent& record) override;
   /// Counts it, and writes a warning.
   void refused(std::uint8_t type, std::string_view why) override;
   int refused() const { return refused_; }

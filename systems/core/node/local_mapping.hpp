@@ -20,7 +20,7 @@ struct MappingHooks {
   /// Commits what must be in the map before the stages run; false: the keyframe is not to be mapped
   /// after all.
   std::function<bool(Worker&, KeyFrameId)> prepare;
-  /// After a keyframe was worked in, before the next is begun.
+  /// After a keyframe was mapped, before the next is begun.
   std::function<void(Worker&, KeyFrameId)> done;
   /// When nothing waits, but not while parked; returns when it wants to be called again (kNever:
   /// after the next keyframe).
@@ -46,12 +46,12 @@ class LocalMapping {
 
   void start(const std::string& worker_name = "mapping");
   /// Queues a keyframe of the map gone on to last (sequential: maps it now). Complete when it was
-  /// worked in, or dropped by a change of map; hopeless while parked.
+  /// mapped, or dropped by a change of map; cannot complete while parked.
   Completion submit(Worker& worker, KeyFrameId keyframe);
   /// Drops what waits, ends what runs and continues on another map (also while parked). Until that
   /// is complete what runs goes on, on the old map.
   Completion reset(std::shared_ptr<Map> map);
-  /// Complete when nothing waits or runs; hopeless while parked.
+  /// Complete when nothing waits or runs; cannot complete while parked.
   Completion drained();
   MapperStatus status() const;
   /// A parked mapper finishes its keyframe and then leaves queue and map alone.

@@ -31,14 +31,14 @@ class LoopClosing {
 
   /// Starts the bundle's worker (not in sequential mode: there the bundle runs at once).
   void start();
-  /// On the mapping side, after a keyframe was worked in.
+  /// On the mapping side, after a keyframe was mapped.
   void mapped(Worker& worker, KeyFrameId keyframe);
   /// On the mapping side, when nothing waits: commits a bundle that is done.
   void idle(Worker& worker);
   /// On the mapping side, when it goes on with a map: what is under way is worth nothing.
   void map_changed();
-  /// Complete when no bundle runs or waits to be committed, hopeless while mapping is parked. To be
-  /// asked when mapping is drained: a keyframe that waits may close another loop.
+  /// Complete when no bundle runs or waits to be committed; cannot complete while mapping is
+  /// parked. To be asked when mapping is drained: a keyframe that waits may close another loop.
   Completion drained();
   /// What is under way is worth nothing any more. From any worker.
   void cancel() { ++generation_; }

@@ -62,14 +62,14 @@ void MobileNode::track(Worker& worker) {
   worker.sleep_until(RunTime::zero());
   while (const auto offered = parts_.feed.next(worker)) {
     policy_->before_frame(worker, *offered);
-    if (lost_in(worker, *offered) && parts_.stop_at_first_loss) break;
+    if (track_frame(worker, *offered) && parts_.stop_at_first_loss) break;
   }
   finished_ = !worker.stopping();
   policy_->finish(worker);
   parts_.runtime.stop();
 }
 
-bool MobileNode::lost_in(Worker& worker, const OfferedFrame& offered) {
+bool MobileNode::track_frame(Worker& worker, const OfferedFrame& offered) {
   if (policy_->offload(worker, offered)) return lost_elsewhere_;
   const std::uint64_t index = offered.played.index;
   const TrackedFrame frame = tracking_->track(

@@ -47,7 +47,7 @@ class MobileNode {
   bool finished() const { return finished_; }  ///< played to the end
   MapCounts counts() const { return policy_->counts(); }
 
-  // The verbs of a policy.
+  // What a policy may call.
   Runtime& runtime() { return parts_.runtime; }
   Network& network() { return *parts_.network; }
   EventLog& log() { return parts_.log; }
@@ -84,7 +84,8 @@ class MobileNode {
 
  private:
   void track(Worker& worker);
-  bool lost_in(Worker& worker, const OfferedFrame& offered);
+  /// Returns whether the camera was lost in it.
+  bool track_frame(Worker& worker, const OfferedFrame& offered);
   void log_pose(std::uint64_t frame, const TrackOutcome& outcome);
 
   MobileParts parts_;

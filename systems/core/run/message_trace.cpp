@@ -22,7 +22,7 @@ struct TracedMessage {
 struct Silent final : Observer {
   void stage(const StageRecord&) override {}
   void message(const MessageRecord&) override {}
-  void link(const LinkRecord&) override {}
+  void link(const ConnectionEvent&) override {}
   void refused(std::uint8_t, std::string_view) override {}
 };
 

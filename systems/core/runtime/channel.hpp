@@ -27,6 +27,10 @@ struct Message {
 /// What the transport knows about the path; absent while unknown.
 struct PathStats {
   std::optional<Duration> smoothed_rtt;  ///< tcpi_rtt, or its model
+  /// Live: what waits in the send queue and in the kernel's send buffer (SIOCOUTQ). In virtual
+  /// time: only what TCP has sent and the peer has not acknowledged, neither the send queue nor
+  /// what the congestion window still keeps back. With the codec `compatibility`, its queue of its
+  /// own, too.
   std::uint64_t unacknowledged_bytes = 0;
   bool connected = false;
   std::uint64_t connections = 0;  ///< how many there were so far, this one included

@@ -9,9 +9,9 @@
 
 namespace slambed {
 
-/// Pushes to a queue of limited length (0: unlimited); hands back the oldest item when it had to
-/// go.
-inline std::optional<Message> push_newest_wins(std::deque<Message>& queue, Message message,
+/// Pushes to a queue of limited length (0: unlimited); hands back the oldest item, which is out of
+/// the queue, when the queue was full; the caller records the drop.
+inline std::optional<Message> push_drop_oldest(std::deque<Message>& queue, Message message,
                                                int limit) {
   std::optional<Message> dropped;
   if (limit > 0 && queue.size() >= static_cast<std::size_t>(limit)) {

@@ -39,8 +39,8 @@ struct MessageRecord {
 };
 
 /// A change of a connection: connected, lost, reconnected, rejected; on the channel with the
-/// heartbeat also silent and alive.
-struct LinkRecord {
+/// heartbeat also silent and alive; stalled and flowing (StallWatch).
+struct ConnectionEvent {
   std::string_view channel, event, detail;
 };
 
@@ -50,7 +50,7 @@ class Observer {
   virtual ~Observer() = default;
   virtual void stage(const StageRecord& record) = 0;
   virtual void message(const MessageRecord& record) = 0;
-  virtual void link(const LinkRecord& record) = 0;
+  virtual void link(const ConnectionEvent& record) = 0;
   /// A message of this type could not be read.
   virtual void refused(std::uint8_t type, std::string_view why) = 0;
 };

@@ -7,20 +7,20 @@
 namespace slambed {
 namespace {
 
-constexpr int kOtherObservers = 3;
-constexpr int kRedundantAbove = 3;   ///< a point can only be redundant above this weight
-constexpr int kOctaveTolerance = 1;  ///< the others may see it one octave coarser
+constexpr int kMinOtherObservers = 3;
+constexpr int kMinObservationWeight = 3;  ///< ORB-SLAM2's nObs > 3: a point is redundant above it
+constexpr int kOctaveTolerance = 1;       ///< the others may see it one octave coarser
 
 /// Whether enough others see the point that `own` is an observation of; `culled` are gone already.
 bool seen_enough(const MapPoint& point, KeyFrameId own, int own_octave,
                  const std::vector<KeyFrameId>& culled) {
-  if (point.weight <= kRedundantAbove) return false;
+  if (point.weight <= kMinObservationWeight) return false;
   int weight = 0, others = 0;
   for (const Observation& at : point.observations) {
     if (std::find(culled.begin(), culled.end(), at.keyframe) != culled.end()) continue;
     weight += at.weight;
     others += at.keyframe != own && at.octave <= own_octave + kOctaveTolerance;
-    if (weight > kRedundantAbove && others >= kOtherObservers) return true;
+    if (weight > kMinObservationWeight && others >= kMinOtherObservers) return true;
   }
   return false;
 }

@@ -17,7 +17,7 @@ namespace {
 // them, and after two keyframes observed with more than weight three (two without depth, where an
 // observation weighs one); free after three.
 constexpr double kLeastFoundShare = 0.25;
-constexpr int kProbation = 2;  ///< keyframes
+constexpr int kMinAgeForObserverTest = 2;  ///< keyframes
 constexpr int kLeastWeight = 3, kLeastWeightMono = 2;
 
 }  // namespace
@@ -92,12 +92,13 @@ MapDelta LocalMapper::cull_points() {
       if (!point) return true;
       const int age = impl_->age_of(recent, *point);
       const bool hardly_found = point->found < kLeastFoundShare * point->visible;
-      const bool hardly_seen = age >= kProbation && point->weight <= impl_->least_weight;
+      const bool hardly_seen =
+          age >= kMinAgeForObserverTest && point->weight <= impl_->least_weight;
       if (hardly_found || hardly_seen) {
         delta.culled_points.push_back(recent.id);
         return true;
       }
-      return age >= kGraduation;
+      return age >= kProbationKeyFrames;
     });
     return 0;
   });

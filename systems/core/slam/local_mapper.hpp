@@ -11,10 +11,12 @@
 namespace slambed {
 
 struct LocalMapperOptions {
-  int neighbors = 10;            ///< best covisibles used for triangulation and fusion ...
-  int neighbors_mono = 20;       ///< ... where every point must be triangulated
-  int second_neighbors = 5;      ///< of each neighbor, for fusion
-  double redundant_share = 0.9;  ///< keyframe culling
+  int neighbors = 10;        ///< best covisibles used for triangulation and fusion ...
+  int neighbors_mono = 20;   ///< ... where every point must be triangulated
+  int second_neighbors = 5;  ///< of each neighbor, for fusion
+  /// ORB-SLAM2's KeyFrameCulling: a keyframe goes when more than this share of its points is seen
+  /// by at least 3 others.
+  double redundant_share = 0.9;
   /// How old a new point is: by the ids of keyframes, which also count those that were made and
   /// never came (Edge-SLAM), instead of by the keyframes mapped since.
   bool ages_by_id = false;
@@ -32,7 +34,7 @@ struct LocalMapperOptions {
 class LocalMapper {
  public:
   /// Keyframes after its own until a point is culled for its observations no more.
-  static constexpr int kGraduation = 3;
+  static constexpr int kProbationKeyFrames = 3;
 
   LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids);
   ~LocalMapper();

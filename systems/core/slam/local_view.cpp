@@ -63,7 +63,7 @@ std::uint32_t LocalView::begin_look() {
 
 void LocalView::keep_observation_counts() {
   for (const PointObservation& s : seen_) {
-    if (s.mark->visible == 0 && s.mark->found == 0) sighted_.push_back(s.id);
+    if (s.mark->visible == 0 && s.mark->found == 0) observed_.push_back(s.id);
     ++(s.found ? s.mark->found : s.mark->visible);
   }
   seen_.clear();
@@ -118,11 +118,11 @@ bool LocalView::collect(const MapView& view) {
 }
 
 std::vector<PointObservationCounts> LocalView::take_observation_counts(const Map& map) {
-  std::sort(sighted_.begin(), sighted_.end());
+  std::sort(observed_.begin(), observed_.end());
   std::vector<PointObservationCounts> observation_counts;
-  observation_counts.reserve(sighted_.size());
+  observation_counts.reserve(observed_.size());
   map.read([&](const MapView& view) {
-    for (const MapPointId id : sighted_) {
+    for (const MapPointId id : observed_) {
       Mark& m = *marks_.find(id);
       if (const MapPoint* point = view.point(id))
         observation_counts.push_back({id, point->visible + m.visible, point->found + m.found});
@@ -130,7 +130,7 @@ std::vector<PointObservationCounts> LocalView::take_observation_counts(const Map
     }
     return 0;
   });
-  sighted_.clear();
+  observed_.clear();
   return observation_counts;
 }
 
@@ -144,7 +144,7 @@ void LocalView::clear() {
   marks_of_points_.clear();
   marks_.clear();
   seen_.clear();
-  sighted_.clear();
+  observed_.clear();
 }
 
 }  // namespace slambed

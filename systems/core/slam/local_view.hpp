@@ -14,7 +14,7 @@ namespace slambed {
 /// The tracker's copy of the part of the map around the current frame: keyframes that share points
 /// with it, their neighbors, and all their points. It is copied again only when the map or the set
 /// of keyframes has changed, and counts observations (found, visible) until a delta carries them
-/// away.
+/// away. (ORB-SLAM2's UpdateLocalMap.)
 class LocalView {
  public:
   /// Largest list of keyframes that still grows by neighbors (ORB-SLAM2).
@@ -109,7 +109,7 @@ class LocalView {
   SlotTable<MapPointId, Mark> marks_;
   std::uint32_t look_ = 0;
   std::vector<PointObservation> seen_;  ///< in the search at hand
-  std::vector<MapPointId> sighted_;
+  std::vector<MapPointId> observed_;
 };
 
 }  // namespace slambed

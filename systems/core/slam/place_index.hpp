@@ -16,7 +16,7 @@
 namespace slambed {
 
 /// Which keyframes look like this image? An inverted file from visual words to keyframes, with
-/// ORB-SLAM2's rules for choosing among them. May be shared between threads:
+/// ORB-SLAM2's rules for choosing among them (its KeyFrameDatabase). May be shared between threads:
 /// tracking asks while loop closing adds. Its lock is taken after a map's, never before.
 class PlaceIndex {
  public:

@@ -148,7 +148,7 @@ void Tracker::Impl::relocalize_in_received_map() {
   });
 }
 
-bool Tracker::Impl::resume(const SE3& T_cw, KeyFrameId at) {
+bool Tracker::Impl::continue_from(const SE3& T_cw, KeyFrameId at) {
   if (state != TrackingState::kLost) return false;
   const auto T_rw = map->read([&](const MapView& view) {
     const KeyFrame* keyframe = view.keyframe(at);
@@ -167,7 +167,7 @@ bool Tracker::Impl::resume(const SE3& T_cw, KeyFrameId at) {
   return true;
 }
 
-bool Tracker::Impl::resume(const FoundFrame& found) {
+bool Tracker::Impl::continue_from(const FoundFrame& found) {
   if (state != TrackingState::kLost) return false;
   const auto T_rw = map->read([&](const MapView& view) {
     const KeyFrame* keyframe = view.keyframe(found.reference);
@@ -267,10 +267,10 @@ TrackOutcome Tracker::track(std::uint64_t frame_index, double timestamp_s,
 }
 
 void Tracker::start_at(const SE3& T_cw) { impl_->first_T_cw = T_cw; }
-bool Tracker::resume(const SE3& T_cw, KeyFrameId reference) {
-  return impl_->resume(T_cw, reference);
+bool Tracker::continue_from(const SE3& T_cw, KeyFrameId reference) {
+  return impl_->continue_from(T_cw, reference);
 }
-bool Tracker::resume(const FoundFrame& found) { return impl_->resume(found); }
+bool Tracker::continue_from(const FoundFrame& found) { return impl_->continue_from(found); }
 const KeyFrameEvidence& Tracker::evidence() const { return impl_->evidence; }
 
 KeyFrameNeed Tracker::keyframe_need() const {

@@ -129,11 +129,11 @@ class Tracker {
   /// Goes on from a pose that somebody else found for a lost frame (relocalization by pose): the
   /// next frame is tracked from this keyframe as right after a relocalization. False, and nothing
   /// changed, when the tracker is not lost or its map has no such keyframe.
-  bool resume(const SE3& T_cw, KeyFrameId reference);
+  bool continue_from(const SE3& T_cw, KeyFrameId reference);
   /// The same with the frame that was found, which may be older than the last one tracked: it takes
   /// the last one's place, without a velocity. Tracking stays lost until a frame was tracked from
   /// it; the next one is tried so first, then as any lost frame.
-  bool resume(const FoundFrame& found);
+  bool continue_from(const FoundFrame& found);
 
   /// What the keyframe rule knows of the frame just tracked, for rules of one's own.
   const KeyFrameEvidence& evidence() const;

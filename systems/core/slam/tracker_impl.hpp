@@ -40,8 +40,8 @@ struct Tracker::Impl {
   void gather_evidence(int inliers);
   void start_over();
   void relocalize_in_received_map();
-  bool resume(const SE3& T_cw, KeyFrameId at);
-  bool resume(const FoundFrame& found);
+  bool continue_from(const SE3& T_cw, KeyFrameId at);
+  bool continue_from(const FoundFrame& found);
   bool track_from_found_frame(TrackOutcome& outcome);
   MapDelta create_keyframe(bool becomes_reference);
   void continue_on(std::shared_ptr<Map> fresh, std::span<const KeyFrameId> still_provisional);

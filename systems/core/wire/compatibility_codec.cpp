@@ -283,7 +283,7 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary, Direct
   out.word("MAP_UPDATE");
   out.integer(message.update);
   put_id(out, message.newest);
-  put_id(out, message.past_probation);
+  put_id(out, message.newest_past_probation);
   for (const auto time : kUpdateTimes) put_time(out, message.times.*time);
   out.integer(message.map.epoch);
   const PointsById by_value = by_id(message.map.points);
@@ -308,7 +308,7 @@ MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPt
   MapUpdate message;
   message.update = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   message.newest = get_id<KeyFrameId>(in);
-  message.past_probation = get_id_or_none<KeyFrameId>(in);
+  message.newest_past_probation = get_id_or_none<KeyFrameId>(in);
   for (const auto time : kUpdateTimes) message.times.*time = get_time(in);
   message.map.epoch = static_cast<std::uint64_t>(in.integer(0, kAnyNumber));
   std::set<MapPointId> seen;

@@ -75,7 +75,7 @@ Bytes encode(const MapUpdate& message) {
   ByteWriter out;
   out.varint(message.update);
   IdStream().put(out, message.newest);
-  IdStream().put(out, message.past_probation);
+  IdStream().put(out, message.newest_past_probation);
   for (const auto time : kUpdateTimes) out.time(message.times.*time);
   put_delta(out, message.map);
   put_poses(out, message.poses);
@@ -87,7 +87,7 @@ MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& se
     MapUpdate message;
     message.update = in.varint();
     message.newest = IdStream().get<KeyFrameId>(in);
-    message.past_probation = IdStream().get_or_none<KeyFrameId>(in);
+    message.newest_past_probation = IdStream().get_or_none<KeyFrameId>(in);
     for (const auto time : kUpdateTimes) message.times.*time = in.time();
     message.map = get_delta(in, sensor);
     message.poses = get_poses(in);

@@ -64,13 +64,13 @@ struct MapUpdate {
   KeyFrameId newest;
   /// Points first seen by this keyframe or an earlier one will not be culled for how rarely they
   /// are found; none: too few keyframes were mapped.
-  KeyFrameId past_probation{};
+  KeyFrameId newest_past_probation{};
   UpdateTimes times;
   MapDelta map;                     ///< the keyframes with all their points
   std::vector<KeyFramePose> poses;  ///< of other keyframes that moved since the last update
 };
 
-/// FRAME, mobile -> edge: where am I?
+/// FRAME, mobile -> edge: the question of a lost mobile (Edge-SLAM), where it is; not FRAME_IMAGE.
 struct FrameMessage {
   static constexpr MessageType kType = kOffloadMessages["FRAME"];
   std::uint64_t frame_index = 0;

@@ -124,7 +124,9 @@ TEST_F(Handover, OneThatIsStoppedIsWorthNothingAnyMore) {
     client.stop(2);
     EXPECT_FALSE(client.under_way());
   });
-  at(2s, [&] { EXPECT_EQ(mapping.mapper().decline_reason(turn.messages[0]), "mapper stopped"); });
+  at(2s, [&] {
+    EXPECT_EQ(mapping.mapper().keyframe_decline_reason(turn.messages[0]), "mapper stopped");
+  });
   at(3s, [&] {
     client.begin(2, turn.map, false);
     EXPECT_TRUE(client.under_way());
@@ -133,7 +135,7 @@ TEST_F(Handover, OneThatIsStoppedIsWorthNothingAnyMore) {
   EXPECT_EQ(sent.back()["epoch"], 2);
   EXPECT_FALSE(client.under_way());
   EXPECT_EQ(at_edge().points, count(*turn.map).points);
-  EXPECT_NE(mapping.mapper().decline_reason(turn.messages[0]), "mapper stopped");
+  EXPECT_NE(mapping.mapper().keyframe_decline_reason(turn.messages[0]), "mapper stopped");
 }
 
 TEST_F(Handover, ItIsSentOnceHoweverLongTheAnswerTakes) {

@@ -26,7 +26,7 @@ Thresholds limits(bool hysteresis, bool safe_zone, double limit_ms = 40, double 
 
 /// States after each RTT, the first one giving the initial state.
 std::string walk(const Thresholds& t, const Rtts& rtts) {
-  State state = initial_state(rtts.front(), t);
+  OffloadingState state = initial_state(rtts.front(), t);
   std::string states(to_string(state));
   for (std::size_t i = 1; i < rtts.size(); ++i) {
     state = next_state(state, rtts[i], t);

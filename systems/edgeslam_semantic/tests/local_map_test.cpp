@@ -80,8 +80,8 @@ TEST_F(LocalMap, WhatIsNewerThanTheSliceMovesAlongWithItsScale) {
   const Sim3 moved{
       2, Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).toRotationMatrix(), {1, 2, 3}};
   for (auto& [id, p_w] : window.points) p_w = moved * p_w;
-  for (auto& [id, sighted] : window.keyframes)
-    sighted.T_cw = to_se3(to_sim3(sighted.T_cw) * moved.inverse());
+  for (auto& [id, observed] : window.keyframes)
+    observed.T_cw = to_se3(to_sim3(observed.T_cw) * moved.inverse());
   Map after;
   after.commit(made(keyframe_id(2)));
   EXPECT_NEAR(S.scale, 2, 1e-6);

@@ -113,11 +113,11 @@ void expect_equal(const MapWindow& found, const MapWindow& wanted, int step) {
   ASSERT_EQ(found.points.size(), wanted.points.size()) << step;
   for (const auto& [id, p_w] : wanted.points) ASSERT_EQ(found.points.at(id), p_w) << step;
   ASSERT_EQ(found.keyframes.size(), wanted.keyframes.size()) << step;
-  for (const auto& [id, sighted] : wanted.keyframes) {
-    ASSERT_EQ(found.keyframes.at(id).points, sighted.points) << step;
+  for (const auto& [id, observed] : wanted.keyframes) {
+    ASSERT_EQ(found.keyframes.at(id).points, observed.points) << step;
     // As a quaternion on its way.
-    ASSERT_LT((found.keyframes.at(id).T_cw.R - sighted.T_cw.R).norm(), 1e-12) << step;
-    ASSERT_LT((found.keyframes.at(id).T_cw.t - sighted.T_cw.t).norm(), 1e-12) << step;
+    ASSERT_LT((found.keyframes.at(id).T_cw.R - observed.T_cw.R).norm(), 1e-12) << step;
+    ASSERT_LT((found.keyframes.at(id).T_cw.t - observed.T_cw.t).norm(), 1e-12) << step;
   }
 }
 

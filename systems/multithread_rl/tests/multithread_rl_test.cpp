@@ -7,8 +7,8 @@
 
 #include <set>
 
-#include "edgeslam/edge_slam.hpp"
 #include "edgeslam/parameters.hpp"
+#include "edgeslam/policies.hpp"
 #include "offload/nodes/settings.hpp"
 #include "offload/tests/turning_pair.hpp"
 

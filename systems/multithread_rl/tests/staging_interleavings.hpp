@@ -94,7 +94,8 @@ class Interleaving {
     revision_ = active().revision();
   }
 
-  /// What the edge says of a lost frame, as PoseRequests and MapDownlink take it over.
+  /// What the edge says of a lost frame, as MobileRelocalizationByPose and MapDownlink take it
+  /// over.
   void be_found() {
     const auto found = edge_.find(random_, scene_, turned, kFeatures);
     const std::uint64_t number = edge_.next_number();
@@ -113,7 +114,7 @@ class Interleaving {
                      .T_cw = found.T_cw,
                      .reference = found.keyframe.keyframes.front().id,
                      .points = found.points};
-    ASSERT_TRUE(tracker_.resume(frame));
+    ASSERT_TRUE(tracker_.continue_from(frame));
     map->read([&](const MapView& view) {
       int matched = 0;
       for (const MapPointId id : frame.points) {

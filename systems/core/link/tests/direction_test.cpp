@@ -96,7 +96,7 @@ TEST(Direction, AConstantRateSpacesPacketsAndDropsWhatTheQueueCannotHold) {
   EXPECT_EQ(model.admit(0, 1500).due_ns, 2 * kMs);
   EXPECT_EQ(model.admit(0, 1500).due_ns, 3 * kMs);
   EXPECT_EQ(model.admit(0, 1500).fate, Fate::kQueueFull);
-  const Admission later = model.admit(kMs, 1500);  // the first one has left
+  const PacketOutcome later = model.admit(kMs, 1500);  // the first one has left
   EXPECT_EQ(later.queue_bytes, 3000);
   EXPECT_EQ(later.due_ns, 4 * kMs);
 }
@@ -137,8 +137,8 @@ TEST(Direction, ARateTraceDeliversItsMeanRate) {
   model.start(0);
   std::int64_t bytes = 0;
   for (std::int64_t now = 0; now < 20 * kSecond; now += kMs) {
-    const Admission admission = model.admit(now, 1000);
-    if (admission.fate == Fate::kDelivered && admission.due_ns <= 20 * kSecond) bytes += 1000;
+    const PacketOutcome outcome = model.admit(now, 1000);
+    if (outcome.fate == Fate::kDelivered && outcome.due_ns <= 20 * kSecond) bytes += 1000;
   }
   const double expected = 20e9 / (3.0 * kMs) * 1500;
   EXPECT_NEAR(static_cast<double>(bytes), expected, 0.01 * expected);
@@ -236,12 +236,12 @@ TEST(Direction, AProbeChangesNothingForTheData) {
   probed.start(0);
   int answered = 0, waited = 0;
   for (std::int64_t now = 0; now < 20 * kSecond; now += 2 * kMs) {
-    const Admission probe = probed.admit(now, 76, Lane::kProbe);
+    const PacketOutcome probe = probed.admit(now, 76, Lane::kProbe);
     EXPECT_NE(probe.fate, Fate::kQueueFull);
     answered += probe.fate == Fate::kDelivered;
     const int packets = now / kSecond % 2 == 0 ? 3 : 0;  // 18 Mbit/s, and nothing
     for (int i = 0; i < packets; ++i) {
-      const Admission a = plain.admit(now, 1500), b = probed.admit(now, 1500);
+      const PacketOutcome a = plain.admit(now, 1500), b = probed.admit(now, 1500);
       ASSERT_EQ(a.fate, b.fate) << now;
       ASSERT_EQ(a.due_ns, b.due_ns) << now;
     }

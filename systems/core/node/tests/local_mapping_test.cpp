@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mapping worker and those who wait for it, in virtual time and live. No keyframe is worked in
+// The mapping worker and those who wait for it, in virtual time and live. No keyframe is mapped
 // here: what the stages do is tested with the mapper.
 #include "node/local_mapping.hpp"
 
@@ -105,8 +105,8 @@ TEST(LocalMapping, WhoAsksMayWaitOrLook) {
     // Parked, it takes no keyframe, but goes on to another map.
     mapping.park(true);
     const Completion fourth = mapping.submit(worker, keyframe(3));
-    EXPECT_FALSE(fourth.wait(worker)) << "hopeless";
-    EXPECT_FALSE(mapping.drained().wait(worker)) << "hopeless";
+    EXPECT_FALSE(fourth.wait(worker)) << "cannot complete";
+    EXPECT_FALSE(mapping.drained().wait(worker)) << "cannot complete";
     EXPECT_TRUE(mapping.reset(map).wait(worker));
     EXPECT_TRUE(fourth.done()) << "dropped";
     mapping.park(false);

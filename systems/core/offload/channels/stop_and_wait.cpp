@@ -38,7 +38,7 @@ std::uint64_t StopAndWaitChannel::send(std::uint8_t type, Bytes payload) {
   {
     std::lock_guard lock(mutex_);
     message.sequence = sequence = next_sequence_++;
-    dropped = push_newest_wins(outgoing_, std::move(message), options_.send_queue);
+    dropped = push_drop_oldest(outgoing_, std::move(message), options_.send_queue);
   }
   if (dropped) record_drop(*dropped, false);
   below_.signal().notify();  // wakes the worker
@@ -128,7 +128,7 @@ void StopAndWaitChannel::deliver(Message message) {
   std::optional<Message> dropped;
   {
     std::lock_guard lock(mutex_);
-    dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
+    dropped = push_drop_oldest(incoming_, std::move(message), options_.receive_queue);
   }
   if (dropped) record_drop(*dropped, true);
   signal_->notify();

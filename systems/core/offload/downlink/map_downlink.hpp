@@ -43,7 +43,7 @@ class MapDownlink {
   /// Newest point of an edge mapper among all updates applied; none before the first.
   MapPointId newest_edge_point() const { return check_.newest_edge_point(); }
   /// What its last update said of points that need no more counting; none before the first.
-  KeyFrameId past_probation() const { return check_.past_probation(); }
+  KeyFrameId newest_past_probation() const { return check_.newest_past_probation(); }
   /// Updates of an older epoch are declined from now on; they are counted anew. On the tracking
   /// worker.
   void begin_epoch(std::uint64_t epoch) { check_.begin_epoch(epoch); }

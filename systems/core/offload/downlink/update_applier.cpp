@@ -8,7 +8,7 @@ namespace {
 
 /// True, and recorded, when the update is not applied.
 bool declined(Worker& worker, UpdateCheck& check, const UpdateArrival& arrival) {
-  const auto reason = check.decline_reason(worker, arrival);
+  const auto reason = check.update_decline_reason(worker, arrival);
   if (!reason) return false;
   check.record_declined(arrival, *reason);
   check.keep_poses(worker, arrival);
@@ -74,7 +74,7 @@ void SerialUpdates::before_frame(Worker& worker) {
   if (!message) return;
   auto arrival = receiver_.read(worker, std::move(*message));
   if (!arrival || declined(worker, check_, *arrival)) return;
-  if (const auto reason = further_reason(*arrival)) {
+  if (const auto reason = additional_decline_reason(*arrival)) {
     check_.record_declined(*arrival, *reason);
     return check_.keep_poses(worker, *arrival);
   }

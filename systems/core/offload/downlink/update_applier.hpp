@@ -83,7 +83,7 @@ class SerialUpdates : public UpdateApplier {
     std::vector<KeyFrameId> provisional{};  ///< the edge may still decline them; ascending
   };
   /// Why an update that the rules welcome is declined all the same, or nothing.
-  virtual std::optional<std::string_view> further_reason(const UpdateArrival&) const {
+  virtual std::optional<std::string_view> additional_decline_reason(const UpdateArrival&) const {
     return std::nullopt;
   }
   /// Adds to the update's map what it lacks of the local one.

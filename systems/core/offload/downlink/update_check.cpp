@@ -18,7 +18,7 @@ UpdateState UpdateCheck::state_for(Worker& worker, const UpdateArrival& arrival)
           .lost = lost_,
           .former_edge = arrival.raw.session != edge.session,
           .before_recovery = arrival.raw.queued < recovered_,
-          .behind = arrival.update.newest < expected_,
+          .older_than_deferred_keyframes = arrival.update.newest < expected_,
           .update = arrival.update.update,
           .applied = knows(edge) ? applied_ : 0,
           .epoch = arrival.update.map.epoch,
@@ -29,9 +29,9 @@ UpdateState UpdateCheck::state_for(Worker& worker, const UpdateArrival& arrival)
           .keyframes_in_window = keyframes_since(worker.now() - kRateWindow)};
 }
 
-std::optional<std::string_view> UpdateCheck::decline_reason(Worker& worker,
-                                                            const UpdateArrival& arrival) const {
-  return slambed::decline_reason(rules_, state_for(worker, arrival));
+std::optional<std::string_view> UpdateCheck::update_decline_reason(
+    Worker& worker, const UpdateArrival& arrival) const {
+  return slambed::update_decline_reason(rules_, state_for(worker, arrival));
 }
 
 std::optional<std::string_view> UpdateCheck::obsolete_reason(Worker& worker,
@@ -73,7 +73,7 @@ void UpdateCheck::keyframe_created(RunTime when) {
 void UpdateCheck::applied(const UpdateArrival& arrival, bool newer) {
   std::lock_guard lock(mutex_);
   applied_ = arrival.update.update;
-  past_probation_ = arrival.update.past_probation;
+  newest_past_probation_ = arrival.update.newest_past_probation;
   applied_session_ = arrival.raw.session;
   note_edge_points(arrival.update.map);
   new_keyframe_ = newer;
@@ -87,7 +87,7 @@ void UpdateCheck::note_edge_points(const MapDelta& map) {
 
 void UpdateCheck::joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session) {
   std::lock_guard lock(mutex_);
-  if (applied_session_ != session) past_probation_ = {};  // the former edge's
+  if (applied_session_ != session) newest_past_probation_ = {};  // the former edge's
   applied_ = update;
   applied_session_ = session;
   note_edge_points(keyframe);
@@ -120,10 +120,10 @@ MapPointId UpdateCheck::newest_edge_point() const {
   return newest_edge_point_;
 }
 
-KeyFrameId UpdateCheck::past_probation() const {
+KeyFrameId UpdateCheck::newest_past_probation() const {
   const PeerState edge = node_.network().peer();
   std::lock_guard lock(mutex_);
-  return knows(edge) ? past_probation_ : KeyFrameId{};
+  return knows(edge) ? newest_past_probation_ : KeyFrameId{};
 }
 
 int UpdateCheck::keyframes_since(RunTime begin) const {

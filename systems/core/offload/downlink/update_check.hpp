@@ -20,9 +20,10 @@ class UpdateCheck {
   UpdateCheck(MobileNode& node, UpdateRules rules) : node_(node), rules_(rules) {}
 
   /// The reason why the rules decline it, or nothing.
-  std::optional<std::string_view> decline_reason(Worker& worker,
-                                                 const UpdateArrival& arrival) const;
-  /// The same without what only mattered when it began to be worked in.
+  std::optional<std::string_view> update_decline_reason(Worker& worker,
+                                                        const UpdateArrival& arrival) const;
+  /// Only the reasons for which no map may be made of it at all (edge, epoch, number, recovery);
+  /// few keyframes and fast motion were judged when the update began to be applied.
   std::optional<std::string_view> obsolete_reason(Worker& worker,
                                                   const UpdateArrival& arrival) const;
   void record_declined(const UpdateArrival& arrival, std::string_view reason);
@@ -46,7 +47,7 @@ class UpdateCheck {
   void recovered(RunTime when);
   std::uint64_t applied_update() const;
   MapPointId newest_edge_point() const;
-  KeyFrameId past_probation() const;
+  KeyFrameId newest_past_probation() const;
 
  private:
   /// The last update came from this edge, not from one before it.
@@ -64,8 +65,8 @@ class UpdateCheck {
   std::uint64_t applied_ = 0;
   std::uint64_t applied_session_ = 0;  ///< of the edge it came from: each counts its own
   MapPointId newest_edge_point_;
-  KeyFrameId past_probation_{};
-  KeyFrameId expected_{};  ///< older ones than this are behind
+  KeyFrameId newest_past_probation_{};
+  KeyFrameId expected_{};  ///< updates older than this lack deferred keyframes
   RunTime recovered_ = RunTime::min();
   std::uint64_t epoch_ = 0;
   bool new_keyframe_ = false;

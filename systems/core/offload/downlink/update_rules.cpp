@@ -23,13 +23,14 @@ std::optional<std::string_view> obsolete_reason(const UpdateState& state) {
   return std::nullopt;
 }
 
-std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state) {
+std::optional<std::string_view> update_decline_reason(const UpdateRules& rules,
+                                                      const UpdateState& state) {
   if (const auto obsolete = obsolete_reason(state)) return obsolete;
   if (state.relocalization) {
     if (!state.lost) return "not lost any more";
     return std::nullopt;
   }
-  if (state.behind) return "the edge catches up";
+  if (state.older_than_deferred_keyframes) return "the edge catches up";
   if (std::cmp_less(state.local_keyframes, rules.min_local_keyframes)) return "few keyframes";
   if (!state.new_keyframe) return "up to date";
   const Duration limit =

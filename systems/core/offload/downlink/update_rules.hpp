@@ -32,7 +32,8 @@ struct UpdateState {
   bool lost = false;
   bool former_edge = false;      ///< the process that sent it is gone
   bool before_recovery = false;  ///< it left before the camera was found, and shows another place
-  bool behind = false;           ///< the edge still catches up with keyframes made before
+  /// The edge has not yet mapped keyframes deferred during a hand-over.
+  bool older_than_deferred_keyframes = false;
   std::uint64_t update = 0, applied = 0;
   std::uint64_t epoch = 0, current_epoch = 0;  ///< of the update, of the mobile
   std::size_t local_keyframes = 0;
@@ -45,11 +46,13 @@ struct UpdateState {
 /// is declined.
 bool keeps_poses(const UpdateState& state);
 
-/// Why no map may be made of the update, whatever the camera does; nothing: it is not too late for
-/// it.
+/// Only the reasons for which no map may be made of the update at all (edge, epoch, number,
+/// recovery); nothing when there is none. Few keyframes and fast motion were judged when the update
+/// began to be applied.
 std::optional<std::string_view> obsolete_reason(const UpdateState& state);
 
 /// Nothing when the update is welcome, else why it is declined.
-std::optional<std::string_view> decline_reason(const UpdateRules& rules, const UpdateState& state);
+std::optional<std::string_view> update_decline_reason(const UpdateRules& rules,
+                                                      const UpdateState& state);
 
 }  // namespace slambed

@@ -59,7 +59,7 @@ void EdgeMapper::start() {
   if (loops_) loops_->start();
 }
 
-std::optional<std::string_view> EdgeMapper::decline_reason(
+std::optional<std::string_view> EdgeMapper::keyframe_decline_reason(
     const wire::KeyFrameMessage& message) const {
   AdmissionState state{.mapper = mapping_.status(),
                        .keyframes = count(*map_).keyframes,
@@ -71,7 +71,7 @@ std::optional<std::string_view> EdgeMapper::decline_reason(
     std::lock_guard lock(mutex_);
     state.last_accepted_s = last_admitted_s_;
   }
-  return slambed::decline_reason(message, state);
+  return slambed::keyframe_decline_reason(message, state);
 }
 
 void EdgeMapper::admit(Worker& worker, AdmittedKeyFrame keyframe) {
@@ -191,10 +191,10 @@ KeyFrameId EdgeMapper::newest() const {
   return mapped_keyframes_.empty() ? KeyFrameId{} : mapped_keyframes_.back();
 }
 
-KeyFrameId EdgeMapper::past_probation() const {
+KeyFrameId EdgeMapper::newest_past_probation() const {
   std::lock_guard lock(mutex_);
   const auto mapped = std::ssize(mapped_keyframes_);
-  const auto place = mapped - 1 - LocalMapper::kGraduation;
+  const auto place = mapped - 1 - LocalMapper::kProbationKeyFrames;
   return place < 0 ? KeyFrameId{} : mapped_keyframes_[static_cast<std::size_t>(place)];
 }
 

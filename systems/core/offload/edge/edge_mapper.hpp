@@ -30,7 +30,7 @@ struct EdgeHooks {
   std::function<void(const wire::KeyFrameMessage&)> received{};
   /// A keyframe is in the map, its stages begin.
   std::function<void()> begun;
-  /// After a keyframe was worked in, before loops are looked for; times: until mapped.
+  /// After a keyframe was mapped, before loops are looked for; times: until mapped.
   std::function<void(Worker&, const wire::UpdateTimes&)> mapped;
   /// When no keyframe waits; returns when it wants to be called again.
   std::function<RunTime(Worker&)> idle;
@@ -56,7 +56,7 @@ class EdgeMapper final : public KeyFrameRecipient {
     if (hooks_.received) hooks_.received(message);
   }
   /// Edge-SLAM's admission; see admission.hpp.
-  std::optional<std::string_view> decline_reason(
+  std::optional<std::string_view> keyframe_decline_reason(
       const wire::KeyFrameMessage& message) const override;
   /// Takes a keyframe in; with the first of a new map the old one goes.
   void admit(Worker& worker, AdmittedKeyFrame keyframe) override;
@@ -82,8 +82,8 @@ class EdgeMapper final : public KeyFrameRecipient {
   /// The last keyframe that was mapped or merged; none before the first.
   KeyFrameId newest() const;
   /// The newest keyframe whose new points are past their probation: no observation counts about
-  /// them are needed any more (wire::MapUpdate::past_probation).
-  KeyFrameId past_probation() const;
+  /// them are needed any more (wire::MapUpdate::newest_past_probation).
+  KeyFrameId newest_past_probation() const;
 
   /// Waits until all that was admitted is mapped; what closed loops leave to do is dropped at the
   /// deadline.

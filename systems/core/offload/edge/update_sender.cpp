@@ -71,7 +71,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
                         const std::vector<KeyFrameId>& keyframes, bool relocalization) {
   wire::MapUpdate update;
   update.newest = newest;
-  update.past_probation = mapper_.past_probation();
+  update.newest_past_probation = mapper_.newest_past_probation();
   update.times = times;
   update.times.due = worker.now();
   Bytes payload = worker.stage("prepare_update", [&](StageUnits& units) {

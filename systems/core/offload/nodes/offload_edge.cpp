@@ -15,7 +15,7 @@ EdgeMappingOptions with(EdgeMappingOptions options, const OffloadEdgeParts& part
 std::unique_ptr<EdgeRelocalization> by_map(EdgeNode& node, const Parameters& parameters,
                                            OffloadChannels& channels, EdgeMapping& mapping,
                                            const MessageCodec& codec) {
-  return std::make_unique<RelocalizationByMap>(
+  return std::make_unique<EdgeRelocalizationByMap>(
       node, channels.frame, mapping.mapper(), mapping.updates(),
       MapRelocalizationOptions{.period = from_seconds(parameters.real("reloc_map_period_s")),
                                .max_candidates = parameters.integer("reloc_candidates"),

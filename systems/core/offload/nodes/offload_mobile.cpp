@@ -32,7 +32,7 @@ OffloadMobile::OffloadMobile(MobileNode& node, const Parameters& parameters,
       uplink_(node, channels_.keyframe, codec_),
       relocalization_(parts.relocalization
                           ? parts.relocalization(node, channels_, downlink_, codec_)
-                          : std::make_unique<MapRequests>(
+                          : std::make_unique<MobileRelocalizationByMap>(
                                 channels_.frame,
                                 from_seconds(parameters.real("reloc_request_ms") / 1000), codec_)),
       after_relocalization_s_(after_relocalization_s(parameters, node.played_fps())),
@@ -56,7 +56,7 @@ void OffloadMobile::before_tracking(Worker& worker, const OfferedFrame& frame,
   relocalization_->before_tracking(worker, frame, features);
 }
 
-void OffloadMobile::ask(Worker& worker, const TrackedFrame& frame) {
+void OffloadMobile::relocalize_after_frame(Worker& worker, const TrackedFrame& frame) {
   relocalization_->after_frame(worker, frame);
 }
 
@@ -70,7 +70,7 @@ std::string_view OffloadMobile::relocalized_by(const TrackedFrame& frame) {
   return frame.outcome.resumed ? "edge" : map ? "map" : "local";
 }
 
-void OffloadMobile::note(const TrackedFrame& frame) {
+void OffloadMobile::note_relocalization(const TrackedFrame& frame) {
   if (frame.relocalized_now) relocalized_s_ = frame.offered.played.seq_s();
 }
 
@@ -83,13 +83,13 @@ MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& fram
 
 /// Observation counts decide about a point only while it is on probation at the edge.
 void OffloadMobile::leave_out_past_probation(MapDelta& made) const {
-  const KeyFrameId past_probation = downlink_.past_probation();
-  if (!past_probation) return;
+  const KeyFrameId newest_past_probation = downlink_.newest_past_probation();
+  if (!newest_past_probation) return;
   node_.tracker().map()->read([&](const MapView& view) {
     return std::erase_if(made.observation_counts,
                          [&](const PointObservationCounts& observation_counts) {
                            const MapPoint* point = view.point(observation_counts.id);
-                           return !point || point->first_keyframe <= past_probation;
+                           return !point || point->first_keyframe <= newest_past_probation;
                          });
   });
 }

@@ -28,10 +28,12 @@ class OffloadMobile {
   /// Between extraction and tracking: a lost frame goes to the edge before the local attempt at it.
   void before_tracking(Worker& worker, const OfferedFrame& frame,
                        const std::shared_ptr<const FeatureSet>& features);
-  /// First thing after each frame.
-  void note(const TrackedFrame& frame);
-  /// While tracking is lost, asks the edge where it is.
-  void ask(Worker& worker, const TrackedFrame& frame);
+  /// Remembers when a lost camera was found: keyframes within a second say so. First thing after
+  /// each frame.
+  void note_relocalization(const TrackedFrame& frame);
+  /// Lets the relocalization see the frame: by map it asks the edge, by pose it suspends and
+  /// resumes.
+  void relocalize_after_frame(Worker& worker, const TrackedFrame& frame);
   /// With whose help a lost camera was found in this frame.
   std::string_view relocalized_by(const TrackedFrame& frame);
   /// Makes a keyframe of the frame; the update rules hear of it.

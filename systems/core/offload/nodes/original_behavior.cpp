@@ -9,7 +9,7 @@ OriginalBehavior original_behavior(const Parameters& parameters) {
   behavior.local_map_size = parameters.integer("local_map_size");
   behavior.max_frames = parameters.integer("max_frames");
   behavior.admission_when_idle = parameters.text("admission") == "when_idle";
-  behavior.culls_by_id = parameters.text("cull_age") == "keyframe_ids";
+  behavior.point_age_by_keyframe_id = parameters.text("cull_age") == "keyframe_ids";
   behavior.updates_after_extraction = parameters.text("update_poll") == "after_extraction";
   behavior.first_update_s = parameters.real("first_update_s");
   behavior.tracker.descriptor_fallback = parameters.text("reference_fallback") == "descriptors";

@@ -12,7 +12,7 @@ struct OriginalBehavior {
   int local_map_size = kKeyframesPerStep;  ///< LOCAL_MAP_SIZE, as the fast-motion rule takes it
   int max_frames = 0;                      ///< mMaxFrames; 0: a second at the played rate
   bool admission_when_idle = false;        ///< keyframes wait unread until the mapper looks
-  bool culls_by_id = false;                ///< ages of new points are differences of keyframe ids
+  bool point_age_by_keyframe_id = false;   ///< ages of new points are differences of keyframe ids
   bool updates_after_extraction = false;   ///< the mobile looks for an update then, not before
   double first_update_s = -1;              ///< negative: one period after the start
   TrackerOptions tracker;                  ///< of which only the switches are set

@@ -54,7 +54,7 @@ EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCo
   return {.mapper = {.queue_limit = parameters.integer("edge_queue"),
                      .loop_closing = parameters.boolean("loop_closing"),
                      .max_frames = behavior.max_frames,
-                     .mapping = {.ages_by_id = behavior.culls_by_id, .bundle = {}}},
+                     .mapping = {.ages_by_id = behavior.point_age_by_keyframe_id, .bundle = {}}},
           .updates = {.keyframes = parameters.integer("n_kf"),
                       .neighbors = parameters.integer("update_neighbors"),
                       .period = from_seconds(parameters.real("sync_period_s")),

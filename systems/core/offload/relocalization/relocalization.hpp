@@ -17,8 +17,8 @@ class MobileNode;
 class OffloadChannels;
 
 /// How a lost camera is found with the edge's help: by a map in which the mobile finds itself
-/// (Edge-SLAM), or by a pose that the edge has found (Relocate). This is the mobile's side, on the
-/// tracking worker.
+/// (Edge-SLAM), or by a pose that the edge has found (systems/multithread_rl). This is the mobile's
+/// side, on the tracking worker.
 class MobileRelocalization {
  public:
   virtual ~MobileRelocalization() = default;

@@ -8,7 +8,7 @@
 
 namespace slambed {
 
-void MapRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
+void MobileRelocalizationByMap::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (frame.outcome.state != TrackingState::kLost) {
     last_ = RunTime::min();
     return;
@@ -22,11 +22,11 @@ void MapRequests::after_frame(Worker& worker, const TrackedFrame& frame) {
                                                    .features = frame.features}));
 }
 
-void RelocalizationByMap::start() {
+void EdgeRelocalizationByMap::start() {
   node_.runtime().spawn("reloc", [this](Worker& worker) { serve(worker); });
 }
 
-void RelocalizationByMap::serve(Worker& worker) {
+void EdgeRelocalizationByMap::serve(Worker& worker) {
   RunTime last = RunTime::min();
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameMessage::kType)) continue;
@@ -46,7 +46,7 @@ void RelocalizationByMap::serve(Worker& worker) {
   }
 }
 
-std::vector<KeyFrameId> RelocalizationByMap::alike(const wire::FrameMessage& frame) const {
+std::vector<KeyFrameId> EdgeRelocalizationByMap::alike(const wire::FrameMessage& frame) const {
   const PlaceIndex& places = *mapper_.places();
   const auto bag = places.vocabulary().transform(frame.features->descriptors());
   auto found = places.candidates(bag, *mapper_.map());
@@ -59,7 +59,8 @@ std::vector<KeyFrameId> RelocalizationByMap::alike(const wire::FrameMessage& fra
   });
 }
 
-bool RelocalizationByMap::send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found) {
+bool EdgeRelocalizationByMap::send(Worker& worker, const Message& raw,
+                                   std::vector<KeyFrameId> found) {
   const auto latest = mapper_.latest(options_.latest);
   if (latest.empty()) return false;
   for (const KeyFrameId id : latest) {

@@ -11,9 +11,9 @@ namespace slambed {
 
 /// Edge-SLAM's way, the mobile's side: while tracking is lost, asks the edge where it is, at most
 /// once per period. The answer comes as a map update.
-class MapRequests final : public MobileRelocalization {
+class MobileRelocalizationByMap final : public MobileRelocalization {
  public:
-  MapRequests(Channel& frames, Duration period, MessageCodec codec)
+  MobileRelocalizationByMap(Channel& frames, Duration period, MessageCodec codec)
       : channel_(frames), period_(period), codec_(std::move(codec)) {}
   void after_frame(Worker& worker, const TrackedFrame& frame) override;
 
@@ -35,10 +35,10 @@ struct MapRelocalizationOptions {
 
 /// The edge's side: keyframes that look like the frame and the latest ones become the mobile's map,
 /// in which it finds itself.
-class RelocalizationByMap final : public EdgeRelocalization {
+class EdgeRelocalizationByMap final : public EdgeRelocalization {
  public:
-  RelocalizationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper, UpdateSender& updates,
-                      MapRelocalizationOptions options)
+  EdgeRelocalizationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper,
+                          UpdateSender& updates, MapRelocalizationOptions options)
       : node_(node),
         channel_(frames),
         mapper_(mapper),

@@ -25,7 +25,7 @@ class Admission : public ::testing::Test {
     state.mapper = {.idle = false, .queued = 0, .accepts = true};
   }
   std::string reason() const {
-    const auto declined = decline_reason(message, state);
+    const auto declined = keyframe_decline_reason(message, state);
     return declined ? std::string(*declined) : "welcome";
   }
   wire::KeyFrameMessage message;

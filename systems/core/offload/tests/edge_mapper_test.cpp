@@ -50,7 +50,7 @@ TEST_F(Mapper, KeyframesAreMappedInTheOrderOfTheirAdmission) {
   EXPECT_EQ(mapper.newest(), turn.id(2));
   EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(2), turn.id(1)}));
   EXPECT_EQ(mapper.all_poses().size(), 3u);
-  EXPECT_EQ(mapper.past_probation(), KeyFrameId{})
+  EXPECT_EQ(mapper.newest_past_probation(), KeyFrameId{})
       << "points of the last keyframes are still counted";
 }
 
@@ -76,7 +76,7 @@ TEST_F(Mapper, WhatIsMergedTakesThePlaceOfWhatWaited) {
     admit(mapper, worker, 0);
     mapper.drain(worker, 10s);
     mapper.park(true);
-    EXPECT_EQ(mapper.decline_reason(turn.messages[1]), "mapper stopped");
+    EXPECT_EQ(mapper.keyframe_decline_reason(turn.messages[1]), "mapper stopped");
     admit(mapper, worker, 1);  // had come before mapping was to rest
     MapDelta changes = turn.map->read(snapshot);
     EXPECT_EQ(mapper.merge(worker, std::move(changes)).unknown, 0);
@@ -88,7 +88,7 @@ TEST_F(Mapper, WhatIsMergedTakesThePlaceOfWhatWaited) {
   EXPECT_EQ(mapper.newest(), turn.id(5));
   EXPECT_EQ(mapper.all_poses().size(), 6u);
   EXPECT_EQ(count(*mapper.map()).keyframes, 6u);
-  EXPECT_EQ(mapper.decline_reason(turn.messages[2]), "older than the last accepted");
+  EXPECT_EQ(mapper.keyframe_decline_reason(turn.messages[2]), "older than the last accepted");
 }
 
 TEST_F(Mapper, OneThatBeginsWithAMapTakesKeyframesThatJoinIt) {
@@ -97,8 +97,8 @@ TEST_F(Mapper, OneThatBeginsWithAMapTakesKeyframesThatJoinIt) {
   EdgeMapper empty(nodes.edge, {.queue_limit = 3, .loop_closing = false}, hooks());
   EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = begun}, hooks());
   mapper.start();
-  EXPECT_NE(empty.decline_reason(turn.messages[3]), std::nullopt);
-  EXPECT_EQ(mapper.decline_reason(turn.messages[3]), std::nullopt);
+  EXPECT_NE(empty.keyframe_decline_reason(turn.messages[3]), std::nullopt);
+  EXPECT_EQ(mapper.keyframe_decline_reason(turn.messages[3]), std::nullopt);
   EXPECT_EQ(mapper.latest(2), (std::vector<KeyFrameId>{turn.id(2), turn.id(1)}));
   nodes.on_edge([&](Worker& worker) {
     admit(mapper, worker, 3);
@@ -130,7 +130,7 @@ TEST_F(Mapper, AfterARestartTheFirstKeyframeJoinsTheStoredMap) {
       [&](const MapView& view) { return extract_keyframes(view, std::vector{turn.id(5)}); });
   const std::size_t points = count(*stored).points;
   nodes.on_edge([&](Worker& worker) {
-    ASSERT_EQ(mapper.decline_reason(first), std::nullopt);
+    ASSERT_EQ(mapper.keyframe_decline_reason(first), std::nullopt);
     mapper.admit(worker, {.message = first, .times = {}});
     mapper.drain(worker, 10s);
   });

@@ -18,7 +18,7 @@ class Intake : public ::testing::Test, protected KeyFrameRecipient {
   explicit Intake(const ChannelOptions& options) : ends(nodes.open(options)) {}
 
   void received(const wire::KeyFrameMessage&) override { ++keyframes_received; }
-  std::optional<std::string_view> decline_reason(
+  std::optional<std::string_view> keyframe_decline_reason(
       const wire::KeyFrameMessage& message) const override {
     if (message.keyframe == unwelcome) return reason;
     return std::nullopt;

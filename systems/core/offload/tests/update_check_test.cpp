@@ -71,14 +71,15 @@ TEST_F(UpdatesReceived, OnlyUpdatesAreTakenAndWhatCannotBeReadIsRefused) {
 TEST_F(UpdatesReceived, OneThatIsNoNewerThanTheMapIsDeclined) {
   run([&](Worker& worker) {
     check.keyframe_created(worker.now());
-    EXPECT_EQ(check.decline_reason(worker, arrival(update(5, 2), edge())), std::nullopt);
+    EXPECT_EQ(check.update_decline_reason(worker, arrival(update(5, 2), edge())), std::nullopt);
     check.applied(arrival(update(5, 2), edge()), false);
     EXPECT_EQ(check.applied_update(), 5u);
-    EXPECT_EQ(check.decline_reason(worker, arrival(update(5, 2), edge())), "older than the map");
-    EXPECT_EQ(check.decline_reason(worker, arrival(update(6, 3), edge())), "up to date")
+    EXPECT_EQ(check.update_decline_reason(worker, arrival(update(5, 2), edge())),
+              "older than the map");
+    EXPECT_EQ(check.update_decline_reason(worker, arrival(update(6, 3), edge())), "up to date")
         << "no keyframe since";
     check.keyframe_created(worker.now());
-    EXPECT_EQ(check.decline_reason(worker, arrival(update(6, 3), edge())), std::nullopt);
+    EXPECT_EQ(check.update_decline_reason(worker, arrival(update(6, 3), edge())), std::nullopt);
   });
 }
 
@@ -86,14 +87,15 @@ TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
   run([&](Worker& worker) {
     check.keyframe_created(worker.now());
     auto carrier = update(5, 3);
-    carrier.past_probation = turn.id(1);
+    carrier.newest_past_probation = turn.id(1);
     check.applied(arrival(carrier, edge()), true);
-    EXPECT_EQ(check.past_probation(), turn.id(1));
-    EXPECT_EQ(check.decline_reason(worker, arrival(update(9, 3), edge() + 1)), "its edge is gone");
+    EXPECT_EQ(check.newest_past_probation(), turn.id(1));
+    EXPECT_EQ(check.update_decline_reason(worker, arrival(update(9, 3), edge() + 1)),
+              "its edge is gone");
     check.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
     EXPECT_EQ(check.applied_update(), 0u);
-    EXPECT_EQ(check.past_probation(), KeyFrameId{});
-    EXPECT_EQ(check.decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
+    EXPECT_EQ(check.newest_past_probation(), KeyFrameId{});
+    EXPECT_EQ(check.update_decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);
   });
 }
 
@@ -107,13 +109,13 @@ TEST_F(UpdatesReceived, EpochsRecoveriesAndKeyframesSentLateMakeOneObsolete) {
     EXPECT_EQ(check.obsolete_reason(worker, older), "from before the recovery");
     older.raw.queued = worker.now() + 1ms;
     check.expect_keyframe(turn.id(3));
-    EXPECT_EQ(check.decline_reason(worker, older), "the edge catches up");
+    EXPECT_EQ(check.update_decline_reason(worker, older), "the edge catches up");
     check.expect_keyframe(turn.id(2));
-    EXPECT_EQ(check.decline_reason(worker, older), std::nullopt);
+    EXPECT_EQ(check.update_decline_reason(worker, older), std::nullopt);
     check.applied(older, true);
     check.begin_epoch(1);
     EXPECT_EQ(check.applied_update(), 0u);
-    EXPECT_EQ(check.decline_reason(worker, older), "older epoch");
+    EXPECT_EQ(check.update_decline_reason(worker, older), "older epoch");
   });
 }
 

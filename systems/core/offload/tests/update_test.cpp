@@ -17,7 +17,7 @@ UpdateState usual() {
 }
 
 std::string reason(const UpdateRules& rules, const UpdateState& state) {
-  const auto declined = decline_reason(rules, state);
+  const auto declined = update_decline_reason(rules, state);
   return declined ? std::string(*declined) : "welcome";
 }
 
@@ -42,7 +42,7 @@ TEST(UpdateRules, FollowEdgeSlam) {
   EXPECT_EQ(obsolete_reason(state), "from before the recovery");
   EXPECT_TRUE(keeps_poses(state));
   state = usual();
-  state.behind = true;
+  state.older_than_deferred_keyframes = true;
   EXPECT_EQ(reason(rules, state), "the edge catches up");
   state.relocalization = state.lost = true;
   EXPECT_EQ(reason(rules, state), "welcome");

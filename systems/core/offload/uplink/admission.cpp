@@ -13,8 +13,8 @@ constexpr double kHalfFrame = 0.5;
 
 }  // namespace
 
-std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& message,
-                                               const AdmissionState& state) {
+std::optional<std::string_view> keyframe_decline_reason(const wire::KeyFrameMessage& message,
+                                                        const AdmissionState& state) {
   if (!state.mapper.accepts) return "mapper stopped";
   const double max_gap_s = state.max_frames > 0 ? state.max_frames / state.played_fps : kMaxGapS;
   const double time_s = message.delta.keyframes.back().timestamp_s;

@@ -26,8 +26,8 @@ inline constexpr std::string_view kNoMap = "not the first keyframe";
 
 /// Edge-SLAM's second half of ORB-SLAM2's keyframe rule: nothing when the keyframe is welcome, else
 /// why it is not. Conditions and constants: systems/edgeslam/README.md.
-std::optional<std::string_view> decline_reason(const wire::KeyFrameMessage& message,
-                                               const AdmissionState& state);
+std::optional<std::string_view> keyframe_decline_reason(const wire::KeyFrameMessage& message,
+                                                        const AdmissionState& state);
 
 /// The delta as it can be committed to a map that went on without the mobile: points that were
 /// fused meanwhile are named by their survivor, points that were culled or never came are

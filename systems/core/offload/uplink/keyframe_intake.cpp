@@ -56,7 +56,7 @@ void KeyFrameIntake::on_keyframe(Worker& worker, const Message& raw) {
     if (!read_well) return false;
     keyframe.message = std::move(*read_well);
     recipient_.received(keyframe.message);
-    declined = recipient_.decline_reason(keyframe.message);
+    declined = recipient_.keyframe_decline_reason(keyframe.message);
     return true;
   });
   if (!parsed) return;

@@ -24,7 +24,7 @@ class KeyFrameRecipient {
   /// Every keyframe that could be read, wanted or not.
   virtual void received(const wire::KeyFrameMessage&) = 0;
   /// The reason why it is declined, or nothing.
-  virtual std::optional<std::string_view> decline_reason(
+  virtual std::optional<std::string_view> keyframe_decline_reason(
       const wire::KeyFrameMessage& message) const = 0;
   virtual void admit(Worker& worker, AdmittedKeyFrame keyframe) = 0;
 };

@@ -29,7 +29,7 @@ std::uint64_t TcpChannel::send(std::uint8_t type, Bytes payload) {
   {
     std::lock_guard lock(mutex_);
     message.sequence = sequence = next_sequence_++;
-    dropped = push_newest_wins(outgoing_, std::move(message), options_.send_queue);
+    dropped = push_drop_oldest(outgoing_, std::move(message), options_.send_queue);
   }
   if (dropped) record(*dropped, false, true);
   wake_io_();
@@ -99,7 +99,7 @@ bool TcpChannel::deliver(Message message) {
     std::lock_guard lock(mutex_);
     if (message.sequence <= last_received_) return false;
     last_received_ = message.sequence;
-    dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
+    dropped = push_drop_oldest(incoming_, std::move(message), options_.receive_queue);
   }
   if (dropped) record(*dropped, true, true);
   signal_->notify();

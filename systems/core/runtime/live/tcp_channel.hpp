@@ -29,6 +29,7 @@ class TcpChannel final : public Channel {
   // The I/O thread's side.
   std::optional<Message> next_to_send();
   /// A message that a broken connection did not take whole goes first on the next one.
+  /// What the kernel had taken whole is not repeated.
   void put_back(Message message);
   /// False for a message that came before (sent again after a reconnect).
   bool deliver(Message message);

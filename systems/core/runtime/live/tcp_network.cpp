@@ -10,7 +10,7 @@
 #include <cerrno>
 
 #include "base/error.hpp"
-#include "runtime/live/tcp_network_link.hpp"
+#include "runtime/live/tcp_channel_connections.hpp"
 
 namespace slambed {
 namespace {
@@ -41,7 +41,7 @@ Channel& TcpNetwork::open(const ChannelOptions& options) {
   if (port == options_.ports.end()) {
     throw bad_input("network.ports." + options.name + " is missing; give the port of this channel");
   }
-  auto link = std::make_unique<Link>();
+  auto link = std::make_unique<ChannelConnections>();
   link->endpoint = {options_.address, port->second};
   link->channel = std::make_unique<TcpChannel>(runtime_, observer_, options, [this] {
     const std::uint64_t one = 1;
@@ -137,7 +137,7 @@ void TcpNetwork::run() {
   }
 }
 
-void TcpNetwork::keep_alive(Link& link) {
+void TcpNetwork::keep_alive(ChannelConnections& link) {
   if (!link.channel->options().heartbeat) return;
   const bool was_silent = silent_;
   silent_ = false;
@@ -158,7 +158,7 @@ void TcpNetwork::keep_alive(Link& link) {
   if (silent_ != was_silent) announce();
 }
 
-void TcpNetwork::watch_stall(Link& link) {
+void TcpNetwork::watch_stall(ChannelConnections& link) {
   const RunTime now = monotonic_now();
   const std::uint64_t acknowledged = link.current ? link.current->acknowledged() : 0;
   const bool waits = link.current && unacknowledged_bytes(link.current->fd()) > 0;

@@ -47,21 +47,21 @@ class TcpNetwork final : public Network {
   std::uint16_t port(const std::string& channel) const;
 
  private:
-  struct Link;
+  struct ChannelConnections;
   struct PollSet;
 
   void run();
-  void serve(Link& link, PollSet& polled);
-  void connect(Link& link);
-  void accept(Link& link);
-  void adopt(Link& link, FileDescriptor fd);
-  void pump(Link& link, TcpConnection& connection, short events);
-  void promote(Link& link, TcpConnection& fresh);
-  void end(Link& link, const TcpConnection& ended, const TcpConnection::End& why);
-  void end_current(Link& link, const std::string& reason);
-  void note_session(Link& link, std::uint64_t session_id);
-  void keep_alive(Link& link);
-  void watch_stall(Link& link);
+  void serve(ChannelConnections& link, PollSet& polled);
+  void connect(ChannelConnections& link);
+  void accept(ChannelConnections& link);
+  void adopt(ChannelConnections& link, FileDescriptor fd);
+  void pump(ChannelConnections& link, TcpConnection& connection, short events);
+  void promote(ChannelConnections& link, TcpConnection& fresh);
+  void end(ChannelConnections& link, const TcpConnection& ended, const TcpConnection::End& why);
+  void end_current(ChannelConnections& link, const std::string& reason);
+  void note_session(ChannelConnections& link, std::uint64_t session_id);
+  void keep_alive(ChannelConnections& link);
+  void watch_stall(ChannelConnections& link);
   bool flushed() const;
   void announce();
 
@@ -73,7 +73,7 @@ class TcpNetwork final : public Network {
   std::uint64_t peer_session_id_ = 0;
   bool silent_ = false;  ///< connected, but nothing comes
   FileDescriptor wake_;
-  std::vector<std::unique_ptr<Link>> links_;
+  std::vector<std::unique_ptr<ChannelConnections>> links_;
   std::unique_ptr<Signal> peer_signal_;
   mutable std::mutex mutex_;  ///< guards peer_ and close_by_
   std::condition_variable changed_;

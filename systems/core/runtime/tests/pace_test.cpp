@@ -23,7 +23,7 @@ struct Stages final : Observer {
     all.push_back(record);
   }
   void message(const MessageRecord&) override {}
-  void link(const LinkRecord&) override {}
+  void link(const ConnectionEvent&) override {}
   void refused(std::uint8_t, std::string_view) override {}
   std::mutex mutex;
   std::vector<StageRecord> all;

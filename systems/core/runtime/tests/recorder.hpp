@@ -23,7 +23,7 @@ class Recorder final : public Observer {
     messages_.push_back(record);
     messages_.back().channel = {};
   }
-  void link(const LinkRecord& record) override {
+  void link(const ConnectionEvent& record) override {
     std::lock_guard lock(mutex_);
     links_.push_back(std::string(record.event) + ": " + std::string(record.detail));
   }

@@ -13,7 +13,7 @@ namespace slambed::testing {
 struct CountingObserver final : Observer {
   void stage(const StageRecord&) override {}
   void message(const MessageRecord& r) override { (r.dropped ? dropped : taken) += 1; }
-  void link(const LinkRecord& r) override {
+  void link(const ConnectionEvent& r) override {
     ++links;
     if (r.event == "stalled" || r.event == "flowing") {
       stalls.push_back(std::string(r.event) + " " + std::string(r.detail));

@@ -24,7 +24,7 @@ struct RecordingObserver final : Observer {
                   std::to_string(r.wall.count() / 1000));
   }
   void message(const MessageRecord&) override {}
-  void link(const LinkRecord&) override {}
+  void link(const ConnectionEvent&) override {}
   void refused(std::uint8_t, std::string_view) override {}
   std::vector<std::string> log;
 };

@@ -16,12 +16,12 @@ Duration PathModel::delay_now() const {
 }
 
 void PathModel::transmit(std::uint32_t bytes, std::function<void()> on_arrival) {
-  const link::Admission admission = model_.admit(simulator_.now().count(), bytes);
-  if (admission.fate != link::Fate::kDelivered) {
+  const link::PacketOutcome outcome = model_.admit(simulator_.now().count(), bytes);
+  if (outcome.fate != link::Fate::kDelivered) {
     ++dropped_;
     return;
   }
-  simulator_.at(RunTime(admission.due_ns), std::move(on_arrival));
+  simulator_.at(RunTime(outcome.due_ns), std::move(on_arrival));
 }
 
 }  // namespace slambed

@@ -11,8 +11,8 @@
 namespace slambed {
 
 /// One direction of the emulated link in virtual time. What happens to a packet is decided by the
-/// very model that the relay applies to real ones: bandwidth, packet loss, delay, jitter, gaps; in
-/// order.
+/// very model that the relay applies to real ones: packet loss, then bandwidth with its queue,
+/// delay and jitter, gaps (DirectionModel::admit). Packets keep their order.
 class PathModel {
  public:
   /// direction: 0 up, 1 down, as the relay numbers its streams of random numbers.

@@ -13,8 +13,8 @@ class TcpCubic {
  public:
   static constexpr double kInitialWindow = 10;  ///< RFC 6928
 
-  double window = kInitialWindow;
-  double slow_start_limit = 1e9;
+  double window = kInitialWindow;  ///< cwnd
+  double slow_start_limit = 1e9;   ///< ssthresh
 
   bool slow_start() const { return window < slow_start_limit; }
   /// After a loss: the window to go down to; the growth curve starts anew.

@@ -38,10 +38,11 @@ void TcpFlow::write(std::uint64_t bytes) {
 }
 
 void TcpFlow::close_window_after(Duration idle) {
-  if (idle <= timeout()) return;
+  if (idle <= retransmission_timeout()) return;
   cubic_.slow_start_limit = std::max(cubic_.slow_start_limit, 0.75 * cubic_.window);
-  for (idle -= timeout(); idle > Duration(0) && cubic_.window > TcpCubic::kInitialWindow;
-       idle -= timeout()) {
+  for (idle -= retransmission_timeout();
+       idle > Duration(0) && cubic_.window > TcpCubic::kInitialWindow;
+       idle -= retransmission_timeout()) {
     cubic_.window = std::max(cubic_.window / 2, TcpCubic::kInitialWindow);
   }
   used_since_ = simulator_.now();
@@ -90,7 +91,7 @@ void TcpFlow::pump() {
   if (next_ != before || armed_ == Timer::kNone) rearm();
 }
 
-/// A window that is not used says nothing about the path (RFC 2861, as Linux does it).
+/// A congestion window that is not used says nothing about the path (RFC 2861, as Linux does it).
 void TcpFlow::validate_window(bool limited) {
   const int out = board_.outstanding();
   if (acknowledged_ >= usage_end_ || limited || (!limited_ && out > most_out_)) {
@@ -104,7 +105,7 @@ void TcpFlow::validate_window(bool limited) {
     return;
   }
   used_ = std::max(used_, out);
-  if (state_ != State::kOpen || simulator_.now() - used_since_ < timeout()) return;
+  if (state_ != State::kOpen || simulator_.now() - used_since_ < retransmission_timeout()) return;
   const double used = std::max<double>(used_, TcpCubic::kInitialWindow);
   if (used < cubic_.window) {
     cubic_.slow_start_limit = std::max(cubic_.slow_start_limit, 0.75 * cubic_.window);
@@ -133,7 +134,7 @@ void TcpFlow::acknowledge(const TcpAck& ack) {
   acknowledged_ = ack.upto;
   if (advanced || result.rtt) {
     const Duration rtt = result.rtt.value_or(now - ack.echo);
-    sample(rtt);
+    sample_rtt(rtt);
     if (result.rtt) cubic_.sample_rtt(rtt, now, acknowledged_, next_);
   }
   if (advanced) backoff_ = 0;
@@ -252,9 +253,9 @@ void TcpFlow::rearm() {
   const RunTime now = simulator_.now();
   if (state_ == State::kOpen && board_.sacked() == 0 && !probe_end_) {
     const Duration more = board_.outstanding() == 1 ? kLeastVariation : kProbeMargin;
-    arm(Timer::kTailProbe, now + std::min(2 * srtt_ + more, timeout()));
+    arm(Timer::kTailProbe, now + std::min(2 * srtt_ + more, retransmission_timeout()));
   } else {
-    arm(Timer::kTimeout, now + timeout());
+    arm(Timer::kTimeout, now + retransmission_timeout());
   }
 }
 
@@ -286,7 +287,7 @@ void TcpFlow::probe_tail() {
     send_new();
   }
   probe_end_ = next_;
-  arm(Timer::kTimeout, simulator_.now() + timeout());
+  arm(Timer::kTimeout, simulator_.now() + retransmission_timeout());
 }
 
 void TcpFlow::on_retransmission_timeout() {
@@ -307,10 +308,10 @@ void TcpFlow::on_retransmission_timeout() {
   if (first) resent_ = simulator_.now();
   ++backoff_;
   retransmit(board_.first());
-  arm(Timer::kTimeout, simulator_.now() + timeout());
+  arm(Timer::kTimeout, simulator_.now() + retransmission_timeout());
 }
 
-void TcpFlow::sample(Duration rtt) {
+void TcpFlow::sample_rtt(Duration rtt) {
   least_rtt_ = std::min(least_rtt_, rtt);
   if (srtt_ == Duration::zero()) {
     srtt_ = rtt;
@@ -322,7 +323,7 @@ void TcpFlow::sample(Duration rtt) {
   srtt_ += (rtt - srtt_) / 8;
 }
 
-Duration TcpFlow::timeout() const {
+Duration TcpFlow::retransmission_timeout() const {
   const Duration base = srtt_ + std::max(kLeastVariation, 4 * rtt_variation_);
   return std::min(kMaxTimeout, base * (1 << std::min(backoff_, 10)));
 }

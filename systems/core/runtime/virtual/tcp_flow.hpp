@@ -14,11 +14,11 @@
 namespace slambed {
 
 /// One direction of a TCP connection, segment by segment, as Linux does it: ACK clocking, CUBIC
-/// with HyStart, a window that idle time and unused room close (RFC 2861), selective
-/// acknowledgments, loss found by RACK and tail-loss probes (RFC 8985), recovery by proportional
-/// rate reduction (RFC 6937), slow start after a time-out (with F-RTO, RFC 5682, and its undoing
-/// when it was wrong), and the smoothed RTT of RFC 6298. Every segment is acknowledged at once, as
-/// the nodes ask for.
+/// with HyStart, the congestion window (cwnd) that idle time and unused room close (RFC 2861),
+/// selective acknowledgments, loss found by RACK and tail-loss probes (RFC 8985), recovery by
+/// proportional rate reduction (RFC 6937), slow start after a time-out (with F-RTO, RFC 5682, and
+/// its undoing when it was wrong), and the smoothed RTT of RFC 6298. Every segment is acknowledged
+/// at once, as the nodes ask for.
 class TcpFlow {
  public:
   static constexpr std::uint32_t kSegmentBytes = 1448;  ///< 1500-byte packets with time stamps
@@ -31,7 +31,7 @@ class TcpFlow {
   /// Appends bytes to the stream.
   void write(std::uint64_t bytes);
   /// The first sample comes from the handshake.
-  void start(Duration handshake_rtt) { sample(handshake_rtt); }
+  void start(Duration handshake_rtt) { sample_rtt(handshake_rtt); }
 
   Duration smoothed_rtt() const { return srtt_; }
   std::uint64_t unsent() const { return written_ - next_; }
@@ -64,8 +64,9 @@ class TcpFlow {
   void expire(Timer kind);
   void on_retransmission_timeout();
   void probe_tail();
-  void sample(Duration rtt);
-  Duration timeout() const;
+  void sample_rtt(Duration rtt);
+  /// RTO: smoothed RTT + max(200 ms, 4 variations), doubled per time-out.
+  Duration retransmission_timeout() const;
 
   Simulator& simulator_;
   PathModel& data_path_;

@@ -50,7 +50,7 @@ class VirtualLink::VirtualChannel final : public Channel {
     message.queued = simulator_.now();
     message.payload = std::move(payload);
     const std::uint64_t sequence = message.sequence;
-    auto dropped = push_newest_wins(outgoing_, std::move(message), options_.send_queue);
+    auto dropped = push_drop_oldest(outgoing_, std::move(message), options_.send_queue);
     if (dropped) record(*dropped, false, true);
     hand_over();
     return sequence;
@@ -140,7 +140,7 @@ class VirtualLink::VirtualChannel final : public Channel {
       under_way_.pop_front();
       message.received = simulator_.now();
       message.session = kOnlySession;
-      auto dropped = push_newest_wins(incoming_, std::move(message), options_.receive_queue);
+      auto dropped = push_drop_oldest(incoming_, std::move(message), options_.receive_queue);
       if (dropped) record(*dropped, true, true);
       arrived = true;
     }

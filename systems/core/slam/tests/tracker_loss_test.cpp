@@ -99,11 +99,11 @@ TEST(Tracker, ResumesAtAPoseThatSomebodyElseFound) {
     if (i == 20) old = outcome.reference;
   }
   const SE3 pose = truth(20);
-  EXPECT_FALSE(rig.tracker.resume(pose, old)) << "not lost";
+  EXPECT_FALSE(rig.tracker.continue_from(pose, old)) << "not lost";
   EXPECT_EQ(rig.show(scene.nothing()).state, TrackingState::kLost);
-  EXPECT_FALSE(rig.tracker.resume(pose, KeyFrameId{12345})) << "nobody knows that keyframe";
+  EXPECT_FALSE(rig.tracker.continue_from(pose, KeyFrameId{12345})) << "nobody knows that keyframe";
   EXPECT_EQ(rig.tracker.state(), TrackingState::kLost);
-  ASSERT_TRUE(rig.tracker.resume(pose, old));
+  ASSERT_TRUE(rig.tracker.continue_from(pose, old));
   EXPECT_EQ(rig.tracker.state(), TrackingState::kOk);
   EXPECT_FALSE(rig.tracker.wants_keyframe({}));
   for (int i = 23; i < 30; ++i) {
@@ -119,7 +119,7 @@ TEST(Tracker, AWrongPoseIsNotBelievedForLong) {
   for (int i = 0; i < 30; ++i) rig.show(scene.look(walk(i)));
   const TrackOutcome last = rig.show(scene.look(walk(30)), false);
   EXPECT_EQ(rig.show(other.look(walk(31))).state, TrackingState::kLost);
-  ASSERT_TRUE(rig.tracker.resume(last.T_cw, last.reference));
+  ASSERT_TRUE(rig.tracker.continue_from(last.T_cw, last.reference));
   EXPECT_EQ(rig.show(other.look(walk(32))).state, TrackingState::kLost);
 }
 
@@ -148,15 +148,15 @@ TEST(Tracker, GoesOnFromAFrameThatSomebodyElseFoundAndIsLostUntilThen) {
   const Map& map = *rig.tracker.map();
   FoundFrame found = found_at(map, old);
   seen_at = static_cast<int>(found.index);
-  EXPECT_FALSE(rig.tracker.resume(found)) << "not lost";
+  EXPECT_FALSE(rig.tracker.continue_from(found)) << "not lost";
   EXPECT_EQ(rig.show(scene.nothing()).state, TrackingState::kLost);
   FoundFrame unknown = found;
   unknown.reference = KeyFrameId{12345};
-  EXPECT_FALSE(rig.tracker.resume(unknown)) << "nobody knows that keyframe";
+  EXPECT_FALSE(rig.tracker.continue_from(unknown)) << "nobody knows that keyframe";
   FoundFrame cut = found;
   cut.points.pop_back();
-  EXPECT_FALSE(rig.tracker.resume(cut)) << "matches of another frame";
-  ASSERT_TRUE(rig.tracker.resume(found));
+  EXPECT_FALSE(rig.tracker.continue_from(cut)) << "matches of another frame";
+  ASSERT_TRUE(rig.tracker.continue_from(found));
   EXPECT_EQ(rig.tracker.state(), TrackingState::kLost);
   for (int i = seen_at + 2; i < seen_at + 8; ++i) {
     const TrackOutcome outcome = rig.show(scene.look(walk(i)));
@@ -173,7 +173,7 @@ TEST(Tracker, AFrameThatWasFoundAtAWrongPlaceEndsNoLoss) {
   const KeyFrameId last = rig.show(scene.look(walk(30)), false).reference;
   const FoundFrame found = found_at(*rig.tracker.map(), last);
   EXPECT_EQ(rig.show(other.look(walk(31))).state, TrackingState::kLost);
-  ASSERT_TRUE(rig.tracker.resume(found));
+  ASSERT_TRUE(rig.tracker.continue_from(found));
   const TrackOutcome outcome = rig.show(other.look(walk(32)));
   EXPECT_EQ(outcome.state, TrackingState::kLost);
   EXPECT_FALSE(outcome.resumed);

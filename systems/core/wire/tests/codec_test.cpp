@@ -232,14 +232,14 @@ TEST_F(Codec, MessagesComeBack) {
   MapUpdate update;
   update.update = 12;
   update.newest = keyframe_id(40);
-  update.past_probation = keyframe_id(37);
+  update.newest_past_probation = keyframe_id(37);
   update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
   update.map = keyframe.delta;
   update.poses = {{keyframe_id(1), SE3(), 3}};
   const auto update_back = decode_update(encode(update), sensor);
   EXPECT_EQ(update_back.update, 12u);
   EXPECT_EQ(update_back.newest, update.newest);
-  EXPECT_EQ(update_back.past_probation, update.past_probation);
+  EXPECT_EQ(update_back.newest_past_probation, update.newest_past_probation);
   EXPECT_EQ(update_back.times.captured, RunTime(1));
   EXPECT_EQ(update_back.times.due, RunTime(6));
   EXPECT_EQ(update_back.poses.at(0).id, keyframe_id(1));

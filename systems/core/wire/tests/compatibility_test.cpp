@@ -127,7 +127,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   MapUpdate update;
   update.update = 12;
   update.newest = keyframe_id(40);
-  update.past_probation = keyframe_id(37);
+  update.newest_past_probation = keyframe_id(37);
   update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
   update.map = keyframe(60, 0, 40).delta;
   update.map.keyframes.push_back(update.map.keyframes[0]);  // sees the same points
@@ -136,7 +136,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   const auto back = decode_update_text(encode_text(update, *vocabulary), sensor);
   EXPECT_EQ(back.update, 12u);
   EXPECT_EQ(back.newest, update.newest);
-  EXPECT_EQ(back.past_probation, update.past_probation);
+  EXPECT_EQ(back.newest_past_probation, update.newest_past_probation);
   EXPECT_EQ(back.times.captured, RunTime(1));
   EXPECT_EQ(back.times.due, RunTime(6));
   ASSERT_EQ(back.map.keyframes.size(), 2u);

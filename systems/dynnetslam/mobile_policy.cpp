@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynnetslam/policies.hpp"
+#include "dynnetslam/mobile_policy.hpp"
 
 namespace slambed::dynnetslam {
 namespace {
@@ -17,10 +17,10 @@ std::optional<double> in_ms(std::optional<Duration> rtt) {
   return rtt ? std::optional(to_ms(*rtt)) : std::nullopt;
 }
 
-MappingPlace place_of(State state) {
-  return state == State::kOffloading ? MappingPlace::kEdge
-         : state == State::kSafeZone ? MappingPlace::kBoth
-                                     : MappingPlace::kMobile;
+MappingPlace place_of(OffloadingState state) {
+  return state == OffloadingState::kOffloading ? MappingPlace::kEdge
+         : state == OffloadingState::kSafeZone ? MappingPlace::kBoth
+                                               : MappingPlace::kMobile;
 }
 
 }  // namespace
@@ -47,13 +47,14 @@ void DynNetSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
 void DynNetSlamMobile::decide(Worker& worker) {
   last_decision_ = worker.now();
   const auto rtt = mapping_.rtt(worker.now());
-  const State next = decided_ ? next_state(state_, in_ms(rtt), thresholds_)
-                              : initial_state(in_ms(rtt), thresholds_);
+  const OffloadingState next = decided_ ? next_state(state_, in_ms(rtt), thresholds_)
+                                        : initial_state(in_ms(rtt), thresholds_);
   if (decided_ && next == state_) return;
-  enter(worker, next, rtt);
+  change_state(worker, next, rtt);
 }
 
-void DynNetSlamMobile::enter(Worker& worker, State next, std::optional<Duration> rtt) {
+void DynNetSlamMobile::change_state(Worker& worker, OffloadingState next,
+                                    std::optional<Duration> rtt) {
   const std::uint64_t epoch = mapping_.move_to(place_of(next), rtt);
   JsonLine event("state_changed");
   event.add("from", decided_ ? to_string(state_) : "start").add("to", to_string(next));

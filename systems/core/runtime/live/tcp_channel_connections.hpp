@@ -14,7 +14,7 @@
 namespace slambed {
 
 /// One channel with its sockets. Connections other than the current one have not been greeted yet.
-struct TcpNetwork::Link {
+struct TcpNetwork::ChannelConnections {
   /// A flood of garbage must not fill the disk through the event log.
   static constexpr int kMaxRejectionsRecorded = 100;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How a channel's connections come, are greeted, replace each other and go.
-#include "runtime/live/tcp_network_link.hpp"
+#include "runtime/live/tcp_channel_connections.hpp"
 
 #include <poll.h>
 #include <sys/socket.h>
@@ -15,7 +15,7 @@ constexpr std::size_t kMaxCandidates = 8;
 
 }  // namespace
 
-void TcpNetwork::serve(Link& link, PollSet& polled) {
+void TcpNetwork::serve(ChannelConnections& link, PollSet& polled) {
   if (options_.listens) {
     if (polled.result(link.listener.get()) & POLLIN) accept(link);
   } else {
@@ -28,7 +28,7 @@ void TcpNetwork::serve(Link& link, PollSet& polled) {
   }
 }
 
-void TcpNetwork::accept(Link& link) {
+void TcpNetwork::accept(ChannelConnections& link) {
   for (;;) {
     FileDescriptor fd(
         ::accept4(link.listener.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
@@ -42,7 +42,7 @@ void TcpNetwork::accept(Link& link) {
   }
 }
 
-void TcpNetwork::connect(Link& link) {
+void TcpNetwork::connect(ChannelConnections& link) {
   const RunTime now = monotonic_now();
   if (!link.connections.empty()) return;
   if (link.connecting) {
@@ -64,7 +64,7 @@ void TcpNetwork::connect(Link& link) {
   if (!link.connecting) link.next_attempt = now + options_.retry;
 }
 
-void TcpNetwork::adopt(Link& link, FileDescriptor fd) {
+void TcpNetwork::adopt(ChannelConnections& link, FileDescriptor fd) {
   link.untuned = tune_connection(fd.get(), options_.congestion_control);
   const auto& options = link.channel->options();
   link.connections.push_back(
@@ -72,7 +72,7 @@ void TcpNetwork::adopt(Link& link, FileDescriptor fd) {
   link.connections.back()->greet(session_id_, greeting_.own(options.name));
 }
 
-void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
+void TcpNetwork::pump(ChannelConnections& link, TcpConnection& connection, short events) {
   const auto clock = [this] { return runtime_.now(); };
   std::optional<TcpConnection::End> ended;
   bool newly_greeted = false;
@@ -110,7 +110,7 @@ void TcpNetwork::pump(Link& link, TcpConnection& connection, short events) {
   if (ended) end(link, connection, *ended);
 }
 
-void TcpNetwork::promote(Link& link, TcpConnection& fresh) {
+void TcpNetwork::promote(ChannelConnections& link, TcpConnection& fresh) {
   if (link.current != &fresh) {  // the peer is back before we saw it go
     end_current(link, "replaced by a new connection");
   }
@@ -127,7 +127,8 @@ void TcpNetwork::promote(Link& link, TcpConnection& fresh) {
   announce();
 }
 
-void TcpNetwork::end(Link& link, const TcpConnection& ended, const TcpConnection::End& why) {
+void TcpNetwork::end(ChannelConnections& link, const TcpConnection& ended,
+                     const TcpConnection::End& why) {
   const auto at = std::find_if(link.connections.begin(), link.connections.end(),
                                [&](const auto& c) { return c.get() == &ended; });
   const auto connection = std::move(*at);
@@ -149,12 +150,12 @@ void TcpNetwork::end(Link& link, const TcpConnection& ended, const TcpConnection
   link.next_attempt = monotonic_now() + options_.retry;
 }
 
-void TcpNetwork::end_current(Link& link, const std::string& reason) {
+void TcpNetwork::end_current(ChannelConnections& link, const std::string& reason) {
   if (link.current) end(link, *link.current, {false, reason});
 }
 
 /// A greeting was accepted: by it a restarted peer is told from one that reconnects.
-void TcpNetwork::note_session(Link& link, std::uint64_t session_id) {
+void TcpNetwork::note_session(ChannelConnections& link, std::uint64_t session_id) {
   std::lock_guard lock(mutex_);
   if (session_id != peer_session_id_) {
     peer_session_id_ = session_id;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "edgeslam/edge_slam.hpp"
+#include "edgeslam/policies.hpp"
 
 #include <utility>
 
@@ -31,8 +31,8 @@ void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
 }
 
 void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
-  offload_.note(frame);
-  offload_.ask(worker, frame);
+  offload_.note_relocalization(frame);
+  offload_.relocalize_after_frame(worker, frame);
   if (frame.outcome.state != TrackingState::kOk) return;
   // A restarted edge knows nothing: its map begins with a keyframe made at once.
   const PeerState edge = node_.network().peer();

@@ -20,7 +20,7 @@ class DynNetSlamMobile final : public MobilePolicy {
 
  private:
   void decide(Worker& worker);
-  void enter(Worker& worker, State next, std::optional<Duration> rtt);
+  void change_state(Worker& worker, OffloadingState next, std::optional<Duration> rtt);
 
   MobileNode& node_;
   Thresholds thresholds_;
@@ -28,7 +28,7 @@ class DynNetSlamMobile final : public MobilePolicy {
   SwitchedMapping mapping_;
 
   // The tracking worker's.
-  State state_ = State::kOffloading;
+  OffloadingState state_ = OffloadingState::kOffloading;
   bool decided_ = false;  ///< the first decision was made
   RunTime last_decision_{};
 };
