@@ -34,7 +34,7 @@ from slambed.engines.result import (
 )
 from slambed.engines.segmenter_keeper import SegmenterKeeper
 from slambed.errors import ExitCode, KilledError, PassingError
-from slambed.link.record import LinkFacts
+from slambed.link.facts import LinkFacts
 from slambed.records.run_config import RunConfig
 from slambed.sampling.record import (
     AskedLimits,
