@@ -18,7 +18,7 @@ from host_late import is_late
 from slambed.engines.host_lock import host_lock
 from slambed.engines.reaper import reap
 from slambed.engines.segmenter import MODULE
-from slambed.link.record import LinkFacts
+from slambed.link.facts import LinkFacts
 from slambed.spec.device import VIRTUAL, CostModel, Device, Limits
 from slambed.spec.experiment import Playback, Tolerances
 from slambed.spec.run_spec import LinkSpec, RunSpec

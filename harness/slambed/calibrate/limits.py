@@ -14,7 +14,7 @@ import docker
 from rich.table import Table
 
 from slambed.calibrate.host import PROGRAM, host_cpus, run_pace
-from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_problems
+from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_invalid_reasons
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import find_image, image_tag
 from slambed.engines.helper import is_root
@@ -108,20 +108,20 @@ def measure_limits(
         plan = NodePlan("mobile", "limits", run_dir, run_dir, limits, cpus["mobile"])
         node = engine.start(plan)
         stack.callback(node.remove)
-        attendant = SidecarClient(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
-        stack.callback(attendant.close)
+        sidecar = SidecarClient(engine, {"mobile": node}, {"mobile": limits}, cpus, run_dir)
+        stack.callback(sidecar.close)
         node.release()
         deadline = time.monotonic() + SETTLE_S + seconds + GRACE_S
-        attendant.start(time.monotonic_ns())
+        sidecar.start(time.monotonic_ns())
         while (code := node.exit_code()) is None and time.monotonic() < deadline:
             time.sleep(0.1)
-        attended = attendant.stop()
+        observed = sidecar.stop()
         if code != 0:
             raise SlambedError(f"{PROGRAM} ended with {code} in engine {engine.name}")
         per_thread = json.loads((run_dir / "mobile" / "pace.json").read_text())["threads"]
         problems = differences(limits, node.granted, cpus["mobile"])
         if limits.thread_cores is not None:
-            problems += thread_problems("mobile", attended.threads["mobile"], limits)
+            problems += thread_invalid_reasons("mobile", observed.threads["mobile"], limits)
     after = run_pace(REFERENCE_S)["threads"][0]["units_per_cpu_s"]
     return Achieved(
         engine=engine.name,
@@ -131,7 +131,7 @@ def measure_limits(
         speed=sum(thread["units_per_s"] for thread in per_thread) / mean([before, after]),
         longest_freeze_ms=max(thread["longest_freeze_ms"] for thread in per_thread),
         freezes_over_10_ms=sum(thread["freezes_over_10_ms"] for thread in per_thread),
-        metronome=attended.own.metronome_cpu_percent or None,
+        metronome=observed.own.metronome_cpu_percent or None,
         problems=problems,
     )
 

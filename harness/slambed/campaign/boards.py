@@ -17,9 +17,9 @@ from slambed.engines.board.engine import BoardEngine
 from slambed.engines.board.leftovers import clean_boards
 from slambed.engines.docker_image import connect
 from slambed.errors import SlambedError
-from slambed.link.log import series_frame
+from slambed.link.facts import LinkDetails, LinkFacts
 from slambed.link.probe import Probe, measure_base_ms
-from slambed.link.record import LinkDetails, LinkFacts
+from slambed.link.record import series_frame
 from slambed.spec.board import NETWORK, Board, RoleHost
 from slambed.spec.run_spec import RunSpec
 

@@ -101,8 +101,8 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
     from slambed.campaign.quiet import wait_for_quiet
     from slambed.engines.docker_image import build_image
     from slambed.engines.reaper import mark_children, reap
+    from slambed.link.helper_link import HelperLinkOpener
     from slambed.link.netem import netem_available
-    from slambed.link.remote_link import HelperLinks
     from slambed.link.run_link import open_for_run
 
     check_privilege(asked.engine)
@@ -135,7 +135,7 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
             speed=speed.speed,
             speed_measured_utc=speed.measured_utc,
         )
-        open_link = HelperLinks(engine) if engine.unprivileged else open_for_run
+        open_link = HelperLinkOpener(engine) if engine.unprivileged else open_for_run
         host = ThisHost(engine, open_link, facts, Path(scratch))
         begin(host)
 

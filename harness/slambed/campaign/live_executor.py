@@ -6,8 +6,8 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slambed.campaign.execution import add_summary, prepare_raw, recording_of
 from slambed.campaign.executors import Played
+from slambed.campaign.raw_folder import add_summary, prepare_raw, recording_of
 from slambed.engines.base import Engine
 from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.live_run import LinkOpener, LiveRun

@@ -27,7 +27,7 @@ class Options:
     on: list[str] = field(default_factory=list)
     """Names or labels of the hosts to take of them."""
     retries: int = DEFAULT_RETRIES
-    """Further attempts of a invalid run."""
+    """Further attempts of an invalid run."""
     quiet_within_min: float = 0.0
     """How long to wait for the host to become quiet before live runs."""
     settings: list[str] = field(default_factory=list)

@@ -19,7 +19,7 @@ from slambed.spec.host_speed import cpu_model
 from slambed.spec.library import Library
 
 MODULES = (
-    *("slambed.campaign.processes", "slambed.campaign.execution"),
+    *("slambed.campaign.processes", "slambed.campaign.raw_folder"),
     *("pyarrow.dataset", "pyarrow.pandas_compat", "scipy.spatial.transform"),
     # The program that the user called is imported by the process of every run.
     "slambed.commands.main",

@@ -91,7 +91,7 @@ def _on_this_host(
     from slambed.engines.board.engine import BoardEngine
     from slambed.engines.live_run import LinkOpener
     from slambed.engines.reaper import mark_children, reap
-    from slambed.link.remote_link import HelperLinks
+    from slambed.link.helper_link import HelperLinkOpener
     from slambed.link.run_link import open_for_run
 
     experiment, source, library, _ = files
@@ -120,7 +120,7 @@ def _on_this_host(
         if found := str(reap()):
             notify(f"removed what a killed campaign left: {found}")
         engine, software = choose_engine(asked, console)
-        open_link: LinkOpener = HelperLinks(engine) if engine.unprivileged else open_for_run
+        open_link: LinkOpener = HelperLinkOpener(engine) if engine.unprivileged else open_for_run
         board: BoardEngine | None = None
         with ExitStack() as cleanup:
             if experiment.roles is not None:

@@ -30,7 +30,7 @@ PAUSES_S = (1.0, 10.0, 60.0)
 MOST_DEATHS = 20
 """Attempts whose process was killed. That costs a short run little, and says little about it."""
 DEFAULT_RETRIES = 2
-"""Further attempts of a invalid run."""
+"""Further attempts of an invalid run."""
 MOST_GIVEN_UP = 5
 """After so many given up in a row the environment is broken for good."""
 
@@ -58,7 +58,7 @@ class Runner:
     ledger: Ledger
     executor: Executor
     retries: int = DEFAULT_RETRIES
-    """Further attempts of a invalid run, in this campaign."""
+    """Further attempts of an invalid run, in this campaign."""
     forced: frozenset[str] = frozenset()
     """Keys of runs that are executed although they are there; a valid result takes their place,
     and they stay as earlier attempts."""

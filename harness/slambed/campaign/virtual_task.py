@@ -5,7 +5,7 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from slambed.campaign.execution import add_summary, prepare_raw
+from slambed.campaign.raw_folder import add_summary, prepare_raw
 from slambed.engines.virtual import VirtualRun
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import EngineFacts

@@ -51,7 +51,7 @@ def run(
         list[str] | None,
         typer.Option("--on", help="With --hosts: only this host, or those with this label."),
     ] = None,
-    retries: Annotated[int, typer.Option(min=0, help="Further attempts of a invalid run.")] = 2,
+    retries: Annotated[int, typer.Option(min=0, help="Further attempts of an invalid run.")] = 2,
     wait_for_quiet: Annotated[
         float,
         typer.Option(min=0, help="Minutes to wait for a quiet host before live runs."),

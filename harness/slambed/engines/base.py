@@ -237,7 +237,7 @@ def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
     return found
 
 
-def thread_problems(role: str, threads: list[ThreadCap], limits: Limits) -> list[str]:
+def thread_invalid_reasons(role: str, threads: list[ThreadCap], limits: Limits) -> list[str]:
     """What is wrong with the caps of a node's threads, as the kernel granted them."""
     if not threads:
         return [f"{role}: no thread was capped"]

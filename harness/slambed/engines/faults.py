@@ -134,7 +134,7 @@ class FaultDriver:
         self._t0_ns = 0
         self.edge_is_dead = False
         """Killed here, and not started again since."""
-        self.problems: list[str] = []
+        self.invalid_reasons: list[str] = []
         """Why the run did not fail as it was to, a line each."""
 
     def start(self, t0_ns: int) -> None:
@@ -191,7 +191,7 @@ class FaultDriver:
         """How long a program needs until it has started again is its own matter."""
         if at_s - step.at_s > LATE_S and (step.begins or step.fault == "freeze"):
             what = f"{step.target}'s {step.fault}"
-            self.problems.append(
+            self.invalid_reasons.append(
                 f"{'the' if step.begins else 'the end of the'} {what} came at {at_s:.1f} s, "
                 f"not at {step.at_s:.1f} s"
             )

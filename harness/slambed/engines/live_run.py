@@ -20,7 +20,7 @@ from slambed.engines.base import (
     Sidecar,
     differences,
     last_line,
-    thread_problems,
+    thread_invalid_reasons,
 )
 from slambed.engines.faults import FaultDriver, RunEdge
 from slambed.engines.node_ends import at_start_barrier, from_outside, how_it_died, node_report
@@ -34,7 +34,7 @@ from slambed.engines.result import (
 )
 from slambed.engines.segmenter_keeper import SegmenterKeeper
 from slambed.errors import ExitCode, KilledError, PassingError
-from slambed.link.record import LinkFacts
+from slambed.link.facts import LinkFacts
 from slambed.records.run_config import RunConfig
 from slambed.sampling.record import (
     AskedLimits,
@@ -104,7 +104,7 @@ class LiveRun:
         self._segmenter: SegmenterKeeper | None = None
         self._mobile_seen_ns = 0
         """When the mobile node was last seen running."""
-        self._problems: list[str] = []
+        self._invalid_reasons: list[str] = []
         """Why the circumstances are not as asked."""
 
     def execute(self) -> RunResult:
@@ -150,11 +150,11 @@ class LiveRun:
             for node in self._nodes.values():
                 node.release()
             if (ended := self._await_ready()) is not None:
-                return RunResult(*ended, invalid_reasons=self._problems, limits=limits)
+                return RunResult(*ended, invalid_reasons=self._invalid_reasons, limits=limits)
             faults.start(t0_ns := self._start_clock(sidecar))
             outcome, reason = self._watch(faults)
             faults.write()
-            self._problems += faults.problems
+            self._invalid_reasons += faults.invalid_reasons
             observed = sidecar.stop()
             link = self._close_link()
             sidecar_use = observed.own
@@ -165,15 +165,17 @@ class LiveRun:
                 )
             for role, threads in observed.threads.items():
                 limits[role] = limits[role].model_copy(update={"threads": threads})
-                self._problems += thread_problems(role, threads, self._limits[cast(Role, role)])
+                self._invalid_reasons += thread_invalid_reasons(
+                    role, threads, self._limits[cast(Role, role)]
+                )
             if link is not None and link.invalid_reason:
-                self._problems.append(f"link: {link.invalid_reason}")
+                self._invalid_reasons.append(f"link: {link.invalid_reason}")
         if self._stop.is_set():
             raise InterruptedRunError
         return RunResult(
             outcome=outcome,
             reason=reason,
-            invalid_reasons=self._problems,
+            invalid_reasons=self._invalid_reasons,
             limits=limits,
             throttling={
                 node: Throttling(
@@ -214,7 +216,7 @@ class LiveRun:
                 host_speed=measured,
             )
             granted = differences(asked, node.granted, cpus[role])
-            self._problems += [f"{role}: {text}" for text in granted]
+            self._invalid_reasons += [f"{role}: {text}" for text in granted]
         return limits
 
     def _start_segmenter(self, cleanup: ExitStack) -> None:
@@ -310,7 +312,7 @@ class LiveRun:
                 ended = self._died("edge", edge.exit_code() or 0)
             if not link_died and self._link is not None and not self._link.alive():
                 link_died = True
-                self._problems.append("the link ended in the middle of the run")
+                self._invalid_reasons.append("the link ended in the middle of the run")
         faults.finish()
         if code != 0 or from_outside(mobile, code, self._run_dir):
             self._end_nodes()
@@ -347,7 +349,7 @@ class LiveRun:
         """Its outcome; a run in which somebody else did it is invalid."""
         node = self._nodes[role]
         if (how := from_outside(node, code, self._run_dir)) is not None:
-            self._problems.append(f"the {role} node {how}")
+            self._invalid_reasons.append(f"the {role} node {how}")
         return "died", how_it_died(node, code, self._run_dir)
 
     def _end_nodes(self) -> None:

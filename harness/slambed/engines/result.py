@@ -5,8 +5,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+from slambed.link.facts import LinkFacts
 from slambed.link.profile import parse_profile
-from slambed.link.record import LinkFacts
 from slambed.records.board import BoardFacts
 from slambed.records.run_config import Network, ProfileRtt, RunConfig
 from slambed.sampling.record import NodeLimits, SidecarUse, Throttling

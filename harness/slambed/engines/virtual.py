@@ -25,9 +25,9 @@ from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
 from slambed.link.direction import ModeledLink
+from slambed.link.facts import LinkFacts
 from slambed.link.modeled import modeled_link, write_link_log
 from slambed.link.profile import parse_profile
-from slambed.link.record import LinkFacts
 from slambed.native import SIMULATION
 from slambed.process.endings import ended_from_outside, ending
 from slambed.records.sim_config import CacheFile, MaskFile, SimConfig, SimDevices

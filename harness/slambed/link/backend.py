@@ -31,8 +31,9 @@ def open_link(
     Afterwards the mobile end is 10.77.0.1, the edge end 10.77.0.2, and the profile's value at time
     0 is applied. `log_dir` is for the backend's own files. Options: fields of `LinkOptions`.
     """
-    from slambed.link.netem import NetemShaper, PlainShaper
+    from slambed.link.netem import NetemShaper
     from slambed.link.relay import RelayShaper
+    from slambed.link.veth import PlainShaper
 
     shapers: dict[str, ShaperFactory] = {
         "relay": RelayShaper,

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from slambed.link.backend import open_link
-from slambed.link.log import LinkRecord
 from slambed.link.profile import Profile, load_profile, parse_profile
+from slambed.link.record import LinkRecord
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import EDGE_ADDRESS, MOBILE_ADDRESS
 from slambed.link.traffic import (

@@ -12,9 +12,9 @@ BACKENDS: list[str] = ["auto", "relay", "netem", "none"]
 def choose_backend(
     asked: str, profile: Profile, netem: bool | None = None
 ) -> Literal["relay", "netem", "none"]:
-    """`auto` is netem where the kernel has it and nothing random is asked for, else the relay: it
-    begins and ends bursts to the microsecond, too. `netem`: whether the kernels of the hosts that
-    it is for have it; None: this one is asked."""
+    """`auto` is netem where the kernel has it and the profile has neither loss, jitter, gaps nor a
+    rate trace; else the relay, which also begins and ends bursts to the microsecond. `netem`:
+    whether the kernels of the hosts that it is for have it; None: this one is asked."""
     from slambed.link.netem import netem_available, why_not_netem
 
     if asked not in BACKENDS:
@@ -25,7 +25,7 @@ def choose_backend(
         raise SlambedError(f"backend none adds nothing, but profile '{profile.name}' does")
     if asked != "auto":
         return cast(Literal["relay", "netem", "none"], asked)
-    random = any(side.loss for side in (profile.up, profile.down)) or why_not_netem(profile)
-    if random or not (netem_available() if netem is None else netem):
+    needs_relay = any(side.loss for side in (profile.up, profile.down)) or why_not_netem(profile)
+    if needs_relay or not (netem_available() if netem is None else netem):
         return "relay"
     return "netem"

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from slambed.link.record import LinkFacts
+from slambed.link.facts import LinkFacts
 from slambed.process.line_protocol import Message
 from slambed.spec.run_spec import RunSpec
 

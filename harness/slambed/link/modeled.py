@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from slambed.link.direction import ModeledLink
-from slambed.link.log import ASKED_STEP_S, series_frame
+from slambed.link.direction_tables import STEP_MS, delay_table_ms, direction_config
 from slambed.link.profile import Profile
-from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
+from slambed.link.record import ASKED_STEP_S, series_frame
 
 
 def modeled_link(profile: Profile, horizon_s: float) -> ModeledLink:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Backend netem: a veth pair with the kernel's netem on both ends; and a plain pair."""
+"""Backend netem: a veth pair with the kernel's netem on both ends."""
 
 import contextlib
 import functools
@@ -13,29 +13,17 @@ from typing import Any
 import numpy as np
 from pyroute2.netlink.exceptions import NetlinkError
 
-from slambed.errors import SlambedError, environment_error
+from slambed.errors import SlambedError
 from slambed.link.bursts import Bursts, all_or_none
+from slambed.link.direction_tables import queue_bytes
+from slambed.link.facts import LinkDetails
 from slambed.link.impairments import Side
 from slambed.link.namespaces import by_netlink
-from slambed.link.netlink import (
-    NetemControl,
-    NetemSettings,
-    kernel_has_netem,
-    without_segmentation_offload,
-)
+from slambed.link.netlink import NetemControl, NetemSettings, kernel_has_netem
 from slambed.link.profile import CHECK_FOREVER_S, Profile
-from slambed.link.proof import QueueingDelays
-from slambed.link.record import LinkDetails
-from slambed.link.schedule import queue_bytes
-from slambed.link.session import (
-    DEVICE,
-    EDGE_ADDRESS,
-    MOBILE_ADDRESS,
-    PREFIX_LENGTH,
-    LinkOptions,
-    Outcome,
-)
-from slambed.process.namespaces import inside
+from slambed.link.proof import ExtraDelays
+from slambed.link.session import DEVICE, LinkOptions, ShaperReport
+from slambed.link.veth import VethPair
 
 STEP_S = 0.01
 UNLIMITED_BYTES_PER_S = 12_500_000_000
@@ -62,95 +50,7 @@ def why_not_netem(profile: Profile) -> str | None:
             return "its losses have no seed; use backend relay"
         if side.rate and side.rate.trace:
             return "it has no rate traces; use backend relay"
-    return "it has no hand-over gaps; use backend relay" if profile.gaps else None
-
-
-class VethPair:
-    """Two devices, one per namespace, up and addressed."""
-
-    def __init__(self, mobile: Path, edge: Path, options: LinkOptions) -> None:
-        self._mobile = mobile
-        fd = os.open(edge, os.O_RDONLY | os.O_CLOEXEC)
-        try:
-            peer = {"ifname": DEVICE, "net_ns_fd": fd}
-            by_netlink(mobile, lambda n: n.link("add", ifname=DEVICE, kind="veth", peer=peer))
-        except NetlinkError as error:
-            raise environment_error(
-                f"cannot make the veth pair {DEVICE}: {error}; remove a device of that name"
-            ) from None
-        finally:
-            os.close(fd)
-        try:
-            for namespace, address in ((mobile, MOBILE_ADDRESS), (edge, EDGE_ADDRESS)):
-                _no_ipv6(namespace)
-                self._bring_up(namespace, address, options)
-                without_segmentation_offload(namespace, DEVICE)
-        except BaseException:
-            self.remove()
-            raise
-
-    @staticmethod
-    def _bring_up(namespace: Path, address: str, options: LinkOptions) -> None:
-        def work(netlink: Any) -> None:
-            (index,) = netlink.link_lookup(ifname=DEVICE)
-            netlink.link("set", index=index, mtu=options.mtu, txqlen=options.tx_queue_packets)
-            netlink.addr("add", index=index, address=address, prefixlen=PREFIX_LENGTH)
-            netlink.link("set", index=index, state="up")
-
-        by_netlink(namespace, work)
-
-    def remove(self) -> None:
-        """Removes the pair; its other end goes with it."""
-
-        def work(netlink: Any) -> None:
-            for index in netlink.link_lookup(ifname=DEVICE):
-                netlink.link("del", index=index)
-
-        # The namespace, or the device, may have gone before.
-        with contextlib.suppress(NetlinkError, OSError, SlambedError):
-            by_netlink(self._mobile, work)
-
-
-def _no_ipv6(namespace: Path) -> None:
-    def work() -> None:
-        with contextlib.suppress(OSError):
-            Path(f"/proc/sys/net/ipv6/conf/{DEVICE}/disable_ipv6").write_text("1", "ascii")
-
-    inside(namespace, work)
-
-
-class PlainShaper:
-    """Backend none: a veth pair that adds nothing; the control of every comparison."""
-
-    name = "none"
-
-    def __init__(
-        self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
-    ) -> None:
-        self._pair = VethPair(mobile, edge, o)
-        self._watch = NetemControl(mobile, DEVICE)
-
-    def apply(self) -> None:
-        """Nothing to apply."""
-
-    def start(self, t0_ns: int) -> None:
-        """Nothing to start."""
-
-    def died(self) -> str | None:
-        """None while the device is there."""
-        return None if self._watch.device_there() else f"device {DEVICE} went away"
-
-    def stop(self, t0_ns: int) -> Outcome:
-        """Removes the pair."""
-        self.abort()
-        return Outcome(
-            {}, {"up": 0, "down": 0}, lambda e: QueueingDelays.none(len(e)), None, LinkDetails()
-        )
-
-    def abort(self) -> None:
-        """Removes the pair."""
-        self._watch.close()
-        self._pair.remove()
+    return "it has no outages (gaps); use backend relay" if profile.gaps else None
 
 
 class NetemShaper:
@@ -237,7 +137,7 @@ class NetemShaper:
             self._failure = f"device {DEVICE} went away"
         return self._failure
 
-    def stop(self, t0_ns: int) -> Outcome:
+    def stop(self, t0_ns: int) -> ShaperReport:
         """Removes the pair; reports what was set when, and what the kernel dropped."""
         drops = {"up": _dropped(self._mobile), "down": _dropped(self._edge)}
         self.abort()
@@ -257,7 +157,7 @@ class NetemShaper:
         if len(steps):
             longest_ms = round(float(steps.max()), 2)
             details = details.model_copy(update={"longest_step_ms": longest_ms})
-        return Outcome(series, drops, lambda e: QueueingDelays.none(len(e)), None, details)
+        return ShaperReport(series, drops, lambda e: ExtraDelays.none(len(e)), None, details)
 
     def abort(self) -> None:
         """Removes the pair."""

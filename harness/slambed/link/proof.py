@@ -4,7 +4,7 @@
 An echo sent at run time t should take up(t') + down(t''), with t' = t + what it waited for the rate
 on its way up and t'' likewise on its way down, plus the path's base: its RTT measured on the same
 link, before the run, while the link adds nothing. The error is measured - asked - base; echoes
-whose way touches a hand-over gap and lost ones are left out of the error and counted apart.
+whose way touches an outage (gap) and lost ones are left out of the error and counted apart.
 """
 
 import math
@@ -34,7 +34,7 @@ class LinkTolerance:
     median_ms: float = 1.0
     """Of |error|."""
     p99_ms: float | None = None
-    least_share: float = 0.8
+    answered_share_min: float = 0.8
     """Echoes with an answer, of those due by the probe's rate (asked losses allowed for)."""
 
 
@@ -71,25 +71,26 @@ class LinkProof:
 
 
 @dataclass(frozen=True)
-class QueueingDelays:
-    """What each echo waited for the rate or for jitter, one way each [ms]; zeros where unknown."""
+class ExtraDelays:
+    """What the model added to the profile's delay of each echo (rate, jitter, gaps), one way each
+    [ms]; zeros where unknown."""
 
     up_ms: Values
     down_ms: Values
 
     @staticmethod
-    def none(count: int) -> "QueueingDelays":
-        """No queue anywhere."""
-        return QueueingDelays(np.zeros(count), np.zeros(count))
+    def none(count: int) -> "ExtraDelays":
+        """Nothing but the profile's delay."""
+        return ExtraDelays(np.zeros(count), np.zeros(count))
 
 
-def expected_rtt_ms(profile: Profile, sent_s: Values, waits: QueueingDelays) -> Values:
+def expected_rtt_ms(profile: Profile, sent_s: Values, extra: ExtraDelays) -> Values:
     """RTT of an echo sent at `sent_s` run time: each way at the time it really begins."""
-    leaves_up_s = sent_s + waits.up_ms / 1e3
+    leaves_up_s = sent_s + extra.up_ms / 1e3
     up_ms = profile.up_ms(leaves_up_s)
     turned_s = leaves_up_s + up_ms / 1e3
-    leaves_down_s = turned_s + waits.down_ms / 1e3
-    total: Values = waits.up_ms + up_ms + waits.down_ms + profile.down_ms(leaves_down_s)
+    leaves_down_s = turned_s + extra.down_ms / 1e3
+    total: Values = extra.up_ms + up_ms + extra.down_ms + profile.down_ms(leaves_down_s)
     return total
 
 
@@ -133,14 +134,14 @@ class Comparison:
 
 
 def compare(
-    profile: Profile, echoes: Echoes, t0_ns: int, end_ns: int, base_ms: float, waits: QueueingDelays
+    profile: Profile, echoes: Echoes, t0_ns: int, end_ns: int, base_ms: float, extra: ExtraDelays
 ) -> Comparison:
     """Every echo sent from t0 on that could come back before the end."""
     sent_s = (echoes.sent_ns - t0_ns) / 1e9
     during = (sent_s >= 0) & (sent_s <= last_chance_s(echoes, t0_ns, end_ns))
     sent_s, measured = sent_s[during], echoes.rtt_ms[during]
     asked = expected_rtt_ms(
-        profile, sent_s, QueueingDelays(waits.up_ms[during], waits.down_ms[during])
+        profile, sent_s, ExtraDelays(extra.up_ms[during], extra.down_ms[during])
     )
     usable = np.isfinite(measured) & ~touches_gap(profile, sent_s, measured)
     return Comparison(sent_s, measured, asked, usable, (measured - asked - base_ms)[usable])
@@ -160,13 +161,13 @@ def judge(
     base_ms: float,
     rate_hz: float,
     tolerance: LinkTolerance,
-    waits: QueueingDelays | None = None,
+    extra: ExtraDelays | None = None,
     late_ms: Values | None = None,
     died: str | None = None,
 ) -> LinkProof:
     """The verdict over the echoes sent from t0 to the end."""
-    waits = waits or QueueingDelays.none(len(echoes))
-    seen = compare(profile, echoes, t0_ns, end_ns, base_ms, waits)
+    extra = extra or ExtraDelays.none(len(echoes))
+    seen = compare(profile, echoes, t0_ns, end_ns, base_ms, extra)
     chance_s = last_chance_s(echoes, t0_ns, end_ns)
     due = max(1.0, (chance_s - dropping_s(profile, chance_s)) * rate_hz)
     answered = float(np.isfinite(seen.measured_ms).sum()) / due
@@ -205,7 +206,7 @@ def _reason(
     if died:
         return f"the link went away: {died}"
     losses = [side.loss.mean() if side.loss else 0.0 for side in (profile.up, profile.down)]
-    wanted = tolerance.least_share * (1 - losses[0]) * (1 - losses[1])
+    wanted = tolerance.answered_share_min * (1 - losses[0]) * (1 - losses[1])
     if answered < wanted:
         return f"only {answered:.0%} of the RTT probes came back (at least {wanted:.0%} wanted)"
     if not np.isfinite(median):

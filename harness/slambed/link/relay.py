@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.link.direction import RelayConfig, RelayEnd
+from slambed.link.direction_tables import STEP_MS, delay_table_ms, direction_config
+from slambed.link.facts import LinkDetails, RelaySummary
 from slambed.link.packets import ICMP, PACKET_LOG, SIDES, delivered, lateness_ms, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
-from slambed.link.proof import QueueingDelays
-from slambed.link.record import LinkDetails, RelaySummary
-from slambed.link.schedule import STEP_MS, delay_table_ms, direction_config
+from slambed.link.proof import ExtraDelays
 from slambed.link.session import (
     DEVICE,
     EDGE_ADDRESS,
     MOBILE_ADDRESS,
     PREFIX_LENGTH,
     LinkOptions,
-    Outcome,
     Series,
+    ShaperReport,
 )
 from slambed.native import find_program
 from slambed.process.endings import ended_from_outside, ending
@@ -147,7 +147,7 @@ class RelayShaper:
         code = self._process.poll()
         return None if code is None else self._last_words(code)
 
-    def stop(self, t0_ns: int) -> Outcome:
+    def stop(self, t0_ns: int) -> ShaperReport:
         """Ends the program and reads its log. A log that could not be written is an error."""
         worked = self.died() is None
         self._end()
@@ -157,10 +157,10 @@ class RelayShaper:
         summary = RelaySummary.read(self._log_dir / "relay_summary.json") or RelaySummary()
         kernel = summary.kernel_drops
         during = packets[packets["in_ns"] >= t0_ns]
-        return Outcome(
+        return ShaperReport(
             series=_series(during, t0_ns),
             drops={side: _dropped(during, number) for number, side in enumerate(SIDES)},
-            queueing_delays_of=lambda echoes: queueing_delays_of(packets, echoes),
+            extra_delays_of=lambda echoes: extra_delays_of(packets, echoes),
             late_ms=lateness_ms(during),
             details=LinkDetails(
                 real_time=self._ready.real_time,
@@ -257,8 +257,8 @@ def _carried(packets: pd.DataFrame, direction: int) -> int:
     return int(arrived.loc[arrived["protocol"] != ICMP, "bytes"].sum())
 
 
-def queueing_delays_of(packets: pd.DataFrame, echoes: Echoes) -> QueueingDelays:
-    """What each echo waited besides the profile's delay: for the rate, for jitter, for a gap."""
+def extra_delays_of(packets: pd.DataFrame, echoes: Echoes) -> ExtraDelays:
+    """What the relay added to the profile's delay of each echo: for the rate, jitter, a gap."""
     pings = packets[(packets["protocol"] == ICMP) & (packets["fate"] == 0)]
     ways = []
     for direction in range(len(SIDES)):
@@ -274,4 +274,4 @@ def queueing_delays_of(packets: pd.DataFrame, echoes: Echoes) -> QueueingDelays:
             if near:
                 found[index] = wait_ms[min(near, key=lambda p: abs(times[p] - sent))]
         ways.append(found)
-    return QueueingDelays(up_ms=ways[0], down_ms=ways[1])
+    return ExtraDelays(up_ms=ways[0], down_ms=ways[1])

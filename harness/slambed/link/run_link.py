@@ -4,9 +4,9 @@
 from pathlib import Path
 
 from slambed.link.backend import open_link
+from slambed.link.facts import LinkFacts
 from slambed.link.profile import parse_profile
 from slambed.link.proof import LinkTolerance
-from slambed.link.record import LinkFacts
 from slambed.link.session import LinkSession
 from slambed.spec.run_spec import RunSpec
 

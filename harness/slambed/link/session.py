@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slambed.errors import PassingError, environment_error
-from slambed.link.log import ASKED_STEP_S, LinkRecord, series_frame
+from slambed.link.facts import LinkDetails
 from slambed.link.namespaces import check_privilege, different, tune_tcp
 from slambed.link.probe import Echoes, Probe, measure_base_ms
 from slambed.link.profile import Profile
-from slambed.link.proof import LinkTolerance, QueueingDelays, compare, judge
-from slambed.link.record import LinkDetails
+from slambed.link.proof import ExtraDelays, LinkTolerance, compare, judge
+from slambed.link.record import ASKED_STEP_S, LinkRecord, series_frame
 from slambed.link.route import acknowledge_at_once
 from slambed.process.namespaces import namespace_path
 
@@ -50,20 +50,21 @@ class LinkOptions:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ShaperReport:
     """What a backend reports after its end."""
 
     series: Series
     """applied_*, drops_*, queue_bytes_* over run time."""
     drops: dict[str, int]
-    queueing_delays_of: Callable[[Echoes], QueueingDelays]
-    """What the echoes waited in queues, where the backend knows it."""
+    extra_delays_of: Callable[[Echoes], ExtraDelays]
+    """What the model added to the profile's delay of each echo, where the backend knows it."""
     late_ms: NDArray[np.float64] | None
     details: LinkDetails
 
 
 class Shaper(Protocol):
-    """A backend: devices in both namespaces and the delay between them."""
+    """A backend: devices in both namespaces and what happens to packets between them: delay, rate,
+    loss."""
 
     name: str
 
@@ -76,7 +77,7 @@ class Shaper(Protocol):
     def died(self) -> str | None:
         """Why the link is gone; None while it works."""
 
-    def stop(self, t0_ns: int) -> Outcome:
+    def stop(self, t0_ns: int) -> ShaperReport:
         """Removes everything; reports on the run that began at t0."""
 
     def abort(self) -> None:
@@ -163,10 +164,10 @@ class LinkSession:
         died = self._shaper.died()
         try:
             echoes = self._last_echoes(wait=died is None)
-            outcome = self._shaper.stop(t0_ns)
+            report = self._shaper.stop(t0_ns)
         finally:
             self.close()
-        waits = outcome.queueing_delays_of(echoes)
+        extra = report.extra_delays_of(echoes)
         proof = judge(
             self.profile,
             echoes,
@@ -175,26 +176,26 @@ class LinkSession:
             self.base_ms,
             self._options.probe_hz,
             self._options.tolerance,
-            waits,
-            outcome.late_ms,
+            extra,
+            report.late_ms,
             died,
         )
-        seen = compare(self.profile, echoes, t0_ns, end_ns, self.base_ms, waits)
+        seen = compare(self.profile, echoes, t0_ns, end_ns, self.base_ms, extra)
         asked_t = np.arange(0.0, max(0.0, (end_ns - t0_ns) / 1e9), ASKED_STEP_S)
         back = np.isfinite(echoes.rtt_ms)
         series = {
             "asked_rtt_ms": (asked_t, self.profile.rtt_series_ms(asked_t)),
             "probe_rtt_ms": ((echoes.sent_ns[back] - t0_ns) / 1e9, echoes.rtt_ms[back]),
             "probe_error_ms": (seen.sent_s[seen.usable], seen.error_ms),
-            **outcome.series,
+            **report.series,
         }
         return LinkRecord(
             backend=self.backend,
             frame=series_frame(series),
-            drops=outcome.drops,
+            drops=report.drops,
             proof=proof,
             died=died,
-            details=outcome.details.model_copy(update={"tcp": self._tcp, "base_ms": self.base_ms}),
+            details=report.details.model_copy(update={"tcp": self._tcp, "base_ms": self.base_ms}),
         )
 
     def _last_echoes(self, wait: bool) -> Echoes:

@@ -50,7 +50,7 @@ Text = partial(Metric, type="text")
 Count = partial(Metric, type="count", digits=0)
 Flag = partial(Metric, type="flag", shown="%", scale=100, digits=0, kind="share",
                relevant_step=0.10)  # fmt: skip
-Cost = partial(Metric, better="lower")
+LowerIsBetter = partial(Metric, better="lower")
 
 
 def _spec(of: Callable[[KeptSpec], Value]) -> Callable[[RunData], Value]:
@@ -73,7 +73,7 @@ def _mapped(field: str) -> Callable[[RunData], Value]:
     return value
 
 
-def _frames(share: float) -> Callable[[RunData], Value]:
+def _track_ms_quantile(share: float) -> Callable[[RunData], Value]:
     return lambda run: quantile_of(run.log.of("frame_tracked"), "track_ms", share)
 
 
@@ -100,9 +100,10 @@ STAGES_ON_MOBILE = (
 
 
 def _stage(key: str, stage: str, doc: str) -> Metric:
-    return Cost(f"{key}_ms_mean", f"{doc}: stage `{stage}` on the mobile node, wall",
-                lambda run: stage_ms_mean(run, stage), doc.partition(",")[0] + ", mean", "ms",
-                relevant_step=0.5)  # fmt: skip
+    return LowerIsBetter(
+        f"{key}_ms_mean", f"{doc}: stage `{stage}` on the mobile node, wall",
+        lambda run: stage_ms_mean(run, stage), doc.partition(",")[0] + ", mean", "ms",
+        relevant_step=0.5)  # fmt: skip
 
 
 def _work(part: str) -> Metric:
@@ -186,17 +187,20 @@ METRICS: tuple[Metric, ...] = (
            _tracking(lambda t: t.first_loss_s), "first loss", "s"),
     Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
-    Cost("lost_s", "sequence time between each loss and the next pose, or the end",
-         _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
+    LowerIsBetter(
+        "lost_s", "sequence time between each loss and the next pose, or the end",
+        _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
     Count("relocalizations", "times a lost camera was found again",
           _tracking(lambda t: t.relocalizations)),
-    Cost("reloc_s_max", "longest time from the first frame that showed something, while lost, to "
-         "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalization", "s",
-         digits=2, relevant_step=0.1),
-    Cost("reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
-         "been tracked (true poses) to the next pose",
-         lambda run: run.known_place_s, "recovery at known places", "s", digits=2,
-         relevant_step=0.1),
+    LowerIsBetter(
+        "reloc_s_max", "longest time from the first frame that showed something, while lost, to "
+        "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalization", "s",
+        digits=2, relevant_step=0.1),
+    LowerIsBetter(
+        "reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
+        "been tracked (true poses) to the next pose",
+        lambda run: run.known_place_s, "recovery at known places", "s", digits=2,
+        relevant_step=0.1),
     Count("resets", "maps given up", _tracking(lambda t: t.resets)),
     Count("loops_closed", "loops closed",
           lambda run: len(run.log.of("loop_closed")) if run.measured else None),
@@ -206,65 +210,86 @@ METRICS: tuple[Metric, ...] = (
     Count("map_points", "in the global map at the end", _mapped("points")),
     Text("groundtruth", "first 16 digits of the SHA-256 of the true path; null without one",
          truth_digest),
-    Cost("ate_rmse_m", "of `trajectory.txt` after one alignment",
-         lambda run: run.accuracy.ate_rmse_m, "ATE RMSE", "m", "cm", 100, 2, relevant_step=0.001,
-         use=HEADLINE),
-    Cost("ate_mean_m", "mean instead of root mean square", lambda run: run.accuracy.ate_mean_m,
-         "mean position error", "m", "cm", 100, 2, relevant_step=0.001),
+    LowerIsBetter(
+        "ate_rmse_m", "of `trajectory.txt` after one alignment",
+        lambda run: run.accuracy.ate_rmse_m, "ATE RMSE", "m", "cm", 100, 2, relevant_step=0.001,
+        use=HEADLINE),
+    LowerIsBetter(
+        "ate_mean_m", "mean instead of root mean square", lambda run: run.accuracy.ate_mean_m,
+        "mean position error", "m", "cm", 100, 2, relevant_step=0.001),
     Count("ate_pairs", "poses it was computed from", lambda run: run.accuracy.ate_pairs),
     Text("ate_alignment", "`se3` (rigid, scale 1), or `sim3` for a monocular sequence",
          lambda run: run.accuracy.ate_alignment),
     Metric("ate_scale", "what the estimate was multiplied by", lambda run: run.accuracy.ate_scale,
            "scale that fits best", digits=3),
-    Cost("ate_live_rmse_m", "of `trajectory_live.txt`", lambda run: run.accuracy.ate_live_rmse_m,
-         "ATE RMSE, live poses", "m", "cm", 100, 2, relevant_step=0.001),
-    Cost("error_in_force_m_mean", "mean over all frames: newest pose that the mobile had at the "
-         "frame's time, against the truth of that time; alignment of the ATE",
-         lambda run: run.accuracy.error_in_force_m_mean, "error in force", "m", "cm", 100, 2,
-         relevant_step=0.001),
-    Cost("reference_rmse_m", "live poses to the live path of the reference run that the dataset "
-         "names, not aligned", lambda run: run.reference.rmse_m, "error to the reference", "m",
-         digits=3, relevant_step=0.05),
-    Cost("reference_rmse_aligned_m", "the same after one rigid alignment",
-         lambda run: run.reference.aligned_m, "error to the reference, aligned", "m", digits=3,
-         relevant_step=0.05),
+    LowerIsBetter(
+        "ate_live_rmse_m", "of `trajectory_live.txt`", lambda run: run.accuracy.ate_live_rmse_m,
+        "ATE RMSE, live poses", "m", "cm", 100, 2, relevant_step=0.001),
+    LowerIsBetter(
+        "error_in_force_m_mean", "mean over all frames: newest pose that the mobile had at the "
+        "frame's time, against the truth of that time; alignment of the ATE",
+        lambda run: run.accuracy.error_in_force_m_mean, "error in force", "m", "cm", 100, 2,
+        relevant_step=0.001),
+    LowerIsBetter(
+        "reference_rmse_m", "live poses to the live path of the reference run that the dataset "
+        "names, not aligned", lambda run: run.reference.rmse_m, "error to the reference", "m",
+        digits=3, relevant_step=0.05),
+    LowerIsBetter(
+        "reference_rmse_aligned_m", "the same after one rigid alignment",
+        lambda run: run.reference.aligned_m, "error to the reference, aligned", "m", digits=3,
+        relevant_step=0.05),
     Count("reference_pairs", "frames that it was computed from", lambda run: run.reference.pairs),
-    Cost("rpe_trans_m", "RMSE of the relative pose error over 1 s, of the estimate times "
-         "`ate_scale`", lambda run: run.accuracy.rpe_trans_m, "RPE over 1 s", "m", "cm", 100, 2,
-         relevant_step=0.001, use=HEADLINE),
-    Cost("rpe_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_rot_deg,
-         "RPE over 1 s", "deg", digits=2, relevant_step=0.02),
-    Cost("rpe_all_trans_m", "RMSE of the relative pose error over pairs of any distance (TUM's "
-         "script without `--fixed_delta`)", lambda run: run.accuracy.rpe_all_trans_m,
-         "RPE over all pairs", "m", "cm", 100, 2, relevant_step=0.001),
-    Cost("rpe_all_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_all_rot_deg,
-         "RPE over all pairs", "deg", digits=2, relevant_step=0.02),
-    Cost("rpe_frame_trans_m", "RMSE of the relative pose error from one pose to the next",
-         lambda run: run.accuracy.rpe_frame_trans_m, "RPE over a frame", "m", "cm", 100, 2,
-         relevant_step=0.001),
-    Cost("rpe_frame_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_frame_rot_deg,
-         "RPE over a frame", "deg", digits=2, relevant_step=0.02),
-    Cost("rte_percent", "relative translation error as in KITTI's benchmark: mean over parts of "
-         "100 to 800 m of the true path, of the estimate times `ate_scale`; null where it is "
-         "shorter", lambda run: run.accuracy.rte_percent, "RTE", "%", digits=2,
-         relevant_step=0.05),
-    Cost("rre_deg_per_m", "relative rotation error of the same parts",
-         lambda run: run.accuracy.rre_deg_per_m, "RRE", "deg/m", digits=4, relevant_step=0.001),
-    Cost("rte_short_percent", "RTE over parts of 10 to 80 m, of a path that is shorter than 100 m",
-         lambda run: run.accuracy.rte_short_percent, "RTE over 10 to 80 m", "%", digits=2,
-         relevant_step=0.05),
-    Cost("rre_short_deg_per_m", "RRE of these",
-         lambda run: run.accuracy.rre_short_deg_per_m, "RRE over 10 to 80 m", "deg/m", digits=4,
-         relevant_step=0.001),
-    Cost("track_ms_median", "of the tracking steps, wall", _frames(0.5), "tracking, median", "ms",
-         relevant_step=0.5, use=HEADLINE),
-    Cost("track_ms_mean", "their mean",
-         lambda run: mean_of(run.log.of("frame_tracked"), "track_ms"), "tracking, mean", "ms",
-         relevant_step=0.5),
-    Cost("track_ms_p95", "their 95th percentile", _frames(0.95), "tracking, 95th percentile", "ms",
-         relevant_share=0.15, relevant_step=1.0, use=SHOWN | GATED),
-    Cost("extract_ms_median", "feature extraction on the mobile node, wall", extract_ms,
-         "feature extraction, median", "ms", relevant_step=0.5),
+    LowerIsBetter(
+        "rpe_trans_m", "RMSE of the relative pose error over 1 s, of the estimate times "
+        "`ate_scale`", lambda run: run.accuracy.rpe_trans_m, "RPE over 1 s", "m", "cm", 100, 2,
+        relevant_step=0.001, use=HEADLINE),
+    LowerIsBetter(
+        "rpe_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_rot_deg,
+        "RPE over 1 s", "deg", digits=2, relevant_step=0.02),
+    LowerIsBetter(
+        "rpe_all_trans_m", "RMSE of the relative pose error over pairs of any distance (TUM's "
+        "script without `--fixed_delta`)", lambda run: run.accuracy.rpe_all_trans_m,
+        "RPE over all pairs", "m", "cm", 100, 2, relevant_step=0.001),
+    LowerIsBetter(
+        "rpe_all_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_all_rot_deg,
+        "RPE over all pairs", "deg", digits=2, relevant_step=0.02),
+    LowerIsBetter(
+        "rpe_frame_trans_m", "RMSE of the relative pose error from one pose to the next",
+        lambda run: run.accuracy.rpe_frame_trans_m, "RPE over a frame", "m", "cm", 100, 2,
+        relevant_step=0.001),
+    LowerIsBetter(
+        "rpe_frame_rot_deg", "RMSE of its angle", lambda run: run.accuracy.rpe_frame_rot_deg,
+        "RPE over a frame", "deg", digits=2, relevant_step=0.02),
+    LowerIsBetter(
+        "rte_percent", "relative translation error as in KITTI's benchmark: mean over parts of "
+        "100 to 800 m of the true path, of the estimate times `ate_scale`; null where it is "
+        "shorter", lambda run: run.accuracy.rte_percent, "RTE", "%", digits=2,
+        relevant_step=0.05),
+    LowerIsBetter(
+        "rre_deg_per_m", "relative rotation error of the same parts",
+        lambda run: run.accuracy.rre_deg_per_m, "RRE", "deg/m", digits=4, relevant_step=0.001),
+    LowerIsBetter(
+        "rte_short_percent", "RTE over parts of 10 to 80 m, of a path that is shorter than 100 m",
+        lambda run: run.accuracy.rte_short_percent, "RTE over 10 to 80 m", "%", digits=2,
+        relevant_step=0.05),
+    LowerIsBetter(
+        "rre_short_deg_per_m", "RRE of these",
+        lambda run: run.accuracy.rre_short_deg_per_m, "RRE over 10 to 80 m", "deg/m", digits=4,
+        relevant_step=0.001),
+    LowerIsBetter(
+        "track_ms_median", "of the tracking steps, wall", _track_ms_quantile(0.5),
+        "tracking, median", "ms", relevant_step=0.5, use=HEADLINE),
+    LowerIsBetter(
+        "track_ms_mean", "their mean",
+        lambda run: mean_of(run.log.of("frame_tracked"), "track_ms"), "tracking, mean", "ms",
+        relevant_step=0.5),
+    LowerIsBetter(
+        "track_ms_p95", "their 95th percentile", _track_ms_quantile(0.95),
+        "tracking, 95th percentile", "ms", relevant_share=0.15, relevant_step=1.0,
+        use=SHOWN | GATED),
+    LowerIsBetter(
+        "extract_ms_median", "feature extraction on the mobile node, wall", extract_ms,
+        "feature extraction, median", "ms", relevant_step=0.5),
     Metric("cull_recall", "of the features on people, share that the run left out, with masks of "
            "all ages as they came; null without recorded features (`record_culling`) or where the "
            "sequence is not here with its labels", lambda run: run.culling.recall,
@@ -273,12 +298,14 @@ METRICS: tuple[Metric, ...] = (
            "`mask_border_px` of them", lambda run: run.culling.precision, "precision of culling",
            shown="%", scale=100, better="higher", relevant_step=0.01),
     *(_stage(*reported) for reported in STAGES_ON_MOBILE),
-    Cost("local_mapping_ms_mean", "per keyframe, all mapping stages, wall",
-         lambda run: mapping_ms_per_keyframe(run.log, "wall_ms"), "mapping per keyframe, wall",
-         "ms", digits=0, relevant_share=0.15, relevant_step=2.0, use=SHOWN | DRAWN | GATED),
-    Cost("local_mapping_cpu_ms_mean", "the same, thread CPU time",
-         lambda run: mapping_ms_per_keyframe(run.log, "cpu_ms"), "mapping per keyframe, CPU",
-         "ms", digits=0, relevant_share=0.15, relevant_step=2.0),
+    LowerIsBetter(
+        "local_mapping_ms_mean", "per keyframe, all mapping stages, wall",
+        lambda run: mapping_ms_per_keyframe(run.log, "wall_ms"), "mapping per keyframe, wall",
+        "ms", digits=0, relevant_share=0.15, relevant_step=2.0, use=SHOWN | DRAWN | GATED),
+    LowerIsBetter(
+        "local_mapping_cpu_ms_mean", "the same, thread CPU time",
+        lambda run: mapping_ms_per_keyframe(run.log, "cpu_ms"), "mapping per keyframe, CPU",
+        "ms", digits=0, relevant_share=0.15, relevant_step=2.0),
     Count("pace_missed", "live at the device's pace: stages of both nodes whose work alone took "
           "longer than its device would; null otherwise",
           lambda run: pace.missed(run.log) if run.spec.is_paced else None,
@@ -287,35 +314,45 @@ METRICS: tuple[Metric, ...] = (
            "what its device would take undisturbed; null otherwise",
            lambda run: pace.ratio(run.log) if run.spec.is_paced else None,
            "time of stages to the device's", digits=3),
-    Cost("mobile_cpu_percent_mean", "over playback; the manifest has the limit",
-         lambda run: run.mobile.cpu_percent_mean, "mobile CPU", "% of a core", relevant_step=1.0,
-         use=HEADLINE),
-    Cost("mobile_cpu_device_percent", "the same as share of all `mobile_cores`",
-         lambda run: share_of_device(run.mobile.cpu_percent_mean, run.mobile_cores),
-         "mobile CPU", "% of the device", relevant_step=1.0),
+    LowerIsBetter(
+        "mobile_cpu_percent_mean", "over playback; the manifest has the limit",
+        lambda run: run.mobile.cpu_percent_mean, "mobile CPU", "% of a core", relevant_step=1.0,
+        use=HEADLINE),
+    LowerIsBetter(
+        "mobile_cpu_device_percent", "the same as share of all `mobile_cores`",
+        lambda run: share_of_device(run.mobile.cpu_percent_mean, run.mobile_cores),
+        "mobile CPU", "% of the device", relevant_step=1.0),
     Metric("mobile_cores", "cores of the whole mobile device: of its cost model; live, the CPU "
            "quota granted; null without one", lambda run: run.mobile_cores, "mobile cores",
            digits=2),
-    Cost("edge_cpu_percent_mean", "of the edge node", lambda run: run.edge.cpu_percent_mean,
-         "edge CPU", "% of a core", relevant_step=1.0),
-    Cost("mobile_mem_mb_peak", "largest sample", lambda run: run.mobile.memory_mb_peak,
-         "mobile memory, peak", "MB", digits=0, relevant_step=2.0, use=HEADLINE),
-    Cost("mobile_mem_mb_mean", "mean of the samples", lambda run: run.mobile.memory_mb_mean,
-         "mobile memory, mean", "MB", digits=0, relevant_step=2.0),
-    Cost("mobile_mem_mb_slope", "growth, of the straight line through the samples, in MB a minute",
-         lambda run: run.mobile.memory_mb_per_min, "growth of mobile memory", "MB/min", digits=1,
-         relevant_step=0.5),
-    Cost("edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
-         "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
-    Cost("bytes_up", "payload and headers of our messages; of a system that reports none, what "
-         "the relay carried, IP headers included", lambda run: run.bytes_moved["up"],
-         "sent to the edge", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
-         use=SHOWN | GATED),
-    Cost("bytes_down", "the same towards the mobile node", lambda run: run.bytes_moved["down"],
-         "sent to the mobile", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
-         use=SHOWN | GATED),
-    Cost("link_mbit_s", "both directions together over playback", data_rate_mbit_s,
-         "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
+    LowerIsBetter(
+        "edge_cpu_percent_mean", "of the edge node", lambda run: run.edge.cpu_percent_mean,
+        "edge CPU", "% of a core", relevant_step=1.0),
+    LowerIsBetter(
+        "mobile_mem_mb_peak", "largest sample", lambda run: run.mobile.memory_mb_peak,
+        "mobile memory, peak", "MB", digits=0, relevant_step=2.0, use=HEADLINE),
+    LowerIsBetter(
+        "mobile_mem_mb_mean", "mean of the samples", lambda run: run.mobile.memory_mb_mean,
+        "mobile memory, mean", "MB", digits=0, relevant_step=2.0),
+    LowerIsBetter(
+        "mobile_mem_mb_slope", "growth, of the straight line through the samples, in MB a minute",
+        lambda run: run.mobile.memory_mb_per_min, "growth of mobile memory", "MB/min", digits=1,
+        relevant_step=0.5),
+    LowerIsBetter(
+        "edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
+        "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
+    LowerIsBetter(
+        "bytes_up", "payload and headers of our messages; of a system that reports none, what "
+        "the relay carried, IP headers included", lambda run: run.bytes_moved["up"],
+        "sent to the edge", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
+        use=SHOWN | GATED),
+    LowerIsBetter(
+        "bytes_down", "the same towards the mobile node", lambda run: run.bytes_moved["down"],
+        "sent to the mobile", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
+        use=SHOWN | GATED),
+    LowerIsBetter(
+        "link_mbit_s", "both directions together over playback", data_rate_mbit_s,
+        "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
     Count("link_stalls", "how often a channel had bytes under way of which none was acknowledged "
           "for 1 s", link_stalls, "stalls of the link"),
     Count("updates_applied", "map updates that tracking took over",
@@ -324,27 +361,33 @@ METRICS: tuple[Metric, ...] = (
     Count("updates_declined", "map updates that it did not",
           lambda run: len(run.log.of("update_declined")) if run.has_edge else None,
           "map updates declined"),
-    Cost("update_computed_ms_median", "T_Computed: capture of the newest covered keyframe until "
-         "applied, without the pacing of updates",
-         lambda run: median_ms(run.rounds, lambda r: r.computed_ms),
-         "map update delay without pacing, median", "ms", digits=0, relevant_step=5.0,
-         use=HEADLINE),
+    LowerIsBetter(
+        "update_computed_ms_median", "T_Computed: capture of the newest covered keyframe until "
+        "applied, without the pacing of updates",
+        lambda run: median_ms(run.rounds, lambda r: r.computed_ms),
+        "map update delay without pacing, median", "ms", digits=0, relevant_step=5.0,
+        use=HEADLINE),
     Metric("update_wait_ms_median", "T_Wait: the pacing of updates (`sync_period_s`)",
            lambda run: median_ms(run.rounds, lambda r: r.parts_ms["T_Wait"]),
            "pacing of map updates, median", "ms", digits=0, use=SHOWN),
-    Cost("update_delay_ms_median", "T_Total: both together", update_delay_ms,
-         "map update delay with pacing, median", "ms", digits=0, relevant_step=5.0),
-    Cost("update_gap_keyframes_mean", "keyframes that the local map loses by an update",
-         lambda run: gap_keyframes_mean(run.rounds), "local map gap per update", "keyframes",
-         digits=2, relevant_step=0.2),
-    Cost("update_pause_ms_mean", "how long tracking stood still for a map update (`pause_ms`); "
-         "null where the program does not report",
-         lambda run: mean_of(run.log.of("update_applied"), "pause_ms") if run.has_edge else None,
-         "tracking held up per map update", "ms", relevant_step=1.0),
-    Cost("update_pause_regular_ms_mean", "the same of regular updates alone", _pause(False),
-         "tracking held up per regular update", "ms", relevant_step=1.0),
-    Cost("update_pause_reloc_ms_mean", "the same of maps sent for relocalization alone",
-         _pause(True), "tracking held up per map for relocalization", "ms", relevant_step=1.0),
+    LowerIsBetter(
+        "update_delay_ms_median", "T_Total: both together", update_delay_ms,
+        "map update delay with pacing, median", "ms", digits=0, relevant_step=5.0),
+    LowerIsBetter(
+        "update_gap_keyframes_mean", "keyframes that the local map loses by an update",
+        lambda run: gap_keyframes_mean(run.rounds), "local map gap per update", "keyframes",
+        digits=2, relevant_step=0.2),
+    LowerIsBetter(
+        "update_pause_ms_mean", "how long tracking stood still for a map update (`pause_ms`); "
+        "null where the program does not report",
+        lambda run: mean_of(run.log.of("update_applied"), "pause_ms") if run.has_edge else None,
+        "tracking held up per map update", "ms", relevant_step=1.0),
+    LowerIsBetter(
+        "update_pause_regular_ms_mean", "the same of regular updates alone", _pause(False),
+        "tracking held up per regular update", "ms", relevant_step=1.0),
+    LowerIsBetter(
+        "update_pause_reloc_ms_mean", "the same of maps sent for relocalization alone",
+        _pause(True), "tracking held up per map for relocalization", "ms", relevant_step=1.0),
     Count("frames_lost_to_updates", "frames dropped while a map update held tracking up; null "
           "where the program does not report",
           lambda run: frames_lost_to_updates(run.log) if run.has_edge and run.measured else None,
@@ -355,23 +398,28 @@ METRICS: tuple[Metric, ...] = (
     Metric("update_parts_error_ms_max", "how far the parts of T_Total are from it at most",
            lambda run: closure_error_ms_max(run.rounds),
            "T_Total against its parts, largest error", "ms", digits=3),
-    Cost("keyframe_bytes_median", "messages `KEYFRAME` that arrived", _message("KEYFRAME"),
-         "keyframe message, median", "B", "KB", 1e-3, relevant_step=1e3),
-    Cost("update_bytes_median", "messages `MAP_UPDATE` that arrived", _message("MAP_UPDATE"),
-         "map update message, median", "B", "KB", 1e-3, relevant_step=1e3),
-    Cost("serialize_ms_median", "writing a keyframe on the mobile, wall",
-         _codec("mobile", "serialize"), "writing a keyframe, median", "ms", digits=2,
-         relevant_step=0.1),
-    Cost("parse_ms_median", "reading it on the edge, wall", _codec("edge", "parse"),
-         "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),
+    LowerIsBetter(
+        "keyframe_bytes_median", "messages `KEYFRAME` that arrived", _message("KEYFRAME"),
+        "keyframe message, median", "B", "KB", 1e-3, relevant_step=1e3),
+    LowerIsBetter(
+        "update_bytes_median", "messages `MAP_UPDATE` that arrived", _message("MAP_UPDATE"),
+        "map update message, median", "B", "KB", 1e-3, relevant_step=1e3),
+    LowerIsBetter(
+        "serialize_ms_median", "writing a keyframe on the mobile, wall",
+        _codec("mobile", "serialize"), "writing a keyframe, median", "ms", digits=2,
+        relevant_step=0.1),
+    LowerIsBetter(
+        "parse_ms_median", "reading it on the edge, wall", _codec("edge", "parse"),
+        "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),
     Metric("rtt_asked_ms_mean", "of the profile over playback", lambda run: run.asked_rtt_ms_mean,
            "RTT asked, mean", "ms"),
-    Metric("rtt_measured_ms_mean", "of the probes", lambda run: run.proof.measured_mean,
+    Metric("rtt_measured_ms_mean", "of the probes", lambda run: run.rtt.measured_mean,
            "RTT measured, mean", "ms"),
-    Cost("rtt_error_ms_median", "absolute error of the probe against asked + base",
-         lambda run: run.proof.error_median, "RTT error, median", "ms", digits=2,
-         relevant_step=0.2, use=SHOWN),
-    Metric("rtt_error_ms_p99", "its 99th percentile", lambda run: run.proof.error_p99,
+    LowerIsBetter(
+        "rtt_error_ms_median", "absolute error of the probe against asked + base",
+        lambda run: run.rtt.error_median, "RTT error, median", "ms", digits=2,
+        relevant_step=0.2, use=SHOWN),
+    Metric("rtt_error_ms_p99", "its 99th percentile", lambda run: run.rtt.error_p99,
            "RTT error, 99th percentile", "ms", digits=2),
     Metric("throttled_ms", "mobile node, cgroup counter", lambda run: run.mobile.throttled_ms,
            "throttled", "ms", digits=0, use=SHOWN),

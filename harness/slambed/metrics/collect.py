@@ -12,8 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from slambed.files.atomic import replacing
-from slambed.metrics.events import Event, EventLog, read_events, read_jsonl
-from slambed.metrics.tables import (
+from slambed.metrics.event_columns import (
     EXTRA_COLUMN,
     LINK_COLUMNS,
     SAMPLE_COLUMNS,
@@ -21,6 +20,7 @@ from slambed.metrics.tables import (
     frame_of,
     table_of_frame,
 )
+from slambed.metrics.events import Event, EventLog, read_events, read_jsonl
 from slambed.older_names import FIELDS, OF_VALUES, event_today, types_then
 
 EVENTS = "events.parquet"

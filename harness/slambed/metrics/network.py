@@ -52,7 +52,7 @@ def bytes_moved(log: EventLog) -> dict[str, int | None]:
 
 
 @dataclass(frozen=True)
-class RttProof:
+class RttFigures:
     """Measured against asked round-trip time over playback, milliseconds; None: not measured."""
 
     asked_mean: float | None
@@ -62,7 +62,7 @@ class RttProof:
     probes: int
 
 
-NO_PROOF = RttProof(None, None, None, None, 0)
+NO_RTT_FIGURES = RttFigures(None, None, None, None, 0)
 
 
 def series(link: pd.DataFrame, name: str) -> pd.DataFrame:
@@ -82,18 +82,18 @@ def curve(link: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
     return t_s[order], values[order]
 
 
-def measured_only(link: pd.DataFrame, end_s: float | None) -> RttProof:
+def measured_only(link: pd.DataFrame, end_s: float | None) -> RttFigures:
     """Of a real network, of which nobody asked anything."""
     sent_s, measured = curve(link, "probe_rtt_ms")
     during = sent_s >= 0.0
     if end_s is not None:
         during &= sent_s <= end_s
     if (count := int(during.sum())) < MINIMUM_PROBES:
-        return NO_PROOF
-    return RttProof(None, float(measured[during].mean()), None, None, count)
+        return NO_RTT_FIGURES
+    return RttFigures(None, float(measured[during].mean()), None, None, count)
 
 
-def rtt_proof(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> RttProof | None:
+def rtt_figures(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> RttFigures | None:
     """Compares each probe with the RTT asked for during its flight plus the base RTT.
 
     Half the RTT is set when the probe leaves and half when it turns round, half an RTT later: for a
@@ -110,7 +110,7 @@ def rtt_proof(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> Rt
         return None
     expected = np.interp(sent_s + measured / 4e3, asked_s, asked) + base_rtt_ms
     error = np.abs(measured - expected)
-    return RttProof(
+    return RttFigures(
         float((expected - base_rtt_ms).mean()),
         float(measured.mean()),
         float(np.median(error)),

@@ -8,14 +8,14 @@ import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
-from slambed.metrics.run_data import RunData
-from slambed.metrics.tables import (
+from slambed.metrics.event_columns import (
     EVENT_COLUMNS,
     LINK_COLUMNS,
     SAMPLE_COLUMNS,
     table_of,
     table_of_frame,
 )
+from slambed.metrics.run_data import RunData
 
 
 @dataclass

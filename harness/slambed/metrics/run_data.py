@@ -13,8 +13,8 @@ from slambed.data.prepared import SEQUENCE_FILE
 from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
+from slambed.link.facts import LinkFacts
 from slambed.link.proof import LinkProof
-from slambed.link.record import LinkFacts
 from slambed.metrics.accuracy import (
     absolute_error,
     absolute_error_and_alignment,
@@ -28,7 +28,14 @@ from slambed.metrics.device_share import device_cores
 from slambed.metrics.events import EventLog
 from slambed.metrics.in_force import error_in_force_m_mean
 from slambed.metrics.kitti_error import kitti_error
-from slambed.metrics.network import NO_PROOF, RttProof, bytes_moved, curve, measured_only, rtt_proof
+from slambed.metrics.network import (
+    NO_RTT_FIGURES,
+    RttFigures,
+    bytes_moved,
+    curve,
+    measured_only,
+    rtt_figures,
+)
 from slambed.metrics.recovery import known_place_times_s
 from slambed.metrics.reference_path import ReferenceErrors, reference_errors, scored_part
 from slambed.metrics.resources import NOTHING, Resources, resources_of
@@ -233,21 +240,21 @@ class RunData:
         return update_rounds(self.log) if self.has_edge else []
 
     @cached_property
-    def proof(self) -> RttProof:
+    def rtt(self) -> RttFigures:
         """Measured against asked RTT: the link's own comparison, else that of the logged series."""
         link = self.manifest.link or LinkFacts()
-        measured = _proof_in_manifest(link.proof)
+        measured = _figures_in_manifest(link.proof)
         if link.backend == NETWORK and self.link is not None:
             return measured_only(self.link, self.end_s)
         if measured is None and self.link is not None:
-            measured = rtt_proof(self.link, link.base_rtt_ms or 0.0, self.end_s)
-        return measured or NO_PROOF
+            measured = rtt_figures(self.link, link.base_rtt_ms or 0.0, self.end_s)
+        return measured or NO_RTT_FIGURES
 
     @cached_property
     def asked_rtt_ms_mean(self) -> float | None:
         """What the profile asked for over playback, also where nothing was probed."""
-        if self.proof.asked_mean is not None or not self.is_virtual or self.link is None:
-            return self.proof.asked_mean
+        if self.rtt.asked_mean is not None or not self.is_virtual or self.link is None:
+            return self.rtt.asked_mean
         times_s, asked = curve(self.link, "asked_rtt_ms")
         if self.end_s is not None:
             asked = asked[times_s <= self.end_s]
@@ -381,7 +388,7 @@ class RunData:
         return EMPTY
 
 
-def _proof_in_manifest(proof: LinkProof | None) -> RttProof | None:
+def _figures_in_manifest(proof: LinkProof | None) -> RttFigures | None:
     """The link's own comparison: it knows the profile exactly, with its gaps and queues."""
     if proof is None:
         return None
@@ -391,4 +398,4 @@ def _proof_in_manifest(proof: LinkProof | None) -> RttProof | None:
         proof.error_ms_median,
         proof.error_ms_p99,
     )
-    return RttProof(*numbers, proof.echoes) if np.isfinite(numbers).all() else None
+    return RttFigures(*numbers, proof.echoes) if np.isfinite(numbers).all() else None

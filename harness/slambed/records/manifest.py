@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from slambed.files.json_file import Record
-from slambed.link.record import LinkFacts
+from slambed.link.facts import LinkFacts
 from slambed.older_names import manifest_of_today
 from slambed.records.board import BoardFacts
 from slambed.records.kept_spec import KeptSpec

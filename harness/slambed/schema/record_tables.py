@@ -30,6 +30,7 @@ from slambed.engines.sidecar_messages import (
     Ticking,
 )
 from slambed.link.direction import DirectionConfig, RelayConfig
+from slambed.link.facts import LinkFacts
 from slambed.link.helper_messages import (
     Alive,
     AskAlive,
@@ -40,7 +41,6 @@ from slambed.link.helper_messages import (
     StartLink,
     StopLink,
 )
-from slambed.link.record import LinkFacts
 from slambed.link.relay import RelayApplied, RelayReady, RelayStarted
 from slambed.process.line_protocol import Failure
 from slambed.records.kept_spec import KeptSpec

@@ -17,7 +17,7 @@ from slambed.campaign.foreign import foreign_software
 from slambed.engines.base import NodePlan
 from slambed.engines.foreign import container_options, environment, player_arguments
 from slambed.errors import SlambedError
-from slambed.link.record import LinkDetails, LinkFacts
+from slambed.link.facts import LinkDetails, LinkFacts
 from slambed.metrics.declared import described_by
 from slambed.metrics.run_data import RunData
 from slambed.metrics.run_summary import summary_of

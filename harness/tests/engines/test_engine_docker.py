@@ -33,8 +33,8 @@ from slambed.engines.live_run import LiveRun
 from slambed.engines.reaper import reap
 from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.link.helper_link import HelperLinkOpener
 from slambed.link.named_profile import read_profile
-from slambed.link.remote_link import HelperLinks
 from slambed.sampling.cgroup import paths_of
 from slambed.spec.device import Limits
 from slambed.spec.experiment import Playback
@@ -263,7 +263,13 @@ def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) ->
         edge=True, engine="docker", device_mobile=device(**limits), link=link, profile="flat"
     )
     live = LiveRun(
-        spec, bench.engine, bench.sequence, 0.5, bench.raw, HelperLinks(bench.engine), bench.stop
+        spec,
+        bench.engine,
+        bench.sequence,
+        0.5,
+        bench.raw,
+        HelperLinkOpener(bench.engine),
+        bench.stop,
     )
 
     def wait_and_act() -> None:

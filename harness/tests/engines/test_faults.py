@@ -234,9 +234,9 @@ def test_a_fault_that_came_late_is_not_the_one_that_was_asked_for(tmp_path: Path
         driver, _ = driver_at(4 + behind_s, [FREEZE], tmp_path)
         driver.act()
         driver.finish()  # the run is over before the freeze is: that is no fault of the host
-        assert len(driver.problems) == len(complaints)
-        for problem, expected in zip(driver.problems, complaints, strict=True):
-            assert problem.endswith(expected)
+        assert len(driver.invalid_reasons) == len(complaints)
+        for reason, expected in zip(driver.invalid_reasons, complaints, strict=True):
+            assert reason.endswith(expected)
 
 
 @dataclass

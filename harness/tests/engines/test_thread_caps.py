@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from harness_parts import needs_root
 
-from slambed.engines.base import thread_problems
+from slambed.engines.base import thread_invalid_reasons
 from slambed.engines.cgroups import CgroupMaker, below, entry_files, remove
 from slambed.engines.thread_caps import ThreadCaps
 from slambed.sampling.cgroup import CgroupPaths, version
@@ -161,10 +161,10 @@ def cap(name: str, cores: float | None) -> ThreadCap:
 
 def test_a_cap_that_was_not_granted_is_a_problem() -> None:
     good = cap("tracking", 0.25)
-    assert thread_problems("mobile", [good, good], LIMITS) == []
-    assert thread_problems("mobile", [], LIMITS) == ["mobile: no thread was capped"]
+    assert thread_invalid_reasons("mobile", [good, good], LIMITS) == []
+    assert thread_invalid_reasons("mobile", [], LIMITS) == ["mobile: no thread was capped"]
     for cores in (None, 0.5):
-        (line,) = thread_problems("mobile", [good, cap("mapping", cores)], LIMITS)
+        (line,) = thread_invalid_reasons("mobile", [good, cap("mapping", cores)], LIMITS)
         assert line == "mobile: cap of thread mapping is not as asked"
 
 

@@ -17,9 +17,9 @@ from slambed.campaign.runner import Runner
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.errors import SlambedError
+from slambed.link.helper_link import HelperLinkOpener
 from slambed.link.named_profile import backend_for, read_profile
 from slambed.link.relay import RelayShaper
-from slambed.link.remote_link import HelperLinks
 from slambed.link.run_link import RunLink, open_for_run
 from slambed.native import find_program
 from slambed.spec.experiment import Playback
@@ -141,7 +141,7 @@ def test_a_relay_killed_at_set_up_costs_an_attempt(
     folder = ResultFolder(tmp_path / "tiny")
     folder.create()
     (tmp_path / "sequence").mkdir()
-    opener = HelperLinks(engine) if helper else open_for_run
+    opener = HelperLinkOpener(engine) if helper else open_for_run
     executor = LiveExecutor(engine, opener, {"room": (tmp_path / "sequence", 0.5)})
     ledger = Ledger(folder.path / "ledger.jsonl")
     with nodes_of_tests():

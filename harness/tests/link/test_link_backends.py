@@ -17,10 +17,10 @@ from slambed.link.backend import open_link
 from slambed.link.bursts import Bursts
 from slambed.link.choice import choose_backend
 from slambed.link.impairments import GilbertElliott
-from slambed.link.log import LinkRecord
 from slambed.link.netem import netem_available, why_not_netem
 from slambed.link.netlink import NetemSettings
 from slambed.link.profile import Profile, parse_profile
+from slambed.link.record import LinkRecord
 from slambed.link.scratch import two_namespaces
 from slambed.link.traffic import TcpRttProbe, one_way
 from slambed.process.namespaces import inside

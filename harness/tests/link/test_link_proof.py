@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slambed.link.direction_tables import delay_table_ms, direction_config
 from slambed.link.packets import RECORD, read_packets
 from slambed.link.probe import Echoes
 from slambed.link.profile import Profile, parse_profile
-from slambed.link.proof import LinkProof, LinkTolerance, QueueingDelays, expected_rtt_ms, judge
-from slambed.link.relay import queueing_delays_of
-from slambed.link.schedule import delay_table_ms, direction_config
+from slambed.link.proof import ExtraDelays, LinkProof, LinkTolerance, expected_rtt_ms, judge
+from slambed.link.relay import extra_delays_of
 
 T0 = 5_000_000_000
 BASE = 0.2
@@ -20,7 +20,7 @@ BASE = 0.2
 def echoes(profile: Profile, seconds: float, error_ms: float = 0.0, lost: float = 0.0) -> Echoes:
     """20 Hz echoes over this profile, all wrong by `error_ms`, the last share lost."""
     sent_s = np.arange(0, seconds, 0.05)
-    rtt = expected_rtt_ms(profile, sent_s, QueueingDelays.none(len(sent_s))) + BASE + error_ms
+    rtt = expected_rtt_ms(profile, sent_s, ExtraDelays.none(len(sent_s))) + BASE + error_ms
     rtt[len(rtt) - int(lost * len(rtt)) :] = np.nan
     return Echoes(
         sequence=np.arange(1, len(rtt) + 1), sent_ns=(sent_s * 1e9).astype(int) + T0, rtt_ms=rtt
@@ -97,10 +97,10 @@ def test_what_a_cut_takes_is_not_missed() -> None:
 
 def test_an_echo_meets_each_direction_when_it_gets_there() -> None:
     slope = parse_profile({"rtt_ms": {"points": [[0, 0], [10, 1000]]}}, "here")
-    (total,) = expected_rtt_ms(slope, np.array([1.0]), QueueingDelays.none(1))
+    (total,) = expected_rtt_ms(slope, np.array([1.0]), ExtraDelays.none(1))
     up = 50.0
     assert total == pytest.approx(up + (50.0 + 50 * 0.05))  # down at 1.05 s
-    waited = QueueingDelays(up_ms=np.array([100.0]), down_ms=np.array([0.0]))
+    waited = ExtraDelays(up_ms=np.array([100.0]), down_ms=np.array([0.0]))
     (later,) = expected_rtt_ms(slope, np.array([1.0]), waited)
     assert later > total + 100
 
@@ -156,6 +156,6 @@ def test_the_packet_log_says_what_an_echo_waited(tmp_path: Path) -> None:
     packets = read_packets(file)
     assert len(packets) == 3
     seen = Echoes(np.array([1, 2, 7]), T0 + np.array([0, 25, 50]) * 1_000_000, np.full(3, 50.0))
-    waits = queueing_delays_of(packets, seen)
-    assert list(waits.up_ms) == [5, 0, 1]
-    assert list(waits.down_ms) == [0, 0, 0]
+    extra = extra_delays_of(packets, seen)
+    assert list(extra.up_ms) == [5, 0, 1]
+    assert list(extra.down_ms) == [0, 0, 0]

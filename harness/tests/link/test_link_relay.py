@@ -23,9 +23,9 @@ from waiting import in_background, until
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link.backend import open_link
-from slambed.link.log import SERIES
 from slambed.link.packets import PACKET_LOG, read_packets
 from slambed.link.profile import parse_profile
+from slambed.link.record import SERIES
 from slambed.link.relay import RelayShaper
 from slambed.link.scratch import two_namespaces
 from slambed.link.session import DEVICE, LinkOptions, LinkSession

@@ -16,7 +16,7 @@ from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.catalog import SUMMARY_KEYS, metrics_of
 from slambed.metrics.collect import keep_groundtruth
 from slambed.metrics.events import EventLog, read_events
-from slambed.metrics.network import rtt_proof, traffic
+from slambed.metrics.network import rtt_figures, traffic
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.resources import resources_of
 from slambed.metrics.run_data import RunData
@@ -237,9 +237,9 @@ def test_results_can_be_summarized_from_their_parquet_files(raw: Path, tmp_path:
     assert resources_of(samples, "mobile", end_s).cpu_percent_mean == pytest.approx(
         found["mobile_cpu_percent_mean"]
     )
-    proof = rtt_proof(link, 0.2, end_s)
-    assert proof is not None
-    assert proof.error_p99 == pytest.approx(found["rtt_error_ms_p99"])
+    figures = rtt_figures(link, 0.2, end_s)
+    assert figures is not None
+    assert figures.error_p99 == pytest.approx(found["rtt_error_ms_p99"])
 
 
 def test_delays_and_stages(raw: Path) -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from slambed.data.recipe import Dataset
 from slambed.metrics.collect import events_today, stored_log
+from slambed.metrics.event_columns import EVENT_COLUMNS, table_of
 from slambed.metrics.events import read_events
 from slambed.metrics.summary import Summary
-from slambed.metrics.tables import EVENT_COLUMNS, table_of
 from slambed.native import repository_root
 from slambed.older_names import METRICS, PARAMETERS, STAGES, event_today, keys_today
 from slambed.records.manifest import Manifest

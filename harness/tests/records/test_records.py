@@ -13,8 +13,8 @@ from harness_parts import run_spec
 from slambed.campaign.manifest import manifest
 from slambed.engines.result import RunResult
 from slambed.files.json_file import Record
+from slambed.link.facts import LinkDetails, LinkFacts, RelaySummary
 from slambed.link.proof import LinkProof
-from slambed.link.record import LinkDetails, LinkFacts, RelaySummary
 from slambed.metrics.summary import Summary
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import EngineFacts, Manifest

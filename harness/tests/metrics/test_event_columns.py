@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from slambed.metrics.tables import (
+from slambed.metrics.event_columns import (
     EVENT_COLUMNS,
     EXTRA_COLUMN,
     SAMPLE_COLUMNS,

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a RunSpec to a raw folder with manifest, tables and summary: the same for every engine."""
+"""Prepares the raw folder of a run, and completes it with manifest, tables and summary: the same
+for every engine."""
 
 import json
 import os

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from slambed.errors import SlambedError
+from slambed.link.facts import LinkFacts
 from slambed.link.helper_messages import (
     Alive,
     AskAlive,
@@ -17,7 +18,6 @@ from slambed.link.helper_messages import (
     StartLink,
     StopLink,
 )
-from slambed.link.record import LinkFacts
 from slambed.process.line_protocol import LineProcess
 from slambed.spec.run_spec import RunSpec
 
@@ -28,7 +28,7 @@ STOP_TIMEOUT_S = 30.0
 ALIVE_EVERY_S = 0.2
 
 
-class RemoteLink:
+class HelperLink:
     """Same life as `run_link.RunLink`; a helper that ends is a link that went away."""
 
     def __init__(self, process: LineProcess) -> None:
@@ -72,14 +72,14 @@ class HelperStarter(Protocol):
 
 
 @dataclass(frozen=True)
-class HelperLinks:
+class HelperLinkOpener:
     """Opens links in helper containers of an engine."""
 
     engine: HelperStarter
 
     def __call__(
         self, spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float
-    ) -> RemoteLink:
+    ) -> HelperLink:
         """Joins the two namespaces by the link that the run asks for."""
         # The helper is root without a root's right to write anywhere.
         log_dir.chmod(0o777)
@@ -98,4 +98,4 @@ class HelperLinks:
         except BaseException:
             process.close()
             raise
-        return RemoteLink(process)
+        return HelperLink(process)
