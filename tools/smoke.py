@@ -149,10 +149,19 @@ def executed(experiment: dict[str, Any], place: Path, results: Path) -> str:
         # Figures are the tests' of reports: one that cannot be drawn fails no campaign.
         code = run_command(
             [
-                "run", str(file), "--engine", "virtual", "--runs", "1", "--jobs", "1",
-                "--no-figures", "--results", str(results),
+                "run",
+                str(file),
+                "--engine",
+                "virtual",
+                "--runs",
+                "1",
+                "--jobs",
+                "1",
+                "--no-figures",
+                "--results",
+                str(results),
             ]
-        )  # fmt: skip
+        )
     lines = [line for line in output.getvalue().splitlines() if line.strip()]
     return f"exit code {code}: {lines[-1] if lines else 'no output'}" if code else ""
 

@@ -331,9 +331,13 @@ def train(
 def export(people: People, out: Path) -> None:
     people.eval()
     torch.onnx.export(
-        ForUse(people), torch.zeros(1, 1, HEIGHT, WIDTH), str(out), opset_version=12,
-        input_names=["picture"], output_names=["mask", "maps"],
-    )  # fmt: skip
+        ForUse(people),
+        torch.zeros(1, 1, HEIGHT, WIDTH),
+        str(out),
+        opset_version=12,
+        input_names=["picture"],
+        output_names=["mask", "maps"],
+    )
 
 
 if __name__ == "__main__":

@@ -47,11 +47,15 @@ class Odometry:
         inliers = None
         if len(good) >= self.params["min_inliers"]:
             _, r, t, inliers = cv2.solvePnPRansac(
-                self.points[[m.trainIdx for m in good]], pixels[[m.queryIdx for m in good]],
-                self.camera.camera_matrix, self.camera.distortion,
-                cv2.Rodrigues(self.T_ck[:3, :3])[0], self.T_ck[:3, 3].copy(), True,
+                self.points[[m.trainIdx for m in good]],
+                pixels[[m.queryIdx for m in good]],
+                self.camera.camera_matrix,
+                self.camera.distortion,
+                cv2.Rodrigues(self.T_ck[:3, :3])[0],
+                self.T_ck[:3, 3].copy(),
+                True,
                 reprojectionError=REPROJECTION_PX,
-            )  # fmt: skip
+            )
         count = 0 if inliers is None else len(inliers)
         if count < self.params["min_inliers"]:
             return None, len(pixels), count

@@ -70,8 +70,11 @@ class Page:
         """As wide as a screen of so many pixels."""
         self.ask(
             "Emulation.setDeviceMetricsOverride",
-            width=width, height=height, deviceScaleFactor=1, mobile=False,
-        )  # fmt: skip
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
     def scripts(self, run: bool) -> None:
         """Whether the pages opened from now on may run scripts."""
@@ -173,9 +176,13 @@ def browser(program: str, profile: Path) -> Iterator[Page]:
         *(["--no-sandbox"] if os.geteuid() == 0 else []), "about:blank",
     ]  # fmt: skip
     process = subprocess.Popen(
-        command, preexec_fn=give, close_fds=False,
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        command,
+        preexec_fn=give,
+        close_fds=False,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     os.close(to_browser)
     os.close(from_browser)
     try:

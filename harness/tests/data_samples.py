@@ -40,9 +40,16 @@ def trajectory(times_s: list[float]) -> Trajectory:
 def write_prepared(path: Path, frames: int = 4) -> PreparedSequence:
     """An rgbd sequence whose third frame repeats the second."""
     with PreparedWriter(
-        path, id="tiny", title="Tiny, größer als nichts", sensor="rgbd", width=WIDTH,
-        height=HEIGHT, fps=10.0, camera=CAMERA, depth_unit_m=0.0002,
-    ) as writer:  # fmt: skip
+        path,
+        id="tiny",
+        title="Tiny, größer als nichts",
+        sensor="rgbd",
+        width=WIDTH,
+        height=HEIGHT,
+        fps=10.0,
+        camera=CAMERA,
+        depth_unit_m=0.0002,
+    ) as writer:
         for i in range(frames):
             picture = 1 if i == 2 else i
             time_ns = 1_000_000_000_000 + i * 100_000_000
@@ -73,11 +80,16 @@ def write_tum(path: Path, frames: int = 6, meters: float = 2.0) -> Path:
 def tum_recipe(folder: Path, name: str = "tiny_tum", **extra: str) -> Path:
     """A dataset file for write_tum's folder of the same name."""
     keys = {
-        "id": name, "title": "Tiny TUM folder", "reader": "tum", "paths": f"[{name}]",
-        "depth_unit_m": "0.0002", "fps": "10", "groundtruth": "groundtruth.txt",
+        "id": name,
+        "title": "Tiny TUM folder",
+        "reader": "tum",
+        "paths": f"[{name}]",
+        "depth_unit_m": "0.0002",
+        "fps": "10",
+        "groundtruth": "groundtruth.txt",
         "camera": f"{{ width: {WIDTH}, height: {HEIGHT}, fx: 50, fy: 50, "
         "cx: 31.5, cy: 23.5, bf: 4 }",
-    } | extra  # fmt: skip
+    } | extra
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{name}.yaml"
     file.write_text("".join(f"{key}: {value}\n" for key, value in keys.items()))

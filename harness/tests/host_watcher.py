@@ -56,13 +56,17 @@ class Looks:
     def end(self) -> None:
         """Ends the look in hand."""
         waited = _waited_s()
-        self.reported.append({
-            "began_s": self._began,
-            "ended_s": time.monotonic(),
-            "nap_ms": 1e3 * self._nap_s,
-            "stolen_s": _stolen_s() - self._stolen,
-            "waited_s": None if waited is None or self._waited is None else waited - self._waited,
-        })  # fmt: skip
+        self.reported.append(
+            {
+                "began_s": self._began,
+                "ended_s": time.monotonic(),
+                "nap_ms": 1e3 * self._nap_s,
+                "stolen_s": _stolen_s() - self._stolen,
+                "waited_s": None
+                if waited is None or self._waited is None
+                else waited - self._waited,
+            }
+        )
         self._begin()
 
 

@@ -63,27 +63,41 @@ def plan_content(sequence: str, dark: str, **more: Any) -> dict[str, Any]:
         "experiments": ["walk.yaml"],
         "open": {
             "pictures": {
-                "says": "what was seen", "set": f"datasets.{sequence}",
-                "values": [sequence, dark], "printed": sequence,
+                "says": "what was seen",
+                "set": f"datasets.{sequence}",
+                "values": [sequence, dark],
+                "printed": sequence,
             },
             "spread": {
-                "says": "how the time of tracking varies", "set": "devices.mobile.jitter.track",
-                "range": [0.1, 0.9], "printed": 0.1,
+                "says": "how the time of tracking varies",
+                "set": "devices.mobile.jitter.track",
+                "range": [0.1, 0.9],
+                "printed": 0.1,
             },
         },
         "fit": ["small.T1.losses.helped"],
         "held_out": ["small.T1.losses.alone", "small.T1.time.alone"],
         "seed": 5,
-        "full": {"points": 3, "first_runs": 5, "final_runs": 6, "predict_runs": 5,
-                 "budget_runs": 200},
-        "quick": {"points": 2, "first_runs": 5, "final_runs": 5, "predict_runs": 5,
-                  "budget_runs": 100},
+        "full": {
+            "points": 3,
+            "first_runs": 5,
+            "final_runs": 6,
+            "predict_runs": 5,
+            "budget_runs": 200,
+        },
+        "quick": {
+            "points": 2,
+            "first_runs": 5,
+            "final_runs": 5,
+            "predict_runs": 5,
+            "budget_runs": 100,
+        },
         "success": [
             {"says": "fitted inside", "kind": "fitted_inside", "at_least": 1.0},
             {"says": "predicted inside", "kind": "held_out_inside", "at_least": 1.0},
             {"says": "near", "kind": "mean_error", "at_most": 15},
         ],
-    } | more  # fmt: skip
+    } | more
 
 
 def write_files(folder: Path, content: dict[str, Any], sequence: str) -> Path:

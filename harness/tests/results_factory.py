@@ -114,11 +114,17 @@ def write_raw(folder: Path, run: RawRun) -> Path:
         previous = state
         mobile.append(
             {
-                "t_ns": t_ns, "type": "frame_tracked", **common, "state": state,
-                "matches": 220, "inliers": 180, "local_points": 900,
-                "track_ms": track_ms, "wait_ms": 0.0,
+                "t_ns": t_ns,
+                "type": "frame_tracked",
+                **common,
+                "state": state,
+                "matches": 220,
+                "inliers": 180,
+                "local_points": 900,
+                "track_ms": track_ms,
+                "wait_ms": 0.0,
             }
-        )  # fmt: skip
+        )
         if state == "ok" and frame % 5 == 0:
             created = {
                 "type": "keyframe_created",
@@ -147,10 +153,13 @@ def write_raw(folder: Path, run: RawRun) -> Path:
             done_ns = start_ns + int(total_ms * 1e6)
             mapper.append(
                 {
-                    "t_ns": done_ns, "type": "keyframe_mapped", "keyframe": ID | keyframe,
-                    "keyframes": keyframe + 1, "points": points,
+                    "t_ns": done_ns,
+                    "type": "keyframe_mapped",
+                    "keyframe": ID | keyframe,
+                    "keyframes": keyframe + 1,
+                    "points": points,
                 }
-            )  # fmt: skip
+            )
             if run.edge and keyframe % 2 == 1:
                 edge.append(stage(done_ns, "prepare_update", "map", 15.0))
                 mobile.append(
@@ -160,10 +169,14 @@ def write_raw(folder: Path, run: RawRun) -> Path:
                 content = {"update": update, "newest_keyframe": ID | keyframe, "keyframes": 1}
                 mobile.append(
                     {
-                        "t_ns": applied, "type": "update_applied", **content, "points": 400,
-                        "gap_keyframes": 0, **parts_of(taken_ns, done_ns, one_way_ns),
+                        "t_ns": applied,
+                        "type": "update_applied",
+                        **content,
+                        "points": 400,
+                        "gap_keyframes": 0,
+                        **parts_of(taken_ns, done_ns, one_way_ns),
                     }
-                )  # fmt: skip
+                )
                 update += 1
             keyframe += 1
     write_jsonl(folder / "mobile" / "events.jsonl", sorted(mobile, key=lambda e: e["t_ns"]))
@@ -184,14 +197,20 @@ def write_raw(folder: Path, run: RawRun) -> Path:
     write_samples(folder, run, nodes, rng)
     write_planned(list(run.faults), run.duration_s, folder)
     manifest = {
-        "commit": "0123456789abcdef", "dirty": False, "kernel": "6.1.0",
-        "cpu_model": "Invented CPU", "cores": 2, "seed": run.seed,
+        "commit": "0123456789abcdef",
+        "dirty": False,
+        "kernel": "6.1.0",
+        "cpu_model": "Invented CPU",
+        "cores": 2,
+        "seed": run.seed,
         "started_utc": "2026-01-02T03:04:05Z",
-        "outcome": "completed", "outcome_reason": None, "invalid_reasons": [],
+        "outcome": "completed",
+        "outcome_reason": None,
+        "invalid_reasons": [],
         "limits": {"mobile": {"asked": {"quota_cores": 1.0}, "granted": {"quota_cores": 1.0}}},
         "link": {"base_rtt_ms": run.base_rtt_ms} if run.edge else None,
         "command": "slambed run experiments/invented.yaml",
-    } | run.manifest  # fmt: skip
+    } | run.manifest
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
 
@@ -249,11 +268,15 @@ def write_samples(folder: Path, run: RawRun, nodes: list[str], rng: np.random.Ge
             used[node] += 0.1 * percent / 100
             rows.append(
                 {
-                    "t_s": t, "node": node, "cpu_s": used[node], "cpu_percent": percent,
-                    "memory_mb": 120 + 4 * max(t, 0.0), "throttled_s": 0.01 * max(t, 0.0),
+                    "t_s": t,
+                    "node": node,
+                    "cpu_s": used[node],
+                    "cpu_percent": percent,
+                    "memory_mb": 120 + 4 * max(t, 0.0),
+                    "throttled_s": 0.01 * max(t, 0.0),
                     "throttled_periods": int(max(t, 0.0)),
                 }
-            )  # fmt: skip
+            )
     write_jsonl(folder / "samples.jsonl", rows)
 
 
@@ -266,15 +289,22 @@ def spec_of(system: str, variant: str, profile: str | None, repetition: int, **m
     edge = profile is not None and system != "orbslam2"
     label = f"{system}:{variant}" if variant != "default" else system
     return {
-        "experiment": "invented", "label": label, "repetition": repetition,
+        "experiment": "invented",
+        "label": label,
+        "repetition": repetition,
         "cell": "/".join([label, "room_walk", *([profile] if profile else [])]),
-        "system": system, "variant": variant, "params": {"n_orb": 750},
-        "dataset": "room_walk", "profile": profile,
+        "system": system,
+        "variant": variant,
+        "params": {"n_orb": 750},
+        "dataset": "room_walk",
+        "profile": profile,
         "device_mobile": {"name": "half_core"},
         "device_edge": {"name": "host"} if edge else None,
-        "engine": "local", "link": {"backend": "relay", "profile": profile} if edge else None,
-        "seed": 1 + repetition, "tolerances": {"rtt_error_ms_median": 1.0},
-    } | more  # fmt: skip
+        "engine": "local",
+        "link": {"backend": "relay", "profile": profile} if edge else None,
+        "seed": 1 + repetition,
+        "tolerances": {"rtt_error_ms_median": 1.0},
+    } | more
 
 
 def write_experiment(root: Path, runs: list[tuple[dict[str, Any], RawRun]]) -> Path:
@@ -313,13 +343,16 @@ def quickstart_like(root: Path, repetitions: int = 3, duration_s: float = 12.0) 
                     (
                         spec_of(system, variant, profile, repetition),
                         RawRun(
-                            duration_s=duration_s, edge=edge, lost_at_s=lost,
-                            cpu_percent=35 if edge else 80, noise_m=0.015 if edge else 0.02,
+                            duration_s=duration_s,
+                            edge=edge,
+                            lost_at_s=lost,
+                            cpu_percent=35 if edge else 80,
+                            noise_m=0.015 if edge else 0.02,
                             peak_rtt_ms=85 if profile == "ramp_85" else 0,
                             seed=100 * repetition + len(runs),
                         ),
                     )
-                )  # fmt: skip
+                )
     return write_experiment(root, runs)
 
 

@@ -156,8 +156,11 @@ class StandInBoard:
     def role(self, **more: object) -> dict[str, object]:
         """`roles.mobile` of an experiment."""
         return {
-            "host": f"root@{self.address}", "over": "ssh", "name": self.name, "ssh": self.ssh
-        } | more  # fmt: skip
+            "host": f"root@{self.address}",
+            "over": "ssh",
+            "name": self.name,
+            "ssh": self.ssh,
+        } | more
 
     def kill(self) -> None:
         """A power cut."""

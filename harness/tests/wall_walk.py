@@ -31,9 +31,16 @@ def write_walk(
     depth = np.full((HEIGHT, WIDTH), round(WALL_M / UNIT_M), np.uint16)
     poses = []
     with PreparedWriter(
-        path, id=path.name, title=path.name, sensor=sensor, width=WIDTH, height=HEIGHT, fps=FPS,
-        camera=CAMERA, depth_unit_m=UNIT_M if sensor == "rgbd" else 0.0,
-    ) as writer:  # fmt: skip
+        path,
+        id=path.name,
+        title=path.name,
+        sensor=sensor,
+        width=WIDTH,
+        height=HEIGHT,
+        fps=FPS,
+        camera=CAMERA,
+        depth_unit_m=UNIT_M if sensor == "rgbd" else 0.0,
+    ) as writer:
         for k in range(frames):
             left = round(k * STEP_M * CAMERA.fx / WALL_M)
             gray = np.ascontiguousarray(wall(k if strange else 0)[:HEIGHT, left : left + WIDTH])

@@ -115,9 +115,16 @@ class Trial:
 
     def _start(self, role: Role) -> subprocess.Popen[bytes]:
         plan = NodePlan(
-            role, "check", self.run_dir, self.sequence, Limits(), [], False,
-            self.system.runtime, self.folder,
-        )  # fmt: skip
+            role,
+            "check",
+            self.run_dir,
+            self.sequence,
+            Limits(),
+            [],
+            False,
+            self.system.runtime,
+            self.folder,
+        )
         (self.run_dir / role).mkdir()
         config = str(self.run_dir / "run.json")
         frames = "" if self.recording is None else str(self.recording.folder())
@@ -125,10 +132,12 @@ class Trial:
         with self._log(role).open("wb") as log:
             return subprocess.Popen(
                 [str(find_program(PLAYER)), *arguments],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
                 env=environment(plan, str(clients_folder()), host_path(), config, frames),
                 start_new_session=True,
-            )  # fmt: skip
+            )
 
     def _log(self, role: str) -> Path:
         return self.run_dir / role / "log.txt"

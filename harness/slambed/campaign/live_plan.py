@@ -53,9 +53,13 @@ def as_it_is(files: Files, asked: str, count: int) -> Plan:
     """The same from inputs that are there; SlambedError where one would have to be made."""
     library = files[2]
     return look_ahead(
-        files, asked, count, lambda name: kept_input(name, library).file,
-        Console(quiet=True), lambda line: None,
-    )  # fmt: skip
+        files,
+        asked,
+        count,
+        lambda name: kept_input(name, library).file,
+        Console(quiet=True),
+        lambda line: None,
+    )
 
 
 def without_making(files: Files, asked: str, count: int) -> Plan | None:

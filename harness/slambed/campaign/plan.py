@@ -128,11 +128,16 @@ def notes(experiment: Experiment, library: Library) -> list[str]:
     """What is played instead of datasets that are not on this machine, and how to get those; what
     the experiment leaves to a default; and what nobody can measure of its systems."""
     stand_ins = [line for line in map(stand_in, experiment.datasets) if line]
-    return assumed(experiment) + _of_board(experiment) + stand_ins + [
-        f"{system.name} reads a recorded folder at its own speed, whatever playback.mode says: "
-        "frames dropped, tracking times and live poses are not known, and left empty"
-        for system in _readers(experiment, library)
-    ]  # fmt: skip
+    return (
+        assumed(experiment)
+        + _of_board(experiment)
+        + stand_ins
+        + [
+            f"{system.name} reads a recorded folder at its own speed, whatever playback.mode says: "
+            "frames dropped, tracking times and live poses are not known, and left empty"
+            for system in _readers(experiment, library)
+        ]
+    )
 
 
 def _of_board(experiment: Experiment) -> list[str]:

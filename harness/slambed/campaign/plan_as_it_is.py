@@ -36,6 +36,9 @@ def _virtual(files: Files, count: int) -> Plan:
     if masks_asked(experiment, library):
         raise SlambedError("its runs need masks of its sequences, which may have to be made")
     return make_plan(
-        *files, VIRTUAL, host_software(program=SIMULATION), count,
+        *files,
+        VIRTUAL,
+        host_software(program=SIMULATION),
+        count,
         lambda name: kept_input(name, library).file,
-    )  # fmt: skip
+    )

@@ -144,9 +144,14 @@ def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
     raw.mkdir(parents=True)
     try:
         task = VirtualTask(
-            spec, raw, sequence.path, sequence.played_s(spec.playback),
-            find_program(SIMULATION), cache_folder() / "features", sys.argv,
-        )  # fmt: skip
+            spec,
+            raw,
+            sequence.path,
+            sequence.played_s(spec.playback),
+            find_program(SIMULATION),
+            cache_folder() / "features",
+            sys.argv,
+        )
         summary = task.execute()
         if not summary.completed:
             raise SlambedError(f"input {recipe.id}: {summary['outcome_reason']}")

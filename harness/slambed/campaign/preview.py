@@ -14,11 +14,20 @@ def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") ->
     Raises SlambedError for what is no cell."""
     runs = [
         facts_of(
-            s.cell, s.system, s.variant, [s.label], s.dataset, s.profile, s.device_mobile.name,
-            s.device_edge.name if s.device_edge is not None else None, s.engine, s.pace, s.params,
+            s.cell,
+            s.system,
+            s.variant,
+            [s.label],
+            s.dataset,
+            s.profile,
+            s.device_mobile.name,
+            s.device_edge.name if s.device_edge is not None else None,
+            s.engine,
+            s.pace,
+            s.params,
         )
         for s in specs
-    ]  # fmt: skip
+    ]
     return [s for s, ours in zip(specs, meant([*runs], only, option), strict=True) if ours]
 
 

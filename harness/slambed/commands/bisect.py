@@ -70,9 +70,15 @@ def bisect(
         console().print(line, highlight=False, markup=False, soft_wrap=True)
 
     workshop = Workshop(
-        repository, place, source.path.resolve(), count, settings or [], only or [],
-        build_folder() / "bin", notify,
-    )  # fmt: skip
+        repository,
+        place,
+        source.path.resolve(),
+        count,
+        settings or [],
+        only or [],
+        build_folder() / "bin",
+        notify,
+    )
     notify(f"{found.id}: {len(candidates)} commits after {first.short} up to {last.short}")
     with workshop.opened():
         answer = first_bad(first, candidates, workshop, metric or [], alpha, notify)

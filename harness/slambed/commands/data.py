@@ -69,10 +69,12 @@ def list_datasets(as_json: JsonOption = False) -> None:
 def _entries(catalog: Catalog) -> list[dict[str, object]]:
     """For a script: what the files say and what is here of them."""
     return [
-        *({**d.model_dump(mode="json"), "state": state(catalog, d)}
-          for d in catalog.datasets.values()),
+        *(
+            {**d.model_dump(mode="json"), "state": state(catalog, d)}
+            for d in catalog.datasets.values()
+        ),
         *({"id": name, "error": str(error)} for name, error in catalog.broken.items()),
-    ]  # fmt: skip
+    ]
 
 
 @app.command("prepare")

@@ -25,8 +25,10 @@ def doctor(as_json: JsonOption = False) -> None:
         print_json({"can_run": can_run, "findings": [asdict(item) for item in findings]})
         raise typer.Exit(ExitCode.OK if can_run else ExitCode.ENVIRONMENT)
     marks = {
-        "good": Text("ok", "green"), "missing": Text("--", "yellow"), "fatal": Text("no", "red")
-    }  # fmt: skip
+        "good": Text("ok", "green"),
+        "missing": Text("--", "yellow"),
+        "fatal": Text("no", "red"),
+    }
     table = Table("", "", "found", "without it", box=None)
     for item in findings:
         table.add_row(marks[item.level], item.topic, item.found, item.cost)

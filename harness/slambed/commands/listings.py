@@ -60,12 +60,10 @@ def list_systems(as_json: JsonOption = False) -> None:
         ("system", "nodes", "sensors", "variants"),
         library.known_systems(),
         library.system,
-        lambda s: (
-            ", ".join(s.roles), ", ".join(s.sensors), ", ".join(s.variants) or "-", s.title
-        ),
+        lambda s: (", ".join(s.roles), ", ".join(s.sensors), ", ".join(s.variants) or "-", s.title),
         "parameters, ranges, sources: 'slambed systems show NAME'",
         as_json,
-    )  # fmt: skip
+    )
 
 
 @systems.command("show")

@@ -110,8 +110,10 @@ def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
     if found is None:
         raise SlambedError(f"no plan for '{paper.id}', write papers/{paper.id}/plan.yaml")
     says = {item.id: item.says for item in paper.contrasts}
-    typer.echo(f"{paper.id}: plan {found.digest} of {found.written_utc:%Y-%m-%d %H:%M} UTC, "
-               f"engine {found.engine}, mapping {found.frozen}")  # fmt: skip
+    typer.echo(
+        f"{paper.id}: plan {found.digest} of {found.written_utc:%Y-%m-%d %H:%M} UTC, "
+        f"engine {found.engine}, mapping {found.frozen}"
+    )
     for item in found.data.items():
         kind = "stand-in" if item[1].stand_in else "the paper's sequence"
         typer.echo(f"  {item[0]}: {item[1].played} ({kind}; {item[1].why})")
@@ -136,10 +138,12 @@ def list_(as_json: JsonOption = False) -> None:
     from slambed.papers.published.reading import read_papers
 
     if as_json:
-        print_json([
-            {"id": paper.id, "kind": paper.kind, **paper.paper.model_dump(mode="json")}
-            for paper in read_papers()
-        ])  # fmt: skip
+        print_json(
+            [
+                {"id": paper.id, "kind": paper.kind, **paper.paper.model_dump(mode="json")}
+                for paper in read_papers()
+            ]
+        )
         return
     for paper in read_papers():
         typer.echo(plain_list(paper))

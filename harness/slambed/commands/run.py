@@ -114,9 +114,24 @@ def run(
     screen = console()
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
-    options = Options(runs, engine, results, wait, jobs, scheduler, slurm, hosts, on or [], retries,
-                      wait_for_quiet, settings or [], only or [], force or [], keep_going,
-                      dry_run)  # fmt: skip
+    options = Options(
+        runs,
+        engine,
+        results,
+        wait,
+        jobs,
+        scheduler,
+        slurm,
+        hosts,
+        on or [],
+        retries,
+        wait_for_quiet,
+        settings or [],
+        only or [],
+        force or [],
+        keep_going,
+        dry_run,
+    )
     verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
         again = " ".join(["slambed", *sys.argv[1:]])

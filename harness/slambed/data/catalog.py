@@ -152,9 +152,11 @@ class Catalog:
         splits = [split_pattern(pattern) for pattern in dataset.paths]
         named = [(folder, rest) for folder, rest in splits if folder is not None]
         searched = [
-            (folder, rest) for folder in self._looked_in(dataset) for own, rest in splits
+            (folder, rest)
+            for folder in self._looked_in(dataset)
+            for own, rest in splits
             if own is None
-        ]  # fmt: skip
+        ]
         for folder, pattern in named + searched:
             if found := sorted(folder.glob(pattern), key=in_reading_order):
                 return found

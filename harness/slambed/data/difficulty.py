@@ -183,10 +183,15 @@ def compare(
         judged, visible = np.ones(len(matches), np.bool_), np.ones(len(own), np.bool_)
         flow = np.linalg.norm(ends[1] - ends[0], axis=1)[right]
     return Pair(
-        own, there, matches, right, judged, int(visible.sum()),
+        own,
+        there,
+        matches,
+        right,
+        judged,
+        int(visible.sum()),
         float(np.median(flow)) if len(flow) else float("nan"),
         _inliers(sequence, own, there, matches),
-    )  # fmt: skip
+    )
 
 
 def _seen(
@@ -216,9 +221,14 @@ def _inliers(
     if sequence.info.sensor == "rgbd":
         points = rays_of(camera, pixels) * own.depths_m[matches[:, :1]]
         good, _, _, inliers = cv2.solvePnPRansac(
-            points, others, matrix, lens,
-            iterationsCount=ITERATIONS, reprojectionError=RANSAC_PX, confidence=CONFIDENCE,
-        )  # fmt: skip
+            points,
+            others,
+            matrix,
+            lens,
+            iterationsCount=ITERATIONS,
+            reprojectionError=RANSAC_PX,
+            confidence=CONFIDENCE,
+        )
         return len(inliers) if good and inliers is not None else 0
     _, agree = cv2.findEssentialMat(pixels, others, matrix, cv2.RANSAC, CONFIDENCE, EPIPOLAR_PX)
     return 0 if agree is None else int(np.count_nonzero(agree))

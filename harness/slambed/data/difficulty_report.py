@@ -53,12 +53,16 @@ def csv_of(measured: list[Difficulty]) -> str:
     out = io.StringIO()
     rows = [
         {
-            "id": one.id, "judge": one.judge, "features": one.features,
-            "depth_share": one.depth_share, "median_depth_m": one.median_depth_m, **asdict(gap),
+            "id": one.id,
+            "judge": one.judge,
+            "features": one.features,
+            "depth_share": one.depth_share,
+            "median_depth_m": one.median_depth_m,
+            **asdict(gap),
         }
         for one in measured
         for gap in one.gaps
-    ]  # fmt: skip
+    ]
     writer = csv.DictWriter(out, list(rows[0]) if rows else [], lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)

@@ -60,9 +60,10 @@ def download(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         wanted = Wanted(
-            (recipe.url, *recipe.mirrors), recipe.sha256 if recipe.verified else None,
+            (recipe.url, *recipe.mirrors),
+            recipe.sha256 if recipe.verified else None,
             recipe.size_bytes,
-        )  # fmt: skip
+        )
         archive, digest = fetch(wanted, folder, progress)
         try:
             with tempfile.TemporaryDirectory(prefix=".download-", dir=folder) as scratch:

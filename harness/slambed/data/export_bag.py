@@ -30,8 +30,10 @@ WORLD, CAMERA = "world", "camera_optical_frame"
 MILLIMETER_M = 0.001
 """REP 118: whole millimeters may stand as 16UC1, anything else in meters as 32FC1."""
 IMAGE, INFO, POSE = (
-    "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped",
-)  # fmt: skip
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CameraInfo",
+    "geometry_msgs/msg/PoseStamped",
+)
 
 
 def write_bag(part: Part, folder: Path) -> None:
@@ -99,9 +101,15 @@ class Bag:
     def _image(self, header: Any, plane: NDArray[Any], encoding: str) -> Any:
         rows = np.ascontiguousarray(plane, plane.dtype.newbyteorder("<"))
         return self._type(
-            IMAGE, header=header, height=rows.shape[0], width=rows.shape[1], encoding=encoding,
-            is_bigendian=0, step=rows.strides[0], data=rows.view(np.uint8).reshape(-1),
-        )  # fmt: skip
+            IMAGE,
+            header=header,
+            height=rows.shape[0],
+            width=rows.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=rows.strides[0],
+            data=rows.view(np.uint8).reshape(-1),
+        )
 
     def _info(self, header: Any, index: int) -> Any:
         camera, info = self.info.camera, self.info
@@ -110,17 +118,30 @@ class Bag:
         k = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1], np.float64)
         p = np.insert(k.reshape(3, 3), 3, [right, 0.0, 0.0], axis=1).reshape(-1)
         return self._type(
-            INFO, header=header, height=info.height, width=info.width,
-            distortion_model="plumb_bob", d=np.array(camera.distortion), k=k,
-            r=np.eye(3).reshape(-1), p=p, binning_x=0, binning_y=0, roi=self._whole,
-        )  # fmt: skip
+            INFO,
+            header=header,
+            height=info.height,
+            width=info.width,
+            distortion_model="plumb_bob",
+            d=np.array(camera.distortion),
+            k=k,
+            r=np.eye(3).reshape(-1),
+            p=p,
+            binning_x=0,
+            binning_y=0,
+            roi=self._whole,
+        )
 
     @cached_property
     def _whole(self) -> Any:
         return self._type(
-            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
+            "sensor_msgs/msg/RegionOfInterest",
+            x_offset=0,
+            y_offset=0,
+            height=0,
+            width=0,
             do_rectify=False,
-        )  # fmt: skip
+        )
 
     def _poses(self) -> list[tuple[int, Any]]:
         """The measured ones with their times in ns, earliest first."""

@@ -129,9 +129,12 @@ class LiveRun:
             self._start_segmenter(cleanup)
             with at_start_barrier(self._nodes):
                 sidecar = self._engine.start_sidecar(
-                    self._nodes, self._limits, self._cpus, self._run_dir,
+                    self._nodes,
+                    self._limits,
+                    self._cpus,
+                    self._run_dir,
                     whole_groups=self._spec.runtime is not None,
-                )  # fmt: skip
+                )
             cleanup.callback(sidecar.close)
             edge = RunEdge(self._engine, self._plans.get("edge"), self._nodes, sidecar, cleanup)
             faults = FaultDriver(self._spec.faults, edge, self._run_dir)
@@ -202,9 +205,17 @@ class LiveRun:
             key, own = self._spec.run_key, cpus[role]
             runtime, folder = self._spec.runtime, Path(self._spec.system_folder)
             plan = NodePlan(
-                role, key, self._run_dir, self._sequence, asked, own, dies, runtime, folder,
+                role,
+                key,
+                self._run_dir,
+                self._sequence,
+                asked,
+                own,
+                dies,
+                runtime,
+                folder,
                 self._frames,
-            )  # fmt: skip
+            )
             node = self._engine.start(plan)
             cleanup.callback(node.remove)
             self._nodes[role], self._plans[role] = node, plan

@@ -80,10 +80,13 @@ def figure_of(run: RunLog, window: Window) -> Figure:
         rows.append((3.0, lambda axes: _rtt(run, axes, window)))
     heights = [height for height, _ in rows]
     figure, axes = plt.subplots(
-        len(rows), 1, sharex=True, squeeze=False,
+        len(rows),
+        1,
+        sharex=True,
+        squeeze=False,
         figsize=(WIDTH_IN, LANE_IN * sum(heights) + 1.6),
         gridspec_kw={"height_ratios": heights},
-    )  # fmt: skip
+    )
     for axis, (_, paint) in zip(axes.ravel(), rows, strict=True):
         paint(axis)
         for span in run.faults():

@@ -67,13 +67,25 @@ def write_png(view: RunView, folder: Path) -> Path:
     with figure(1, 2, height_in=3.6) as (made, axes):
         for axis, (a, b) in zip(axes, ((across, up), (across, third)), strict=True):
             if view.truth is not None and view.alignment is not None:
-                axis.plot(*broken_line(view.truth, a, b), color=GROUND_TRUTH, linewidth=2.4,
-                          alpha=0.6, label="ground truth")  # fmt: skip
-            axis.plot(*broken_line(estimate, a, b), color=COLORS[0], linewidth=1.1,
-                      label="estimate")  # fmt: skip
+                axis.plot(
+                    *broken_line(view.truth, a, b),
+                    color=GROUND_TRUTH,
+                    linewidth=2.4,
+                    alpha=0.6,
+                    label="ground truth",
+                )
+            axis.plot(
+                *broken_line(estimate, a, b), color=COLORS[0], linewidth=1.1, label="estimate"
+            )
             if len(keyframes):
-                axis.plot(keyframes[:, a], keyframes[:, b], "s", color=COLORS[1], markersize=2.5,
-                          label="keyframes")  # fmt: skip
+                axis.plot(
+                    keyframes[:, a],
+                    keyframes[:, b],
+                    "s",
+                    color=COLORS[1],
+                    markersize=2.5,
+                    label="keyframes",
+                )
             axis.set_aspect("equal", adjustable="datalim")
             axis.set_xlabel(f"{'xyz'[a]} [m]")
             axis.set_ylabel(f"{'xyz'[b]} [m]")

@@ -149,16 +149,24 @@ class Campaign:
         return found
 
     def _experiment(
-        self, name: str, experiment: str, dataset: str,
-        rows: Mapping[str, tuple[dict[str, Any], list[Made]]], runs: int,
-    ) -> dict[str, Any]:  # fmt: skip
+        self,
+        name: str,
+        experiment: str,
+        dataset: str,
+        rows: Mapping[str, tuple[dict[str, Any], list[Made]]],
+        runs: int,
+    ) -> dict[str, Any]:
         base = self.rows.places.bases[experiment]
         plan, asked = self.rows.plan, base.plan.experiment.link
         content = {k: v for k, v in base.source.data.items() if k not in LEFT_OUT}
         content |= {
-            "id": name, "title": f"{plan.title}: {name.removeprefix(f'{self.name}.')}",
-            "datasets": [dataset], "engine": VIRTUAL, "runs": {"default": runs}, "seed": plan.seed,
-        }  # fmt: skip
+            "id": name,
+            "title": f"{plan.title}: {name.removeprefix(f'{self.name}.')}",
+            "datasets": [dataset],
+            "engine": VIRTUAL,
+            "runs": {"default": runs},
+            "seed": plan.seed,
+        }
         systems = []
         needed: list[str] = []
         for entry, own in rows.values():

@@ -110,8 +110,9 @@ def prepare(name: str, quick: bool, options: Options, console: Console) -> Sessi
         which = "quick" if quick else "full"
         raise source.complaint(
             f"one kept point takes {sum(least)} runs at least, the budget is {form.budget_runs}",
-            (which, "budget_runs"), "raise it, or take fewer points or runs",
-        )  # fmt: skip
+            (which, "budget_runs"),
+            "raise it, or take fewer points or runs",
+        )
     return session
 
 
@@ -128,9 +129,11 @@ def preview(session: Session) -> list[str]:
     """What would be executed, and how long it takes."""
     plan, form, campaign = session.plan, session.form, session.campaign
     registration = session.registration
-    where = f"committed in {registration.commit[:10]}" if registration.commit else (
-        f"NOT REGISTERED: {registration.why}"
-    )  # fmt: skip
+    where = (
+        f"committed in {registration.commit[:10]}"
+        if registration.commit
+        else (f"NOT REGISTERED: {registration.why}")
+    )
     lines = [f"{plan.id}: plan {registration.digest}, {where}"]
     lines += [
         f"  open: {name} ({described(plan, name)}): {i.says}" for name, i in plan.open.items()
@@ -204,14 +207,24 @@ def infer(session: Session) -> Outcome:
     back, at_printed = _back(session, fit)
     runs = _all_runs(campaign)
     return Outcome(
-        plan=plan, quick=session.quick, registration=session.registration, places=session.places,
-        fit=fit, fitted=fitted, held_out=held_out, back=back, printed=at_printed,
+        plan=plan,
+        quick=session.quick,
+        registration=session.registration,
+        places=session.places,
+        fit=fit,
+        fitted=fitted,
+        held_out=held_out,
+        back=back,
+        printed=at_printed,
         success=[judge(c, fitted, held_out) for c in plan.success],
-        kept=len(kept), predicting=len(affordable),
-        lines=registered_lines(session.registration, runs), unfitted=session.rows.unfitted(),
-        stand_ins=sorted(campaign.stand_ins), spent=len(campaign.asked),
+        kept=len(kept),
+        predicting=len(affordable),
+        lines=registered_lines(session.registration, runs),
+        unfitted=session.rows.unfitted(),
+        stand_ins=sorted(campaign.stand_ins),
+        spent=len(campaign.asked),
         failures=[line for v in campaign.verdicts for line in v.given_up.values()],
-    )  # fmt: skip
+    )
 
 
 def _affordable(session: Session, points: list[Point]) -> list[Point]:
@@ -231,9 +244,11 @@ def _reached(points: Sequence[Point], spare: int, cost: Callable[[Sequence[Point
 
 
 def _predicted(
-    session: Session, cell: str, kept: list[Evaluated],
+    session: Session,
+    cell: str,
+    kept: list[Evaluated],
     measured: Mapping[Point, Mapping[str, Measured]],
-) -> ComparedCell:  # fmt: skip
+) -> ComparedCell:
     printed = session.places.places[cell].printed
     own = [measured[e.point][cell] for e in kept]
     if not own or not all(m.there for m in own):

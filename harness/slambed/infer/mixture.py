@@ -33,10 +33,12 @@ def log_likelihood(ours: Counts, printed: Counts) -> float:
         return 0.0
     return float(
         share_log_likelihood(
-            [ours[c].bad for c in cells], [ours[c].runs for c in cells],
-            [printed[c].bad for c in cells], [printed[c].runs for c in cells],
+            [ours[c].bad for c in cells],
+            [ours[c].runs for c in cells],
+            [printed[c].bad for c in cells],
+            [printed[c].runs for c in cells],
         ).sum()
-    )  # fmt: skip
+    )
 
 
 def drawn_log_likelihoods(
@@ -49,9 +51,11 @@ def drawn_log_likelihoods(
     shares = generator.beta(bad + 0.5, runs - bad + 0.5, (draws, len(cells)))
     more = np.maximum(final - runs, 0)
     found = share_log_likelihood(
-        bad + generator.binomial(more, shares), runs + more,
-        [printed[c].bad for c in cells], [printed[c].runs for c in cells],
-    )  # fmt: skip
+        bad + generator.binomial(more, shares),
+        runs + more,
+        [printed[c].bad for c in cells],
+        [printed[c].runs for c in cells],
+    )
     return np.asarray(found.sum(axis=1))
 
 

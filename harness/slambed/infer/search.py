@@ -109,7 +109,8 @@ def _likely(fit: FitResult, points: Sequence[Point], final: int) -> list[Point]:
     drawn = [drawn_log_likelihoods(e.counts, fit.printed, final, DRAWS, generator) for e in own]
     best = max(float(np.median(d)) for d in drawn)
     likely = [
-        e for e, d in zip(own, drawn, strict=True)
+        e
+        for e, d in zip(own, drawn, strict=True)
         if (d >= best - fit.within_log).mean() >= LEAST_CHANCE
-    ]  # fmt: skip
+    ]
     return [e.point for e in sorted(likely, key=lambda e: -e.log_likelihood)]

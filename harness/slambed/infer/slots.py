@@ -169,9 +169,12 @@ def _row(spec: RunSpec, row: int, dataset: str) -> dict[str, Any]:
 
 
 def _place(
-    cell: PublishedCell, printed: Share | Mean, bases: dict[str, Base],
-    frames: dict[str, pd.DataFrame], paper: Paper,
-) -> Place | str:  # fmt: skip
+    cell: PublishedCell,
+    printed: Share | Mean,
+    bases: dict[str, Base],
+    frames: dict[str, pd.DataFrame],
+    paper: Paper,
+) -> Place | str:
     """Where it is measured, in the first experiment that has it; else why nowhere."""
     why = f"no experiment of the plan reproduces {cell.source}"
     for name, base in bases.items():

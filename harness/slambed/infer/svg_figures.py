@@ -87,12 +87,12 @@ def profile_svg(name: str, item: OpenItem, fit: FitResult) -> str:
     kept = {e.point for e in fit.kept}
     final = max(e.runs for e in fit.points.values())
     marks = "".join(
-        f'<g><title>{escaped(e.point.words())}: {-_depth(e, fit):.1f} ({e.runs} runs)</title>'
+        f"<g><title>{escaped(e.point.words())}: {-_depth(e, fit):.1f} ({e.runs} runs)</title>"
         f'<circle cx="{places[e.point.named[name]]:.1f}" cy="{y(_depth(e, fit)):.1f}" '
         f'r="{4 if e.runs == final else 2.6}" '
         f'fill="{"#0072B2" if e.point in kept else "#ffffff"}"/></g>'
         for e in reversed(fit.ranked)
-    )  # fmt: skip
+    )
     band = (
         f'<rect class="band" x="{LEFT:.0f}" y="{TOP - 6:.0f}" '
         f'width="{PROFILE_WIDTH - LEFT - 8:.0f}" height="{y(fit.within_log) - TOP + 6:.1f}"/>'
@@ -148,5 +148,7 @@ def _ticks(item: OpenItem, places: dict[object, float]) -> list[tuple[str, float
         middle = (places[low] + places[high]) / 2
         return [(shown(low), places[low]), (shown((low + high) / 2), middle),
                 (shown(high), places[high])]  # fmt: skip
-    return [(shown(value) if isinstance(value, bool | int | float | str) else "", x)
-            for value, x in places.items()]  # fmt: skip
+    return [
+        (shown(value) if isinstance(value, bool | int | float | str) else "", x)
+        for value, x in places.items()
+    ]

@@ -48,8 +48,9 @@ HEADLINE = SHOWN | DRAWN | TESTED | GATED
 
 Text = partial(Metric, type="text")
 Count = partial(Metric, type="count", digits=0)
-Flag = partial(Metric, type="flag", shown="%", scale=100, digits=0, kind="share",
-               relevant_step=0.10)  # fmt: skip
+Flag = partial(
+    Metric, type="flag", shown="%", scale=100, digits=0, kind="share", relevant_step=0.10
+)
 LowerIsBetter = partial(Metric, better="lower")
 
 
@@ -101,21 +102,33 @@ STAGES_ON_MOBILE = (
 
 def _stage(key: str, stage: str, doc: str) -> Metric:
     return LowerIsBetter(
-        f"{key}_ms_mean", f"{doc}: stage `{stage}` on the mobile node, wall",
-        lambda run: stage_ms_mean(run, stage), doc.partition(",")[0] + ", mean", "ms",
-        relevant_step=0.5)  # fmt: skip
+        f"{key}_ms_mean",
+        f"{doc}: stage `{stage}` on the mobile node, wall",
+        lambda run: stage_ms_mean(run, stage),
+        doc.partition(",")[0] + ", mean",
+        "ms",
+        relevant_step=0.5,
+    )
 
 
 def _work(part: str) -> Metric:
-    return Metric(f"work_{part}_share", f"of the mobile node's timed work, part `{part}`",
-                  lambda run: share_of_work(run.log, part), shown="%", scale=100)  # fmt: skip
+    return Metric(
+        f"work_{part}_share",
+        f"of the mobile node's timed work, part `{part}`",
+        lambda run: share_of_work(run.log, part),
+        shown="%",
+        scale=100,
+    )
 
 
 def _update_work(part: str) -> Metric:
-    return Metric(f"update_{part}_share", f"of the work of map updates, part `{part}`; null "
-                  "where they are not reported by parts",
-                  lambda run: share_of_update(run.log, part) if run.has_edge else None,
-                  shown="%", scale=100)  # fmt: skip
+    return Metric(
+        f"update_{part}_share",
+        f"of the work of map updates, part `{part}`; null where they are not reported by parts",
+        lambda run: share_of_update(run.log, part) if run.has_edge else None,
+        shown="%",
+        scale=100,
+    )
 
 
 def _version(run: RunData) -> Value:

@@ -66,9 +66,12 @@ def paired_share_change(a: Floats, b: Floats, confidence: float = CONFIDENCE) ->
 
 
 def newcombe(
-    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike,
+    ours_bad: ArrayLike,
+    ours_runs: ArrayLike,
+    paper_bad: ArrayLike,
+    paper_runs: ArrayLike,
     confidence: float,
-) -> tuple[Floats, Floats]:  # fmt: skip
+) -> tuple[Floats, Floats]:
     """Interval of (share of ours - share of the paper), for arrays that broadcast."""
     z = normal_quantile(0.5 + confidence / 2)
     p1 = np.asarray(ours_bad, dtype=np.float64) / np.asarray(ours_runs)

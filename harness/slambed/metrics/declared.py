@@ -81,11 +81,20 @@ def _system(name: str) -> System | None:
 
 def _metric(key: str, item: OwnMetric) -> Metric:
     return Metric(
-        key, item.doc, partial(value_of, item), item.label, item.unit, item.shown, item.scale,
-        item.digits, item.better, relevant_share=item.relevant_share,
-        relevant_step=item.relevant_step, type="count" if item.take == "count" else "number",
+        key,
+        item.doc,
+        partial(value_of, item),
+        item.label,
+        item.unit,
+        item.shown,
+        item.scale,
+        item.digits,
+        item.better,
+        relevant_share=item.relevant_share,
+        relevant_step=item.relevant_step,
+        type="count" if item.take == "count" else "number",
         use=Use.GATED if item.gated else Use.ASKED,
-    )  # fmt: skip
+    )
 
 
 def value_of(item: OwnMetric, run: RunData) -> Value:

@@ -19,8 +19,9 @@ KNOWN_ANGLE_DEG = 20.0
 def pause_ms_mean(log: EventLog, relocalization: bool) -> float | None:
     """How long tracking stood still for a map sent for relocalization, or for another update."""
     updates = log.of("update_applied")
-    return mean_of([e for e in updates if bool(e.get("relocalization")) == relocalization],
-                   "pause_ms")  # fmt: skip
+    return mean_of(
+        [e for e in updates if bool(e.get("relocalization")) == relocalization], "pause_ms"
+    )
 
 
 def frames_lost_to_updates(log: EventLog) -> int | None:

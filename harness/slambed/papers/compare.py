@@ -98,20 +98,29 @@ def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) ->
     """Cell by cell: for CSV, Markdown and LaTeX."""
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
-        "numbers", f"{verdicts.paper.paper.title}{engine}",
+        "numbers",
+        f"{verdicts.paper.paper.title}{engine}",
         ["where", "row", "column", "metric", "paper", "ours", "verdict", "provenance", "reason"],
         words=4,
-    )  # fmt: skip
+    )
     for name in ids:
         row = column.rows[name]
         cell = row.cell
         outcome = row.verdict.outcome.replace("_", " ")
         reported = MISSING_WORDS[row.missing] if row.missing else outcome
         table.rows.append(
-            [cell.id, cell.row, cell.column, cell.metric, row.stated, row.ours,
-             reported if row.mark in "RDINE" else MARKS[row.mark], row.provenance.replace("_", " "),
-             row.why]
-        )  # fmt: skip
+            [
+                cell.id,
+                cell.row,
+                cell.column,
+                cell.metric,
+                row.stated,
+                row.ours,
+                reported if row.mark in "RDINE" else MARKS[row.mark],
+                row.provenance.replace("_", " "),
+                row.why,
+            ]
+        )
     return table
 
 
@@ -119,14 +128,24 @@ def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
     """The declared orderings, one per line."""
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
-        "orderings", f"Declared orderings of {verdicts.paper.paper.title}{engine}",
-        ["id", "statement", "paper", "ours", "outcome", "provenance", "reason", "pairs"], words=2,
-    )  # fmt: skip
+        "orderings",
+        f"Declared orderings of {verdicts.paper.paper.title}{engine}",
+        ["id", "statement", "paper", "ours", "outcome", "provenance", "reason", "pairs"],
+        words=2,
+    )
     for item in column.orderings:
         table.rows.append(
-            [item.contrast.id, item.contrast.says, item.values(False), item.values(True),
-             item.words, item.provenance.replace("_", " "), item.ordering.why, item.holding]
-        )  # fmt: skip
+            [
+                item.contrast.id,
+                item.contrast.says,
+                item.values(False),
+                item.values(True),
+                item.words,
+                item.provenance.replace("_", " "),
+                item.ordering.why,
+                item.holding,
+            ]
+        )
     return table
 
 
@@ -134,14 +153,16 @@ def pair_table(verdicts: PaperVerdicts, column: Column) -> Table:
     """Every pair of an ordering that consists of several, one per line."""
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
-        "pairs", f"Pairs of declared orderings of {verdicts.paper.paper.title}{engine}",
-        ["id", "where", "paper", "ours", "outcome", "p"], words=2,
-    )  # fmt: skip
+        "pairs",
+        f"Pairs of declared orderings of {verdicts.paper.paper.title}{engine}",
+        ["id", "where", "paper", "ours", "outcome", "p"],
+        words=2,
+    )
     for item in column.orderings:
         table.rows += [
             [item.contrast.id, p.where, p.paper, p.ours, p.outcome, f"{p.p_value:.2g}"]
             for p in item.pairs
-        ]  # fmt: skip
+        ]
     return table
 
 

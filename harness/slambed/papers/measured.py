@@ -108,10 +108,13 @@ def values_of(
         one_each = np.asarray(values.groupby(runs["dataset"]).mean(), dtype=np.float64)
         return Measured(found, one_each * scale, (), _keys(runs))
     return Measured(
-        found, np.asarray(values, dtype=np.float64) * scale,
+        found,
+        np.asarray(values, dtype=np.float64) * scale,
         tuple(int(r) for r in runs["repetition"]) if "repetition" in runs else (),
-        _keys(runs), metric.statistic == "share", metric.statistic == "median",
-    )  # fmt: skip
+        _keys(runs),
+        metric.statistic == "share",
+        metric.statistic == "median",
+    )
 
 
 def _keys(runs: pd.DataFrame) -> tuple[tuple[str, str], ...]:

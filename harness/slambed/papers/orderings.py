@@ -128,11 +128,14 @@ class JudgedOrdering:
             return []
         return [
             PairLine(
-                part.outcome.replace("_", " "), " ".join(self._ends(chain, ours=False)),
-                " ".join(self._ends(chain, ours=True)), self._where(chain), part.p_value,
+                part.outcome.replace("_", " "),
+                " ".join(self._ends(chain, ours=False)),
+                " ".join(self._ends(chain, ours=True)),
+                self._where(chain),
+                part.p_value,
             )
             for chain, part in zip(self.chains, self.ordering.parts, strict=True)
-        ]  # fmt: skip
+        ]
 
     def values(self, ours: bool) -> str:
         """`Relocate: 446 < Edge-SLAM: 474 ms`: the ends of the chain that decides, as printed or as
@@ -325,9 +328,14 @@ class OrderingCase:
         ordering = self._ordering(p_paper)
         missing = self._missing()
         return JudgedOrdering(
-            self.contrast, ordering, provenance, self.chains, labels,
-            missing.found.missing or "too_few_runs" if missing else None, ignored,
-        )  # fmt: skip
+            self.contrast,
+            ordering,
+            provenance,
+            self.chains,
+            labels,
+            missing.found.missing or "too_few_runs" if missing else None,
+            ignored,
+        )
 
     def _missing(self) -> Measured | None:
         """The first place without a number of ours, one that was not run before one that was."""

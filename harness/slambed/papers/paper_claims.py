@@ -103,10 +103,13 @@ def in_short(assumed: Sequence[str]) -> list[str]:
             [int(percent)] if percent.isdigit() else []
         )
     return [
-        f"{what} ({min(found)} to {max(found)} %)" if len(found) > 1
-        else f"{what} ({found[0]} %)" if found else what
+        f"{what} ({min(found)} to {max(found)} %)"
+        if len(found) > 1
+        else f"{what} ({found[0]} %)"
+        if found
+        else what
         for what, found in percents.items()
-    ]  # fmt: skip
+    ]
 
 
 def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
@@ -125,11 +128,22 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     contrast = item.contrast
     lines = f", {text_lines(contrast.lines)} of its text" if contrast.lines else ""
     return ClaimLine(
-        engine, item.words.upper() + WEAK_BADGE.get(weak, ""), item.words, kind,
-        f"{kind} weak" if weak else kind, contrast.says, item.values(False), item.values(True),
-        "; ".join(notes), contrast.where + lines, contrast.id, weak, chance, item.holding,
+        engine,
+        item.words.upper() + WEAK_BADGE.get(weak, ""),
+        item.words,
+        kind,
+        f"{kind} weak" if weak else kind,
+        contrast.says,
+        item.values(False),
+        item.values(True),
+        "; ".join(notes),
+        contrast.where + lines,
+        contrast.id,
+        weak,
+        chance,
+        item.holding,
         item.others,
-    )  # fmt: skip
+    )
 
 
 def _chance(item: JudgedOrdering) -> str:

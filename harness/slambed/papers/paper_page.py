@@ -60,9 +60,12 @@ def environment(package: str = "slambed.papers") -> jinja2.Environment:
     is escaped."""
     folders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, "slambed.papers"))]
     return jinja2.Environment(
-        loader=jinja2.ChoiceLoader(folders), autoescape=True,
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+        loader=jinja2.ChoiceLoader(folders),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
 
 
 def write_paper_page(
@@ -98,15 +101,19 @@ def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folde
             "title": f"{v.paper.paper.title} ({v.paper.paper.year})",
             "columns": [
                 {
-                    "engine": c.engine, "made": circumstance(v, c, experiments),
-                    "headline": headline(v, c), "claims": claim_lines(c), "score": c.score,
-                    "whole": bar("all numbers", "", c, list(c.rows)), "why_not": why_not(v, c),
+                    "engine": c.engine,
+                    "made": circumstance(v, c, experiments),
+                    "headline": headline(v, c),
+                    "claims": claim_lines(c),
+                    "score": c.score,
+                    "whole": bar("all numbers", "", c, list(c.rows)),
+                    "why_not": why_not(v, c),
                 }
                 for c in v.columns
             ],
         }
         for v in pages
-    ]  # fmt: skip
+    ]
     path = folder / "index.html"
     page = environment().get_template("papers.html.j2")
     path.write_text(page.render(papers=papers, **_look()), encoding="utf-8")
@@ -125,25 +132,34 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
         made = circumstance(verdicts, c, experiments)
         columns.append(
             {
-                "engine": c.engine, "made": made, "headline": headline(verdicts, c),
-                "bars": bars(verdicts, c), "score": c.score,
-                "strip": strip_svg(list(c.rows.values()), "v-"), "why_not": why_not(verdicts, c),
+                "engine": c.engine,
+                "made": made,
+                "headline": headline(verdicts, c),
+                "bars": bars(verdicts, c),
+                "score": c.score,
+                "strip": strip_svg(list(c.rows.values()), "v-"),
+                "why_not": why_not(verdicts, c),
                 "histogram": histogram_svg(c.score.histogram),
                 "links": [(name, links[name]) for name in made.experiments],
             }
-        )  # fmt: skip
+        )
     return _look() | {
-        "paper": verdicts.paper, "columns": columns,
+        "paper": verdicts.paper,
+        "columns": columns,
         "command": f"slambed papers compare {verdicts.paper.id}",
-        "claims": claims_per_engine(verdicts.columns), "definitions": definitions(verdicts.columns),
+        "claims": claims_per_engine(verdicts.columns),
+        "definitions": definitions(verdicts.columns),
         "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
         "groups": [
-            {"name": name, "label": label,
-             "entries": [_entry(verdicts, i, folders, target) for i in ids]}
+            {
+                "name": name,
+                "label": label,
+                "entries": [_entry(verdicts, i, folders, target) for i in ids],
+            }
             for name, label, ids in verdicts.groups()
         ],
         "margins": [_margin_words(name, m) for name, m in verdicts.paper.margins.items()],
-    }  # fmt: skip
+    }
 
 
 def _margin_words(name: str, margin: Any) -> str:

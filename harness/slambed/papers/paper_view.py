@@ -19,9 +19,10 @@ from slambed.papers.registered import PlanLine, plan_lines, plan_words
 from slambed.report.load import Results
 
 MARK_WORDS: dict[Mark, str] = MARKS | {
-    "F": "fitted: set to match, no evidence", "S": "stand-in: played on substitute data",
+    "F": "fitted: set to match, no evidence",
+    "S": "stand-in: played on substitute data",
     "E": "run, but kept without events",
-}  # fmt: skip
+}
 """For the legend."""
 REASONS = 3
 SHOWN_CLAIMS = 4
@@ -229,9 +230,10 @@ def _numbers(rows: list[Judged]) -> str:
     """How many could be compared at all comes first: where none could, none differs either."""
     marks = Counter(row.mark for row in rows)
     judged = {
-        "reproduced": marks["R"], "differ" if marks["D"] != 1 else "differs": marks["D"],
+        "reproduced": marks["R"],
+        "differ" if marks["D"] != 1 else "differs": marks["D"],
         "inconclusive": marks["I"],
-    }  # fmt: skip
+    }
     compared = sum(judged.values())
     aside = Counter(word for row in rows if (word := _not_compared(row)))
     why = ", ".join(f"{aside[word]} {word}" for word in NOT_COMPARED if aside[word])
@@ -292,9 +294,14 @@ def circumstance(
     lines = plan_lines(verdicts.paper, plan, column, used)
     parts.append(plan_words(lines, plan, bool(column.engine)))
     return Circumstance(
-        column.engine, ", ".join(parts), commits, {r.name: _seeds(r) for r in used},
-        [f.name for f in column.fits], [r.name for r in used], lines,
-    )  # fmt: skip
+        column.engine,
+        ", ".join(parts),
+        commits,
+        {r.name: _seeds(r) for r in used},
+        [f.name for f in column.fits],
+        [r.name for r in used],
+        lines,
+    )
 
 
 def _runs_of(row: Judged) -> int:

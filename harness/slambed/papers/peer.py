@@ -25,9 +25,17 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
         f"{paper.id}_{name}",
         f"{instead}Ours beside the original ({setup.label}); intervals are 95 % of the median, "
         "in parentheses ranges of fewer than 6 runs",
-        ["figure", "original: min / median / max", "ours", "interval", "runs", "ratio", "aim",
-         "verdict"],
-    )  # fmt: skip
+        [
+            "figure",
+            "original: min / median / max",
+            "ours",
+            "interval",
+            "runs",
+            "ratio",
+            "aim",
+            "verdict",
+        ],
+    )
     for key, row in setup.rows.items():
         item = metric(key)
         theirs = " / ".join(item.show(v) for v in (row.low, row.value, row.high))
@@ -48,8 +56,14 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
         aim = f"≤ {row.target:g}" if row.target and not others else "-"
         table.rows.append(
             [
-                heading, theirs, item.show(ours.value), around(item, ours), str(ours.count),
-                "-" if others else f"{ratio:.2f}", aim, verdict,
+                heading,
+                theirs,
+                item.show(ours.value),
+                around(item, ours),
+                str(ours.count),
+                "-" if others else f"{ratio:.2f}",
+                aim,
+                verdict,
             ]
-        )  # fmt: skip
+        )
     return table

@@ -33,11 +33,17 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     cases = [OrderingCase(judge, contrast) for contrast in paper.contrasts]
     adjusted = _adjusted(cases)
     table = Table(
-        "powers", "Chance that an ordering holds with so many runs per cell, if the paper is right",
-        ["ordering", "statement", *(str(n) for n in runs), f"runs for {SEEN_POWER:.0%}",
-         "paper shows it"],
+        "powers",
+        "Chance that an ordering holds with so many runs per cell, if the paper is right",
+        [
+            "ordering",
+            "statement",
+            *(str(n) for n in runs),
+            f"runs for {SEEN_POWER:.0%}",
+            "paper shows it",
+        ],
         words=2,
-    )  # fmt: skip
+    )
     for case in cases:
         contrast, p_paper = case.contrast, adjusted.get(case.contrast.id)
         says = contrast.says + (" (main)" if contrast.main else "")
@@ -72,10 +78,11 @@ def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     cells = cells_of(paper)
     judge = Judge(paper, pool_of([]), cells, frozenset())
     table = Table(
-        "numbers", "Numbers that would be reproduced with so many runs per cell, if ours is the "
+        "numbers",
+        "Numbers that would be reproduced with so many runs per cell, if ours is the "
         f"same system on the same sequence (spread assumed: {USUAL_CV:.0%} of a mean)",
         ["table", "to be judged", *(str(n) for n in runs)],
-    )  # fmt: skip
+    )
     for item in paper.tables:
         own = [c for c in cells.values() if c.source == item.id and _judged(c)]
         chances = [[_chance(judge, c, n) for c in own] for n in runs]
@@ -122,9 +129,12 @@ VIRTUAL_SHARE = 0.1
 
 
 def costs(
-    paper: Paper, experiments: dict[str, tuple[int, int, float]], plan: PaperPlan | None,
-    results: Path, jobs: int,
-) -> Table:  # fmt: skip
+    paper: Paper,
+    experiments: dict[str, tuple[int, int, float]],
+    plan: PaperPlan | None,
+    results: Path,
+    jobs: int,
+) -> Table:
     """Runs and minutes per experiment; `experiments` has (cells, runs per cell, played seconds) of
     each. The plan's runs per cell are taken where there is one."""
     planned = {item.experiment: item.runs for item in plan.runs} if plan is not None else {}

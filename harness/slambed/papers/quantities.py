@@ -137,9 +137,14 @@ def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
     low, high = left.interval(0.9)
     message = f"ours {pair.reduction:+.1%} less [{1 - np.exp(high):.1%}, {1 - np.exp(low):.1%}]"
     found = Verdict(
-        "inconclusive", f"{message}, stated {stated:.1%}", "one-sided 95 % limits of ln(of / base)",
-        "ratio", left.value - limit, low - limit, high - limit,
-    )  # fmt: skip
+        "inconclusive",
+        f"{message}, stated {stated:.1%}",
+        "one-sided 95 % limits of ln(of / base)",
+        "ratio",
+        left.value - limit,
+        low - limit,
+        high - limit,
+    )
     if (high <= limit) if below else (low >= limit):
         return replace(found, outcome="reproduced")
     if (low > limit) if below else (high < limit):

@@ -87,10 +87,12 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
     parts = [
         f'<text class="lane" x="{LABEL - 8}" y="{middle + 3.5:.1f}">{_words(lane.metric)}</text>',
         f'<rect class="band" x="{left:.1f}" y="{middle - half:.1f}" width="{right - left:.1f}" '
-        f'height="{2 * half:.1f}"/>' if bound == bound else "",
+        f'height="{2 * half:.1f}"/>'
+        if bound == bound
+        else "",
         f'<line class="zero" x1="{lane.place(0):.1f}" x2="{lane.place(0):.1f}" '
         f'y1="{middle - half - 2:.1f}" y2="{middle + half + 2:.1f}"/>',
-    ]  # fmt: skip
+    ]
     for number, row in enumerate(lane.rows):
         verdict = row.verdict
         y = middle - half + 2 * half * (number + 0.5) / len(lane.rows)
@@ -107,9 +109,11 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
 
 
 def _axis(lane: Lane, top: float) -> str:
-    ticks = [(log(t), f"{t:g} x") for t in RATIO_TICKS] if lane.ratio else [
-        (t, f"{100 * t:+.0f}" if t else "0") for t in POINT_TICKS
-    ]  # fmt: skip
+    ticks = (
+        [(log(t), f"{t:g} x") for t in RATIO_TICKS]
+        if lane.ratio
+        else [(t, f"{100 * t:+.0f}" if t else "0") for t in POINT_TICKS]
+    )
     words = "ours / paper" if lane.ratio else "ours - paper [points]"
     parts = [
         f'<line class="tickline" x1="{lane.place(v):.1f}" x2="{lane.place(v):.1f}" y1="{top}" '

@@ -76,10 +76,18 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
         )
     adjusted = holm([item.p_value for item in found])
     return [
-        Change(c.cell, c.metric, c.a, c.b, c.change, float(p), c.paired,
-               least_p(c.change.count, c.paired) * len(found) <= USUAL_ALPHA)
+        Change(
+            c.cell,
+            c.metric,
+            c.a,
+            c.b,
+            c.change,
+            float(p),
+            c.paired,
+            least_p(c.change.count, c.paired) * len(found) <= USUAL_ALPHA,
+        )
         for c, p in zip(found, adjusted, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def _words(side: Side) -> str:
@@ -103,12 +111,17 @@ def diff_table(found: list[Change], sides: Sides) -> Table:
     """The shown changes first."""
     rows = [
         [
-            c.cell, c.metric.heading, c.metric.show(c.a), c.metric.show(c.b),
+            c.cell,
+            c.metric.heading,
+            c.metric.show(c.a),
+            c.metric.show(c.b),
             f"{c.metric.show(c.change.value)} {around(c.metric, c.change)}",
-            f"{c.change.count}{' pairs' if c.paired else ''}", f"{c.p_value:.2g}", c.verdict,
+            f"{c.change.count}{' pairs' if c.paired else ''}",
+            f"{c.p_value:.2g}",
+            c.verdict,
         ]
         for c in sorted(found, key=lambda c: c.p_value)
-    ]  # fmt: skip
+    ]
     headings = ["cell", "metric", *sides.headings(), "B - A [95 %]", "runs", "p (Holm)", "verdict"]
     return Table("diff", "\n".join([*sides.lines, TESTS]), headings, rows, words=2)
 
@@ -135,14 +148,22 @@ def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
 
     changes = [
         {
-            "cell": c.cell, "metric": c.metric.key, "unit": c.metric.unit,
-            "a": number(c.a), "b": number(c.b), "change": number(c.change.value),
-            "low": number(c.change.low), "high": number(c.change.high), "runs": c.change.count,
-            "paired": c.paired, "p_value": number(c.p_value), "shown": c.shown,
+            "cell": c.cell,
+            "metric": c.metric.key,
+            "unit": c.metric.unit,
+            "a": number(c.a),
+            "b": number(c.b),
+            "change": number(c.change.value),
+            "low": number(c.change.low),
+            "high": number(c.change.high),
+            "runs": c.change.count,
+            "paired": c.paired,
+            "p_value": number(c.p_value),
+            "shown": c.shown,
             "verdict": c.verdict,
         }
         for c in sorted(found, key=lambda c: c.p_value)
-    ]  # fmt: skip
+    ]
     both = {"a": sides.a, "b": sides.b}
     return {
         **{letter: str(side.results.folder) for letter, side in both.items()},

@@ -283,12 +283,19 @@ def _facts(runs: pd.DataFrame) -> list[Facts]:
         own = {str(p).removeprefix("params."): row[p] for p in params if row[p] == row[p]}
         found.append(
             facts_of(
-                text(row["cell"]), text(row["system"]), text(row["variant"]),
-                [text(row["label"]), text(row["plain_label"])], text(row["dataset"]),
-                text(row["profile"]), text(row["device_mobile"]), text(row["device_edge"]),
-                text(row["engine"]), text(row["pace"]), own,
+                text(row["cell"]),
+                text(row["system"]),
+                text(row["variant"]),
+                [text(row["label"]), text(row["plain_label"])],
+                text(row["dataset"]),
+                text(row["profile"]),
+                text(row["device_mobile"]),
+                text(row["device_edge"]),
+                text(row["engine"]),
+                text(row["pace"]),
+                own,
             )
-        )  # fmt: skip
+        )
     return found
 
 

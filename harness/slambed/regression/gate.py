@@ -59,12 +59,16 @@ class RegressionResult:
         """The findings, worst first."""
         rows = [
             [
-                f.cell, f.metric.heading, f.metric.show(f.baseline), f.metric.show(f.tonight),
-                f"{f.runs[0]} / {f.runs[1]}", f"{f.p_value:.2g}",
+                f.cell,
+                f.metric.heading,
+                f.metric.show(f.baseline),
+                f.metric.show(f.tonight),
+                f"{f.runs[0]} / {f.runs[1]}",
+                f"{f.p_value:.2g}",
                 "WORSE" if f.alarm else ("relevant, not significant" if f.relevant else "fine"),
             ]
             for f in sorted(self.findings, key=lambda f: (not f.alarm, f.p_value))
-        ]  # fmt: skip
+        ]
         headings = ["cell", "metric", "baseline", "tonight", "runs", "p (Holm)", "verdict"]
         return Table("gate", "Tonight against the baseline", headings, rows, words=2)
 

@@ -186,8 +186,19 @@ def _table(found: list[ExperimentTrends]) -> pd.DataFrame:
             for trend in trends:
                 marks = {s.night: "worse" if s.worse else "better" for s in trend.steps}
                 rows += [
-                    [item.name, cell, trend.metric.key, p.night, p.commit, p.value.value,
-                     p.value.low, p.value.high, p.value.count, p.passed, marks.get(p.night, "")]
+                    [
+                        item.name,
+                        cell,
+                        trend.metric.key,
+                        p.night,
+                        p.commit,
+                        p.value.value,
+                        p.value.low,
+                        p.value.high,
+                        p.value.count,
+                        p.passed,
+                        marks.get(p.night, ""),
+                    ]
                     for p in trend.points
-                ]  # fmt: skip
+                ]
     return pd.DataFrame(rows, columns=columns)

@@ -164,6 +164,13 @@ def _changes(
             ends = (finding.baseline, finding.tonight)
             old, new = ends if worse else ends[::-1]
             yield Step(
-                str(tonight["night_utc"].iloc[0]), _commit(tonight), name, finding.cell,
-                finding.metric, old, new, worse, finding.p_value,
-            )  # fmt: skip
+                str(tonight["night_utc"].iloc[0]),
+                _commit(tonight),
+                name,
+                finding.cell,
+                finding.metric,
+                old,
+                new,
+                worse,
+                finding.p_value,
+            )

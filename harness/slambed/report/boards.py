@@ -16,21 +16,36 @@ def board_table(results: Results) -> Table | None:
     for (cell, board), part in runs.groupby(["cell", "board"], sort=False):
         rows.append(
             [
-                str(cell), str(board), str(part["board_is"].iloc[0]), str(len(part)),
-                *(_range(part[key], digits) for key, digits in (
-                    ("rtt_measured_ms_mean", 2), ("clock_error_ms", 3), ("clock_drift_ppm", 2),
-                )),
+                str(cell),
+                str(board),
+                str(part["board_is"].iloc[0]),
+                str(len(part)),
+                *(
+                    _range(part[key], digits)
+                    for key, digits in (
+                        ("rtt_measured_ms_mean", 2),
+                        ("clock_error_ms", 3),
+                        ("clock_drift_ppm", 2),
+                    )
+                ),
             ]
-        )  # fmt: skip
+        )
     return Table(
         "boards",
         "Mobile nodes on a real board, over the network to it as it was; smallest to largest run. "
         "One-way times are within the clocks' error; drift is taken out",
-        ["cell", "board", "it is", "runs", "RTT measured, mean [ms]", "clocks within [ms]",
-         "drift [ppm]"],
+        [
+            "cell",
+            "board",
+            "it is",
+            "runs",
+            "RTT measured, mean [ms]",
+            "clocks within [ms]",
+            "drift [ppm]",
+        ],
         rows,
         words=3,
-    )  # fmt: skip
+    )
 
 
 def board_lines(results: Results) -> list[str]:

@@ -109,14 +109,21 @@ def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
     """Every tested difference, the shown ones first; the caption says what the runs could show."""
     rows = [
         [
-            d.dataset, d.under, d.metric.heading, d.baseline, d.other,
-            d.metric.show(d.found.a), d.metric.show(d.found.b),
+            d.dataset,
+            d.under,
+            d.metric.heading,
+            d.baseline,
+            d.other,
+            d.metric.show(d.found.a),
+            d.metric.show(d.found.b),
             f"{d.metric.show(d.found.change.value)} {around(d.metric, d.found.change)}",
-            d.found.effect, f"{d.found.runs}{' pairs' if d.found.paired else ''}",
-            f"{d.p_value:.2g}", d.verdict,
+            d.found.effect,
+            f"{d.found.runs}{' pairs' if d.found.paired else ''}",
+            f"{d.p_value:.2g}",
+            d.verdict,
         ]
         for d in sorted(found, key=lambda d: d.p_value)
-    ]  # fmt: skip
+    ]
     headings = [
         "dataset", "link" if between == SYSTEMS else "system", "metric", "baseline", "other",
         "baseline value", "other value", "change [95 %]", "effect", "runs", "p (Holm)", "verdict",

@@ -29,14 +29,17 @@ def update_round_tables(results: Results) -> list[Table]:
         first = runs.iloc[0]
         rows.append(
             [
-                text(first["label"]), *([] if one else [text(first["dataset"])]),
-                text(first["profile"]), *([hosts_of(runs)] if mixed else []), str(len(rounds)),
+                text(first["label"]),
+                *([] if one else [text(first["dataset"])]),
+                text(first["profile"]),
+                *([hosts_of(runs)] if mixed else []),
+                str(len(rounds)),
                 *(_spread([r.parts_ms[part] for r in rounds]) for part in PART_FIELDS),
                 _spread([r.computed_ms for r in rounds]),
                 _spread([r.total_ms for r in rounds]),
                 f"{np.mean(gaps):.1f}" if gaps else "-",
             ]
-        )  # fmt: skip
+        )
     caption = (
         "Parts of a map update round in ms, mean ± standard deviation over the accepted updates "
         "(- for the deviation of one). T_Wait is the pacing of updates, T_Computed is T_Total "

@@ -165,10 +165,12 @@ def link_table(results: Results) -> Table:
         numbers = [
             _range(part[key].dropna().tolist())
             for key in (
-                "rtt_asked_ms_mean", "rtt_measured_ms_mean", "rtt_error_ms_median",
+                "rtt_asked_ms_mean",
+                "rtt_measured_ms_mean",
+                "rtt_error_ms_median",
                 "rtt_error_ms_p99",
             )
-        ]  # fmt: skip
+        ]
         backends = ", ".join(sorted(set(part["link_backend"])))
         rows.append([*map(str, names), backends, proven, *numbers])
     headings = [

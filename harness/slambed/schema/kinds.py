@@ -59,8 +59,9 @@ def _system() -> Schema:
     """With `params_from`, which leaves some of a parameter's fields to another file."""
     found = schema_of(System)
     found["properties"]["params_from"] = {
-        "type": "string", "description": "file of parameters that several systems share",
-    }  # fmt: skip
+        "type": "string",
+        "description": "file of parameters that several systems share",
+    }
     partly = deepcopy(found["$defs"]["Parameter"])
     partly.pop("required", None)
     found["$defs"]["PartOfParameter"] = partly

@@ -171,10 +171,13 @@ class Site:
         """Changes with whatever the pages of an experiment show."""
         folder = self.results / name
         return stamp_of(
-            folder / "experiment.json", folder / "ledger.jsonl", folder / "runs",
-            folder / "summary.csv", folder / "report" / "made_of.sha256",
+            folder / "experiment.json",
+            folder / "ledger.jsonl",
+            folder / "runs",
+            folder / "summary.csv",
+            folder / "report" / "made_of.sha256",
             folder / "report" / "figures.json",
-        )  # fmt: skip
+        )
 
     # One experiment.
 

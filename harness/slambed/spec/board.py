@@ -74,5 +74,9 @@ class Board(BaseModel):
     def device(self) -> Device:
         """The mobile device of such a run: itself, without limits."""
         hardware = f"{self.model}, {self.cores} cores, {self.architecture}"
-        return Device(name=self.name, title=f"Board {self.name}", limits=Limits(),
-                      hardware=hardware if self.cores else "")  # fmt: skip
+        return Device(
+            name=self.name,
+            title=f"Board {self.name}",
+            limits=Limits(),
+            hardware=hardware if self.cores else "",
+        )

@@ -78,10 +78,18 @@ def meant(runs: list[Facts], texts: Iterable[str], option: str) -> list[bool]:
 
 
 def facts_of(
-    cell: str, system: str, variant: str, labels: Iterable[str], dataset: str, link: str | None,
-    device: str | None, edge: str | None, engine: str, pace: str | None,
+    cell: str,
+    system: str,
+    variant: str,
+    labels: Iterable[str],
+    dataset: str,
+    link: str | None,
+    device: str | None,
+    edge: str | None,
+    engine: str,
+    pace: str | None,
     params: Mapping[str, object],
-) -> dict[str, tuple[str, ...]]:  # fmt: skip
+) -> dict[str, tuple[str, ...]]:
     """What a run is called, whether it is still to be executed or was."""
     found: dict[str, tuple[str, ...]] = {
         CELL: (cell,),

@@ -94,9 +94,13 @@ def test_a_component_is_seen_per_frame() -> None:
         {**done, "t_ns": 34_000_000},
     ]
     component = Component(
-        name="all", source="here", node="mobile", stages=["track", "create_keyframe"],
-        fixed_on="create_keyframe", mean_ms={"x": 1.0},
-    )  # fmt: skip
+        name="all",
+        source="here",
+        node="mobile",
+        stages=["track", "create_keyframe"],
+        fixed_on="create_keyframe",
+        mean_ms={"x": 1.0},
+    )
     seen = look(component, [EventLog(events, [])])
     assert (seen.mean, seen.busy, seen.fixed) == (11.0, 7.5, 0.5)
     assert seen.sd == pytest.approx(3.0)
@@ -122,9 +126,13 @@ def test_a_map_for_a_lost_frame_and_a_declined_update_are_no_update() -> None:
         {"type": "update_applied", "relocalization": False},
     )
     component = Component(
-        name="insert", source="here", node="mobile", stages=["insert_keyframes"],
-        measure="per_update", mean_ms={"x": 1.0},
-    )  # fmt: skip
+        name="insert",
+        source="here",
+        node="mobile",
+        stages=["insert_keyframes"],
+        measure="per_update",
+        mean_ms={"x": 1.0},
+    )
     seen = look(component, [log])
     assert (seen.mean, seen.busy) == (50.0, 50.0)
 
@@ -139,9 +147,13 @@ def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
     )
     for node, mean in (("mobile", 60.0), ("edge", 11.0)):
         component = Component(
-            name="attempt", source="here", node=node, stages=["relocalize"],
-            measure="per_attempt", mean_ms={"x": 1.0},
-        )  # fmt: skip
+            name="attempt",
+            source="here",
+            node=node,
+            stages=["relocalize"],
+            measure="per_attempt",
+            mean_ms={"x": 1.0},
+        )
         assert look(component, [log]).mean == mean
 
 
@@ -154,9 +166,13 @@ def test_an_answer_takes_from_capture_until_its_pose_is_there() -> None:
         {"type": "frame_answered", "latency_ms": 300.0},
     )
     component = Component(
-        name="answer", source="here", node="edge", stages=["track"],
-        measure="per_answer", mean_ms={"x": 1.0},
-    )  # fmt: skip
+        name="answer",
+        source="here",
+        node="edge",
+        stages=["track"],
+        measure="per_answer",
+        mean_ms={"x": 1.0},
+    )
     seen = look(component, [log])
     assert (seen.mean, seen.busy) == (250.0, 40.0)
 

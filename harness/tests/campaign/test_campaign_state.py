@@ -53,10 +53,13 @@ def test_an_empty_ledger_reports_no_campaign() -> None:
 def test_runs_are_waiting_in_hand_and_done() -> None:
     found = state(
         started(),
-        line(1, "run_started", "a"), line(11, "run_finished", "a", valid=True),
-        line(11, "run_started", "b"), line(31, "run_finished", "b", valid=False),
-        line(31, "run_started", "c"), now=36,
-    )  # fmt: skip
+        line(1, "run_started", "a"),
+        line(11, "run_finished", "a", valid=True),
+        line(11, "run_started", "b"),
+        line(31, "run_finished", "b", valid=False),
+        line(31, "run_started", "c"),
+        now=36,
+    )
     assert (found.asked, found.there_before) == (4, 2)
     assert (found.valid, found.invalid, found.failed, found.done) == (1, 1, 0, 2)
     assert [(run.run_key, run.name) for run in found.in_hand] == [("c", "cell-c #1")]
@@ -69,10 +72,12 @@ def test_runs_are_waiting_in_hand_and_done() -> None:
 def test_time_left_is_shared_by_runs_side_by_side() -> None:
     found = state(
         started(),
-        line(0, "run_started", "a"), line(0, "run_started", "b"),
-        line(10, "run_finished", "a", valid=True), line(10, "run_finished", "b", valid=True),
+        line(0, "run_started", "a"),
+        line(0, "run_started", "b"),
+        line(10, "run_finished", "a", valid=True),
+        line(10, "run_finished", "b", valid=True),
         now=10,
-    )  # fmt: skip
+    )
     assert found.left_s == pytest.approx(10)
     assert state(started(), line(0, "run_started", "a")).left_s is None
 
@@ -86,10 +91,14 @@ def test_a_run_that_is_tried_again_is_in_hand_again() -> None:
 
 def test_only_the_last_campaign_counts_and_only_its_runs() -> None:
     found = state(
-        started(0), line(1, "run_started", "a"), line(2, "run_finished", "a", valid=True),
+        started(0),
+        line(1, "run_started", "a"),
+        line(2, "run_finished", "a", valid=True),
         line(3, "campaign_ended", interrupted=False),
-        started(10, ["b"]), line(11, "run_started", "zzz"), line(12, "run_started", "b"),
-    )  # fmt: skip
+        started(10, ["b"]),
+        line(11, "run_started", "zzz"),
+        line(12, "run_started", "b"),
+    )
     assert (found.asked, found.done) == (1, 0)
     assert [run.run_key for run in found.in_hand] == ["b"]
 

@@ -55,9 +55,16 @@ class Cluster:
         scratch = self.folder / name
         # Without a nanny: what is killed stays dead.
         self._start(
-            name, "worker", "--name", name, "--nthreads", "1", "--no-nanny",
-            "--local-directory", str(scratch),
-        )  # fmt: skip
+            name,
+            "worker",
+            "--name",
+            name,
+            "--nthreads",
+            "1",
+            "--no-nanny",
+            "--local-directory",
+            str(scratch),
+        )
 
     def _start(self, name: str, *arguments: str) -> None:
         log = (self.folder / f"{name}.log").open("wb")
@@ -190,10 +197,14 @@ def test_a_worker_with_other_sources_is_refused(tmp_path: Path, cluster: Cluster
     program.chmod(0o755)
     line = refused(
         ExitCode.ENVIRONMENT,
-        "run", str(path), "--results", str(tmp_path / "results"),
-        "--scheduler", cluster.address,
+        "run",
+        str(path),
+        "--results",
+        str(tmp_path / "results"),
+        "--scheduler",
+        cluster.address,
         SLAMBED_BIN=str(other),
-    )  # fmt: skip
+    )
     assert "worker on" in line and "software is" in line
     assert not ResultFolder(tmp_path / "results" / "walk").run_keys()
 

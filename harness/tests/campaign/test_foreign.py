@@ -238,8 +238,10 @@ def test_the_header_is_c_and_below_200_lines(tmp_path: Path) -> None:
     header = repository_root() / "systems" / "apps" / "play" / "client" / "slambed_client.h"
     assert len(header.read_text().splitlines()) < 200
     program = tmp_path / "one.c"
-    program.write_text(f'#include "{header}"\nint main(void) {{ slambed_client c; return '
-                       "slambed_open(&c) == -1 ? 0 : 1; }\n")  # fmt: skip
+    program.write_text(
+        f'#include "{header}"\nint main(void) {{ slambed_client c; return '
+        "slambed_open(&c) == -1 ? 0 : 1; }\n"
+    )
     command = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Werror", "-o"]
     subprocess.run([*command, tmp_path / "one", program], check=True)
     ended = subprocess.run([tmp_path / "one"], capture_output=True, text=True, check=False)

@@ -160,9 +160,16 @@ class Line:
 
 
 FACTS = Joined(
-    worker="tls://127.0.0.1:1", software="s", netem=False, cpu_model="c", cpus=[0], speed=1.0,
-    speed_measured_utc=None, tidied="", load="",
-)  # fmt: skip
+    worker="tls://127.0.0.1:1",
+    software="s",
+    netem=False,
+    cpu_model="c",
+    cpus=[0],
+    speed=1.0,
+    speed_measured_utc=None,
+    tidied="",
+    load="",
+)
 
 
 class Hosts(HostExecutor):

@@ -42,9 +42,15 @@ def test_order_of_the_first_repetitions_does_not_depend_on_later_ones() -> None:
 
 def plan_with(datasets: list[str], root: Path, **changes: Any) -> Plan:
     text = json.dumps(
-        {"id": "tiny", "title": "Tiny", "systems": [{"system": "solo"}], "datasets": datasets,
-         "devices": {"mobile": "small"}, **changes}
-    )  # fmt: skip
+        {
+            "id": "tiny",
+            "title": "Tiny",
+            "systems": [{"system": "solo"}],
+            "datasets": datasets,
+            "devices": {"mobile": "small"},
+            **changes,
+        }
+    )
     write_library(root, text)
     library = Library(root)
     experiment, source = library.experiment("tiny")

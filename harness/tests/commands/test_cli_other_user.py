@@ -69,9 +69,14 @@ def refused(code: int, checkout: Path, *arguments: str, **environment: str) -> s
 @pytest.mark.parametrize("engine", ["local", "docker", "auto"])
 def test_without_permission_a_run_is_one_line(checkout: Path, engine: str) -> None:
     line = refused(
-        ExitCode.ENVIRONMENT, checkout, "run", "quickstart", "--engine", engine,
+        ExitCode.ENVIRONMENT,
+        checkout,
+        "run",
+        "quickstart",
+        "--engine",
+        engine,
         HOME=str(checkout / "own"),
-    )  # fmt: skip
+    )
     assert "sudo" in line and "--engine virtual" in line
 
 

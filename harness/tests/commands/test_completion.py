@@ -19,9 +19,12 @@ from slambed.spec.library import Library
 def offered(line: str, cwd: Path | None = None, **environment: str) -> list[str]:
     """As fish asks: a value a line, what it means behind a tab."""
     code, out, err = slambed_process(
-        cwd=cwd, _SLAMBED_COMPLETE="complete_fish", _TYPER_COMPLETE_FISH_ACTION="get-args",
-        _TYPER_COMPLETE_ARGS=line, **environment,
-    )  # fmt: skip
+        cwd=cwd,
+        _SLAMBED_COMPLETE="complete_fish",
+        _TYPER_COMPLETE_FISH_ACTION="get-args",
+        _TYPER_COMPLETE_ARGS=line,
+        **environment,
+    )
     assert (code, err) == (0, "")
     return [row.split("\t")[0] for row in out.splitlines()]
 
@@ -128,9 +131,12 @@ print([name for name in ("numpy", "pandas", "matplotlib", "scipy") if name in sy
 """
     for line in ("slambed systems show orb", "slambed explain 0", "slambed "):
         done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
             env=os.environ | {"_SLAMBED_COMPLETE": "complete_zsh", "_TYPER_COMPLETE_ARGS": line},
-        )  # fmt: skip
+        )
         assert done.stdout.splitlines()[-1] == "[]", done.stdout
 
 
@@ -147,8 +153,10 @@ print([name for name in ("numpy", "pandas", "scipy", "yaml") if name in sys.modu
     for word, ends_with in (("--help", "0"), ("reprot", "2")):
         done = subprocess.run(
             [sys.executable, "-c", code, word, ends_with],
-            capture_output=True, text=True, check=True,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         assert done.stdout.splitlines()[-1] == "[]", done.stdout
 
 
@@ -175,8 +183,9 @@ def test_bash_completes_with_what_was_installed(tmp_path: Path) -> None:
     program.write_text(f"#!{sys.executable}\nfrom slambed.commands.main import main\nmain()\n")
     program.chmod(0o755)
     environment = os.environ | {
-        "HOME": str(tmp_path), "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}",
-    }  # fmt: skip
+        "HOME": str(tmp_path),
+        "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}",
+    }
     script = """
 slambed --install-completion || exit 1
 source "$HOME/.bashrc"
@@ -186,8 +195,12 @@ _slambed_completion slambed
 printf '%s\n' "${COMPREPLY[@]}"
 """
     done = subprocess.run(
-        ["bash", "--norc", "-c", script], capture_output=True, text=True, env=environment,
-        check=True, cwd=tmp_path,
-    )  # fmt: skip
+        ["bash", "--norc", "-c", script],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=True,
+        cwd=tmp_path,
+    )
     assert "bash completion installed" in done.stdout
     assert done.stdout.splitlines()[-2:] == ["raspberry_pi_4", "raspberry_pi_4_ijnc"]

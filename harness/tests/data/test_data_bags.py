@@ -77,9 +77,12 @@ def reader(bag: Path, sensor: str = "mono", parts: tuple[Path, ...] = (), **extr
     topics = {"first_topic": "/gray"} | ({} if sensor == "mono" else {"second_topic": "/second"})
     options = ReaderOptions(
         sensor=sensor,  # type: ignore[arg-type]
-        size=(WIDTH, HEIGHT), camera=CAMERA, depth_unit_m=0.001, further_parts=parts,
+        size=(WIDTH, HEIGHT),
+        camera=CAMERA,
+        depth_unit_m=0.001,
+        further_parts=parts,
         extra=topics | extra,
-    )  # fmt: skip
+    )
     return load_reader("bag")(bag, options)
 
 
@@ -144,8 +147,9 @@ def test_sixteen_bits_of_gray_have_one_rule(tmp_path: Path) -> None:
     """In folders it is the same (test_data_judged)."""
     planes = [500 + 10 * gray(i).astype(np.uint16) for i in range(3)]
     raw = [image(START_NS + i * 10**8, planes[i], "mono16") for i in range(3)]
-    packed = [compressed(START_NS + i * 10**8, "mono16; png compressed", png(planes[i]))
-              for i in range(3)]  # fmt: skip
+    packed = [
+        compressed(START_NS + i * 10**8, "mono16; png compressed", png(planes[i])) for i in range(3)
+    ]
     for name, messages in (("raw", raw), ("packed", packed)):
         bag = write(tmp_path / f"{name}.bag", {"/gray": messages})
         with pytest.raises(SlambedError, match="a picture of 16 bits with values 500 to 3050"):
@@ -176,10 +180,12 @@ def odometry(i: int) -> Any:
     twist = message("geometry_msgs/msg/Twist", linear=zeros, angular=zeros)
     none = np.zeros(36)
     return message(
-        "nav_msgs/msg/Odometry", header=header(START_NS + i * 10**8), child_frame_id="c",
+        "nav_msgs/msg/Odometry",
+        header=header(START_NS + i * 10**8),
+        child_frame_id="c",
         pose=message("geometry_msgs/msg/PoseWithCovariance", pose=pose(i), covariance=none),
         twist=message("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=none),
-    )  # fmt: skip
+    )
 
 
 def path_message(count: int) -> Any:

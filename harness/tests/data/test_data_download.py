@@ -19,10 +19,15 @@ from slambed.errors import ExitCode, SlambedError
 def dataset(**recipe: object) -> Dataset:
     return Dataset.model_validate(
         {
-            "id": "d", "title": "D", "reader": "tum", "paths": ["d"], "depth_unit_m": 0.001,
-            "license": "free", "download": recipe,
+            "id": "d",
+            "title": "D",
+            "reader": "tum",
+            "paths": ["d"],
+            "depth_unit_m": 0.001,
+            "license": "free",
+            "download": recipe,
         }
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture

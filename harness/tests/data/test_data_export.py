@@ -28,9 +28,15 @@ def options(sensor: str, **changes: Any) -> ReaderOptions:
 
 def write_stereo(path: Path, sensor: str = "stereo") -> PreparedSequence:
     with PreparedWriter(
-        path, id="two", title="Two", sensor=sensor, width=WIDTH, height=HEIGHT, fps=10.0,
+        path,
+        id="two",
+        title="Two",
+        sensor=sensor,
+        width=WIDTH,
+        height=HEIGHT,
+        fps=10.0,
         camera=CAMERA,
-    ) as writer:  # fmt: skip
+    ) as writer:
         for i, time_ns in enumerate(TIMES_NS):
             writer.add(Frame(time_ns, gray(i), gray(100 + i) if sensor == "stereo" else None))
         writer.set_groundtruth(trajectory([999.9, 1000.15, 1000.4]))
@@ -128,9 +134,16 @@ def test_depth_is_in_meters_or_in_whole_millimeters(
     tmp_path: Path, unit_m: float, encoding: str
 ) -> None:
     with PreparedWriter(
-        tmp_path / "prepared", id="deep", title="Deep", sensor="rgbd", width=WIDTH, height=HEIGHT,
-        fps=10.0, camera=CAMERA, depth_unit_m=unit_m,
-    ) as writer:  # fmt: skip
+        tmp_path / "prepared",
+        id="deep",
+        title="Deep",
+        sensor="rgbd",
+        width=WIDTH,
+        height=HEIGHT,
+        fps=10.0,
+        camera=CAMERA,
+        depth_unit_m=unit_m,
+    ) as writer:
         steps = np.arange(WIDTH * HEIGHT, dtype=np.uint16).reshape(HEIGHT, WIDTH) * 21
         writer.add(Frame(TIMES_NS[0], gray(0), steps))
     sequence = PreparedSequence.open(tmp_path / "prepared")

@@ -100,9 +100,16 @@ def test_not_a_sequence(tmp_path: Path) -> None:
 
 def writer(path: Path) -> PreparedWriter:
     return PreparedWriter(
-        path, id="w", title="w", sensor="rgbd", width=WIDTH, height=HEIGHT, fps=10.0,
-        camera=CAMERA, depth_unit_m=0.0002,
-    )  # fmt: skip
+        path,
+        id="w",
+        title="w",
+        sensor="rgbd",
+        width=WIDTH,
+        height=HEIGHT,
+        fps=10.0,
+        camera=CAMERA,
+        depth_unit_m=0.0002,
+    )
 
 
 def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:

@@ -457,9 +457,14 @@ def ros_image(store: Any, ns: int, plane: np.ndarray[Any, Any], encoding: str) -
     padded = np.zeros((plane.shape[0], plane[0].nbytes + 8), np.uint8)  # rows may be padded
     padded[:, :-8] = np.ascontiguousarray(plane).view(np.uint8).reshape(plane.shape[0], -1)
     return types["sensor_msgs/msg/Image"](
-        header=header_type(**fields), height=plane.shape[0], width=plane.shape[1],
-        encoding=encoding, is_bigendian=0, step=padded.shape[1], data=padded.reshape(-1),
-    )  # fmt: skip
+        header=header_type(**fields),
+        height=plane.shape[0],
+        width=plane.shape[1],
+        encoding=encoding,
+        is_bigendian=0,
+        step=padded.shape[1],
+        data=padded.reshape(-1),
+    )
 
 
 def write_bag(path: Path, kind: str) -> Path:

@@ -106,9 +106,15 @@ def test_the_command_puts_sequences_beside_each_other(
     other = write_walk(tmp_path / "other", frames=12)
     figure, table = tmp_path / "f.png", tmp_path / "t.csv"
     code, out, err = slambed(
-        "data", "difficulty", str(walk.path), str(other.path), "-o", str(figure), "--table",
+        "data",
+        "difficulty",
+        str(walk.path),
+        str(other.path),
+        "-o",
+        str(figure),
+        "--table",
         str(table),
-    )  # fmt: skip
+    )
     assert code == ExitCode.OK, err
     assert "walk: " in out and "right by depth" in out
     assert figure.read_bytes().startswith(b"\x89PNG")

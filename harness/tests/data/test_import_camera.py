@@ -75,9 +75,16 @@ def imported(tmp_path: Path, text: str, number: int = 0, baseline_m: float | Non
 def test_a_camchain(tmp_path: Path) -> None:
     first = imported(tmp_path, KALIBR)
     assert first == CameraRecipe(
-        width=512, height=500, fx=190.5, fy=190.8, cx=254.9, cy=256.8, bf=19.05,
-        distortion=(0.01, 0.02, 0.003, 0.0001), distortion_model="equidistant",
-    )  # fmt: skip
+        width=512,
+        height=500,
+        fx=190.5,
+        fy=190.8,
+        cx=254.9,
+        cy=256.8,
+        bf=19.05,
+        distortion=(0.01, 0.02, 0.003, 0.0001),
+        distortion_model="equidistant",
+    )
     second = imported(tmp_path, KALIBR, 1, baseline_m=0.5)
     assert second == CameraRecipe(
         width=512, height=500, fx=200, fy=201, cx=250, cy=251, bf=100, distortion=(-0.2, 0.1, 0, 0)
@@ -97,9 +104,15 @@ def test_opencv_and_ros(tmp_path: Path, text: str, distortion: tuple[float, ...]
 
 def test_settings_of_orbslam(tmp_path: Path) -> None:
     assert imported(tmp_path, ORBSLAM) == CameraRecipe(
-        width=640, height=480, fx=535.4, fy=539.2, cx=320.1, cy=247.6, bf=40,
+        width=640,
+        height=480,
+        fx=535.4,
+        fy=539.2,
+        cx=320.1,
+        cy=247.6,
+        bf=40,
         distortion=(0.1, 0, 0, 0, 0),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(

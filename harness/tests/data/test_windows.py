@@ -42,17 +42,25 @@ def test_a_window_plays_a_part_of_the_same_files(tmp_path: Path) -> None:
     assert kept is not None and kept.path == whole.path
     assert found.prepared("part", tmp_path / "nothing_yet") is None
     sequence = Sequence(
-        "part", part.checksum, "stereo", part.path, part.times_s,
+        "part",
+        part.checksum,
+        "stereo",
+        part.path,
+        part.times_s,
         defaults=found.get("part").playback,
-    )  # fmt: skip
+    )
     assert sequence.playback(Playback()).start_s == 0.5
     assert sequence.played_s(Playback()) == pytest.approx(0.4)
     assert sequence.playback(Playback(start_s=0.2)).start_s == 0.2  # the experiment's word goes
 
 
 def test_a_window_is_of_a_sequence_of_its_own(tmp_path: Path) -> None:
-    found = catalog(tmp_path, whole=WHOLE, part=PART, less=PART.replace("part", "less").replace(
-        "window_of: whole", "window_of: part"))  # fmt: skip
+    found = catalog(
+        tmp_path,
+        whole=WHOLE,
+        part=PART,
+        less=PART.replace("part", "less").replace("window_of: whole", "window_of: part"),
+    )
     with pytest.raises(SlambedError, match="window_of part, which is no sequence of its own"):
         found.must_be_here("less", tmp_path / "cache")
     (tmp_path / "less.yaml").write_text(PART.replace("part", "less") + "reader: tum\npaths: [x]\n")

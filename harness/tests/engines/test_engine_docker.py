@@ -148,9 +148,13 @@ def test_containers_go_before_others_as_the_nodes_of_engine_local_do(bench: Benc
     assert CLIENT is not None
     ours = CLIENT.info()["CgroupDriver"] == "cgroupfs"
     plan = NodePlan(
-        role="mobile", run_key="cafe", run_dir=bench.raw, sequence=bench.sequence,
-        limits=Limits(quota_cores=0.5, period_ms=10.0), cpus=[0],
-    )  # fmt: skip
+        role="mobile",
+        run_key="cafe",
+        run_dir=bench.raw,
+        sequence=bench.sequence,
+        limits=Limits(quota_cores=0.5, period_ms=10.0),
+        cpus=[0],
+    )
     node = bench.engine.start(plan)
     try:
         paths = paths_of(node.pid)

@@ -145,8 +145,14 @@ def test_the_virtual_engine_refuses_to_kill(tmp_path: Path) -> None:
     profiles = read_profiles(experiment, source, named)
     with pytest.raises(SlambedError) as caught:
         # Devices of a virtual run need cost models; these systems are looked at before.
-        expand(experiment.model_copy(update={"systems": experiment.systems[1:]}),
-               source, library, profiles, host, 1)  # fmt: skip
+        expand(
+            experiment.model_copy(update={"systems": experiment.systems[1:]}),
+            source,
+            library,
+            profiles,
+            host,
+            1,
+        )
     assert "engine virtual cannot kill a node" in str(caught.value)
     assert "line 16" in str(caught.value) and "use docker or local" in str(caught.value)
 

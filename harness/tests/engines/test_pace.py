@@ -123,8 +123,12 @@ def test_nodes_are_given_their_own_devices_alone(tmp_path: Path) -> None:
 
 
 def test_a_background_load_is_in_the_key_where_there_is_one() -> None:
-    plain = Device(name="board", title="", limits=device().limits, model=CostModel(
-        cores=4, stages={"track": StageCost(a_us=1)}))  # fmt: skip
+    plain = Device(
+        name="board",
+        title="",
+        limits=device().limits,
+        model=CostModel(cores=4, stages={"track": StageCost(a_us=1)}),
+    )
     busy = DeviceChange(device="board", name="busy", background=0.7).applied_to(plain)
     assert busy.model is not None and busy.model.background == 0.7
     assert "background" not in json.dumps(plain.meaning("virtual"))
@@ -137,9 +141,9 @@ def stage(charged_ms: float | None, wall_ms: float, **more: object) -> dict[str,
 
 
 def test_stages_that_the_host_is_too_slow_for_are_counted() -> None:
-    log = EventLog([
-        stage(10, 10), stage(30, 40, missed=True), stage(5, 5, node="edge", missed=True)
-    ])  # fmt: skip
+    log = EventLog(
+        [stage(10, 10), stage(30, 40, missed=True), stage(5, 5, node="edge", missed=True)]
+    )
     assert pace.missed(log) == 2
     assert pace.ratio(log) == pytest.approx(50 / 40)
     assert pace.ratio(EventLog([stage(None, 7)])) is None
@@ -147,9 +151,19 @@ def test_stages_that_the_host_is_too_slow_for_are_counted() -> None:
 
 def results(root: Path, **more: object) -> Path:
     spec = spec_of("orbslam2", "default", None, 0, device_mobile=PI, **more)
-    run = RawRun(duration_s=4.0, edge=False, cpu_percent=15.0, manifest={
-        "limits": {"mobile": {"asked": {"thread_cores": 0.25, "quota_cores": 1.0},
-                              "granted": {"quota_cores": 1.0}}}})  # fmt: skip
+    run = RawRun(
+        duration_s=4.0,
+        edge=False,
+        cpu_percent=15.0,
+        manifest={
+            "limits": {
+                "mobile": {
+                    "asked": {"thread_cores": 0.25, "quota_cores": 1.0},
+                    "granted": {"quota_cores": 1.0},
+                }
+            }
+        },
+    )
     return write_results(root, [(spec, run)])
 
 
@@ -181,10 +195,12 @@ def test_truth_compares_the_cpu_of_devices_at_their_pace(tmp_path: Path) -> None
 
 def test_paces_are_never_pooled(tmp_path: Path) -> None:
     runs = [
-        (spec_of("orbslam2", "default", None, 0, device_mobile=PI, pace=name),
-         RawRun(duration_s=3.0, edge=False))
+        (
+            spec_of("orbslam2", "default", None, 0, device_mobile=PI, pace=name),
+            RawRun(duration_s=3.0, edge=False),
+        )
         for name in ("host", "device")
-    ]  # fmt: skip
+    ]
     found = load(write_results(tmp_path / "a", runs))
     assert sorted(found.runs["label"]) == ["orbslam2 (local)", "orbslam2 (local, device's pace)"]
     with pytest.raises(SlambedError, match="two paces"):

@@ -26,10 +26,17 @@ def stage(end_s: float, name: str, worker: str, wall_ms: float, cpu_ms: float) -
 
 
 def run_of(
-    slow: int, wall_ms: float, cpu_ms: float, *, wait_ms: float = 0.0, untimed_ms: float = 0.0,
-    throttled_s: float = 0.0, run_delay_s: float = 0.0, virtual: bool = False,
+    slow: int,
+    wall_ms: float,
+    cpu_ms: float,
+    *,
+    wait_ms: float = 0.0,
+    untimed_ms: float = 0.0,
+    throttled_s: float = 0.0,
+    run_delay_s: float = 0.0,
+    virtual: bool = False,
     further: list[dict[str, Any]] | None = None,
-) -> RunLog:  # fmt: skip
+) -> RunLog:
     """Frames that take 20 ms of CPU time, one of which is reported otherwise; the counters grow
     while that one is tracked."""
     events: list[dict[str, Any]] = list(further or [])
@@ -45,15 +52,26 @@ def run_of(
         events += [
             part(end_s - 0.4 * timed_ms / 1e3, "extract", 0.6),
             part(end_s, "track", 0.4),
-            {"t_s": end_s, "type": "frame_tracked", "node": "mobile", "frame": 3 * frame,
-             "state": "ok", "track_ms": track_ms, "wait_ms": waited_ms},
-        ]  # fmt: skip
+            {
+                "t_s": end_s,
+                "type": "frame_tracked",
+                "node": "mobile",
+                "frame": 3 * frame,
+                "state": "ok",
+                "track_ms": track_ms,
+                "wait_ms": waited_ms,
+            },
+        ]
     begin_s = EVERY_S * slow
     samples = [
-        {"t_s": t, "node": "mobile", "throttled_s": throttled_s * (t > begin_s + 0.01),
-         "run_delay_s": run_delay_s * (t > begin_s + 0.01)}
+        {
+            "t_s": t,
+            "node": "mobile",
+            "throttled_s": throttled_s * (t > begin_s + 0.01),
+            "run_delay_s": run_delay_s * (t > begin_s + 0.01),
+        }
         for t in (EVERY_S * i for i in range(FRAMES + 5))
-    ]  # fmt: skip
+    ]
     log = pd.DataFrame(events).sort_values("t_s", kind="stable")
     return RunLog(
         Path("run"), "a run", log, None, RunStatus(virtual=virtual), pd.DataFrame(samples)

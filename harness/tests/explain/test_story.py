@@ -71,12 +71,17 @@ def stalled_run(steal_s: float, **status: Any) -> RunLog:
     """Twenty extractions, of which one at 10 s was held up for 150 ms, and one loss at 10.5 s."""
     events = [
         {
-            "t_s": float(i), "t_ns": i * 10**9, "type": "stage", "node": "mobile",
-            "name": "extract", "worker": "tracking", "wall_ms": 170.0 if i == 10 else 20.0,
+            "t_s": float(i),
+            "t_ns": i * 10**9,
+            "type": "stage",
+            "node": "mobile",
+            "name": "extract",
+            "worker": "tracking",
+            "wall_ms": 170.0 if i == 10 else 20.0,
             "cpu_ms": 18.0,
         }
         for i in range(1, 21)
-    ]  # fmt: skip
+    ]
     loss = {"t_s": 10.5, "type": "track_lost", "node": "mobile", "inliers": None}
     times = np.arange(0.0, 20.0, 0.1)
     samples = pd.DataFrame({"t_s": times, "host_steal_s": steal_s * (times > 10)})

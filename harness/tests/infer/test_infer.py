@@ -39,8 +39,9 @@ def test_the_likelihood_is_the_closed_form_of_the_beta_binomial() -> None:
         expected += special.betaln(share.bad + k, share.runs - share.bad + n)
         expected -= special.betaln(k, n)
     assert log_likelihood(ours, printed) == pytest.approx(expected, abs=1e-9)
-    assert log_likelihood(ours, {"a": printed["a"]}) < log_likelihood({"a": Share(8, 10)}, {
-        "a": printed["a"]})  # fmt: skip
+    assert log_likelihood(ours, {"a": printed["a"]}) < log_likelihood(
+        {"a": Share(8, 10)}, {"a": printed["a"]}
+    )
     assert best_possible(printed, 100) > log_likelihood(ours, printed)
 
 
@@ -193,10 +194,14 @@ class Truth:
         kept = [e.point for e in fit.kept]
         ours = self.counts(kept, 50, self.HELD_OUT)
         return [
-            ComparedCell(c, self.printed[c],
-                   predict_share([ours[p][c] for p in kept], fit.weights, self.printed[c]), None)
+            ComparedCell(
+                c,
+                self.printed[c],
+                predict_share([ours[p][c] for p in kept], fit.weights, self.printed[c]),
+                None,
+            )
             for c in self.HELD_OUT
-        ]  # fmt: skip
+        ]
 
 
 @pytest.fixture(scope="module")

@@ -28,9 +28,16 @@ def test_columns_units_window_and_hold(tmp_path: Path) -> None:
         f"{1721032372703 + 50 * i} 0 {1000 * i}\n" for i in range(100)
     )
     profile = trace(
-        tmp_path, text, time="when(ms)", time_unit="ms", rtt="delay(us)", rtt_unit="us",
-        start_s=1.0, length_s=2.0, hold=True,
-    )  # fmt: skip
+        tmp_path,
+        text,
+        time="when(ms)",
+        time_unit="ms",
+        rtt="delay(us)",
+        rtt_unit="us",
+        start_s=1.0,
+        length_s=2.0,
+        hold=True,
+    )
     assert profile.rtt_ms(0) == pytest.approx(20)
     assert profile.rtt_ms(0.049) == pytest.approx(20)
     assert profile.rtt_ms(0.051) == pytest.approx(21)

@@ -78,9 +78,13 @@ def test_a_clock_that_is_set_in_the_middle_is_no_measurement() -> None:
 
 def comparison(at_s: float, offset_ns: int, error_ns: int = 1000) -> ClockComparison:
     return ClockComparison(
-        at_ns=round(at_s * S), offset_ns=offset_ns, error_ns=error_ns, exchanges=40,
-        traveled_us_min=2.0, over="udp",
-    )  # fmt: skip
+        at_ns=round(at_s * S),
+        offset_ns=offset_ns,
+        error_ns=error_ns,
+        exchanges=40,
+        traveled_us_min=2.0,
+        over="udp",
+    )
 
 
 def drifting(gained_ns: int) -> Clocks:

@@ -40,8 +40,9 @@ def features_event(frame: int, kept: str, culled: str) -> dict[str, Any]:
 def sequence(tmp_path: Path) -> Path:
     person = Instance(0, 1.0, block(10, 20))
     chair = Instance(1, 1.0, block(30, 35), moves=False)
-    write_labels(tmp_path / "walk", Segmented(WIDTH, HEIGHT, (person, chair)),
-                 Segmented(WIDTH, HEIGHT))  # fmt: skip
+    write_labels(
+        tmp_path / "walk", Segmented(WIDTH, HEIGHT, (person, chair)), Segmented(WIDTH, HEIGHT)
+    )
     return tmp_path / "walk"
 
 

@@ -37,15 +37,30 @@ def log_of(events: list[dict[str, Any]]) -> EventLog:
 
 def tracked(frame: int, delay_s: float, state: str = "ok") -> dict[str, Any]:
     half = delay_s * 500
-    return event("frame_tracked", frame, frame / FPS + delay_s, seq_s=frame / FPS, state=state,
-                 track_ms=half, wait_ms=half)  # fmt: skip
+    return event(
+        "frame_tracked",
+        frame,
+        frame / FPS + delay_s,
+        seq_s=frame / FPS,
+        state=state,
+        track_ms=half,
+        wait_ms=half,
+    )
 
 
 def offloaded(frame: int, delay_s: float) -> list[dict[str, Any]]:
     """Tracked on the edge, had by the mobile with the answer."""
     time_s = frame / FPS
-    on_edge = event("frame_tracked", frame, time_s + delay_s / 2, node="edge", seq_s=time_s,
-                    state="ok", track_ms=1.0, wait_ms=0.0)  # fmt: skip
+    on_edge = event(
+        "frame_tracked",
+        frame,
+        time_s + delay_s / 2,
+        node="edge",
+        seq_s=time_s,
+        state="ok",
+        track_ms=1.0,
+        wait_ms=0.0,
+    )
     answer = event("frame_answered", frame, time_s + delay_s, ok=True, latency_ms=1e3 * delay_s)
     return [event("frame_sent", frame, time_s, seq_s=time_s), on_edge, answer]
 

@@ -85,10 +85,14 @@ def test_frames_dropped_while_an_update_held_tracking_up_are_lost_to_it() -> Non
         ]
         + [
             {"type": "update_applied", "t_ns": int(200e6), "pause_ms": 100.0},
-            {"type": "update_applied", "t_ns": int(1000e6), "pause_ms": 20.0,
-             "relocalization": True},
+            {
+                "type": "update_applied",
+                "t_ns": int(1000e6),
+                "pause_ms": 20.0,
+                "relocalization": True,
+            },
         ]
-    )  # fmt: skip
+    )
     assert frames_lost_to_updates(log) == 3
     assert (pause_ms_mean(log, False), pause_ms_mean(log, True)) == (100.0, 20.0)
     assert frames_lost_to_updates(log_of([{"type": "update_applied"}])) is None

@@ -213,8 +213,10 @@ def test_parquet_files_hold_every_event(raw: Path, tmp_path: Path) -> None:
     )
     result = to_parquet(RunData(raw, KeptSpec.of(EDGE_SPEC)), tmp_path / "out")
     assert {p.name for p in result.written} == {
-        "events.parquet", "samples.parquet", "link.parquet",
-    }  # fmt: skip
+        "events.parquet",
+        "samples.parquet",
+        "link.parquet",
+    }
     events = pd.read_parquet(tmp_path / "out" / "events.parquet")
     log = read_events(raw)
     assert len(events) == len(log.events)

@@ -25,10 +25,12 @@ def path_of(frames: int) -> Trajectory:
 
 
 def log_of(*events: tuple[float, str, dict[str, object]]) -> EventLog:
-    return EventLog([
-        {"node": "mobile", "t_ns": int(t * 1e9), "type": kind, "seq_s": t} | more
-        for t, kind, more in events
-    ])  # fmt: skip
+    return EventLog(
+        [
+            {"node": "mobile", "t_ns": int(t * 1e9), "type": kind, "seq_s": t} | more
+            for t, kind, more in events
+        ]
+    )
 
 
 TRACKED = (0.2, "frame_tracked", {"state": "ok"})
@@ -49,8 +51,9 @@ def test_drift_counts_and_an_alignment_takes_it() -> None:
 
 def test_frames_before_the_alignment_and_after_a_reset_are_not_scored() -> None:
     live = path_of(20)  # the first pose is that of the frame at 0.2 s
-    log = log_of(ALIGN, TRACKED, (0.7, "trip_aligned", {}), (1.2, "reset", {}),
-                 (1.6, "trip_aligned", {}))  # fmt: skip
+    log = log_of(
+        ALIGN, TRACKED, (0.7, "trip_aligned", {}), (1.2, "reset", {}), (1.6, "trip_aligned", {})
+    )
     scored = scored_part(live, log)
     times = np.round(scored.stamps_s - 100 + 0.2, 6)
     assert list(times) == [0.7, 0.8, 0.9, 1.0, 1.1, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1]

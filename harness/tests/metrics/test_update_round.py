@@ -21,10 +21,16 @@ def applied(t_ns: int = 9, **changes: Any) -> dict[str, Any]:
     values = (60.0, 5.0, 20.0, 110.0, 400.0, 30.0, 7.0, 90.0)
     parts = dict(zip(PART_FIELDS.values(), values, strict=True))
     return {
-        "t_ns": t_ns, "type": "update_applied", "node": "mobile", "update": 1,
-        "newest_keyframe": 4, "relocalization": False, "gap_keyframes": 3,
-        **parts, "t_total_ms": sum(parts.values()),
-    } | changes  # fmt: skip
+        "t_ns": t_ns,
+        "type": "update_applied",
+        "node": "mobile",
+        "update": 1,
+        "newest_keyframe": 4,
+        "relocalization": False,
+        "gap_keyframes": 3,
+        **parts,
+        "t_total_ms": sum(parts.values()),
+    } | changes
 
 
 def test_parts_are_reported_by_the_event_and_add_up() -> None:

@@ -36,15 +36,26 @@ def runs_of(
     return [
         {
             "run_key": f"{system}{variant}{profile}{more.get('dataset')}{i}{more.get('engine')}",
-            "cell": f"{system}:{variant}/{profile}", "label": f"{system}:{variant}",
-            "system": system, "variant": variant, "profile": profile, "dataset": OFFICE,
-            "engine": "local", "link_backend": "relay" if system != "orbslam2" else None,
-            "valid": True, "not_completed": False, "lost": i < lost,
-            "wall_s": 87.0, "ate_rmse_m": 0.015 + 0.0001 * i,
-            "coverage": 1.0, "repetition": i, "params.codec": "binary",
-        } | more
+            "cell": f"{system}:{variant}/{profile}",
+            "label": f"{system}:{variant}",
+            "system": system,
+            "variant": variant,
+            "profile": profile,
+            "dataset": OFFICE,
+            "engine": "local",
+            "link_backend": "relay" if system != "orbslam2" else None,
+            "valid": True,
+            "not_completed": False,
+            "lost": i < lost,
+            "wall_s": 87.0,
+            "ate_rmse_m": 0.015 + 0.0001 * i,
+            "coverage": 1.0,
+            "repetition": i,
+            "params.codec": "binary",
+        }
+        | more
         for i in range(runs)
-    ]  # fmt: skip
+    ]
 
 
 def results_of(
@@ -132,8 +143,10 @@ def test_the_documented_table_2_reproduces_nothing(dynnetslam: Paper) -> None:
         assert {r.mark for r in cells.values()} == marks
         about = [o for o in column.orderings if set(o.contrast.ids()) <= set(cells)]
         assert {o.contrast.id: o.ordering.outcome for o in about} == {
-            "dynnet.O03": "too_few_runs", "dynnet.O04": "not_seen", "dynnet.O05": "too_few_runs",
-        }  # fmt: skip
+            "dynnet.O03": "too_few_runs",
+            "dynnet.O04": "not_seen",
+            "dynnet.O05": "too_few_runs",
+        }
 
 
 def test_equal_shares_of_many_runs_are_reproduced(dynnetslam: Paper) -> None:

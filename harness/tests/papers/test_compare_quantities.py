@@ -87,8 +87,9 @@ def test_a_reduction_is_shown_as_one(paper: Paper) -> None:
 
 
 def test_an_increase_needs_every_step(paper: Paper) -> None:
-    without = [{k: v for k, v in run.items() if k != "transfer_fail_ms_mean"}
-               for run in requests(11.0)]  # fmt: skip
+    without = [
+        {k: v for k, v in run.items() if k != "transfer_fail_ms_mean"} for run in requests(11.0)
+    ]
     assert column_of(paper, results(without)).rows["ijnc.C07"].mark == "N"
 
 

@@ -99,8 +99,9 @@ def test_a_number_reports_runs_rule_and_place(page: PaperPage) -> None:
     why_not = html[html.index("Why not more") :]
     assert re.search(
         r"synthetic_fr3_path is played instead of [\w]+: numbers of the two cannot be compared; "
-        "slambed data download", why_not,
-    )  # fmt: skip
+        "slambed data download",
+        why_not,
+    )
 
 
 def test_bars_are_out_of_all_numbers(page: PaperPage) -> None:

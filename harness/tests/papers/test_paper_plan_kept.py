@@ -39,9 +39,15 @@ def dynnetslam() -> Paper:
 def plan_of(paper: Paper, **more: Any) -> PaperPlan:
     runs = [PlannedRuns(experiment="made_up", runs=10, seed=1, decides=["dynnet.O04"])]
     return PaperPlan(
-        paper=paper.id, written_utc=WRITTEN, engine="virtual", devices={"mobile": "pi"}, fits=[],
-        frozen=frozen_digest(paper), data={}, runs=runs,
-    ).model_copy(update=more)  # fmt: skip
+        paper=paper.id,
+        written_utc=WRITTEN,
+        engine="virtual",
+        devices={"mobile": "pi"},
+        fits=[],
+        frozen=frozen_digest(paper),
+        data={},
+        runs=runs,
+    ).model_copy(update=more)
 
 
 def results(

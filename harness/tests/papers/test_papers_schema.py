@@ -46,16 +46,27 @@ def test_a_cell_has_the_coordinates_of_table_row_and_column(papers: dict[str, Pa
 
 def claim(**more: Any) -> dict[str, Any]:
     return {
-        "id": "x.C1", "kind": "result", "metric": "m", "system": "s", "conditions": {},
-        "op": "eq", "value": 1, "unit": None, "where": "Sec. 1",
-    } | more  # fmt: skip
+        "id": "x.C1",
+        "kind": "result",
+        "metric": "m",
+        "system": "s",
+        "conditions": {},
+        "op": "eq",
+        "value": 1,
+        "unit": None,
+        "where": "Sec. 1",
+    } | more
 
 
 def contrast(**more: Any) -> dict[str, Any]:
     return {
-        "id": "x.O1", "kind": "pair", "cells": ["a", "b"], "direction": "rises",
-        "where": "Sec. 1", "says": "b is above a",
-    } | more  # fmt: skip
+        "id": "x.O1",
+        "kind": "pair",
+        "cells": ["a", "b"],
+        "direction": "rises",
+        "where": "Sec. 1",
+        "says": "b is above a",
+    } | more
 
 
 @pytest.mark.parametrize(

@@ -68,19 +68,29 @@ def test_what_has_no_path_has_no_error(stored: Results) -> None:
 @pytest.fixture
 def paper() -> Paper:
     """Edge-SLAM judged by ORB-SLAM2's path, as CloudSLAM judges itself."""
-    return Paper.model_validate({
-        "id": "p", "kind": "paper",
-        "paper": {"title": "t", "authors": ["a"], "venue": "v", "year": 2020},
-        "systems": {
-            "orb": {"label": "ORB-SLAM2", "match": {"system": "orbslam2"}},
-            "edge": {"label": "Edge-SLAM", "match": {"system": "edgeslam"}},
-            "other": {"label": "another", "match": {"system": "cloudslam"}},
-        },
-        "datasets": {"room": {"label": "room", "match": ["room_walk"]}},
-        "conditions": {"link": {"ramp": {"profile": "ramp_85"}}},
-        "metrics": {"rmse": {"key": "rmse_vs_reference_live_m", "reference": "orb",
-                             "statistic": "mean", "scale": 100, "better": "lower"}},
-    })  # fmt: skip
+    return Paper.model_validate(
+        {
+            "id": "p",
+            "kind": "paper",
+            "paper": {"title": "t", "authors": ["a"], "venue": "v", "year": 2020},
+            "systems": {
+                "orb": {"label": "ORB-SLAM2", "match": {"system": "orbslam2"}},
+                "edge": {"label": "Edge-SLAM", "match": {"system": "edgeslam"}},
+                "other": {"label": "another", "match": {"system": "cloudslam"}},
+            },
+            "datasets": {"room": {"label": "room", "match": ["room_walk"]}},
+            "conditions": {"link": {"ramp": {"profile": "ramp_85"}}},
+            "metrics": {
+                "rmse": {
+                    "key": "rmse_vs_reference_live_m",
+                    "reference": "orb",
+                    "statistic": "mean",
+                    "scale": 100,
+                    "better": "lower",
+                }
+            },
+        }
+    )
 
 
 def test_a_published_error_against_a_system_is_measured_against_its_run(

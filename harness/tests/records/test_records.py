@@ -164,7 +164,9 @@ def test_a_summary_is_valid_only_where_it_says_true(tmp_path: Path) -> None:
     found = Summary.read(path)
     assert found is not None and not found.valid and found.completed
     assert (found.number("coverage"), found.number("variant"), found.text("variant")) == (
-        0.5, None, "x",
-    )  # fmt: skip
+        0.5,
+        None,
+        "x",
+    )
     path.write_text("[1]")
     assert Summary.read(path) is None

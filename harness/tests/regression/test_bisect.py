@@ -160,13 +160,18 @@ def workshop(clone: Clone, tmp_path: Path) -> Workshop:
     completed = subprocess.run(
         ["python3", "-m", "slambed.spec.software"],
         env={"PYTHONPATH": str(clone.root / "harness"), "PATH": "/usr/bin:/bin"},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     (programs / STAMP).write_text(completed.stdout)
     return Workshop(
-        Repository(clone.root), tmp_path / "results" / "bisect" / "walk", experiment, 3,
+        Repository(clone.root),
+        tmp_path / "results" / "bisect" / "walk",
+        experiment,
+        3,
         programs=programs,
-    )  # fmt: skip
+    )
 
 
 def search(workshop: Workshop, good: str, bad: str, lines: list[str]) -> Bisected:

@@ -37,15 +37,22 @@ def results(rng: np.random.Generator, slower: float = 1.0, engine: str = VIRTUAL
             own = np.random.default_rng(seed)
             rows.append(
                 {
-                    "system": "edgeslam", "label": "edgeslam", "dataset": "room",
-                    "profile": cell, "engine": engine,
-                    "seed": seed, "valid": True, "coverage": 1.0,
-                    "track_ms_median": slower * base * own.lognormal(0, 0.2)
+                    "system": "edgeslam",
+                    "label": "edgeslam",
+                    "dataset": "room",
+                    "profile": cell,
+                    "engine": engine,
+                    "seed": seed,
+                    "valid": True,
+                    "coverage": 1.0,
+                    "track_ms_median": slower
+                    * base
+                    * own.lognormal(0, 0.2)
                     * rng.lognormal(0, 0.05),
                     "ate_rmse_m": 0.02 * own.lognormal(0, 0.3) * rng.lognormal(0, 0.05),
                     "lost": bool(rng.random() < 0.1),
                 }
-            )  # fmt: skip
+            )
     return Results(Path("x"), "x", pd.DataFrame(rows))
 
 

@@ -67,10 +67,15 @@ def some_runs(rng: np.random.Generator, runs: int = 12, **changed: object) -> pd
     for cell in ("alone/room/none", "offloaded/room/ramp"):
         for repetition in range(runs):
             row = {
-                "cell": cell, "repetition": repetition, "experiment": "x",
-                "run_key": f"{cell}{repetition}", "valid": True, "not_completed": False,
-                "lost": bool(rng.random() < 0.05), "coverage": 0.99 + 0.001 * rng.random(),
-            } | {key: TYPICAL[key] * rng.lognormal(0, NOISE[key]) for key in NOISE}  # fmt: skip
+                "cell": cell,
+                "repetition": repetition,
+                "experiment": "x",
+                "run_key": f"{cell}{repetition}",
+                "valid": True,
+                "not_completed": False,
+                "lost": bool(rng.random() < 0.05),
+                "coverage": 0.99 + 0.001 * rng.random(),
+            } | {key: TYPICAL[key] * rng.lognormal(0, NOISE[key]) for key in NOISE}
             if cell.startswith("alone"):
                 row |= {k: v(repetition) if callable(v) else v for k, v in changed.items()}
             row["failed"] = row["coverage"] < LEAST_COVERAGE
@@ -137,9 +142,13 @@ def test_gate_on_an_empty_directory_fails(tmp_path: Path) -> None:
     (tmp_path / "results" / "x").mkdir(parents=True)
     (tmp_path / "baseline" / "x").mkdir(parents=True)
     code, out, err = slambed(
-        "gate", "x", "--baseline", str(tmp_path / "baseline"),
-        "--results", str(tmp_path / "results"),
-    )  # fmt: skip
+        "gate",
+        "x",
+        "--baseline",
+        str(tmp_path / "baseline"),
+        "--results",
+        str(tmp_path / "results"),
+    )
     assert code == 1 and "regression gate closed" in err
     assert "nothing was measured tonight" in out
     assert "baseline has no valid run" in out

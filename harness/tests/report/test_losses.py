@@ -37,9 +37,14 @@ def walk(until_s: float) -> list[dict[str, Any]]:
 
 def test_a_standstill_names_the_missing_frames_and_the_update() -> None:
     lost = frame(
-        2.6, "lost", inliers=0, motion_matches=4, word_matches=9, reference_matches=11,
+        2.6,
+        "lost",
+        inliers=0,
+        motion_matches=4,
+        word_matches=9,
+        reference_matches=11,
         missing_frames=6,
-    )  # fmt: skip
+    )
     update = event(2.58, "update_applied", gap_keyframes=3, pause_ms=581.0)
     (loss,) = losses_of(log_of(*walk(2.0), update, lost))
     assert loss.cause is Cause.STANDSTILL
@@ -124,9 +129,12 @@ def test_the_command_counts_losses_by_cause(
     monkeypatch.setenv("COLUMNS", "80")
     lost = RawRun(duration_s=8, lost_at_s=((3.0, 3.6), (6.0, 6.4)), seed=3)
     folder = write_experiment(
-        tmp_path, [(spec_of("edgeslam", "static", "none", 0), lost),
-                   (spec_of("orbslam2", "default", None, 0), RawRun(duration_s=8, edge=False))],
-    )  # fmt: skip
+        tmp_path,
+        [
+            (spec_of("edgeslam", "static", "none", 0), lost),
+            (spec_of("orbslam2", "default", None, 0), RawRun(duration_s=8, edge=False)),
+        ],
+    )
     table = tmp_path / "losses.csv"
     code, out, err = slambed(
         "report", folder.name, "--losses", "--results", str(folder.parent), "-o", str(table)
@@ -143,8 +151,9 @@ def test_the_command_counts_losses_by_cause(
     assert found["experiment"] == folder.name
     reported = {run["cell"]: run["losses"] for run in found["runs"]}
     assert {cell: len(losses) for cell, losses in reported.items()} == {
-        rows[1].split(",")[0]: 2, "orbslam2/room_walk": 0,
-    }  # fmt: skip
+        rows[1].split(",")[0]: 2,
+        "orbslam2/room_walk": 0,
+    }
     assert {loss["cause"] for losses in reported.values() for loss in losses} == {"view change"}
     assert "--json goes with --losses" in refused(ExitCode.BAD_INPUT, "report", "x", "--json")
     line = refused(ExitCode.BAD_INPUT, "report", "none", "--losses", "--results", str(tmp_path))

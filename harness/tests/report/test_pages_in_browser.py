@@ -228,10 +228,12 @@ def test_ctrl_c_ends_the_server_and_its_pages_say_so(page: Page, results: Path) 
     command = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
     serve = [*command, "serve", "--port", "0", "--results", str(results)]
     with subprocess.Popen(
-        serve, stdout=subprocess.PIPE, text=True,
+        serve,
+        stdout=subprocess.PIPE,
+        text=True,
         # As from a terminal, also where these tests were begun in the background.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    ) as server:  # fmt: skip
+    ) as server:
         try:
             assert server.stdout is not None
             (address,) = re.findall(r"http://localhost:\d+/", server.stdout.readline())

@@ -24,12 +24,14 @@ from slambed.report.load import load
 from slambed.report.recompute import prepared_truth, recompute, recompute_refused
 
 RUNS = [
-    (spec_of(system, variant, "ramp_85", repetition),
-     RawRun(edge=system != "orbslam2", seed=number, lost_at_s=((4.0, 5.0),)))
+    (
+        spec_of(system, variant, "ramp_85", repetition),
+        RawRun(edge=system != "orbslam2", seed=number, lost_at_s=((4.0, 5.0),)),
+    )
     for number, (system, variant, repetition) in enumerate(
         [("orbslam2", "default", 0), ("edgeslam", "static", 0), ("dynnetslam", "wh_wsz", 0)]
     )
-]  # fmt: skip
+]
 
 
 def nothing(dataset: str, checksums: set[str]) -> Path | None:

@@ -26,11 +26,13 @@ from slambed.report.style import COLORS, FigureWriter, lay_out
 @pytest.mark.parametrize("lost", [False, True])
 def test_without_a_loss_a_line_stands_where_an_empty_figure_was(tmp_path: Path, lost: bool) -> None:
     runs = [
-        (spec_of("edgeslam", "static", profile, i),
-         RawRun(duration_s=4, seed=i, lost_at_s=((2.0, 3.0),) if lost and i else ()))
+        (
+            spec_of("edgeslam", "static", profile, i),
+            RawRun(duration_s=4, seed=i, lost_at_s=((2.0, 3.0),) if lost and i else ()),
+        )
         for profile in ("none", "ramp_85")
         for i in range(2)
-    ]  # fmt: skip
+    ]
     results = load(write_experiment(tmp_path, runs))
     writer = FigureWriter(tmp_path / "figures", "", [])
     (*_, condition) = conditions_of(results)
@@ -91,12 +93,23 @@ def test_a_tradeoff_names_its_points_beside_the_axes(
     writer = FigureWriter(tmp_path, "", [])
     monkeypatch.setattr(writer, "save", lambda made, *_: figures.append(made))
     cells = [
-        Cell(f"c{i}{j}", f"system_with_a_name_{i}", "room", f"a_profile_{j}", 5, 5, "",
-             {"bytes_up": Interval(1e6 * (i + j), 1e6 * i, 3e6 * (i + j), 5),
-              "ate_rmse_m": Interval(0.01 * j, 0.0, 0.02 * (i + j + 1), 5)}, [])
+        Cell(
+            f"c{i}{j}",
+            f"system_with_a_name_{i}",
+            "room",
+            f"a_profile_{j}",
+            5,
+            5,
+            "",
+            {
+                "bytes_up": Interval(1e6 * (i + j), 1e6 * i, 3e6 * (i + j), 5),
+                "ate_rmse_m": Interval(0.01 * j, 0.0, 0.02 * (i + j + 1), 5),
+            },
+            [],
+        )
         for i in range(9)
         for j in range(profiles)
-    ]  # fmt: skip
+    ]
     assert draw_tradeoff(cells, "room", "bytes_up", "ate_rmse_m", writer)
     (made,) = figures
     lay_out(made)
@@ -132,8 +145,10 @@ def test_a_box_figure_ends_where_its_scale_does_and_names_single_runs(
 
 
 def test_colors_differ_in_gray_too() -> None:
-    gray = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
-            for c in COLORS[:2]]  # fmt: skip
+    gray = [
+        sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
+        for c in COLORS[:2]
+    ]
     assert abs(gray[0] - gray[1]) > 20
     assert len(set(COLORS)) == len(COLORS)
 
@@ -141,13 +156,24 @@ def test_colors_differ_in_gray_too() -> None:
 def test_what_each_system_changes_is_drawn_where_an_experiment_asks_for_it(tmp_path: Path) -> None:
     lost = ((2.0, 3.0),)
     runs = [
-        (spec_of("edgeslam", "static", profile, i, engine="virtual", label=label,
-                 cell=f"{label}/room_walk/{profile}"),
-         RawRun(duration_s=4, seed=i, lost_at_s=lost if label == "original" or i < saved else ()))
+        (
+            spec_of(
+                "edgeslam",
+                "static",
+                profile,
+                i,
+                engine="virtual",
+                label=label,
+                cell=f"{label}/room_walk/{profile}",
+            ),
+            RawRun(
+                duration_s=4, seed=i, lost_at_s=lost if label == "original" or i < saved else ()
+            ),
+        )
         for profile in ("none", "ramp_85")
         for label, saved in (("original", 8), ("binary codec", 6), ("all four", 0))
         for i in range(8)
-    ]  # fmt: skip
+    ]
     experiment = write_experiment(tmp_path, runs)
     assert not list(write_report(experiment).folder.glob("changes*"))
     asked = {

@@ -60,10 +60,12 @@ def test_virtual_runs_pass_for_nothing_measured(tmp_path: Path) -> None:
 
 def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
     runs = [
-        (spec_of("orbslam2", "default", None, i),
-         RawRun(duration_s=4, edge=False, noise_m=0.1 if i % 3 == 0 else 0.01, seed=i))
+        (
+            spec_of("orbslam2", "default", None, i),
+            RawRun(duration_s=4, edge=False, noise_m=0.1 if i % 3 == 0 else 0.01, seed=i),
+        )
         for i in range(12)
-    ]  # fmt: skip
+    ]
     results = load(write_experiment(tmp_path, runs))
     cell = cells_of(results, metrics_to_show(results))[0]
     assert any("ATE RMSE: two groups, 8 runs near" in note for note in cell.notes), cell.notes
@@ -71,10 +73,12 @@ def test_two_groups_of_runs_are_shown_not_averaged_away(tmp_path: Path) -> None:
 
 def test_a_cell_without_survivors_has_no_accuracy_of_others(tmp_path: Path) -> None:
     runs = [
-        (spec_of("orbslam2", "default", None, i),
-         RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),)))
+        (
+            spec_of("orbslam2", "default", None, i),
+            RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),)),
+        )
         for i in range(2)
-    ]  # fmt: skip
+    ]
     results = load(write_experiment(tmp_path, runs))
     (cell,) = cells_of(results, metrics_to_show(results))
     (note,) = [note for note in cell.notes if "tracked less than" in note]
@@ -84,10 +88,12 @@ def test_a_cell_without_survivors_has_no_accuracy_of_others(tmp_path: Path) -> N
 
 def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     runs = [
-        (spec_of("orbslam2", "default", None, i),
-         RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),) if i < 3 else ()))
+        (
+            spec_of("orbslam2", "default", None, i),
+            RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),) if i < 3 else ()),
+        )
         for i in range(5)
-    ]  # fmt: skip
+    ]
     results = load(write_experiment(tmp_path, runs))
     cell = cells_of(results, metrics_to_show(results))[0]
     note = next(note for note in cell.notes if "tracked less than" in note)
@@ -99,10 +105,12 @@ def test_a_report_reports_the_faults_of_its_runs(tmp_path: Path) -> None:
     freeze = Fault(at_s=2, edge="freeze", for_s=1.5)
     kill = Fault(at_s=3, edge="kill")
     runs = [
-        (spec_of("edgeslam", "static", "none", 0, label=label, cell=f"{label}/room_walk/none"),
-         RawRun(duration_s=4, faults=faults))
+        (
+            spec_of("edgeslam", "static", "none", 0, label=label, cell=f"{label}/room_walk/none"),
+            RawRun(duration_s=4, faults=faults),
+        )
         for label, faults in (("plain", ()), ("frozen", (freeze,)), ("killed", (kill,)))
-    ]  # fmt: skip
+    ]
     folder = write_experiment(tmp_path, runs)
     content = {"experiment": {"title": "Faults", "report": {"metrics": ["faults", "keyframes"]}}}
     (folder / "experiment.json").write_text(json.dumps(content))
@@ -112,8 +120,10 @@ def test_a_report_reports_the_faults_of_its_runs(tmp_path: Path) -> None:
         assert "faults [s]" in text and "freeze 2.0-3.5" in text and "kill 3.0-" in text
     rows = pd.read_csv(folder / "report" / "tables" / "cells_1.csv").set_index("system")
     assert rows["faults [s]"].to_dict() == {
-        "plain": "-", "frozen": "freeze 2.0-3.5", "killed": "kill 3.0-",
-    }  # fmt: skip
+        "plain": "-",
+        "frozen": "freeze 2.0-3.5",
+        "killed": "kill 3.0-",
+    }
     results = load(folder)
     assert metrics_to_show(results)[0].key == "keyframes"
     shades = {

@@ -127,8 +127,9 @@ def test_settings_that_differ_between_systems_are_reported(tmp_path: Path) -> No
 def one_camera(tmp_path: Path) -> Path:
     """A run whose path is a quarter as large as the true one, judged with its scale; the truth is
     known for three times as long."""
-    experiment = write_experiment(tmp_path, [(spec_of("orbslam2", "default", None, 0),
-                                              RawRun(duration_s=4.0, edge=False))])  # fmt: skip
+    experiment = write_experiment(
+        tmp_path, [(spec_of("orbslam2", "default", None, 0), RawRun(duration_s=4.0, edge=False))]
+    )
     (run,) = (experiment / "runs").iterdir()
     path = run / "trajectory.txt"
     write_path(path, read_tum(path).scaled(0.25))
@@ -167,11 +168,13 @@ def test_a_view_shows_the_truth_that_was_played(one_camera: Path, tmp_path: Path
 
 def test_differences_are_about_the_experiments_own_metrics_and_pairs(tmp_path: Path) -> None:
     runs = [
-        (spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
-         RawRun(duration_s=3.0, edge=edge, seed=repetition, track_ms=30 if edge else 40))
+        (
+            spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
+            RawRun(duration_s=3.0, edge=edge, seed=repetition, track_ms=30 if edge else 40),
+        )
         for repetition in range(4)
         for system, variant, edge in (("orbslam2", "default", False), ("edgeslam", "static", True))
-    ]  # fmt: skip
+    ]
     experiment = write_experiment(tmp_path, runs)
     content = {"experiment": {"report": {"metrics": ["track_ms_p95", "keyframes"]}}}
     (experiment / "experiment.json").write_text(json.dumps(content))
@@ -188,11 +191,13 @@ def test_differences_are_about_the_experiments_own_metrics_and_pairs(tmp_path: P
 
 def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:
     runs = [
-        (spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
-         RawRun(duration_s=2.0, edge=edge, seed=repetition, track_ms=30 if edge else 40))
+        (
+            spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
+            RawRun(duration_s=2.0, edge=edge, seed=repetition, track_ms=30 if edge else 40),
+        )
         for repetition in range(7)
         for system, variant, edge in (("orbslam2", "default", False), ("edgeslam", "static", True))
-    ]  # fmt: skip
+    ]
     experiment = write_experiment(tmp_path, runs)
     content = {"experiment": {"report": {"metrics": ["track_ms_median"]}}}
     (experiment / "experiment.json").write_text(json.dumps(content))

@@ -41,16 +41,28 @@ def results(
                 label = f"edgeslam:{variant} n_orb {n}"
                 rows += [
                     {
-                        "system": "edgeslam", "variant": variant, "label": label, "dataset": "room",
-                        "profile": link, "cell": f"{label}/room/{link}", "engine": "virtual",
-                        "pace": None, "device_mobile": "pi", "device_edge": "desktop",
-                        "params.n_orb": n, "params.codec": "binary", "valid": True,
-                        "run_key": f"{variant}{n}{link}{seed}", "lost": seed == 0, "seed": seed,
+                        "system": "edgeslam",
+                        "variant": variant,
+                        "label": label,
+                        "dataset": "room",
+                        "profile": link,
+                        "cell": f"{label}/room/{link}",
+                        "engine": "virtual",
+                        "pace": None,
+                        "device_mobile": "pi",
+                        "device_edge": "desktop",
+                        "params.n_orb": n,
+                        "params.codec": "binary",
+                        "valid": True,
+                        "run_key": f"{variant}{n}{link}{seed}",
+                        "lost": seed == 0,
+                        "seed": seed,
                         "track_ms_median": SLOW.get(variant, 1.0) * float(n) / 100 + seed,
                         "update_delay_ms_median": 100.0 + 40 * at + seed,
-                    } | more
+                    }
+                    | more
                     for seed in range(RUNS)
-                ]  # fmt: skip
+                ]
     asked = {"report": {"metrics": ["lost", "track_ms_median", "update_delay_ms_median"]}}
     return Results(Path("x"), "x", pd.DataFrame(rows), spec=asked)
 
@@ -78,15 +90,18 @@ def test_few_lines_are_one_figure_with_all_metrics(drawn: Any) -> None:
     ((made, name, title, caption, data),) = drawn(results())
     assert (name, title) == ("swept_room_n_orb", "Metrics against n_orb: room")
     assert [axis.get_title() for axis in made.axes] == [
-        "Runs with a track loss", "Tracking, median", "Map update delay with\npacing, median",
-    ]  # fmt: skip
+        "Runs with a track loss",
+        "Tracking, median",
+        "Map update delay with\npacing, median",
+    ]
     assert [axis.get_ylabel() for axis in made.axes] == ["[%]", "[ms]", "[ms]"]
     assert {a.get_xlabel() for a in made.axes[1:]} == {"n_orb [features]"}  # the system's own unit
     assert [t.get_text() for t in made.axes[0].get_xticklabels()] == ["300", "500", "1000"]
     (legend,) = made.legends
     assert [t.get_text() for t in legend.get_texts()] == [
-        "edgeslam:static", "edgeslam:conventional",
-    ]  # fmt: skip
+        "edgeslam:static",
+        "edgeslam:conventional",
+    ]
     tracked = data[data["metric"].eq("track_ms_median") & data["line"].eq("edgeslam:conventional")]
     # 6, 10 and 20 ms, and the seeds 0 to 4: their quartiles are 1 and 3.
     assert list(tracked["n_orb"]) == [300, 500, 1000]
@@ -124,8 +139,9 @@ def test_many_lines_are_small_multiples_of_few_lines_each(drawn: Any) -> None:
         assert [axis.get_title() for axis in made.axes] == titles
         assert len({axis.get_ylim() for axis in made.axes}) == 1
         assert [t.get_text() for t in made.legends[0].get_texts()] == [
-            "edgeslam:static", "edgeslam:conventional",
-        ]  # fmt: skip
+            "edgeslam:static",
+            "edgeslam:conventional",
+        ]
         # What a link called none adds is 0.
         ticks = [float(t.get_text()) for t in made.axes[0].get_xticklabels()]
         assert ticks == ([0, 40, 80] if over_rtt else [300, 500, 1000])
@@ -206,18 +222,27 @@ def test_a_line_is_called_what_its_labels_have_in_common(
 def test_points_of_a_grid_have_one_name_in_tables_figures_and_differences(tmp_path: Path) -> None:
     """Labels that a grid makes by itself: what tables call a row, figures and diff call it too."""
     systems = [{"system": "edgeslam", "variant": v} for v in SLOW]
-    file = experiment_file(tmp_path, systems=systems,
-                           grid={"params.n_orb": [300, 500, 1000], "link.rtt_ms": [0]})  # fmt: skip
+    file = experiment_file(
+        tmp_path, systems=systems, grid={"params.n_orb": [300, 500, 1000], "link.rtt_ms": [0]}
+    )
     planned = runs_of(file)
     runs = [
         (
-            spec_of("edgeslam", spec.variant, spec.profile, spec.repetition, label=spec.label,
-                    cell=spec.cell, dataset=spec.dataset, engine="virtual",
-                    params={"n_orb": spec.params["n_orb"]}),
+            spec_of(
+                "edgeslam",
+                spec.variant,
+                spec.profile,
+                spec.repetition,
+                label=spec.label,
+                cell=spec.cell,
+                dataset=spec.dataset,
+                engine="virtual",
+                params={"n_orb": spec.params["n_orb"]},
+            ),
             RawRun(duration_s=3.0, track_ms=SLOW[spec.variant] * 20, seed=spec.seed),
         )
         for spec in planned
-    ]  # fmt: skip
+    ]
     folder = write_experiment(tmp_path / "results", runs)
     found = load(folder)
     labels = {f"edgeslam:{v} n_orb {n}" for v in SLOW for n in (300, 500, 1000)}

@@ -39,8 +39,9 @@ def test_errors_are_those_of_the_medians(folders: tuple[Path, Path]) -> None:
     table = truth_table(live, virtual)
     assert table.caption.startswith(f"Virtual ({folders[1]}) against live ({folders[0]}), medians")
     assert {row[0] for row in table.rows} == {
-        "edgeslam:static/room_walk/ramp_85", "orbslam2/room_walk"
-    }  # fmt: skip
+        "edgeslam:static/room_walk/ramp_85",
+        "orbslam2/room_walk",
+    }
     offloaded = {row[1]: row for row in table.rows if row[0].startswith("edgeslam")}
     cpu = offloaded["mobile CPU [% of a core]"]
     rows = live.valid_runs[live.valid_runs["system"] == "edgeslam"]["mobile_cpu_percent_mean"]

@@ -33,8 +33,12 @@ def play(functions: str, limit_s: int = 60) -> subprocess.CompletedProcess[str]:
     environment["SLAMBED_KILL_AFTER_S"] = "1"
     return subprocess.run(
         ["bash", "-uc", script],
-        capture_output=True, text=True, check=False, env=environment, timeout=60,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        timeout=60,
+    )
 
 
 def test_lanes_that_end_are_green() -> None:

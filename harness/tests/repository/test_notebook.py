@@ -64,11 +64,14 @@ def test_an_experiment_from_python_is_checked_as_a_file_is(tmp_path: Path) -> No
     with pytest.raises(SlambedError, match="unknown system 'edgslam'"):
         slambed.run(
             {
-                "id": "mine", "title": "mine", "systems": [{"system": "edgslam"}],
+                "id": "mine",
+                "title": "mine",
+                "systems": [{"system": "edgslam"}],
                 "datasets": ["synthetic_room"],
             },
-            engine="virtual", results=tmp_path,
-        )  # fmt: skip
+            engine="virtual",
+            results=tmp_path,
+        )
 
 
 def test_results_say_what_they_are(results: "slambed.Results", tmp_path: Path) -> None:

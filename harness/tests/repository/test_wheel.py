@@ -71,9 +71,13 @@ def called(program: Path, cwd: Path, *arguments: str, **environment: str) -> str
     unset = {"SLAMBED_BIN", "SLAMBED_CACHE", "PYTHONPATH"}
     inherited = {key: value for key, value in os.environ.items() if key not in unset}
     done = subprocess.run(
-        [program, *arguments], cwd=cwd, capture_output=True, text=True, check=False,
+        [program, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
         env=inherited | {"SLAMBED_CACHE": str(cwd / "cache"), "COLUMNS": "200"} | environment,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -111,9 +115,13 @@ def test_commands_work_in_an_empty_folder(installed: Path, tmp_path: Path) -> No
 
 def test_without_programs_it_says_how_to_get_them(installed: Path, tmp_path: Path) -> None:
     done = subprocess.run(
-        [installed, "run", "quickstart", "--engine", "virtual"], cwd=tmp_path, text=True,
-        capture_output=True, check=False, env=os.environ | {"SLAMBED_CACHE": str(tmp_path)},
-    )  # fmt: skip
+        [installed, "run", "quickstart", "--engine", "virtual"],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        check=False,
+        env=os.environ | {"SLAMBED_CACHE": str(tmp_path)},
+    )
     assert done.returncode == 3
     assert "is not built" in done.stderr and "run 'slambed setup'" in done.stderr
 

@@ -73,9 +73,15 @@ def test_what_somebody_wrote_beside_it_stays(tmp_path: Path) -> None:
     """Comments, quotes, folded text, and what was noted at a stage that was not measured now."""
     path = tmp_path / "board.yaml"
     path.write_text(NOTED)
-    write_model(path, CostModel(cores=2, stages={"track": StageCost(a_us=70.25)}), {
-        "": "Fitted now,\nfrom a run.", "track": "12 of them",
-    }, "title")  # fmt: skip
+    write_model(
+        path,
+        CostModel(cores=2, stages={"track": StageCost(a_us=70.25)}),
+        {
+            "": "Fitted now,\nfrom a run.",
+            "track": "12 of them",
+        },
+        "title",
+    )
     assert (
         path.read_text()
         == """\

@@ -16,8 +16,10 @@ from slambed.spec.software import (
     source_hash,
 )
 
-GCC = '{"architecture": "x86_64", "floating_point": "sse2", "compiler": "gcc 12.2.0", ' \
-    '"standard_library": "libstdcxx 12", "libraries": "eigen 3.4.0, turbojpeg 2.1.5"}'  # fmt: skip
+GCC = (
+    '{"architecture": "x86_64", "floating_point": "sse2", "compiler": "gcc 12.2.0", '
+    '"standard_library": "libstdcxx 12", "libraries": "eigen 3.4.0, turbojpeg 2.1.5"}'
+)
 MACHINE = "@x86_64-sse2-gcc12.2.0-libstdcxx12-eigen3.4.0-turbojpeg2.1.5"
 
 

@@ -16,8 +16,10 @@ from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profil
 from slambed.spec.run_spec import RunSpec, canonical_json
 
 HEAD: dict[str, Any] = {
-    "title": "A sweep", "datasets": ["room"], "devices": {"mobile": "raspberry_pi_4"},
-}  # fmt: skip
+    "title": "A sweep",
+    "datasets": ["room"],
+    "devices": {"mobile": "raspberry_pi_4"},
+}
 SYSTEMS = [{"system": "orbslam2", "label": "alone"}, {"system": "edgeslam", "variant": "static"}]
 
 

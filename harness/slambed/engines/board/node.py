@@ -38,9 +38,13 @@ class BoardNode:
     role: Role = "mobile"
 
     def __init__(
-        self, connection: BoardConnection, image_id: str, volume: str, plan: NodePlan,
+        self,
+        connection: BoardConnection,
+        image_id: str,
+        volume: str,
+        plan: NodePlan,
         ports: list[int],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`volume`: of the sequence; `ports`: of the edge, whose connections are watched."""
         self._connection = connection
         self.namespace = netns(os.getpid())

@@ -101,8 +101,11 @@ class _Look:
             elif not claim.judged:
                 continue
             elif claim.kind in SET_UP:
-                yield Problem(claim.id, f"{claim.kind} that is not compared: configured, "
-                              "parameter or unmappable: where, or why?")  # fmt: skip
+                yield Problem(
+                    claim.id,
+                    f"{claim.kind} that is not compared: configured, "
+                    "parameter or unmappable: where, or why?",
+                )
             elif claim.quantity is not None:
                 for operand in claim.quantity.operands():
                     yield from self._operand(claim.id, operand)
@@ -153,9 +156,16 @@ class _Look:
     def _operand(self, where: str, operand: Operand) -> Iterator[Problem]:
         if isinstance(operand, At):
             at = PublishedCell(
-                where, where, "", "", operand.metric, "", None, system=operand.system,
+                where,
+                where,
+                "",
+                "",
+                operand.metric,
+                "",
+                None,
+                system=operand.system,
                 conditions=operand.conditions,
-            )  # fmt: skip
+            )
             for what in unresolved(self.paper, at):
                 yield Problem(where, f"quantity: {what}")
         elif operand not in self.cells:

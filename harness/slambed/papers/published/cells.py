@@ -76,13 +76,20 @@ def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Valu
     if row.spread_of != "runs":
         runs = None
     return PublishedCell(
-        id=f"{table.id}.{name}.{column}", source=table.id, row=row.label, column=heading.label,
+        id=f"{table.id}.{name}.{column}",
+        source=table.id,
+        row=row.label,
+        column=heading.label,
         metric=column if metric == PER_COLUMN else metric,
         unit=(heading.unit if row.unit == PER_COLUMN else row.unit) or "",
-        value=number, spread=spread, resolution=resolution_of(value), system=system,
-        conditions=coordinates, runs=runs if isinstance(runs, int) else None,
+        value=number,
+        spread=spread,
+        resolution=resolution_of(value),
+        system=system,
+        conditions=coordinates,
+        runs=runs if isinstance(runs, int) else None,
         comparability=alone.over(row).over(table),
-    )  # fmt: skip
+    )
 
 
 def _of_figures(paper: Paper) -> list[PublishedCell]:
@@ -93,16 +100,21 @@ def _of_figures(paper: Paper) -> list[PublishedCell]:
                 value = series.values[index] if series.values else None
                 found.append(
                     PublishedCell(
-                        id=f"{figure.id}.{name}.{at}", source=figure.id, row=series.label,
-                        column=f"{series.along} {at}", metric=series.metric, unit="",
+                        id=f"{figure.id}.{name}.{at}",
+                        source=figure.id,
+                        row=series.label,
+                        column=f"{series.along} {at}",
+                        metric=series.metric,
+                        unit="",
                         value=None if value is None else float(value),
-                        resolution=resolution_of(value), system=series.system,
+                        resolution=resolution_of(value),
+                        system=series.system,
                         conditions={**series.conditions, series.along: at},
                         comparability=Comparability(
                             unmappable=series.unmappable or figure.unmappable
                         ),
                     )
-                )  # fmt: skip
+                )
     return found
 
 
@@ -110,12 +122,20 @@ def _of_claim(claim: Claim) -> PublishedCell:
     number, _ = _number(None if isinstance(claim.value, list) else claim.value)
     runs = claim.conditions.get("runs")
     return PublishedCell(
-        id=claim.id, source=claim.id, row=claim.metric, column=claim.system or "",
-        metric=claim.metric, unit=claim.unit or "", value=number,
-        resolution=resolution_of(claim.value), system=claim.system,
-        conditions=dict(claim.conditions), runs=runs if isinstance(runs, int) else None,
-        comparability=claim, claim=claim,
-    )  # fmt: skip
+        id=claim.id,
+        source=claim.id,
+        row=claim.metric,
+        column=claim.system or "",
+        metric=claim.metric,
+        unit=claim.unit or "",
+        value=number,
+        resolution=resolution_of(claim.value),
+        system=claim.system,
+        conditions=dict(claim.conditions),
+        runs=runs if isinstance(runs, int) else None,
+        comparability=claim,
+        claim=claim,
+    )
 
 
 def _number(value: Value | None) -> tuple[float | None, float | None]:

@@ -47,9 +47,11 @@ class Contrast(Strict):
     @property
     def chains(self) -> list[list[str]]:
         """The cells as a list of ordered chains."""
-        return [[c for c in self.cells if isinstance(c, str)]] if self._one else [
-            list(c) for c in self.cells if isinstance(c, list)
-        ]  # fmt: skip
+        return (
+            [[c for c in self.cells if isinstance(c, str)]]
+            if self._one
+            else [list(c) for c in self.cells if isinstance(c, list)]
+        )
 
     @property
     def _one(self) -> bool:

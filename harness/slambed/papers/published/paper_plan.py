@@ -132,11 +132,19 @@ def frozen_digest(paper: Paper) -> str:
     shape = {"id", "kind", "cells", "direction", "basis"}
     parts["contrasts"] = [_content_of(item, shape) for item in paper.contrasts]
     parts["cells"] = {
-        name: [cell.value, cell.spread, cell.metric, cell.system, cell.conditions, cell.runs,
-               _content_of(cell.comparability, {"duplicate_of", "erratum"}),
-               _content_of(cell.claim, {"op", "quantity", "value"}) if cell.claim else None]
-        for name, cell in cells_of(paper).items() if cell.comparability.judged
-    }  # fmt: skip
+        name: [
+            cell.value,
+            cell.spread,
+            cell.metric,
+            cell.system,
+            cell.conditions,
+            cell.runs,
+            _content_of(cell.comparability, {"duplicate_of", "erratum"}),
+            _content_of(cell.claim, {"op", "quantity", "value"}) if cell.claim else None,
+        ]
+        for name, cell in cells_of(paper).items()
+        if cell.comparability.judged
+    }
     return _digest(_without_words(parts))
 
 

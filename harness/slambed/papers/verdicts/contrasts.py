@@ -149,9 +149,12 @@ def judge_contrast(
         forward = [rising(step.ours) for step in steps]
         backward = holm([rising(step.ours[::-1]) for step in steps])
         base = replace(
-            base, p_holds=max(forward), p_reversed=float(backward.min()),
-            decides=int(np.argmax(forward)), parts=_parts(forward, list(backward)),
-        )  # fmt: skip
+            base,
+            p_holds=max(forward),
+            p_reversed=float(backward.min()),
+            decides=int(np.argmax(forward)),
+            parts=_parts(forward, list(backward)),
+        )
     if p_paper > LEVEL:
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
         return replace(base, outcome="not_shown_by_paper", why=why)
@@ -195,16 +198,20 @@ def _parts(forward: Sequence[float], backward: Sequence[float]) -> tuple[Part, .
         return ()
     adjusted = forward if max(forward) <= LEVEL else list(holm(list(forward)))
     return tuple(
-        Part("reversed", float(down)) if up > LEVEL >= down
+        Part("reversed", float(down))
+        if up > LEVEL >= down
         else Part("holds" if up <= LEVEL else "not_shown", float(up))
         for up, down in zip(adjusted, backward, strict=True)
-    )  # fmt: skip
+    )
 
 
 def judge_blocks(
-    ours: Floats, paper: Floats, adjusted_p: float | None = None,
-    spread: Floats | None = None, runs: Floats | None = None,
-) -> Ordering:  # fmt: skip
+    ours: Floats,
+    paper: Floats,
+    adjusted_p: float | None = None,
+    spread: Floats | None = None,
+    runs: Floats | None = None,
+) -> Ordering:
     """Systems in the printed order over sequences: Page's L over the rows of means, which say
     nothing where a cell has no runs (NaN). `spread`: coefficients of variation of ours, cell by
     cell, for the power; where it is not given, ours are taken for what they are."""
@@ -230,9 +237,11 @@ def judge_blocks(
     fewest = int(runs.min())
     more = (n for n in RUNS_TRIED if n > fewest)
     return _not_shown(
-        base, why, power,
+        base,
+        why,
+        power,
         lambda: next((n for n in more if blocks_power(paper, cv / n**0.5) >= SEEN_POWER), None),
-    )  # fmt: skip
+    )
 
 
 def blocks_power(paper: Floats, error: Floats) -> float:

@@ -81,17 +81,28 @@ def completed(paper: Mean, ours: Mean) -> tuple[Mean, tuple[str, ...]]:
 def effect_of(ours: Mean, paper: Mean, kind: Kind) -> Effect:
     """Both means must have count and spread (`completed`); a missing spread counts as none."""
     value, se, df = effects(
-        ours.value, ours.sd or 0.0, ours.count or 1,
-        paper.value, paper.sd or 0.0, paper.count or 1, kind, (ours.digit, paper.digit),
-    )  # fmt: skip
+        ours.value,
+        ours.sd or 0.0,
+        ours.count or 1,
+        paper.value,
+        paper.sd or 0.0,
+        paper.count or 1,
+        kind,
+        (ours.digit, paper.digit),
+    )
     return Effect(float(value), float(se), float(df))
 
 
 def effects(
-    ours: ArrayLike, ours_sd: ArrayLike, ours_runs: ArrayLike,
-    paper: ArrayLike, paper_sd: ArrayLike, paper_runs: ArrayLike,
-    kind: Kind, digits: tuple[float, float] = (0.0, 0.0),
-) -> tuple[Any, Any, Any]:  # fmt: skip
+    ours: ArrayLike,
+    ours_sd: ArrayLike,
+    ours_runs: ArrayLike,
+    paper: ArrayLike,
+    paper_sd: ArrayLike,
+    paper_runs: ArrayLike,
+    kind: Kind,
+    digits: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Any, Any, Any]:
     """(effect, standard error, degrees of freedom) of arrays of means.
 
     Welch and Satterthwaite; the rounding of a printed number is known exactly, so its variance
@@ -118,9 +129,17 @@ def judge_effect(
     reported = _in_words(found.value, low, high, kind)
     limit = f"{margin:.0%}" if kind == "ratio" else f"{margin:.3g}"
     verdict = Verdict(
-        "inconclusive", f"{reported}, neither within {limit} nor without {_none(kind)}",
-        formula, kind, found.value, low, high, margin, None, assumed,
-    )  # fmt: skip
+        "inconclusive",
+        f"{reported}, neither within {limit} nor without {_none(kind)}",
+        formula,
+        kind,
+        found.value,
+        low,
+        high,
+        margin,
+        None,
+        assumed,
+    )
     if same:
         why = f"{reported}, 90 % within {limit}"
         return replace(verdict, outcome="reproduced", why=why)

@@ -67,9 +67,14 @@ def reduction_same(true: float, stated: float, runs: int, cv: float) -> float:
     before = generator.normal(1.0, cv, (DRAWS, runs))
     after = generator.normal(1 - true, cv * (1 - true), (DRAWS, runs))
     value, se, df = effects(
-        after.mean(1), after.std(1, ddof=1), runs, before.mean(1), before.std(1, ddof=1), runs,
+        after.mean(1),
+        after.std(1, ddof=1),
+        runs,
+        before.mean(1),
+        before.std(1, ddof=1),
+        runs,
         "ratio",
-    )  # fmt: skip
+    )
     bound = margin_bound(REDUCTION_MARGIN, "ratio")
     return float(decide(value - np.log1p(-stated), se, df, bound)[0].mean())
 
@@ -162,32 +167,69 @@ def rates() -> list[Rate]:
         found.append(Rate("reduction of 94.2 %: reproduced", at, chance, limit))
     for runs in (10, 30, 100):
         none = trend_rate((0.3,) * 5, runs)
-        found.append(Rate("no trend of shares: holds", f"30 % in all, {runs} runs", none,
-                          "at most 0.06"))  # fmt: skip
+        found.append(
+            Rate("no trend of shares: holds", f"30 % in all, {runs} runs", none, "at most 0.06")
+        )
         flat = values_trend_rate((0.0,) * 4, runs)
-        found.append(Rate("no trend of values: holds", f"4 cells, {runs} runs", flat,
-                          "at most 0.06"))  # fmt: skip
+        found.append(
+            Rate("no trend of values: holds", f"4 cells, {runs} runs", flat, "at most 0.06")
+        )
         equal = conjunction_rate(ENHANCED, ENHANCED, runs)
         found.append(Rate("no effect in 5 pairs: all hold", f"{runs} runs", equal, "0"))
-        found.append(Rate("reversed in 5 pairs: all hold", f"{runs} runs",
-                          conjunction_rate(CONVENTIONAL, ENHANCED, runs), "0"))  # fmt: skip
-        found.append(Rate("no effect in 5 pairs: reversed", f"{runs} runs",
-                          reversal_rate(ENHANCED, ENHANCED, runs), "at most 0.06"))  # fmt: skip
-        found.append(Rate("reversed in 5 pairs: reversed", f"{runs} runs",
-                          reversal_rate(CONVENTIONAL, ENHANCED, runs)))  # fmt: skip
-        found.append(Rate("Table 2, enhanced loses more: holds", f"{runs} runs",
-                          trend_rate(ENHANCED, runs)))  # fmt: skip
-        found.append(Rate("Table 2, conventional loses more: holds", f"{runs} runs",
-                          trend_rate(CONVENTIONAL, runs)))  # fmt: skip
+        found.append(
+            Rate(
+                "reversed in 5 pairs: all hold",
+                f"{runs} runs",
+                conjunction_rate(CONVENTIONAL, ENHANCED, runs),
+                "0",
+            )
+        )
+        found.append(
+            Rate(
+                "no effect in 5 pairs: reversed",
+                f"{runs} runs",
+                reversal_rate(ENHANCED, ENHANCED, runs),
+                "at most 0.06",
+            )
+        )
+        found.append(
+            Rate(
+                "reversed in 5 pairs: reversed",
+                f"{runs} runs",
+                reversal_rate(CONVENTIONAL, ENHANCED, runs),
+            )
+        )
+        found.append(
+            Rate("Table 2, enhanced loses more: holds", f"{runs} runs", trend_rate(ENHANCED, runs))
+        )
+        found.append(
+            Rate(
+                "Table 2, conventional loses more: holds",
+                f"{runs} runs",
+                trend_rate(CONVENTIONAL, runs),
+            )
+        )
         all_five = conjunction_rate(ENHANCED, CONVENTIONAL, runs)
         what = "Table 2, conventional above enhanced at all RTTs: holds"
         found.append(Rate(what, f"{runs} runs", all_five))
     for runs in (30, 100, 300):
-        found.append(Rate("published count predicted", f"any share, {runs} runs",
-                          prediction_cover_overall(runs), "0.93 to 0.98"))  # fmt: skip
+        found.append(
+            Rate(
+                "published count predicted",
+                f"any share, {runs} runs",
+                prediction_cover_overall(runs),
+                "0.93 to 0.98",
+            )
+        )
     for runs, paper_runs in ((20, 20), (100, 5)):
-        found.append(Rate("published mean predicted", f"{runs} runs, paper's of {paper_runs}",
-                          mean_prediction_cover(runs, paper_runs), "0.93 to 0.98"))  # fmt: skip
+        found.append(
+            Rate(
+                "published mean predicted",
+                f"{runs} runs, paper's of {paper_runs}",
+                mean_prediction_cover(runs, paper_runs),
+                "0.93 to 0.98",
+            )
+        )
     return found
 
 

@@ -34,9 +34,12 @@ def margin_of(paper: Share) -> float:
 
 
 def decide(
-    ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike,
+    ours_bad: ArrayLike,
+    ours_runs: ArrayLike,
+    paper_bad: ArrayLike,
+    paper_runs: ArrayLike,
     margin: ArrayLike,
-) -> tuple[Any, Any]:  # fmt: skip
+) -> tuple[Any, Any]:
     """(reproduced, differs) of arrays of counts: 90 % interval inside the margins (two one-sided
     tests at 5 %); not so, and the 95 % interval excludes zero."""
     bound = np.asarray(margin)
@@ -61,8 +64,13 @@ def judge_share(ours: Share, paper: Share, margin: float | None = None) -> Verdi
     found = Verdict(
         "inconclusive",
         f"{message}, neither within {100 * bound:.3g} nor without zero",
-        FORMULA, "points", effect, float(low), float(high), bound,
-    )  # fmt: skip
+        FORMULA,
+        "points",
+        effect,
+        float(low),
+        float(high),
+        bound,
+    )
     if same:
         why = f"{message}, 90 % within {100 * bound:.3g}"
         return replace(found, outcome="reproduced", why=why)
@@ -93,9 +101,12 @@ def chance_to_reproduce(paper: Share, runs: int, margin: float | None = None) ->
 
 
 def rate(
-    ours: float, paper: float, ours_runs: int, paper_runs: int,
+    ours: float,
+    paper: float,
+    ours_runs: int,
+    paper_runs: int,
     margin: Callable[[Share], float] = margin_of,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Exact P(reproduced) and P(differs) for true shares, both counts binomial."""
     k, m = np.arange(ours_runs + 1), np.arange(paper_runs + 1)
     bounds = np.array([margin(Share(int(bad), paper_runs)) for bad in m])

@@ -97,16 +97,24 @@ def difference(ours: Pair, scale: float = 1.0) -> Effect:
     """After - before (Welch), times `scale`."""
     one, two = ours.after, ours.before
     value, se, df = effects(
-        one.value, one.sd or 0.0, one.count or 1, two.value, two.sd or 0.0, two.count or 1,
+        one.value,
+        one.sd or 0.0,
+        one.count or 1,
+        two.value,
+        two.sd or 0.0,
+        two.count or 1,
         "difference",
-    )  # fmt: skip
+    )
     return Effect(scale * float(value), abs(scale) * float(se), float(df))
 
 
 def judge_difference(
-    ours: Pair, stated: float, digit: float = 0.0, scale: float = 1.0,
+    ours: Pair,
+    stated: float,
+    digit: float = 0.0,
+    scale: float = 1.0,
     margin: float = REDUCTION_MARGIN,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """`x points more`: the difference of ours, within a part of what is stated."""
     if ours.fewest == 0:
         return not_run("no run")
@@ -121,9 +129,12 @@ def judge_difference(
 
 
 def judge_up_to(
-    ours: Mapping[str, Pair], stated: float, at: str, digit: float = 0.0,
+    ours: Mapping[str, Pair],
+    stated: float,
+    at: str,
+    digit: float = 0.0,
     margin: float = REDUCTION_MARGIN,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """`Up to x % less`, the largest of the paper's sequences being `at`.
 
     Reproduced when (i) the reduction there is equivalent to x and (ii) no sequence's reduction is
@@ -141,9 +152,13 @@ def judge_up_to(
 
 
 def judge_up_to_more(
-    ours: Mapping[str, Pair], stated: float, at: str, digit: float = 0.0, scale: float = 1.0,
+    ours: Mapping[str, Pair],
+    stated: float,
+    at: str,
+    digit: float = 0.0,
+    scale: float = 1.0,
     margin: float = REDUCTION_MARGIN,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """`Up to x points more`, by the same rule on differences; x is above zero."""
     if at not in ours:
         return not_run(f"no run on {at}, where the paper has its maximum")
@@ -199,9 +214,14 @@ def judge_bound(ours: Mean | Share, op: Literal["lt", "le", "gt", "ge"], limit: 
         f"ours {ours.value:.4g} [{low:.4g}, {high:.4g}], stated {'<' if below else '>'} {limit:g}"
     )
     found = Verdict(
-        "inconclusive", f"{message}: the limit is between", "one-sided 95 % limits", scale,
-        ours.value - limit, low - limit, high - limit,
-    )  # fmt: skip
+        "inconclusive",
+        f"{message}: the limit is between",
+        "one-sided 95 % limits",
+        scale,
+        ours.value - limit,
+        low - limit,
+        high - limit,
+    )
     if (high <= limit) if below else (low >= limit):
         return replace(found, outcome="reproduced", why=message)
     if (low > limit) if below else (high < limit):
@@ -254,9 +274,14 @@ def judge_window(inside: int, losses: int, time_share: float) -> Verdict:
     message = f"{inside} of {losses} losses in the window [{low:.0%}, {high:.0%}]"
     message += f", {time_share:.0%} of the time, p {p_value:.2g}"
     found = Verdict(
-        "inconclusive", message, "Wilson; binomial test against the window's share of the time",
-        "points", share - MOSTLY, low - MOSTLY, high - MOSTLY,
-    )  # fmt: skip
+        "inconclusive",
+        message,
+        "Wilson; binomial test against the window's share of the time",
+        "points",
+        share - MOSTLY,
+        low - MOSTLY,
+        high - MOSTLY,
+    )
     if p_value <= LEVEL and low > MOSTLY:
         return replace(found, outcome="reproduced")
     if high < MOSTLY:

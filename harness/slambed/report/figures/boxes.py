@@ -82,27 +82,45 @@ def _caption(counts: set[int], from_zero: bool, left_out: int) -> str:
 
 def _draw_box(axis: Axes, place: int, values: Floats, index: int, rng: np.random.Generator) -> None:
     axis.boxplot(
-        values, positions=[place], orientation="horizontal", widths=0.55, whis=(0, 100),
-        patch_artist=True, showfliers=False, manage_ticks=False,
+        values,
+        positions=[place],
+        orientation="horizontal",
+        widths=0.55,
+        whis=(0, 100),
+        patch_artist=True,
+        showfliers=False,
+        manage_ticks=False,
         boxprops={"facecolor": color(index), "alpha": 0.25, "linewidth": 0.8},
         medianprops={"color": color(index), "linewidth": 1.8},
-        whiskerprops={"linewidth": 0.8}, capprops={"linewidth": 0.8},
-    )  # fmt: skip
+        whiskerprops={"linewidth": 0.8},
+        capprops={"linewidth": 0.8},
+    )
     points = values if len(values) <= MOST_POINTS else rng.choice(values, MOST_POINTS, False)
     axis.plot(
-        points, place + rng.uniform(-0.16, 0.16, len(points)), marker(index),
-        color=color(index), markersize=3.5, alpha=0.8 if len(values) <= 20 else 0.3,
-        zorder=1.5, linestyle="none", clip_on=False,
-    )  # fmt: skip
+        points,
+        place + rng.uniform(-0.16, 0.16, len(points)),
+        marker(index),
+        color=color(index),
+        markersize=3.5,
+        alpha=0.8 if len(values) <= 20 else 0.3,
+        zorder=1.5,
+        linestyle="none",
+        clip_on=False,
+    )
 
 
 def _draw_one(axis: Axes, place: int, value: float, metric: Metric, index: int) -> None:
     """One run has no quartiles: its number stands beside its mark, inside the axes."""
     axis.plot(value, place, marker(index), color=color(index), markersize=6, clip_on=False)
     axis.annotate(
-        metric.show(value / metric.scale), (value, place), xytext=(0, 5),
-        textcoords="offset points", ha="center", va="bottom", fontsize=NOTE_PT,
-    )  # fmt: skip
+        metric.show(value / metric.scale),
+        (value, place),
+        xytext=(0, 5),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+        fontsize=NOTE_PT,
+    )
 
 
 def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: FigureWriter) -> None:
@@ -121,13 +139,22 @@ def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: Fi
             axis.plot([100 * found.low, 100 * found.high], [place, place], color=color(index))
             axis.plot(100 * found.value, place, marker(index), color=color(index))
             axis.annotate(
-                f"{round(share.value * share.count)}/{share.count}", (100 * found.high, place),
-                xytext=(4, 0), textcoords="offset points", va="center", fontsize=NOTE_PT,
-            )  # fmt: skip
+                f"{round(share.value * share.count)}/{share.count}",
+                (100 * found.high, place),
+                xytext=(4, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=NOTE_PT,
+            )
             rows.append(
-                {"cell": cell.name, "share": found.value, "low": found.low, "high": found.high,
-                 "runs": found.count}
-            )  # fmt: skip
+                {
+                    "cell": cell.name,
+                    "share": found.value,
+                    "low": found.low,
+                    "high": found.high,
+                    "runs": found.count,
+                }
+            )
         where = _finish_cells(axis, shown)
         axis.set_xlim(-2, 108)
         axis.set_xlabel(metric.heading)

@@ -43,9 +43,14 @@ def _marks(axis: Axes, own: list[Difference], systems: list[str], index: int, li
         [c.value for c in changes],
         [systems.index(d.other) + across for d in own],
         xerr=[[c.value - c.low for c in changes], [c.high - c.value for c in changes]],
-        color=color(index), marker=marker(index), linestyle="none", markersize=5,
-        elinewidth=0.9, capsize=2, label=own[0].under,
-    )  # fmt: skip
+        color=color(index),
+        marker=marker(index),
+        linestyle="none",
+        markersize=5,
+        elinewidth=0.9,
+        capsize=2,
+        label=own[0].under,
+    )
 
 
 def _caption(found: list[Difference]) -> str:
@@ -68,11 +73,16 @@ def _rows(found: list[Difference]) -> pd.DataFrame:
         change = d.found.change.scaled(d.metric.scale)
         rows.append(
             {
-                "baseline": d.baseline, "system": d.other, "link": d.under,
+                "baseline": d.baseline,
+                "system": d.other,
+                "link": d.under,
                 "baseline_value": d.found.a * d.metric.scale,
                 "value": d.found.b * d.metric.scale,
-                "change": change.value, "low": change.low, "high": change.high,
-                "runs": d.found.runs, "p_holm": d.p_value,
+                "change": change.value,
+                "low": change.low,
+                "high": change.high,
+                "runs": d.found.runs,
+                "p_holm": d.p_value,
             }
-        )  # fmt: skip
+        )
     return pd.DataFrame(rows)

@@ -30,18 +30,37 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
     with figure(height_in=3.2) as (made, axes):
         axis = axes[0]
         if len(probe):
-            axis.plot(probe["t_s"], probe["value"], ".", color=PROBE, markersize=3, zorder=3,
-                      label="measured")  # fmt: skip
+            axis.plot(
+                probe["t_s"],
+                probe["value"],
+                ".",
+                color=PROBE,
+                markersize=3,
+                zorder=3,
+                label="measured",
+            )
         if len(applied):
             axis.step(
-                applied["t_s"], applied["value"], where="post", color=APPLIED,
-                linewidth=2.4, alpha=0.8, label="latency set, both ways",
-            )  # fmt: skip
+                applied["t_s"],
+                applied["value"],
+                where="post",
+                color=APPLIED,
+                linewidth=2.4,
+                alpha=0.8,
+                label="latency set, both ways",
+            )
         for way, shape in (("up", "^"), ("down", "v")):
             own = messages[messages["direction"] == way]
             if len(own):
-                axis.plot(own["t_s"], own["value"], shape, color=MESSAGES[way], markersize=2,
-                          alpha=0.6, label=f"message {way}, one way")  # fmt: skip
+                axis.plot(
+                    own["t_s"],
+                    own["value"],
+                    shape,
+                    color=MESSAGES[way],
+                    markersize=2,
+                    alpha=0.6,
+                    label=f"message {way}, one way",
+                )
         if len(asked):
             axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
         axis.set_xlabel("time [s]")

@@ -56,10 +56,12 @@ def draw_over_time(
                 own = own.sort_values("t_s")
                 if own.empty:
                     continue
-                axis.plot(own["t_s"], own["mean"], color=color(index), linestyle=dash(index),
-                          label=label)  # fmt: skip
-                axis.fill_between(own["t_s"], own["low"], own["high"], color=color(index),
-                                  alpha=0.15, linewidth=0)  # fmt: skip
+                axis.plot(
+                    own["t_s"], own["mean"], color=color(index), linestyle=dash(index), label=label
+                )
+                axis.fill_between(
+                    own["t_s"], own["low"], own["high"], color=color(index), alpha=0.15, linewidth=0
+                )
             axis.set_ylabel(f"{node} [{quantity.unit}]")
             axis.set_ylim(bottom=0)
         axes[-1].set_xlabel("time [s]")

@@ -51,10 +51,15 @@ def draw_stages(results: Results, condition: Condition, writer: FigureWriter) ->
             for name, delay in delays(log).items():
                 parts[name].append(delay.mean_ms)
         rows += [
-            {"label": label, "node": node, "stage": name, "mean_ms": float(np.mean(v)),
-             "runs": len(v)}
+            {
+                "label": label,
+                "node": node,
+                "stage": name,
+                "mean_ms": float(np.mean(v)),
+                "runs": len(v),
+            }
             for (node, name), v in times.items()
-        ]  # fmt: skip
+        ]
         delay_rows += [
             {"label": label, "part": name, "mean_ms": float(np.mean(v)), "runs": len(v)}
             for name, v in parts.items()
@@ -78,9 +83,14 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             axis.barh(
                 [p - 0.4 + height * (index + 0.5) for p in places],
                 [float(own[stages[p]]) for p in places],
-                height=0.92 * height, color=color(index), alpha=0.8, label=label,
-                hatch=HATCHES[index % len(HATCHES)], edgecolor="white", linewidth=0.3,
-            )  # fmt: skip
+                height=0.92 * height,
+                color=color(index),
+                alpha=0.8,
+                label=label,
+                hatch=HATCHES[index % len(HATCHES)],
+                edgecolor="white",
+                linewidth=0.3,
+            )
         axis.set_yticks(range(len(stages)), [f"{node}: {name}" for node, name in stages])
         axis.tick_params(axis="y", labelsize=NAME_PT)
         axis.set_ylim(len(stages) - 0.4, -0.6)
@@ -130,21 +140,35 @@ def _delay_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             for index, part in enumerate(ORDER):
                 width = float(own.get(part, 0.0))
                 axis.barh(
-                    place, width, left=left, height=0.5, color=color(index), alpha=0.8,
-                    hatch=HATCHES[index], edgecolor="white", linewidth=0.3,
+                    place,
+                    width,
+                    left=left,
+                    height=0.5,
+                    color=color(index),
+                    alpha=0.8,
+                    hatch=HATCHES[index],
+                    edgecolor="white",
+                    linewidth=0.3,
                     label=part if place == 0 else None,
-                )  # fmt: skip
+                )
                 left += width
             wait = float(own.get("T_Wait", 0.0))
             computed = float(own.get("T_Computed", totals[label]))
             axis.plot(
-                [computed] * 2, [place - 0.34, place + 0.34], color="black", linewidth=2,
+                [computed] * 2,
+                [place - 0.34, place + 0.34],
+                color="black",
+                linewidth=2,
                 label="T_Computed measured" if place == 0 else None,
-            )  # fmt: skip
+            )
             axis.annotate(
-                f"+ {wait:.0f} ms pacing" if wait >= 1 else "", (max(computed, left), place),
-                xytext=(5, 0), textcoords="offset points", va="center", fontsize=NOTE_PT,
-            )  # fmt: skip
+                f"+ {wait:.0f} ms pacing" if wait >= 1 else "",
+                (max(computed, left), place),
+                xytext=(5, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=NOTE_PT,
+            )
             longest = max(longest, computed, left)
         axis.set_xlim(0, 1.4 * longest)
         axis.set_yticks(range(len(labels)), labels)

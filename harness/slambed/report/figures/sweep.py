@@ -30,9 +30,13 @@ def sweeps(results: Results) -> Iterator[tuple[str, str, str, str, pd.DataFrame]
 
 
 def draw_sweep(
-    results: Results, variant: str, dataset: str, column: str, runs: pd.DataFrame,
+    results: Results,
+    variant: str,
+    dataset: str,
+    column: str,
+    runs: pd.DataFrame,
     writer: FigureWriter,
-) -> bool:  # fmt: skip
+) -> bool:
     """Medians with intervals, error to the reference left and data rate right; False without."""
     left, right = metric(LEFT), metric(RIGHT)
     curves = {item.key: _curve(runs, column, item) for item in (left, right)}
@@ -45,9 +49,15 @@ def draw_sweep(
             curve = curves[item.key]
             low, high = curve["value"] - curve["low"], curve["high"] - curve["value"]
             place.errorbar(
-                curve[name], curve["value"], yerr=np.array([low, high]), color=color(index),
-                marker=marker(index), capsize=2, linewidth=0.9, label=item.title,
-            )  # fmt: skip
+                curve[name],
+                curve["value"],
+                yerr=np.array([low, high]),
+                color=color(index),
+                marker=marker(index),
+                capsize=2,
+                linewidth=0.9,
+                label=item.title,
+            )
             place.set_ylabel(item.heading, color=color(index))
             place.set_ylim(bottom=0)
         axis.set_xlabel(name)
@@ -57,9 +67,12 @@ def draw_sweep(
         axis.set_title(title)
         rows = [curve.assign(metric=key) for key, curve in curves.items()]
         writer.save(
-            made, file_name("sweep", dataset, variant, name), title,
-            "Medians of the runs with 95 % intervals.", pd.concat(rows, ignore_index=True),
-        )  # fmt: skip
+            made,
+            file_name("sweep", dataset, variant, name),
+            title,
+            "Medians of the runs with 95 % intervals.",
+            pd.concat(rows, ignore_index=True),
+        )
     return True
 
 

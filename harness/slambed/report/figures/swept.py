@@ -111,8 +111,14 @@ def swept(results: Results) -> Iterator[Swept]:
         for name in runs
         if str(name).startswith(PARAMS) and runs[name].nunique(dropna=False) > 1
     ]
-    own_form = {(system, variant, dataset, column) for system, variant, dataset, column, _
-                in sweeps(results)} if _has_both(runs) else set()  # fmt: skip
+    own_form = (
+        {
+            (system, variant, dataset, column)
+            for system, variant, dataset, column, _ in sweeps(results)
+        }
+        if _has_both(runs)
+        else set()
+    )
     for key in [*parameters, RTT]:
         values = _rtt_ms(runs["profile"]) if key == RTT else _numbers(runs[key])
         if values.nunique() < LEAST_VALUES:
@@ -194,8 +200,10 @@ def _without(label: str, leaf: str, value: object) -> str:
     words = "|".join(re.escape(word) for word in dict.fromkeys((_word(value), str(value))))
     found = re.sub(
         rf"[,\s]*(?:\b{re.escape(leaf)}\s+)?(?<![\w.])(?:{words})(?![\w.])(?:\s(?:[smM%]|ms|Hz)(?!\w))?",
-        "", label, count=1,
-    )  # fmt: skip
+        "",
+        label,
+        count=1,
+    )
     return found.strip(" ,:") if found != label else ""
 
 
@@ -240,9 +248,14 @@ def draw_swept(results: Results, found: Swept, writer: FigureWriter) -> None:
         more = _left_out(len(panels) - MOST_PANELS, "panel")
         more += _left_out(len(metrics) - METRICS_APART, "metric")
         _draw(
-            found.axis, panels[:MOST_PANELS], legend, f"{item.title} {where}",
-            file_name(*name, item.key), more, writer,
-        )  # fmt: skip
+            found.axis,
+            panels[:MOST_PANELS],
+            legend,
+            f"{item.title} {where}",
+            file_name(*name, item.key),
+            more,
+            writer,
+        )
 
 
 def _named(lines: list[Line]) -> list[Line]:
@@ -290,9 +303,14 @@ def _left_out(count: int, what: str) -> str:
 
 
 def _draw(
-    axis: Axis, panels: list[Panel], legend: list[str], title: str, name: str, more: str,
+    axis: Axis,
+    panels: list[Panel],
+    legend: list[str],
+    title: str,
+    name: str,
+    more: str,
     writer: FigureWriter,
-) -> None:  # fmt: skip
+) -> None:
     if not panels:
         return
     columns = min(COLUMNS, len(panels))
@@ -349,8 +367,15 @@ def _panel(
         if panel.item.kind == "share":
             # Bands of shares would lie over each other: no loss in any run is the same everywhere.
             x = _beside(x, across, logarithmic)
-            place.errorbar(x, y, yerr=[y - low, high - y], label=legend[index], capsize=2,
-                           elinewidth=0.8, **look)  # fmt: skip
+            place.errorbar(
+                x,
+                y,
+                yerr=[y - low, high - y],
+                label=legend[index],
+                capsize=2,
+                elinewidth=0.8,
+                **look,
+            )
         else:
             place.fill_between(x, low, high, color=color(index), alpha=0.13, linewidth=0)
             place.plot(x, y, label=legend[index], **look)
@@ -377,8 +402,9 @@ def _curve(line: Line, item: Metric) -> pd.DataFrame:
             low, middle, high = np.quantile(
                 measured, QUARTILES, method="linear" if exact else "inverted_cdf"
             )
-        rows.append({"value": value, "low": low, "middle": middle, "high": high,
-                     "runs": len(measured)})  # fmt: skip
+        rows.append(
+            {"value": value, "low": low, "middle": middle, "high": high, "runs": len(measured)}
+        )
     return pd.DataFrame(rows).replace([np.inf, -np.inf], np.nan)
 
 
@@ -389,8 +415,16 @@ def _points(
     x = _beside(line.values.to_numpy(np.float64), across, logarithmic)
     y = pd.to_numeric(line.runs[item.key].astype(object), errors="coerce").to_numpy(np.float64)
     many = len(y) > MANY_RUNS * line.values.nunique()
-    place.plot(x, y * item.scale, ".", color=color(index), alpha=0.1 if many else 0.3,
-               markersize=3.5, zorder=1.5, label="a run")  # fmt: skip
+    place.plot(
+        x,
+        y * item.scale,
+        ".",
+        color=color(index),
+        alpha=0.1 if many else 0.3,
+        markersize=3.5,
+        zorder=1.5,
+        label="a run",
+    )
 
 
 def _beside(x: Floats, across: float, logarithmic: bool) -> Floats:

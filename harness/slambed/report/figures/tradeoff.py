@@ -59,29 +59,46 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
             xs = [cell.values[x].scaled(across.scale) for cell in own]
             ys = [cell.values[y].scaled(up.scale) for cell in own]
             axis.errorbar(
-                [v.value for v in xs], [v.value for v in ys],
+                [v.value for v in xs],
+                [v.value for v in ys],
                 xerr=[[v.value - v.low for v in xs], [v.high - v.value for v in xs]],
                 yerr=[[v.value - v.low for v in ys], [v.high - v.value for v in ys]],
-                color=color(index), linestyle=dash(index),
-                elinewidth=0.8, capsize=2, linewidth=0.9, clip_on=False,
-            )  # fmt: skip
+                color=color(index),
+                linestyle=dash(index),
+                elinewidth=0.8,
+                capsize=2,
+                linewidth=0.9,
+                clip_on=False,
+            )
             look: Any = {"color": color(index), "markerfacecolor": face}
             for cell, a, b in zip(own, xs, ys, strict=True):
                 shape = SHAPES[profiles.index(cell.profile) % len(SHAPES)]
                 axis.plot(
-                    a.value, b.value, shape if len(profiles) > 1 else marker(index),
-                    markersize=5, clip_on=False, zorder=3, **look,
-                )  # fmt: skip
+                    a.value,
+                    b.value,
+                    shape if len(profiles) > 1 else marker(index),
+                    markersize=5,
+                    clip_on=False,
+                    zorder=3,
+                    **look,
+                )
                 rows.append({"cell": cell.name, x: a.value, y: b.value})
             if len(profiles) == 1:
                 look["marker"] = marker(index)
             handles.append(Line2D([], [], linestyle=dash(index), label=label, **look))
         if len(profiles) > 1:
             handles += [
-                Line2D([], [], color=GROUND_TRUTH, marker=SHAPES[i % len(SHAPES)], markersize=5,
-                       linestyle="none", label=profile)
+                Line2D(
+                    [],
+                    [],
+                    color=GROUND_TRUTH,
+                    marker=SHAPES[i % len(SHAPES)],
+                    markersize=5,
+                    linestyle="none",
+                    label=profile,
+                )
                 for i, profile in enumerate(profiles)
-            ]  # fmt: skip
+            ]
         axis.set_xlabel(across.heading)
         axis.set_ylabel(up.heading)
         axis.set_ylim(bottom=0)
