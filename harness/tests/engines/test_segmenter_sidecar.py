@@ -137,7 +137,7 @@ def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
     code = (
         "import sys, time; from pathlib import Path;"
         "from test_segmenter_sidecar import EdgeBench;"
-        "beside = EdgeBench(Path(sys.argv[1])); edge_bench.start(); print('up', flush=True);"
+        "edge_bench = EdgeBench(Path(sys.argv[1])); edge_bench.start(); print('up', flush=True);"
         "time.sleep(60)"
     )
     with nodes_of_tests():

@@ -28,14 +28,14 @@ time.sleep(600)
 """
 BURNING_THREAD = """
 import sys, threading
-told = threading.Event()
+stopped = threading.Event()
 def burn():
-    while not reported.is_set(): pass
+    while not stopped.is_set(): pass
 print("ready", flush=True)
 thread = threading.Thread(target=burn)
 thread.start()
 sys.stdin.readline()
-told.set()
+stopped.set()
 thread.join()
 sys.stdin.read()
 """
