@@ -20,10 +20,10 @@ struct ContactOptions {
 /// Of the parameters rtt_source, rtt_missing_s, mes_probe_hz, mes_probe_bytes and echo_hz.
 ContactOptions contact_options(const Parameters& parameters);
 
-/// The mobile's talk with the edge on the channel "handover": says where mapping runs, keeps the
-/// RTT measured while no keyframes flow, notices that the edge does not answer or has no map, and
-/// lets the map go over. All of that on one worker, so that tracking never waits; the calls below
-/// are tracking's.
+/// The mobile's talk with the edge on the channel "handover": tells the edge where mapping runs,
+/// keeps the RTT measured while no keyframes flow, notices that the edge does not answer or has no
+/// map, and lets the map go over. All of that on one worker, so that tracking never waits; the
+/// calls below are tracking's.
 class EdgeContact {
  public:
   EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,

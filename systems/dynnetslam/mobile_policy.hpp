@@ -6,7 +6,8 @@
 
 namespace slambed::dynnetslam {
 
-/// Decides by the RTT where mapping runs: whenever a keyframe is made, or none was for too long.
+/// Decides by the RTT where mapping runs: whenever a keyframe is wanted, before it is made, or when
+/// the last decision was too long ago.
 class DynNetSlamMobile final : public MobilePolicy {
  public:
   DynNetSlamMobile(MobileNode& node, const Parameters& parameters);

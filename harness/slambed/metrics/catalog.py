@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one list of what is known about a run. A new number is one entry: summary.json, summary.csv,
-tables, figures, tests, the regression gate and the tables of docs/formats.md and docs/metrics.md
-follow."""
+"""The one list of what is known about a run. A new number is one entry: summary.json, summary.csv
+and, after `python -m slambed.document`, the tables of docs/formats.md and docs/metrics.md follow.
+Reports and the gate take it as its `use` says, by default only where an experiment asks for it."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -40,8 +40,9 @@ from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_
 from slambed.records.kept_spec import KeptSpec
 
 METRICS_VERSION = 9
-"""Counted up with every change of a value's computation: old summaries are known by it, and
-`slambed report --again` makes them anew. A test compares a kept run with kept values."""
+"""Counted up with every new value and every change of a value's computation: old summaries are
+known by it, and `slambed report --again` makes them anew. A test compares a kept run with kept
+values."""
 
 SHOWN, DRAWN, TESTED, GATED = Use.SHOWN, Use.DRAWN, Use.TESTED, Use.GATED
 HEADLINE = SHOWN | DRAWN | TESTED | GATED

@@ -44,7 +44,7 @@ def summary_of(run: RunData) -> Summary:
     )
     if (summary.number("update_parts_error_ms_max") or 0.0) > CLOSURE_LIMIT_MS:
         run.problems.append("update_applied: the parts of T_Total do not add up to it")
-    invalid_reason = invalid_reasons_of(run.spec, run.manifest, summary)
-    summary["valid"] = not invalid_reason
-    summary["invalid_reason"] = "; ".join(invalid_reason) or None
+    reasons = invalid_reasons_of(run.spec, run.manifest, summary)
+    summary["valid"] = not reasons
+    summary["invalid_reason"] = "; ".join(reasons) or None
     return summary

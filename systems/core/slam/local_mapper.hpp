@@ -14,8 +14,9 @@ struct LocalMapperOptions {
   int neighbors = 10;        ///< best covisibles used for triangulation and fusion ...
   int neighbors_mono = 20;   ///< ... where every point must be triangulated
   int second_neighbors = 5;  ///< of each neighbor, for fusion
-  /// ORB-SLAM2's KeyFrameCulling: a keyframe goes when more than this share of its points is seen
-  /// by at least 3 others.
+  /// ORB-SLAM2's KeyFrameCulling: a keyframe goes when more than this share of its close points
+  /// (without depth: all) has a weight above 3 and is seen by at least 3 others, at most one octave
+  /// coarser (`keyframe_culling.cpp`).
   double redundant_share = 0.9;
   /// How old a new point is: by the ids of keyframes, which also count those that were made and
   /// never came (Edge-SLAM), instead of by the keyframes mapped since.

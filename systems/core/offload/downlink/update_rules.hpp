@@ -16,10 +16,11 @@ inline constexpr int kKeyframesPerStep = 6;
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateRules {
   int min_local_keyframes;  ///< declined while the local map has fewer
-  Duration fast_motion{};   ///< Edge-SLAM's 300 ms; 0: never declined for fast motion
+  Duration fast_motion{};   ///< Edge-SLAM's 300 ms; 0: never by the age of the last keyframe
   int local_map_size =
       kKeyframesPerStep;  ///< each so many local keyframes make fast motion matter less
-  /// DynNetSLAM's: declined while more keyframes per second are made; 0: never for that.
+  /// DynNetSLAM's: declined while more keyframes per second are made, reason "fast motion" too; 0:
+  /// never for that.
   double keyframe_rate_hz = 0;
 };
 

@@ -7,8 +7,9 @@
 
 namespace slambed {
 
-/// CUBIC (RFC 9438) with HyStart, as Linux has them: how the congestion window grows and shrinks.
-/// Windows are in segments.
+/// CUBIC (RFC 9438) with HyStart, as Linux has them: the congestion window, its growth and its cut
+/// after a loss. `TcpFlow` sets `window` itself in recovery, after a time-out (RTO), and after idle
+/// time or unused room. Windows are in segments.
 class TcpCubic {
  public:
   static constexpr double kInitialWindow = 10;  ///< RFC 6928

@@ -65,7 +65,7 @@ class TcpFlow {
   void on_retransmission_timeout();
   void probe_tail();
   void sample_rtt(Duration rtt);
-  /// RTO: smoothed RTT + max(200 ms, 4 variations), doubled per time-out.
+  /// RTO: smoothed RTT + max(200 ms, 4 variations), doubled per time-out, at most 120 s.
   Duration retransmission_timeout() const;
 
   Simulator& simulator_;
