@@ -39,7 +39,7 @@ status=0
 base=${SLAMBED_PASSED:-$(cat "$(git rev-parse --git-path ci-passed 2>/dev/null)" 2>/dev/null || true)}
 if [ -n "$base" ] && changed=$(git diff --name-only "$base" -- systems 2>/dev/null | grep -E '\.(cpp|hpp)$'); then
   mapfile -t first < <(printf '%s\n' "${objects[@]}" | grep -F -f <(sed 's/.*/\/&/; s/.*\/\([^/]*\/[^/]*\)$/\1/' <<<"$changed") || true)
-  if [ ${#first[@]} -gt 0 ]; then compile 0 "${first[@]}" || status=$?; fi
+  if [ ${#first[@]} -gt 0 ]; then compile "$limit_s" "${first[@]}" || status=$?; fi
 fi
 [ "$status" -ne 0 ] || compile "$limit_s" "${objects[@]}" || status=$?
 if [ "$status" -eq 124 ]; then

@@ -290,7 +290,7 @@ def test_without_root_helpers_make_the_link_and_the_limits(bench: Bench) -> None
 
     def look() -> None:
         assert CLIENT is not None
-        for name in ("attend", "link_helper"):
+        for name in ("sidecar", "link_helper"):
             (found,) = CLIENT.containers.list(filters={"label": f"slambed.role={name}"})
             hosts.append(found.attrs["HostConfig"])
 
