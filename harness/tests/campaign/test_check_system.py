@@ -54,7 +54,7 @@ def test_a_metric_is_optional_and_the_line_says_what_it_means(system: Path) -> N
     content["metrics"] |= {
         "found": {"doc": "places found again", "event": "found", "take": "count"},
         "mapped": {"doc": "keyframes left", "event": "map_made", "take": "last", "field": "n"},
-        "wrong": {"doc": "a field of no event", "event": "seen", "take": "mean", "field": "brightness"},
+        "wrong": {"doc": "a field of no event", "event": "seen", "take": "mean", "field": "hue"},
     }
     system.write_text(yaml.safe_dump(content))
     code, out, _ = slambed("check-system", str(system), COLUMNS="400")
@@ -67,7 +67,7 @@ def test_a_metric_is_optional_and_the_line_says_what_it_means(system: Path) -> N
         assert f"an event '{event}' did not come in these 20 frames" in reported[name]
         assert ": optional, and there is none here" in reported[name]
         assert reported[name].endswith(f"in a run without one the metric is {none}")
-    assert "event 'seen' comes, but none has a number 'brightness'" in reported["wrong"]
+    assert "event 'seen' comes, but none has a number 'hue'" in reported["wrong"]
 
 
 DEFECTS = {

@@ -225,6 +225,8 @@ TEST(TcpNetwork, APeerThatMeansToCloseIsNotLost) {
   Node edge(true, 0);
   auto mobile = std::make_unique<Node>(false, edge.port());
   ASSERT_TRUE(edge.network->wait_connected(kLong));
+  // A peer that is not connected yet announces no close.
+  ASSERT_TRUE(mobile->network->wait_connected(kLong));
   mobile->network->close(kLong);
   EXPECT_TRUE(eventually([&] { return !edge.channel->path().connected; }));
   EXPECT_FALSE(edge.recorder.saw_link("lost"));
