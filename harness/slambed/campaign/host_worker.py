@@ -30,7 +30,7 @@ from slambed.campaign.cluster import imported
 from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined, Request
 from slambed.campaign.host_run import ThisHost, begin
 from slambed.engines.host_lock import host_lock
-from slambed.errors import SlambedError, environment_error
+from slambed.errors import environment_error
 from slambed.failures import line_and_code
 from slambed.process.line_protocol import (
     Failure,
@@ -38,6 +38,7 @@ from slambed.process.line_protocol import (
     Message,
     Note,
     adapter,
+    last_answer,
     message_in,
     send,
 )
@@ -68,24 +69,21 @@ def main() -> None:
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     requests = LineReader(sys.stdin.fileno())
-    try:
+    answer = partial(send, answers)
+    with last_answer(answer, _described):
         while (line := requests.next(None)) is not None:
             request = message_in(line, adapter(Request), "campaign")
             if isinstance(request, AskPorts):
                 scheduler, worker = _free_ports()
-                found = FreePorts(scheduler=scheduler, worker=worker, harness=harness_digest())
-                send(answers, found)
+                answer(FreePorts(scheduler=scheduler, worker=worker, harness=harness_digest()))
             else:
-                _work(request, requests, lambda message: send(answers, message))
+                _work(request, requests, answer)
                 return
-    except EOFError:
-        return
-    except Exception as error:  # reported where a person sees it: by the campaign
-        if isinstance(error, SlambedError):
-            send(answers, Failure.of(error))
-        else:
-            notice, code = line_and_code(error)
-            send(answers, Failure(error=notice, code=code))
+
+
+def _described(error: Exception) -> Failure:
+    line, code = line_and_code(error)
+    return Failure(error=line, code=code)
 
 
 def _free_ports() -> tuple[int, int]:

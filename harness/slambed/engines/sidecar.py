@@ -11,6 +11,8 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TextIO
 
@@ -23,13 +25,11 @@ from slambed.engines.sidecar_messages import (
     MonitoredNode,
     OpenSidecar,
     SidecarOpened,
-    Start,
-    Started,
     Stopped,
 )
 from slambed.engines.thread_caps import ThreadCaps
-from slambed.errors import ExitCode, SlambedError
-from slambed.process.line_protocol import Failure, LineReader, message_in, send
+from slambed.errors import environment_error
+from slambed.process.line_protocol import LineReader, Start, Started, last_answer, message_in, send
 from slambed.sampling.cgroup import CgroupReader, GroupProcesses, paths_of
 from slambed.sampling.cpu_group import leave_cpu_group
 from slambed.sampling.record import SidecarUse, ThreadCap
@@ -200,9 +200,9 @@ class SidecarServer:
 
 
 def main() -> None:
-    """Errors become one answer."""
+    """Errors become the last answer."""
     requests = LineReader(sys.stdin.fileno())
-    try:
+    with last_answer(partial(send, sys.stdout)), _what_cannot_be_monitored():
         first = requests.next(None)
         assert first is not None
         asked = message_in(first, FIRST, "harness")
@@ -214,14 +214,16 @@ def main() -> None:
                 sidecar.serve(requests, sys.stdout)
             finally:
                 sidecar.close()
-    except EOFError:
-        return
-    except SlambedError as error:
-        send(sys.stdout, Failure.of(error))
+
+
+@contextlib.contextmanager
+def _what_cannot_be_monitored() -> Iterator[None]:
+    """A file of the kernel or of the samples that refuses is a failure of the machine."""
+    try:
+        yield
     except OSError as error:
         line = f"cannot monitor the nodes: {error.strerror}, {error.filename or 'sampler'}"
-        send(sys.stdout, Failure(error=line, code=int(ExitCode.ENVIRONMENT)))
-        sys.exit(ExitCode.ENVIRONMENT)
+        raise environment_error(line) from None
 
 
 if __name__ == "__main__":

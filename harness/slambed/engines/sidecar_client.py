@@ -13,13 +13,11 @@ from slambed.engines.sidecar_messages import (
     MonitoredNode,
     OpenSidecar,
     SidecarOpened,
-    Start,
-    Started,
     Stop,
     Stopped,
 )
 from slambed.native import find_program
-from slambed.process.line_protocol import LineProcess
+from slambed.process.line_protocol import LineProcess, Start, Started
 from slambed.spec.device import Limits
 from slambed.spec.system import Role
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from slambed.process.line_protocol import Message
+from slambed.process.line_protocol import Message, Start
 from slambed.sampling.cgroup import Usage
 from slambed.sampling.record import SidecarUse, ThreadCap
 
@@ -50,20 +50,6 @@ class SidecarOpened(Message):
     reply: Literal["opened"] = "opened"
     real_time_metronome: bool | None
     """Whether the metronome got real-time priority; null without one."""
-
-
-class Start(Message):
-    """Run time 0, on CLOCK_MONOTONIC: samples from now on."""
-
-    request: Literal["start"] = "start"
-    t0_ns: int
-    """On CLOCK_MONOTONIC."""
-
-
-class Started(Message):
-    """The answer."""
-
-    reply: Literal["started"] = "started"
 
 
 class Follow(Message):

@@ -11,14 +11,12 @@ from slambed.link.facts import LinkFacts
 from slambed.link.helper_messages import (
     Alive,
     AskAlive,
-    LinkStarted,
     LinkStopped,
     Opened,
     OpenLink,
-    StartLink,
     StopLink,
 )
-from slambed.process.line_protocol import LineProcess
+from slambed.process.line_protocol import LineProcess, Start, Started
 from slambed.spec.run_spec import RunSpec
 
 MODULE = "slambed.link.link_helper"
@@ -39,7 +37,7 @@ class HelperLink:
 
     def start(self, t0_ns: int) -> None:
         """Run time 0 on CLOCK_MONOTONIC."""
-        self._process.ask(StartLink(t0_ns=t0_ns), LinkStarted, ANSWER_TIMEOUT_S)
+        self._process.ask(Start(t0_ns=t0_ns), Started, ANSWER_TIMEOUT_S)
 
     def alive(self) -> bool:
         """False once the link, or the helper that keeps it, went away."""

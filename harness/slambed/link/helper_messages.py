@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from slambed.link.facts import LinkFacts
-from slambed.process.line_protocol import Message
+from slambed.process.line_protocol import Message, Start
 from slambed.spec.run_spec import RunSpec
 
 
@@ -31,20 +31,6 @@ class Opened(Message):
     """The answer: the profile's value at time 0 is in force."""
 
     reply: Literal["opened"] = "opened"
-
-
-class StartLink(Message):
-    """Run time 0, on CLOCK_MONOTONIC."""
-
-    request: Literal["start"] = "start"
-    t0_ns: int
-    """On CLOCK_MONOTONIC."""
-
-
-class LinkStarted(Message):
-    """The answer."""
-
-    reply: Literal["started"] = "started"
 
 
 class AskAlive(Message):
@@ -75,4 +61,4 @@ class LinkStopped(Message):
     """For the manifest."""
 
 
-Request = Annotated[OpenLink | StartLink | AskAlive | StopLink, Field(discriminator="request")]
+Request = Annotated[OpenLink | Start | AskAlive | StopLink, Field(discriminator="request")]

@@ -6,54 +6,53 @@ each. It ends, and the link with it, at the end of its input.
 """
 
 import sys
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
-from slambed.errors import ExitCode, SlambedError
 from slambed.link.helper_messages import (
     Alive,
     AskAlive,
-    LinkStarted,
     LinkStopped,
     Opened,
     OpenLink,
     Request,
-    StartLink,
     StopLink,
 )
 from slambed.link.run_link import RunLink, open_for_run
-from slambed.process.line_protocol import Failure, LineReader, adapter, message_in, send
+from slambed.process.line_protocol import (
+    LineReader,
+    Start,
+    Started,
+    adapter,
+    last_answer,
+    message_in,
+    send,
+)
 from slambed.sampling.cpu_group import leave_cpu_group
 
 
 def main() -> None:
     """One request a line, one answer a line; the first opens the link."""
     leave_cpu_group()
-    link: RunLink | None = None
-    requests = LineReader(sys.stdin.fileno())
-    try:
+    answer = partial(send, sys.stdout)
+    with last_answer(answer), ExitStack() as until_the_end:
+        link: RunLink | None = None
+        requests = LineReader(sys.stdin.fileno())
         while (line := requests.next(None)) is not None:
             request = message_in(line, adapter(Request), "harness")
             if isinstance(request, OpenLink):
                 link = _open(request)
-                send(sys.stdout, Opened())
-            elif link is not None and isinstance(request, StartLink):
+                until_the_end.callback(link.close)
+                answer(Opened())
+            elif link is not None and isinstance(request, Start):
                 link.start(request.t0_ns)
-                send(sys.stdout, LinkStarted())
+                answer(Started())
             elif link is not None and isinstance(request, AskAlive):
-                send(sys.stdout, Alive(alive=link.alive()))
+                answer(Alive(alive=link.alive()))
             elif link is not None and isinstance(request, StopLink):
-                send(sys.stdout, LinkStopped(link=link.stop()))
+                answer(LinkStopped(link=link.stop()))
                 return
-    except EOFError:
-        return
-    except SlambedError as error:
-        send(sys.stdout, Failure.of(error))
-    except Exception as error:  # Reported where a person sees it: by the campaign.
-        message = f"a bug of slambed: {type(error).__name__}: {error}"
-        send(sys.stdout, Failure(error=message, code=int(ExitCode.INTERNAL)))
-    finally:
-        if link is not None:
-            link.close()
 
 
 def _open(asked: OpenLink) -> RunLink:

@@ -10,7 +10,7 @@ import os
 import select
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import IO, Any, Literal, TypeVar
@@ -64,6 +64,20 @@ class Note(Message):
     line: str
 
 
+class Start(Message):
+    """Run time 0: the link's profile and the samples begin."""
+
+    request: Literal["start"] = "start"
+    t0_ns: int
+    """On CLOCK_MONOTONIC."""
+
+
+class Started(Message):
+    """The answer."""
+
+    reply: Literal["started"] = "started"
+
+
 @cache
 def adapter(kind: Any) -> TypeAdapter[Any]:
     """What reads messages of a kind, or of one of several."""
@@ -93,6 +107,28 @@ def send(stream: IO[str], message: Message) -> None:
     """Says it at once."""
     stream.write(line_of(message).decode())
     stream.flush()
+
+
+def bug(error: Exception) -> Failure:
+    """The answer where an error is not a known failure."""
+    line = f"a bug of slambed: {type(error).__name__}: {error}"
+    return Failure(error=line, code=int(ExitCode.INTERNAL))
+
+
+@contextlib.contextmanager
+def last_answer(
+    answer: Callable[[Message], None], describe: Callable[[Exception], Failure] = bug
+) -> Iterator[None]:
+    """Around the work of a process that answers: the end of its input ends the work, and an error
+    becomes the last answer, so that the process that asked can report it."""
+    try:
+        yield
+    except EOFError:
+        return
+    except SlambedError as error:
+        answer(Failure.of(error))
+    except Exception as error:
+        answer(describe(error))
 
 
 class LineReader:

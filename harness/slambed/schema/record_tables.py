@@ -23,8 +23,6 @@ from slambed.engines.sidecar_messages import (
     Following,
     OpenSidecar,
     SidecarOpened,
-    Start,
-    Started,
     Stop,
     Stopped,
     Ticking,
@@ -34,15 +32,13 @@ from slambed.link.facts import LinkFacts
 from slambed.link.helper_messages import (
     Alive,
     AskAlive,
-    LinkStarted,
     LinkStopped,
     Opened,
     OpenLink,
-    StartLink,
     StopLink,
 )
 from slambed.link.relay import RelayApplied, RelayReady, RelayStarted
-from slambed.process.line_protocol import Failure
+from slambed.process.line_protocol import Failure, Start, Started
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
 from slambed.records.run_config import RunConfig
@@ -70,7 +66,7 @@ LINES = (
     ),
     (
         "harness and the keeper of a link",
-        (OpenLink, Opened, StartLink, LinkStarted, AskAlive, Alive, StopLink, LinkStopped),
+        (OpenLink, Opened, Start, Started, AskAlive, Alive, StopLink, LinkStopped),
     ),
     (
         "campaign and its worker on a host of `--hosts`",

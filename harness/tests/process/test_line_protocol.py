@@ -9,14 +9,16 @@ from typing import Literal
 
 import pytest
 
-from slambed.engines.sidecar_messages import REQUESTS, Follow, Start, Stop
+from slambed.engines.sidecar_messages import REQUESTS, Follow, Stop
 from slambed.errors import ExitCode, PassingError, SlambedError
 from slambed.process.line_protocol import (
     Failure,
     LineProcess,
     LineReader,
     Message,
+    Start,
     adapter,
+    last_answer,
     line_of,
     message_in,
     send,
@@ -134,3 +136,24 @@ def test_saying_it_writes_at_once() -> None:
     send(stream, Failure(error="x", code=3))
     assert stream.flushed == 1
     assert message_in(stream.getvalue().encode(), adapter(Failure), "x").code == 3
+
+
+@pytest.mark.parametrize(
+    ("error", "line", "code"),
+    [
+        (SlambedError("no such file, x"), "no such file, x", ExitCode.BAD_INPUT),
+        (ValueError("seven"), "a bug of slambed: ValueError: seven", ExitCode.INTERNAL),
+    ],
+)
+def test_an_error_becomes_the_last_answer(error: Exception, line: str, code: ExitCode) -> None:
+    answers: list[Message] = []
+    with last_answer(answers.append):
+        raise error
+    assert answers == [Failure(error=line, code=int(code))]
+
+
+def test_the_end_of_the_input_ends_the_work_without_an_answer() -> None:
+    answers: list[Message] = []
+    with last_answer(answers.append):
+        raise EOFError
+    assert answers == []
