@@ -28,7 +28,7 @@ double log(double x);    ///< 1 ulp; -infinity for 0
 double log1p(double x);  ///< log(1 + x), also for small x: 1 ulp; -infinity for -1
 /// x to the y for x of 0 or more, by exp(y log x): 2 + 2 |y log x| ulp.
 double pow(double x, double y);
-/// x to the n by n - 1 multiplications (n of 0 or more): n / 2 ulp.
+/// x to the n by repeated multiplication, for n of 0 or more: n / 2 ulp.
 double power(double x, int n);
 /// Complementary error function, relative error below 1e-13 for |x| up to 26.
 double erfc(double x);

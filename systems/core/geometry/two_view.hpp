@@ -38,7 +38,7 @@ struct TwoViewResult {
   double homography_share = 0;       ///< R_H = S_H / (S_H + S_F)
   SE3 T_21;                          ///< of unit translation
   std::vector<Eigen::Vector3d> p_1;  ///< per pair, in the first camera's frame
-  std::vector<std::uint8_t> good;    ///< per pair: p_1 is a point worth keeping
+  std::vector<std::uint8_t> good;    ///< per pair: p_1 is valid
   int points = 0;
   double parallax_deg = 0;  ///< exceeded by at least fifty points and a quarter of them
 

@@ -144,7 +144,7 @@ TEST_F(VocabularyFile, EveryFlippedByteAndEveryCutIsNoticed) {
     std::string bad = good;
     bad[i] = static_cast<char>(bad[i] ^ 0x41);
     write(bad);
-    if (i >= 6 && i < 10) continue;  // branching and depth are only informative
+    if (i >= 6 && i < 10) continue;  // branching and depth are not checked against the tree
     EXPECT_THROW(Vocabulary::load(folder_ / "bad.slv"), Error) << "byte " << i;
   }
   for (const std::size_t cut :

@@ -70,7 +70,7 @@ TEST(SE3Test, NormalizingRepairsALongChain) {
   SE3 chain;
   const SE3 step = SE3::exp((Twist() << 0.01, 0, 0, 0.02, -0.01, 0.03).finished());
   for (int i = 0; i < 1000; ++i) chain = step * chain;
-  chain.R *= 1 + 1e-6;  // drift, exaggerated
+  chain.R *= 1 + 1e-6;  // exaggerated drift
   const SE3 repaired = chain.normalized();
   EXPECT_LT((repaired.R * repaired.R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-14);
   EXPECT_LT((repaired.R - chain.R).norm(), 1e-5);
