@@ -30,9 +30,9 @@ struct MapChangeOptions {
 MapChange compare_maps(const Map& old_map, const Map& new_map, KeyFrameId old_reference,
                        const MapChangeOptions& options = {});
 
-/// Replaces point ids of the old map by ids of the new one. Uses the same id if the point exists
-/// there, else the point that a keyframe of both maps now has at the same feature (the point was
-/// fused in the new map), else none.
+/// Replaces point ids of the old map by ids of the new one: the same id if it exists there, else
+/// the point at the same feature of a shared keyframe, else none. The latter finds points that were
+/// fused in the new map.
 void rename_points(const Map& old_map, const Map& new_map, std::span<MapPointId> points);
 
 /// Keeps, like Edge-SLAM, only points that tracking made and that the new map has under the same
