@@ -57,7 +57,7 @@ std::vector<KeyFrameId> PoseBook::keyframes() const {
 }
 
 std::optional<SE3> PoseBook::pose(KeyFrameId keyframe) const {
-  // Down the chain of keyframes that were only created, to one that was placed or was the first.
+  // Follows the references up to a keyframe that was placed or has no reference in the book.
   SE3 T_ck;
   for (;;) {
     const auto found = entries_.find(keyframe);

@@ -47,7 +47,7 @@ TEST(PoseLog, WritesTumLinesThroughTheReferences) {
   testing::TemporaryFolder folder;
   PoseLog log;
   log.add(1'305'031'102'175'304'000, moved(1), kf(1), moved(1));
-  log.add(1'305'031'102'211'214'001, moved(2), kf(7), moved(0.5));  // a keyframe nobody knows
+  log.add(1'305'031'102'211'214'001, moved(2), kf(7), moved(0.5));  // an unknown keyframe
   PoseBook book;
   book.created(kf(1), {}, SE3(), moved(0));
   book.placed(kf(1), moved(0.25));
