@@ -31,7 +31,8 @@ void EdgeRelocalizationByMap::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameMessage::kType)) continue;
     updates_.suspend(message->queued);
-    // The mobile has just sent the newest of its frames; older answers would come too late for it.
+    // This request is skipped, not delayed: the mobile sends newer frames, and an answer to this
+    // one would come too late.
     if (last != RunTime::min() && worker.now() - last < options_.period) continue;
     auto found = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
       units.n1 = kilobytes(message->payload);
