@@ -33,7 +33,7 @@ class PriorTrip {
 
 constexpr int kTripStart = 20;  ///< frame of the turn near which the later trip starts
 
-/// Half a frame away from the turn's poses, with fewer visible features.
+/// Half a frame away from the turn's poses, with noisier features.
 inline SE3 later_pose(int frame) { return pose_at(kTripStart + frame + 0.5); }
 inline std::shared_ptr<const FeatureSet> later_trip(SyntheticScene& scene, int frame) {
   return scene.look(later_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
