@@ -81,7 +81,7 @@ TEST_F(Admission, OldOnesStoppedMappersAndFreshRelocalizationsAreDeclined) {
   state.last_accepted_s = 9.5;
   message.after_relocalization = true;
   EXPECT_EQ(reason(), "just relocalized");
-  state.keyframes = 10;  // a young map takes what it gets
+  state.keyframes = 10;  // a young map takes every keyframe
   EXPECT_EQ(reason(), "welcome");
   state.mapper.accepts = false;
   EXPECT_EQ(reason(), "mapper stopped");

@@ -43,7 +43,7 @@ class KeyFrameIntake {
   /// Takes one keyframe now, if any waits. Any worker may call it.
   void look();
   void start();
-  /// Waits until the keyframe with this sequence has come, or until the deadline.
+  /// Waits until the keyframe with this sequence has arrived, or until the deadline.
   void wait_for(Worker& worker, std::uint64_t sequence, RunTime deadline);
 
  private:
