@@ -26,7 +26,7 @@ class MapStaging {
 
   // For the worker. It may begin when idle, and prepare until set_ready().
   bool idle() const;
-  /// Keyframes are backed up from now on.
+  /// Starts backing up keyframes.
   void begin();
   /// Abandons the update and what was built of it.
   void cancel();
