@@ -69,8 +69,7 @@ class MessageCodec {
 
 /// Returns whether the parameter `codec` selects Edge-SLAM's text archives.
 bool writes_text(const Parameters& parameters);
-/// Call it once per node and share the codec: a node often reads back what it wrote, which the
-/// cache of texts makes cheap.
+/// Call it once per node: a node often reads back what it wrote, which the cache makes cheap.
 MessageCodec message_codec(const Parameters& parameters);
 
 }  // namespace slambed

@@ -29,8 +29,7 @@ class MapDownlink {
   /// While suspended (tracking is lost and the mobile asks the edge for a pose), no update is
   /// applied. Updates that arrive are checked when tracking continues. Call on the tracking worker.
   void suspend(bool suspended) { applier_->suspend(suspended); }
-  /// Tracking was lost and continues at this keyframe of the local map. Call on the tracking
-  /// worker.
+  /// Tracking was lost and continues at this local keyframe. Call on the tracking worker.
   void recovered(RunTime when, KeyFrameId reference) { applier_->recovered(when, reference); }
   /// Adds a keyframe of the edge's map with all its points to the local map, or replaces the local
   /// map with it. Counts as an update with this number. Call on the tracking worker.
@@ -42,8 +41,7 @@ class MapDownlink {
   std::uint64_t applied_update() const { return check_.applied_update(); }
   /// Newest point made by an edge mapper among all applied updates; none before the first.
   MapPointId newest_edge_point() const { return check_.newest_edge_point(); }
-  /// newest_past_probation of the current edge's last applied update (wire::MapUpdate); none before
-  /// the first.
+  /// The current edge's last MapUpdate::newest_past_probation; none before the first update.
   KeyFrameId newest_past_probation() const { return check_.newest_past_probation(); }
   /// Declines updates of an older epoch from now on and forgets the number of the last applied
   /// update. Call on the tracking worker.

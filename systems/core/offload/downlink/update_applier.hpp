@@ -16,12 +16,10 @@
 
 namespace slambed {
 
-/// Counts keyframes of the old map that are newer than the update and not in `kept` (ascending).
-/// Tracking loses them.
+/// Counts old keyframes newer than the update and not in `kept` (ascending); tracking loses them.
 int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFrameId> kept);
 
-/// Brings updates into the tracker and reports them. The derived class decides which worker does
-/// which step.
+/// Brings updates into the tracker. The derived class decides which worker does which step.
 class UpdateApplier {
  public:
   /// Called with each applied update and the map built from it.
@@ -69,8 +67,7 @@ class UpdateApplier {
 using UpdateApplierMaker =
     std::function<std::unique_ptr<UpdateApplier>(MobileNode&, UpdateReceiver&, UpdateCheck&)>;
 
-/// Does everything (parsing, building the new map, freeing the old one) on the tracking worker, as
-/// Edge-SLAM does.
+/// Parses, builds the new map and frees the old one on the tracking worker, as Edge-SLAM does.
 class SerialUpdates : public UpdateApplier {
  public:
   using UpdateApplier::UpdateApplier;

@@ -37,8 +37,7 @@ class UpdateCheck {
   void place_keyframes(const wire::MapUpdate& update);
   /// A keyframe was added to the local map.
   void keyframe_created(RunTime when);
-  /// The update has become the local map. newer: the map also has carried-over keyframes that the
-  /// update lacks.
+  /// The update has become the local map. newer: with carried-over keyframes that it lacks.
   void applied(const UpdateArrival& arrival, bool newer);
   /// A keyframe of the edge's map was added to the local map; counts as an update with this number.
   void joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session);

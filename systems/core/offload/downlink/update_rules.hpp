@@ -19,8 +19,7 @@ struct UpdateRules {
   Duration fast_motion{};   ///< Edge-SLAM: 300 ms; 0: the age of the last keyframe declines nothing
   int local_map_size =
       kKeyframesPerStep;  ///< the limit is fast_motion / (local keyframes / this + 1)
-  /// DynNetSLAM: updates are declined, also as "fast motion", while more keyframes per second are
-  /// made; 0: never.
+  /// DynNetSLAM: declines, also as "fast motion", while more keyframes a second are made; 0: never.
   double keyframe_rate_hz = 0;
 };
 
@@ -43,8 +42,7 @@ struct UpdateState {
   int keyframes_in_window = 0;  ///< created within kRateWindow
 };
 
-/// Returns whether the update's keyframe poses are newer than those known, even if its map is
-/// declined.
+/// Returns whether the update's poses are newer than those known, even if its map is declined.
 bool keeps_poses(const UpdateState& state);
 
 /// Returns why no update may be applied in this state at all (edge, epoch, number, recovery), or

@@ -11,8 +11,7 @@
 namespace slambed {
 namespace {
 
-/// Fills the list with covisibles of its newest keyframe, because the camera need not be where the
-/// stored map ends.
+/// Fills the list with covisibles of its newest keyframe: the camera need not be near the last one.
 void add_covisibles(const MapView& view, int count, std::vector<KeyFrameId>& found) {
   for (const Covisible& near : view.keyframe(found.front())->covisibles) {
     if (std::ssize(found) == count) return;

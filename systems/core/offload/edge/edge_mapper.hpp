@@ -34,8 +34,7 @@ struct EdgeHooks {
   std::function<void(Worker&, const wire::UpdateTimes&)> mapped;
   /// No keyframe waits. Returns when it wants to be called again.
   std::function<RunTime(Worker&)> idle;
-  /// The map was cleared for a new one. Runs on the worker that admits the new map's first
-  /// keyframe.
+  /// The map was cleared for a new one. Runs on the worker that admits its first keyframe.
   std::function<void()> cleared;
   /// Replaces rebase_keyframe(): adapts an admitted keyframe to the current map. Optional.
   std::function<MapDelta(const MapView&, MapDelta)> rebase{};
@@ -67,8 +66,7 @@ class EdgeMapper final : public KeyFrameRecipient {
   auto read_for_update(Read read) {
     return corrections_.update(read);
   }
-  /// Calls read(number, corrected). corrected: a loop correction has moved the map since the update
-  /// `applied`.
+  /// Calls read(number, corrected). corrected: loop closing moved the map since update `applied`.
   template <typename Read>
   auto read_for_update(std::uint64_t applied, Read read) {
     return corrections_.update(applied, read);
@@ -87,8 +85,7 @@ class EdgeMapper final : public KeyFrameRecipient {
   /// observation counts for them (wire::MapUpdate::newest_past_probation).
   KeyFrameId newest_past_probation() const;
 
-  /// Waits until all admitted keyframes are mapped. A global bundle that is not done at the
-  /// deadline is canceled.
+  /// Waits until all admitted keyframes are mapped; cancels a global bundle at the deadline.
   void drain(Worker& worker, RunTime deadline);
   /// While parked, no keyframe is admitted. The keyframe that is being mapped is finished first.
   void park(bool parked) { mapping_.park(parked); }

@@ -34,8 +34,7 @@ class LoopCorrectionLog {
   }
   /// How many loop corrections have moved the map so far.
   std::uint64_t count() const { return count_; }
-  /// Commits a change that may move keyframes further than the mapper does, and logs it if it moved
-  /// any.
+  /// Commits a change of loop closing, and logs it if it moved any keyframe.
   void commit(Map& map, const MapDelta& delta);
   /// Moves a keyframe and its new points if the mobile made them on a map from before a correction.
   /// They move as the old keyframe did that shares the most points with it. applied: the last

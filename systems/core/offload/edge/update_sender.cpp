@@ -126,8 +126,7 @@ std::vector<KeyFramePose> UpdateSender::moved_poses(const wire::MapUpdate& updat
     const auto [known, fresh] = sent_poses_.try_emplace(pose.id, now);
     SentPose& sent = known->second;
     if (!fresh && !same_pose(sent.T_cw, pose.T_cw)) sent = now;
-    // Until the mobile confirms the update that carried the pose, that update may have been
-    // dropped.
+    // Until the mobile confirms the update with this pose, it may have been dropped.
     if (sent.update > confirmed_ && !inside) moved.push_back(pose);
   }
   return moved;

@@ -15,8 +15,7 @@ struct PriorMap {
   std::shared_ptr<Map> map;
 };
 
-/// keyframes: the id space of its keyframes. Throws bad_input for a map that is missing, damaged or
-/// empty.
+/// keyframes: their id space. Throws bad_input for a map that is missing, damaged or empty.
 PriorMap open_prior_map(const std::filesystem::path& path, IdSpace keyframes);
 
 /// Throws bad_input if the mobile's camera is not the map's. Does nothing until the mobile has sent

@@ -11,8 +11,7 @@ namespace slambed {
 /// Returns the ids of the delta's new keyframes, ascending.
 std::vector<KeyFrameId> keyframes_of(const MapDelta& delta);
 
-/// Extracts those of the keyframes that still exist, with all points they see, as a self-contained
-/// map.
+/// Extracts these keyframes, if they still exist, with all points they see: a self-contained map.
 MapDelta extract_keyframes(const MapView& view, std::span<const KeyFrameId> keyframes);
 
 /// Adds the `count` best covisibles of each keyframe to the list, without duplicates.

@@ -9,8 +9,7 @@
 namespace slambed {
 namespace {
 
-/// Returns ORB-SLAM2's mMaxFrames in seconds: for this long after a relocalization, the edge may
-/// decline keyframes.
+/// ORB-SLAM2's mMaxFrames: how long the edge may decline keyframes after a relocalization.
 double after_relocalization_s(const Parameters& parameters, double played_fps) {
   const int max_frames = original_behavior(parameters).max_frames;
   return max_frames > 0 ? max_frames / played_fps : 1.0;

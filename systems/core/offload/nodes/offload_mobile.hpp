@@ -25,15 +25,13 @@ class OffloadMobile {
   void start();
   /// Runs between two frames; an update may replace the local map.
   void before_frame(Worker& worker);
-  /// Runs between extraction and tracking, so that a lost frame goes to the edge before the local
-  /// relocalization attempt.
+  /// Runs between extraction and tracking: sends a lost frame before the local attempt at it.
   void before_tracking(Worker& worker, const OfferedFrame& frame,
                        const std::shared_ptr<const FeatureSet>& features);
   /// Records when a lost camera was relocalized; keyframes within a second of it are marked. Call
   /// it first after each frame.
   void note_relocalization(const TrackedFrame& frame);
-  /// Passes the frame to the relocalization: by map it asks the edge, by pose it suspends and
-  /// resumes.
+  /// Passes the frame to the relocalization, which may ask the edge, suspend or resume.
   void relocalize_after_frame(Worker& worker, const TrackedFrame& frame);
   /// Returns what relocalized the camera in this frame: "edge", "map" or "local".
   std::string_view relocalized_by(const TrackedFrame& frame);

@@ -31,8 +31,7 @@ void EdgeRelocalizationByMap::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameMessage::kType)) continue;
     updates_.suspend(message->queued);
-    // This request is skipped, not delayed: the mobile sends newer frames, and an answer to this
-    // one would come too late.
+    // Skipped, not delayed: the mobile sends newer frames, and a late answer would be useless.
     if (last != RunTime::min() && worker.now() - last < options_.period) continue;
     auto found = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
       units.n1 = kilobytes(message->payload);
