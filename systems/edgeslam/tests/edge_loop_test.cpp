@@ -122,8 +122,7 @@ TEST(EdgeLoops, AMapSentWhileALoopIsBeingClosedIsOneFromBefore) {
   system.edge = [](EdgeNode& node, const Parameters& parameters) {
     return std::make_unique<SendsWhileClosing>(node, parameters);
   };
-  // The global bundle takes minutes: it corrects nothing, and the end of the run does not wait for
-  // it.
+  // The global bundle takes minutes: it corrects nothing, and the end does not wait for it.
   const PairResult result = two_laps(system, true, 60e6);
   const auto closed = result.of("loop_closed");
   ASSERT_FALSE(closed.empty());

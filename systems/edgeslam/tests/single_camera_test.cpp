@@ -31,8 +31,7 @@ Eigen::Vector3d true_center(const NewKeyFrame& keyframe) {
   return testing::stroll_round(static_cast<int>(keyframe.frame_index)).inverse().t;
 }
 
-/// Largest distance between a keyframe and the camera's true position, after the best-fitting
-/// Sim(3).
+/// Largest distance between a keyframe and the true camera after the best-fitting Sim(3).
 double worst_error_m(const MapDelta& map) {
   std::vector<Eigen::Vector3d> mapped, truth;
   for (const NewKeyFrame& keyframe : map.keyframes) {
