@@ -33,8 +33,7 @@ class EdgeContact {
   /// Returns the RTT to decide with, or nothing when the edge or the path is silent.
   std::optional<Duration> rtt(RunTime now) const { return link_.rtt(now); }
 
-  /// Tells the edge where mapping runs now. probed: no keyframes will be sent, so probes measure
-  /// the RTT.
+  /// Tells the edge where mapping runs now. probed: without keyframes, probes measure the RTT.
   void announce(const wire::StateMessage& state, bool probed);
   /// Stops mapping on the edge.
   void stop(std::uint64_t epoch) { handover_.stop(epoch); }

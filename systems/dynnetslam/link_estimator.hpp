@@ -36,11 +36,9 @@ class LinkEstimator {
   void asked(std::uint64_t sequence, RunTime sent);
   /// A message arrived from the edge.
   void received(RunTime now) { last_received_ = now; }
-  /// The answer arrived. Returns the time since asked(), or nothing if that message was given up or
-  /// answered before.
+  /// The answer arrived. Returns the time since asked(); nothing if given up or answered before.
   std::optional<Duration> answered(std::uint64_t sequence, RunTime received);
-  /// Adds a sample that did not wait behind other data, with a weight of 1/8 (RFC 6298, as in the
-  /// kernel).
+  /// Adds a sample that waited behind no other data, with weight 1/8 (RFC 6298, as the kernel).
   void count(Duration sample);
 
   /// Sends a probe if one is due, and returns when the next one is (kNever: probing is off).

@@ -55,8 +55,7 @@ class SwitchedMapping {
   void begin_epoch();
   void announce(std::optional<Duration> rtt);
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need);
-  /// Sends the oldest deferred keyframe once the previous one has left, because the queues on the
-  /// way hold only two.
+  /// Sends the oldest deferred keyframe once the last one has left: the queues hold only two.
   void send_deferred(Worker& worker);
 
   MobileNode& node_;

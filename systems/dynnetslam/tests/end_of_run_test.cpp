@@ -16,8 +16,7 @@ PairResult run_to_the_end(const PairLink& link, int frames) {
       [](SyntheticScene& scene, int frame) { return scene.look(pose_at(frame)); });
 }
 
-/// Counts keyframes of this map that frames refer to, and how many of them the trajectory places
-/// elsewhere.
+/// Counts this map's keyframes that frames refer to, and those the trajectory places elsewhere.
 std::pair<int, int> placed_elsewhere(const PairResult& result, const MapDelta& map) {
   int known = 0, elsewhere = 0;
   for (const NewKeyFrame& keyframe : map.keyframes) {

@@ -165,8 +165,7 @@ TEST(DynNetSlamHandover, ALargeMapOverASlowLinkIsSentOnce) {
   ASSERT_EQ(acknowledged.size(), 1u);
   EXPECT_EQ(acknowledged[0]["accepted"], true);
   EXPECT_GT(acknowledged[0]["handover_ms"].get<double>(), 5000);
-  // Then the mobile's mapping stops, deferred keyframes are sent to the edge, and the edge maps
-  // them.
+  // Then the mobile stops mapping, sends deferred keyframes, and the edge maps them.
   const double taken = acknowledged[0]["t_ns"];
   std::vector<std::uint64_t> made;
   for (const auto& event : result.mobile) {
