@@ -151,8 +151,7 @@ void Vehicle::finish(Worker& worker) {
   shutdown_.shut_down(worker, sender_.last_sequence());
 }
 
-/// Uploads all keyframes of the trip in their current state; the edge keeps those that it already
-/// has.
+/// Uploads all keyframes of the trip in their current state; the edge skips those it already has.
 void Vehicle::upload(Worker& worker) {
   change(State::kUpload);
   const auto keyframes =

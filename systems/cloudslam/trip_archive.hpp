@@ -20,8 +20,7 @@ struct JoinedTrip {
 };
 
 /// Adds the keyframes of a finished trip to the map of all trips, which may have some of them
-/// already. Closes loops for each in the order of the trip, then runs a global bundle. There is no
-/// time limit.
+/// already. Closes loops for each in the order of the trip, then runs a global bundle to its end.
 JoinedTrip join_trip(Map& archive, const std::shared_ptr<PlaceIndex>& places,
                      std::span<const MapDelta> trip);
 

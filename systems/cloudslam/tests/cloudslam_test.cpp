@@ -302,8 +302,7 @@ TEST(CloudSlam, AfterTheTripItsKeyframesJoinTheEarlierOnes) {
     }
     return 0;
   });
-  // Keyframes that the archive has are not added again, and the result serves the next trip as an
-  // earlier one.
+  // Keyframes of the archive are not added again; the next trip can use the result.
   EXPECT_EQ(join_trip(*all, places, trip).keyframes, 0u);
   EXPECT_EQ(count(*archive(*all)).keyframes, before + made);
 }
