@@ -107,8 +107,7 @@ bool EdgeRelocalizationByPose::locate(Worker& worker, Frame& frame) {
   });
 }
 
-/// Builds the answer from the current map: points may have been fused or culled since the frame was
-/// located.
+/// Builds the answer from the current map: points may have been fused or culled meanwhile.
 std::optional<wire::RelocOk> EdgeRelocalizationByPose::answer_for(
     const wire::RelocRequest& request, const Frame& frame, std::uint64_t corrections_before) {
   wire::RelocOk answer;

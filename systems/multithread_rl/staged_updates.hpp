@@ -11,8 +11,7 @@ namespace slambed {
 
 /// Updates as in Multithread: a worker parses an update, checks it and builds it in a staging map,
 /// with the keyframes made meanwhile. Between two frames, tracking carries over its last frame,
-/// swaps the two maps and clears the old one. One update is prepared at a time; of those that wait
-/// only the newest is kept.
+/// swaps the maps and clears the old one. Of the updates that wait only the newest is kept.
 class StagedUpdates final : public UpdateApplier {
  public:
   StagedUpdates(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check,
@@ -23,8 +22,7 @@ class StagedUpdates final : public UpdateApplier {
     staging_.keyframe_created(keyframe, provisional);
   }
   void suspend(bool suspended) override;
-  /// A prepared update is swapped in together with the keyframe at which the camera was
-  /// relocalized.
+  /// Swaps a prepared update in together with the keyframe at which the camera was relocalized.
   void recovered(RunTime when, KeyFrameId reference) override;
 
  private:

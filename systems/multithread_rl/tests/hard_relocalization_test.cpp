@@ -162,8 +162,7 @@ TEST(EdgeRelocalizationForLong, TwoHundredLossesLeaveNothingBehind) {
   EXPECT_EQ(result.end_reason, "bye");
   EXPECT_GE(result.of("reloc_request").size(), static_cast<std::size_t>(kLosses));
   EXPECT_LE(result.mobile_counts.keyframes, 30u);
-  // The logs grow with the number of frames. A loss that leaked its request would leak 1,000
-  // features.
+  // The logs grow with the frames. A loss that leaked its request would leak 1,000 features.
   constexpr int kFrom = 50, kTo = kLosses - 1;
   constexpr double kOfALoss_bytes = 10e3;
   EXPECT_LT(losing.growth(kFrom, kTo), staying.growth(kFrom, kTo) + (kTo - kFrom) * kOfALoss_bytes);

@@ -89,8 +89,7 @@ class MovingEdge {
     T_world_ = (T_new_old * T_world_).normalized();
   }
 
-  /// Makes an update of the latest keyframes except for up to two, after fusing or culling some
-  /// points.
+  /// Makes an update without the newest 0 to 2 keyframes; some of its points are fused or culled.
   Update update(std::mt19937& random, std::size_t count) {
     std::vector<KeyFrameId> ids =
         map_.read([](const MapView& view) { return view.keyframe_ids(); });

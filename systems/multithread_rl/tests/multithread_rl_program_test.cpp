@@ -53,8 +53,7 @@ class MultithreadRlProgram : public testing::FarEdgeTest {
     for (int i = 0; i < 600 && suspensions().empty(); ++i) std::this_thread::sleep_for(50ms);
     ASSERT_FALSE(suspensions().empty());
   }
-  /// Returns the suspensions that begin in the dark; a machine that is too slow may have earlier
-  /// ones.
+  /// Returns the suspensions that begin in the dark; a slow machine may have earlier ones.
   std::vector<nlohmann::json> suspensions() {
     auto found = events("mobile", "suspended");
     std::erase_if(found, [](const auto& event) {

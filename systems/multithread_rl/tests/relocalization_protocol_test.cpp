@@ -71,8 +71,7 @@ bool garbage(Message& message) {
   return true;
 }
 
-/// Holds each found pose back until the next one is sent, which is requested after the first was
-/// given up.
+/// Holds each found pose back until the next; that is requested once the first was given up.
 PairLink late() {
   return with([held = std::make_shared<std::optional<Message>>()](Message& message) {
     if (!is_found(message)) return true;

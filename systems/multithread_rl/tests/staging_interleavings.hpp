@@ -183,8 +183,7 @@ class Interleaving {
   }
 
   void swap() {
-    // Half of the time the last frame is also a keyframe, which shows how the frame must be carried
-    // over.
+    // Half of the time the last frame is also a keyframe, which shows how to carry it over.
     if (chance(2)) make_keyframe(true);
     const auto before = staging_.active();
     std::map<KeyFrameId, SE3> old_poses;
@@ -220,8 +219,8 @@ class Interleaving {
     revision_ = active().revision();
   }
 
-  /// Expects that a second keyframe made of the last frame has the pose and points of the
-  /// carried-over one.
+  /// Expects a second keyframe of the last frame to have the first one's carried-over pose and
+  /// points.
   void expect_the_last_frame_there() {
     const auto before = active().read([&](const MapView& view) {
       const KeyFrame* keyframe = view.keyframe(keyframe_of_frame_);
