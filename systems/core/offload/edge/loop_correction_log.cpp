@@ -21,7 +21,7 @@ bool moved(const MapView& view, const Poses& before) {
   });
 }
 
-/// The keyframe with a pose from before that shares most points with this one; none: nobody does.
+/// Returns the keyframe in `before` that shares the most points with this one, or none.
 KeyFrameId closest_of(const MapView& view, const NewKeyFrame& keyframe, const Poses& before) {
   std::map<KeyFrameId, int> shared;
   for (const MapPointId id : keyframe.points) {
