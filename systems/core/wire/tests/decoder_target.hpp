@@ -8,7 +8,7 @@
 
 namespace slambed::wire {
 
-/// A decoder and a message that it takes.
+/// A decoder and a valid message for it.
 struct Target {
   const char* name;
   Bytes valid;
