@@ -9,7 +9,7 @@
 
 namespace slambed {
 
-/// Keeps what was observed, for assertions.
+/// Stores all reports for assertions.
 class Recorder final : public Observer {
  public:
   void stage(const StageRecord& record) override {
