@@ -51,7 +51,7 @@ class Observer {
   virtual void stage(const StageRecord& record) = 0;
   virtual void message(const MessageRecord& record) = 0;
   virtual void link(const ConnectionEvent& record) = 0;
-  /// A message of this type could not be read.
+  /// Reports that a message of this type could not be decoded.
   virtual void refused(std::uint8_t type, std::string_view why) = 0;
 };
 

@@ -25,7 +25,7 @@ constexpr std::size_t kFreshBytes = 2;
 constexpr std::size_t kOtherBytes = kFreshBytes + 12 + 6 + 4 + 3;
 
 /// Largest distance of a fresh point from the point that its quantized feature gives, relative to
-/// its depth. The 12-bit depth mantissa dominates; the error of u and v is smaller.
+/// its distance from the camera. Most of it comes from the 12-bit mantissa of the depth.
 constexpr double kFreshTolerance = 2e-4;
 
 bool is_near(float a, float b) {

@@ -14,7 +14,7 @@ constexpr int kDuplicatesForLoss = 3;
 // Linux bounds the variation term of the RTO from below, RFC 6298 the whole RTO (1 s).
 constexpr Duration kLeastVariation = 200ms;
 constexpr Duration kMaxTimeout = 120s;
-constexpr Duration kProbeMargin = 2ms;  ///< Linux's two ticks
+constexpr Duration kProbeMargin = 2ms;  ///< two jiffies in Linux
 
 }  // namespace
 

@@ -58,7 +58,7 @@ class TcpFlow {
   void reduce_window(const TcpAckResult& result, bool newly_lost);
   void finish_tail_probe(const TcpAck& ack);
   void undo();
-  // Time.
+  // Timers and RTT.
   void arm(Timer kind, RunTime when);
   void rearm();
   void expire(Timer kind);

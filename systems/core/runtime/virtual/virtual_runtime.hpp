@@ -49,7 +49,7 @@ class VirtualRuntime final : public Runtime {
   /// wait forever for this one.
   void on_failure(std::function<void()> hook) { failed_ = std::move(hook); }
 
-  /// Compute time charged so far.
+  /// Compute time of the cores so far, including the background load.
   Duration cpu_time() const { return device_.cpu_time(); }
 
  private:
@@ -66,7 +66,7 @@ class VirtualRuntime final : public Runtime {
   Observer& observer_;
   bool stopping_ = false;
   bool frozen_ = false;
-  std::vector<Task*> woken_;  ///< while frozen
+  std::vector<Task*> woken_;  ///< tasks woken while frozen
   std::exception_ptr error_;
   std::function<void()> failed_ = [] {};
   std::vector<std::weak_ptr<VirtualSignal::Waiter>> waiting_;
