@@ -18,7 +18,6 @@ struct PacedStage {
   bool missed = false;  ///< the work alone took longer than the model allows
 };
 
-/// One finished stage of a worker.
 struct StageRecord {
   std::string_view name, worker;
   RunTime start{};

@@ -18,7 +18,6 @@ class ImageSource {
   virtual wire::Bytes jpeg(std::uint64_t frame) = 0;
 };
 
-/// Encodes each image on request.
 class EncodingSource final : public ImageSource {
  public:
   EncodingSource(const PreparedSequence& sequence, int quality)

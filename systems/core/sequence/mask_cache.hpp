@@ -15,7 +15,6 @@ namespace slambed {
 /// (docs/formats.md, "Mask cache").
 class MaskCache final : public MaskSource {
  public:
-  /// width, height: size of the sequence's images.
   MaskCache(int width, int height) : width_(width), height_(height) {}
 
   /// Throws Error(kBadInput) unless the file exists and has this number of frames and this key.

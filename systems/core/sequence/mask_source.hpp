@@ -10,7 +10,6 @@
 
 namespace slambed {
 
-/// The result of segmenting one image.
 struct Segmentation {
   std::optional<FrameMasks> masks;  ///< absent if there was no valid answer
   std::string failure;              ///< the reason if masks are absent

@@ -54,7 +54,6 @@ class DirectText {
   std::size_t bytes_ = 0;
 };
 
-/// A null pointer means streams.
 inline TextMeans means_of(const DirectText* direct) {
   return direct ? TextMeans::kDirect : TextMeans::kStreams;
 }

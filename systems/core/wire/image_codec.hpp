@@ -9,7 +9,6 @@
 
 namespace slambed::wire {
 
-/// A decoded gray image.
 struct GrayImage {
   int width = 0, height = 0;
   std::vector<std::uint8_t> pixels;

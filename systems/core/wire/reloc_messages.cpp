@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t kLeastMatch = 3;  ///< bytes
 
-/// Appends an encoded body to a header.
 Bytes with_body(ByteWriter header, const Bytes& body) {
   Bytes bytes = header.take();
   bytes.insert(bytes.end(), body.begin(), body.end());

@@ -48,7 +48,6 @@ class SegmenterServer {
 
   int calls() const { return calls_; }
 
-  /// Returns an answer that contains these bytes.
   static Bytes holding(const Bytes& block) {
     wire::ByteWriter out;
     out.u32(static_cast<std::uint32_t>(block.size()));

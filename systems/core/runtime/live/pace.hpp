@@ -13,7 +13,6 @@
 
 namespace slambed {
 
-/// Returns the CPU time of the calling thread.
 Duration thread_cpu_time();
 /// Spins until the calling thread has used this much CPU time or over() returns true.
 void burn_until(Duration thread_cpu, const std::function<bool()>& over);

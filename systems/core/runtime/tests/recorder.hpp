@@ -9,7 +9,6 @@
 
 namespace slambed {
 
-/// Stores all reports for assertions.
 class Recorder final : public Observer {
  public:
   void stage(const StageRecord& record) override {

@@ -28,7 +28,6 @@ class TcpFlow {
   TcpFlow(Simulator& simulator, PathModel& data_path, PathModel& ack_path,
           std::function<void(std::uint64_t)> on_delivered, std::function<void()> on_acknowledged);
 
-  /// Appends bytes to the stream.
   void write(std::uint64_t bytes);
   /// Takes the first RTT sample, that of the handshake.
   void start(Duration handshake_rtt) { sample_rtt(handshake_rtt); }

@@ -22,8 +22,8 @@ const Target& chosen() {
   std::abort();  // no decoder has this name
 }
 
-/// Each group of four input bytes (a 24-bit offset, a value) replaces one byte of a valid message,
-/// so that fuzzing reaches deep into the format without a corpus. Remaining bytes are appended.
+/// Each group of four input bytes (a 24-bit offset, a value) replaces one byte of a valid message.
+/// Thus fuzzing reaches deep into the format without a corpus. Remaining bytes are appended.
 Bytes edited(Bytes valid, std::span<const std::uint8_t> edits) {
   for (; edits.size() >= 4; edits = edits.subspan(4)) {
     const std::size_t place = edits[0] | edits[1] << 8 | edits[2] << 16;

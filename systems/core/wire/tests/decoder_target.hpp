@@ -8,7 +8,6 @@
 
 namespace slambed::wire {
 
-/// A decoder and a valid message for it.
 struct Target {
   const char* name;
   Bytes valid;
