@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kCount = 60, kHalf = 320;
 
-/// A grid of features with distinct descriptors. The left half of them moves to the right.
+/// A grid of features with distinct descriptors. The features in the left half move right.
 class Walk {
  public:
   Walk() : sensor_(wire::example_camera().make_sensor()) {
