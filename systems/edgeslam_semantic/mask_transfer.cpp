@@ -6,7 +6,7 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// Age in frames at which a keyframe is forgotten: labels from its mask would have ended by then.
+/// Age in frames at which a keyframe is forgotten, longer than labels last by default (120).
 constexpr int kKeptFrames = 150;
 
 /// Past frames that a late mask can still label.

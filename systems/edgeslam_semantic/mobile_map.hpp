@@ -60,7 +60,7 @@ class MobileMap {
   std::set<KeyFrameId> uploaded_;          ///< of the window and newer
   int uploads_ = 0;                        ///< in this map so far
   /// Own points that were uploaded, and points that a mask culled, with the newest keyframe at that
-  /// time. Entries outlive the window until no keyframe that could see them is left.
+  /// time. Entries older than the window go once their points are in neither window nor local map.
   std::map<MapPointId, KeyFrameId> sent_, on_movers_;
   MapPointId newest_edge_point_;  ///< of all slices so far
   KeyFrameId map_id_;

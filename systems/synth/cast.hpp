@@ -18,7 +18,7 @@ struct CastOptions {
   /// walking: along the near side of the tables (y < 0) and around them, with pauses.
   /// crossing: along the near side only, slowly through its middle.
   /// sitting: on the near side, with gestures.
-  /// mixed: all of these anywhere in the room.
+  /// mixed: walking, standing or sitting anywhere in the room.
   std::string activity = "walking";
   std::uint64_t seed = 1;
   double duration_s = 30;

@@ -191,8 +191,8 @@ TEST_F(DynNetSlamProgram, ARestartedEdgeGetsTheWholeMap) {
 }
 
 TEST_F(DynNetSlamProgram, AnEdgeRestartedAtOnceGetsTheMapWithoutAChangeOfState) {
-  // The mobile believes that the edge has no map only this long after the first keyframe, and leaves
-  // the edge only after this time without an answer.
+  // The mobile believes that the edge has no map only this long after the first keyframe, and
+  // leaves the edge only after this time without an answer.
   config["params"]["rtt_missing_s"] = 8.0;
   config["params"]["l_ol_ms"] = 60'000.0;  // late answers of a slow machine must not count
   constexpr double kAtOnceS = 5;
