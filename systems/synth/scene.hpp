@@ -32,8 +32,8 @@ class Motion {
   virtual SE3 at(double time_s) const = 0;
 };
 
-/// A rigid group of faces. A static body may be skipped while it is out of sight. A moving body
-/// follows its own motion or walks an ellipse.
+/// A rigid group of faces, which may be skipped while it is out of sight. A moving body follows its
+/// own motion or walks an ellipse.
 struct Body {
   int first_face = 0, last_face = 0;  ///< [first, last)
   bool moving = false;
