@@ -6,10 +6,10 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// Frames after which a keyframe's mask is not waited for any more: labels of it would have ended.
+/// Age in frames at which a keyframe is forgotten, longer than labels last by default (120).
 constexpr int kKeptFrames = 150;
 
-/// Frames that a mask may be late and still reach whatever began meanwhile.
+/// Past frames that a late mask can still label.
 constexpr std::size_t kPastFrames = 60;
 
 }  // namespace
